@@ -104,6 +104,7 @@ async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
                 words: row,
                 exposure,
                 at: Instant::now(),
+                number: COUNTERS.rows.get(),
             })
             .await;
             true

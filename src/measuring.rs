@@ -14,6 +14,7 @@ use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::PixelMap;
+use slitrange::protocol::packet::Window;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
 use slitrange::settings::Settings;
@@ -21,7 +22,7 @@ use static_cell::StaticCell;
 
 use super::shared::{
     COUNTERS, ExposedRow, FREE, FULL, Flat, FrameEnd, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
-    ROW_TO_SEND, Request, SETTINGS, TAKEN, WORDS,
+    ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -84,7 +85,10 @@ pub async fn measure() {
         }
         let Ok(row) = FULL.try_receive() else {
             if silence.comes_before_event().await && !paused() {
-                publish(Err(measurement.silence()), Instant::now());
+                publish(FrameEnd {
+                    result: Err(measurement.silence()),
+                    at: Instant::now(),
+                });
             }
             continue;
         };
@@ -103,9 +107,12 @@ pub async fn measure() {
         let cycles = board::cycles().wrapping_sub(start);
         COUNTERS.row_cycles.set(cycles);
         COUNTERS.slowest_row_cycles.set_if_larger(cycles);
+        if let Some(Ok(measured)) = &result {
+            publish_window(measured, measurement.geometry(), row.words, row.at);
+        }
         FREE.send(row.words).await;
         if let Some(result) = result {
-            publish(result, row.at);
+            publish(FrameEnd { result, at: row.at });
             // If rows come faster than they are computed, one always waits here, and the serial line would
             // never have its turn.
             yield_now().await;
@@ -248,9 +255,22 @@ fn measure_row(
     measurement.row_with(words, exposure, map)
 }
 
+/// Publishes the pixels around the spot of a frame's last row, if they are to be sent.
+fn publish_window(measured: &Measured, geometry: &Geometry, words: &[u16], at: Instant) {
+    // Relaxed: this orders nothing.
+    if !SENDS_WINDOWS.load(Ordering::Relaxed) {
+        return;
+    }
+    if let Some(window) = Window::new(measured, geometry, words) {
+        COUNTERS
+            .lines_dropped
+            .add_if(WINDOWS.try_send((at, window)).is_err());
+    }
+}
+
 /// Never waits: a serial line that is behind must not keep rows from being measured.
-fn publish(result: Result<Measured, Fault>, at: Instant) {
+fn publish(end: FrameEnd) {
     COUNTERS
         .lines_dropped
-        .add_if(RESULTS.try_send(FrameEnd { result, at }).is_err());
+        .add_if(RESULTS.try_send(end).is_err());
 }

@@ -7,7 +7,9 @@ use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
-use slitrange::protocol::packet::{Format, Message, Packets, parts_of_text};
+use slitrange::protocol::packet::{
+    Format, Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
+};
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::StartCause;
 use slitrange::sensor_heads;
@@ -18,7 +20,8 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SETTINGS, TAKEN,
+    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SENDS_WINDOWS,
+    SETTINGS, TAKEN, WINDOWS,
 };
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
@@ -49,6 +52,8 @@ pub struct Shell {
     packets: Packets,
     /// When the frame ended whose result was the latest.
     frame_at: Instant,
+    /// The number of the latest row that was sent whole.
+    row_sent: Option<u32>,
     /// Until then a person types a line, and readings are left out.
     typing_until: Instant,
 }
@@ -68,6 +73,7 @@ impl Shell {
             actions: Actions::default(),
             packets: Packets::default(),
             frame_at: Instant::MIN,
+            row_sent: None,
             typing_until: Instant::MIN,
         }
     }
@@ -124,9 +130,49 @@ impl Shell {
             return;
         }
         self.send().await;
+        self.tx.set_baud(self.session.settings().baud).await;
+        SENDS_WINDOWS.store(self.session.streams_windows(), Ordering::Relaxed);
         if let Some(part) = self.actions.row.take() {
             self.send_row(part).await;
         }
+    }
+
+    /// Whether [`Self::stream_row`] is to be called now.
+    pub fn streams_rows(&self) -> bool {
+        self.session.streams_rows()
+    }
+
+    /// Sends the next row whole, with its result. Takes as long as the line takes for the row: 66 ms at
+    /// 921600 baud.
+    pub async fn stream_row(&mut self) {
+        PAUSED.store(true, Ordering::Relaxed);
+        REQUESTS.send(Request::MeasureAlone).await;
+        let (exposed, result) = ROW_TO_SEND.receive().await;
+        let (words, number, exposure, at) = match &exposed {
+            Some(row) => (row.words.as_slice(), row.number, row.exposure, row.at),
+            None => (&[][..], COUNTERS.rows.get(), None, Instant::now()),
+        };
+        let mut words = RowWords::new(number, words);
+        let before = self.row_sent.replace(number);
+        let skipped = before.map_or(0, |before| number.wrapping_sub(before).saturating_sub(1));
+        let head = Message::Row(RowPacket {
+            number,
+            skipped,
+            time_us: at.saturating_duration_since(self.started_at).as_micros(),
+            exposure,
+            words: words.left() as u16,
+            result,
+        });
+        self.tx.send(self.packets.encode(head)).await;
+        while let Some(message) = words.next_message() {
+            self.tx.send(self.packets.encode(message)).await;
+            COUNTERS.results.add();
+        }
+        COUNTERS.results.add();
+        if let Some(row) = exposed {
+            FREE.send(row.words).await;
+        }
+        PAUSED.store(false, Ordering::Relaxed);
     }
 
     /// Sends a row. The row keeps its buffer until its last line is sent; the other buffers take the next
@@ -266,8 +312,21 @@ impl Shell {
             Some(result) => {
                 let packet = self.packets.encode(Message::Result(result));
                 self.tx.send_or_drop(packet);
+                self.send_window(result.counter);
             }
             None => self.tx.send_or_drop(self.actions.text.as_bytes()),
+        }
+    }
+
+    /// Sends the pixels around the spot of the latest frame, if there are any. Older ones belong to frames
+    /// that answered a command.
+    fn send_window(&mut self, counter: u32) {
+        while let Ok((at, window)) = WINDOWS.try_receive() {
+            if at == self.frame_at {
+                let packet = self.packets.encode(window.message(counter));
+                self.tx.send_or_drop(packet);
+                return;
+            }
         }
     }
 

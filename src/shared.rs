@@ -10,6 +10,7 @@ use slitrange::ambient::AmbientMode;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
+use slitrange::protocol::packet::Window;
 use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
 use slitrange::sensor_heads;
@@ -37,6 +38,8 @@ pub struct ExposedRow {
     pub exposure: Option<Exposure>,
     /// When its words were in memory.
     pub at: Instant,
+    /// The rows read since the start, with this one.
+    pub number: u32,
 }
 
 /// Rows to compute on. Holds all there are, so that sending never waits.
@@ -87,6 +90,14 @@ pub struct FrameEnd {
     /// When the words of the frame's last row were in memory; if no row came, when that was noticed.
     pub at: Instant,
 }
+
+/// Set while the pixels around the spot are to be sent.
+pub static SENDS_WINDOWS: AtomicBool = AtomicBool::new(false);
+
+/// The pixels around the spots, for the results of the same [`FrameEnd::at`]. Holds 46 ms of them, longer than
+/// an answer takes at the rate that carries them all. In core-coupled memory, as [`RESULTS`].
+#[unsafe(link_section = ".ccm.windows")]
+pub static WINDOWS: Channel<CriticalSectionRawMutex, (Instant, Window), 8> = Channel::new();
 
 /// Changed settings, with what the calibration knows of the sensor. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Applied> = Signal::new();

@@ -1,5 +1,6 @@
 //! The serial line's words: commands in, lines out. Pure text; the firmware brings the bytes.
 
+pub mod baud;
 pub mod calibration;
 pub mod command;
 pub mod flat;
@@ -15,5 +16,5 @@ pub mod row;
 pub mod status;
 pub mod upload;
 
-/// The longest answer, in bytes with its line ends: `help`, with room for twenty settings more.
-pub const MAX_ANSWER: usize = 3072;
+/// The longest answer, in bytes with its line ends: `help`, with room for twelve settings more.
+pub const MAX_ANSWER: usize = 4608;

@@ -13,7 +13,7 @@ use crate::uncertainty::{CalibrationErrors, Parts, Place, Surface};
 use crate::units::{Counts, Micrometres, Pixels};
 
 /// The result of a frame without a calibration. Calibrations are made from such results.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Measured {
     /// Where the spot is, and how certain that is.
     pub frame: FrameCentre,

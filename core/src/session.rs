@@ -25,7 +25,7 @@ use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::PartsOf;
-use crate::protocol::packet::{Format, FrameResult};
+use crate::protocol::packet::{Format, FrameResult, PixelStream};
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
@@ -179,6 +179,23 @@ impl Session {
     /// The front end as it was measured. It holds also while the calibration is off.
     fn front_end(&self) -> Option<&FrontEnd> {
         self.record()?.front_end.as_ref()
+    }
+
+    /// Whether the pixels around the spot are to be sent behind the results of the stream.
+    pub fn streams_windows(&self) -> bool {
+        self.streams_pixels(PixelStream::Window)
+    }
+
+    /// Whether whole rows are to be sent now in place of results: not while a command waits for a frame.
+    pub fn streams_rows(&self) -> bool {
+        let is_frame_due =
+            self.distance_wanted || self.centre_wanted || self.parts_wanted || self.zero_wanted;
+        self.streams_pixels(PixelStream::Rows) && !is_frame_due
+    }
+
+    fn streams_pixels(&self, pixels: PixelStream) -> bool {
+        let settings = &self.settings;
+        settings.stream && settings.format == Format::Binary && settings.pixels == pixels
     }
 
     /// Whether rows are to be corrected with the map of the pixels.
@@ -344,6 +361,8 @@ impl Session {
             match (self.settings.format, &reading) {
                 (Format::Text, Ok(reading)) => add(actions, reading),
                 (Format::Text, Err(fault)) => actions.add_line(fault),
+                // Each row has its own result.
+                (Format::Binary, _) if self.settings.pixels == PixelStream::Rows => {}
                 (Format::Binary, _) => {
                     actions.result = Some(FrameResult {
                         counter: self.results,

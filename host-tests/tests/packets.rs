@@ -1,14 +1,20 @@
 //! Packets of `format binary`: written and read, cut anywhere, with flipped, lost and added bytes.
 
+use std::num::NonZeroU16;
+
 use proptest::prelude::*;
 use slitrange::centre::Estimator;
+use slitrange::comb::{Combined, MAX_SLITS, SlitCentre};
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
+use slitrange::frame::FrameCentre;
+use slitrange::pixels::PixelErrors;
 use slitrange::protocol::packet::{
-    Decoder, FrameResult, MAX_PACKET, Message, Packet, PacketError, Packets, TEXT_PART,
-    parts_of_text,
+    COUNTS_A_PACKET, Decoder, FrameResult, MAX_PACKET, Message, Packed, Packet, PacketError,
+    Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,
 };
-use slitrange::reading::Reading;
+use slitrange::reading::{Measured, Reading};
+use slitrange::shape::SpotShape;
 use slitrange::uncertainty::Parts;
 use slitrange::units::{Counts, Micrometres, Pixels};
 
@@ -17,6 +23,9 @@ use slitrange::units::{Counts, Micrometres, Pixels};
 enum Owned {
     Text(Vec<u8>),
     Result(FrameResult),
+    Window(u32, u16, Vec<u8>),
+    Row(RowHead),
+    Words(u32, u16, Vec<u8>),
 }
 
 impl Owned {
@@ -24,6 +33,17 @@ impl Owned {
         match self {
             Self::Text(text) => Message::Text(text),
             Self::Result(result) => Message::Result(*result),
+            &Self::Window(counter, first, ref counts) => Message::Window {
+                counter,
+                first,
+                counts,
+            },
+            Self::Row(head) => Message::Row(*head),
+            &Self::Words(number, first, ref words) => Message::Words {
+                number,
+                first,
+                words,
+            },
         }
     }
 
@@ -31,6 +51,17 @@ impl Owned {
         match message {
             Message::Text(text) => Self::Text(text.to_vec()),
             Message::Result(result) => Self::Result(result),
+            Message::Window {
+                counter,
+                first,
+                counts,
+            } => Self::Window(counter, first, counts.to_vec()),
+            Message::Row(head) => Self::Row(head),
+            Message::Words {
+                number,
+                first,
+                words,
+            } => Self::Words(number, first, words.to_vec()),
         }
     }
 }
@@ -105,6 +136,73 @@ fn fault() -> impl Strategy<Value = Fault> {
     ]
 }
 
+fn row_head() -> impl Strategy<Value = RowHead> {
+    let measured = any::<([i32; 17], [u16; 5], bool)>().prop_map(|(bits, counts, is_comb)| {
+        frame_of(bits, counts, is_comb.then_some(counts[0].max(1)))
+    });
+    let result = prop_oneof![measured.prop_map(Ok), fault().prop_map(Err)];
+    (result, exposure(), any::<(u32, u32, u64, u16)>()).prop_map(
+        |(result, exposure, (number, skipped, time_us, words))| RowHead {
+            number,
+            skipped,
+            time_us,
+            exposure,
+            words,
+            result,
+        },
+    )
+}
+
+/// A frame of these numbers. With a comb, all of its slits have an image in so many rows.
+fn frame_of(bits: [i32; 17], counts: [u16; 5], rows_of_comb: Option<u16>) -> Measured {
+    let px = bits.map(Pixels::from_bits);
+    let slit = |rows| SlitCentre {
+        centre: px[15],
+        height: counts[4],
+        rows: NonZeroU16::new(rows).expect("rows"),
+    };
+    Measured {
+        frame: FrameCentre {
+            centre: px[0],
+            uncertainty: px[1],
+            amplitude: Counts::from_bits(bits[2]),
+            exposure: Some(Exposure::LONGEST),
+            width: px[3],
+            rows_used: counts[0],
+            rows: counts[1],
+            misfits: counts[2],
+            shape: SpotShape {
+                components: [px[4], px[5], px[6], px[7], px[8]],
+                noise: px[9],
+                width: px[10],
+                rest: px[11],
+            },
+            correlated: Some(counts[3]),
+            spread: px[12],
+            motion: px[13],
+        },
+        black_level: Counts::from_bits(bits[14]),
+        ambient: Counts::from_bits(bits[14]),
+        estimator: Estimator::Fraunhofer,
+        by_shape: px[16],
+        pixels: PixelErrors {
+            response_q16: counts[4],
+            offset: Counts::from_bits(bits[15]),
+        },
+        comb: rows_of_comb.map(|rows| Combined {
+            shift: px[15],
+            surface: px[16],
+            used: 16,
+            centres: [Some(slit(rows)); MAX_SLITS],
+        }),
+    }
+}
+
+fn packed() -> impl Strategy<Value = Vec<u8>> {
+    prop::collection::vec(0..=4095u16, 0..=COUNTS_A_PACKET)
+        .prop_map(|counts| Packed::new(counts.into_iter()).bytes().to_vec())
+}
+
 fn message() -> impl Strategy<Value = Owned> {
     let result = prop_oneof![reading().prop_map(Ok), fault().prop_map(Err)];
     prop_oneof![
@@ -112,6 +210,11 @@ fn message() -> impl Strategy<Value = Owned> {
         prop::collection::vec(any::<u8>(), 0..=TEXT_PART).prop_map(Owned::Text),
         prop::collection::vec(1..=255u8, 0..=TEXT_PART).prop_map(Owned::Text),
         prop::collection::vec(0..=1u8, 0..=TEXT_PART).prop_map(Owned::Text),
+        row_head().prop_map(Owned::Row),
+        (any::<(u32, u16)>(), packed())
+            .prop_map(|((counter, first), counts)| { Owned::Window(counter, first, counts) }),
+        (any::<(u32, u16)>(), packed())
+            .prop_map(|((number, first), words)| { Owned::Words(number, first, words) }),
         (result, any::<(u32, u64, bool)>()).prop_map(
             |(result, (counter, time_us, is_difference))| {
                 Owned::Result(FrameResult {
@@ -245,6 +348,29 @@ proptest! {
         prop_assert_eq!(read(&bytes).0, vec![]);
     }
 
+    /// Two numbers of twelve bits take three bytes.
+    #[test]
+    fn counts_are_unpacked_as_they_were_packed(
+        counts in prop::collection::vec(0..=4095u16, 0..=COUNTS_A_PACKET),
+    ) {
+        let packed = Packed::new(counts.iter().copied());
+        prop_assert_eq!(packed.bytes().len(), (counts.len() * 3).div_ceil(2));
+        prop_assert_eq!(unpack(packed.bytes()).collect::<Vec<u16>>(), counts);
+    }
+
+    #[test]
+    fn a_row_is_sent_whole_or_not_at_all(words in prop::collection::vec(0..=4096u16, 0..4000)) {
+        let mut messages = RowWords::new(7, &words);
+        let is_row = words.iter().all(|&word| word < 4096);
+        prop_assert_eq!(messages.left(), if is_row { words.len() } else { 0 });
+        let mut sent: Vec<u16> = vec![];
+        while let Some(Message::Words { number, first, words }) = messages.next_message() {
+            prop_assert_eq!((number, usize::from(first)), (7, sent.len()));
+            sent.extend(unpack(words));
+        }
+        prop_assert_eq!(sent, if is_row { words } else { vec![] });
+    }
+
     #[test]
     fn the_parts_of_a_text_are_the_text(text in "([a-z0-9 ]{0,600}\r\n){0,5}") {
         let parts: Vec<&[u8]> = parts_of_text(&text).collect();
@@ -362,11 +488,32 @@ fn the_longest_packets_have_the_stated_lengths() {
     let of_result = packets.encode(Message::Result(result)).len();
     let usual = Packets::default().encode(Message::Result(example())).len();
     let of_text = packets.encode(Message::Text(&[b'x'; TEXT_PART])).len();
+    let of_comb = frame_of([i32::MIN; 17], [u16::MAX; 5], Some(u16::MAX));
+    let of_row = packets.encode(Message::Row(RowHead {
+        number: u32::MAX,
+        skipped: u32::MAX,
+        time_us: u64::MAX,
+        exposure: Some(Exposure::LONGEST),
+        words: u16::MAX,
+        result: Ok(of_comb),
+    }));
+    let of_row = of_row.len();
+    let all = Packed::new([4095; COUNTS_A_PACKET].into_iter());
+    let of_words = packets.encode(Message::Words {
+        number: u32::MAX,
+        first: u16::MAX,
+        words: all.bytes(),
+    });
+    let of_words = of_words.len();
     println!("a result: {of_result} bytes, usually {usual}; a text: {of_text}");
-    assert_eq!((of_result, of_text), (RESULT, MAX_PACKET));
+    println!("a row: {of_row} bytes; words of a row: {of_words}");
+    assert_eq!(
+        (of_result, of_text, of_row, of_words),
+        (RESULT, 270, 353, MAX_PACKET)
+    );
     assert!(
         packets
-            .encode(Message::Text(&[b'x'; TEXT_PART + 1]))
+            .encode(Message::Text(&[b'x'; MAX_PACKET]))
             .is_empty()
     );
 }

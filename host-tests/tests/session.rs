@@ -192,6 +192,10 @@ fn every_setting_is_shown_set_and_applied() {
     for line in [
         "stream off",
         "format binary",
+        "baud 921600",
+        "baud 115200",
+        "pixels window",
+        "pixels rows",
         "rows 64",
         "mean plain",
         "black fixed 300",
@@ -216,6 +220,11 @@ fn every_setting_is_shown_set_and_applied() {
     for (line, error) in [
         ("rows 65", "E3 out of range, expected rows 1..64"),
         ("format csv", "E2 expected format text|binary"),
+        (
+            "baud 9600",
+            "E3 out of range, expected baud 115200|230400|460800|921600",
+        ),
+        ("pixels all", "E2 expected pixels none|window|rows"),
         ("mean median", "E2 expected mean plain|weighted"),
         (
             "estimator robust",
@@ -297,7 +306,23 @@ fn in_binary_results_are_packets_and_answers_stay_text() {
     let difference = sensor.actions.result.expect("a result");
     assert!(difference.is_difference);
     let of_the_core = Difference(difference.result.expect("a reading")).to_string();
+    // Rows have results of their own, and wait while a command waits for a frame.
+    assert!(!sensor.session.streams_windows());
+    sensor.set("pixels window");
+    assert!(sensor.session.streams_windows() && !sensor.session.streams_rows());
+    sensor.set("pixels rows");
+    assert!(sensor.session.streams_rows() && !sensor.session.streams_windows());
+    sensor.take(Event::Frame(Ok(frame(1801.0))));
+    assert_eq!(sensor.actions.result, None);
+    for command in ["distance", "centre", "uncertainty", "zero"] {
+        sensor.ask(command);
+        assert!(!sensor.session.streams_rows(), "{command}");
+        sensor.take(Event::Frame(Ok(frame(1800.0))));
+        assert!(sensor.session.streams_rows(), "{command}");
+    }
     sensor.set("stream off");
+    assert!(!sensor.session.streams_rows());
+    sensor.set("pixels none");
     sensor.take(Event::Frame(Ok(frame(1801.0))));
     assert_eq!(sensor.actions.result, None);
     sensor.set("stream on");

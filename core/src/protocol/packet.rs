@@ -21,8 +21,11 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::exposure::Exposure;
 use crate::fault::Fault;
-use crate::reading::Reading;
+use crate::protocol::row;
+use crate::reading::{Measured, Reading};
+use crate::row::{Geometry, LARGEST_COUNT};
 
 /// How the sensor writes what it sends: the setting `format`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,6 +54,36 @@ impl Format {
     }
 }
 
+/// Which pixels the sensor sends beside its results: the setting `pixels`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PixelStream {
+    /// None.
+    #[default]
+    None,
+    /// Those around the spot, of the last row of each frame.
+    Window,
+    /// Whole rows, as fast as the line takes them, each with its own result. Frames have no results then.
+    Rows,
+}
+
+impl PixelStream {
+    /// The name on the serial line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Window => "window",
+            Self::Rows => "rows",
+        }
+    }
+
+    /// Finds a choice by its [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::None, Self::Window, Self::Rows]
+            .into_iter()
+            .find(|it| it.name() == name)
+    }
+}
+
 /// A packet before the CRC and COBS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Packet<'a> {
@@ -71,6 +104,26 @@ pub enum Message<'a> {
     Text(&'a [u8]),
     /// The result of a frame.
     Result(FrameResult),
+    /// The pixels around the spot in the frame's last row, behind the frame's result.
+    Window {
+        /// The [`FrameResult::counter`] of the frame.
+        counter: u32,
+        /// The place of the first pixel on the row, from 0.
+        first: u16,
+        /// The counts, light positive: at most [`COUNTS_A_PACKET`], by [`Packed`].
+        counts: &'a [u8],
+    },
+    /// A row, of which [`RowHead::words`] words follow.
+    Row(RowHead),
+    /// Words of the latest row.
+    Words {
+        /// The [`RowHead::number`] of the row.
+        number: u32,
+        /// The place of the first word in the read-out, from 0.
+        first: u16,
+        /// The words as the converter gave them: at most [`COUNTS_A_PACKET`], by [`Packed`].
+        words: &'a [u8],
+    },
 }
 
 /// The result of a frame, as the stream reports it.
@@ -86,12 +139,169 @@ pub struct FrameResult {
     pub result: Result<Reading, Fault>,
 }
 
+/// A whole row and what the sensor measures in this row alone: a frame of one row, without a row before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RowHead {
+    /// Counts the rows that the sensor read since its start. Wraps at 2^32.
+    pub number: u32,
+    /// Rows that the sensor read since the row before in this stream, and did not send.
+    pub skipped: u32,
+    /// When the row was in memory, in microseconds since the start.
+    pub time_us: u64,
+    /// For how long the laser was on in this row. `None` if it was off, or if no row came.
+    pub exposure: Option<Exposure>,
+    /// The words that follow: all of the read-out, or none if no row came. None also if a word has more than
+    /// twelve bits, which no sensor makes.
+    pub words: u16,
+    /// The result.
+    pub result: Result<Measured, Fault>,
+}
+
+/// The most counts or words in a packet.
+pub const COUNTS_A_PACKET: usize = 256;
+
+/// The bytes of so many.
+const PACKED: usize = COUNTS_A_PACKET / 2 * 3;
+
+/// Numbers of twelve bits, two in three bytes: the lower eight bits of the first, its upper four with the
+/// lower four of the second above them, and the upper eight of the second. An odd one at the end has two
+/// bytes. (GenICam calls this Mono12p.)
+#[derive(Clone, Debug, Default)]
+pub struct Packed(Vec<u8, PACKED>);
+
+impl Packed {
+    /// Packs numbers, at most [`COUNTS_A_PACKET`]. The rest is left out. A larger number counts as 4095.
+    pub fn new(numbers: impl Iterator<Item = u16>) -> Self {
+        let mut bytes = Vec::new();
+        let mut before = None;
+        let mut push = |byte: u16| {
+            // There is room for the numbers of a packet.
+            let _ = bytes.push(byte as u8);
+        };
+        for number in numbers.take(COUNTS_A_PACKET) {
+            let number = number.min(LARGEST_COUNT);
+            match core::mem::take(&mut before) {
+                None => {
+                    push(number & 0xff);
+                    before = Some(number >> 8);
+                }
+                Some(upper) => {
+                    push(upper | (number & 0xf) << 4);
+                    push(number >> 4);
+                }
+            }
+        }
+        if let Some(upper) = before {
+            push(upper);
+        }
+        Self(bytes)
+    }
+
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+/// The numbers that [`Packed`] packed.
+pub fn unpack(bytes: &[u8]) -> impl Iterator<Item = u16> {
+    bytes.chunks(3).flat_map(|three| {
+        let number = |low: Option<&u8>, high: Option<&u8>| Some((*low?, *high?));
+        let (low, middle, high) = (three.first(), three.get(1), three.get(2));
+        let first =
+            number(low, middle).map(|(low, middle)| u16::from(low) | u16::from(middle & 0xf) << 8);
+        let second = number(middle, high)
+            .map(|(middle, high)| u16::from(middle >> 4) | u16::from(high) << 4);
+        first.into_iter().chain(second)
+    })
+}
+
+/// The pixels around a spot.
+#[derive(Clone, Debug)]
+pub struct Window {
+    first: u16,
+    counts: Packed,
+}
+
+impl Window {
+    /// The pixels around the spot of a row: those of `row window`, but at most [`COUNTS_A_PACKET`] of them,
+    /// around the middle. `words` are those of the frame's last row, as the measurement left them.
+    pub fn new(measured: &Measured, geometry: &Geometry, words: &[u16]) -> Option<Self> {
+        let light = geometry.row_of_valid(words)?.light();
+        let window = row::window(measured);
+        let beyond = window.len().saturating_sub(COUNTS_A_PACKET);
+        let first = window.start.saturating_add(beyond / 2).min(light.len());
+        let last = first
+            .saturating_add(window.len().min(COUNTS_A_PACKET))
+            .min(light.len());
+        Some(Self {
+            // A row has at most 2^12 pixels.
+            first: first as u16,
+            counts: Packed::new(light.slice(first..last)?.iter()),
+        })
+    }
+
+    /// The message about the frame with this [`FrameResult::counter`].
+    pub fn message(&self, counter: u32) -> Message<'_> {
+        Message::Window {
+            counter,
+            first: self.first,
+            counts: self.counts.bytes(),
+        }
+    }
+}
+
+/// The words of a row, as messages.
+#[derive(Clone, Debug)]
+pub struct RowWords<'a> {
+    number: u32,
+    first: u16,
+    rest: &'a [u16],
+    packed: Packed,
+}
+
+impl<'a> RowWords<'a> {
+    /// The words of a row with this [`RowHead::number`]. None if one of them has more than twelve bits.
+    pub fn new(number: u32, words: &'a [u16]) -> Self {
+        let is_whole = words.iter().all(|&word| word <= LARGEST_COUNT);
+        Self {
+            number,
+            first: 0,
+            rest: if is_whole { words } else { &[] },
+            packed: Packed::default(),
+        }
+    }
+
+    /// How many words are still to come.
+    pub const fn left(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// The next message, until there are no more words.
+    pub fn next_message(&mut self) -> Option<Message<'_>> {
+        let (words, rest) = self.rest.split_at(self.rest.len().min(COUNTS_A_PACKET));
+        if words.is_empty() {
+            return None;
+        }
+        let first = self.first;
+        self.rest = rest;
+        self.first = first.saturating_add(words.len() as u16);
+        self.packed = Packed::new(words.iter().copied());
+        Some(Message::Words {
+            number: self.number,
+            first,
+            words: self.packed.bytes(),
+        })
+    }
+}
+
 /// The most bytes in a part of a text.
 pub const TEXT_PART: usize = 256;
 
-/// The longest packet before COBS: a whole part of text, its length, the number of the message, the sequence
-/// number and the CRC.
-pub const MAX_BODY: usize = TEXT_PART + 2 + 1 + 3 + SUM;
+/// The longest packet before COBS: words or counts, their length, the two numbers before them, the number of
+/// the message, the sequence number and the CRC. The longest [`RowHead`], that of a comb, is shorter, and so
+/// is the longest text.
+pub const MAX_BODY: usize = PACKED + 2 + 5 + 3 + 1 + 3 + SUM;
 
 /// The longest packet on the line. COBS adds a byte for each group of up to 254 bytes, and two zeros follow.
 pub const MAX_PACKET: usize = MAX_BODY + MAX_BODY / GROUP + 1 + 2;

@@ -123,6 +123,7 @@ mod tests {
     fn a_status_is_as_documented_and_fits_the_answer_buffer() {
         let vitals = Vitals {
             uptime_ms: u64::MAX,
+            frame_us: 0,
             rows: u32::MAX,
             rows_lost: u32::MAX,
             rows_failed: u32::MAX,

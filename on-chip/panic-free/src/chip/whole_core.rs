@@ -16,7 +16,10 @@ use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
-use slitrange::protocol::packet::{Decoder, Format, Message, Packets, parts_of_text};
+use slitrange::protocol::packet::{
+    Decoder, Format, Message, Packed, Packets, RowHead as RowPacket, RowWords, Window,
+    parts_of_text, unpack,
+};
 use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
@@ -312,6 +315,26 @@ fn send_packets(actions: &Actions, packets: &mut Packets, decoder: &mut Decoder)
     if let Some(result) = actions.result {
         reached(packets.encode(Message::Result(result)).len() as i32);
     }
+    let mut words = [0; 4096];
+    let words = any::words(&mut words);
+    if let Some(window) = Window::new(&any::measured(), &any::geometry(), words) {
+        reached(packets.encode(window.message(any(0))).len() as i32);
+    }
+    let mut row = RowWords::new(any(0), words);
+    let head = Message::Row(RowPacket {
+        number: any(0),
+        skipped: any(0),
+        time_us: any(0),
+        exposure: any::exposure(),
+        words: row.left() as u16,
+        result: any(true).then(any::measured).ok_or(any::fault()),
+    });
+    reached(packets.encode(head).len() as i32);
+    while let Some(message) = row.next_message() {
+        reached(packets.encode(message).len() as i32);
+    }
+    let packed = Packed::new(words.iter().copied());
+    reached(unpack(packed.bytes()).map(i32::from).max().unwrap_or(0));
     match decoder.take(any(0)) {
         Some(Ok(packet)) => reached(packet.sequence.into()),
         Some(Err(error)) => say(&error),
