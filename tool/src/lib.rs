@@ -13,6 +13,8 @@ pub mod pc;
 pub mod photon_transfer;
 pub mod points;
 pub mod record_file;
+pub mod recording;
+pub mod replay;
 pub mod sensor;
 mod whole_file;
 
@@ -32,6 +34,10 @@ pub enum Command {
     // Its help is that of its options.
     #[expect(missing_docs)]
     Row(sensor::RowOptions),
+    #[expect(missing_docs)]
+    Record(sensor::RecordOptions),
+    #[expect(missing_docs)]
+    Replay(replay::ReplayOptions),
 }
 
 /// The commands of `slitrange head`.
@@ -73,6 +79,11 @@ impl Command {
                 sensor::row(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);
             }
+            Self::Record(options) => {
+                sensor::record(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
+            Self::Replay(options) => return replay::replay(options, output),
             Self::Head(Head::Flat(options)) => {
                 sensor::flat(options, pc, input, output)?;
                 return Ok(ExitCode::SUCCESS);

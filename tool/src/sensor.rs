@@ -10,6 +10,7 @@ pub mod flat;
 pub mod front_end;
 pub mod line;
 pub mod positions;
+pub mod record;
 pub mod row;
 pub mod run;
 pub mod session;
@@ -18,6 +19,7 @@ pub mod transfer;
 
 pub use flat::{FlatOptions, flat};
 pub use front_end::{MeasureOptions, measure};
+pub use record::{RecordOptions, record};
 pub use row::{RowOptions, row};
 pub use run::{RunOptions, run};
 pub use transfer::{ReadOptions, ShowOptions, WriteOptions, read, show, write};
