@@ -69,8 +69,8 @@ pub const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
 pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 
 /// Outgoing characters: the longest answer, and as many characters of the readings that come meanwhile if a
-/// frame is one row. With less, lines are dropped after `help estimator`. In core-coupled memory, which no DMA
-/// needs here, so that the stack has the room.
+/// frame is one row. With less, lines are dropped after `help estimator`. In core-coupled memory, because no
+/// DMA needs it, and the stack has the room.
 #[unsafe(link_section = ".ccm.to_send")]
 static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0; 2 * MAX_ANSWER]);
 

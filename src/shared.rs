@@ -94,8 +94,8 @@ pub struct FrameEnd {
 /// Set while the pixels around the spot are to be sent.
 pub static SENDS_WINDOWS: AtomicBool = AtomicBool::new(false);
 
-/// The pixels around the spots, for the results of the same [`FrameEnd::at`]. Holds 46 ms of them, longer than
-/// an answer takes at the rate that carries them all. In core-coupled memory, as [`RESULTS`].
+/// The pixels around the spots, for the results of the same [`FrameEnd::at`]. Holds 46 ms of them, more than
+/// most answers take at the rate that carries them all. In core-coupled memory, as [`RESULTS`].
 #[unsafe(link_section = ".ccm.windows")]
 pub static WINDOWS: Channel<CriticalSectionRawMutex, (Instant, Window), 8> = Channel::new();
 
