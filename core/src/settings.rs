@@ -40,7 +40,7 @@ macro_rules! list {
             Baud "baud" baud: Baud = Baud::B115200,
                 Form::Words("115200|230400|460800|921600"), Affects::Session;
 
-            /// with `format binary`, the pixels beside each result: those of the spot, or whole rows
+            /// with `format binary`, the pixels sent too: the spot's, or whole rows
             Pixels "pixels" pixels: PixelStream = PixelStream::None,
                 Form::Words("none|window|rows"), Affects::Session;
 
@@ -545,6 +545,9 @@ pub(crate) mod tests {
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Echo))
             .chain([true, false].map(Value::Laser))
+            .chain([Format::Text, Format::Binary].map(Value::Format))
+            .chain(Baud::ALL.map(Value::Baud))
+            .chain([PixelStream::None, PixelStream::Window, PixelStream::Rows].map(Value::Pixels))
             .chain(AmbientMode::ALL.map(Value::Ambient))
             .chain(exposures.map(Value::ExposureLimit))
             .chain([Value::Exposure(ExposureMode::Auto)])
