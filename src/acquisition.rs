@@ -103,6 +103,8 @@ async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
             FULL.send(ExposedRow {
                 words: row,
                 exposure,
+                at: Instant::now(),
+                number: COUNTERS.rows.get(),
             })
             .await;
             true

@@ -14,14 +14,15 @@ use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::PixelMap;
+use slitrange::protocol::packet::Window;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
 use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    COUNTERS, ExposedRow, FREE, FULL, Flat, FrameResult, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
-    ROW_TO_SEND, Request, SETTINGS, TAKEN, WORDS,
+    COUNTERS, ExposedRow, FREE, FULL, Flat, FrameEnd, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
+    ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -84,7 +85,7 @@ pub async fn measure() {
         }
         let Ok(row) = FULL.try_receive() else {
             if silence.comes_before_event().await && !paused() {
-                publish(Err(measurement.silence()));
+                publish(Err(measurement.silence()), Instant::now());
             }
             continue;
         };
@@ -103,9 +104,12 @@ pub async fn measure() {
         let cycles = board::cycles().wrapping_sub(start);
         COUNTERS.row_cycles.set(cycles);
         COUNTERS.slowest_row_cycles.set_if_larger(cycles);
+        if let Some(Ok(measured)) = &result {
+            publish_window(measured, measurement.geometry(), row.words, row.at);
+        }
         FREE.send(row.words).await;
         if let Some(result) = result {
-            publish(result);
+            publish(result, row.at);
             // If rows come faster than they are computed, one always waits here, and the serial line would
             // never have its turn.
             yield_now().await;
@@ -248,15 +252,28 @@ fn measure_row(
     measurement.row_with(words, exposure, map)
 }
 
+/// Publishes the pixels around the spot of a frame's last row, if they are to be sent.
+fn publish_window(measured: &Measured, geometry: &Geometry, words: &[u16], at: Instant) {
+    // Relaxed: this orders nothing.
+    if !SENDS_WINDOWS.load(Ordering::Relaxed) {
+        return;
+    }
+    if let Some(window) = Window::new(measured, geometry, words) {
+        COUNTERS
+            .lines_dropped
+            .add_if(WINDOWS.try_send((at, window)).is_err());
+    }
+}
+
 /// Never waits: a serial line that is behind must not keep rows from being measured.
-fn publish(result: Result<Measured, Fault>) {
+fn publish(result: Result<Measured, Fault>, at: Instant) {
     COUNTERS.frames.add();
-    let result = FrameResult {
+    let end = FrameEnd {
         number: COUNTERS.frames.get(),
-        at: Instant::now(),
+        at,
         result,
     };
     COUNTERS
         .lines_dropped
-        .add_if(RESULTS.try_send(result).is_err());
+        .add_if(RESULTS.try_send(end).is_err());
 }

@@ -1,5 +1,8 @@
 //! The serial line: sends readings as they come, receives commands and answers them.
 
+use core::task::Poll;
+
+use embassy_futures::poll_once;
 use embassy_futures::select::{Either, select};
 use embassy_stm32::usart::BufferedUart;
 use embedded_io_async::Read as _;
@@ -27,29 +30,47 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut bytes = [0; PIECE];
     loop {
+        if shell.streams_rows() {
+            shell.stream_row().await;
+            if let Poll::Ready(received) = poll_once(rx.read(&mut bytes)) {
+                take_bytes(
+                    &mut shell,
+                    &mut input,
+                    &mut echo,
+                    &bytes[..received.unwrap_or(0)],
+                )
+                .await;
+            }
+            continue;
+        }
         match select(RESULTS.receive(), rx.read(&mut bytes)).await {
-            Either::First(result) => shell.take_result(result).await,
+            Either::First(frame) => shell.take_frame(frame).await,
             Either::Second(received) => {
                 // This driver never returns an error: it drops them, and `board` counts them.
                 let received = received.unwrap_or(0);
-                for &byte in &bytes[..received] {
-                    let command = if shell.echoes() {
-                        let command = input.type_in(byte, &mut echo);
-                        shell.show_typed(echo.as_str(), input.is_empty()).await;
-                        command
-                    } else {
-                        input.take(byte)
-                    };
-                    let Some(command) = command else {
-                        continue;
-                    };
-                    shell.take(Event::Line(command)).await;
-                    // A line full of commands takes seconds to answer: results have their turn in between.
-                    while let Ok(result) = RESULTS.try_receive() {
-                        shell.take_result(result).await;
-                    }
-                }
+                take_bytes(&mut shell, &mut input, &mut echo, &bytes[..received]).await;
             }
+        }
+    }
+}
+
+/// Takes what a person or a program sent.
+async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes: &[u8]) {
+    for &byte in bytes {
+        let command = if shell.echoes() {
+            let command = input.type_in(byte, echo);
+            shell.show_typed(echo.as_str(), input.is_empty()).await;
+            command
+        } else {
+            input.take(byte)
+        };
+        let Some(command) = command else {
+            continue;
+        };
+        shell.take(Event::Line(command)).await;
+        // A line full of commands takes seconds to answer: results have their turn in between.
+        while let Ok(frame) = RESULTS.try_receive() {
+            shell.take_frame(frame).await;
         }
     }
 }

@@ -7,6 +7,9 @@ use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
+use slitrange::protocol::packet::{
+    Format, Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
+};
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::sensor_heads;
@@ -17,8 +20,8 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FREE, Flat, FrameResult, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SETTINGS,
-    TAKEN,
+    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SENDS_WINDOWS,
+    SETTINGS, TAKEN, WINDOWS,
 };
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
@@ -49,6 +52,9 @@ pub struct Shell {
     store: Store<CalibrationFlash>,
     session: Session,
     actions: Actions,
+    packets: Packets,
+    /// The number of the latest row that was sent whole.
+    row_sent: Option<u32>,
     /// Until then a person types a line, and readings are left out.
     typing_until: Instant,
 }
@@ -64,17 +70,23 @@ impl Shell {
             tx,
             started_at: Instant::now(),
             results: 0,
-            result_at: Instant::now(),
+            result_at: Instant::MIN,
             store: Store::new(flash),
             session: Session::new(HARDWARE, tcd1304::geometry(), started_by),
             actions: Actions::default(),
+            packets: Packets::default(),
+            row_sent: None,
             typing_until: Instant::MIN,
         }
     }
 
-    /// Whether a person sees what she types.
-    pub const fn echoes(&self) -> bool {
-        self.session.settings().echo
+    /// Whether a person sees what she types. An echo would tear packets.
+    pub fn echoes(&self) -> bool {
+        self.session.settings().echo && !self.sends_packets()
+    }
+
+    fn sends_packets(&self) -> bool {
+        self.session.settings().format == Format::Binary
     }
 
     /// Shows what a person types. Readings are left out until the line ends, so that they do not tear it.
@@ -84,7 +96,7 @@ impl Shell {
         } else {
             Instant::now() + TYPING
         };
-        self.tx.send(echo).await;
+        self.tx.send(echo.as_bytes()).await;
     }
 
     /// Loads what flash holds, sends the banner, and lets measuring begin.
@@ -98,8 +110,8 @@ impl Shell {
         PAUSED.store(false, Ordering::Relaxed);
     }
 
-    /// Takes a frame's result.
-    pub async fn take_result(&mut self, frame: FrameResult) {
+    /// Takes the result of a frame and carries out the actions.
+    pub async fn take_frame(&mut self, frame: FrameEnd) {
         COUNTERS.results.add();
         (self.results, self.result_at) = (frame.number, frame.at);
         self.take(Event::Frame(frame.result)).await;
@@ -120,9 +132,49 @@ impl Shell {
             return;
         }
         self.send().await;
+        self.tx.set_baud(self.session.settings().baud).await;
+        SENDS_WINDOWS.store(self.session.streams_windows(), Ordering::Relaxed);
         if let Some(part) = self.actions.row.take() {
             self.send_row(part).await;
         }
+    }
+
+    /// Whether [`Self::stream_row`] is to be called now.
+    pub fn streams_rows(&self) -> bool {
+        self.session.streams_rows()
+    }
+
+    /// Sends the next row whole, with its result. Takes as long as the line takes for the row: 66 ms at
+    /// 921600 baud.
+    pub async fn stream_row(&mut self) {
+        PAUSED.store(true, Ordering::Relaxed);
+        REQUESTS.send(Request::MeasureAlone).await;
+        let (exposed, result) = ROW_TO_SEND.receive().await;
+        let (words, number, exposure, at) = match &exposed {
+            Some(row) => (row.words.as_slice(), row.number, row.exposure, row.at),
+            None => (&[][..], COUNTERS.rows.get(), None, Instant::now()),
+        };
+        let mut words = RowWords::new(number, words);
+        let before = self.row_sent.replace(number);
+        let skipped = before.map_or(0, |before| number.wrapping_sub(before).saturating_sub(1));
+        let head = Message::Row(RowPacket {
+            number,
+            skipped,
+            time_us: at.saturating_duration_since(self.started_at).as_micros(),
+            exposure,
+            words: words.left() as u16,
+            result,
+        });
+        self.tx.send(self.packets.encode(head)).await;
+        while let Some(message) = words.next_message() {
+            self.tx.send(self.packets.encode(message)).await;
+            COUNTERS.results.add();
+        }
+        COUNTERS.results.add();
+        if let Some(row) = exposed {
+            FREE.send(row.words).await;
+        }
+        PAUSED.store(false, Ordering::Relaxed);
     }
 
     /// Sends a row. The row keeps its buffer until its last line is sent; the other buffers take the next
@@ -162,7 +214,7 @@ impl Shell {
         self.actions.text.clear();
         // An answer has room for several of the longest lines.
         let _ = write!(self.actions.text, "{line}\r\n");
-        self.tx.send(self.actions.text.as_str()).await;
+        self.send_text().await;
         COUNTERS.results.add();
     }
 
@@ -254,13 +306,43 @@ impl Shell {
     }
 
     async fn send(&mut self) {
-        if self.actions.may_drop {
-            if Instant::now() < self.typing_until {
+        if !self.actions.may_drop {
+            self.send_text().await;
+            return;
+        }
+        if Instant::now() < self.typing_until {
+            return;
+        }
+        match self.actions.result.take() {
+            Some(result) => {
+                let packet = self.packets.encode(Message::Result(result));
+                self.tx.send_or_drop(packet);
+                self.send_window(result.counter);
+            }
+            None => self.tx.send_or_drop(self.actions.text.as_bytes()),
+        }
+    }
+
+    /// Sends the pixels around the spot of the latest frame, if there are any. Older ones belong to frames
+    /// that answered a command.
+    fn send_window(&mut self, counter: u32) {
+        while let Ok((at, window)) = WINDOWS.try_receive() {
+            if at == self.result_at {
+                let packet = self.packets.encode(window.message(counter));
+                self.tx.send_or_drop(packet);
                 return;
             }
-            self.tx.send_or_drop(self.actions.text.as_str());
-        } else {
-            self.tx.send(self.actions.text.as_str()).await;
+        }
+    }
+
+    /// Sends the text of an answer, as lines or as packets.
+    async fn send_text(&mut self) {
+        if !self.sends_packets() {
+            self.tx.send(self.actions.text.as_bytes()).await;
+            return;
+        }
+        for part in parts_of_text(self.actions.text.as_str()) {
+            self.tx.send(self.packets.encode(Message::Text(part))).await;
         }
     }
 

@@ -10,6 +10,7 @@ use slitrange::ambient::AmbientMode;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
+use slitrange::protocol::packet::Window;
 use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
 use slitrange::sensor_heads;
@@ -35,6 +36,10 @@ pub struct ExposedRow {
     pub words: Buffer,
     /// For how long the laser was on; `None` if it was off.
     pub exposure: Option<Exposure>,
+    /// When its words were in memory.
+    pub at: Instant,
+    /// The rows read since the start, with this one.
+    pub number: u32,
 }
 
 /// Rows to compute on. Holds all there are, so that sending never waits.
@@ -76,17 +81,25 @@ impl LaserOrder {
 /// to `status` (about 45 ms) loses none. All its bytes are zero at first, as `.ccm` wants it: no DMA reaches
 /// it, and the stack has the room.
 #[unsafe(link_section = ".ccm.results")]
-pub static RESULTS: Channel<CriticalSectionRawMutex, FrameResult, 16> = Channel::new();
+pub static RESULTS: Channel<CriticalSectionRawMutex, FrameEnd, 16> = Channel::new();
 
-/// A frame's result.
-pub struct FrameResult {
+/// The result of a frame.
+pub struct FrameEnd {
     /// Its number since the start, from 1. Lost results have numbers, too.
     pub number: u32,
-    /// When its frame ended.
-    pub at: Instant,
-    /// The result.
+    /// The centre, or why there is none.
     pub result: Result<Measured, Fault>,
+    /// When the words of the frame's last row were in memory; if no row came, when that was noticed.
+    pub at: Instant,
 }
+
+/// Set while the pixels around the spot are to be sent.
+pub static SENDS_WINDOWS: AtomicBool = AtomicBool::new(false);
+
+/// The pixels around the spots, for the results of the same [`FrameEnd::at`]. Holds 46 ms of them, more than
+/// most answers take at the rate that carries them all. In core-coupled memory, as [`RESULTS`].
+#[unsafe(link_section = ".ccm.windows")]
+pub static WINDOWS: Channel<CriticalSectionRawMutex, (Instant, Window), 8> = Channel::new();
 
 /// Changed settings, with what the calibration knows of the sensor. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Applied> = Signal::new();

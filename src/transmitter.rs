@@ -13,6 +13,7 @@ use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::usart::BufferedUartTx;
 use embassy_time::Timer;
 use embedded_io_async::Write as _;
+use slitrange::protocol::baud::Baud;
 
 use super::board;
 use super::shared::COUNTERS;
@@ -21,40 +22,57 @@ use super::shared::COUNTERS;
 const PIECE: usize = 64;
 
 /// See the module.
-pub struct Transmitter(BufferedUartTx<'static>);
+pub struct Transmitter {
+    port: BufferedUartTx<'static>,
+    baud: Baud,
+}
 
 impl Transmitter {
-    /// Makes a transmitter of a port's sending side.
-    pub const fn new(port: BufferedUartTx<'static>) -> Self {
-        Self(port)
+    /// Makes a transmitter of a port's sending side, which has the rate of every start.
+    pub fn new(port: BufferedUartTx<'static>) -> Self {
+        Self {
+            port,
+            baud: Baud::default(),
+        }
     }
 
-    /// Sends text, however long that takes: a person or a program waits for it.
-    pub async fn send(&mut self, text: &str) {
-        for piece in text.as_bytes().chunks(PIECE) {
+    /// Changes the rate of both directions, once all bytes have left at the old rate.
+    pub async fn set_baud(&mut self, baud: Baud) {
+        if baud == self.baud {
+            return;
+        }
+        while !self.is_empty() {
+            Timer::after_millis(1).await;
+        }
+        // The rates are constant: a wrong one fails at its first use.
+        defmt::unwrap!(self.port.set_baudrate(baud.bits_a_second()));
+        self.baud = baud;
+    }
+
+    /// Sends bytes, however long that takes: a person or a program waits for them.
+    pub async fn send(&mut self, bytes: &[u8]) {
+        for piece in bytes.chunks(PIECE) {
             while !self.try_hand_over(piece) {
-                // The line carries 11 bytes a millisecond.
+                // The line carries 11 to 92 bytes a millisecond.
                 Timer::after_millis(2).await;
             }
         }
     }
 
-    /// Sends a line if there is room for it, and drops it otherwise: the next one is more recent.
-    pub fn send_or_drop(&mut self, line: &str) {
-        COUNTERS
-            .lines_dropped
-            .add_if(!self.try_hand_over(line.as_bytes()));
+    /// Sends a line or a packet if there is room for it, and drops it otherwise: the next one is more recent.
+    pub fn send_or_drop(&mut self, bytes: &[u8]) {
+        COUNTERS.lines_dropped.add_if(!self.try_hand_over(bytes));
     }
 
     /// Whether all bytes have left the driver's buffer.
     pub fn is_empty(&mut self) -> bool {
-        poll_once(self.0.flush()).is_ready()
+        poll_once(self.port.flush()).is_ready()
     }
 
     /// Hands over all of the bytes or, without room for them, none. On an error the bytes count as handed
     /// over, because a second try would give the same error.
     fn try_hand_over(&mut self, bytes: &[u8]) -> bool {
-        let accepted = poll_once(self.0.write(bytes)).is_ready();
+        let accepted = poll_once(self.port.write(bytes)).is_ready();
         board::SERIAL_INTERRUPT.pend();
         accepted
     }

@@ -13,6 +13,8 @@ pub mod plausible;
 pub mod tables;
 mod window;
 
+use serde::{Deserialize, Serialize};
+
 use crate::centre::tables::Sampling;
 use crate::fault::Fault;
 use crate::row::{Geometry, Row};
@@ -21,7 +23,7 @@ use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
 /// A way to find a row's centre.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Estimator {
     /// The centroid of the counts above the black level, eq. (2).
     Centroid,

@@ -3,10 +3,14 @@
 //! Each row gathers light for the same time, the row period. The laser is on for a part of the row period.
 //! So a shorter exposure takes less of the laser's light and as much of all other light.
 
+use core::fmt;
 use core::num::NonZeroU16;
 
+use serde::{Deserialize, Serialize};
+
 /// For how long the laser is on in a row: 10 to 5600 us, in steps of 1 us.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "u16", into = "u16")]
 pub struct Exposure(NonZeroU16);
 
 impl Exposure {
@@ -45,4 +49,38 @@ pub enum ExposureMode {
     Auto,
     /// It is set by hand.
     Fixed(Exposure),
+}
+
+/// A number of microseconds is no [`Exposure`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoExposure {
+    /// The microseconds.
+    pub us: u16,
+}
+
+impl fmt::Display for NoExposure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (shortest, longest) = (Exposure::SHORTEST.us(), Exposure::LONGEST.us());
+        write!(
+            f,
+            "an exposure of {} us: the range is {shortest} to {longest} us",
+            self.us
+        )
+    }
+}
+
+impl core::error::Error for NoExposure {}
+
+impl TryFrom<u16> for Exposure {
+    type Error = NoExposure;
+
+    fn try_from(us: u16) -> Result<Self, NoExposure> {
+        Self::from_us(us).ok_or(NoExposure { us })
+    }
+}
+
+impl From<Exposure> for u16 {
+    fn from(exposure: Exposure) -> Self {
+        exposure.us()
+    }
 }

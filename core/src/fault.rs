@@ -1,10 +1,12 @@
 //! Why a frame gives no distance.
 
+use serde::{Deserialize, Serialize};
+
 use crate::exposure::Exposure;
 use crate::units::{Counts, Pixels};
 
 /// Why there is no distance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fault {
     /// No rows come, or rows that no sensor makes.
     SensorSilent,

@@ -19,6 +19,7 @@ mod correlation;
 mod motion;
 
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 use crate::centre::RowCentre;
 use crate::exposure::Exposure;
@@ -80,7 +81,7 @@ pub struct Frame {
 }
 
 /// The centre of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameCentre {
     /// The mean of the rows' centres. If the target moves, where the spot was in the middle of the frame:
     /// half-way between the first row and the last.

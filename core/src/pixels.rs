@@ -8,11 +8,13 @@ pub mod flat_field;
 pub mod map;
 pub mod scatter;
 
+use serde::{Deserialize, Serialize};
+
 use crate::centre::Estimator;
 use crate::units::{Counts, Pixels};
 
 /// How far pixels differ from each other, as standard deviations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PixelErrors {
     /// Of the response to light over its mean, Q0.16: 656 is 1 %.
     pub response_q16: u16,

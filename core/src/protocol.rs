@@ -1,5 +1,6 @@
 //! The serial line's words: commands in, lines out. Pure text; the firmware brings the bytes.
 
+pub mod baud;
 pub mod calibration;
 pub mod command;
 pub mod flat;
@@ -9,6 +10,7 @@ pub mod input;
 pub mod line;
 pub mod modbus;
 mod nearest;
+pub mod packet;
 pub mod piece;
 pub mod refusal;
 pub mod row;

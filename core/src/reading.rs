@@ -1,5 +1,7 @@
 //! The result of a frame: the centre as it was measured, and the distance that a calibration gives for it.
 
+use serde::{Deserialize, Serialize};
+
 use crate::centre::Estimator;
 use crate::comb::Combined;
 use crate::distance::Calibration;
@@ -11,7 +13,7 @@ use crate::uncertainty::{CalibrationErrors, Parts, Place, Surface};
 use crate::units::{Counts, Micrometres, Pixels};
 
 /// The result of a frame without a calibration. Calibrations are made from such results.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Measured {
     /// Where the spot is, and how certain that is.
     pub frame: FrameCentre,
@@ -93,7 +95,7 @@ impl Measured {
 }
 
 /// A distance with its uncertainty and how it came about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Reading {
     /// Distance to the target; to a moving target, in the middle of the frame.
     pub distance: Micrometres,

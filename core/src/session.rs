@@ -26,6 +26,7 @@ use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::{PartsOf, ResultLine};
+use crate::protocol::packet::{Format, FrameResult, PixelStream};
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
@@ -64,8 +65,11 @@ pub enum Event {
 pub struct Actions {
     /// Text to send, each line with CR LF. Empty if there is nothing to say.
     pub text: Text<MAX_ANSWER>,
-    /// The text is one of a stream: drop it if the line is busy. Any other text must arrive.
+    /// The text or [`Self::result`] is one of a stream: drop it if the line is busy. Any other text must
+    /// arrive.
     pub may_drop: bool,
+    /// Send this result, as a packet. Only with [`Format::Binary`], and without a text.
+    pub result: Option<FrameResult>,
     /// What the measurement must use from now on.
     pub apply: Option<Applied>,
     /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
@@ -178,6 +182,23 @@ impl Session {
         self.record()?.front_end.as_ref()
     }
 
+    /// Whether the pixels around the spot are to be sent behind the results of the stream.
+    pub fn streams_windows(&self) -> bool {
+        self.streams_pixels(PixelStream::Window)
+    }
+
+    /// Whether whole rows are to be sent now in place of results: not while a command waits for a frame.
+    pub fn streams_rows(&self) -> bool {
+        let is_frame_due =
+            self.distance_wanted || self.centre_wanted || self.parts_wanted || self.zero_wanted;
+        self.streams_pixels(PixelStream::Rows) && !is_frame_due
+    }
+
+    fn streams_pixels(&self, pixels: PixelStream) -> bool {
+        let settings = &self.settings;
+        settings.stream && settings.format == Format::Binary && settings.pixels == pixels
+    }
+
     /// Whether rows are to be corrected with the map of the pixels.
     pub const fn is_map_on(&self) -> bool {
         self.flat.is_on()
@@ -199,6 +220,7 @@ impl Session {
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
         actions.text.clear();
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
+        actions.result = None;
         (actions.row, actions.flat) = (None, None);
         match event {
             Event::Started(stored) => {
@@ -351,11 +373,23 @@ impl Session {
             && (self.output.rate).is_due(self.settings.rate, vitals.result_us)
         {
             actions.may_drop = true;
-            actions.add_line(&ResultLine {
-                result: &held.map(|it| relative(it.reading)),
-                held: held.map_or(0, |it| it.results),
-                ..line
-            });
+            match self.settings.format {
+                Format::Text => actions.add_line(&ResultLine {
+                    result: &held.map(|it| relative(it.reading)),
+                    held: held.map_or(0, |it| it.results),
+                    ..line
+                }),
+                // Each row has its own result.
+                Format::Binary if self.settings.pixels == PixelStream::Rows => {}
+                Format::Binary => {
+                    actions.result = Some(FrameResult {
+                        counter: vitals.results,
+                        time_us: vitals.result_us,
+                        is_difference: zero.is_some(),
+                        result: reading,
+                    });
+                }
+            }
         }
     }
 
@@ -416,7 +450,12 @@ impl Session {
                 if let Value::Region(region) = value {
                     self.check_region(region)?;
                 }
+                let format = self.settings.format;
                 self.settings.set(value);
+                // Ends the line that a reader of text takes the packets for.
+                if format == Format::Binary && self.settings.format == Format::Text {
+                    actions.add_line(&"");
+                }
                 if matches!(
                     value,
                     Value::Estimator(_) | Value::Black(_) | Value::Slits(_)

@@ -20,6 +20,8 @@ use crate::frame::{MAX_ROWS, Mean};
 use crate::output::average::{self, Average};
 use crate::output::columns::{Column, Columns};
 use crate::peak::Peak;
+use crate::protocol::baud::Baud;
+use crate::protocol::packet::{Format, PixelStream};
 use crate::region::Region;
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres, Units};
@@ -33,6 +35,18 @@ macro_rules! list {
         $declare! {
             /// a line for every frame
             Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
+
+            /// how the sensor writes what it sends; commands stay lines of text
+            Format "format" format: Format = Format::Text,
+                Form::Words("text|binary"), Affects::Session;
+
+            /// bits a second on the serial line; the answer is at the old rate
+            Baud "baud" baud: Baud = Baud::B115200,
+                Form::Words("115200|230400|460800|921600"), Affects::Session;
+
+            /// with `format binary`, the pixels sent too: the spot's, or whole rows
+            Pixels "pixels" pixels: PixelStream = PixelStream::None,
+                Form::Words("none|window|rows"), Affects::Session;
 
             /// show what is typed, and let it be corrected; readings wait
             Echo "echo" echo: bool = false, Form::Words("on|off"), Affects::Session;
@@ -489,6 +503,49 @@ impl ValueText for AmbientMode {
     }
 }
 
+impl ValueText for Format {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl ValueText for Baud {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let &[word] = words else {
+            return Err(ValueError::Form);
+        };
+        let rate = read_number(word, 0, u32::MAX)?;
+        let found = Self::ALL
+            .into_iter()
+            .find(|baud| baud.bits_a_second() == rate);
+        found.ok_or(ValueError::Range)
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.bits_a_second(), f)
+    }
+}
+
+impl ValueText for PixelStream {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl ValueText for Slits {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
@@ -628,6 +685,9 @@ pub(crate) mod tests {
                 Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
             )])
             .chain([true, false].map(Value::Laser))
+            .chain([Format::Text, Format::Binary].map(Value::Format))
+            .chain(Baud::ALL.map(Value::Baud))
+            .chain([PixelStream::None, PixelStream::Window, PixelStream::Rows].map(Value::Pixels))
             .chain(AmbientMode::ALL.map(Value::Ambient))
             .chain(exposures.map(Value::ExposureLimit))
             .chain([Value::Exposure(ExposureMode::Auto)])

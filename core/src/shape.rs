@@ -13,13 +13,15 @@
 //! A wide and weak shadow hides nearly all of itself: it leaves a spot that is symmetric, but narrower. Only
 //! a sensor that knows the width of its own spot ([`crate::profile`]) sees it.
 
+use serde::{Deserialize, Serialize};
+
 use crate::units::Pixels;
 
 /// Number of the components of the antisymmetric light.
 pub const COMPONENTS: usize = 5;
 
 /// The shape of a spot.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SpotShape {
     /// The antisymmetric light: its components along u e, u, u^3 e, u^5 e and u^7 e. Each is given as the
     /// shift of the spot, in pixels, that changes the row as much.

@@ -126,7 +126,7 @@ pub const OFFSET_TOLERANCE_UM: f32 = 2890.0;
 pub const ANGLE_TOLERANCE: f32 = 0.006_67;
 
 /// The parts of a standard uncertainty.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parts {
     /// The repeatability r.
     pub noise: Micrometres,

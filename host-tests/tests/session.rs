@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, Combined, MAX_SLITS, SlitMap, Slits};
+use slitrange::difference::Difference;
 use slitrange::distance::Calibration;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
@@ -192,6 +193,11 @@ fn every_setting_is_shown_set_and_applied() {
     }
     for line in [
         "stream off",
+        "format binary",
+        "baud 921600",
+        "baud 115200",
+        "pixels window",
+        "pixels rows",
         "rows 64",
         "mean plain",
         "black fixed 300",
@@ -219,6 +225,12 @@ fn every_setting_is_shown_set_and_applied() {
     let settings = *sensor.session.settings();
     for (line, error) in [
         ("rows 65", "E3 out of range, expected rows 1..64"),
+        ("format csv", "E2 expected format text|binary"),
+        (
+            "baud 9600",
+            "E3 out of range, expected baud 115200|230400|460800|921600",
+        ),
+        ("pixels all", "E2 expected pixels none|window|rows"),
         ("mean median", "E2 expected mean plain|weighted"),
         (
             "estimator robust",
@@ -282,6 +294,60 @@ fn help_info_and_status_are_answered() {
         faults,
     };
     assert_eq!(sensor.ask("status"), status.to_string());
+}
+
+#[test]
+fn in_binary_results_are_packets_and_answers_stay_text() {
+    let mut sensor = Sensor::new();
+    let as_text = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert_eq!(sensor.actions.result, None);
+    sensor.set("format binary");
+    // A result that answers a command counts too, and is no packet.
+    sensor.ask("distance");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), as_text);
+    assert_eq!(sensor.actions.result, None);
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    assert!(sensor.actions.may_drop);
+    let result = sensor.actions.result.expect("a result");
+    let Vitals {
+        results, result_us, ..
+    } = vitals();
+    assert_eq!((result.counter, result.time_us), (results, result_us));
+    assert!(!result.is_difference);
+    assert_eq!(result.result.expect("a reading").to_string(), as_text);
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), "");
+    let fault = sensor.actions.result.expect("a result");
+    assert_eq!((fault.counter, fault.result), (4, Err(TOO_DIM)));
+    sensor.ask("zero");
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.take(Event::Frame(Ok(frame(1801.0))));
+    let difference = sensor.actions.result.expect("a result");
+    assert!(difference.is_difference);
+    let of_the_core = Difference(difference.result.expect("a reading")).to_string();
+    // Rows have results of their own, and wait while a command waits for a frame.
+    assert!(!sensor.session.streams_windows());
+    sensor.set("pixels window");
+    assert!(sensor.session.streams_windows() && !sensor.session.streams_rows());
+    sensor.set("pixels rows");
+    assert!(sensor.session.streams_rows() && !sensor.session.streams_windows());
+    sensor.take(Event::Frame(Ok(frame(1801.0))));
+    assert_eq!(sensor.actions.result, None);
+    for command in ["distance", "centre", "uncertainty", "zero"] {
+        sensor.ask(command);
+        assert!(!sensor.session.streams_rows(), "{command}");
+        sensor.take(Event::Frame(Ok(frame(1800.0))));
+        assert!(sensor.session.streams_rows(), "{command}");
+    }
+    sensor.set("stream off");
+    assert!(!sensor.session.streams_rows());
+    sensor.set("pixels none");
+    sensor.take(Event::Frame(Ok(frame(1801.0))));
+    assert_eq!(sensor.actions.result, None);
+    sensor.set("stream on");
+    // A reader of text took the packets for a line, which must end before the answer.
+    assert_eq!(sensor.ask("format text"), "\r\nformat text");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1801.0)))), of_the_core);
+    sensor.set("format text");
 }
 
 #[test]

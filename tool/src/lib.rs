@@ -15,6 +15,8 @@ pub mod photon_transfer;
 pub mod plot;
 pub mod points;
 pub mod record_file;
+pub mod recording;
+pub mod replay;
 pub mod screen;
 pub mod sensor;
 mod whole_file;
@@ -43,6 +45,10 @@ pub enum Command {
     Scope(sensor::ScopeOptions),
     #[expect(missing_docs)]
     Row(sensor::RowOptions),
+    #[expect(missing_docs)]
+    Record(sensor::RecordOptions),
+    #[expect(missing_docs)]
+    Replay(replay::ReplayOptions),
 }
 
 /// The commands of `slitrange head`.
@@ -97,6 +103,11 @@ impl Command {
                 sensor::row(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);
             }
+            Self::Record(options) => {
+                sensor::record(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
+            Self::Replay(options) => return replay::replay(options, output),
             Self::Head(Head::Flat(options)) => {
                 sensor::flat(options, pc, input, output)?;
                 return Ok(ExitCode::SUCCESS);

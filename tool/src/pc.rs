@@ -59,6 +59,15 @@ pub trait Port {
     /// # Errors
     /// The system's.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// Changes the rate, in bits a second. A port that has no rate, as in a test, ignores it.
+    ///
+    /// # Errors
+    /// The system's.
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        let _ = baud;
+        Ok(())
+    }
 }
 
 /// The PC's own ports and clock.
@@ -132,5 +141,8 @@ impl Port for Native {
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.write_all(bytes)
+    }
+    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
+        Ok(self.set_baud_rate(baud)?)
     }
 }

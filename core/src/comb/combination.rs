@@ -7,6 +7,8 @@
 
 use core::num::NonZeroU16;
 
+use serde::{Deserialize, Serialize};
+
 use crate::centre::RowCentre;
 use crate::comb::MAX_SLITS;
 use crate::comb::assignment::{self, FEWEST};
@@ -54,7 +56,7 @@ struct OfSlit {
 
 /// The images of one slit: their mean over a frame's rows. In 8 bytes, because a frame's result is copied
 /// several times.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SlitCentre {
     /// The centre on the row.
     pub centre: Pixels,
@@ -68,7 +70,7 @@ pub struct SlitCentre {
 pub type SlitCentres = [Option<SlitCentre>; MAX_SLITS];
 
 /// What the slits of a frame say together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Combined {
     /// What to add to the frame's mean of row centres.
     pub shift: Pixels,

@@ -143,7 +143,7 @@ impl fmt::Display for RowExposure {
 }
 
 /// The pixels around a spot, or around all images of a comb.
-fn window(measured: &Measured) -> Range<usize> {
+pub(super) fn window(measured: &Measured) -> Range<usize> {
     let frame = &measured.frame;
     let mut ends = (frame.centre, frame.centre);
     if let Some(comb) = &measured.comb {

@@ -8,7 +8,9 @@ use std::fmt;
 use std::io;
 use std::time::Duration;
 
+use slitrange::protocol::baud::Baud;
 use slitrange::protocol::command::{Command, parse};
+use slitrange::protocol::packet::Format;
 use slitrange::settings::{Setting, Value};
 
 use crate::pc::{Pc, Port};
@@ -34,6 +36,10 @@ pub const FRAME: Duration = Duration::from_secs(5);
 
 /// How long to wait for the flash to be written.
 pub const SAVE: Duration = Duration::from_secs(20);
+
+/// How long a rate is kept for a command that a sensor may take at that rate: ten times what the command
+/// takes at 115200 baud.
+const WAKE: Duration = Duration::from_millis(50);
 
 /// How long to wait for a sensor to come back that does not answer any more.
 pub const RECONNECT: Duration = Duration::from_secs(20);
@@ -252,20 +258,63 @@ impl<'a> Line<'a> {
         Err(self.silent(command, lines.pop()))
     }
 
-    /// Says a command whose answer comes among the lines of [`Self::next_line`].
-    ///
-    /// # Errors
-    /// The port stopped working.
-    pub fn say_only(&mut self, command: &str) -> Result<(), LineError> {
-        self.say(format!("{command}\r").as_bytes(), command)
-    }
-
     /// The next line that comes within a time.
     ///
     /// # Errors
     /// The sensor started anew, or the port stopped working.
     pub fn next_line(&mut self, wait: Duration) -> Result<Option<String>, LineError> {
         self.line(self.pc.now() + wait)
+    }
+
+    /// Says a command whose answer is not waited for.
+    ///
+    /// # Errors
+    /// The port stopped working.
+    pub fn tell(&mut self, command: &str) -> Result<(), LineError> {
+        self.say(format!("{command}\r").as_bytes(), command)
+    }
+
+    /// The bytes that come next, whatever they are: none if none come in time.
+    ///
+    /// # Errors
+    /// The port stopped working.
+    pub fn bytes(&mut self, bytes: &mut [u8], wait: Duration) -> Result<usize, LineError> {
+        match self.port.read(bytes, wait) {
+            Ok(0) => Err(self.gone(io::ErrorKind::UnexpectedEof.into())),
+            Ok(count) => Ok(count),
+            Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(0),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(0),
+            Err(error) => Err(self.gone(error)),
+        }
+    }
+
+    /// Changes the port's rate.
+    ///
+    /// # Errors
+    /// The port stopped working.
+    pub fn set_baud(&mut self, baud: Baud) -> Result<(), LineError> {
+        let set = self.port.set_baud(baud.bits_a_second());
+        set.map_err(|error| self.gone(error))
+    }
+
+    /// Brings a sensor back to text at the rate of every start, whichever rate and format it has. The port
+    /// has that rate afterwards.
+    ///
+    /// # Errors
+    /// The port stopped working.
+    pub fn wake(&mut self) -> Result<(), LineError> {
+        let text = Command::Set(Value::Format(Format::Text));
+        let slow = Command::Set(Value::Baud(Baud::default()));
+        for baud in Baud::ALL.into_iter().rev() {
+            self.set_baud(baud)?;
+            self.tell(&format!("\x15\r{text}\r{slow}"))?;
+            // The bytes must have left before the rate changes.
+            self.pc.sleep(WAKE);
+        }
+        let until = self.pc.now() + WAKE;
+        while self.bytes(&mut [0; 4096], WAKE)? > 0 && self.pc.now() < until {}
+        self.received.clear();
+        Ok(())
     }
 
     /// Leaves behind whatever was said before, and gives whether readings stream.
@@ -282,6 +331,14 @@ impl<'a> Line<'a> {
     /// Nobody answers.
     pub fn answers(&mut self) -> Result<bool, LineError> {
         self.ask_stream(2, GLANCE / 2)
+    }
+
+    /// As [`Line::synchronise`], with one try only.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub fn synchronise_once(&mut self) -> Result<bool, LineError> {
+        self.ask_stream(1, ANSWER)
     }
 
     fn ask_stream(&mut self, tries: usize, wait: Duration) -> Result<bool, LineError> {

@@ -171,7 +171,7 @@ impl<'a> Monitor<'a> {
             {
                 asked = now;
                 // An error shows at the next line.
-                let _ = session.line().say_only("status");
+                let _ = session.line().tell("status");
             }
             if let Some(screen) = screen {
                 if drawn.is_none_or(|drawn| now >= drawn + DRAWN) {

@@ -68,7 +68,12 @@ impl<'a> Session<'a> {
     /// The port cannot be opened, or what answers there is no sensor.
     pub fn open(pc: &'a dyn Pc, port: &str) -> Result<Self, LineError> {
         let mut line = Line::open(pc, port)?;
-        let streamed = match line.synchronise() {
+        let streamed = match line.synchronise_once() {
+            // It may speak packets, or have another rate.
+            Err(LineError::Silent { .. }) => {
+                line.wake()?;
+                line.synchronise()
+            }
             // It may have got its power with the port.
             Err(LineError::Restarted { .. }) => line.synchronise(),
             synchronised => synchronised,

@@ -4,6 +4,7 @@
 //! All topics are one test program, so that the firmware is built and loaded only once.
 
 mod ambient;
+mod binary;
 mod calibration;
 mod comb;
 mod commands;

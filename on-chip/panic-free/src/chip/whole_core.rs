@@ -17,6 +17,10 @@ use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
 use slitrange::protocol::modbus::{self, Shown};
+use slitrange::protocol::packet::{
+    Decoder, Format, Message, Packed, Packets, RowHead as RowPacket, RowWords, Window,
+    parts_of_text, unpack,
+};
 use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
@@ -253,6 +257,7 @@ pub fn talk() {
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut session = Session::new(hardware, any::geometry(), any(StartCause::PowerOn));
     let mut actions = Actions::default();
+    let (mut packets, mut decoder) = (Packets::default(), Decoder::new());
     let vitals = any(Vitals::default());
     while any(true) {
         let event = match any(0) {
@@ -275,6 +280,7 @@ pub fn talk() {
         };
         session.take(event, &vitals, &mut actions);
         say(&actions.text.as_str());
+        send_packets(&actions, &mut packets, &mut decoder);
         if let Some(applied) = &actions.apply {
             reached(i32::from(applied.settings.rows));
             reached(applied.profile.map_or(0, |profile| profile.first.to_bits()));
@@ -323,6 +329,42 @@ fn answer_a_master() {
     );
     for change in &answer.changes {
         say(change);
+    }
+}
+
+/// What the session says as packets, and what the other end reads.
+fn send_packets(actions: &Actions, packets: &mut Packets, decoder: &mut Decoder) {
+    for part in parts_of_text(actions.text.as_str()) {
+        reached(packets.encode(Message::Text(part)).len() as i32);
+    }
+    reached((any(Format::Text) == Format::Binary).into());
+    if let Some(result) = actions.result {
+        reached(packets.encode(Message::Result(result)).len() as i32);
+    }
+    let mut words = [0; 4096];
+    let words = any::words(&mut words);
+    if let Some(window) = Window::new(&any::measured(), &any::geometry(), words) {
+        reached(packets.encode(window.message(any(0))).len() as i32);
+    }
+    let mut row = RowWords::new(any(0), words);
+    let head = Message::Row(RowPacket {
+        number: any(0),
+        skipped: any(0),
+        time_us: any(0),
+        exposure: any::exposure(),
+        words: row.left() as u16,
+        result: any(true).then(any::measured).ok_or(any::fault()),
+    });
+    reached(packets.encode(head).len() as i32);
+    while let Some(message) = row.next_message() {
+        reached(packets.encode(message).len() as i32);
+    }
+    let packed = Packed::new(words.iter().copied());
+    reached(unpack(packed.bytes()).map(i32::from).max().unwrap_or(0));
+    match decoder.take(any(0)) {
+        Some(Ok(packet)) => reached(packet.sequence.into()),
+        Some(Err(error)) => say(&error),
+        None => {}
     }
 }
 

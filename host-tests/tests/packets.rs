@@ -1,0 +1,543 @@
+//! Packets of `format binary`: written and read, cut anywhere, with flipped, lost and added bytes.
+
+use std::num::NonZeroU16;
+
+use proptest::prelude::*;
+use slitrange::centre::Estimator;
+use slitrange::comb::{Combined, MAX_SLITS, SlitCentre};
+use slitrange::exposure::Exposure;
+use slitrange::fault::Fault;
+use slitrange::frame::FrameCentre;
+use slitrange::pixels::PixelErrors;
+use slitrange::protocol::packet::{
+    COUNTS_A_PACKET, Decoder, FrameResult, MAX_PACKET, Message, Packed, Packet, PacketError,
+    Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,
+};
+use slitrange::reading::{Measured, Reading};
+use slitrange::shape::SpotShape;
+use slitrange::uncertainty::Parts;
+use slitrange::units::{Counts, Micrometres, Pixels};
+
+/// What a test compares: a packet that owns its text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Owned {
+    Text(Vec<u8>),
+    Result(FrameResult),
+    Window(u32, u16, Vec<u8>),
+    Row(RowHead),
+    Words(u32, u16, Vec<u8>),
+}
+
+impl Owned {
+    fn message(&self) -> Message<'_> {
+        match self {
+            Self::Text(text) => Message::Text(text),
+            Self::Result(result) => Message::Result(*result),
+            &Self::Window(counter, first, ref counts) => Message::Window {
+                counter,
+                first,
+                counts,
+            },
+            Self::Row(head) => Message::Row(*head),
+            &Self::Words(number, first, ref words) => Message::Words {
+                number,
+                first,
+                words,
+            },
+        }
+    }
+
+    fn of(message: Message<'_>) -> Self {
+        match message {
+            Message::Text(text) => Self::Text(text.to_vec()),
+            Message::Result(result) => Self::Result(result),
+            Message::Window {
+                counter,
+                first,
+                counts,
+            } => Self::Window(counter, first, counts.to_vec()),
+            Message::Row(head) => Self::Row(head),
+            Message::Words {
+                number,
+                first,
+                words,
+            } => Self::Words(number, first, words.to_vec()),
+        }
+    }
+}
+
+fn parts() -> impl Strategy<Value = Parts> {
+    any::<[i32; 7]>().prop_map(|bits| {
+        let [noise, shape, pixels, calibration, surface, geometry, motion] =
+            bits.map(Micrometres::from_bits);
+        Parts {
+            noise,
+            shape,
+            pixels,
+            calibration,
+            surface,
+            geometry,
+            motion,
+        }
+    })
+}
+
+fn exposure() -> impl Strategy<Value = Option<Exposure>> {
+    prop::option::of((10..=5600u16).prop_map(|us| Exposure::from_us(us).expect("in range")))
+}
+
+fn reading() -> impl Strategy<Value = Reading> {
+    let estimator = prop::sample::select(Estimator::ALL.to_vec());
+    (
+        any::<[i32; 7]>(),
+        parts(),
+        exposure(),
+        estimator,
+        any::<([u16; 3], Option<u16>, u8, [bool; 2])>(),
+    )
+        .prop_map(
+            |(bits, parts, exposure, estimator, (rows, correlated, slits, flags))| {
+                let [distance, uncertainty, centre, u, amplitude, width, black] = bits;
+                Reading {
+                    distance: Micrometres::from_bits(distance),
+                    uncertainty: Micrometres::from_bits(uncertainty),
+                    parts,
+                    centre: Pixels::from_bits(centre),
+                    centre_uncertainty: Pixels::from_bits(u),
+                    amplitude: Counts::from_bits(amplitude),
+                    exposure,
+                    width: Pixels::from_bits(width),
+                    rows_used: rows[0],
+                    rows: rows[1],
+                    slits_used: slits,
+                    black_level: Counts::from_bits(black),
+                    estimator,
+                    misfits: rows[2],
+                    correlated,
+                    is_nominal: flags[0],
+                    has_other_settings: flags[1],
+                }
+            },
+        )
+}
+
+fn fault() -> impl Strategy<Value = Fault> {
+    let pixels = || any::<i32>().prop_map(Pixels::from_bits);
+    let counts = || any::<i32>().prop_map(Counts::from_bits);
+    prop_oneof![
+        Just(Fault::SensorSilent),
+        Just(Fault::LaserOff),
+        (counts(), counts()).prop_map(|(amplitude, needed)| Fault::TooDim { amplitude, needed }),
+        (pixels(), pixels()).prop_map(|(centre, other)| Fault::TwoSpots { centre, other }),
+        any::<u16>().prop_map(|pixels| Fault::SaturatedAtShortest {
+            pixels,
+            exposure: Exposure::SHORTEST
+        }),
+    ]
+}
+
+fn row_head() -> impl Strategy<Value = RowHead> {
+    let measured = any::<([i32; 17], [u16; 5], bool)>().prop_map(|(bits, counts, is_comb)| {
+        frame_of(bits, counts, is_comb.then_some(counts[0].max(1)))
+    });
+    let result = prop_oneof![measured.prop_map(Ok), fault().prop_map(Err)];
+    (result, exposure(), any::<(u32, u32, u64, u16)>()).prop_map(
+        |(result, exposure, (number, skipped, time_us, words))| RowHead {
+            number,
+            skipped,
+            time_us,
+            exposure,
+            words,
+            result,
+        },
+    )
+}
+
+/// A frame of these numbers. With a comb, all of its slits have an image in so many rows.
+fn frame_of(bits: [i32; 17], counts: [u16; 5], rows_of_comb: Option<u16>) -> Measured {
+    let px = bits.map(Pixels::from_bits);
+    let slit = |rows| SlitCentre {
+        centre: px[15],
+        height: counts[4],
+        rows: NonZeroU16::new(rows).expect("rows"),
+    };
+    Measured {
+        frame: FrameCentre {
+            centre: px[0],
+            uncertainty: px[1],
+            amplitude: Counts::from_bits(bits[2]),
+            exposure: Some(Exposure::LONGEST),
+            width: px[3],
+            rows_used: counts[0],
+            rows: counts[1],
+            misfits: counts[2],
+            shape: SpotShape {
+                components: [px[4], px[5], px[6], px[7], px[8]],
+                noise: px[9],
+                width: px[10],
+                rest: px[11],
+            },
+            correlated: Some(counts[3]),
+            spread: px[12],
+            motion: px[13],
+        },
+        black_level: Counts::from_bits(bits[14]),
+        ambient: Counts::from_bits(bits[14]),
+        estimator: Estimator::Fraunhofer,
+        by_shape: px[16],
+        pixels: PixelErrors {
+            response_q16: counts[4],
+            offset: Counts::from_bits(bits[15]),
+        },
+        comb: rows_of_comb.map(|rows| Combined {
+            shift: px[15],
+            surface: px[16],
+            used: 16,
+            centres: [Some(slit(rows)); MAX_SLITS],
+        }),
+    }
+}
+
+fn packed() -> impl Strategy<Value = Vec<u8>> {
+    prop::collection::vec(0..=4095u16, 0..=COUNTS_A_PACKET)
+        .prop_map(|counts| Packed::new(counts.into_iter()).bytes().to_vec())
+}
+
+fn message() -> impl Strategy<Value = Owned> {
+    let result = prop_oneof![reading().prop_map(Ok), fault().prop_map(Err)];
+    prop_oneof![
+        // Runs without a zero, and runs of zeros.
+        prop::collection::vec(any::<u8>(), 0..=TEXT_PART).prop_map(Owned::Text),
+        prop::collection::vec(1..=255u8, 0..=TEXT_PART).prop_map(Owned::Text),
+        prop::collection::vec(0..=1u8, 0..=TEXT_PART).prop_map(Owned::Text),
+        row_head().prop_map(Owned::Row),
+        (any::<(u32, u16)>(), packed())
+            .prop_map(|((counter, first), counts)| { Owned::Window(counter, first, counts) }),
+        (any::<(u32, u16)>(), packed())
+            .prop_map(|((number, first), words)| { Owned::Words(number, first, words) }),
+        (result, any::<(u32, u64, bool)>()).prop_map(
+            |(result, (counter, time_us, is_difference))| {
+                Owned::Result(FrameResult {
+                    counter,
+                    time_us,
+                    is_difference,
+                    result,
+                })
+            }
+        ),
+    ]
+}
+
+/// The bytes of some messages, and where each packet begins.
+fn written(messages: &[Owned]) -> (Vec<u8>, Vec<usize>) {
+    let (mut packets, mut bytes, mut starts) = (Packets::default(), vec![], vec![]);
+    for message in messages {
+        starts.push(bytes.len());
+        let packet = packets.encode(message.message());
+        assert!((8..=MAX_PACKET).contains(&packet.len()), "{}", packet.len());
+        assert_eq!((packet[0], packet[packet.len() - 1]), (0, 0));
+        assert!(packet[1..packet.len() - 1].iter().all(|&byte| byte != 0));
+        bytes.extend_from_slice(packet);
+    }
+    (bytes, starts)
+}
+
+/// What a reader makes of bytes: the packets with their numbers, and the errors.
+fn read(bytes: &[u8]) -> (Vec<(u16, Owned)>, Vec<PacketError>) {
+    let (mut decoder, mut packets, mut errors) = (Decoder::new(), vec![], vec![]);
+    for &byte in bytes {
+        match decoder.take(byte) {
+            Some(Ok(Packet { sequence, message })) => packets.push((sequence, Owned::of(message))),
+            Some(Err(error)) => errors.push(error),
+            None => {}
+        }
+    }
+    (packets, errors)
+}
+
+fn numbered(messages: &[Owned]) -> Vec<(u16, Owned)> {
+    (0..).zip(messages.iter().cloned()).collect()
+}
+
+/// What noise does to bytes.
+#[derive(Clone, Copy, Debug)]
+enum Noise {
+    Flip(u8),
+    Lose,
+    Add(u8),
+}
+
+fn noise() -> impl Strategy<Value = Noise> {
+    prop_oneof![
+        (0..8u8).prop_map(Noise::Flip),
+        Just(Noise::Lose),
+        any::<u8>().prop_map(Noise::Add),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn packets_are_read_as_they_are_written(messages in prop::collection::vec(message(), 1..20)) {
+        let (bytes, _) = written(&messages);
+        prop_assert_eq!(read(&bytes), (numbered(&messages), vec![]));
+    }
+
+    /// The reference is the crate `cobs`.
+    #[test]
+    fn the_stuffing_is_cobs(message in message()) {
+        let (bytes, _) = written(std::slice::from_ref(&message));
+        let between_zeros = &bytes[1..bytes.len() - 1];
+        let mut body = vec![0; bytes.len()];
+        let length = cobs::decode(between_zeros, &mut body).expect("COBS");
+        let (packet, sum) = body[..length].split_last_chunk().expect("a CRC");
+        let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+        prop_assert_eq!(u32::from_le_bytes(*sum), crc.checksum(packet));
+        let mut again = vec![0; cobs::max_encoding_length(length)];
+        let length = cobs::encode(&body[..length], &mut again);
+        prop_assert_eq!(&again[..length], between_zeros);
+    }
+
+    #[test]
+    fn a_reader_that_joins_anywhere_is_in_step_within_one_packet(
+        messages in prop::collection::vec(message(), 2..8),
+        place in any::<prop::sample::Index>(),
+    ) {
+        let (bytes, starts) = written(&messages);
+        let cut = place.index(bytes.len());
+        let first_whole = starts.iter().filter(|&&start| start < cut).count();
+        let (packets, errors) = read(&bytes[cut..]);
+        // Without its first zero a packet is whole all the same.
+        let missing = match starts.iter().any(|&start| start + 1 == cut) {
+            true => first_whole - 1,
+            false => first_whole,
+        };
+        prop_assert_eq!(packets, numbered(&messages)[missing..].to_vec());
+        prop_assert!(errors.len() <= 1, "{:?}", errors);
+    }
+
+    /// The CRC accepts a damaged packet with a probability of 2^-32: never in these few thousand.
+    #[test]
+    fn no_wrong_packet_is_accepted(
+        messages in prop::collection::vec(message(), 1..8),
+        noise in prop::collection::vec((any::<prop::sample::Index>(), noise()), 1..12),
+    ) {
+        let (mut bytes, _) = written(&messages);
+        let places = noise.len();
+        for (place, noise) in noise {
+            if bytes.is_empty() {
+                break;
+            }
+            let place = place.index(bytes.len());
+            match noise {
+                Noise::Flip(bit) => bytes[place] ^= 1 << bit,
+                Noise::Lose => _ = bytes.remove(place),
+                Noise::Add(byte) => bytes.insert(place, byte),
+            }
+        }
+        let (packets, _) = read(&bytes);
+        let sent = numbered(&messages);
+        for packet in &packets {
+            prop_assert!(sent.contains(packet), "{:?}", packet);
+        }
+        // Each place damages a packet at most, or the zeros between two packets.
+        prop_assert!(packets.len() + 2 * places >= sent.len(), "{} of {}", packets.len(), sent.len());
+    }
+
+    #[test]
+    fn any_bytes_are_no_packet(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+        prop_assert_eq!(read(&bytes).0, vec![]);
+    }
+
+    /// Two numbers of twelve bits take three bytes.
+    #[test]
+    fn counts_are_unpacked_as_they_were_packed(
+        counts in prop::collection::vec(0..=4095u16, 0..=COUNTS_A_PACKET),
+    ) {
+        let packed = Packed::new(counts.iter().copied());
+        prop_assert_eq!(packed.bytes().len(), (counts.len() * 3).div_ceil(2));
+        prop_assert_eq!(unpack(packed.bytes()).collect::<Vec<u16>>(), counts);
+    }
+
+    #[test]
+    fn a_row_is_sent_whole_or_not_at_all(words in prop::collection::vec(0..=4096u16, 0..4000)) {
+        let mut messages = RowWords::new(7, &words);
+        let is_row = words.iter().all(|&word| word < 4096);
+        prop_assert_eq!(messages.left(), if is_row { words.len() } else { 0 });
+        let mut sent: Vec<u16> = vec![];
+        while let Some(Message::Words { number, first, words }) = messages.next_message() {
+            prop_assert_eq!((number, usize::from(first)), (7, sent.len()));
+            sent.extend(unpack(words));
+        }
+        prop_assert_eq!(sent, if is_row { words } else { vec![] });
+    }
+
+    #[test]
+    fn the_parts_of_a_text_are_the_text(text in "([a-z0-9 ]{0,600}\r\n){0,5}") {
+        let parts: Vec<&[u8]> = parts_of_text(&text).collect();
+        prop_assert_eq!(parts.concat(), text.as_bytes());
+        for part in &parts {
+            prop_assert!(part.ends_with(b"\r\n") || part.len() == TEXT_PART || text.len() > TEXT_PART);
+        }
+    }
+}
+
+fn example() -> FrameResult {
+    FrameResult {
+        counter: 1234,
+        time_us: 7_033_800,
+        is_difference: false,
+        result: Ok(Reading {
+            distance: Micrometres::from_f32(800_123.4),
+            uncertainty: Micrometres::from_f32(437.2),
+            parts: Parts {
+                noise: Micrometres::from_f32(3.5),
+                surface: Micrometres::from_f32(437.186),
+                ..Parts::default()
+            },
+            centre: Pixels::from_f32(1770.125),
+            centre_uncertainty: Pixels::from_f32(0.002),
+            amplitude: Counts::from_int(1011),
+            exposure: Exposure::from_us(187),
+            width: Pixels::from_int(9),
+            rows_used: 16,
+            rows: 16,
+            slits_used: 1,
+            black_level: Counts::from_int(300),
+            estimator: Estimator::Adaptive,
+            misfits: 0,
+            correlated: None,
+            is_nominal: false,
+            has_other_settings: false,
+        }),
+    }
+}
+
+/// Every flip of one bit, and every pair of flips of two bits that are at most 16 bits apart, in the middle
+/// one of three packets.
+#[test]
+fn short_bursts_are_found_and_cost_one_packet() {
+    let messages = vec![Owned::Result(example()); 3];
+    let (bytes, starts) = written(&messages);
+    let sent = numbered(&messages);
+    let bits = starts[1] * 8..starts[2] * 8;
+    let mut bursts = 0;
+    for first in bits.clone() {
+        for second in first..(first + 17).min(bits.end) {
+            let mut damaged = bytes.clone();
+            damaged[first / 8] ^= 1 << (first % 8);
+            if second > first {
+                damaged[second / 8] ^= 1 << (second % 8);
+            }
+            let (packets, _) = read(&damaged);
+            let others = [sent[0].clone(), sent[2].clone()];
+            // A flip in the zeros may leave all three.
+            assert!(
+                packets == others || packets == sent,
+                "{first} {second}: {packets:?}"
+            );
+            bursts += 1;
+        }
+    }
+    println!(
+        "{bursts} bursts in a packet of {} bytes",
+        starts[2] - starts[1]
+    );
+}
+
+/// The longest result: all numbers at their longest. And the longest packet of all, without a zero in it.
+#[test]
+fn the_longest_packets_have_the_stated_lengths() {
+    let longest = Micrometres::MIN;
+    let result = FrameResult {
+        counter: u32::MAX,
+        time_us: u64::MAX,
+        is_difference: true,
+        result: Ok(Reading {
+            distance: longest,
+            uncertainty: longest,
+            parts: Parts {
+                noise: longest,
+                shape: longest,
+                pixels: longest,
+                calibration: longest,
+                surface: longest,
+                geometry: longest,
+                motion: longest,
+            },
+            centre: Pixels::MIN,
+            centre_uncertainty: Pixels::MIN,
+            amplitude: Counts::MIN,
+            exposure: Some(Exposure::LONGEST),
+            width: Pixels::MIN,
+            rows_used: u16::MAX,
+            rows: u16::MAX,
+            slits_used: u8::MAX,
+            black_level: Counts::MIN,
+            estimator: Estimator::Fraunhofer,
+            misfits: u16::MAX,
+            correlated: Some(u16::MAX),
+            is_nominal: true,
+            has_other_settings: true,
+        }),
+    };
+    // The sequence number takes three bytes from 16,384 on.
+    let mut packets = Packets::default();
+    for _ in 0..20_000 {
+        packets.encode(Message::Text(b""));
+    }
+    let of_result = packets.encode(Message::Result(result)).len();
+    let usual = Packets::default().encode(Message::Result(example())).len();
+    let of_text = packets.encode(Message::Text(&[b'x'; TEXT_PART])).len();
+    let of_comb = frame_of([i32::MIN; 17], [u16::MAX; 5], Some(u16::MAX));
+    let of_row = packets.encode(Message::Row(RowHead {
+        number: u32::MAX,
+        skipped: u32::MAX,
+        time_us: u64::MAX,
+        exposure: Some(Exposure::LONGEST),
+        words: u16::MAX,
+        result: Ok(of_comb),
+    }));
+    let of_row = of_row.len();
+    let all = Packed::new([4095; COUNTS_A_PACKET].into_iter());
+    let of_words = packets.encode(Message::Words {
+        number: u32::MAX,
+        first: u16::MAX,
+        words: all.bytes(),
+    });
+    let of_words = of_words.len();
+    println!("a result: {of_result} bytes, usually {usual}; a text: {of_text}");
+    println!("a row: {of_row} bytes; words of a row: {of_words}");
+    assert_eq!(
+        (of_result, of_text, of_row, of_words),
+        (RESULT, 270, 353, MAX_PACKET)
+    );
+    assert!(
+        packets
+            .encode(Message::Text(&[b'x'; MAX_PACKET]))
+            .is_empty()
+    );
+}
+
+/// The longest packet of a result, as docs/serial-line.md states it.
+const RESULT: usize = 118;
+
+/// docs/serial-line.md shows these bytes.
+#[test]
+fn the_example_of_the_page_is_what_the_core_writes() {
+    let mut packets = Packets::default();
+    let page = std::fs::read_to_string("../docs/serial-line.md").expect("the page");
+    for message in [Message::Text(b"rows 16\r\n"), Message::Result(example())] {
+        let bytes = packets.encode(message).iter();
+        let digits: Vec<String> = bytes.map(|byte| format!("{byte:02x}")).collect();
+        let lines: Vec<String> = digits
+            .chunks(32)
+            .map(|line| format!("    {}", line.join(" ")))
+            .collect();
+        let block = lines.join("\n");
+        println!("{block}\n");
+        assert!(
+            page.contains(&block),
+            "docs/serial-line.md must have\n{block}"
+        );
+    }
+}

@@ -1,0 +1,226 @@
+//! A recording: rows as the sensor sent them, in a file that has all that their measurement needs.
+//!
+//! The file is packets of the serial line (`slitrange::protocol::packet`). The first ones are text, in these
+//! lines:
+//!
+//! ```text
+//! slitrange recording 1
+//! head TCD1304DG
+//! rows 16
+//! black shielded
+//! record 03...
+//! calibration on
+//! ```
+//!
+//! Each setting has the line that sets it, and `record` has the sensor's record in hexadecimal. Then follow
+//! the rows with their words, and the sensor's own result of each row.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use slitrange::protocol::command::{Command, parse};
+use slitrange::protocol::packet::{
+    Decoder, Message, Packets, RowHead, RowWords, parts_of_text, unpack,
+};
+use slitrange::record::{self, encoded::EncodedRecord};
+use slitrange::settings::{Settings, Value};
+
+/// The first line of every recording. The number changes if older programs cannot read the file.
+const FIRST_LINE: &str = "slitrange recording 1";
+
+/// What the measurement of the rows needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    /// The sensor head's name.
+    pub head: String,
+    /// The settings.
+    pub settings: Settings,
+    /// The calibration.
+    pub record: EncodedRecord,
+    /// Whether the sensor gave distances.
+    pub is_calibration_on: bool,
+}
+
+/// A row: its words, and what the sensor says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// The sensor's number, time, exposure and result.
+    pub head: RowHead,
+    /// The words of the read-out.
+    pub words: Vec<u16>,
+}
+
+/// A recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// The sensor.
+    pub sensor: Sensor,
+    /// The rows, in their order.
+    pub rows: Vec<Row>,
+    /// Packets that are damaged. Their rows are missing.
+    pub damaged: usize,
+}
+
+/// Puts rows together from packets.
+#[derive(Debug, Default)]
+pub struct Rows {
+    under_way: Option<Row>,
+}
+
+impl Rows {
+    /// Takes the next packet, and gives the row that is whole with it. A row without words, which did not
+    /// come from the sensor, is none. A row of which a packet is missing is none either.
+    pub fn take(&mut self, message: Message<'_>) -> Option<Row> {
+        match message {
+            Message::Row(head) => {
+                self.under_way = Some(Row {
+                    head,
+                    words: vec![],
+                });
+                return None;
+            }
+            Message::Words {
+                number,
+                first,
+                words,
+            } => {
+                let row = self.under_way.as_mut()?;
+                if number != row.head.number || usize::from(first) != row.words.len() {
+                    self.under_way = None;
+                    return None;
+                }
+                row.words.extend(unpack(words));
+            }
+            Message::Text(_) | Message::Result(_) | Message::Window { .. } => {}
+        }
+        let is_whole = |row: &mut Row| row.words.len() == usize::from(row.head.words);
+        let is_row = |row: &Row| !row.words.is_empty();
+        self.under_way.take_if(is_whole).filter(is_row)
+    }
+}
+
+/// Writes a recording's packets, one after the other.
+#[derive(Debug, Default)]
+pub struct Writer(Packets);
+
+impl Writer {
+    /// The first bytes of the file.
+    pub fn head(&mut self, sensor: &Sensor) -> Vec<u8> {
+        let mut text = format!("{FIRST_LINE}\r\nhead {}\r\n", sensor.head);
+        for &setting in slitrange::settings::Setting::ALL {
+            // Writing to a String cannot fail.
+            let _ = write!(text, "{}\r\n", sensor.settings.get(setting));
+        }
+        text += "record ";
+        for byte in sensor.record.bytes() {
+            let _ = write!(text, "{byte:02x}");
+        }
+        let on = Command::Calibration(Some(sensor.is_calibration_on));
+        let _ = write!(text, "\r\n{on}\r\n");
+        let mut bytes = vec![];
+        for part in parts_of_text(&text) {
+            bytes.extend_from_slice(self.0.encode(Message::Text(part)));
+        }
+        bytes
+    }
+
+    /// The bytes of a row.
+    pub fn row(&mut self, row: &Row) -> Vec<u8> {
+        let mut bytes = self.0.encode(Message::Row(row.head)).to_vec();
+        let mut words = RowWords::new(row.head.number, &row.words);
+        while let Some(message) = words.next_message() {
+            bytes.extend_from_slice(self.0.encode(message));
+        }
+        bytes
+    }
+}
+
+/// Reads a recording.
+///
+/// # Errors
+/// The file cannot be read, or is no recording. Damaged rows are no error: they are left out and counted.
+pub fn read(path: &Path) -> Result<Recording> {
+    let bytes =
+        std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
+    of_bytes(&bytes).with_context(|| format!("{} is no recording", path.display()))
+}
+
+fn of_bytes(bytes: &[u8]) -> Result<Recording> {
+    let (mut decoder, mut rows) = (Decoder::new(), Rows::default());
+    let (mut text, mut found, mut damaged) = (Vec::new(), Vec::new(), 0);
+    for &byte in bytes {
+        match decoder.take(byte) {
+            Some(Ok(packet)) => {
+                if let Message::Text(part) = packet.message {
+                    text.extend_from_slice(part);
+                }
+                found.extend(rows.take(packet.message));
+            }
+            Some(Err(_)) => damaged += 1,
+            None => {}
+        }
+    }
+    Ok(Recording {
+        sensor: sensor(&String::from_utf8_lossy(&text))?,
+        rows: found,
+        damaged,
+    })
+}
+
+/// Reads the lines before the rows. Settings that this program does not know are left out: rows of newer
+/// firmware can be measured all the same.
+fn sensor(text: &str) -> Result<Sensor> {
+    let mut lines = text.lines();
+    let first = lines.next().unwrap_or_default();
+    ensure!(
+        first == FIRST_LINE,
+        "it begins with {first:?}, and not with `{FIRST_LINE}`"
+    );
+    let (mut head, mut written, mut on) = (None, None, None);
+    let mut settings = Settings::default();
+    for line in lines {
+        if let Some(name) = line.strip_prefix("head ") {
+            head = Some(name.to_owned());
+        } else if let Some(digits) = line.strip_prefix("record ") {
+            written = Some(record_of(digits)?);
+        } else {
+            match parse(line.as_bytes()) {
+                Ok(Command::Set(value)) => settings.set(value),
+                Ok(Command::Calibration(Some(is_on))) => on = Some(is_on),
+                _ => {}
+            }
+        }
+    }
+    match (head, written, on) {
+        (Some(head), Some(record), Some(is_calibration_on)) => Ok(Sensor {
+            head,
+            settings,
+            record,
+            is_calibration_on,
+        }),
+        _ => bail!("the sensor head, its record or `calibration on|off` is missing"),
+    }
+}
+
+fn record_of(digits: &str) -> Result<EncodedRecord> {
+    let bytes: Option<Vec<u8>> = (digits.as_bytes().chunks(2))
+        .map(|two| u8::from_str_radix(std::str::from_utf8(two).ok()?, 16).ok())
+        .collect();
+    let bytes = bytes.context("the record is not in hexadecimal")?;
+    record::decode(&bytes)
+        .and_then(EncodedRecord::new)
+        .context("the sensor's record is damaged")
+}
+
+/// Reads a setting as a person types it.
+///
+/// # Errors
+/// It is no setting with a value.
+pub fn setting(text: &str) -> Result<Value> {
+    match parse(text.as_bytes()) {
+        Ok(Command::Set(value)) => Ok(value),
+        Ok(_) => bail!("`{text}` is no setting with a value, such as `estimator centroid`"),
+        Err(error) => bail!("`{text}`: {error}"),
+    }
+}

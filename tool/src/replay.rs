@@ -1,0 +1,213 @@
+//! `replay`: the rows of a recording once more through the core, on the PC.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Result, ensure};
+use slitrange::comb::Comb;
+use slitrange::fault::Fault;
+use slitrange::measurement::Measurement;
+use slitrange::protocol::command::Command;
+use slitrange::protocol::info::Hardware;
+use slitrange::protocol::packet::Format;
+use slitrange::protocol::status::{StartCause, Vitals};
+use slitrange::reading::{Measured, Reading};
+use slitrange::sensor_heads;
+use slitrange::session::{Actions, Event, Session};
+use slitrange::settings::Value;
+use slitrange::store::{Stored, configuration::Configuration};
+
+use crate::recording::{self, Row, Sensor};
+use crate::whole_file;
+
+/// Measure the rows of a recording once more, with the sensor's settings or others
+///
+/// With the sensor's own settings, each row must give the bits that the sensor reported: the exit code is 1
+/// if one does not. With `--set` it shows what other settings make of the same rows.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ReplayOptions {
+    /// A file that `slitrange record` wrote
+    pub file: PathBuf,
+    /// Another setting, as it is typed at the sensor: --set "estimator centroid"
+    #[arg(long, value_name = "SETTING", value_parser = recording::setting)]
+    pub set: Vec<Value>,
+    /// Write a table: a line for each row, with its distance, u and centre, or its fault
+    #[arg(long)]
+    pub csv: Option<PathBuf>,
+}
+
+/// The core on the PC, with the settings and the record of a sensor.
+#[derive(Debug)]
+pub struct Core {
+    measurement: Measurement,
+    session: Session,
+    actions: Actions,
+}
+
+impl Core {
+    /// The core as the sensor had it, with some settings changed.
+    ///
+    /// # Errors
+    /// The record belongs to another sensor head than this program knows.
+    pub fn new(sensor: &Sensor, changes: &[Value]) -> Result<Self> {
+        let geometry = sensor_heads::tcd1304dg();
+        let record = sensor.record.record().clone();
+        ensure!(
+            record.geometry.is_compatible_with(&geometry),
+            "the rows are of the sensor head {}, which this program does not know",
+            sensor.head
+        );
+        let hardware = Hardware {
+            board: "PC",
+            head: "",
+            row_us: 0,
+        };
+        let mut settings = sensor.settings;
+        (settings.stream, settings.format) = (true, Format::Binary);
+        settings.pixels = Default::default();
+        for &value in changes {
+            settings.set(value);
+        }
+        let mut core = Self {
+            measurement: Measurement::new(geometry.clone(), settings),
+            session: Session::new(hardware, geometry, StartCause::PowerOn),
+            actions: Actions::default(),
+        };
+        core.take(Event::Started(Stored::Newest(Configuration {
+            settings,
+            record: (!record.is_of_factory()).then_some(record),
+        })));
+        core.take(Event::Line(Ok(Command::Calibration(Some(
+            sensor.is_calibration_on,
+        )))));
+        Ok(core)
+    }
+
+    /// What the firmware does with an event.
+    fn take(&mut self, event: Event) {
+        self.session
+            .take(event, &Vitals::default(), &mut self.actions);
+        if let Some(applied) = self.actions.apply.take() {
+            self.measurement.set_geometry(applied.geometry);
+            self.measurement.set(applied.settings, applied.profile);
+            let comb = applied.comb.unwrap_or_else(Comb::nominal);
+            self.measurement.set_comb(comb);
+        }
+    }
+
+    /// Measures a row by itself, as the sensor does it.
+    pub fn measure(&mut self, row: &Row) -> Result<Measured, Fault> {
+        // The measurement may change them.
+        let mut words = row.words.clone();
+        self.measurement
+            .measure_alone(&mut words, row.head.exposure, None)
+    }
+
+    /// The reading of a result.
+    pub fn reading(&mut self, result: Result<Measured, Fault>) -> Result<Reading, Fault> {
+        self.take(Event::Frame(result));
+        // In binary, each result of the stream is there.
+        self.actions
+            .result
+            .map_or(Err(Fault::SensorSilent), |result| result.result)
+    }
+}
+
+/// `replay`. The exit code tells whether all rows gave the sensor's bits, unless settings were changed.
+///
+/// # Errors
+/// In sentences.
+pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCode> {
+    let recording = recording::read(&options.file)?;
+    let sensor = &recording.sensor;
+    writeln!(
+        output,
+        "{} rows of {}, record {:08x}",
+        recording.rows.len(),
+        sensor.head,
+        sensor.record.sum()
+    )?;
+    if recording.damaged > 0 {
+        writeln!(
+            output,
+            "{} packets are damaged, and their rows are left out",
+            recording.damaged
+        )?;
+    }
+    ensure!(!recording.rows.is_empty(), "there is no row to measure");
+    let mut core = Core::new(sensor, &options.set)?;
+    let (mut same, mut faults, mut distances) = (0, 0, vec![]);
+    let mut table = String::from("row,time_us,exposure_us,distance_mm,u_mm,r_mm,centre_px,fault\n");
+    for row in &recording.rows {
+        let result = core.measure(row);
+        same += usize::from(result == row.head.result);
+        let reading = core.reading(result);
+        match &reading {
+            Ok(reading) => distances.push(reading.distance.to_f64() / 1000.0),
+            Err(_) => faults += 1,
+        }
+        table += &line(row, &reading);
+    }
+    let rows = recording.rows.len();
+    if let (Some(mean), Some(deviation)) = (mean(&distances), deviation(&distances)) {
+        writeln!(
+            output,
+            "{} distances: mean {mean:.4} mm, standard deviation {deviation:.4} mm",
+            distances.len()
+        )?;
+    }
+    writeln!(output, "{faults} faults")?;
+    if let Some(path) = &options.csv {
+        whole_file::write(path, table.as_bytes())?;
+        writeln!(output, "written to {}", path.display())?;
+    }
+    if !options.set.is_empty() {
+        writeln!(
+            output,
+            "with other settings than the sensor's; {same} of {rows} rows give the same bits"
+        )?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if same == rows {
+        writeln!(output, "all rows give the bits that the sensor reported")?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    writeln!(
+        output,
+        "{} of {rows} rows give other bits than the sensor reported: was it another version of the firmware?",
+        rows - same
+    )?;
+    Ok(ExitCode::FAILURE)
+}
+
+/// A line of the table.
+fn line(row: &Row, reading: &Result<Reading, Fault>) -> String {
+    let exposure = row.head.exposure.map_or(0, |exposure| exposure.us());
+    let mut line = format!("{},{},{exposure},", row.head.number, row.head.time_us);
+    match reading {
+        Ok(reading) => {
+            let mm = |length: slitrange::Micrometres| length.to_f64() / 1000.0;
+            line += &format!(
+                "{:.6},{:.6},{:.6},{:.6},",
+                mm(reading.distance),
+                mm(reading.uncertainty),
+                mm(reading.parts.noise),
+                reading.centre.to_f64()
+            );
+        }
+        Err(fault) => line += &format!(",,,,{}", fault.name()),
+    }
+    line + "\n"
+}
+
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// The standard deviation of a sample.
+fn deviation(values: &[f64]) -> Option<f64> {
+    let mean = mean(values)?;
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    (values.len() > 1).then(|| (squares / (values.len() - 1) as f64).sqrt())
+}

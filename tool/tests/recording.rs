@@ -1,0 +1,202 @@
+//! Records rows of the firmware on the emulated board, and measures them once more on this PC.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::io;
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use simulator::scene::Scene;
+use slitrange::ambient::AmbientMode;
+use slitrange::settings::Settings;
+use slitrange_tool::Command;
+use slitrange_tool::pc::{Pc, Port};
+use slitrange_tool::recording;
+use virtual_board::light::{Target, of_scene};
+use virtual_board::{Firmware, VirtualBoard};
+
+/// A PC whose clock is the board's, with the board at its only serial port, and the bytes that the port has
+/// not given yet.
+struct Desk(RefCell<VirtualBoard>, RefCell<VecDeque<u8>>);
+
+impl Desk {
+    fn new() -> Self {
+        let firmware = Firmware::build().expect("the firmware builds");
+        let light = of_scene(Scene::white_paper(), Target::at(0.8));
+        let mut board = VirtualBoard::power_on(&firmware, light).expect("the board starts");
+        board
+            .run_until_line(
+                |line| line.starts_with("slitrange "),
+                Duration::from_secs(1),
+            )
+            .expect("a banner");
+        Self(RefCell::new(board), RefCell::default())
+    }
+
+    /// A command of the tool: how it ends, and what it says.
+    fn slitrange(&self, arguments: &[&str]) -> (ExitCode, String) {
+        println!("$ slitrange {}", arguments.join(" "));
+        let all = ["slitrange"].iter().chain(arguments);
+        let command = Command::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
+        let mut output = Vec::new();
+        let result = command.run(self, &mut io::empty(), &mut output);
+        let output = String::from_utf8(output).expect("text");
+        println!("{output}");
+        (result.unwrap_or_else(|error| panic!("{error:#}")), output)
+    }
+
+    /// A command, and the sensor's answer, both as lines.
+    fn ask(&self, command: &str) -> String {
+        let mut board = self.0.borrow_mut();
+        board.take_lines();
+        board.send(&format!("{command}\r\n"));
+        let answer = board.run_until_line(|line| !line.starts_with("d "), Duration::from_secs(1));
+        answer.expect("an answer").text
+    }
+}
+
+impl Pc for Desk {
+    fn open(&self, _: &str) -> serialport::Result<Box<dyn Port + '_>> {
+        self.0.borrow_mut().take_bytes();
+        self.1.borrow_mut().clear();
+        Ok(Box::new(self))
+    }
+
+    fn now(&self) -> Duration {
+        Duration::from_nanos(self.0.borrow().now())
+    }
+
+    fn sleep(&self, time: Duration) {
+        self.0.borrow_mut().run_for(time).expect("a clean run");
+    }
+}
+
+impl Port for &Desk {
+    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize> {
+        let (mut board, mut pending) = (self.0.borrow_mut(), self.1.borrow_mut());
+        let until = board.now() + wait.as_nanos() as u64;
+        loop {
+            pending.extend(board.take_bytes().iter().map(|(_, byte)| *byte));
+            // The lines would pile up.
+            board.take_lines();
+            if !pending.is_empty() {
+                return io::Read::read(&mut *pending, bytes);
+            }
+            if board.now() >= until {
+                return Err(io::ErrorKind::TimedOut.into());
+            }
+            board
+                .run_for(Duration::from_millis(1))
+                .expect("a clean run");
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let mut board = self.0.borrow_mut();
+        let now = board.now();
+        board.send_at(now, bytes);
+        Ok(())
+    }
+}
+
+/// Bytes of a file with one changed.
+fn with_a_damaged_byte(file: &Path, place: usize) {
+    let mut bytes = std::fs::read(file).expect("the recording");
+    bytes[place] ^= 0x10;
+    std::fs::write(file, bytes).expect("the recording");
+}
+
+#[test]
+fn recorded_rows_give_the_same_bits_on_a_pc() {
+    let desk = Desk::new();
+    // A program that ended badly left the sensor like this.
+    assert_eq!(desk.ask("rows 4"), "rows 4");
+    assert_eq!(desk.ask("ambient subtract"), "ambient subtract");
+    desk.ask("baud 921600");
+    desk.0.borrow_mut().send("format binary\r\npixels rows\r\n");
+    desk.sleep(Duration::from_millis(300));
+
+    let directory = tempfile::tempdir().expect("a directory");
+    let file = directory.path().join("rows.slitrange");
+    let path = file.to_str().expect("a path");
+    let (code, said) = desk.slitrange(&["record", "--port", "A", "--rows", "40", path]);
+    assert_eq!(code, ExitCode::SUCCESS);
+    assert!(said.contains("40 rows written"), "{said}");
+
+    // The sensor is as it was, but for what only programs need.
+    assert_eq!(desk.ask("rows"), "rows 4");
+    assert_eq!(desk.ask("ambient"), "ambient subtract");
+    assert_eq!(desk.ask("format"), "format text");
+    assert_eq!(desk.ask("pixels"), "pixels none");
+
+    let (code, said) = desk.slitrange(&["replay", path]);
+    assert_eq!(code, ExitCode::SUCCESS);
+    assert!(said.contains("40 distances"), "{said}");
+    assert!(said.contains("all rows give the bits"), "{said}");
+
+    let recorded = recording::read(&file).expect("a recording");
+    let settings = Settings {
+        rows: 4,
+        ambient: AmbientMode::Off,
+        ..Settings::default()
+    };
+    let of_recording = Settings {
+        stream: true,
+        pixels: Default::default(),
+        ..recorded.sensor.settings
+    };
+    assert_eq!(of_recording, settings);
+    assert!(recorded.rows.iter().all(|row| row.words.len() == 3694));
+
+    // Other settings find other centres.
+    let csv = directory.path().join("rows.csv");
+    let csv_path = csv.to_str().expect("a path");
+    let set = ["--set", "estimator centroid", "--csv", csv_path];
+    let (code, said) = desk.slitrange(&[&["replay", path], &set[..]].concat());
+    assert_eq!(code, ExitCode::SUCCESS);
+    assert!(said.contains("; 0 of 40 rows give the same bits"), "{said}");
+    let table = std::fs::read_to_string(&csv).expect("a table");
+    assert_eq!(table.lines().count(), 41, "{table}");
+
+    // A damaged packet costs a row, and no more.
+    with_a_damaged_byte(
+        &file,
+        std::fs::read(&file).expect("the recording").len() / 2,
+    );
+    let (code, said) = desk.slitrange(&["replay", path]);
+    assert_eq!(code, ExitCode::SUCCESS);
+    assert!(
+        said.contains("39 rows of") && said.contains("1 packets are damaged"),
+        "{said}"
+    );
+
+    // A record of another centre is noticed.
+    let mut other = recording::read(&file).expect("a recording");
+    for row in &mut other.rows[..3] {
+        row.words.rotate_left(1);
+    }
+    let mut writer = recording::Writer::default();
+    let mut bytes = writer.head(&other.sensor);
+    for row in &other.rows {
+        bytes.extend(writer.row(row));
+    }
+    std::fs::write(&file, bytes).expect("the recording");
+    let (code, said) = desk.slitrange(&["replay", path]);
+    assert_eq!(code, ExitCode::FAILURE);
+    assert!(said.contains("3 of 39 rows give other bits"), "{said}");
+    desk.0.into_inner().finish().expect("a clean run");
+}
+
+#[test]
+fn a_file_that_is_no_recording_is_refused() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let file = directory.path().join("points.csv");
+    std::fs::write(&file, "distance,centre\n800,1770\n").expect("a file");
+    let error = recording::read(&file).expect_err("no recording");
+    assert!(
+        format!("{error:#}").contains("is no recording"),
+        "{error:#}"
+    );
+}
