@@ -122,9 +122,9 @@ impl Peak {
     /// The part beyond `reach` from a place, on the wanted side.
     fn outside(self, part: &Range<usize>, place: usize, reach: usize) -> Range<usize> {
         match self {
-            Self::Last => place.saturating_add(reach).clamp(part.start, part.end)..part.end,
+            Self::Last => place.saturating_add(reach).max(part.start).min(part.end)..part.end,
             Self::Strongest | Self::First => {
-                part.start..place.saturating_sub(reach).clamp(part.start, part.end)
+                part.start..place.saturating_sub(reach).min(part.end).max(part.start)
             }
         }
     }

@@ -302,7 +302,7 @@ fn in_binary_results_are_packets_and_answers_stay_text() {
     let as_text = sensor.take(Event::Frame(Ok(frame(1800.0))));
     assert_eq!(sensor.actions.result, None);
     sensor.set("format binary");
-    // A result that answers a command counts too, and is no packet.
+    // A result that answers a command is no packet.
     sensor.ask("distance");
     assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), as_text);
     assert_eq!(sensor.actions.result, None);
@@ -317,7 +317,7 @@ fn in_binary_results_are_packets_and_answers_stay_text() {
     assert_eq!(result.result.expect("a reading").to_string(), as_text);
     assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), "");
     let fault = sensor.actions.result.expect("a result");
-    assert_eq!((fault.counter, fault.result), (4, Err(TOO_DIM)));
+    assert_eq!((fault.counter, fault.result), (results, Err(TOO_DIM)));
     sensor.ask("zero");
     sensor.take(Event::Frame(Ok(frame(1800.0))));
     sensor.take(Event::Frame(Ok(frame(1801.0))));

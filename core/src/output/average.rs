@@ -24,6 +24,7 @@
 use core::f32::consts::FRAC_PI_2;
 
 use crate::fault::Fault;
+use crate::numeric;
 use crate::rank;
 use crate::reading::Reading;
 use crate::uncertainty::Parts;
@@ -160,7 +161,7 @@ impl Filter {
 
     /// The readings in the window, at least 1, at most [`LONGEST`].
     fn count(&self) -> u8 {
-        (self.samples().count() as u8).max(1)
+        (numeric::count(self.samples().map(|_| true)) as u8).max(1)
     }
 
     fn mean(&self) -> Mean {
@@ -168,7 +169,8 @@ impl Filter {
         let squares = |it: &Sample| it.parts.noise.to_f32() * it.parts.noise.to_f32();
         let squares: f32 = self.samples().map(squares).sum();
         // 64 values of 31 bits and EXTRA bits.
-        let sum: i64 = self.samples().map(|it| extended(it.distance)).sum();
+        let distances = self.samples().map(|it| extended(it.distance));
+        let sum = distances.fold(0i64, i64::saturating_add);
         let mean = |part: fn(&Parts) -> Micrometres| {
             let sum: f32 = self.samples().map(|it| part(&it.parts).to_f32()).sum();
             Micrometres::from_f32(sum / f32::from(count))
@@ -227,7 +229,7 @@ impl Filter {
         let (kept, new) = ((1.0 - weight) * (1.0 - weight), weight * weight);
         let recursive = Recursive {
             // The difference has 32 bits and EXTRA bits.
-            distance: before + (distance - before) / i64::from(count),
+            distance: before.saturating_add(distance.saturating_sub(before) / i64::from(count)),
             noise_variance: kept * noise_variance + new * noise * noise,
             count,
         };
