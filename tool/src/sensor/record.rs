@@ -15,6 +15,7 @@ use slitrange::settings::{Setting, Settings, Value};
 
 use super::answers;
 use super::line::ANSWER;
+use super::port::PortOption;
 use super::session::Session;
 use super::transfer::record_in_use;
 use crate::pc::Pc;
@@ -31,9 +32,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// with `ambient off` and `flat off`, and has its own settings again afterwards.
 #[derive(Clone, Debug, clap::Args)]
 pub struct RecordOptions {
-    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
-    #[arg(long)]
-    pub port: String,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
     /// How many rows
     #[arg(long, default_value_t = 100)]
     pub rows: u32,
@@ -57,7 +58,7 @@ fn baud(word: &str) -> Result<u32> {
 /// In sentences. The rows that came before are in the file.
 pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     ensure!(options.rows > 0, "--rows 0: there is nothing to record");
-    let mut session = Session::open(pc, &options.port)?;
+    let mut session = options.port.open(pc)?;
     let name = options.file.display();
     let file = File::create_new(&options.file)
         .with_context(|| format!("{name} cannot be written as a new file"))?;
