@@ -41,8 +41,8 @@ use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, peripherals, rcc, spi};
 use slitrange::protocol::MAX_ANSWER;
-use slitrange::protocol::baud::Baud;
 use slitrange::protocol::status::StartCause;
+use slitrange::sending::Baud;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;

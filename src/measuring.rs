@@ -6,6 +6,7 @@ use core::sync::atomic::Ordering;
 use core::task::Poll;
 
 use embassy_futures::yield_now;
+use embassy_sync::channel::TrySendError;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use slitrange::ambient::AmbientMode;
 use slitrange::comb::Comb;
@@ -259,9 +260,13 @@ fn publish_window(measured: &Measured, geometry: &Geometry, words: &[u16], at: I
         return;
     }
     if let Some(window) = Window::new(measured, geometry, words) {
-        COUNTERS
-            .lines_dropped
-            .add_if(WINDOWS.try_send((at, window)).is_err());
+        if let Err(TrySendError::Full(window)) = WINDOWS.try_send((at, window)) {
+            // The oldest one makes room: its result was not sent.
+            let _ = WINDOWS.try_receive();
+            COUNTERS
+                .lines_dropped
+                .add_if(WINDOWS.try_send(window).is_err());
+        }
     }
 }
 

@@ -8,10 +8,11 @@ use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::packet::{
-    Format, Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
+    Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
 };
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
+use slitrange::sending::Format;
 use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};

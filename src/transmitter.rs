@@ -13,7 +13,7 @@ use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::usart::BufferedUartTx;
 use embassy_time::Timer;
 use embedded_io_async::Write as _;
-use slitrange::protocol::baud::Baud;
+use slitrange::sending::Baud;
 
 use super::board;
 use super::shared::COUNTERS;

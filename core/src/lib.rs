@@ -117,6 +117,7 @@ pub mod protocol;
 
 pub mod store;
 
+pub mod sending;
 pub mod sensor_heads;
 
 pub mod text;

@@ -34,6 +34,8 @@ pub struct Measurement {
     /// spot that the setting `peak` chooses. Pixel 0 of [`Spot`] and of `before` is the first of them.
     view: Geometry,
     settings: Settings,
+    /// Whether the setting `peak` has chosen a spot in the frame under way.
+    is_chosen: bool,
     /// The sensor's own spot. Pixel 0 is that of `view`.
     profile: Option<Profile>,
     /// The blocks of the row under way, and what follows from them. They have their place here because
@@ -74,6 +76,7 @@ impl Measurement {
             },
             geometry,
             settings,
+            is_chosen: false,
             profile: None,
             blocks: Blocks::NONE,
             coarse: Coarse::new(),
@@ -236,6 +239,7 @@ impl Measurement {
         self.comb.start_frame();
         self.before = None;
         self.largest_share = 0.0;
+        self.is_chosen = false;
         self.see(self.settings.region.part_of(&self.geometry.light));
     }
 
@@ -275,7 +279,10 @@ impl Measurement {
     fn choose_spot(&mut self, words: &[u16]) {
         let (blocks, coarse) = (&mut self.blocks, &mut self.coarse);
         let part = (self.settings.peak).part_with_spot(words, &self.view, blocks, coarse);
-        self.see(part);
+        self.is_chosen = part.is_some();
+        if let Some(part) = part {
+            self.see(part);
+        }
     }
 
     /// Finds the centre of a row. The first row of a frame is searched and measured in full; its result saves
@@ -283,7 +290,7 @@ impl Measurement {
     #[inline(always)]
     fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
-        if before.is_none() && self.settings.peak != Peak::Strongest && self.frame.rows() == 0 {
+        if self.settings.peak != Peak::Strongest && !self.is_chosen {
             self.choose_spot(words);
         }
         let Ok(row) = self.view.row_and_blocks(words, &mut self.blocks) else {

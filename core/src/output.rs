@@ -5,7 +5,8 @@
 //! or fault
 //! ```
 //!
-//! A fault passes all steps, and stays a fault. Only `hold` gives a flagged reading in its place.
+//! A fault passes all steps, and stays a fault. Only `hold` gives a flagged reading in its place,
+//! and not in packets.
 
 pub mod average;
 pub mod columns;
@@ -15,7 +16,6 @@ pub mod rate;
 use crate::ambient::AmbientMode;
 use crate::fault::Fault;
 use crate::reading::Reading;
-use crate::settings::Settings;
 
 /// What the steps remember of the readings before.
 #[derive(Clone, Debug, Default)]
@@ -30,20 +30,22 @@ impl Output {
     /// Takes a frame's result, and returns the reading or the fault to put out.
     pub fn take(
         &mut self,
-        settings: &Settings,
+        average: average::Average,
+        ambient: AmbientMode,
         result: Result<Reading, Fault>,
     ) -> Result<Reading, Fault> {
-        let is_ambient_subtracted = settings.ambient == AmbientMode::Subtract;
-        (self.average).take(settings.average, is_ambient_subtracted, result)
+        self.average
+            .take(average, ambient == AmbientMode::Subtract, result)
     }
 
-    /// Takes what [`Output::take`] returned. Returns what the stream gives.
+    /// Takes what [`Output::take`] returned. Returns what the stream gives. `results` is how long a reading is
+    /// held.
     pub fn hold(
         &mut self,
-        settings: &Settings,
+        results: u16,
         result: Result<Reading, Fault>,
     ) -> Result<hold::Held, Fault> {
-        self.hold.take(settings.hold, result)
+        self.hold.take(results, result)
     }
 
     /// Forgets all readings.

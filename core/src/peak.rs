@@ -32,7 +32,7 @@ const SEARCHES: usize = 6;
 /// a thousandth of its height left there.
 const REACH: usize = 8;
 
-/// What has less than a tenth of the first spot's height is no spot: halos do not count.
+/// Spots below a tenth of the first spot's height do not count: halos make them.
 const LEAST_SHARE: i32 = 10;
 
 /// The least response of a spot in standard deviations of its noise. A spot that is bright enough for a
@@ -58,14 +58,15 @@ impl Peak {
     }
 
     /// The part of the light range, in words, in which the chosen spot is the strongest, and no other has
-    /// a third of its height. All of the range if the spots are too close to be parted.
+    /// a third of its height. All of the range if the spots are too close to be parted. `None` if no spot is
+    /// found.
     pub(crate) fn part_with_spot(
         self,
         words: &[u16],
         geometry: &Geometry,
         blocks: &mut Blocks,
         coarse: &mut Coarse,
-    ) -> Range<usize> {
+    ) -> Option<Range<usize>> {
         let whole = &geometry.light;
         let mut search = Search {
             words,
@@ -91,9 +92,7 @@ impl Peak {
                 Found::Two(one, other) => self.outside(&part, one.midpoint(other), 0),
             };
         }
-        let Some((spot, mut part)) = chosen else {
-            return whole.clone();
-        };
+        let (spot, mut part) = chosen?;
         // The others on the other side are left out one by one.
         let back = match self {
             Self::Last => Self::First,
@@ -116,7 +115,7 @@ impl Peak {
             }
             part = narrower;
         }
-        part
+        Some(part)
     }
 
     /// The part beyond `reach` from a place, on the wanted side.

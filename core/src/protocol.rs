@@ -1,6 +1,5 @@
 //! The serial line's words: commands in, lines out. Pure text; the firmware brings the bytes.
 
-pub mod baud;
 pub mod calibration;
 pub mod command;
 pub mod flat;

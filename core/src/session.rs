@@ -26,7 +26,7 @@ use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::{PartsOf, ResultLine};
-use crate::protocol::packet::{Format, FrameResult, PixelStream};
+use crate::protocol::packet::FrameResult;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
@@ -37,6 +37,7 @@ use crate::record::Record;
 use crate::record::encoded::EncodedRecord;
 use crate::region::Region;
 use crate::row::Geometry;
+use crate::sending::{Format, PixelStream};
 use crate::settings::{Affects, Setting, Settings, Value};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
@@ -328,8 +329,14 @@ impl Session {
         if let Some(count) = count {
             *count = count.wrapping_add(1);
         }
-        let result = self.output.take(&self.settings, result);
-        let held = self.output.hold(&self.settings, result);
+        let Settings {
+            average,
+            ambient,
+            hold,
+            ..
+        } = self.settings;
+        let result = self.output.take(average, ambient, result);
+        let held = self.output.hold(hold, result);
         let take = core::mem::take;
         let is_zero = take(&mut self.zero_wanted);
         if is_zero {
@@ -463,6 +470,7 @@ impl Session {
                     self.forget_readings();
                 }
                 if value.setting().affects() == Affects::Measurement {
+                    self.output.clear();
                     actions.apply = Some(self.applied());
                 }
                 actions.add_line(&value);
@@ -477,6 +485,7 @@ impl Session {
                     return Err(Refusal::NoCalibration);
                 }
                 self.calibration_on = on;
+                self.output.clear();
                 actions.apply = Some(self.applied());
                 actions.add_line(&command);
             }

@@ -20,9 +20,8 @@ use crate::frame::{MAX_ROWS, Mean};
 use crate::output::average::{self, Average};
 use crate::output::columns::{Column, Columns};
 use crate::peak::Peak;
-use crate::protocol::baud::Baud;
-use crate::protocol::packet::{Format, PixelStream};
 use crate::region::Region;
+use crate::sending::{Baud, Format, PixelStream};
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres, Units};
 

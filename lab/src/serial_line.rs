@@ -58,7 +58,7 @@ const SESSION: [&str; 31] = [
 ];
 
 /// The first lines of the session, which README.md shows.
-const SHORT_SESSION: usize = 10;
+const SHORT_SESSION: usize = 8;
 
 /// Rewrites the reference and the session.
 ///

@@ -8,11 +8,12 @@ use anyhow::{Result, ensure};
 use slitrange::comb::Comb;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::output::average::Average;
 use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
-use slitrange::protocol::packet::Format;
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::reading::{Measured, Reading};
+use slitrange::sending::{Format, PixelStream};
 use slitrange::sensor_heads;
 use slitrange::session::{Actions, Event, Session};
 use slitrange::settings::Value;
@@ -64,11 +65,13 @@ impl Core {
             row_us: 0,
         };
         let mut settings = sensor.settings;
-        (settings.stream, settings.format) = (true, Format::Binary);
-        settings.pixels = Default::default();
         for &value in changes {
             settings.set(value);
         }
+        // Each row is a result of its own.
+        (settings.rate, settings.hold, settings.average) = (0, 0, Average::None);
+        (settings.stream, settings.format) = (true, Format::Binary);
+        settings.pixels = PixelStream::None;
         let mut core = Self {
             measurement: Measurement::new(geometry.clone(), settings),
             session: Session::new(hardware, geometry, StartCause::PowerOn),

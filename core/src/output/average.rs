@@ -267,5 +267,5 @@ impl Filter {
 
 /// The raw integer with [`EXTRA`] more bits.
 fn extended(distance: Micrometres) -> i64 {
-    i64::from(distance.to_bits()) << EXTRA
+    i64::from(distance.to_bits()) * (1 << EXTRA)
 }

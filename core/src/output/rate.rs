@@ -8,15 +8,15 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Whether the line of a result at this time, in microseconds since the start, is sent. At most `rate`
-    /// lines a second are, on average; 0 sends all.
+    /// Whether the line of a result at this time, in microseconds since the start, is sent: at most `rate`
+    /// lines a second on average, or all if it is 0.
     pub fn is_due(&mut self, rate: u16, us: u64) -> bool {
         if rate == 0 {
             return true;
         }
         let period = 1_000_000 / u64::from(rate.max(1));
         let early = self.due_us.saturating_sub(us);
-        // A line that is due later than in a period is due by a lower rate of before.
+        // A line that is due later than in a period was planned for a lower `rate`.
         if early > 0 && early <= period {
             return false;
         }

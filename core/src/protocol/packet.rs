@@ -27,63 +27,6 @@ use crate::protocol::row;
 use crate::reading::{Measured, Reading};
 use crate::row::{Geometry, LARGEST_COUNT};
 
-/// How the sensor writes what it sends: the setting `format`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Format {
-    /// Lines of text.
-    #[default]
-    Text,
-    /// Packets.
-    Binary,
-}
-
-impl Format {
-    /// The name on the serial line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Text => "text",
-            Self::Binary => "binary",
-        }
-    }
-
-    /// Finds a format by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        [Self::Text, Self::Binary]
-            .into_iter()
-            .find(|format| format.name() == name)
-    }
-}
-
-/// Which pixels the sensor sends beside its results: the setting `pixels`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PixelStream {
-    /// None.
-    #[default]
-    None,
-    /// Those around the spot, of the last row of each frame.
-    Window,
-    /// Whole rows, as fast as the line takes them, each with its own result. Frames have no results then.
-    Rows,
-}
-
-impl PixelStream {
-    /// The name on the serial line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Window => "window",
-            Self::Rows => "rows",
-        }
-    }
-
-    /// Finds a choice by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        [Self::None, Self::Window, Self::Rows]
-            .into_iter()
-            .find(|it| it.name() == name)
-    }
-}
-
 /// A packet before the CRC and COBS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Packet<'a> {
@@ -186,7 +129,7 @@ impl Packed {
                     before = Some(number >> 8);
                 }
                 Some(upper) => {
-                    push(upper | (number & 0xf) << 4);
+                    push(upper | (number & 0xf) * (1 << 4));
                     push(number >> 4);
                 }
             }
@@ -208,10 +151,10 @@ pub fn unpack(bytes: &[u8]) -> impl Iterator<Item = u16> {
     bytes.chunks(3).flat_map(|three| {
         let number = |low: Option<&u8>, high: Option<&u8>| Some((*low?, *high?));
         let (low, middle, high) = (three.first(), three.get(1), three.get(2));
-        let first =
-            number(low, middle).map(|(low, middle)| u16::from(low) | u16::from(middle & 0xf) << 8);
+        let first = number(low, middle)
+            .map(|(low, middle)| u16::from(low) | u16::from(middle & 0xf) * (1 << 8));
         let second = number(middle, high)
-            .map(|(middle, high)| u16::from(middle >> 4) | u16::from(high) << 4);
+            .map(|(middle, high)| u16::from(middle >> 4) | u16::from(high) * (1 << 4));
         first.into_iter().chain(second)
     })
 }

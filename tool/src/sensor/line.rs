@@ -8,9 +8,8 @@ use std::fmt;
 use std::io;
 use std::time::Duration;
 
-use slitrange::protocol::baud::Baud;
 use slitrange::protocol::command::{Command, parse};
-use slitrange::protocol::packet::Format;
+use slitrange::sending::{Baud, Format};
 use slitrange::settings::{Setting, Value};
 
 use crate::pc::{Pc, Port};

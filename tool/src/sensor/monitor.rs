@@ -202,7 +202,7 @@ impl<'a> Monitor<'a> {
             Ok(lost) => {
                 // A sensor that started anew counts from zero.
                 self.lost = Some(match self.lost {
-                    Some([first, _]) if first <= lost => [first, lost],
+                    Some([first, _]) if first.0 <= lost.0 && first.1 <= lost.1 => [first, lost],
                     _ => [lost, lost],
                 });
                 Link::There(session)

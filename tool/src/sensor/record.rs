@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use slitrange::ambient::AmbientMode;
-use slitrange::protocol::baud::Baud;
 use slitrange::protocol::command::Command;
 use slitrange::protocol::flat::Flat;
-use slitrange::protocol::packet::{Decoder, Format, PixelStream};
+use slitrange::protocol::packet::Decoder;
+use slitrange::sending::{Baud, Format, PixelStream};
 use slitrange::settings::{Setting, Settings, Value};
 
 use super::answers;

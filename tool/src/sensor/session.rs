@@ -306,7 +306,7 @@ impl Drop for Session<'_> {
     fn drop(&mut self) {
         if let Err(error) = self.put_back() {
             eprintln!(
-                "the sensor's stream and rows stay as they are now, `stream off` and `rows 64`: {error}"
+                "the sensor's own settings could not be put back: check `stream`, `rows` and `echo` ({error})"
             );
         }
     }

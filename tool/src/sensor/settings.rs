@@ -234,6 +234,10 @@ fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
 /// Sets a value, and says what it was.
 fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
     let setting = new.setting();
+    ensure!(
+        !matches!(new, Value::Format(_) | Value::Baud(_)),
+        "`{new}` is not set here: the tool needs text at 115200 baud, and `record` changes both for itself"
+    );
     let before = value(session, setting)?.with_context(|| unknown_to_sensor(setting))?;
     if before == new {
         writeln!(output, "{new} (as before)")?;
@@ -339,6 +343,8 @@ fn load(
             changes.push((before, new));
         }
     }
+    // The tool needs text at 115200 baud.
+    changes.retain(|(_, new)| !matches!(new, Value::Format(_) | Value::Baud(_)));
     for &(before, new) in &changes {
         session
             .set_for_good(new)

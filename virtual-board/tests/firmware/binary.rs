@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use slitrange::measurement::Measurement;
-use slitrange::protocol::baud::Baud;
 use slitrange::protocol::packet::{Decoder, FrameResult, Message, PacketError, RowHead, unpack};
 use slitrange::reading::Measured;
+use slitrange::sending::Baud;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::Settings;
 use virtual_board::{Nanos, VirtualBoard};

@@ -18,14 +18,15 @@ use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
 use slitrange::protocol::modbus::{self, Shown};
 use slitrange::protocol::packet::{
-    Decoder, Format, Message, Packed, Packets, RowHead as RowPacket, RowWords, Window,
-    parts_of_text, unpack,
+    Decoder, Message, Packed, Packets, RowHead as RowPacket, RowWords, Window, parts_of_text,
+    unpack,
 };
 use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::record;
 use slitrange::row::Row;
+use slitrange::sending::Format;
 use slitrange::session::flat::Outcome;
 use slitrange::session::{Actions, Event, Session};
 use slitrange::spot;
