@@ -543,12 +543,16 @@ fn readings_are_averaged_until_something_that_they_share_changes() {
         "estimator adaptive",
         "black shielded",
         "slits one",
+        "rows 7",
+        "region all",
+        "peak strongest",
+        "calibration on",
         "average moving 5",
     ] {
         sensor.set(end);
         assert!(is_near(repeatability(&mut sensor), alone), "{end}");
     }
-    sensor.set("rows 7");
+    sensor.set("rate 0");
     assert!(is_near(repeatability(&mut sensor), alone / 2f64.sqrt()));
     // The zero is an average, and what is relative to it, too.
     sensor.ask("zero");

@@ -129,7 +129,7 @@ impl Packed {
                     before = Some(number >> 8);
                 }
                 Some(upper) => {
-                    push(upper | (number & 0xf) * (1 << 4));
+                    push(upper | ((number & 0xf) * (1 << 4)));
                     push(number >> 4);
                 }
             }
@@ -152,9 +152,9 @@ pub fn unpack(bytes: &[u8]) -> impl Iterator<Item = u16> {
         let number = |low: Option<&u8>, high: Option<&u8>| Some((*low?, *high?));
         let (low, middle, high) = (three.first(), three.get(1), three.get(2));
         let first = number(low, middle)
-            .map(|(low, middle)| u16::from(low) | u16::from(middle & 0xf) * (1 << 8));
+            .map(|(low, middle)| u16::from(low) | (u16::from(middle & 0xf) * (1 << 8)));
         let second = number(middle, high)
-            .map(|(middle, high)| u16::from(middle >> 4) | u16::from(high) * (1 << 4));
+            .map(|(middle, high)| u16::from(middle >> 4) | (u16::from(high) * (1 << 4)));
         first.into_iter().chain(second)
     })
 }

@@ -276,7 +276,7 @@ fn readings_as_text_and_windows_in_binary_all_arrive() {
 }
 
 #[test]
-#[ignore = "takes about two minutes"]
+#[ignore = "400 s of virtual time, some minutes; .ci/run leaves it out"]
 fn readings_as_text_and_windows_in_binary_all_arrive_for_minutes() {
     assert_text_arrives(Duration::from_secs(200));
     assert_windows_arrive(Duration::from_secs(200));
