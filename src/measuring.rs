@@ -259,14 +259,14 @@ fn publish_window(measured: &Measured, geometry: &Geometry, words: &[u16], at: I
     if !SENDS_WINDOWS.load(Ordering::Relaxed) {
         return;
     }
-    if let Some(window) = Window::new(measured, geometry, words) {
-        if let Err(TrySendError::Full(window)) = WINDOWS.try_send((at, window)) {
-            // The oldest one makes room: its result was not sent.
-            let _ = WINDOWS.try_receive();
-            COUNTERS
-                .lines_dropped
-                .add_if(WINDOWS.try_send(window).is_err());
-        }
+    if let Some(window) = Window::new(measured, geometry, words)
+        && let Err(TrySendError::Full(window)) = WINDOWS.try_send((at, window))
+    {
+        // The oldest one makes room: its result was not sent.
+        let _ = WINDOWS.try_receive();
+        COUNTERS
+            .lines_dropped
+            .add_if(WINDOWS.try_send(window).is_err());
     }
 }
 
