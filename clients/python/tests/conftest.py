@@ -25,7 +25,7 @@ def virtual_board(cargo_target: Path) -> Iterator[str]:
         pytest.skip(
             f"the virtual board is not built: run `cargo run --bin demo -- --help` ({demo} is missing)"
         )
-    command = [str(demo), "--pty", "--distance", "0.8"]
+    command = [str(demo), "--pty", "--distance", "800"]
     with subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True) as board:
         try:
             assert board.stdout is not None
