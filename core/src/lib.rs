@@ -56,7 +56,7 @@
 //! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
-//! that rises along the row is removed first. A row of a comb takes 24 KB. At most 54,964 bytes were measured
+//! that rises along the row is removed first. A row of a comb takes 24 KB. At most 55,228 bytes were measured
 //! on the virtual board, in a save that reads the longest record again (docs/proofs.md says how).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

@@ -16,5 +16,5 @@ pub mod row;
 pub mod status;
 pub mod upload;
 
-/// The longest answer, in bytes with its line ends: `help`, with room for twelve settings more.
-pub const MAX_ANSWER: usize = 4608;
+/// The longest answer, in bytes with its line ends: `help`, with room for four settings more.
+pub const MAX_ANSWER: usize = 4352;

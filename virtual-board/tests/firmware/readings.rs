@@ -1,6 +1,6 @@
 //! Tests of the settings that act between a frame's reading and its line.
 
-use crate::common::{DISTANCE, PATIENCE, Status, fresh_results, measuring, number};
+use crate::common::{DISTANCE, PATIENCE, Status, fresh_results, measuring, number, paper, spot_at};
 use virtual_board::VirtualBoard;
 
 /// The next line that begins as asked.
@@ -63,15 +63,16 @@ fn each_setting_of_the_lines_acts() {
     assert!(off.abs() < 50.0, "{off} um");
     set(&mut board, "rate 0");
 
-    // Without the laser there is no reading. Rows under way still have its light.
+    // A target without a spot. Rows under way still have one.
     set(&mut board, "hold 2");
-    set(&mut board, "laser off");
-    let ends = [" h 1", " h 2", "f laser off"].map(|end| {
-        let line = board.run_until_line(|line| line.ends_with(end), PATIENCE);
+    line(&mut board, "@ ");
+    board.set_light(spot_at(1800.0, 0.0));
+    let ends = [" h 1", " h 2", " f no spot"].map(|part| {
+        let line = board.run_until_line(|line| line.contains(part), PATIENCE);
         line.expect("a line").at
     });
     assert!(ends.is_sorted());
-    set(&mut board, "laser on");
+    board.set_light(paper());
 
     set(&mut board, "defaults");
     Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
