@@ -26,7 +26,7 @@
 //! least half of the frame's rows.
 //!
 //! This is the line of the factory's settings. `output` chooses the columns
-//! ([`Columns`](crate::output::columns::Columns)): all that follow the unit may be left out, and the number
+//! ([`Columns`]): all that follow the unit may be left out, and the number
 //! of the distance, too. Three more may come: ` w 7.62131` after `n`, the spot's width in pixels (its width
 //! at half of the height, as a gaussian's sigma), and in front of readings and faults `# 1234 `, the number
 //! of the result, and `@ 12345678 `, its time in microseconds, both since the start. The number also counts

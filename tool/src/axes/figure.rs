@@ -208,7 +208,7 @@ impl Drawable<Figure<'_>> for Shape {
     }
 }
 
-/// An SVG file with [`FINE`] times the pixels that plotters knows of.
+/// An SVG file with `FINE` times the pixels that plotters knows of.
 pub struct Figure<'a> {
     svg: SVGBackend<'a>,
     path: PathBuf,
