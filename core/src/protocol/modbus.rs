@@ -560,7 +560,9 @@ mod tests {
             (state >> 24) as u8
         };
         let mut changed = 0;
-        for _ in 0..100_000 {
+        // Miri takes its time.
+        let requests = if cfg!(miri) { 100 } else { 100_000 };
+        for _ in 0..requests {
             let function = [3, 4, 6, 16][usize::from(random() % 4)];
             let mut body = std::vec![STATION, function, 0, random() % 6, 0];
             body.extend((0..random() % 10).map(|_| random() % 8));
@@ -569,7 +571,7 @@ mod tests {
             assert!(changes.is_empty() || bytes[1] == function);
             changed += usize::from(!changes.is_empty());
         }
-        println!("{changed} of 100000 change a setting");
-        assert!(changed > 100);
+        println!("{changed} of {requests} change a setting");
+        assert!(cfg!(miri) || changed > 100);
     }
 }
