@@ -89,7 +89,7 @@ pub struct FrameEnd {
     pub number: u32,
     /// The centre, or why there is none.
     pub result: Result<Measured, Fault>,
-    /// When the words of the frame's last row were in memory; if no row came, when that was noticed.
+    /// When the words of the frame's last row were in memory. If no row came: when the firmware noticed it.
     pub at: Instant,
 }
 

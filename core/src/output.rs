@@ -38,8 +38,8 @@ impl Output {
             .take(average, ambient == AmbientMode::Subtract, result)
     }
 
-    /// Takes what [`Output::take`] returned. Returns what the stream gives. `results` is how long a reading is
-    /// held.
+    /// Takes what [`Output::take`] returned. Returns what the stream gives. `results` is how long a reading
+    /// is held.
     pub fn hold(
         &mut self,
         results: u16,

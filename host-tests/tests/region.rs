@@ -244,8 +244,8 @@ fn one_spot_is_the_first_and_the_last() {
     }
 }
 
-/// Spots that are too close to be parted: the answer is one of them, a fault or a flag. Two that look like one
-/// spot are measured as without the setting.
+/// Spots that are too close to be parted: the answer is one of them, a fault or a flag. Two that look like
+/// one spot are measured as without the setting.
 #[test]
 fn close_spots_give_no_confident_error() {
     let mut random = ChaCha8Rng::seed_from_u64(6);

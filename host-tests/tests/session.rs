@@ -554,7 +554,7 @@ fn readings_are_averaged_until_something_that_they_share_changes() {
     }
     sensor.set("rate 0");
     assert!(is_near(repeatability(&mut sensor), alone / 2f64.sqrt()));
-    // The zero is an average, and what is relative to it, too.
+    // `zero` takes an average. The readings that are relative to it are averages, too.
     sensor.ask("zero");
     sensor.take(Event::Frame(Ok(noisy)));
     let line = sensor.take(Event::Frame(Ok(noisy)));

@@ -31,8 +31,8 @@ pub fn watch_interrupts() -> bool {
     pressed.load(Ordering::Relaxed)
 }
 
-/// Standard input. Once [`watch_interrupts`] was called, Ctrl-C is the input's end: the system goes on waiting
-/// for a line after Ctrl-C, so a thread waits in place of the program.
+/// Standard input. Once [`watch_interrupts`] was called, Ctrl-C is the input's end: the system goes on
+/// waiting for a line after Ctrl-C, so a thread waits in place of the program.
 #[derive(Debug, Default)]
 pub struct Keyboard {
     lines: Option<Receiver<io::Result<Vec<u8>>>>,

@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::order::FEWEST_TO_REJECT;
 use super::report::{Range, Report};
 
-/// The largest uncertainty of a good curve, over its range of distances. Makers of triangulation sensors state
-/// a linearity of 0.05 to 0.3 % of the range.
+/// The largest uncertainty of a good curve, over its range of distances. Makers of triangulation sensors
+/// state a linearity of 0.05 to 0.3 % of the range.
 const GOOD: f64 = 1e-3;
 
 /// The largest uncertainty of a usable curve, over its range of distances.
@@ -37,7 +37,7 @@ pub struct Verdict {
 pub enum Grade {
     /// Nothing speaks against it.
     Good,
-    /// It can be used, with the uncertainty that is said, or until there is a better one.
+    /// A person can use it, with the uncertainty that the verdict states.
     Usable,
     /// The sensor would be wrong by more than a hundredth of its range, or nobody can tell.
     NotUsable,

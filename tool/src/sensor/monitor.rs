@@ -79,7 +79,7 @@ enum Link<'a> {
     Gone(Away<'a>, String),
 }
 
-/// What is known of the readings.
+/// The readings so far, and how they came.
 struct Monitor<'a> {
     options: &'a MonitorOptions,
     pc: &'a dyn Pc,
@@ -362,7 +362,7 @@ impl<'a> Monitor<'a> {
         )
     }
 
-    /// What is said at the end.
+    /// The text at the end of the command.
     fn sum_up(&self, output: &mut dyn Write) -> Result<()> {
         writeln!(
             output,

@@ -21,7 +21,7 @@ impl PortOption {
     /// Gives the port's name.
     ///
     /// # Errors
-    /// In sentences: no port is named, and a sensor answers at none of them, or at several.
+    /// No port is named, and a sensor answers at none of the PC's ports, or at several.
     pub fn find(&self, pc: &dyn Pc) -> Result<String> {
         match &self.port {
             Some(port) => Ok(port.clone()),

@@ -17,7 +17,8 @@ const D_MM: f64 = -115.4;
 /// stage's zero may be anywhere: where it is, eq. (1)'s D takes in.
 const SENSIBLE_MM: RangeInclusive<f64> = -8380.0..=8380.0;
 
-/// Distances that somebody gives in metres by a slip are no larger: the largest that a record holds, in metres.
+/// Distances that somebody gives in metres by a slip are no larger: the largest that a record holds, in
+/// metres.
 const METRES: f64 = 8.38;
 
 /// The step of the distances that a person is asked for, in millimetres: what a ruler shows.

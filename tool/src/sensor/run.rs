@@ -49,12 +49,12 @@ const FINEST_PX: f64 = 1e-5;
 ///
 /// Moves the target, or asks you to, from one distance to the next. At each, the frame under way is passed
 /// over and --frames frames are taken; their mean centre, its uncertainty and what the sensor flagged become
-/// a line of FILE. What is in FILE is safe whatever happens (Ctrl-C, a cable that falls out, a sensor without
-/// power): run the same command again, and it goes on with the distances that are missing.
+/// a line of FILE. What is in FILE is safe whatever happens (Ctrl-C, a cable that falls out, a sensor
+/// without power): run the same command again, and it goes on with the distances that are missing.
 ///
 /// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (if the
-/// program is killed, by the next run that goes on with FILE). Its estimator and black level stay as they are, and are
-/// what the calibration will hold for: set them before.
+/// program is killed, by the next run that goes on with FILE). Its estimator and black level stay as they
+/// are, and are what the calibration will hold for: set them before.
 #[derive(Clone, Debug, clap::Args)]
 #[command(
     override_usage = "\
@@ -485,9 +485,10 @@ impl Walk<'_> {
 
 /// The point at another distance that a target at rest would give once more, if there is one.
 ///
-/// The distance that was said to change moves the centre by eq. (1)'s slope at least. That is the slope of the
-/// nominal geometry at the farther end of its range, or at the distance if that is beyond. A centre that moves
-/// by less than a tenth of that is at rest. Where a tenth is within the noise, nobody can tell.
+/// The person states that the distance changed. By eq. (1) the centre then moves by the change times the
+/// slope, at least. This takes the slope of the nominal geometry at the farther end of its range, or at the
+/// distance if that is beyond. A centre that moves by less than a tenth of that is at rest. Where a tenth is
+/// within the noise, nobody can tell.
 fn at_rest<'a>(points: &'a [Taken], point: &Taken) -> Option<&'a Taken> {
     points.iter().find(|other| {
         let beyond = FARTHEST_MM.max(point.d_mm.abs()).max(other.d_mm.abs()) - NOMINAL_D_MM;

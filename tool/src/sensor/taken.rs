@@ -234,9 +234,8 @@ impl PointsFile {
     /// Opens a file for more points, or begins one. `found` is how the sensor was before the run, and
     /// `started` the time, as its first lines have them.
     ///
-    /// # Errors
-    /// There is such a file, but not of this program or of another sensor or setting; or it cannot be read or
-    /// written.
+    /// # Errors There is such a file, but not of this program or of another sensor or setting; or it cannot
+    /// be read or written.
     pub fn open(path: &Path, setup: &Setup, found: Before, started: &str) -> Result<Self> {
         let shown = path.display();
         let bytes = match std::fs::read(path) {
@@ -697,8 +696,8 @@ mod tests {
         }
     }
 
-    /// A person asked for 640 mm reads 646 mm off the ruler: that point stands for 640 mm, also after the file
-    /// is opened again, until it is taken back.
+    /// A person asked for 640 mm reads 646 mm off the ruler: that point stands for 640 mm, also after the
+    /// file is opened again, until it is taken back.
     #[test]
     fn a_point_stands_for_the_position_that_was_asked_for() {
         let directory = tempfile::tempdir().expect("a directory");

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
     use host_tests::hard_cases::mixtures;
 
-    /// Rows of all kinds are told in words, without a name or a brace of the program.
+    /// The story of each kind of row has words only: no name and no brace of the program's code.
     #[test]
     fn rows_are_told_in_words() {
         println!(
