@@ -62,11 +62,10 @@ impl Stored {
     }
 }
 
-/// A usable item.
+/// Which of the usable items.
 struct Item {
     number: u32,
     sector: Sector,
-    configuration: Configuration,
 }
 
 /// The result of a search through the items of both sectors.
@@ -100,10 +99,13 @@ impl<F: NorFlash> Store<F> {
                 last,
             }) => {
                 let is_last = newest.number == last && self.is_last(&newest).await;
-                if is_last {
-                    Stored::Newest(newest.configuration)
-                } else {
-                    Stored::Older(newest.configuration)
+                let Ok(Some(length)) = self.read_item(&newest).await else {
+                    return Stored::Unusable;
+                };
+                match configuration::decode(self.item.get(NUMBER..length).unwrap_or_default()) {
+                    Ok(configuration) if is_last => Stored::Newest(configuration),
+                    Ok(configuration) => Stored::Older(configuration),
+                    Err(_) => Stored::Unusable,
                 }
             }
             Ok(_) if matches!(self.is_blank().await, Ok(true)) => Stored::Nothing,
@@ -111,27 +113,50 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Whether no save was started after this item: it is the last thing in its sector, and if the sector has
-    /// no room for another item, the other sector is erased or holds whole, older items.
+    /// Whether no save was started after this item.
     async fn is_last(&mut self, newest: &Item) -> bool {
-        let sector = newest.sector;
-        let other_is_newer = match sector.room(&mut self.flash).await {
-            Ok(room) if room < (HEADER + LONGEST) as u32 => self.is_broken(sector.other()).await,
-            Ok(_) => Ok(false),
-            Err(error) => Err(error),
-        };
-        // Compare the bytes in flash: earlier firmware encoded the same configuration in other bytes.
-        let Ok(Some(length)) = self.read_item(newest).await else {
-            return false;
-        };
-        let item = self.item.get(..length);
-        let ends_with = newest
-            .sector
-            .ends_with(&mut self.flash, item.unwrap_or_default());
-        matches!(other_is_newer, Ok(false)) && matches!(ends_with.await, Ok(true))
+        match self.read_item(newest).await {
+            Ok(Some(length)) => self.is_at_the_end(newest.sector, length).await,
+            _ => false,
+        }
     }
 
-    /// Reads an item's bytes into the buffer, and gives their number.
+    /// Whether flash holds this item, and no save was started after it.
+    async fn is_last_with(&mut self, newest: &Item, configuration: &Configuration) -> bool {
+        match self.write_item(newest.number, configuration) {
+            Ok(length) => self.is_at_the_end(newest.sector, length).await,
+            Err(_) => false,
+        }
+    }
+
+    /// Whether the item in the buffer is the last thing in a sector. If the sector has no room for another
+    /// item, the other sector must be erased or hold whole, older items.
+    async fn is_at_the_end(&mut self, sector: Sector, length: usize) -> bool {
+        let item = self.item.get(..length).unwrap_or_default();
+        if !matches!(sector.ends_with(&mut self.flash, item).await, Ok(true)) {
+            return false;
+        }
+        match sector.room(&mut self.flash).await {
+            Ok(room) if room < (HEADER + LONGEST) as u32 => {
+                matches!(self.is_broken(sector.other()).await, Ok(false))
+            }
+            Ok(_) => true,
+            Err(_) => false,
+        }
+    }
+
+    /// Writes an item into the buffer, and gives its length.
+    fn write_item(
+        &mut self,
+        number: u32,
+        configuration: &Configuration,
+    ) -> Result<usize, StoreError> {
+        let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
+        *head = number.to_le_bytes();
+        Ok(NUMBER.saturating_add(configuration::encode(configuration, body)?.len()))
+    }
+
+    /// Reads an item into the buffer, and gives its length.
     async fn read_item(&mut self, wanted: &Item) -> Result<Option<usize>, StoreError> {
         let mut queue = wanted.sector.queue(&mut self.flash);
         let Some(mut iterator) = none_if_corrupt(queue.iter().await)? else {
@@ -166,15 +191,12 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`StoreError`] says why the save failed.
     pub async fn save(&mut self, configuration: &Configuration) -> Result<(), StoreError> {
-        // Compare what a later read will give: flash holds neither the settings of a session nor fractions of
-        // a count.
-        let bytes = configuration::encode(configuration, &mut self.item)?;
-        let configuration = &configuration::decode(bytes)?;
+        // Refuse what no later read would take.
+        configuration::check(configuration::encode(configuration, &mut self.item)?)?;
         let Items { last, newest } = self.items().await?;
         if let Some(newest) = &newest
-            && newest.configuration == *configuration
             && newest.number == last
-            && self.is_last(newest).await
+            && self.is_last_with(newest, configuration).await
         {
             return Ok(());
         }
@@ -215,9 +237,7 @@ impl<F: NorFlash> Store<F> {
     ) -> Result<bool, StoreError> {
         // The number ends only after 2^32 saves, which no flash endures.
         let number = last.checked_add(1).ok_or(StoreError::Worn)?;
-        let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
-        *head = number.to_le_bytes();
-        let length = NUMBER.saturating_add(configuration::encode(configuration, body)?.len());
+        let length = self.write_item(number, configuration)?;
         let item = self.item.get(..length).unwrap_or_default();
         let pushed = sector.queue(&mut self.flash).push(item, false).await;
         if none_if_corrupt(pushed)?.is_none() {
@@ -226,9 +246,7 @@ impl<F: NorFlash> Store<F> {
         let Some(newest) = self.items().await?.newest else {
             return Ok(false);
         };
-        Ok(newest.number == number
-            && newest.configuration == *configuration
-            && self.is_last(&newest).await)
+        Ok(newest.number == number && self.is_last_with(&newest, configuration).await)
     }
 
     /// Reads the items of both sectors.
@@ -255,12 +273,8 @@ impl<F: NorFlash> Store<F> {
                 {
                     continue;
                 }
-                if let Ok(configuration) = configuration::decode(bytes) {
-                    items.newest = Some(Item {
-                        number,
-                        sector,
-                        configuration,
-                    });
+                if configuration::check(bytes).is_ok() {
+                    items.newest = Some(Item { number, sector });
                 }
             }
         }

@@ -114,6 +114,15 @@ pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
     Ok(Configuration { settings, record })
 }
 
+/// Whether [`decode`] takes these bytes. Not inlined, so that it uses the stack only while it runs.
+///
+/// # Errors
+/// Those of [`decode`].
+#[inline(never)]
+pub fn check(bytes: &[u8]) -> Result<(), ConfigurationError> {
+    decode(bytes).map(drop)
+}
+
 /// Skips the lines of settings that this firmware does not know: later firmware has more.
 fn read_lines(lines: &[u8]) -> Result<Settings, ConfigurationError> {
     let lines = core::str::from_utf8(lines).map_err(|_| ConfigurationError::NotText)?;
