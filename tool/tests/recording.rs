@@ -8,14 +8,16 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use simulator::scene::Scene;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use simulator::scene::{Scene, Sensor, Spot, file};
 use slitrange::ambient::AmbientMode;
 use slitrange::settings::Settings;
 use slitrange_tool::Command;
 use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::recording;
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Firmware, VirtualBoard};
+use virtual_board::{Exposure, Firmware, LightSource, VirtualBoard};
 
 /// A PC whose clock is the board's, with the board at its only serial port, and the bytes that the port has
 /// not given yet.
@@ -136,7 +138,7 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     assert!(said.contains("40 distances"), "{said}");
     assert!(said.contains("all rows give the bits"), "{said}");
 
-    let recorded = recording::read(&file).expect("a recording");
+    let recorded = recording::open(&file).expect("a recording");
     let settings = Settings {
         rows: 4,
         ambient: AmbientMode::Off,
@@ -145,10 +147,12 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     let of_recording = Settings {
         stream: true,
         pixels: Default::default(),
-        ..recorded.sensor.settings
+        ..recorded.sensor().settings
     };
     assert_eq!(of_recording, settings);
-    assert!(recorded.rows.iter().all(|row| row.words.len() == 3694));
+    for row in recorded {
+        assert_eq!(row.expect("a row").words.len(), 3694);
+    }
 
     // Other settings find other centres.
     let csv = directory.path().join("rows.csv");
@@ -173,14 +177,15 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     );
 
     // A record of another centre is noticed.
-    let mut other = recording::read(&file).expect("a recording");
-    for row in &mut other.rows[..3] {
-        row.words.rotate_left(1);
-    }
+    let other = recording::open(&file).expect("a recording");
     let mut writer = recording::Writer::default();
-    let mut bytes = writer.head(&other.sensor);
-    for row in &other.rows {
-        bytes.extend(writer.row(row));
+    let mut bytes = writer.head(other.sensor());
+    for (place, row) in other.enumerate() {
+        let mut row = row.expect("a row");
+        if place < 3 {
+            row.words.rotate_left(1);
+        }
+        bytes.extend(writer.row(&row));
     }
     std::fs::write(&file, bytes).expect("the recording");
     let (code, said) = desk.slitrange(&["replay", path]);
@@ -189,12 +194,119 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     desk.0.into_inner().finish().expect("a clean run");
 }
 
+/// The rows of the long run below. `SLITRANGE_ROWS` sets another number.
+const MANY_ROWS: u64 = 100_000;
+
+/// The rows that the long run records between two changes of light and settings.
+const A_SCENE: u64 = 500;
+
+/// Settings of the long run, one after the other. The estimators compute in whole numbers and in floats.
+const SETTINGS_IN_TURN: [&str; 8] = [
+    "estimator adaptive",
+    "exposure auto",
+    "estimator gauss-newton",
+    "black frame",
+    "estimator fraunhofer",
+    "exposure 5600",
+    "estimator phase-table",
+    "black shielded",
+];
+
+/// Random spots, each for some rows: anywhere on the row and beyond its edges, narrow and wide, dim and
+/// saturated.
+fn any_spots(seed: u64) -> LightSource {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut row = 0;
+    let mut centre = 0.0;
+    Box::new(move |_: &Exposure| {
+        row += 1;
+        // The line takes one row in eleven.
+        if row % 8 == 0 {
+            centre = random.random_range(-20.0..3668.0);
+        }
+        let scene = Scene {
+            seed,
+            spot: Some(Spot {
+                width: random.random_range(0.8_f64.ln()..130_f64.ln()).exp(),
+                counts_per_second: random.random_range(4_f64.ln()..12_000_f64.ln()).exp(),
+            }),
+            ..Scene::white_paper()
+        };
+        scene.row_with_centre(row, centre, 1.0)
+    })
+}
+
+/// Shows random spots, a scene of the folder, random spots, and so on.
+fn show(desk: &Desk, turn: usize) -> String {
+    let mut names = file::names().expect("the folder of scenes");
+    names.retain(|name| {
+        let scene = Scene::load(name).expect("a scene");
+        scene.sensor == Sensor::Tcd1304dg
+    });
+    let seed = 7_001 + turn as u64;
+    let mut board = desk.0.borrow_mut();
+    if turn.is_multiple_of(2) {
+        board.set_light(any_spots(seed));
+        return "random spots".to_owned();
+    }
+    let name = names[turn / 2 % names.len()].clone();
+    let scene = Scene {
+        seed,
+        ..Scene::load(&name).expect("a scene")
+    };
+    let target = Target::at(scene.distance);
+    board.set_light(of_scene(scene, target));
+    name
+}
+
+/// The firmware on the emulated board measures rows of many scenes, and a PC measures them once more: bit by
+/// bit the same.
+#[test]
+#[ignore = "a hundred thousand rows are two hours of virtual time; SLITRANGE_ROWS sets another number"]
+fn a_hundred_thousand_rows_of_the_firmware_give_the_same_bits_on_a_pc() {
+    let wanted = match std::env::var("SLITRANGE_ROWS") {
+        Ok(number) => number.parse().expect("SLITRANGE_ROWS is a number"),
+        Err(_) => MANY_ROWS,
+    };
+    let desk = Desk::new();
+    desk.ask("stream off");
+    let directory = tempfile::tempdir().expect("a directory");
+    let file = directory.path().join("rows.slitrange");
+    let path = file.to_str().expect("a path");
+    let (mut done, mut turn) = (0, 0);
+    while done < wanted {
+        let setting = SETTINGS_IN_TURN[turn % SETTINGS_IN_TURN.len()];
+        assert_eq!(desk.ask(setting), setting);
+        let scene = show(&desk, turn);
+        let slits = if scene == "comb" {
+            "slits comb"
+        } else {
+            "slits one"
+        };
+        assert_eq!(desk.ask(slits), slits);
+        let rows = A_SCENE.min(wanted - done);
+        let count = rows.to_string();
+        let (code, _) = desk.slitrange(&["record", "--port", "board", "--rows", &count, path]);
+        assert_eq!(code, ExitCode::SUCCESS);
+        let (code, said) = desk.slitrange(&["replay", path]);
+        assert_eq!(code, ExitCode::SUCCESS, "{said}");
+        let all = format!("{rows} rows of TCD1304DG");
+        assert!(said.starts_with(&all), "{said}");
+        assert!(!said.contains("damaged"), "{said}");
+        (done, turn) = (done + rows, turn + 1);
+        let seconds = desk.0.borrow().statistics().seconds;
+        println!("{done} of {wanted} rows are the same, {seconds:.0} s: {scene}, {setting}");
+        std::fs::remove_file(&file).expect("the recording");
+    }
+    desk.0.into_inner().finish().expect("a clean run");
+}
+
 #[test]
 fn a_file_that_is_no_recording_is_refused() {
     let directory = tempfile::tempdir().expect("a directory");
     let file = directory.path().join("points.csv");
     std::fs::write(&file, "distance,centre\n800,1770\n").expect("a file");
-    let error = recording::read(&file).expect_err("no recording");
+    let error = recording::open(&file).expect_err("no recording");
     assert!(
         format!("{error:#}").contains("is no recording"),
         "{error:#}"
