@@ -211,6 +211,10 @@ impl Reference {
             let line = std::mem::take(&mut self.0);
             return (line.len() <= MAX_LINE).then_some(Ok(line));
         }
+        // A break before a line.
+        if byte == 0 && self.0.is_empty() {
+            return None;
+        }
         self.0.push(byte);
         (self.0.len() == MAX_LINE + 1).then_some(Err(Error::TooLong))
     }

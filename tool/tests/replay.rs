@@ -300,6 +300,25 @@ fn rows_are_read_one_after_the_other() {
     assert!(endless.total <= most, "{} of {most}", endless.total);
 }
 
+/// Without one of its lines, the text could stand for other settings. A row stands for itself.
+#[test]
+fn damaged_text_is_refused_and_a_damaged_row_is_left_out() {
+    let mut bytes = Vec::new();
+    let mut file = Repeated::new(4);
+    let head = file.head.len();
+    file.read_to_end(&mut bytes).expect("bytes");
+    for place in (0..head).step_by(7).chain([head - 1]) {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 0x10;
+        assert!(Reader::new(&damaged[..]).is_err(), "{place} of {head}");
+    }
+    let first_row = head + 4;
+    bytes[first_row] ^= 0x10;
+    let mut reader = Reader::new(&bytes[..]).expect("a recording");
+    assert_eq!(reader.by_ref().flatten().count(), 3);
+    assert_eq!(reader.damaged(), 1);
+}
+
 /// The most bytes that `replay` of so many rows has allocated at a time, with a table.
 fn most_memory(directory: &std::path::Path, rows: usize) -> usize {
     let path = directory.join(format!("{rows}.slitrange"));
