@@ -111,7 +111,7 @@ impl Sensor {
             serial_number: Some(17),
             estimator: Some(self.estimator),
             black_level: Some(BlackLevel::Shielded),
-            slits: Slits::One,
+            ..Setup::default()
         };
         let before = Before {
             streamed: true,
