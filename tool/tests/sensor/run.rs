@@ -618,8 +618,9 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
 #[test]
 fn a_run_with_a_region_goes_on_with_this_region() {
     let sensor = StandIn::new(31, Trouble::default());
-    let set = ["region 1000 3000", "peak last"];
-    set.map(|line| sensor.state().type_line(line));
+    for line in ["region 1000 3000", "peak last"] {
+        sensor.state().type_line(line);
+    }
     let run = |wanted: &[f64]| run_stage(&sensor, wanted, &["--frames", "1"]);
     let mut steps = 0;
     sensor.each_step(move |state| {
