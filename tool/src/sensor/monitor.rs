@@ -50,9 +50,10 @@ const PROGRESS: Duration = Duration::from_secs(10);
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "\
 The columns of FILE are: time_s (since the start, by the PC's clock), kind (reading, difference: a distance
-relative to `zero`, fault, held: a fault, with an earlier distance in its place, gap: the sensor went away), number and sensor_us (with the columns counter and time
-of the setting `output`), distance_mm, u_mm, r_mm, centre_px, height_counts, width_px, rows_used, rows,
-exposure_us (empty: the longest exposure), slits, flags, fault. What the sensor does not send is empty.
+relative to `zero`, fault, held: a fault with an earlier distance in its place, gap: the sensor went away),
+number and sensor_us (with the columns counter and time of the setting `output`), distance_mm, u_mm, r_mm,
+centre_px, height_counts, width_px, rows_used, rows, exposure_us (empty: the longest exposure), slits, flags,
+fault. What the sensor does not send is empty.
 
 Examples:
   slitrange monitor

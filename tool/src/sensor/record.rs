@@ -122,7 +122,8 @@ fn sensor(session: &mut Session<'_>) -> Result<Sensor> {
     })
 }
 
-/// Takes rows until there are enough, or somebody presses Ctrl-C. Gives their number, and how many rows the sensor read between them.
+/// Takes rows until there are enough, or somebody presses Ctrl-C. Gives their number, and how many rows the
+/// sensor read between them.
 fn take_rows(
     session: &mut Session<'_>,
     baud: Baud,
