@@ -92,12 +92,15 @@ impl<'a> Session<'a> {
     /// The port cannot be opened, or what answers there is no sensor.
     pub fn open(pc: &'a dyn Pc, port: &str) -> Result<Self, LineError> {
         let mut line = Line::open(pc, port)?;
-        let streamed = match line.synchronise_once() {
+        let answer = match line.synchronise_once() {
             // It may speak packets, or have another rate.
             Err(LineError::Silent { .. }) => line.wake(),
-            // It may have got its power with the port.
+            answer => answer,
+        };
+        let streamed = match answer {
+            // It may have got its power with the port, or a moment ago.
             Err(LineError::Restarted { .. }) => line.synchronise(),
-            synchronised => synchronised,
+            answer => answer,
         }?;
         let mut session = Self {
             line,
