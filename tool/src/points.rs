@@ -773,6 +773,8 @@ mod tests {
                 estimator: Some(Estimator::Fraunhofer),
                 black_level: Some(black_level),
                 slits: Slits::Comb,
+                region: Region::new(1000, 3000).expect("a region"),
+                peak: Peak::Last,
             };
             let mut read = Setup::default();
             for (name, value) in setup.comments() {

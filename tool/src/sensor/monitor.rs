@@ -159,10 +159,10 @@ impl<'a> Monitor<'a> {
             link = match link {
                 Link::There(session) => self.listen(session, screen.is_none(), output)?,
                 Link::Gone(away, _) => match away.find_again() {
-                    Ok(session) => self.start(session),
-                    Err((away, error)) => {
+                    Link::There(session) => self.start(session),
+                    gone => {
                         self.pc.sleep(TICK);
-                        Link::Gone(away, error.to_string())
+                        gone
                     }
                 },
             };

@@ -37,10 +37,7 @@ pub struct Away<'a> {
 
 impl<'a> Away<'a> {
     /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers.
-    ///
-    /// # Errors
-    /// Nobody answers.
-    pub fn find_again(self) -> Result<Session<'a>, (Self, LineError)> {
+    pub fn find_again(self) -> Link<'a> {
         let answers = Line::open(self.pc, &self.port).and_then(|mut line| line.answers());
         let opened = match answers {
             Ok(_) | Err(LineError::Restarted { .. }) => Session::open(self.pc, &self.port),
@@ -49,9 +46,9 @@ impl<'a> Away<'a> {
         match opened {
             Ok(mut session) => {
                 (session.before, session.borrowed) = (self.before, self.borrowed);
-                Ok(session)
+                Link::There(session)
             }
-            Err(error) => Err((self, error)),
+            Err(error) => Link::Gone(self, error.to_string()),
         }
     }
 }

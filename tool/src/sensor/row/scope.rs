@@ -120,7 +120,7 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         }
         link = match link {
             Link::Gone(away, _) => match away.find_again() {
-                Ok(mut session) => {
+                Link::There(mut session) => {
                     // One that started anew has forgotten what was set.
                     if let Ok(now) = InUse::of(&mut session) {
                         scope.settings = now;
@@ -128,9 +128,9 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
                     silent = 0;
                     Link::There(session)
                 }
-                Err((away, error)) => {
+                gone => {
                     pc.sleep(PAUSE);
-                    Link::Gone(away, error.to_string())
+                    gone
                 }
             },
             Link::There(mut session) => match scope.ask(&mut session) {
@@ -229,10 +229,11 @@ impl Scope {
                     self.settings.estimator = next;
                 }
             }
-            Key::Char('r') => match self.next_region() {
-                Some(region) => self.set_region(region, session)?,
-                None => {}
-            },
+            Key::Char('r') => {
+                if let Some(region) = self.next_region() {
+                    self.set_region(region, session)?;
+                }
+            }
             Key::Char('R') => self.set_region(Region::ALL, session)?,
             _ => {}
         }
