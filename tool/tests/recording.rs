@@ -1,6 +1,6 @@
 //! Records rows of the firmware on the emulated board, and measures them once more on this PC.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::io;
 use std::path::Path;
@@ -21,7 +21,24 @@ use virtual_board::{Exposure, Firmware, LightSource, VirtualBoard};
 
 /// A PC whose clock is the board's, with the board at its only serial port, and the bytes that the port has
 /// not given yet.
-struct Desk(RefCell<VirtualBoard>, RefCell<VecDeque<u8>>);
+struct Desk(RefCell<VirtualBoard>, RefCell<VecDeque<u8>>, Trouble);
+
+/// What goes wrong once.
+#[derive(Default)]
+struct Trouble {
+    /// A byte of the next command `format binary` is lost.
+    loses_a_byte: Cell<bool>,
+    /// Somebody presses Ctrl-C after so many bytes from the sensor.
+    interrupted_in: Cell<Option<usize>>,
+    /// The port fails after so many bytes from the sensor, and works again.
+    fails_in: Cell<Option<usize>>,
+}
+
+/// Counts down. Whether the count is over.
+fn is_over(left: &Cell<Option<usize>>, count: usize) -> bool {
+    left.set(left.get().map(|left| left.saturating_sub(count)));
+    left.get() == Some(0)
+}
 
 impl Desk {
     fn new() -> Self {
@@ -34,11 +51,17 @@ impl Desk {
                 Duration::from_secs(1),
             )
             .expect("a banner");
-        Self(RefCell::new(board), RefCell::default())
+        Self(RefCell::new(board), RefCell::default(), Trouble::default())
     }
 
     /// A command of the tool: how it ends, and what it says.
     fn slitrange(&self, arguments: &[&str]) -> (ExitCode, String) {
+        let (result, output) = self.try_slitrange(arguments);
+        (result.unwrap_or_else(|error| panic!("{error:#}")), output)
+    }
+
+    /// The same of a command that may fail.
+    fn try_slitrange(&self, arguments: &[&str]) -> (anyhow::Result<ExitCode>, String) {
         println!("$ slitrange {}", arguments.join(" "));
         let all = ["slitrange"].iter().chain(arguments);
         let command = Command::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
@@ -46,7 +69,7 @@ impl Desk {
         let result = command.run(self, &mut io::empty(), &mut output);
         let output = String::from_utf8(output).expect("text");
         println!("{output}");
-        (result.unwrap_or_else(|error| panic!("{error:#}")), output)
+        (result, output)
     }
 
     /// A command, and the sensor's answer, both as lines.
@@ -70,6 +93,10 @@ impl Pc for Desk {
         Duration::from_nanos(self.0.borrow().now())
     }
 
+    fn interrupted(&self) -> bool {
+        is_over(&self.2.interrupted_in, 0)
+    }
+
     fn sleep(&self, time: Duration) {
         self.0.borrow_mut().run_for(time).expect("a clean run");
     }
@@ -84,7 +111,13 @@ impl Port for &Desk {
             // The lines would pile up.
             board.take_lines();
             if !pending.is_empty() {
-                return io::Read::read(&mut *pending, bytes);
+                let count = io::Read::read(&mut *pending, bytes)?;
+                is_over(&self.2.interrupted_in, count);
+                if is_over(&self.2.fails_in, count) {
+                    self.2.fails_in.set(None);
+                    return Err(io::ErrorKind::BrokenPipe.into());
+                }
+                return Ok(count);
             }
             if board.now() >= until {
                 return Err(io::ErrorKind::TimedOut.into());
@@ -98,7 +131,12 @@ impl Port for &Desk {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let mut board = self.0.borrow_mut();
         let now = board.now();
-        board.send_at(now, bytes);
+        let mut bytes = bytes.to_vec();
+        let binary = b"format binary";
+        if bytes.windows(binary.len()).any(|it| it == binary) && self.2.loses_a_byte.take() {
+            bytes.remove(bytes.len() / 2);
+        }
+        board.send_at(now, &bytes);
         Ok(())
     }
 }
@@ -127,11 +165,53 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     assert_eq!(code, ExitCode::SUCCESS);
     assert!(said.contains("40 rows written"), "{said}");
 
-    // The sensor is as it was, but for what only programs need.
-    assert_eq!(desk.ask("rows"), "rows 4");
-    assert_eq!(desk.ask("ambient"), "ambient subtract");
-    assert_eq!(desk.ask("format"), "format text");
-    assert_eq!(desk.ask("pixels"), "pixels none");
+    // The sensor is as it was, but speaks text at the rate of every start.
+    let is_as_before = || {
+        for line in [
+            "format text",
+            "baud 115200",
+            "pixels rows",
+            "rows 4",
+            "ambient subtract",
+            "stream on",
+        ] {
+            let name = line.split(' ').next().expect("a name");
+            assert_eq!(desk.ask(name), line);
+        }
+    };
+    is_as_before();
+
+    // Also after Ctrl-C and after an error, and if a byte was lost on the way to packets. A row has 6000
+    // bytes.
+    let other = directory.path().join("ended.slitrange");
+    let record = [
+        "record",
+        "--port",
+        "A",
+        "--rows",
+        "40",
+        other.to_str().expect("a path"),
+    ];
+    desk.2.loses_a_byte.set(true);
+    desk.2.interrupted_in.set(Some(30_000));
+    let (code, said) = desk.slitrange(&record);
+    assert!(!desk.2.loses_a_byte.get());
+    desk.2.interrupted_in.set(None);
+    assert_eq!(code, ExitCode::SUCCESS);
+    let rows = recording::read(&other).expect("a recording").rows.len();
+    assert!((1..40).contains(&rows), "{rows}");
+    assert!(
+        said.starts_with(&format!("ended by Ctrl-C: {rows} rows written")),
+        "{said}"
+    );
+    is_as_before();
+    std::fs::remove_file(&other).expect("a file");
+    desk.2.fails_in.set(Some(30_000));
+    let (result, _) = desk.try_slitrange(&record);
+    let error = format!("{:#}", result.expect_err("a port that fails"));
+    assert!(error.contains("A stopped working"), "{error}");
+    assert!(recording::read(&other).is_ok_and(|it| !it.rows.is_empty()));
+    is_as_before();
 
     let (code, said) = desk.slitrange(&["replay", path]);
     assert_eq!(code, ExitCode::SUCCESS);
