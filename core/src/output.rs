@@ -12,6 +12,7 @@ pub mod average;
 pub mod columns;
 pub mod hold;
 pub mod rate;
+pub mod zero;
 
 use crate::ambient::AmbientMode;
 use crate::fault::Fault;

@@ -12,12 +12,13 @@
 pub mod flat;
 
 use core::fmt::{self, Write as _};
+use core::mem;
 
 use crate::comb::{Comb, Slits};
-use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::front_end::FrontEnd;
 use crate::output::Output;
+use crate::output::zero::Zero;
 use crate::pixels::PixelErrors;
 use crate::profile::Profile;
 use crate::protocol::MAX_ANSWER;
@@ -44,6 +45,7 @@ use crate::store::{StoreError, Stored};
 use crate::text::Text;
 use crate::uncertainty::CalibrationErrors;
 
+use crate::units::{InUnits, Micrometres};
 /// What happens to the sensor.
 #[derive(Debug)]
 // One at a time, on the stack of whoever brings it.
@@ -123,10 +125,11 @@ pub struct Session {
     distance_wanted: bool,
     centre_wanted: bool,
     parts_wanted: bool,
-    zero_wanted: bool,
+    /// The distance that the next reading is to have.
+    zero_wanted: Option<Micrometres>,
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
-    zero: Option<Reading>,
+    zero: Option<Zero>,
     output: Output,
     /// As the latest frame says.
     pixels: PixelErrors,
@@ -151,7 +154,7 @@ impl Session {
             distance_wanted: false,
             centre_wanted: false,
             parts_wanted: false,
-            zero_wanted: false,
+            zero_wanted: None,
             zero: None,
             output: Output::default(),
             pixels: PixelErrors::TCD1304DG,
@@ -190,8 +193,10 @@ impl Session {
 
     /// Whether whole rows are to be sent now in place of results: not while a command waits for a frame.
     pub fn streams_rows(&self) -> bool {
-        let is_frame_due =
-            self.distance_wanted || self.centre_wanted || self.parts_wanted || self.zero_wanted;
+        let is_frame_due = self.distance_wanted
+            || self.centre_wanted
+            || self.parts_wanted
+            || self.zero_wanted.is_some();
         self.streams_pixels(PixelStream::Rows) && !is_frame_due
     }
 
@@ -337,14 +342,14 @@ impl Session {
         } = self.settings;
         let result = self.output.take(average, ambient, result);
         let held = self.output.hold(hold, result);
-        let take = core::mem::take;
-        let is_zero = take(&mut self.zero_wanted);
-        if is_zero {
-            self.zero = result.ok().or(self.zero);
+        let value = self.zero_wanted.take();
+        let is_zero = value.is_some();
+        if let (Some(value), Ok(reading)) = (value, result) {
+            self.zero = Some(Zero { reading, value });
         }
         let zero = self.zero.filter(|_| !is_zero);
         let relative = |now: Reading| match &zero {
-            Some(zero) => Difference::between(zero, &now).0,
+            Some(zero) => zero.relative(&now),
             None => now,
         };
         let reading = result.map(relative);
@@ -357,10 +362,10 @@ impl Session {
             columns: self.settings.output,
             units: self.settings.units,
         };
-        if take(&mut self.distance_wanted) || is_zero {
+        if mem::take(&mut self.distance_wanted) || is_zero {
             answer(&line, actions);
         }
-        if take(&mut self.centre_wanted) {
+        if mem::take(&mut self.centre_wanted) {
             match &measured {
                 Ok(measured) => actions.add_line(measured),
                 Err(fault) => {
@@ -369,7 +374,7 @@ impl Session {
                 }
             }
         }
-        if take(&mut self.parts_wanted) {
+        if mem::take(&mut self.parts_wanted) {
             answer(&line, actions);
             if let Ok(reading) = &reading {
                 actions.add_line(&PartsOf(&reading.parts, self.settings.units));
@@ -447,9 +452,20 @@ impl Session {
             Command::Centre => self.centre_wanted = true,
             Command::Uncertainty => self.parts_wanted = true,
             Command::Row(part) => actions.row = Some(part),
-            Command::Zero(true) => self.zero_wanted = true,
+            Command::Zero(true) => self.zero_wanted = Some(Micrometres::default()),
+            Command::Master(None) => match &self.zero {
+                Some(zero) => {
+                    let value = InUnits(zero.value, self.settings.units);
+                    actions.add_line(&format_args!("master {value}"));
+                }
+                None => actions.add_line(&Command::Zero(false)),
+            },
+            Command::Master(Some(value)) => {
+                let value = value.in_units(self.settings.units);
+                self.zero_wanted = Some(value.ok_or(Refusal::MasterRange)?);
+            }
             Command::Zero(false) => {
-                (self.zero, self.zero_wanted) = (None, false);
+                (self.zero, self.zero_wanted) = (None, None);
                 actions.add_line(&command);
             }
             Command::Show(setting) => actions.add_line(&self.settings.get(setting)),

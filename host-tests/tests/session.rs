@@ -909,6 +909,87 @@ fn an_upload_is_used_when_it_is_whole_with_the_settings_it_was_made_with() {
         match parse(line.as_bytes()) {
             Ok(Command::Upload(Step::Piece(piece))) => read.extend_from_slice(piece.bytes()),
             other => panic!("{line}: {other:?}"),
+/// `master` is `zero` with another value: it moves all distances by the value, and nothing else.
+#[test]
+fn the_place_of_a_reading_has_the_distance_that_master_sets() {
+    let mut sensor = Sensor::new();
+    assert_eq!(sensor.ask("master"), "zero off");
+    let shown = |sensor: &mut Sensor, centre| sensor.take(Event::Frame(Ok(frame(centre))));
+    let of_zero = {
+        sensor.ask("zero");
+        let from_the_laser = shown(&mut sensor, 1800.0);
+        assert!(
+            from_the_laser.starts_with("d 788.8397 mm "),
+            "{from_the_laser}"
+        );
+        [shown(&mut sensor, 1800.0), shown(&mut sensor, 1700.0)]
+    };
+    let distance = |line: &str| -> (f64, String) {
+        let rest = line.strip_prefix("z ").expect("relative");
+        let (number, rest) = rest.split_once(' ').expect("a distance");
+        (number.parse().expect("a number"), rest.to_owned())
+    };
+    for (typed, value) in [
+        ("master 500.000", 500.0),
+        ("master 0", 0.0),
+        ("master -4000", -4000.0),
+        ("master 4000", 4000.0),
+        ("MASTER 0.0001", 0.0001),
+    ] {
+        assert_eq!(sensor.ask(typed), "");
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+        // The answer is the reading from the laser, as that of `zero`.
+        assert!(shown(&mut sensor, 1800.0).starts_with("d 788.8397 mm "));
+        assert!(!sensor.actions.may_drop);
+        for (centre, zero) in [(1800.0, &of_zero[0]), (1700.0, &of_zero[1])] {
+            let ((found, rest), (zero, rest_of_zero)) =
+                (distance(&shown(&mut sensor, centre)), distance(zero));
+            // Both are rounded to a tenth of a micrometre.
+            assert!((found - zero - value).abs() < 1.1e-4, "{typed}: {found}");
+            assert_eq!(rest, rest_of_zero, "{typed}");
+        }
+    }
+    assert_eq!(sensor.ask("master"), "master 0.0001");
+    let before = shown(&mut sensor, 1700.0);
+    for (line, error) in [
+        (
+            "master 1 2",
+            "E2 expected master [VALUE], with four decimals at most",
+        ),
+        (
+            "master 1e3",
+            "E2 expected master [VALUE], with four decimals at most",
+        ),
+        (
+            "master 4000.0001",
+            "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
+        ),
+        (
+            "master -99999999999999999999",
+            "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
+        ),
+    ] {
+        assert_eq!(sensor.ask(line), error);
+        assert_eq!(shown(&mut sensor, 1700.0), before, "{line} changes nothing");
+    }
+    // A fault leaves the master as it was.
+    sensor.ask("master 1");
+    assert!(
+        sensor
+            .take(Event::Frame(Err(TOO_DIM)))
+            .starts_with("f too dim")
+    );
+    assert_eq!(shown(&mut sensor, 1700.0), before);
+    sensor.set("units um");
+    sensor.ask("master 1234.5");
+    assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
+    assert!(shown(&mut sensor, 1800.0).starts_with("z 1234.5 um "));
+    assert!(sensor.ask("master 4000000.1").starts_with("E23 "));
+    assert_eq!(sensor.ask("master"), "master 1234.5");
+    sensor.set("zero off");
+    assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
+}
+
         }
     }
     assert_eq!(read, own.bytes());

@@ -11,6 +11,7 @@ use super::nearest::nearest;
 use super::piece::{Piece, PieceError};
 use super::row::RowPart;
 use super::upload::Step;
+use crate::output::zero::MasterValue;
 use crate::record::MAX_ENCODED;
 use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
 
@@ -40,6 +41,9 @@ pub enum Command {
     Row(RowPart),
     /// Make the next reading the zero of distances, or give distances from the laser again.
     Zero(bool),
+    /// Show the distance that the zero has, or give the next reading's place this one, in the unit that
+    /// `units` sets.
+    Master(Option<MasterValue>),
     /// Show a setting.
     Show(Setting),
     /// Set a setting.
@@ -147,6 +151,7 @@ impl core::error::Error for Error {}
 
 const HELP: &str = "help [estimator]";
 const ZERO: &str = "zero [off]";
+const MASTER: &str = "master [VALUE], with four decimals at most";
 const SAVE: &str = "save [nominal]";
 const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
 
@@ -198,6 +203,14 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
             [] => Ok(Command::Zero(true)),
             ["off"] => Ok(Command::Zero(false)),
             _ => Err(Error::Form(ZERO)),
+        },
+        "master" => match *values {
+            [] => Ok(Command::Master(None)),
+            [value] => match MasterValue::read(value) {
+                Some(value) => Ok(Command::Master(Some(value))),
+                None => Err(Error::Form(MASTER)),
+            },
+            _ => Err(Error::Form(MASTER)),
         },
         "uncertainty" => expect_no_value(values, Command::Uncertainty, "uncertainty"),
         "save" => match values {
@@ -271,6 +284,8 @@ impl fmt::Display for Command {
             Self::Row(part) => part.fmt(f),
             Self::Zero(true) => f.write_str("zero"),
             Self::Zero(false) => f.write_str("zero off"),
+            Self::Master(None) => f.write_str("master"),
+            Self::Master(Some(value)) => write!(f, "master {value}"),
             Self::Show(setting) => f.write_str(setting.name()),
             Self::Set(value) => value.fmt(f),
             Self::Calibration(None) => f.write_str("calibration"),
@@ -313,6 +328,9 @@ mod tests {
             Command::Row(RowPart::Range { first: 0, last: 0 }),
             Command::Zero(true),
             Command::Zero(false),
+            Command::Master(None),
+            Command::Master(Some(MasterValue::default())),
+            Command::Master(MasterValue::read("-512.0625")),
             Command::Calibration(None),
             Command::Calibration(Some(true)),
             Command::Calibration(Some(false)),
@@ -355,6 +373,7 @@ mod tests {
 
     #[test]
     fn malformed_lines_are_errors_that_say_what_is_expected() {
+        const MASTER_FORM: &str = "E2 expected master [VALUE], with four decimals at most";
         let begin = format!("E2 expected calibration begin 1..{MAX_ENCODED}");
         let begin_range = format!("E3 out of range, expected calibration begin 1..{MAX_ENCODED}");
         let last = MAX_ENCODED - 1;
@@ -423,6 +442,9 @@ mod tests {
                 "E3 out of range, expected row [window|FIRST LAST]",
             ),
             ("zero 100", "E2 expected zero [off]"),
+            ("master off", MASTER_FORM),
+            ("master 1 2", MASTER_FORM),
+            ("master 1.00000", MASTER_FORM),
             ("save it", "E2 expected save [nominal]"),
             ("defaults on", "E2 expected defaults"),
             ("flat field", "E2 expected flat [dark|lit|save|on|off|none]"),

@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 8] = [
+pub const BEFORE_SETTINGS: [Line; 9] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -39,6 +39,10 @@ pub const BEFORE_SETTINGS: [Line; 8] = [
     (
         "zero [off]",
         "give distances relative to the next frame's; off: from the laser again",
+    ),
+    (
+        "master [VALUE]",
+        "as zero, with the distance VALUE in place of 0; alone: show it",
     ),
 ];
 

@@ -66,6 +66,8 @@ pub enum Refusal {
         /// How many pixels see light.
         pixels: usize,
     },
+    /// The value of `master` is too large.
+    MasterRange,
 }
 
 impl fmt::Display for Refusal {
@@ -113,6 +115,9 @@ impl fmt::Display for Refusal {
                 region.last(),
                 Region::FEWEST
             ),
+            Self::MasterRange => f.write_str(
+                "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
+            ),
         }
     }
 }
@@ -157,6 +162,7 @@ mod tests {
                 region: Region::new(3600, 3999).expect("a region"),
                 pixels: 3648,
             },
+            Refusal::MasterRange,
         ];
         for (refusal, number) in refusals.into_iter().zip(8..) {
             let text = refusal.to_string();

@@ -29,7 +29,7 @@ ROW_S = 20.0
 
 COMMANDS = {
     *("calibration", "centre", "defaults", "distance", "flat", "help"),
-    *("info", "row", "save", "status", "uncertainty", "zero"),
+    *("info", "master", "row", "save", "status", "uncertainty", "zero"),
 }
 """First words of commands. They are no settings, and some of them change the sensor."""
 
