@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod command;
+pub mod csv;
 pub mod flat;
 pub mod help;
 pub mod info;

@@ -6,6 +6,8 @@ pub enum Format {
     /// Lines of text.
     #[default]
     Text,
+    /// Lines of text, in which results are comma-separated values.
+    Csv,
     /// Packets.
     Binary,
 }
@@ -15,13 +17,14 @@ impl Format {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Text => "text",
+            Self::Csv => "csv",
             Self::Binary => "binary",
         }
     }
 
     /// Finds a format by its [`name`](Self::name).
     pub fn named(name: &str) -> Option<Self> {
-        [Self::Text, Self::Binary]
+        [Self::Text, Self::Csv, Self::Binary]
             .into_iter()
             .find(|format| format.name() == name)
     }

@@ -24,6 +24,7 @@ use crate::profile::Profile;
 use crate::protocol::MAX_ANSWER;
 use crate::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use crate::protocol::command::{Command, Error};
+use crate::protocol::csv::{CsvLine, Header};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::{PartsOf, ResultLine};
@@ -44,8 +45,8 @@ use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
 use crate::text::Text;
 use crate::uncertainty::CalibrationErrors;
-
 use crate::units::{InUnits, Micrometres};
+
 /// What happens to the sensor.
 #[derive(Debug)]
 // One at a time, on the stack of whoever brings it.
@@ -363,7 +364,7 @@ impl Session {
             units: self.settings.units,
         };
         if mem::take(&mut self.distance_wanted) || is_zero {
-            answer(&line, actions);
+            answer(&line, self.settings.format, actions);
         }
         if mem::take(&mut self.centre_wanted) {
             match &measured {
@@ -375,7 +376,7 @@ impl Session {
             }
         }
         if mem::take(&mut self.parts_wanted) {
-            answer(&line, actions);
+            answer(&line, self.settings.format, actions);
             if let Ok(reading) = &reading {
                 actions.add_line(&PartsOf(&reading.parts, self.settings.units));
             }
@@ -386,11 +387,14 @@ impl Session {
         {
             actions.may_drop = true;
             match self.settings.format {
-                Format::Text => actions.add_line(&ResultLine {
-                    result: &held.map(|it| relative(it.reading)),
-                    held: held.map_or(0, |it| it.results),
-                    ..line
-                }),
+                Format::Text | Format::Csv => {
+                    let line = ResultLine {
+                        result: &held.map(|it| relative(it.reading)),
+                        held: held.map_or(0, |it| it.results),
+                        ..line
+                    };
+                    add_result(&line, self.settings.format, actions);
+                }
                 // Each row has its own result.
                 Format::Binary if self.settings.pixels == PixelStream::Rows => {}
                 Format::Binary => {
@@ -476,7 +480,7 @@ impl Session {
                 let format = self.settings.format;
                 self.settings.set(value);
                 // Ends the line that a reader of text takes the packets for.
-                if format == Format::Binary && self.settings.format == Format::Text {
+                if format == Format::Binary && self.settings.format != Format::Binary {
                     actions.add_line(&"");
                 }
                 if matches!(
@@ -490,6 +494,9 @@ impl Session {
                     actions.apply = Some(self.applied());
                 }
                 actions.add_line(&value);
+                if matches!(value, Value::Format(_) | Value::Output(_)) {
+                    self.add_header(actions);
+                }
             }
             Command::Calibration(None) => actions.add_line(&CalibrationAnswer {
                 record: self.record.as_ref(),
@@ -514,6 +521,7 @@ impl Session {
                 self.set_defaults();
                 actions.apply = Some(self.applied());
                 actions.add_line(&command);
+                self.add_header(actions);
             }
             Command::Save | Command::SaveNominal => {
                 let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
@@ -534,6 +542,13 @@ impl Session {
             Command::Flat(flat) => self.flat.execute(flat, actions)?,
         }
         Ok(())
+    }
+
+    /// Names the columns of the lines to come, if they are comma-separated values.
+    fn add_header(&self, actions: &mut Actions) {
+        if self.settings.format == Format::Csv {
+            actions.add_line(&Header(self.settings.output));
+        }
     }
 
     /// Refuses a region that has too few of this sensor's pixels.
@@ -595,11 +610,21 @@ impl Session {
     }
 }
 
-/// Answers with a result, and with what to do about a fault.
-fn answer(line: &ResultLine<'_>, actions: &mut Actions) {
-    actions.add_line(line);
-    if let Err(fault) = line.result {
+/// Answers with a result, and with what to do about a fault. Among comma-separated values there is no advice.
+fn answer(line: &ResultLine<'_>, format: Format, actions: &mut Actions) {
+    add_result(line, format, actions);
+    if let Err(fault) = line.result
+        && format != Format::Csv
+    {
         advise(fault, actions);
+    }
+}
+
+/// Adds the line of a result.
+fn add_result(line: &ResultLine<'_>, format: Format, actions: &mut Actions) {
+    match format {
+        Format::Csv => actions.add_line(&CsvLine(line)),
+        Format::Text | Format::Binary => actions.add_line(line),
     }
 }
 

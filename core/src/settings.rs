@@ -37,7 +37,7 @@ macro_rules! list {
 
             /// how the sensor writes what it sends; commands stay lines of text
             Format "format" format: Format = Format::Text,
-                Form::Words("text|binary"), Affects::Session;
+                Form::Words("text|csv|binary"), Affects::Session;
 
             /// bits a second on the serial line; the answer is at the old rate
             Baud "baud" baud: Baud = Baud::B115200,
@@ -684,7 +684,7 @@ pub(crate) mod tests {
                 Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
             )])
             .chain([true, false].map(Value::Laser))
-            .chain([Format::Text, Format::Binary].map(Value::Format))
+            .chain([Format::Text, Format::Csv, Format::Binary].map(Value::Format))
             .chain(Baud::ALL.map(Value::Baud))
             .chain([PixelStream::None, PixelStream::Window, PixelStream::Rows].map(Value::Pixels))
             .chain(AmbientMode::ALL.map(Value::Ambient))

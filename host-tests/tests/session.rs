@@ -225,7 +225,7 @@ fn every_setting_is_shown_set_and_applied() {
     let settings = *sensor.session.settings();
     for (line, error) in [
         ("rows 65", "E3 out of range, expected rows 1..64"),
-        ("format csv", "E2 expected format text|binary"),
+        ("format json", "E2 expected format text|csv|binary"),
         (
             "baud 9600",
             "E3 out of range, expected baud 115200|230400|460800|921600",
@@ -487,6 +487,112 @@ fn a_line_has_the_columns_that_output_sets() {
     sensor.take(Event::Frame(Ok(exposed)));
     sensor.set("output distance");
     assert_eq!(sensor.take(Event::Frame(Ok(exposed))), "z 0.0000 mm");
+}
+
+/// Each line has as many columns as the header. An empty one is a value that is not there.
+#[test]
+fn comma_separated_values_have_the_columns_of_their_header() {
+    let mut sensor = Sensor::new();
+    let default = "distance,u,r,centre,height,used,rows,slits,exposure,m,c,g,s,z,h,fault";
+    assert_eq!(sensor.ask("format csv"), format!("format csv\r\n{default}"));
+    assert_eq!(sensor.ask("format"), "format csv");
+    let exposed = Measured {
+        frame: FrameCentre {
+            exposure: Exposure::from_us(187),
+            misfits: 3,
+            correlated: Some(4),
+            ..frame(1800.0).frame
+        },
+        ..frame(1800.0)
+    };
+    let reading = "788.8397,16.75,0.0008,1800.0000,1993,16,16,1,187,3,4,1,0,0,0,";
+    let plain = "788.8397,16.74,0.0008,1800.0000,1993,16,16,1,,0,,1,0,0,0,";
+    let fault = ",,,,,,,,,,,,,,,too dim";
+    let stream = |sensor: &mut Sensor, result| {
+        let line = sensor.take(Event::Frame(result));
+        assert!(sensor.actions.may_drop && sensor.actions.result.is_none());
+        line
+    };
+    assert_eq!(stream(&mut sensor, Ok(exposed)), reading);
+    assert_eq!(stream(&mut sensor, Ok(frame(1800.0))), plain);
+    assert_eq!(stream(&mut sensor, Err(TOO_DIM)), fault);
+    // An answer has the columns, too, and no advice, which is no value.
+    sensor.ask("distance");
+    assert_eq!(sensor.take(Event::Frame(Ok(exposed))), reading);
+    sensor.ask("distance");
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+    let all = "counter time distance u r centre height rows width exposure flags";
+    let header =
+        "number,us,distance,u,r,centre,height,used,rows,slits,width,exposure,m,c,g,s,z,h,fault";
+    let width = exposed.frame.width;
+    for (names, header, of_reading, of_fault) in [
+        (
+            all,
+            header,
+            format!(
+                "1234,12345678,788.8397,16.75,0.0008,1800.0000,1993,16,16,1,{width},187,3,4,1,0,0,0,"
+            ),
+            "1234,12345678,,,,,,,,,,,,,,,,,too dim",
+        ),
+        (
+            "time",
+            "us,z,h,fault",
+            "12345678,0,0,".to_owned(),
+            "12345678,,,too dim",
+        ),
+        (
+            "rows",
+            "used,rows,slits,z,h,fault",
+            "16,16,1,0,0,".to_owned(),
+            ",,,,,too dim",
+        ),
+        (
+            "flags",
+            "m,c,g,s,z,h,fault",
+            "3,4,1,0,0,0,".to_owned(),
+            ",,,,,,too dim",
+        ),
+        (
+            "distance",
+            "distance,z,h,fault",
+            "788.8397,0,0,".to_owned(),
+            ",,,too dim",
+        ),
+    ] {
+        let set = format!("output {names}");
+        assert_eq!(sensor.ask(&set), format!("{set}\r\n{header}"));
+        let lines = [
+            stream(&mut sensor, Ok(exposed)),
+            stream(&mut sensor, Err(TOO_DIM)),
+        ];
+        assert_eq!(lines, [of_reading.as_str(), of_fault]);
+        let commas = |line: &str| line.matches(',').count();
+        assert!(
+            lines.iter().all(|line| commas(line) == commas(header)),
+            "{lines:?}"
+        );
+    }
+    // Relative to a master, held, and in the other unit.
+    sensor.set("hold 2");
+    sensor.set("units um");
+    sensor.ask("master -0.5");
+    assert_eq!(sensor.take(Event::Frame(Ok(exposed))), "788839.7,0,0,");
+    assert_eq!(stream(&mut sensor, Ok(exposed)), "-0.5,1,0,");
+    assert_eq!(stream(&mut sensor, Err(TOO_DIM)), "-0.5,1,1,");
+    assert_eq!(stream(&mut sensor, Err(TOO_DIM)), "-0.5,1,2,");
+    assert_eq!(stream(&mut sensor, Err(TOO_DIM)), ",,,too dim");
+    // The columns of the factory come back, and the format stays.
+    assert_eq!(sensor.ask("defaults"), format!("defaults\r\n{default}"));
+    assert_eq!(stream(&mut sensor, Ok(frame(1800.0))), plain);
+    sensor.set("format text");
+    sensor.set("output distance");
+    assert_eq!(stream(&mut sensor, Ok(frame(1800.0))), "d 788.8397 mm");
+    sensor.set("format binary");
+    // A reader of text took the packets for a line, which must end before the answer.
+    assert_eq!(
+        sensor.ask("format csv"),
+        "\r\nformat csv\r\ndistance,z,h,fault"
+    );
 }
 
 /// Four readings of a target at rest: r is half of one reading's, and u keeps what they share.
@@ -803,6 +909,87 @@ fn distances_are_relative_to_zero() {
     }
 }
 
+/// `master` is `zero` with another value: it moves all distances by the value, and nothing else.
+#[test]
+fn the_place_of_a_reading_has_the_distance_that_master_sets() {
+    let mut sensor = Sensor::new();
+    assert_eq!(sensor.ask("master"), "zero off");
+    let shown = |sensor: &mut Sensor, centre| sensor.take(Event::Frame(Ok(frame(centre))));
+    let of_zero = {
+        sensor.ask("zero");
+        let from_the_laser = shown(&mut sensor, 1800.0);
+        assert!(
+            from_the_laser.starts_with("d 788.8397 mm "),
+            "{from_the_laser}"
+        );
+        [shown(&mut sensor, 1800.0), shown(&mut sensor, 1700.0)]
+    };
+    let distance = |line: &str| -> (f64, String) {
+        let rest = line.strip_prefix("z ").expect("relative");
+        let (number, rest) = rest.split_once(' ').expect("a distance");
+        (number.parse().expect("a number"), rest.to_owned())
+    };
+    for (typed, value) in [
+        ("master 500.000", 500.0),
+        ("master 0", 0.0),
+        ("master -4000", -4000.0),
+        ("master 4000", 4000.0),
+        ("MASTER 0.0001", 0.0001),
+    ] {
+        assert_eq!(sensor.ask(typed), "");
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+        // The answer is the reading from the laser, as that of `zero`.
+        assert!(shown(&mut sensor, 1800.0).starts_with("d 788.8397 mm "));
+        assert!(!sensor.actions.may_drop);
+        for (centre, zero) in [(1800.0, &of_zero[0]), (1700.0, &of_zero[1])] {
+            let ((found, rest), (zero, rest_of_zero)) =
+                (distance(&shown(&mut sensor, centre)), distance(zero));
+            // Both are rounded to a tenth of a micrometre.
+            assert!((found - zero - value).abs() < 1.1e-4, "{typed}: {found}");
+            assert_eq!(rest, rest_of_zero, "{typed}");
+        }
+    }
+    assert_eq!(sensor.ask("master"), "master 0.0001");
+    let before = shown(&mut sensor, 1700.0);
+    for (line, error) in [
+        (
+            "master 1 2",
+            "E2 expected master [VALUE], with four decimals at most",
+        ),
+        (
+            "master 1e3",
+            "E2 expected master [VALUE], with four decimals at most",
+        ),
+        (
+            "master 4000.0001",
+            "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
+        ),
+        (
+            "master -99999999999999999999",
+            "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
+        ),
+    ] {
+        assert_eq!(sensor.ask(line), error);
+        assert_eq!(shown(&mut sensor, 1700.0), before, "{line} changes nothing");
+    }
+    // A fault leaves the master as it was.
+    sensor.ask("master 1");
+    assert!(
+        sensor
+            .take(Event::Frame(Err(TOO_DIM)))
+            .starts_with("f too dim")
+    );
+    assert_eq!(shown(&mut sensor, 1700.0), before);
+    sensor.set("units um");
+    sensor.ask("master 1234.5");
+    assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
+    assert!(shown(&mut sensor, 1800.0).starts_with("z 1234.5 um "));
+    assert!(sensor.ask("master 4000000.1").starts_with("E23 "));
+    assert_eq!(sensor.ask("master"), "master 1234.5");
+    sensor.set("zero off");
+    assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
+}
+
 /// Two readings with different maps do not share the errors of the pixels.
 #[test]
 fn another_map_of_the_pixels_ends_the_zero() {
@@ -909,87 +1096,6 @@ fn an_upload_is_used_when_it_is_whole_with_the_settings_it_was_made_with() {
         match parse(line.as_bytes()) {
             Ok(Command::Upload(Step::Piece(piece))) => read.extend_from_slice(piece.bytes()),
             other => panic!("{line}: {other:?}"),
-/// `master` is `zero` with another value: it moves all distances by the value, and nothing else.
-#[test]
-fn the_place_of_a_reading_has_the_distance_that_master_sets() {
-    let mut sensor = Sensor::new();
-    assert_eq!(sensor.ask("master"), "zero off");
-    let shown = |sensor: &mut Sensor, centre| sensor.take(Event::Frame(Ok(frame(centre))));
-    let of_zero = {
-        sensor.ask("zero");
-        let from_the_laser = shown(&mut sensor, 1800.0);
-        assert!(
-            from_the_laser.starts_with("d 788.8397 mm "),
-            "{from_the_laser}"
-        );
-        [shown(&mut sensor, 1800.0), shown(&mut sensor, 1700.0)]
-    };
-    let distance = |line: &str| -> (f64, String) {
-        let rest = line.strip_prefix("z ").expect("relative");
-        let (number, rest) = rest.split_once(' ').expect("a distance");
-        (number.parse().expect("a number"), rest.to_owned())
-    };
-    for (typed, value) in [
-        ("master 500.000", 500.0),
-        ("master 0", 0.0),
-        ("master -4000", -4000.0),
-        ("master 4000", 4000.0),
-        ("MASTER 0.0001", 0.0001),
-    ] {
-        assert_eq!(sensor.ask(typed), "");
-        assert_eq!(sensor.actions.apply, None, "the frame goes on");
-        // The answer is the reading from the laser, as that of `zero`.
-        assert!(shown(&mut sensor, 1800.0).starts_with("d 788.8397 mm "));
-        assert!(!sensor.actions.may_drop);
-        for (centre, zero) in [(1800.0, &of_zero[0]), (1700.0, &of_zero[1])] {
-            let ((found, rest), (zero, rest_of_zero)) =
-                (distance(&shown(&mut sensor, centre)), distance(zero));
-            // Both are rounded to a tenth of a micrometre.
-            assert!((found - zero - value).abs() < 1.1e-4, "{typed}: {found}");
-            assert_eq!(rest, rest_of_zero, "{typed}");
-        }
-    }
-    assert_eq!(sensor.ask("master"), "master 0.0001");
-    let before = shown(&mut sensor, 1700.0);
-    for (line, error) in [
-        (
-            "master 1 2",
-            "E2 expected master [VALUE], with four decimals at most",
-        ),
-        (
-            "master 1e3",
-            "E2 expected master [VALUE], with four decimals at most",
-        ),
-        (
-            "master 4000.0001",
-            "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
-        ),
-        (
-            "master -99999999999999999999",
-            "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
-        ),
-    ] {
-        assert_eq!(sensor.ask(line), error);
-        assert_eq!(shown(&mut sensor, 1700.0), before, "{line} changes nothing");
-    }
-    // A fault leaves the master as it was.
-    sensor.ask("master 1");
-    assert!(
-        sensor
-            .take(Event::Frame(Err(TOO_DIM)))
-            .starts_with("f too dim")
-    );
-    assert_eq!(shown(&mut sensor, 1700.0), before);
-    sensor.set("units um");
-    sensor.ask("master 1234.5");
-    assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
-    assert!(shown(&mut sensor, 1800.0).starts_with("z 1234.5 um "));
-    assert!(sensor.ask("master 4000000.1").starts_with("E23 "));
-    assert_eq!(sensor.ask("master"), "master 1234.5");
-    sensor.set("zero off");
-    assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
-}
-
         }
     }
     assert_eq!(read, own.bytes());

@@ -75,8 +75,9 @@ def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(line, "ANSWER_S", 0.3)
 
 
-def test_packets_and_missing_columns_are_put_back() -> None:
-    sensor = Played({"stream": "on", "format": "binary", "echo": "off", "output": "time u", "rows": "16"})
+@pytest.mark.parametrize("sent", ["binary", "csv"])
+def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
+    sensor = Played({"stream": "on", "format": sent, "echo": "off", "output": "time u", "rows": "16"})
     before = dict(sensor.settings)
     saved = []
 

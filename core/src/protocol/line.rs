@@ -156,7 +156,7 @@ fn write_reading(
 
 /// An uncertainty to a tenth of a micrometre below 10 mm. From there on in millimetres with two decimals, or
 /// in whole micrometres.
-struct Short(Micrometres, Units);
+pub(super) struct Short(pub Micrometres, pub Units);
 
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -17,9 +17,14 @@ fn recorded(sensor: &StandIn, name: &str) -> Vec<Recorded> {
 
 #[test]
 fn lines_are_shown_and_the_stream_is_left_as_it_was() {
-    for stream in ["stream on", "stream off"] {
+    for (stream, format) in [
+        ("stream on", "format text"),
+        ("stream off", "format text"),
+        ("stream on", "format csv"),
+    ] {
         let sensor = StandIn::new(1, Trouble::default());
         sensor.state().type_line(stream);
+        sensor.state().type_line(format);
         let arguments = ["--port", &sensor.port(), "--count", "20"];
         let (result, output) = sensor.command("monitor", &arguments, "");
         result.expect("a stream");

@@ -117,20 +117,22 @@ class Line:
         """Leaves behind whatever was sent before. Returns whether readings stream."""
         return self._question("stream", lambda line: (line == "stream on") if line in STREAM else None)
 
-    def leave_packets(self) -> bool:
-        """Makes the sensor send lines of text. Returns whether it sent packets before."""
+    def use_text(self) -> str:
+        """Makes the sensor send lines of text. Returns the format that it had before."""
 
-        def are_packets(line: str) -> bool | None:
+        def format_of(line: str) -> str | None:
             # A packet holds the answer as text, with other bytes before it.
             if line.endswith("format binary"):
-                return True
+                return "binary"
+            if line == "format csv":
+                return "csv"
             # Earlier firmware does not know the word, and sends lines.
-            return False if line == "format text" or line.startswith("E1 ") else None
+            return "text" if line == "format text" or line.startswith("E1 ") else None
 
-        sent_packets = self._question("format", are_packets)
-        if sent_packets:
+        before = self._question("format", format_of)
+        if before != "text":
             self.ask("format text", lambda lines: True if lines[-1].endswith("format text") else None)
-        return sent_packets
+        return before
 
     def _question(self, command: str, answer: Callable[[str], T | None]) -> T:
         """Asks a question, whatever was sent before."""

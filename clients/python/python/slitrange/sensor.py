@@ -77,7 +77,7 @@ class Sensor:
         # What is put back at the end.
         self._streamed = False
         self._echoed = False
-        self._sent_packets = False
+        self._format = "text"
         self._output: str | None = None
         try:
             try:
@@ -92,7 +92,7 @@ class Sensor:
             raise
 
     def _begin(self) -> None:
-        self._sent_packets = self._line.leave_packets()
+        self._format = self._line.use_text()
         self._streamed = self._line.synchronise()
         # Earlier firmware has no echo.
         with suppress(Refused):
@@ -157,8 +157,9 @@ class Sensor:
             self._stream(True)
         if self._echoed:
             self._ask_setting("echo", "on")
-        if self._sent_packets:
-            self._line.ask("format binary", lambda lines: lines[-1].endswith("format binary") or None)
+        if self._format != "text":
+            answer = f"format {self._format}"
+            self._line.ask(answer, lambda lines: lines[-1].endswith(answer) or None)
 
     def __iter__(self) -> Iterator[Reading | Fault]:
         """The readings and faults, one for each frame, as the sensor measures them."""
