@@ -9,6 +9,7 @@
 //! | PD14 | output | converter, chip select |
 //! | PD15 | TIM4 channel 4 | laser |
 //! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
+//! | PE11 (D5) | output, low after a reset | the switching output of the setting `limits` |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
 //! | PA12 | output, low | nothing (see `keep_pa12_low`) |
 //!
@@ -93,6 +94,8 @@ pub struct Board {
     pub sensor: Tcd1304,
     /// The serial line.
     pub serial: BufferedUart<'static>,
+    /// The switching output of the setting `limits`.
+    pub switch: Output<'static>,
     /// Where the store keeps the configuration.
     pub flash: CalibrationFlash,
     /// The watchdog. It runs already: if the start hangs before the first pet, the board starts again.
@@ -207,6 +210,7 @@ pub fn init() -> Board {
     Board {
         sensor,
         serial,
+        switch: Output::new(p.PE11, Level::Low, Speed::Low),
         flash: CalibrationFlash::new(flash.bank2_region1),
         watchdog,
         started_by,

@@ -4,6 +4,7 @@
 use core::fmt::{Display, Write as _};
 use core::sync::atomic::Ordering;
 
+use embassy_stm32::gpio::Output;
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
@@ -46,6 +47,8 @@ static FLAT: ConstStaticCell<FlatField> = ConstStaticCell::new(FlatField::new())
 /// See the module.
 pub struct Shell {
     tx: Transmitter,
+    /// On while the latest distance is within `limits`.
+    switch: Output<'static>,
     started_at: Instant,
     /// Number and time of the latest result.
     results: u32,
@@ -66,9 +69,15 @@ const TYPING: Duration = Duration::from_secs(10);
 impl Shell {
     /// Starts a session. Not inlined, so that it uses the stack only while it runs.
     #[inline(never)]
-    pub fn new(tx: Transmitter, started_by: StartCause, flash: CalibrationFlash) -> Self {
+    pub fn new(
+        tx: Transmitter,
+        switch: Output<'static>,
+        started_by: StartCause,
+        flash: CalibrationFlash,
+    ) -> Self {
         Self {
             tx,
+            switch,
             started_at: Instant::now(),
             results: 0,
             result_at: Instant::MIN,
@@ -298,6 +307,8 @@ impl Shell {
             ..COUNTERS.vitals(since_start(Instant::now()))
         };
         self.session.take(event, &vitals, &mut self.actions);
+        self.switch
+            .set_level(self.session.is_within_limits().into());
     }
 
     fn apply(&mut self) {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! frame's reading -> average -> hold -> zero -> rate -> columns, units -> line
-//! or fault
+//! or fault                                    -> limits -> switching output
 //! ```
 //!
 //! A fault passes all steps, and stays a fault. Only `hold` gives a flagged reading in its place,
@@ -11,6 +11,7 @@
 pub mod average;
 pub mod columns;
 pub mod hold;
+pub mod limits;
 pub mod rate;
 pub mod zero;
 
@@ -25,6 +26,8 @@ pub struct Output {
     hold: hold::Hold,
     /// When the next line is due.
     pub rate: rate::Rate,
+    /// Whether the latest result switched the output of `limits` on.
+    pub is_within: bool,
 }
 
 impl Output {
@@ -49,9 +52,10 @@ impl Output {
         self.hold.take(results, result)
     }
 
-    /// Forgets all readings.
+    /// Forgets all readings. The switching output is off until the next one.
     pub fn clear(&mut self) {
         self.average.clear();
         self.hold.clear();
+        self.is_within = false;
     }
 }

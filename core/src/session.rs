@@ -206,6 +206,12 @@ impl Session {
         settings.stream && settings.format == Format::Binary && settings.pixels == pixels
     }
 
+    /// Whether the switching output is on: the latest distance is within the setting `limits`. While whole rows
+    /// are sent there are no results, and the output is off.
+    pub fn is_within_limits(&self) -> bool {
+        self.output.is_within && !self.streams_rows()
+    }
+
     /// Whether rows are to be corrected with the map of the pixels.
     pub const fn is_map_on(&self) -> bool {
         self.flat.is_on()
@@ -348,6 +354,13 @@ impl Session {
         if let (Some(value), Ok(reading)) = (value, result) {
             self.zero = Some(Zero { reading, value });
         }
+        // The answer to `zero` shows the distance from the laser; the output has the one that holds from now on.
+        let distance = held.ok().map(|held| match &self.zero {
+            Some(zero) => zero.distance(&held.reading),
+            None => held.reading.distance,
+        });
+        let was_within = self.output.is_within;
+        self.output.is_within = self.settings.limits.is_on(was_within, distance);
         let zero = self.zero.filter(|_| !is_zero);
         let relative = |now: Reading| match &zero {
             Some(zero) => zero.relative(&now),
@@ -450,6 +463,7 @@ impl Session {
                 vitals,
                 readings: self.readings,
                 faults: self.faults,
+                is_within_limits: self.is_within_limits(),
             }),
             // The next frame answers.
             Command::Distance => self.distance_wanted = true,
@@ -488,6 +502,9 @@ impl Session {
                     Value::Estimator(_) | Value::Black(_) | Value::Slits(_)
                 ) {
                     self.forget_readings();
+                }
+                if matches!(value, Value::Limits(_)) {
+                    self.output.is_within = false;
                 }
                 if value.setting().affects() == Affects::Measurement {
                     self.output.clear();

@@ -19,6 +19,7 @@ use crate::exposure::{Exposure, ExposureMode};
 use crate::frame::{MAX_ROWS, Mean};
 use crate::output::average::{self, Average};
 use crate::output::columns::{Column, Columns};
+use crate::output::limits::Limits;
 use crate::peak::Peak;
 use crate::region::Region;
 use crate::sending::{Baud, Format, PixelStream};
@@ -106,6 +107,10 @@ macro_rules! list {
 
             /// after a fault, give the last reading for so many results, flagged h
             Hold "hold" hold: u16 = 0, Form::Number { least: 0, most: 1000, unit: "" }, Affects::Lines;
+
+            /// switch an output on from LOW to HIGH in um, -8000000..8000000
+            Limits "limits" limits: Limits = Limits::Off,
+                Form::Words("off|LOW HIGH [HYSTERESIS]"), Affects::Lines;
 
             /// the most lines a second, whatever the frames are; 0 is a line for each
             Rate "rate" rate: u16 = 0, Form::Number { least: 0, most: 1000, unit: "Hz" }, Affects::Lines;
@@ -439,6 +444,50 @@ impl ValueText for Columns {
     }
 }
 
+impl ValueText for Limits {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let (low, high, hysteresis) = match *words {
+            ["off"] => return Ok(Self::Off),
+            [low, high] => (low, high, "0"),
+            [low, high, hysteresis] => (low, high, hysteresis),
+            _ => return Err(ValueError::Form),
+        };
+        let limit = |word: &str| {
+            let size = word.strip_prefix('-').unwrap_or(word);
+            let um = read_number(size, 0, Self::MOST_UM)? as i32;
+            let is_negative = size.len() < word.len();
+            Ok(Micrometres::from_int(if is_negative { -um } else { um }))
+        };
+        let (low, high) = (limit(low)?, limit(high)?);
+        let hysteresis = read_number(hysteresis, 0, Self::MOST_HYSTERESIS_UM)?;
+        if low > high {
+            return Err(ValueError::Range);
+        }
+        Ok(Self::Within {
+            low,
+            high,
+            hysteresis: Micrometres::from_int(hysteresis as i32),
+        })
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Within {
+                low,
+                high,
+                hysteresis,
+            } => {
+                write!(f, "{low:.0} {high:.0}")?;
+                match hysteresis.to_bits() {
+                    0 => Ok(()),
+                    _ => write!(f, " {hysteresis:.0}"),
+                }
+            }
+        }
+    }
+}
+
 impl ValueText for ExposureMode {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
@@ -675,6 +724,24 @@ pub(crate) mod tests {
             .chain([0, 1, 1000].map(Value::Hold))
             .chain([0, 1, 1000].map(Value::Rate))
             .chain([Units::Millimetres, Units::Micrometres].map(Value::Units))
+            .chain([Value::Limits(Limits::Off)])
+            .chain(
+                [
+                    (-8_000_000, 8_000_000, 1_000_000),
+                    (8_000_000, 8_000_000, 0),
+                    (-8_000_000, -8_000_000, 1),
+                    (0, 0, 0),
+                ]
+                .map(|(low, high, hysteresis)| {
+                    let [low, high, hysteresis] =
+                        [low, high, hysteresis].map(Micrometres::from_int);
+                    Value::Limits(Limits::Within {
+                        low,
+                        high,
+                        hysteresis,
+                    })
+                }),
+            )
             .chain([Value::Average(Average::None)])
             .chain([2, 64].map(|it| Value::Average(Average::Moving(it))))
             .chain([2, 63].map(|it| Value::Average(Average::Median(it))))
@@ -737,8 +804,10 @@ pub(crate) mod tests {
                 for value in of_setting() {
                     let line = value.to_string();
                     let word = line.split(' ').nth(1).expect("a value");
-                    let is_number =
-                        |known: &str| word.parse::<u32>().is_ok() && known.contains("..");
+                    let is_number = |known: &str| {
+                        word.parse::<u32>().is_ok() && known.contains("..")
+                            || word.parse::<i32>().is_ok() && known.starts_with("LOW ")
+                    };
                     let is_named =
                         |known: &str| known.split(' ').next() == Some(word) || is_number(known);
                     assert!(words.split('|').any(is_named), "{line}");
@@ -782,6 +851,19 @@ pub(crate) mod tests {
             (Setting::Output, &["distance,u"], ValueError::Form),
             (Setting::Hold, &["1001"], ValueError::Range),
             (Setting::Hold, &["-1"], ValueError::Form),
+            (Setting::Limits, &["on"], ValueError::Form),
+            (Setting::Limits, &["off", "1"], ValueError::Form),
+            (Setting::Limits, &["1"], ValueError::Form),
+            (Setting::Limits, &["1", "2", "3", "4"], ValueError::Form),
+            (Setting::Limits, &["1", "2.5"], ValueError::Form),
+            (Setting::Limits, &["-", "2"], ValueError::Form),
+            (Setting::Limits, &["--1", "2"], ValueError::Form),
+            (Setting::Limits, &["1", "2", "-3"], ValueError::Form),
+            (Setting::Limits, &["2", "1"], ValueError::Range),
+            (Setting::Limits, &["-1", "-2"], ValueError::Range),
+            (Setting::Limits, &["0", "8000001"], ValueError::Range),
+            (Setting::Limits, &["-8000001", "0"], ValueError::Range),
+            (Setting::Limits, &["0", "1", "1000001"], ValueError::Range),
             (Setting::Rate, &["1001"], ValueError::Range),
             (Setting::Rate, &["2.5"], ValueError::Form),
             (Setting::Units, &["m"], ValueError::Form),

@@ -9,6 +9,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::output::average::{Average, Filter};
+use slitrange::output::limits::Limits;
 use slitrange::reading::Reading;
 use slitrange::uncertainty::{CalibrationErrors, Parts, Surface};
 use slitrange::units::{Counts, Micrometres};
@@ -208,5 +209,54 @@ proptest! {
                 }
             }
         }
+    }
+}
+
+/// Limits as the setting allows them, and near the ends of what a distance can be.
+fn limits() -> impl Strategy<Value = (i32, i32, i32)> {
+    let most = Limits::MOST_UM as i32 * 256;
+    let most_hysteresis = Limits::MOST_HYSTERESIS_UM as i32 * 256;
+    (-most..=most, -most..=most, 0..=most_hysteresis)
+        .prop_map(|(one, other, hysteresis)| (one.min(other), one.max(other), hysteresis))
+}
+
+proptest! {
+    /// The output switches on only with a distance within the limits, and off only with one beyond the
+    /// hysteresis or without a distance. Whatever comes between the two, it does not switch.
+    #[test]
+    fn the_output_never_switches_within_the_hysteresis(
+        (low, high, hysteresis) in limits(),
+        distances in prop::collection::vec(prop::option::weighted(0.9, any::<i32>()), 1..50),
+        near in prop::collection::vec(any::<u32>(), 1..50),
+    ) {
+        let um = Micrometres::from_bits;
+        let limits = Limits::Within { low: um(low), high: um(high), hysteresis: um(hysteresis) };
+        let mut is_on = false;
+        let mut switch = |distance: Option<i32>| {
+            let was_on = is_on;
+            is_on = limits.is_on(was_on, distance.map(um));
+            (was_on, is_on)
+        };
+        // As i64, in which nothing saturates.
+        let [low, high, hysteresis] = [low, high, hysteresis].map(i64::from);
+        let band = low - hysteresis..=high + hysteresis;
+        for distance in distances {
+            let at = distance.map(i64::from);
+            let is_within = at.is_some_and(|at| (low..=high).contains(&at));
+            let is_in_band = at.is_some_and(|at| band.contains(&at));
+            let (was_on, is_on) = switch(distance);
+            prop_assert_eq!(is_on, is_within || was_on && is_in_band);
+        }
+        // In the band it switches at most once: on.
+        let width = (band.end() - band.start() + 1) as u64;
+        let mut switched = 0;
+        for part in near {
+            let distance = band.start() + (u64::from(part) % width) as i64;
+            let distance = distance.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+            let (was_on, is_on) = switch(Some(distance));
+            prop_assert!(is_on || !was_on);
+            switched += u32::from(is_on != was_on);
+        }
+        prop_assert!(switched <= 1);
     }
 }

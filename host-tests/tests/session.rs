@@ -292,6 +292,7 @@ fn help_info_and_status_are_answered() {
         vitals: &vitals(),
         readings: 2,
         faults,
+        is_within_limits: false,
     };
     assert_eq!(sensor.ask("status"), status.to_string());
 }
@@ -988,6 +989,106 @@ fn the_place_of_a_reading_has_the_distance_that_master_sets() {
     assert_eq!(sensor.ask("master"), "master 1234.5");
     sensor.set("zero off");
     assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
+}
+
+/// The output follows what a line shows: a distance relative to the zero, an average, a held reading.
+#[test]
+fn a_distance_within_the_limits_switches_the_output_on() {
+    let mut sensor = Sensor::new();
+    let near = Ok(frame(1800.0)); // 788.8397 mm
+    let far = Ok(frame(1700.0)); // 828.5 mm
+    let is_on = |sensor: &mut Sensor, result| {
+        sensor.take(Event::Frame(result));
+        let is_on = sensor.session.is_within_limits();
+        let line = if is_on {
+            "status limits on"
+        } else {
+            "status limits off"
+        };
+        assert!(sensor.ask("status").lines().any(|it| it == line));
+        is_on
+    };
+    assert!(!is_on(&mut sensor, near), "no limits");
+    for line in [
+        "limits -8000000 8000000 1000000",
+        "limits 8000000 8000000",
+        "limits -8000000 -8000000 1",
+        "limits off",
+        "limits 788000 789000",
+    ] {
+        sensor.set(line);
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+        assert!(
+            !sensor.session.is_within_limits(),
+            "no distance yet: {line}"
+        );
+    }
+    let form = "expected limits off|LOW HIGH [HYSTERESIS]";
+    for (line, error) in [
+        ("limits 0 8000001", "E3 out of range, "),
+        ("limits -8000001 0", "E3 out of range, "),
+        ("limits 2 1", "E3 out of range, "),
+        ("limits 1 2 1000001", "E3 out of range, "),
+        ("limits 1", "E2 "),
+        ("limits 1 2 -3", "E2 "),
+        ("limits 1.5 2", "E2 "),
+    ] {
+        assert_eq!(sensor.ask(line), format!("{error}{form}"));
+    }
+    assert!(is_on(&mut sensor, near));
+    assert!(!is_on(&mut sensor, far));
+    assert!(is_on(&mut sensor, near));
+    assert!(!is_on(&mut sensor, Err(TOO_DIM)));
+    // A step of 39.7 mm is within 40 mm of hysteresis: the output stays, but it does not switch on there.
+    sensor.set("limits 788000 789000 40000");
+    assert!(!is_on(&mut sensor, far));
+    assert!(is_on(&mut sensor, near));
+    assert!(is_on(&mut sensor, far));
+    assert!(!is_on(&mut sensor, Err(TOO_DIM)));
+    // A held reading counts for as long as it is held.
+    sensor.set("hold 2");
+    let with_fault = [near, Err(TOO_DIM), Err(TOO_DIM), Err(TOO_DIM)];
+    assert_eq!(
+        with_fault.map(|it| is_on(&mut sensor, it)),
+        [true, true, true, false]
+    );
+    sensor.set("hold 0");
+    // Lines that `rate` leaves out count, too, and so do those of a stream that is off.
+    sensor.set("rate 1");
+    sensor.set("stream off");
+    assert!(is_on(&mut sensor, near));
+    // A change of the measurement: off until the next reading.
+    sensor.set("rows 8");
+    assert!(!sensor.session.is_within_limits());
+    assert!(is_on(&mut sensor, near));
+    // Half of two readings: 808.7 mm.
+    sensor.set("average moving 2");
+    sensor.set("limits 800000 820000");
+    assert_eq!([near, far].map(|it| is_on(&mut sensor, it)), [false, true]);
+    sensor.set("average none");
+    // The frame of the zero has the distance 0, although its answer is the reading from the laser.
+    sensor.set("limits -1 1");
+    sensor.ask("zero");
+    assert!(is_on(&mut sensor, near) && !is_on(&mut sensor, far));
+    sensor.set("limits -500001 -499999");
+    sensor.ask("master -500");
+    assert!(is_on(&mut sensor, far) && !is_on(&mut sensor, near));
+    // Rows that are sent whole have no results.
+    assert!(is_on(&mut sensor, far));
+    for line in ["format binary", "stream on"] {
+        sensor.set(line);
+    }
+    assert!(sensor.session.is_within_limits());
+    sensor.set("pixels rows");
+    assert!(!sensor.session.is_within_limits());
+    sensor.set("pixels none");
+    let saved = Stored::Newest(sensor.save());
+    assert_eq!(
+        Sensor::started(saved).ask("limits"),
+        "limits -500001 -499999"
+    );
+    sensor.set("defaults");
+    assert!(!is_on(&mut sensor, near));
 }
 
 /// Two readings with different maps do not share the errors of the pixels.

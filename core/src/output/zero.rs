@@ -19,12 +19,17 @@ impl Zero {
     /// A reading relative to this one. The value is exact, so the uncertainty is that of the difference. The
     /// distance saturates.
     pub fn relative(&self, now: &Reading) -> Reading {
-        let difference = Difference::between(&self.reading, now).0;
-        let bits = difference.distance.to_bits();
         Reading {
-            distance: Micrometres::from_bits(bits.saturating_add(self.value.to_bits())),
-            ..difference
+            distance: self.distance(now),
+            ..Difference::between(&self.reading, now).0
         }
+    }
+
+    /// The distance of [`Self::relative`].
+    pub fn distance(&self, now: &Reading) -> Micrometres {
+        let [zero, now] = [self.reading.distance, now.distance].map(Micrometres::to_bits);
+        let difference = now.saturating_sub(zero);
+        Micrometres::from_bits(difference.saturating_add(self.value.to_bits()))
     }
 }
 

@@ -67,6 +67,8 @@ pub struct Status<'a> {
     pub readings: u32,
     /// Frames that gave none, in the order of [`Fault::NAMES`].
     pub faults: [u32; Fault::KINDS],
+    /// Whether the switching output is on.
+    pub is_within_limits: bool,
 }
 
 /// What went wrong on the serial line's receiving side.
@@ -113,7 +115,9 @@ impl fmt::Display for Status<'_> {
         } = serial_errors;
         write!(f, "\r\nstatus serial noise {noise}")?;
         write!(f, "\r\nstatus serial framing {framing}")?;
-        write!(f, "\r\nstatus serial overrun {overrun}")
+        write!(f, "\r\nstatus serial overrun {overrun}")?;
+        let limits = if self.is_within_limits { "on" } else { "off" };
+        write!(f, "\r\nstatus limits {limits}")
     }
 }
 
@@ -144,6 +148,7 @@ mod tests {
             vitals: &vitals,
             readings: u32::MAX,
             faults: [u32::MAX; Fault::KINDS],
+            is_within_limits: false,
         };
         let text = status.to_string();
         assert!(

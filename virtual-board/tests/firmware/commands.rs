@@ -148,6 +148,7 @@ fn status_counts_what_happened() {
         "status serial noise",
         "status serial framing",
         "status serial overrun",
+        "status limits",
     ]);
     assert_eq!(names, expected);
 

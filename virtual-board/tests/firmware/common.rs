@@ -79,6 +79,21 @@ pub fn stop_the_transfer(board: &mut VirtualBoard) {
         .expect("the emulator");
 }
 
+/// The level of PE11, the switching output. `None` if the pin is no output.
+pub fn switching_output(board: &mut VirtualBoard) -> Option<bool> {
+    use rigless::mcu::Mcu as _;
+    use rigless::soc::stm32f427::generated::gpioa::Register::{Moder, Odr};
+    const PIN: u32 = 11;
+    let level = board.on_emulator(|session, _, _| {
+        let bus = session.board_mut().processor.part.bus();
+        let slot = bus.slot("GPIOE").expect("the port");
+        let registers = bus.slots()[slot].registers();
+        let is_output = registers.get(Moder) >> (2 * PIN) & 0b11 == 0b01;
+        is_output.then(|| registers.get(Odr) >> PIN & 1 == 1)
+    });
+    level.expect("the emulator")
+}
+
 /// Whether a line is a frame's result: a reading or a fault.
 pub fn is_result(line: &str) -> bool {
     is_reading(line) || line.starts_with("f ")
@@ -133,7 +148,7 @@ pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
 }
 
 /// Lines of the answer to `status`.
-const STATUS_LINES: usize = 12 + Fault::KINDS;
+const STATUS_LINES: usize = 13 + Fault::KINDS;
 
 /// The answer to `status`.
 #[derive(Debug)]

@@ -1,6 +1,8 @@
 //! Tests of the settings that act between a frame's reading and its line.
 
-use crate::common::{DISTANCE, PATIENCE, Status, fresh_results, measuring, number, paper, spot_at};
+use crate::common::{
+    DISTANCE, PATIENCE, Status, fresh_results, measuring, number, paper, spot_at, switching_output,
+};
 use virtual_board::VirtualBoard;
 
 /// The next line that begins as asked.
@@ -63,16 +65,29 @@ fn each_setting_of_the_lines_acts() {
     assert!(off.abs() < 50.0, "{off} um");
     set(&mut board, "rate 0");
 
-    // A target without a spot. Rows under way still have one.
+    // The firmware switches the output before it sends the line.
+    assert_eq!(switching_output(&mut board), Some(false));
+    set(&mut board, "limits 799000 801000");
+    line(&mut board, "@ ");
+    line(&mut board, "@ ");
+    assert_eq!(switching_output(&mut board), Some(true));
+
+    // A target without a spot. Rows under way still have one. The output is on while a reading is held.
     set(&mut board, "hold 2");
     line(&mut board, "@ ");
     board.set_light(spot_at(1800.0, 0.0));
     let ends = [" h 1", " h 2", " f no spot"].map(|part| {
         let line = board.run_until_line(|line| line.contains(part), PATIENCE);
+        let level = switching_output(&mut board);
+        assert_eq!(level, Some(part != " f no spot"), "{part}");
         line.expect("a line").at
     });
     assert!(ends.is_sorted());
     board.set_light(paper());
+    line(&mut board, "@ ");
+    let is_reading = |line: &str| line.contains(" d ");
+    board.run_until_line(is_reading, PATIENCE).expect("a line");
+    assert_eq!(switching_output(&mut board), Some(true));
 
     set(&mut board, "defaults");
     Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);

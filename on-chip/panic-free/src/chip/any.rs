@@ -15,6 +15,7 @@ use slitrange::frame::{FrameCentre, Mean};
 use slitrange::front_end::{Estimate, FrontEnd};
 use slitrange::output::average::Average;
 use slitrange::output::columns::Columns;
+use slitrange::output::limits::Limits;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
@@ -70,6 +71,7 @@ pub fn settings() -> Settings {
         ambient: any(AmbientMode::Subtract),
         average: any(Average::None),
         hold: any(0),
+        limits: any(Limits::Off),
         rate: any(0),
         units: any(Units::Millimetres),
         output: any(Columns::NONE),

@@ -293,6 +293,7 @@ pub fn talk() {
             );
         }
         reached(session.is_map_on().into());
+        reached(session.is_within_limits().into());
         if let Some(configuration) = session.configuration() {
             reached(i32::from(configuration.settings.rows));
         }
