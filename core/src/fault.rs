@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::exposure::Exposure;
-use crate::units::{Counts, Pixels};
+use crate::units::{Counts, Micrometres, Pixels};
 
 /// Why there is no distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,11 +87,16 @@ pub enum Fault {
     },
     /// The setting `laser off` holds.
     LaserOff,
+    /// The reading is farther from the last good one than the setting `spike-filter` allows.
+    Spike {
+        /// How far.
+        step: Micrometres,
+    },
 }
 
 impl Fault {
     /// Number of kinds of fault.
-    pub const KINDS: usize = 14;
+    pub const KINDS: usize = 15;
 
     /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
     pub const fn kind(&self) -> usize {
@@ -110,6 +115,7 @@ impl Fault {
             Self::DimAtLongest { .. } => 11,
             Self::SaturatedAtShortest { .. } => 12,
             Self::LaserOff => 13,
+            Self::Spike { .. } => 14,
         }
     }
 
@@ -129,6 +135,7 @@ impl Fault {
         "too dim at the longest exposure",
         "saturated at the shortest exposure",
         "laser off",
+        "spike",
     ];
 
     /// The kind's name.
@@ -159,6 +166,9 @@ impl Fault {
                 "check that the laser is on and hits a target, and that the exposure is long enough"
             }
             Self::LaserOff => "send `laser on`",
+            Self::Spike { .. } => {
+                "look for what disturbs the light; if the target moves as fast, a larger `spike-filter`"
+            }
             Self::TooDim { .. } => {
                 "a longer exposure, more laser power, a brighter target or less ambient light"
             }

@@ -1,11 +1,11 @@
 //! What happens to a reading before it becomes a line, as the settings say.
 //!
 //! ```text
-//! frame's reading -> average -> hold -> zero -> rate -> columns, units -> line
-//! or fault                                    -> limits -> switching output
+//! frame's reading -> spike-filter -> average -> hold -> zero -> rate -> columns, units -> line
+//! or fault                                                    -> limits -> switching output
 //! ```
 //!
-//! A fault passes all steps, and stays a fault. Only `hold` gives a flagged reading in its place,
+//! `spike-filter` makes a fault of a reading. A fault passes all steps, and stays a fault. Only `hold` gives a flagged reading in its place,
 //! and not in packets.
 
 pub mod average;
@@ -13,6 +13,7 @@ pub mod columns;
 pub mod hold;
 pub mod limits;
 pub mod rate;
+pub mod spike;
 pub mod zero;
 
 use crate::ambient::AmbientMode;
@@ -22,6 +23,8 @@ use crate::reading::Reading;
 /// What the steps remember of the readings before.
 #[derive(Clone, Debug, Default)]
 pub struct Output {
+    /// The latest good readings.
+    pub spikes: spike::Spikes,
     average: average::Filter,
     hold: hold::Hold,
     /// When the next line is due.
@@ -54,6 +57,7 @@ impl Output {
 
     /// Forgets all readings. The switching output is off until the next one.
     pub fn clear(&mut self) {
+        self.spikes.clear();
         self.average.clear();
         self.hold.clear();
         self.is_within = false;

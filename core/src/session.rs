@@ -334,6 +334,7 @@ impl Session {
             self.pixels = measured.pixels;
         }
         let result = measured.and_then(|measured| self.reading(&measured));
+        let result = self.output.spikes.take(self.settings.spike_filter, result);
         let count = match &result {
             Ok(_) => Some(&mut self.readings),
             Err(fault) => self.faults.get_mut(fault.kind()),

@@ -20,6 +20,7 @@ use crate::frame::{MAX_ROWS, Mean};
 use crate::output::average::{self, Average};
 use crate::output::columns::{Column, Columns};
 use crate::output::limits::Limits;
+use crate::output::spike::SpikeFilter;
 use crate::peak::Peak;
 use crate::region::Region;
 use crate::sending::{Baud, Format, PixelStream};
@@ -100,6 +101,10 @@ macro_rules! list {
             /// how far speckle moves a distance, in um
             Surface "surface" surface: Surface = Surface::Auto,
                 Form::Words("auto|off|0..50000"), Affects::Measurement;
+
+            /// a reading that jumps by more um is a fault until three agree
+            SpikeFilter "spike-filter" spike_filter: SpikeFilter = SpikeFilter::Off,
+                Form::Words("off|1..100000"), Affects::Lines;
 
             /// what is made of the last N results
             Average "average" average: Average = Average::None,
@@ -444,6 +449,26 @@ impl ValueText for Columns {
     }
 }
 
+impl ValueText for SpikeFilter {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match *words {
+            ["off"] => Ok(Self::Off),
+            [um] => {
+                let um = read_number(um, 1, Self::MOST_UM)?;
+                Ok(Self::Beyond(Micrometres::from_int(um as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Beyond(um) => write!(f, "{um:.0}"),
+        }
+    }
+}
+
 impl ValueText for Limits {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         let (low, high, hysteresis) = match *words {
@@ -724,6 +749,11 @@ pub(crate) mod tests {
             .chain([0, 1, 1000].map(Value::Hold))
             .chain([0, 1, 1000].map(Value::Rate))
             .chain([Units::Millimetres, Units::Micrometres].map(Value::Units))
+            .chain([Value::SpikeFilter(SpikeFilter::Off)])
+            .chain(
+                [1, 100_000]
+                    .map(|um| Value::SpikeFilter(SpikeFilter::Beyond(Micrometres::from_int(um)))),
+            )
             .chain([Value::Limits(Limits::Off)])
             .chain(
                 [
@@ -851,6 +881,11 @@ pub(crate) mod tests {
             (Setting::Output, &["distance,u"], ValueError::Form),
             (Setting::Hold, &["1001"], ValueError::Range),
             (Setting::Hold, &["-1"], ValueError::Form),
+            (Setting::SpikeFilter, &["0"], ValueError::Range),
+            (Setting::SpikeFilter, &["100001"], ValueError::Range),
+            (Setting::SpikeFilter, &["-1"], ValueError::Form),
+            (Setting::SpikeFilter, &["on"], ValueError::Form),
+            (Setting::SpikeFilter, &["off", "1"], ValueError::Form),
             (Setting::Limits, &["on"], ValueError::Form),
             (Setting::Limits, &["off", "1"], ValueError::Form),
             (Setting::Limits, &["1"], ValueError::Form),

@@ -349,6 +349,7 @@ impl Bench {
             Fault::DimAtLongest { .. } | Fault::SaturatedAtShortest { .. } => {
                 panic!("{fault}: nothing chose an exposure")
             }
+            Fault::Spike { .. } => panic!("{fault}: a measurement knows no spikes"),
         }
     }
 }

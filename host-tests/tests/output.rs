@@ -10,6 +10,7 @@ use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::output::average::{Average, Filter};
 use slitrange::output::limits::Limits;
+use slitrange::output::spike::{SpikeFilter, Spikes};
 use slitrange::reading::Reading;
 use slitrange::uncertainty::{CalibrationErrors, Parts, Surface};
 use slitrange::units::{Counts, Micrometres};
@@ -259,4 +260,76 @@ proptest! {
         }
         prop_assert!(switched <= 1);
     }
+}
+
+proptest! {
+    /// Of any results: a fault stays as it is, and a reading as it is or a spike. A good reading is farther
+    /// than the filter's distance from the last good one only if the two results before were withheld, and
+    /// agree with it and with each other. Three readings in succession that agree end with a good one.
+    #[test]
+    fn a_spike_filter_lets_a_jump_pass_only_when_three_readings_agree(
+        most in prop_oneof![Just(1u32), 1..=SpikeFilter::MOST_UM, Just(SpikeFilter::MOST_UM)],
+        // In eighths of the filter's distance, so that many agree and many do not.
+        places in prop::collection::vec(prop::option::weighted(0.85, -24..24i32), 1..200),
+    ) {
+        let most = most as i32 * 256;
+        let filter = SpikeFilter::Beyond(Micrometres::from_bits(most));
+        let agree = |one: i32, other: i32| one.abs_diff(other) <= most.unsigned_abs();
+        let mut spikes = Spikes::default();
+        let mut good: Option<i32> = None;
+        // The results before: the distance, and whether it was good.
+        let mut before: Vec<Option<(i32, bool)>> = vec![];
+        for place in places {
+            let distance = place.map(|place| place * (most / 8).max(1));
+            let noise = Micrometres::from_int(8);
+            let result = distance.map(|bits| reading(Micrometres::from_bits(bits), noise)).ok_or(FAULT);
+            let out = spikes.take(filter, result);
+            let Some(now) = distance else {
+                prop_assert_eq!(out, Err(FAULT));
+                before.push(None);
+                continue;
+            };
+            let two = match before[..] {
+                [.., Some(older), Some(newer)] => Some([older, newer]),
+                _ => None,
+            };
+            match out {
+                Ok(out) => {
+                    prop_assert_eq!(Ok(out), result);
+                    if good.is_some_and(|good| !agree(good, now)) {
+                        let [older, newer] = two.expect("two readings before a jump");
+                        prop_assert!(!older.1 && !newer.1);
+                        prop_assert!(agree(older.0, newer.0) && agree(older.0, now) && agree(newer.0, now));
+                    }
+                    good = Some(now);
+                }
+                Err(fault) => {
+                    let good = good.expect("the first reading is good");
+                    let step = Micrometres::from_bits((now - good).abs());
+                    prop_assert_eq!(fault, Fault::Spike { step });
+                    prop_assert!(!agree(good, now));
+                    let agreed = two.is_some_and(|[older, newer]| {
+                        agree(older.0, newer.0) && agree(older.0, now) && agree(newer.0, now)
+                    });
+                    prop_assert!(!agreed);
+                }
+            }
+            before.push(Some((now, out.is_ok())));
+        }
+    }
+}
+
+/// Distances at both ends of the range are not taken for near ones.
+#[test]
+fn the_farthest_jump_is_a_spike() {
+    let noise = Micrometres::from_int(8);
+    let [first, last] = [Micrometres::MIN, Micrometres::MAX].map(|it| reading(it, noise));
+    let filter = SpikeFilter::Beyond(Micrometres::from_int(SpikeFilter::MOST_UM as i32));
+    let mut spikes = Spikes::default();
+    let step = Micrometres::MAX;
+    assert_eq!(spikes.take(filter, Ok(first)), Ok(first));
+    assert_eq!(spikes.take(filter, Ok(last)), Err(Fault::Spike { step }));
+    // Without the filter nothing is withheld, and nothing is remembered.
+    assert_eq!(spikes.take(SpikeFilter::Off, Ok(last)), Ok(last));
+    assert_eq!(spikes.take(filter, Ok(first)), Ok(first));
 }

@@ -127,6 +127,9 @@ fn fault() -> impl Strategy<Value = Fault> {
     prop_oneof![
         Just(Fault::SensorSilent),
         Just(Fault::LaserOff),
+        any::<i32>().prop_map(|bits| Fault::Spike {
+            step: Micrometres::from_bits(bits)
+        }),
         (counts(), counts()).prop_map(|(amplitude, needed)| Fault::TooDim { amplitude, needed }),
         (pixels(), pixels()).prop_map(|(centre, other)| Fault::TwoSpots { centre, other }),
         any::<u16>().prop_map(|pixels| Fault::SaturatedAtShortest {

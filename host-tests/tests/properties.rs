@@ -415,7 +415,8 @@ fn every_fault_is_reachable() {
             assert_eq!(found, *name, "{estimator:?}: {result:?}");
         }
     }
-    for name in Fault::NAMES {
+    // Only a session finds spikes.
+    for name in Fault::NAMES.into_iter().filter(|name| *name != "spike") {
         assert!(cases.iter().any(|(case, ..)| *case == name), "{name}");
     }
 }

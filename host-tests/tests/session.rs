@@ -991,6 +991,98 @@ fn the_place_of_a_reading_has_the_distance_that_master_sets() {
     assert!(shown(&mut sensor, 1800.0).starts_with("d 788839.7 um "));
 }
 
+/// Three readings in succession at the new place, and the third one is good. The limits of the setting are
+/// inclusive.
+#[test]
+fn a_reading_that_jumps_is_a_fault_until_three_agree() {
+    let mut sensor = Sensor::new();
+    let form = "expected spike-filter off|1..100000";
+    for (line, error) in [
+        ("spike-filter 0", "E3 out of range, "),
+        ("spike-filter 100001", "E3 out of range, "),
+        ("spike-filter 99999999999", "E3 out of range, "),
+        ("spike-filter -1", "E2 "),
+        ("spike-filter on", "E2 "),
+        ("spike-filter 1 2", "E2 "),
+    ] {
+        assert_eq!(sensor.ask(line), format!("{error}{form}"));
+    }
+    for line in ["spike-filter 1", "spike-filter 100000", "spike-filter off"] {
+        sensor.set(line);
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+    }
+    let near = frame(1800.0);
+    let far = frame(1700.0);
+    let says = |sensor: &mut Sensor, measured| sensor.take(Event::Frame(Ok(measured)));
+    let [of_near, of_far] = [near, far].map(|it| says(&mut sensor, it));
+    assert!(of_near.starts_with("d 788.8397 mm ") && of_far.starts_with("d 828.4"));
+    sensor.set("spike-filter 39000");
+    assert_eq!(says(&mut sensor, near), of_near);
+    let spike = "f spike: 396";
+    for _ in 0..2 {
+        let line = says(&mut sensor, far);
+        assert!(
+            line.starts_with(spike) && line.ends_with(" um from the last good reading"),
+            "{line}"
+        );
+    }
+    assert_eq!(says(&mut sensor, far), of_far);
+    assert!(says(&mut sensor, near).starts_with(spike));
+    // A fault is no reading, and ends the succession.
+    assert!(says(&mut sensor, near).starts_with(spike));
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), TOO_DIM.to_string());
+    for _ in 0..2 {
+        assert!(says(&mut sensor, near).starts_with(spike));
+    }
+    assert_eq!(says(&mut sensor, near), of_near);
+    let status = sensor.ask("status");
+    assert!(status.contains("\r\nstatus fault spike 6\r\n"), "{status}");
+    // 39.7 mm is no jump for a filter of 40 mm.
+    sensor.set("spike-filter 40000");
+    assert_eq!(says(&mut sensor, far), of_far);
+    sensor.set("spike-filter 39000");
+    // The filter comes before `average`, `hold` and the limits: all three see a fault.
+    sensor.set("average moving 2");
+    sensor.set("hold 1");
+    sensor.set("limits 828000 829000");
+    assert_eq!(says(&mut sensor, far), of_far);
+    assert_eq!(says(&mut sensor, near), format!("{of_far} h 1"));
+    assert!(sensor.session.is_within_limits());
+    assert!(says(&mut sensor, near).starts_with(spike));
+    assert!(!sensor.session.is_within_limits());
+    // `zero` takes no spike, and its answer says what to do.
+    sensor.ask("zero");
+    assert!(says(&mut sensor, far).starts_with("d 828.4"));
+    sensor.ask("zero");
+    let answer = says(&mut sensor, near);
+    assert!(
+        answer.starts_with(spike) && answer.ends_with(')'),
+        "{answer}"
+    );
+    sensor.set("zero off");
+    // A change of the measurement or the calibration forgets the last good reading.
+    for end in ["rows 7", "estimator adaptive", "calibration on"] {
+        says(&mut sensor, far);
+        says(&mut sensor, far);
+        says(&mut sensor, far);
+        sensor.set(end);
+        assert!(
+            says(&mut sensor, near).starts_with("d 788.8397 mm "),
+            "{end}"
+        );
+    }
+    // Packets have the fault, too.
+    sensor.set("format binary");
+    says(&mut sensor, far);
+    let result = sensor.actions.result.expect("a result").result;
+    assert!(matches!(result, Err(Fault::Spike { .. })), "{result:?}");
+    let saved = Stored::Newest(sensor.save());
+    assert_eq!(
+        Sensor::started(saved).ask("spike-filter"),
+        "spike-filter 39000"
+    );
+}
+
 /// The output follows what a line shows: a distance relative to the zero, an average, a held reading.
 #[test]
 fn a_distance_within_the_limits_switches_the_output_on() {

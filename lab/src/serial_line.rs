@@ -7,7 +7,7 @@ use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::protocol::help::{AFTER_SETTINGS, BEFORE_SETTINGS, purpose};
 use slitrange::settings::{Affects, Setting, Settings};
-use slitrange::units::{Counts, Pixels};
+use slitrange::units::{Counts, Micrometres, Pixels};
 use std::fmt::Write as _;
 
 use crate::docs;
@@ -181,6 +181,9 @@ fn faults() -> [Fault; Fault::KINDS] {
             exposure: Exposure::SHORTEST,
         },
         Fault::LaserOff,
+        Fault::Spike {
+            step: Micrometres::from_int(1234),
+        },
     ]
 }
 

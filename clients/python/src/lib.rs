@@ -40,7 +40,7 @@ impl Columns {
                 [frame.rows_used, frame.misfits],
                 -1,
             ),
-            // There are 14 kinds.
+            // There are 15 kinds.
             Err(fault) => (nothing, [0, 0], fault.kind() as i8),
         };
         self.centre.push(centre);

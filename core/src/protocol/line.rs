@@ -280,6 +280,7 @@ impl fmt::Display for Fault {
             Self::SaturatedAtShortest { pixels, exposure } => {
                 write!(f, ": {pixels} pixels in {} us", exposure.us())
             }
+            Self::Spike { step } => write!(f, ": {step:.1} um from the last good reading"),
         }
     }
 }

@@ -262,7 +262,7 @@ fn emphasised(text: &str, is: bool) -> String {
 /// Short names of the kinds of fault, in their order.
 const FAULTS: [&str; Fault::KINDS] = [
     "silent", "none", "dim", "sat", "edge", "two", "unst", "range", "uncal", "few", "mixed",
-    "long", "short", "off",
+    "long", "short", "off", "spike",
 ];
 
 /// The random rows' rates, as docs/hard-cases.md shows them.

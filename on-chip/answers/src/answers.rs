@@ -269,6 +269,7 @@ fn say_fault(fault: Fault, say: &mut impl FnMut(u32)) {
         } => [amplitude.to_bits(), exposure.us().into()],
         Fault::SaturatedAtShortest { pixels, exposure } => [pixels.into(), exposure.us().into()],
         Fault::LaserOff => [0, 0],
+        Fault::Spike { step } => [step.to_bits(), 0],
     };
     for bits in bits {
         say(bits as u32);

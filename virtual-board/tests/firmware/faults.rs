@@ -118,6 +118,9 @@ fn advice_for(name: &str) -> &'static str {
             exposure: Exposure::SHORTEST,
         },
         Fault::LaserOff,
+        Fault::Spike {
+            step: slitrange::units::Micrometres::from_int(0),
+        },
     ]
     .iter()
     .find(|fault| fault.name() == name)

@@ -235,7 +235,7 @@ fn every_row_gives_the_same_line_on_the_chip_and_on_a_pc() {
                 "too few slits" | "slits unclear" => false,
                 // These are faults of auto exposure.
                 "too dim at the longest exposure" | "saturated at the shortest exposure" => false,
-                "laser off" => false,
+                "laser off" | "spike" => false,
                 "out of range" => command.ends_with("on"),
                 "not calibrated" => command.ends_with("off"),
                 _ => true,

@@ -16,6 +16,7 @@ use slitrange::front_end::{Estimate, FrontEnd};
 use slitrange::output::average::Average;
 use slitrange::output::columns::Columns;
 use slitrange::output::limits::Limits;
+use slitrange::output::spike::SpikeFilter;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
@@ -71,6 +72,7 @@ pub fn settings() -> Settings {
         ambient: any(AmbientMode::Subtract),
         average: any(Average::None),
         hold: any(0),
+        spike_filter: any(SpikeFilter::Off),
         limits: any(Limits::Off),
         rate: any(0),
         units: any(Units::Millimetres),
