@@ -22,8 +22,8 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SENDS_WINDOWS,
-    SETTINGS, TAKEN, WINDOWS,
+    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
+    SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
 };
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
@@ -314,6 +314,11 @@ impl Shell {
     fn apply(&mut self) {
         if let Some(applied) = self.actions.apply.take() {
             SETTINGS.signal(applied);
+            // Results that wait were measured with the settings before. Measuring runs in this executor, and
+            // takes the new settings before the next row.
+            while RESULTS.try_receive().is_ok() {
+                COUNTERS.lines_dropped.add();
+            }
         }
     }
 

@@ -1,9 +1,13 @@
 //! Tests of the settings that act between a frame's reading and its line.
 
+use std::time::Duration;
+
 use crate::common::{
     DISTANCE, PATIENCE, Status, fresh_results, measuring, number, paper, spot_at, switching_output,
 };
+use simulator::scene::Scene;
 use virtual_board::VirtualBoard;
+use virtual_board::light::{Target, of_scene};
 
 /// The next line that begins as asked.
 fn line(board: &mut VirtualBoard, start: &str) -> String {
@@ -89,8 +93,63 @@ fn each_setting_of_the_lines_acts() {
     board.run_until_line(is_reading, PATIENCE).expect("a line");
     assert_eq!(switching_output(&mut board), Some(true));
 
+    // Distances relative to a master, as comma-separated values with their header.
+    board.send("master 5000\r\n");
+    line(&mut board, "@ ");
+    let of_master = board.run_until_line(|line| line.contains(" z "), PATIENCE);
+    let of_master = of_master.expect("a line").text;
+    let off = number(&of_master, " z ", " um") - 5000.0;
+    assert!(off.abs() < 50.0, "{of_master}");
+    assert_eq!(switching_output(&mut board), Some(false));
+    set(&mut board, "format csv");
+    line(&mut board, "us,distance,z,h,fault");
+    let values = board.run_until_line(|line| line.ends_with(",1,0,"), PATIENCE);
+    assert_eq!(values.expect("a line").text.matches(',').count(), 4);
+    set(&mut board, "format text");
+    set(&mut board, "zero off");
+
+    // A target that jumps by 200 mm: two spikes, then the new place.
+    set(&mut board, "average none");
+    set(&mut board, "hold 0");
+    set(&mut board, "spike-filter 1000");
+    line(&mut board, "@ ");
+    board.set_light(of_scene(Scene::white_paper(), Target::at(DISTANCE + 0.2)));
+    let is_far = |line: &str| line.contains(" d 100") || line.contains(" d 999");
+    let mut jump = vec![];
+    while !jump.last().is_some_and(|line: &String| is_far(line)) {
+        jump.push(line(&mut board, "@ "));
+        assert!(jump.len() < 20, "{jump:#?}");
+    }
+    println!("{jump:#?}");
+    let spikes = jump.iter().filter(|line| line.contains(" f spike: "));
+    assert!(spikes.count() >= 2, "{jump:#?}");
+    board.set_light(paper());
+
     set(&mut board, "defaults");
     Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
     fresh_results(&mut board, 1);
+    board.finish().expect("a clean run");
+}
+
+/// A result that waits for the serial line while a setting changes is not held afterwards: it was measured
+/// with the settings before. An echo that waits for the line lets results wait.
+#[test]
+fn results_of_before_a_change_are_dropped() {
+    let mut board = measuring(1);
+    set(&mut board, "hold 1000");
+    set(&mut board, "echo on");
+    // Three answers to `help` are more than the firmware's buffer holds: the third one waits for 0.3 s, and the
+    // echo behind it waits for the line, 87 us a character. A backspace has an echo of three. So the echo of
+    // these 64 bytes, which the firmware reads in one piece, takes 10 ms: longer than a row, 5.7 ms.
+    board.send(&"help\r".repeat(3));
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    board.send(&format!("{}laser off\r", "x\u{8}".repeat(27)));
+    let answer = board.run_until_line(|line| line.ends_with("laser off"), 3 * PATIENCE);
+    answer.expect("the answer");
+    let held = |line: &str| line.starts_with("d ") || line.starts_with("f ");
+    for _ in 0..4 {
+        let line = board.run_until_line(held, PATIENCE).expect("a result").text;
+        assert_eq!(line, "f laser off");
+    }
     board.finish().expect("a clean run");
 }
