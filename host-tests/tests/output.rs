@@ -158,7 +158,12 @@ fn a_filter_shows_the_flags_of_its_window_and_forgets_over_faults() {
             assert_eq!((out.misfits, out.correlated), (3, Some(4)), "{average:?}");
         }
         let out = take(Ok(far)).expect("a distance");
-        assert_eq!((out.misfits, out.correlated), (0, None), "{average:?}");
+        // The recursive mean still has a share of the flagged reading.
+        let flags = match average {
+            Average::Recursive(_) => (3, Some(4)),
+            _ => (0, None),
+        };
+        assert_eq!((out.misfits, out.correlated), flags, "{average:?}");
         assert_eq!(take(Err(FAULT)), Err(FAULT));
         let out = take(Ok(near)).expect("a distance");
         assert!(out.distance > near.distance, "{average:?}: {out}");
@@ -166,6 +171,46 @@ fn a_filter_shows_the_flags_of_its_window_and_forgets_over_faults() {
             assert_eq!(take(Err(FAULT)), Err(FAULT));
         }
         assert_eq!(take(Ok(near)), Ok(near), "{average:?}");
+    }
+}
+
+/// A flag of a recursive mean stays until its readings have less than 1 % of the weight, and as long as one is
+/// in the window.
+#[test]
+fn a_recursive_filter_shows_a_flag_while_its_readings_have_weight() {
+    let plain = reading(Micrometres::from_int(700_000), Micrometres::from_int(8));
+    let flagged = Reading {
+        misfits: 3,
+        correlated: Some(4),
+        ..plain
+    };
+    for n in [2u8, 8, 21, 22, 64] {
+        for flagged_ones in [1, 5 * u32::from(n)] {
+            let mut filter = Filter::default();
+            let mut take = |now| {
+                let out = filter.take(Average::Recursive(n), false, Ok(now));
+                let out = out.expect("a distance");
+                (out.misfits, out.correlated)
+            };
+            // A full mean, in which each reading has the weight 1/N at first.
+            for _ in 0..n {
+                assert_eq!(take(plain), (0, None));
+            }
+            for _ in 0..flagged_ones {
+                assert_eq!(take(flagged), (3, Some(4)));
+            }
+            let n = f64::from(n);
+            let kept = 1.0 - 1.0 / n;
+            let weight = 1.0 - kept.powi(flagged_ones as i32);
+            let least = (0.01 / weight).ln() / kept.ln();
+            // The window holds the last flagged reading for N - 1 more results.
+            let results = (least.floor() as u32).max(n as u32 - 1);
+            for after in 1..=results {
+                assert_eq!(take(plain), (3, Some(4)), "{n}: {after} of {results}");
+            }
+            assert_eq!(take(plain), (0, None), "{n}: after {results}");
+            println!("recursive {n}: {flagged_ones} flagged, then {results} results with the flag");
+        }
     }
 }
 

@@ -19,6 +19,11 @@
 //! parts count as the same in all readings, and the part of a mean is the mean of the parts. Only the noise
 //! of `ambient subtract` is shared by rows of several frames: see [`Filter::take`].
 //!
+//! **Flags.** A flag of a reading stays while the reading is in the window. A recursive mean also holds older
+//! readings: the latest N have about 63 % of the weight. So there a flag stays until the readings that have it
+//! are out of the window and have less than 1 % of the weight: 4.6 N results after the last of many, and
+//! N ln(100 / N) results after one alone, if that is more than N.
+//!
 //! Of a moving target the distance is late: by (N - 1)/2 frames, or N - 1 frames if the filter is recursive.
 
 use core::f32::consts::FRAC_PI_2;
@@ -65,6 +70,10 @@ struct Mean {
     noise_variance: f32,
     /// The means of the parts in the window. That of the noise is the noise of readings which share it.
     parts: Parts,
+    /// The most misfits of a reading; 0 without the flag.
+    misfits: u16,
+    /// The fewest independent rows of a reading with the flag.
+    correlated: Option<u16>,
 }
 
 /// The recursive mean.
@@ -76,6 +85,40 @@ struct Recursive {
     noise_variance: f32,
     /// The readings in it, up to N.
     count: u8,
+    misfits: Flag,
+    correlated: Flag,
+}
+
+/// A flag of the readings in a recursive mean.
+#[derive(Clone, Copy, Debug, Default)]
+struct Flag {
+    /// The worst number with the flag.
+    worst: Option<u16>,
+    /// The weight of the readings with the flag, 0 to 1.
+    weight: f32,
+}
+
+impl Flag {
+    /// Below this weight of its readings, a flag ends.
+    const LEAST_WEIGHT: f32 = 0.01;
+
+    /// The flag after another reading, of this weight. `in_window` is the worst number in the window.
+    fn after(
+        self,
+        is_set: bool,
+        weight: f32,
+        in_window: Option<u16>,
+        worse: fn(u16, u16) -> u16,
+    ) -> Self {
+        let new = if is_set { weight } else { 0.0 };
+        let weight = (1.0 - weight) * self.weight + new;
+        let before = self.worst.filter(|_| weight >= Self::LEAST_WEIGHT);
+        let worst = match (before, in_window) {
+            (Some(before), Some(in_window)) => Some(worse(before, in_window)),
+            (before, in_window) => before.or(in_window),
+        };
+        Self { worst, weight }
+    }
 }
 
 /// More bits of a recursive distance, so that 1/64 of a step is not lost.
@@ -187,6 +230,8 @@ impl Filter {
                 geometry: mean(|it| it.geometry),
                 motion: mean(|it| it.motion),
             },
+            misfits: self.samples().map(|it| it.misfits).max().unwrap_or(0),
+            correlated: self.samples().filter_map(|it| it.correlated).min(),
         }
     }
 
@@ -223,7 +268,11 @@ impl Filter {
             distance: before,
             noise_variance,
             count,
+            misfits,
+            correlated,
         } = self.recursive.unwrap_or_default();
+        let window = self.mean();
+        let in_window = Some(window.misfits).filter(|&misfits| misfits > 0);
         let count = count.saturating_add(1).clamp(1, length.max(1));
         let weight = 1.0 / f32::from(count);
         let (kept, new) = ((1.0 - weight) * (1.0 - weight), weight * weight);
@@ -232,12 +281,21 @@ impl Filter {
             distance: before.saturating_add(distance.saturating_sub(before) / i64::from(count)),
             noise_variance: kept * noise_variance + new * noise * noise,
             count,
+            misfits: misfits.after(reading.misfits > 0, weight, in_window, u16::max),
+            correlated: correlated.after(
+                reading.correlated.is_some(),
+                weight,
+                window.correlated,
+                u16::min,
+            ),
         };
         self.recursive = Some(recursive);
         Mean {
             distance: recursive.distance,
             noise_variance: recursive.noise_variance,
-            ..self.mean()
+            misfits: recursive.misfits.worst.unwrap_or(0),
+            correlated: recursive.correlated.worst,
+            ..window
         }
     }
 
@@ -257,9 +315,8 @@ impl Filter {
             distance: Micrometres::from_bits(bits as i32),
             uncertainty: parts.combined(),
             parts,
-            // A flag of any reading in the window.
-            misfits: (self.samples().map(|it| it.misfits).max()).unwrap_or(latest.misfits),
-            correlated: self.samples().filter_map(|it| it.correlated).min(),
+            misfits: mean.misfits,
+            correlated: mean.correlated,
             ..latest
         }
     }
