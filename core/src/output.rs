@@ -5,8 +5,8 @@
 //! or fault                                                    -> limits -> switching output
 //! ```
 //!
-//! `spike-filter` makes a fault of a reading. A fault passes all steps, and stays a fault. Only `hold` gives a flagged reading in its place,
-//! and not in packets.
+//! `spike-filter` makes a fault of a reading that jumps. A fault passes all steps, and stays a fault. Only
+//! `hold` gives a flagged reading in its place, and not in packets.
 
 pub mod average;
 pub mod columns;

@@ -206,8 +206,8 @@ impl Session {
         settings.stream && settings.format == Format::Binary && settings.pixels == pixels
     }
 
-    /// Whether the switching output is on: the latest distance is within the setting `limits`. While whole rows
-    /// are sent there are no results, and the output is off.
+    /// Whether the switching output is on: the latest distance is within the setting `limits`. While whole
+    /// rows are sent there are no results, and the output is off.
     pub fn is_within_limits(&self) -> bool {
         self.output.is_within && !self.streams_rows()
     }
@@ -355,7 +355,8 @@ impl Session {
         if let (Some(value), Ok(reading)) = (value, result) {
             self.zero = Some(Zero { reading, value });
         }
-        // The answer to `zero` shows the distance from the laser; the output has the one that holds from now on.
+        // The answer to `zero` shows the distance from the laser. The output takes the distance from the new
+        // zero.
         let distance = held.ok().map(|held| match &self.zero {
             Some(zero) => zero.distance(&held.reading),
             None => held.reading.distance,

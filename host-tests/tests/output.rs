@@ -174,8 +174,8 @@ fn a_filter_shows_the_flags_of_its_window_and_forgets_over_faults() {
     }
 }
 
-/// A flag of a recursive mean stays until its readings have less than 1 % of the weight, and as long as one is
-/// in the window.
+/// A flag of a recursive mean stays until its readings have less than 1 % of the weight, and as long as one
+/// of them is in the window.
 #[test]
 fn a_recursive_filter_shows_a_flag_while_its_readings_have_weight() {
     let plain = reading(Micrometres::from_int(700_000), Micrometres::from_int(8));

@@ -20,9 +20,9 @@
 //! of `ambient subtract` is shared by rows of several frames: see [`Filter::take`].
 //!
 //! **Flags.** A flag of a reading stays while the reading is in the window. A recursive mean also holds older
-//! readings: the latest N have about 63 % of the weight. So there a flag stays until the readings that have it
-//! are out of the window and have less than 1 % of the weight: 4.6 N results after the last of many, and
-//! N ln(100 / N) results after one alone, if that is more than N.
+//! readings: the latest N have about 63 % of the weight. So there a flag stays until the readings that have
+//! it are out of the window and have less than 1 % of the weight: 4.6 N results after the last of many, and N
+//! ln(100 / N) results after one alone, if that is more than N.
 //!
 //! Of a moving target the distance is late: by (N - 1)/2 frames, or N - 1 frames if the filter is recursive.
 

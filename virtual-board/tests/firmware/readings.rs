@@ -138,9 +138,9 @@ fn results_of_before_a_change_are_dropped() {
     let mut board = measuring(1);
     set(&mut board, "hold 1000");
     set(&mut board, "echo on");
-    // Three answers to `help` are more than the firmware's buffer holds: the third one waits for 0.3 s, and the
-    // echo behind it waits for the line, 87 us a character. A backspace has an echo of three. So the echo of
-    // these 64 bytes, which the firmware reads in one piece, takes 10 ms: longer than a row, 5.7 ms.
+    // Three answers to `help` are more than the firmware's buffer holds: the third one waits for 0.3 s, and
+    // the echo behind it waits for the line, 87 us a character. A backspace has an echo of three. So the echo
+    // of these 64 bytes, which the firmware reads in one piece, takes 10 ms: longer than a row, 5.7 ms.
     board.send(&"help\r".repeat(3));
     board.run_for(Duration::from_millis(100)).expect("a run");
     board.send(&format!("{}laser off\r", "x\u{8}".repeat(27)));
