@@ -252,7 +252,7 @@ class Sensor:
         if self._pixels_before is None:
             return
         before, self._pixels_before = self._pixels_before, None
-        self._line.leave_packets()
+        self._line.use_text()
         self._ask_setting("baud", str(self._line.baud))
         self._line.set_baud(self._line.baud)
         self._stream(False)
