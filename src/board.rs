@@ -309,6 +309,11 @@ fn start_cause() -> StartCause {
     }
 }
 
+/// Resets the chip: it starts as after power-on.
+pub fn reset() -> ! {
+    cortex_m::peripheral::SCB::sys_reset()
+}
+
 /// Starts the core's cycle counter, by which the sensor's pulses are timed.
 fn count_cycles() {
     // SAFETY: called once, before anything else could use these registers.

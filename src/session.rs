@@ -133,6 +133,10 @@ impl Shell {
             return;
         }
         self.send().await;
+        if self.actions.reset {
+            self.tx.drain().await;
+            board::reset();
+        }
         self.tx.set_baud(self.session.settings().baud).await;
         SENDS_WINDOWS.store(self.session.streams_windows(), Ordering::Relaxed);
         if let Some(part) = self.actions.row.take() {

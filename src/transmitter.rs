@@ -41,12 +41,17 @@ impl Transmitter {
         if baud == self.baud {
             return;
         }
-        while !self.is_empty() {
-            Timer::after_millis(1).await;
-        }
+        self.drain().await;
         // The rates are constant: a wrong one fails at its first use.
         defmt::unwrap!(self.port.set_baudrate(baud.bits_a_second()));
         self.baud = baud;
+    }
+
+    /// Waits until the last bit has left.
+    pub async fn drain(&mut self) {
+        while !self.is_empty() {
+            Timer::after_millis(1).await;
+        }
     }
 
     /// Sends bytes, however long that takes: a person or a program waits for them.
@@ -64,7 +69,7 @@ impl Transmitter {
         COUNTERS.lines_dropped.add_if(!self.try_hand_over(bytes));
     }
 
-    /// Whether all bytes have left the driver's buffer.
+    /// Whether the last bit of all bytes has left.
     pub fn is_empty(&mut self) -> bool {
         poll_once(self.port.flush()).is_ready()
     }

@@ -30,7 +30,7 @@ use crate::protocol::packet::FrameResult;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
-use crate::protocol::status::{StartCause, Status, Vitals};
+use crate::protocol::status::{Errors, StartCause, Status, Uptime, Vitals};
 use crate::protocol::upload::{Step, Upload};
 use crate::reading::{Measured, Reading};
 use crate::record::Record;
@@ -81,6 +81,8 @@ pub struct Actions {
     pub row: Option<RowPart>,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
     pub flat: Option<flat::Job>,
+    /// Start again, once all text has left.
+    pub reset: bool,
 }
 
 /// What the measurement takes from settings and calibration.
@@ -222,7 +224,7 @@ impl Session {
         actions.text.clear();
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
         actions.result = None;
-        (actions.row, actions.flat) = (None, None);
+        (actions.row, actions.flat, actions.reset) = (None, None, false);
         match event {
             Event::Started(stored) => {
                 self.load(stored);
@@ -442,6 +444,15 @@ impl Session {
                 readings: self.readings,
                 faults: self.faults,
             }),
+            Command::Errors => actions.add_line(&Errors {
+                vitals,
+                faults: &self.faults,
+            }),
+            Command::Uptime => actions.add_line(&Uptime(vitals.uptime_us)),
+            Command::Reset => {
+                actions.reset = true;
+                actions.add_line(&command);
+            }
             // The next frame answers.
             Command::Distance => self.distance_wanted = true,
             Command::Centre => self.centre_wanted = true,

@@ -294,6 +294,33 @@ fn help_info_and_status_are_answered() {
         faults,
     };
     assert_eq!(sensor.ask("status"), status.to_string());
+    assert_eq!(sensor.ask("uptime"), "status uptime 61.005 s");
+    assert!(
+        status
+            .to_string()
+            .contains("\r\nstatus uptime 61.005 s\r\n")
+    );
+    let errors = sensor.ask("errors");
+    assert!(status.to_string().ends_with(&format!("\r\n{errors}")));
+    assert!(errors.starts_with("status rows lost 0\r\nstatus rows failed 0\r\n"));
+    assert!(
+        errors.contains("\r\nstatus fault too dim 1\r\n"),
+        "{errors}"
+    );
+}
+
+#[test]
+fn reset_is_answered_and_asked_of_the_owner_once() {
+    let mut sensor = Sensor::new();
+    sensor.set("reset");
+    assert!(sensor.actions.reset);
+    sensor.ask("uptime");
+    assert!(!sensor.actions.reset);
+    for line in ["reset now", "errors 1", "uptime s"] {
+        let name = line.split(' ').next().expect("a name");
+        assert_eq!(sensor.ask(line), format!("E2 expected {name}"));
+        assert!(!sensor.actions.reset);
+    }
 }
 
 #[test]

@@ -30,6 +30,12 @@ pub enum Command {
     Info,
     /// What has been counted since the start.
     Status,
+    /// The errors among these counts.
+    Errors,
+    /// The time since the start.
+    Uptime,
+    /// Start again, as if the power came back.
+    Reset,
     /// One reading.
     Distance,
     /// One centre, calibrated or not.
@@ -188,6 +194,9 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         },
         "info" => expect_no_value(values, Command::Info, "info"),
         "status" => expect_no_value(values, Command::Status, "status"),
+        "errors" => expect_no_value(values, Command::Errors, "errors"),
+        "uptime" => expect_no_value(values, Command::Uptime, "uptime"),
+        "reset" => expect_no_value(values, Command::Reset, "reset"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
         "row" => match RowPart::parse(values) {
@@ -265,6 +274,9 @@ impl fmt::Display for Command {
             Self::HelpEstimator => f.write_str("help estimator"),
             Self::Info => f.write_str("info"),
             Self::Status => f.write_str("status"),
+            Self::Errors => f.write_str("errors"),
+            Self::Uptime => f.write_str("uptime"),
+            Self::Reset => f.write_str("reset"),
             Self::Distance => f.write_str("distance"),
             Self::Centre => f.write_str("centre"),
             Self::Uncertainty => f.write_str("uncertainty"),
@@ -301,6 +313,9 @@ mod tests {
             Command::HelpEstimator,
             Command::Info,
             Command::Status,
+            Command::Errors,
+            Command::Uptime,
+            Command::Reset,
             Command::Distance,
             Command::Centre,
             Command::Uncertainty,

@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 8] = [
+pub const BEFORE_SETTINGS: [Line; 10] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -20,6 +20,8 @@ pub const BEFORE_SETTINGS: [Line; 8] = [
         "status",
         "rows, the slowest row, readings, faults, errors, and why it started",
     ),
+    ("errors", "the errors in `status` alone"),
+    ("uptime", "the time since the start"),
     (
         "distance",
         "the next frame's reading, or its fault and what to do about it",
@@ -43,7 +45,7 @@ pub const BEFORE_SETTINGS: [Line; 8] = [
 ];
 
 /// The commands that `help` shows after the settings.
-pub const AFTER_SETTINGS: [Line; 10] = [
+pub const AFTER_SETTINGS: [Line; 11] = [
     (
         "calibration [on|off]",
         "show the calibration; on: give distances, off: centres only",
@@ -84,6 +86,7 @@ pub const AFTER_SETTINGS: [Line; 10] = [
         "flat save|none",
         "write the map to flash, or erase it; pauses the stream",
     ),
+    ("reset", "start again; what was not saved is lost"),
 ];
 
 /// The last lines of `help`.

@@ -11,7 +11,7 @@ pub enum StartCause {
     PowerOn,
     /// A signal at the reset pin: the button, or a debug probe.
     ResetPin,
-    /// A reset by software. A debug probe asks for it after flashing; the firmware never does.
+    /// The command `reset`, or a debug probe after flashing.
     Software,
     /// The watchdog: a part of the firmware had stopped.
     Watchdog,
@@ -85,23 +85,55 @@ impl fmt::Display for Status<'_> {
         let Vitals {
             uptime_us,
             rows,
-            rows_lost,
-            rows_failed,
             row_cycles,
             slowest_row_cycles,
+            ..
+        } = *self.vitals;
+        write!(f, "status start {}", self.started_by)?;
+        write!(f, "\r\n{}", Uptime(uptime_us))?;
+        write!(f, "\r\nstatus rows read {rows}")?;
+        write!(f, "\r\nstatus row cycles {row_cycles}")?;
+        write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
+        write!(f, "\r\nstatus readings {}", self.readings)?;
+        let errors = Errors {
+            vitals: self.vitals,
+            faults: &self.faults,
+        };
+        write!(f, "\r\n{errors}")
+    }
+}
+
+/// The answer to `uptime`: the time since the start in microseconds, as the line that `status` has of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Uptime(pub u64);
+
+impl fmt::Display for Uptime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (seconds, ms) = (self.0 / 1_000_000, self.0 / 1000 % 1000);
+        write!(f, "status uptime {seconds}.{ms:03} s")
+    }
+}
+
+/// The answer to `errors`: the last lines of `status`, which count what went wrong.
+#[derive(Clone, Copy, Debug)]
+pub struct Errors<'a> {
+    /// What the firmware counted.
+    pub vitals: &'a Vitals,
+    /// As in [`Status`].
+    pub faults: &'a [u32; Fault::KINDS],
+}
+
+impl fmt::Display for Errors<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Vitals {
+            rows_lost,
+            rows_failed,
             lines_dropped,
             serial_errors,
             ..
         } = self.vitals;
-        let (seconds, ms) = (uptime_us / 1_000_000, uptime_us / 1000 % 1000);
-        write!(f, "status start {}", self.started_by)?;
-        write!(f, "\r\nstatus uptime {seconds}.{ms:03} s")?;
-        write!(f, "\r\nstatus rows read {rows}")?;
-        write!(f, "\r\nstatus rows lost {rows_lost}")?;
+        write!(f, "status rows lost {rows_lost}")?;
         write!(f, "\r\nstatus rows failed {rows_failed}")?;
-        write!(f, "\r\nstatus row cycles {row_cycles}")?;
-        write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
-        write!(f, "\r\nstatus readings {}", self.readings)?;
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "\r\nstatus fault {name} {count}")?;
         }
