@@ -10,6 +10,7 @@
 //! | PD15 | TIM4 channel 4 | laser |
 //! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
+//! | PA3 | input, EXTI3, pulled down | the trigger: a rising edge starts a frame (setting `trigger pin`) |
 //! | PA12 | output, low | nothing (see `keep_pa12_low`) |
 //!
 //! # Priorities
@@ -20,7 +21,8 @@
 //!    pulses.
 //! 3. USART3, a character every 87 us, or every 11 us at 921600 baud. It may wait 10 us for the pulses,
 //!    because the hardware holds one character until the next has come.
-//! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline.
+//! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline. EXTI3, the
+//!    trigger's edge, which notes how many pulses were given before it.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
 use core::arch::global_asm;
@@ -28,7 +30,7 @@ use core::arch::global_asm;
 use cortex_m::peripheral::DWT;
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::flash::{self, Flash};
-use embassy_stm32::gpio::{Level, Output, OutputType, Speed};
+use embassy_stm32::gpio::{Input, Level, Output, OutputType, Pull, Speed};
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
@@ -47,7 +49,7 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::laser::Laser;
-use super::shared::COUNTERS;
+use super::shared::{COUNTERS, FRAMES};
 use super::tcd1304::{Pins, Tcd1304};
 
 /// The board's name.
@@ -148,6 +150,7 @@ pub fn init() -> Board {
         (interrupt::UART4, Priority::P2),
         (SERIAL_INTERRUPT, Priority::P3),
         (interrupt::FLASH, Priority::P4),
+        (interrupt::EXTI3, Priority::P4),
     ] {
         interrupt.set_priority(priority);
     }
@@ -201,6 +204,7 @@ pub fn init() -> Board {
     // The configuration is constant: a wrong one fails at the first start.
     let serial = defmt::unwrap!(serial);
 
+    watch_trigger(p.PA3);
     keep_pa12_low(p.PA12);
     let flash = Flash::new(p.FLASH, Interrupts).into_regions();
 
@@ -237,6 +241,31 @@ fn keep_pa12_low(pin: Peri<'static, peripherals::PA12>) {
     pac::GPIOA
         .pupdr()
         .modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
+}
+
+/// The trigger's line of EXTI. After a reset, line 3 is that of PA3 (RM0090 section 9.2.3).
+const TRIGGER: usize = 3;
+
+/// Lets rising edges of the trigger interrupt.
+fn watch_trigger(pin: Peri<'static, peripherals::PA3>) {
+    // Dropping the input would take its pull-down away.
+    core::mem::forget(Input::new(pin, Pull::Down));
+    pac::EXTI
+        .rtsr(0)
+        .modify(|rising| rising.set_line(TRIGGER, true));
+    pac::EXTI
+        .imr(0)
+        .modify(|enabled| enabled.set_line(TRIGGER, true));
+    // SAFETY: the handler below needs nothing that is not ready.
+    unsafe { interrupt::EXTI3.enable() };
+}
+
+/// An edge at the trigger's pin.
+#[interrupt]
+fn EXTI3() {
+    // Writing a one clears the line's flag, and no other.
+    pac::EXTI.pr(0).write(|edges| edges.set_line(TRIGGER, true));
+    FRAMES.take_edge();
 }
 
 /// The sensor's converter.

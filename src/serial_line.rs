@@ -3,7 +3,7 @@
 use core::task::Poll;
 
 use embassy_futures::poll_once;
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embassy_stm32::usart::BufferedUart;
 use embedded_io_async::Read as _;
 use slitrange::protocol::input::{Echo, Input};
@@ -12,7 +12,7 @@ use slitrange::session::Event;
 
 use super::flash::CalibrationFlash;
 use super::session::Shell;
-use super::shared::RESULTS;
+use super::shared::{COUNTERS, IDLE, RESULTS};
 use super::transmitter::Transmitter;
 
 /// Bytes taken from the receiver at a time.
@@ -43,9 +43,10 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
             }
             continue;
         }
-        match select(RESULTS.receive(), rx.read(&mut bytes)).await {
-            Either::First(frame) => shell.take_frame(frame).await,
-            Either::Second(received) => {
+        match select3(RESULTS.receive(), rx.read(&mut bytes), IDLE.wait()).await {
+            Either3::First(frame) => shell.take_frame(frame).await,
+            Either3::Third(()) => COUNTERS.results.add(),
+            Either3::Second(received) => {
                 // This driver never returns an error: it drops them, and `board` counts them.
                 let received = received.unwrap_or(0);
                 take_bytes(&mut shell, &mut input, &mut echo, &bytes[..received]).await;

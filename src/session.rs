@@ -17,12 +17,13 @@ use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
 use slitrange::store::{Store, pixel_map};
+use slitrange::trigger::Trigger;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SENDS_WINDOWS,
-    SETTINGS, TAKEN, WINDOWS,
+    COUNTERS, FRAMES, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
+    SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
 };
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
@@ -306,7 +307,16 @@ impl Shell {
 
     fn apply(&mut self) {
         if let Some(applied) = self.actions.apply.take() {
+            let trigger = applied.settings.trigger;
+            FRAMES.set_trigger(trigger);
             SETTINGS.signal(applied);
+            if trigger != Trigger::Continuous {
+                // No result comes without a trigger. These came before.
+                while RESULTS.try_receive().is_ok() {}
+            }
+        }
+        if self.actions.trigger {
+            FRAMES.start();
         }
     }
 

@@ -121,6 +121,7 @@ pub mod sending;
 pub mod sensor_heads;
 
 pub mod text;
+pub mod trigger;
 pub mod units;
 
 mod effort;

@@ -42,6 +42,7 @@ use crate::settings::{Affects, Setting, Settings, Value};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
 use crate::text::Text;
+use crate::trigger::Trigger;
 use crate::uncertainty::CalibrationErrors;
 
 /// What happens to the sensor.
@@ -81,6 +82,9 @@ pub struct Actions {
     pub row: Option<RowPart>,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
     pub flat: Option<flat::Job>,
+    /// Start a frame: its rows are exposed from now on. Only if [`Settings::trigger`] is not continuous. A
+    /// frame that is under way or waits for its first row goes on, and counts as a missed trigger.
+    pub trigger: bool,
     /// Start again, once all text has left.
     pub reset: bool,
 }
@@ -126,6 +130,8 @@ pub struct Session {
     centre_wanted: bool,
     parts_wanted: bool,
     zero_wanted: bool,
+    /// The next result goes into the stream, even if the stream is off.
+    result_wanted: bool,
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Reading>,
@@ -154,6 +160,7 @@ impl Session {
             centre_wanted: false,
             parts_wanted: false,
             zero_wanted: false,
+            result_wanted: false,
             zero: None,
             output: Output::default(),
             pixels: PixelErrors::TCD1304DG,
@@ -190,11 +197,21 @@ impl Session {
         self.streams_pixels(PixelStream::Window)
     }
 
-    /// Whether whole rows are to be sent now in place of results: not while a command waits for a frame.
+    /// Whether whole rows are to be sent now in place of results: not while a command waits for a frame, or
+    /// if a trigger starts frames.
     pub fn streams_rows(&self) -> bool {
-        let is_frame_due =
-            self.distance_wanted || self.centre_wanted || self.parts_wanted || self.zero_wanted;
-        self.streams_pixels(PixelStream::Rows) && !is_frame_due
+        self.streams_pixels(PixelStream::Rows)
+            && !self.is_frame_due()
+            && self.settings.trigger == Trigger::Continuous
+    }
+
+    /// Whether a command waits for a frame.
+    const fn is_frame_due(&self) -> bool {
+        self.distance_wanted
+            || self.centre_wanted
+            || self.parts_wanted
+            || self.zero_wanted
+            || self.result_wanted
     }
 
     fn streams_pixels(&self, pixels: PixelStream) -> bool {
@@ -224,7 +241,8 @@ impl Session {
         actions.text.clear();
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
         actions.result = None;
-        (actions.row, actions.flat, actions.reset) = (None, None, false);
+        (actions.row, actions.flat) = (None, None);
+        (actions.trigger, actions.reset) = (false, false);
         match event {
             Event::Started(stored) => {
                 self.load(stored);
@@ -232,9 +250,15 @@ impl Session {
                 actions.add_line(&Banner(&self.hardware, self.started_by));
             }
             Event::Line(Ok(command)) => {
+                let was_due = self.is_frame_due();
                 if let Err(refusal) = self.execute(command, vitals, actions) {
                     actions.add_line(&refusal);
                 }
+                // A new trigger drops the frame that the one before started.
+                let starts = matches!(command, Command::Measure | Command::Set(Value::Trigger(_)));
+                actions.trigger = self.settings.trigger != Trigger::Continuous
+                    && self.is_frame_due()
+                    && (starts || !was_due);
             }
             Event::Line(Err(error)) => actions.add_line(&error),
             Event::Frame(measured) => self.report(measured, vitals, actions),
@@ -377,10 +401,12 @@ impl Session {
                 actions.add_line(&PartsOf(&reading.parts, self.settings.units));
             }
         }
-        if actions.text.as_str().is_empty()
-            && self.settings.stream
-            && (self.output.rate).is_due(self.settings.rate, vitals.result_us)
-        {
+        let is_wanted = take(&mut self.result_wanted);
+        let is_due = is_wanted
+            || self.settings.stream
+                && (self.settings.trigger != Trigger::Continuous
+                    || (self.output.rate).is_due(self.settings.rate, vitals.result_us));
+        if actions.text.as_str().is_empty() && is_due {
             actions.may_drop = true;
             match self.settings.format {
                 Format::Text => actions.add_line(&ResultLine {
@@ -389,7 +415,7 @@ impl Session {
                     ..line
                 }),
                 // Each row has its own result.
-                Format::Binary if self.settings.pixels == PixelStream::Rows => {}
+                Format::Binary if self.streams_rows() => {}
                 Format::Binary => {
                     actions.result = Some(FrameResult {
                         counter: vitals.results,
@@ -455,6 +481,10 @@ impl Session {
             }
             // The next frame answers.
             Command::Distance => self.distance_wanted = true,
+            Command::Measure if self.settings.trigger == Trigger::Continuous => {
+                return Err(Refusal::NotTriggered);
+            }
+            Command::Measure => self.result_wanted = true,
             Command::Centre => self.centre_wanted = true,
             Command::Uncertainty => self.parts_wanted = true,
             Command::Row(part) => actions.row = Some(part),

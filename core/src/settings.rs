@@ -22,6 +22,7 @@ use crate::output::columns::{Column, Columns};
 use crate::peak::Peak;
 use crate::region::Region;
 use crate::sending::{Baud, Format, PixelStream};
+use crate::trigger::Trigger;
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres, Units};
 
@@ -49,6 +50,10 @@ macro_rules! list {
 
             /// show what is typed, and let it be corrected; readings wait
             Echo "echo" echo: bool = false, Form::Words("on|off"), Affects::Session;
+
+            /// what starts a frame: the end of the last one, `measure`, or an edge too
+            Trigger "trigger" trigger: Trigger = Trigger::Continuous,
+                Form::Words("continuous|serial|pin"), Affects::Measurement;
 
             /// rows in a frame
             Rows "rows" rows: u16 = 16,
@@ -545,6 +550,19 @@ impl ValueText for PixelStream {
     }
 }
 
+impl ValueText for Trigger {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl ValueText for Slits {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
@@ -692,6 +710,7 @@ pub(crate) mod tests {
             .chain([Value::Exposure(ExposureMode::Auto)])
             .chain(exposures.map(|it| Value::Exposure(ExposureMode::Fixed(it))))
             .chain(Mean::ALL.map(Value::Mean))
+            .chain(Trigger::ALL.map(Value::Trigger))
             .chain(Slits::ALL.map(Value::Slits))
             .chain(Peak::ALL.map(Value::Peak))
             .chain([Value::Region(Region::ALL)])
@@ -758,6 +777,8 @@ pub(crate) mod tests {
             (Setting::Rows, &[""], ValueError::Form),
             (Setting::Mean, &["Plain"], ValueError::Form),
             (Setting::Mean, &["plain", "weighted"], ValueError::Form),
+            (Setting::Trigger, &["edge"], ValueError::Form),
+            (Setting::Trigger, &["pin", "1"], ValueError::Form),
             (Setting::Black, &["fixed"], ValueError::Form),
             (Setting::Black, &["fixed", "-1"], ValueError::Form),
             (Setting::Black, &["fixed", "4096"], ValueError::Range),

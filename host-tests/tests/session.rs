@@ -198,6 +198,8 @@ fn every_setting_is_shown_set_and_applied() {
         "baud 115200",
         "pixels window",
         "pixels rows",
+        "trigger serial",
+        "trigger pin",
         "rows 64",
         "mean plain",
         "black fixed 300",
@@ -231,6 +233,7 @@ fn every_setting_is_shown_set_and_applied() {
             "E3 out of range, expected baud 115200|230400|460800|921600",
         ),
         ("pixels all", "E2 expected pixels none|window|rows"),
+        ("trigger edge", "E2 expected trigger continuous|serial|pin"),
         ("mean median", "E2 expected mean plain|weighted"),
         (
             "estimator robust",
@@ -307,6 +310,59 @@ fn help_info_and_status_are_answered() {
         errors.contains("\r\nstatus fault too dim 1\r\n"),
         "{errors}"
     );
+}
+
+#[test]
+fn a_trigger_starts_each_frame_that_a_command_asks_for() {
+    let mut sensor = Sensor::new();
+    let started = |sensor: &Sensor| sensor.actions.trigger;
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(
+        sensor.ask("measure").starts_with("E23 "),
+        "frames start by themselves"
+    );
+    sensor.ask("distance");
+    assert!(!started(&sensor));
+    // The frame of a command that still waits.
+    sensor.set("trigger serial");
+    assert!(started(&sensor));
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for trigger in ["trigger serial", "trigger pin"] {
+        sensor.set(trigger);
+        assert!(!started(&sensor));
+        for command in ["distance", "centre", "uncertainty", "zero", "measure"] {
+            assert_eq!(sensor.ask(command), "");
+            assert!(started(&sensor), "{command}");
+            // Only once, whatever is asked meanwhile.
+            sensor.ask("status");
+            assert!(!started(&sensor));
+            sensor.take(Event::Frame(Ok(frame(1800.0))));
+        }
+        sensor.set("zero off");
+    }
+    // The result is one of the stream, in its format, whatever the stream and its rate are.
+    for setting in ["stream off", "rate 1"] {
+        sensor.set(setting);
+        for _ in 0..3 {
+            sensor.ask("measure");
+            assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+            assert!(sensor.actions.may_drop);
+        }
+    }
+    // Results of edges follow the setting `stream`.
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    sensor.set("stream on");
+    for _ in 0..3 {
+        assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+    }
+    sensor.set("format binary");
+    sensor.set("pixels rows");
+    assert!(!sensor.session.streams_rows(), "frames have results");
+    sensor.ask("measure");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    assert!(sensor.actions.result.is_some());
+    sensor.set("trigger continuous");
+    assert!(sensor.session.streams_rows());
 }
 
 #[test]

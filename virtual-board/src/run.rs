@@ -489,6 +489,18 @@ impl VirtualBoard {
             .push((register, word, now));
     }
 
+    /// Drives the trigger's pin, PA3, low or high.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn drive_trigger(&mut self, high: bool) -> Result<()> {
+        self.on_emulator(move |session, _, stop| {
+            let processor = &mut session.board_mut().processor;
+            processor.drive_trigger(high, stop.at);
+        })
+    }
+
     /// Presses the reset button.
     ///
     /// # Errors

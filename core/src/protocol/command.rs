@@ -38,6 +38,8 @@ pub enum Command {
     Reset,
     /// One reading.
     Distance,
+    /// A frame, and its result as one of the stream.
+    Measure,
     /// One centre, calibrated or not.
     Centre,
     /// One reading with the parts of its uncertainty.
@@ -198,6 +200,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "uptime" => expect_no_value(values, Command::Uptime, "uptime"),
         "reset" => expect_no_value(values, Command::Reset, "reset"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
+        "measure" => expect_no_value(values, Command::Measure, "measure"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
         "row" => match RowPart::parse(values) {
             Ok(part) => Ok(Command::Row(part)),
@@ -278,6 +281,7 @@ impl fmt::Display for Command {
             Self::Uptime => f.write_str("uptime"),
             Self::Reset => f.write_str("reset"),
             Self::Distance => f.write_str("distance"),
+            Self::Measure => f.write_str("measure"),
             Self::Centre => f.write_str("centre"),
             Self::Uncertainty => f.write_str("uncertainty"),
             Self::Row(part) => part.fmt(f),
@@ -317,6 +321,7 @@ mod tests {
             Command::Uptime,
             Command::Reset,
             Command::Distance,
+            Command::Measure,
             Command::Centre,
             Command::Uncertainty,
             Command::Row(RowPart::Whole),

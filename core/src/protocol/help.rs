@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 10] = [
+pub const BEFORE_SETTINGS: [Line; 11] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -26,6 +26,7 @@ pub const BEFORE_SETTINGS: [Line; 10] = [
         "distance",
         "the next frame's reading, or its fault and what to do about it",
     ),
+    ("measure", "start a frame, unless `trigger` is continuous"),
     (
         "centre",
         "the next frame's centre and the spot's shape, or its fault",

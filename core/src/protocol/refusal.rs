@@ -66,6 +66,8 @@ pub enum Refusal {
         /// How many pixels see light.
         pixels: usize,
     },
+    /// `measure`, and each frame starts at the end of the one before.
+    NotTriggered,
 }
 
 impl fmt::Display for Refusal {
@@ -113,6 +115,9 @@ impl fmt::Display for Refusal {
                 region.last(),
                 Region::FEWEST
             ),
+            Self::NotTriggered => {
+                f.write_str("E23 frames start by themselves: distance, or trigger serial first")
+            }
         }
     }
 }
@@ -157,6 +162,7 @@ mod tests {
                 region: Region::new(3600, 3999).expect("a region"),
                 pixels: 3648,
             },
+            Refusal::NotTriggered,
         ];
         for (refusal, number) in refusals.into_iter().zip(8..) {
             let text = refusal.to_string();

@@ -49,6 +49,8 @@ pub struct Vitals {
     pub row_cycles: u32,
     /// The most core cycles that a row took since the start, counted as `row_cycles`.
     pub slowest_row_cycles: u32,
+    /// Triggers that came while a frame was under way.
+    pub triggers_missed: u32,
     /// Lines of readings and faults that the serial line was too slow for.
     pub lines_dropped: u32,
     /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in
@@ -128,6 +130,7 @@ impl fmt::Display for Errors<'_> {
         let Vitals {
             rows_lost,
             rows_failed,
+            triggers_missed,
             lines_dropped,
             serial_errors,
             ..
@@ -137,6 +140,7 @@ impl fmt::Display for Errors<'_> {
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "\r\nstatus fault {name} {count}")?;
         }
+        write!(f, "\r\nstatus triggers missed {triggers_missed}")?;
         write!(f, "\r\nstatus lines dropped {lines_dropped}")?;
         let SerialErrors {
             noise,
@@ -164,6 +168,7 @@ mod tests {
             rows_failed: u32::MAX,
             row_cycles: u32::MAX,
             slowest_row_cycles: u32::MAX,
+            triggers_missed: u32::MAX,
             lines_dropped: u32::MAX,
             serial_errors: SerialErrors {
                 noise: u32::MAX,

@@ -144,6 +144,7 @@ fn status_counts_what_happened() {
     ];
     expected.extend(faults.iter().map(String::as_str));
     expected.extend([
+        "status triggers missed",
         "status lines dropped",
         "status serial noise",
         "status serial framing",

@@ -133,7 +133,7 @@ pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
 }
 
 /// Lines of the answer to `status`.
-const STATUS_LINES: usize = 12 + Fault::KINDS;
+const STATUS_LINES: usize = 13 + Fault::KINDS;
 
 /// The answer to `status`.
 #[derive(Debug)]
