@@ -11,6 +11,7 @@
 //! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
 //! | PA3 | input, EXTI3, pulled down | the trigger: a rising edge starts a frame (setting `trigger pin`) |
+//! | PD12 | output | an RS-485 driver: high while the sensor sends |
 //! | PA12 | output, low | nothing (see `keep_pa12_low`) |
 //!
 //! # Priorities
@@ -68,7 +69,7 @@ const MASTER_CLOCK_HZ: u32 = 2_625_000;
 pub const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
 
 /// The interrupt of the serial line.
-pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
+const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 
 /// Outgoing characters: the longest answer, and as many characters of the readings that come meanwhile if a
 /// frame is one row. With less, lines are dropped after `help estimator`. In core-coupled memory, because no
@@ -82,8 +83,9 @@ static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
 static URGENT: InterruptExecutor = InterruptExecutor::new();
 
 bind_interrupts!(struct Interrupts {
-    // In this order: errors are counted before their flags are cleared.
-    USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>;
+    // In this order: errors are counted before their flags are cleared, and the line is released after the last
+    // bit was noticed.
+    USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>, ReleaseLine;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
     DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
     FLASH => flash::InterruptHandler;
@@ -204,6 +206,8 @@ pub fn init() -> Board {
     // The configuration is constant: a wrong one fails at the first start.
     let serial = defmt::unwrap!(serial);
 
+    // Dropping the output would make the pin an input again.
+    core::mem::forget(Output::new(p.PD12, Level::Low, Speed::Low));
     watch_trigger(p.PA3);
     keep_pa12_low(p.PA12);
     let flash = Flash::new(p.FLASH, Interrupts).into_regions();
@@ -241,6 +245,39 @@ fn keep_pa12_low(pin: Peri<'static, peripherals::PA12>) {
     pac::GPIOA
         .pupdr()
         .modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
+}
+
+/// The pin of port D that enables the line's driver, with RS-485.
+const DRIVER_ENABLE: usize = 12;
+
+/// Hands bytes over to embassy's transmitter by `write`, with the line's driver enabled from before the first
+/// bit on. [`ReleaseLine`] disables it after the last one.
+pub fn hand_over_bytes<T>(write: impl FnOnce() -> T) -> T {
+    // Without the serial line's interrupt, nothing releases the line before the bytes have come.
+    SERIAL_INTERRUPT.disable();
+    pac::GPIOD
+        .bsrr()
+        .write(|pins| pins.set_bs(DRIVER_ENABLE, true));
+    let written = write();
+    SERIAL_INTERRUPT.pend();
+    // SAFETY: the interrupt was enabled before, and nothing here depends on its absence.
+    unsafe { SERIAL_INTERRUPT.enable() };
+    written
+}
+
+/// Disables the line's driver once the last bit has left.
+struct ReleaseLine;
+
+impl Handler<interrupt::typelevel::USART3> for ReleaseLine {
+    unsafe fn on_interrupt() {
+        // embassy's handler, which ran before, waits for TXE while bytes wait, and for TC from the last byte on.
+        let control = pac::USART3.cr1().read();
+        if !control.txeie() && !control.tcie() {
+            pac::GPIOD
+                .bsrr()
+                .write(|pins| pins.set_br(DRIVER_ENABLE, true));
+        }
+    }
 }
 
 /// The trigger's line of EXTI. After a reset, line 3 is that of PA3 (RM0090 section 9.2.3).

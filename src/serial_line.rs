@@ -58,6 +58,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
 /// Takes what a person or a program sent.
 async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes: &[u8]) {
     for &byte in bytes {
+        input.set_address(shell.address());
         let command = if shell.echoes() {
             let command = input.type_in(byte, echo);
             shell.show_typed(echo.as_str(), input.is_empty()).await;
@@ -68,7 +69,11 @@ async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes
         let Some(command) = command else {
             continue;
         };
-        shell.take(Event::Line(command)).await;
+        let event = match input.is_for_all() {
+            false => Event::Line(command),
+            true => Event::LineForAll(command),
+        };
+        shell.take(event).await;
         // A line full of commands takes seconds to answer: results have their turn in between.
         while let Ok(frame) = RESULTS.try_receive() {
             shell.take_frame(frame).await;

@@ -12,11 +12,11 @@ use slitrange::protocol::packet::{
 };
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
-use slitrange::sending::Format;
 use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
-use slitrange::session::{Actions, Event, Session};
+use slitrange::session::{Actions, AddressPrefix, Event, Session};
 use slitrange::store::{Store, pixel_map};
+use slitrange::text::Text;
 use slitrange::trigger::Trigger;
 use static_cell::ConstStaticCell;
 
@@ -84,11 +84,13 @@ impl Shell {
 
     /// Whether a person sees what she types. An echo would tear packets.
     pub fn echoes(&self) -> bool {
-        self.session.settings().echo && !self.sends_packets()
+        let settings = self.session.settings();
+        settings.echo && settings.address == 0 && !self.session.sends_packets()
     }
 
-    fn sends_packets(&self) -> bool {
-        self.session.settings().format == Format::Binary
+    /// The sensor's address on its line; 0 if it is alone.
+    pub fn address(&self) -> u16 {
+        self.session.settings().address
     }
 
     /// Shows what a person types. Readings are left out until the line ends, so that they do not tear it.
@@ -352,12 +354,32 @@ impl Shell {
 
     /// Sends the text of an answer, as lines or as packets.
     async fn send_text(&mut self) {
-        if !self.sends_packets() {
-            self.tx.send(self.actions.text.as_bytes()).await;
+        if !self.session.sends_packets() {
+            self.send_lines().await;
             return;
         }
         for part in parts_of_text(self.actions.text.as_str()) {
             self.tx.send(self.packets.encode(Message::Text(part))).await;
+        }
+    }
+
+    /// Sends the text of an answer as lines, each with the sensor's address if the sensor has one.
+    async fn send_lines(&mut self) {
+        let Self { tx, actions, .. } = self;
+        if actions.address == 0 {
+            tx.send(actions.text.as_bytes()).await;
+            return;
+        }
+        let mut prefix = Text::<5>::default();
+        // An address has at most three digits.
+        let _ = write!(prefix, "{}", AddressPrefix(actions.address));
+        for line in actions
+            .text
+            .as_bytes()
+            .split_inclusive(|&byte| byte == b'\n')
+        {
+            tx.send(prefix.as_bytes()).await;
+            tx.send(line).await;
         }
     }
 

@@ -6,10 +6,10 @@
 //! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
 //! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
 //! * `write` starts the interrupt only if the buffer was empty when it checked. If the last bytes leave
-//!   between that check and the new bytes' arrival, nobody starts it: it is started here after every write.
+//!   between that check and the new bytes' arrival, nobody starts it: [`board::hand_over_bytes`] starts it after every
+//!   write.
 
 use embassy_futures::poll_once;
-use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::usart::BufferedUartTx;
 use embassy_time::Timer;
 use embedded_io_async::Write as _;
@@ -77,8 +77,9 @@ impl Transmitter {
     /// Hands over all of the bytes or, without room for them, none. On an error the bytes count as handed
     /// over, because a second try would give the same error.
     fn try_hand_over(&mut self, bytes: &[u8]) -> bool {
-        let accepted = poll_once(self.port.write(bytes)).is_ready();
-        board::SERIAL_INTERRUPT.pend();
-        accepted
+        if bytes.is_empty() {
+            return true;
+        }
+        board::hand_over_bytes(|| poll_once(self.port.write(bytes)).is_ready())
     }
 }

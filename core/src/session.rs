@@ -54,6 +54,8 @@ pub enum Event {
     Started(Stored),
     /// A line came in.
     Line(Result<Command, Error>),
+    /// A line for all sensors of the line came in. Nobody answers.
+    LineForAll(Result<Command, Error>),
     /// A frame ended.
     Frame(Result<Measured, Fault>),
     /// The save that [`Actions::save`] asked for has ended.
@@ -67,6 +69,8 @@ pub enum Event {
 pub struct Actions {
     /// Text to send, each line with CR LF. Empty if there is nothing to say.
     pub text: Text<MAX_ANSWER>,
+    /// If it is not 0, this address goes before each line of the text, as [`AddressPrefix`].
+    pub address: u16,
     /// The text or [`Self::result`] is one of a stream: drop it if the line is busy. Any other text must
     /// arrive.
     pub may_drop: bool,
@@ -132,6 +136,8 @@ pub struct Session {
     zero_wanted: bool,
     /// The next result goes into the stream, even if the stream is off.
     result_wanted: bool,
+    /// Nobody expects an answer to the save under way.
+    saves_silently: bool,
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Reading>,
@@ -161,6 +167,7 @@ impl Session {
             parts_wanted: false,
             zero_wanted: false,
             result_wanted: false,
+            saves_silently: false,
             zero: None,
             output: Output::default(),
             pixels: PixelErrors::TCD1304DG,
@@ -216,7 +223,18 @@ impl Session {
 
     fn streams_pixels(&self, pixels: PixelStream) -> bool {
         let settings = &self.settings;
-        settings.stream && settings.format == Format::Binary && settings.pixels == pixels
+        self.sends_packets() && settings.stream && settings.pixels == pixels
+    }
+
+    /// Whether results and answers are packets. With an address they are text, because a packet says not from
+    /// which sensor it is.
+    pub const fn sends_packets(&self) -> bool {
+        matches!(self.settings.format, Format::Binary) && self.settings.address == 0
+    }
+
+    /// Whether the sensor may send without being asked: it is alone on its line.
+    const fn is_alone(&self) -> bool {
+        self.settings.address == 0
     }
 
     /// Whether rows are to be corrected with the map of the pixels.
@@ -239,6 +257,7 @@ impl Session {
     /// so far.
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
         actions.text.clear();
+        actions.address = self.settings.address;
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
         actions.result = None;
         (actions.row, actions.flat) = (None, None);
@@ -247,26 +266,31 @@ impl Session {
             Event::Started(stored) => {
                 self.load(stored);
                 actions.apply = Some(self.applied());
-                actions.add_line(&Banner(&self.hardware, self.started_by));
-            }
-            Event::Line(Ok(command)) => {
-                let was_due = self.is_frame_due();
-                if let Err(refusal) = self.execute(command, vitals, actions) {
-                    actions.add_line(&refusal);
+                if self.is_alone() {
+                    actions.add_line(&Banner(&self.hardware, self.started_by));
                 }
-                // A new trigger drops the frame that the one before started.
-                let starts = matches!(command, Command::Measure | Command::Set(Value::Trigger(_)));
-                actions.trigger = self.settings.trigger != Trigger::Continuous
-                    && self.is_frame_due()
-                    && (starts || !was_due);
             }
+            Event::Line(Ok(command)) => self.take_command(command, vitals, actions),
             Event::Line(Err(error)) => actions.add_line(&error),
-            Event::Frame(measured) => self.report(measured, vitals, actions),
-            Event::Saved(Ok(())) => {
-                self.note_saved();
-                actions.add_line(&Command::Save);
+            Event::LineForAll(Ok(command)) if command.is_for_all() => {
+                self.take_command(command, vitals, actions);
+                self.saves_silently = actions.save;
+                actions.text.clear();
             }
-            Event::Saved(Err(error)) => actions.add_line(&Refusal::NotSaved(error)),
+            Event::LineForAll(_) => {}
+            Event::Frame(measured) => self.report(measured, vitals, actions),
+            Event::Saved(saved) => {
+                match saved {
+                    Ok(()) => {
+                        self.note_saved();
+                        actions.add_line(&Command::Save);
+                    }
+                    Err(error) => actions.add_line(&Refusal::NotSaved(error)),
+                }
+                if core::mem::take(&mut self.saves_silently) {
+                    actions.text.clear();
+                }
+            }
             Event::Flat(outcome) => {
                 // A new map may leave errors of the same size, but not the same errors.
                 if !matches!(outcome, flat::Outcome::Saved(_)) {
@@ -275,6 +299,20 @@ impl Session {
                 self.flat.end(outcome, actions);
             }
         }
+    }
+
+    /// Takes a command and writes its answer. Starts a frame for it, if it needs one and frames do not start
+    /// by themselves.
+    fn take_command(&mut self, command: Command, vitals: &Vitals, actions: &mut Actions) {
+        let was_due = self.is_frame_due();
+        if let Err(refusal) = self.execute(command, vitals, actions) {
+            actions.add_line(&refusal);
+        }
+        // A new trigger drops the frame that the one before started.
+        let starts = matches!(command, Command::Measure | Command::Set(Value::Trigger(_)));
+        actions.trigger = self.settings.trigger != Trigger::Continuous
+            && self.is_frame_due()
+            && (starts || !was_due);
     }
 
     /// Loads what flash holds. A saved calibration that cannot be used is not replaced by the nominal one,
@@ -404,19 +442,21 @@ impl Session {
         let is_wanted = take(&mut self.result_wanted);
         let is_due = is_wanted
             || self.settings.stream
+                && self.is_alone()
                 && (self.settings.trigger != Trigger::Continuous
                     || (self.output.rate).is_due(self.settings.rate, vitals.result_us));
         if actions.text.as_str().is_empty() && is_due {
-            actions.may_drop = true;
-            match self.settings.format {
-                Format::Text => actions.add_line(&ResultLine {
+            // The answer to `measure` at an address must arrive.
+            actions.may_drop = self.is_alone();
+            match self.sends_packets() {
+                false => actions.add_line(&ResultLine {
                     result: &held.map(|it| relative(it.reading)),
                     held: held.map_or(0, |it| it.results),
                     ..line
                 }),
                 // Each row has its own result.
-                Format::Binary if self.streams_rows() => {}
-                Format::Binary => {
+                true if self.streams_rows() => {}
+                true => {
                     actions.result = Some(FrameResult {
                         counter: vitals.results,
                         time_us: vitals.result_us,
@@ -498,10 +538,10 @@ impl Session {
                 if let Value::Region(region) = value {
                     self.check_region(region)?;
                 }
-                let format = self.settings.format;
+                let sent_packets = self.sends_packets();
                 self.settings.set(value);
                 // Ends the line that a reader of text takes the packets for.
-                if format == Format::Binary && self.settings.format == Format::Text {
+                if sent_packets && !self.sends_packets() {
                     actions.add_line(&"");
                 }
                 if matches!(
@@ -610,13 +650,23 @@ impl Session {
     fn set_defaults(&mut self) {
         let default = Settings::default();
         for &setting in Setting::ALL {
-            if setting.affects() != Affects::Session {
+            if matches!(setting.affects(), Affects::Measurement | Affects::Lines) {
                 self.settings.set(default.get(setting));
             }
         }
         self.record = EncodedRecord::nominal();
         self.calibration_on = true;
         self.forget_readings();
+    }
+}
+
+/// An address before a line, `@17 `: from which sensor the line is.
+#[derive(Clone, Copy, Debug)]
+pub struct AddressPrefix(pub u16);
+
+impl fmt::Display for AddressPrefix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "@{} ", self.0)
     }
 }
 

@@ -48,6 +48,10 @@ macro_rules! list {
             Pixels "pixels" pixels: PixelStream = PixelStream::None,
                 Form::Words("none|window|rows"), Affects::Session;
 
+            /// this sensor's number on a line with others; 0 if it is alone
+            Address "address" address: u16 = 0,
+                Form::Number { least: 0, most: 247, unit: "" }, Affects::Connection;
+
             /// show what is typed, and let it be corrected; readings wait
             Echo "echo" echo: bool = false, Form::Words("on|off"), Affects::Session;
 
@@ -153,6 +157,9 @@ pub enum Affects {
     Measurement,
     /// The lines of readings, and not the measurement. `save` and `defaults` as above.
     Lines,
+    /// By whom the sensor is found on its line. `save` as above; `defaults` leaves the setting, so that the
+    /// sensor does not begin to talk on a line that it shares.
+    Connection,
     /// What this session sends. The setting holds until the next start.
     Session,
 }
@@ -690,6 +697,7 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Echo))
+            .chain([0, 1, 247].map(Value::Address))
             .chain([0, 1, 1000].map(Value::Hold))
             .chain([0, 1, 1000].map(Value::Rate))
             .chain([Units::Millimetres, Units::Micrometres].map(Value::Units))
@@ -801,6 +809,8 @@ pub(crate) mod tests {
             (Setting::Output, &[] as &[&str], ValueError::Form),
             (Setting::Output, &["distance", "n"], ValueError::Form),
             (Setting::Output, &["distance,u"], ValueError::Form),
+            (Setting::Address, &["248"], ValueError::Range),
+            (Setting::Address, &["@5"], ValueError::Form),
             (Setting::Hold, &["1001"], ValueError::Range),
             (Setting::Hold, &["-1"], ValueError::Form),
             (Setting::Rate, &["1001"], ValueError::Range),

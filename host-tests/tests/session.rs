@@ -366,6 +366,86 @@ fn a_trigger_starts_each_frame_that_a_command_asks_for() {
 }
 
 #[test]
+fn a_sensor_with_an_address_sends_nothing_unasked() {
+    let mut sensor = Sensor::new();
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for_all(&mut sensor, "address 17");
+    assert_eq!(sensor.actions.address, 0);
+    assert_eq!(sensor.ask("address"), "address 17");
+    assert_eq!(sensor.actions.address, 17);
+    sensor.set("address 247");
+    // The answer is still that of the old address.
+    assert_eq!(sensor.actions.address, 17);
+    for result in [Ok(frame(1800.0)), Err(TOO_DIM)] {
+        assert_eq!(sensor.take(Event::Frame(result)), "");
+    }
+    // Packets have no address.
+    sensor.set("format binary");
+    sensor.set("pixels rows");
+    assert!(!sensor.session.sends_packets() && !sensor.session.streams_rows());
+    sensor.ask("distance");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+    assert_eq!(sensor.actions.address, 247);
+    sensor.set("trigger serial");
+    sensor.ask("measure");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+    assert!(!sensor.actions.may_drop, "an answer must arrive");
+    // For all sensors: what is answered at once is done, without an answer.
+    for_all(&mut sensor, "rows 7");
+    assert_eq!(
+        sensor.actions.apply.as_ref().map(|it| it.settings.rows),
+        Some(7)
+    );
+    for line in [
+        "distance",
+        "status",
+        "row",
+        "flat dark",
+        "measure",
+        "frobnicate",
+        "rows 99",
+    ] {
+        for_all(&mut sensor, line);
+        assert!(
+            !sensor.actions.trigger
+                && sensor.actions.row.is_none()
+                && sensor.actions.flat.is_none()
+        );
+        assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    }
+    for_all(&mut sensor, "save");
+    assert!(sensor.actions.save);
+    assert_eq!(sensor.take(Event::Saved(Ok(()))), "");
+    // The next save is answered.
+    let saved = sensor.save();
+    assert_eq!((saved.settings.address, saved.settings.rows), (247, 7));
+    sensor.set("defaults");
+    assert_eq!(sensor.ask("address"), "address 247");
+    assert_eq!(sensor.ask("rows"), "rows 16");
+    // Started with an address: no banner, and the address is known.
+    let mut session = Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn);
+    let mut actions = Actions::default();
+    session.take(
+        Event::Started(Stored::Newest(saved)),
+        &vitals(),
+        &mut actions,
+    );
+    assert_eq!(actions.text.as_str(), "");
+    for_all(&mut sensor, "reset");
+    assert!(sensor.actions.reset);
+    assert_eq!(
+        sensor.ask("address 248"),
+        "E3 out of range, expected address 0..247"
+    );
+}
+
+/// A line for all sensors, which has no answer.
+fn for_all(sensor: &mut Sensor, line: &str) {
+    let event = Event::LineForAll(parse(line.as_bytes()));
+    assert_eq!(sensor.take(event), "", "{line}");
+}
+
+#[test]
 fn reset_is_answered_and_asked_of_the_owner_once() {
     let mut sensor = Sensor::new();
     sensor.set("reset");

@@ -279,6 +279,12 @@ impl VirtualBoard {
         self.line().take_bytes()
     }
 
+    /// Takes the edges of the pin that enables the serial line's driver since the last call: when, and whether
+    /// it rose.
+    pub fn take_driver_edges(&mut self) -> Vec<(Nanos, bool)> {
+        self.line().take_driver_edges()
+    }
+
     /// Takes the messages of the firmware's log since the last call.
     pub fn take_log(&mut self) -> Vec<Message> {
         let mut bytes = self

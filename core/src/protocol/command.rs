@@ -68,6 +68,21 @@ pub enum Command {
     Flat(Flat),
 }
 
+impl Command {
+    /// Whether the command may be sent to all sensors of a line: nothing of its answer comes later.
+    pub const fn is_for_all(self) -> bool {
+        matches!(
+            self,
+            Self::Set(_)
+                | Self::Zero(false)
+                | Self::Calibration(Some(_))
+                | Self::Save
+                | Self::Defaults
+                | Self::Reset
+        )
+    }
+}
+
 /// Why a line is not a command. `Display` is the answer, without its line end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {

@@ -98,6 +98,9 @@ const LAST: [&str; 4] = [
     "m rows misfit, c rows correlated, g never calibrated, s not as calibrated, h held",
 ];
 
+/// The width of what is typed. Longer forms move their explanation: padding costs bytes of the answer.
+const COLUMN: usize = 24;
+
 /// The first words of all commands and settings.
 pub fn names() -> impl Iterator<Item = &'static str> {
     let before = BEFORE_SETTINGS.iter().map(|&(typed, _)| typed);
@@ -113,16 +116,16 @@ pub struct Help;
 impl fmt::Display for Help {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (typed, help) in BEFORE_SETTINGS {
-            write!(f, "{typed:38} {help}\r\n")?;
+            write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
         for &setting in Setting::ALL {
             let mut typed = Text::<64>::default();
             // A test checks that all fit.
             let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
-            write!(f, "{:38} {}\r\n", typed.as_str(), setting.help())?;
+            write!(f, "{:COLUMN$} {}\r\n", typed.as_str(), setting.help())?;
         }
         for (typed, help) in AFTER_SETTINGS {
-            write!(f, "{typed:38} {help}\r\n")?;
+            write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
         let [first, second, third, fourth] = LAST;
         write!(f, "{first}\r\n{second}\r\n{third}\r\n{fourth}")
@@ -178,8 +181,12 @@ mod tests {
         }
         for line in lines {
             // The column of the explanations. A long form moves it.
-            let form = line.find("] ").unwrap_or_default();
-            let column = (form + 2).max(39);
+            let form = match line.find("] ") {
+                Some(end) => end + 1,
+                None if line.starts_with("calibration commit|abort") => 24,
+                None => 0,
+            };
+            let column = form.max(COLUMN) + 1;
             assert_eq!(line.as_bytes().get(column - 1), Some(&b' '), "{line}");
             assert!(
                 (line.as_bytes().get(column)).is_some_and(|&byte| byte != b' '),

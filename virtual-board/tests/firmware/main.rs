@@ -3,6 +3,7 @@
 //!
 //! All topics are one test program, so that the firmware is built and loaded only once.
 
+mod address;
 mod ambient;
 mod binary;
 mod calibration;
