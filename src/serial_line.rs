@@ -4,7 +4,8 @@ use core::task::Poll;
 
 use embassy_futures::poll_once;
 use embassy_futures::select::{Either3, select3};
-use embassy_stm32::usart::BufferedUart;
+use embassy_stm32::usart::{BufferedUart, BufferedUartRx};
+use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Read as _;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::status::StartCause;
@@ -14,6 +15,10 @@ use super::flash::CalibrationFlash;
 use super::session::Shell;
 use super::shared::{COUNTERS, IDLE, RESULTS};
 use super::transmitter::Transmitter;
+
+/// The silence that ends a Modbus request, for rates above 19200 baud (Modbus over serial line V1.02, section
+/// 2.5.1.1).
+const SILENCE: Duration = Duration::from_micros(1750);
 
 /// Bytes taken from the receiver at a time.
 const PIECE: usize = 64;
@@ -48,9 +53,35 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
             Either3::Third(()) => COUNTERS.results.add(),
             Either3::Second(received) => {
                 // This driver never returns an error: it drops them, and `board` counts them.
-                let received = received.unwrap_or(0);
-                take_bytes(&mut shell, &mut input, &mut echo, &bytes[..received]).await;
+                let received = &bytes[..received.unwrap_or(0)];
+                if shell.speaks_modbus() {
+                    shell.gather(received);
+                    gather_request(&mut shell, &mut rx, &mut bytes).await;
+                    shell.answer_request().await;
+                } else {
+                    take_bytes(&mut shell, &mut input, &mut echo, received).await;
+                }
             }
+        }
+    }
+}
+
+/// Gathers the rest of a Modbus request, up to the silence that ends it. If the computation of a row keeps this
+/// task for longer than that, two requests may become one. That one has a wrong checksum and no answer, and
+/// the master asks again.
+async fn gather_request(
+    shell: &mut Shell,
+    rx: &mut BufferedUartRx<'static>,
+    bytes: &mut [u8; PIECE],
+) {
+    while let Ok(received) = with_timeout(SILENCE, rx.read(bytes)).await {
+        shell.gather(&bytes[..received.unwrap_or(0)]);
+        // Bytes could come without an end. Results have their turn in between.
+        while let Ok(frame) = RESULTS.try_receive() {
+            shell.take_frame(frame).await;
+        }
+        if IDLE.try_take().is_some() {
+            COUNTERS.results.add();
         }
     }
 }
@@ -74,6 +105,10 @@ async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes
             true => Event::LineForAll(command),
         };
         shell.take(event).await;
+        if shell.speaks_modbus() {
+            // What follows is no line.
+            return;
+        }
         // A line full of commands takes seconds to answer: results have their turn in between.
         while let Ok(frame) = RESULTS.try_receive() {
             shell.take_frame(frame).await;

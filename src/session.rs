@@ -85,7 +85,54 @@ impl Shell {
     /// Whether a person sees what she types. An echo would tear packets.
     pub fn echoes(&self) -> bool {
         let settings = self.session.settings();
-        settings.echo && settings.address == 0 && !self.session.sends_packets()
+        settings.echo
+            && settings.address == 0
+            && !self.session.sends_packets()
+            && !self.session.speaks_modbus()
+    }
+
+    /// Whether the bytes that come are Modbus requests, for [`Self::gather`].
+    pub const fn speaks_modbus(&self) -> bool {
+        self.session.speaks_modbus()
+    }
+
+    /// Takes bytes of a Modbus request.
+    pub fn gather(&mut self, bytes: &[u8]) {
+        let request = self.packets.buffer();
+        for &byte in bytes {
+            // The buffer holds more bytes than the longest request has. The rest of a longer one is dropped.
+            let _ = request.push(byte);
+        }
+    }
+
+    /// Answers the Modbus request that was gathered, and does what it asks for.
+    pub async fn answer_request(&mut self) {
+        self.replace_request_by_answer();
+        self.apply();
+        let answer = self.packets.buffer();
+        self.tx.send(answer).await;
+        answer.clear();
+        if self.actions.save {
+            PAUSED.store(true, Ordering::Relaxed);
+            self.save().await;
+        }
+    }
+
+    /// The answer takes the request's place. Not inlined, so that it uses the stack only while it runs.
+    #[inline(never)]
+    fn replace_request_by_answer(&mut self) {
+        let vitals = self.vitals();
+        let Self {
+            session,
+            packets,
+            actions,
+            ..
+        } = self;
+        let bytes = packets.buffer();
+        let answer = session.answer_modbus(bytes, &vitals, actions);
+        bytes.clear();
+        // An answer is shorter than a packet.
+        let _ = bytes.extend_from_slice(&answer.bytes);
     }
 
     /// The sensor's address on its line; 0 if it is alone.
@@ -298,13 +345,17 @@ impl Shell {
     /// Passes an event to the session, which writes what must be done into `actions`.
     #[inline(never)]
     fn update_session(&mut self, event: Event) {
+        let vitals = self.vitals();
+        self.session.take(event, &vitals, &mut self.actions);
+    }
+
+    fn vitals(&self) -> Vitals {
         let since_start = |at: Instant| at.saturating_duration_since(self.started_at).as_micros();
-        let vitals = Vitals {
+        Vitals {
             results: self.results,
             result_us: since_start(self.result_at),
             ..COUNTERS.vitals(since_start(Instant::now()))
-        };
-        self.session.take(event, &vitals, &mut self.actions);
+        }
     }
 
     fn apply(&mut self) {

@@ -8,6 +8,8 @@ pub enum Format {
     Text,
     /// Packets.
     Binary,
+    /// Modbus RTU, in both directions: [`crate::protocol::modbus`].
+    Modbus,
 }
 
 impl Format {
@@ -16,14 +18,16 @@ impl Format {
         match self {
             Self::Text => "text",
             Self::Binary => "binary",
+            Self::Modbus => "modbus",
         }
     }
 
+    /// All, in the order of their numbers in a holding register.
+    pub const ALL: [Self; 3] = [Self::Text, Self::Binary, Self::Modbus];
+
     /// Finds a format by its [`name`](Self::name).
     pub fn named(name: &str) -> Option<Self> {
-        [Self::Text, Self::Binary]
-            .into_iter()
-            .find(|format| format.name() == name)
+        Self::ALL.into_iter().find(|format| format.name() == name)
     }
 }
 

@@ -26,6 +26,7 @@ use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::{PartsOf, ResultLine};
+use crate::protocol::modbus::{self, INPUTS, Shown};
 use crate::protocol::packet::FrameResult;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
@@ -142,6 +143,8 @@ pub struct Session {
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Reading>,
     output: Output,
+    /// The latest result, for [`Format::Modbus`].
+    inputs: [u16; INPUTS],
     /// As the latest frame says.
     pixels: PixelErrors,
     readings: u32,
@@ -170,6 +173,7 @@ impl Session {
             saves_silently: false,
             zero: None,
             output: Output::default(),
+            inputs: modbus::inputs(None, 0),
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
             faults: [0; Fault::KINDS],
@@ -232,9 +236,14 @@ impl Session {
         matches!(self.settings.format, Format::Binary) && self.settings.address == 0
     }
 
-    /// Whether the sensor may send without being asked: it is alone on its line.
+    /// Whether the line speaks Modbus. Bytes then go to [`Self::answer_modbus`].
+    pub const fn speaks_modbus(&self) -> bool {
+        matches!(self.settings.format, Format::Modbus)
+    }
+
+    /// Whether the sensor may send without being asked: it is alone on its line, which is not Modbus.
     const fn is_alone(&self) -> bool {
-        self.settings.address == 0
+        self.settings.address == 0 && !self.speaks_modbus()
     }
 
     /// Whether rows are to be corrected with the map of the pixels.
@@ -256,12 +265,8 @@ impl Session {
     /// Takes an event, and writes into `actions` what must be done. `vitals` is what the firmware has counted
     /// so far.
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
-        actions.text.clear();
-        actions.address = self.settings.address;
-        (actions.may_drop, actions.apply, actions.save) = (false, None, false);
-        actions.result = None;
-        (actions.row, actions.flat) = (None, None);
-        (actions.trigger, actions.reset) = (false, false);
+        self.start(actions);
+        let spoke_modbus = self.speaks_modbus();
         match event {
             Event::Started(stored) => {
                 self.load(stored);
@@ -299,6 +304,49 @@ impl Session {
                 self.flat.end(outcome, actions);
             }
         }
+        // A master that speaks Modbus would take a text for an answer.
+        if spoke_modbus {
+            actions.text.clear();
+        }
+    }
+
+    /// Makes the actions those of an event that needs nothing.
+    fn start(&self, actions: &mut Actions) {
+        actions.text.clear();
+        actions.address = self.settings.address;
+        (actions.may_drop, actions.apply, actions.save) = (false, None, false);
+        actions.result = None;
+        (actions.row, actions.flat) = (None, None);
+        (actions.trigger, actions.reset) = (false, false);
+    }
+
+    /// Answers a Modbus request, and writes into `actions` what must be done once the answer is sent. Its bytes
+    /// are empty if nobody expects one. Without an address, the sensor is station 1.
+    #[inline(never)]
+    pub fn answer_modbus(
+        &mut self,
+        request: &[u8],
+        vitals: &Vitals,
+        actions: &mut Actions,
+    ) -> modbus::Answer {
+        self.start(actions);
+        // At most 247.
+        let station = (self.settings.address as u8).max(1);
+        let shown = Shown {
+            inputs: &self.inputs,
+            settings: &self.settings,
+            can_save: self.check_save(Command::Save).is_ok(),
+        };
+        let answer = modbus::answer(request, station, &shown);
+        let mut apply = None;
+        for &change in &answer.changes {
+            self.take_command(Command::Set(change), vitals, actions);
+            apply = actions.apply.take().or(apply);
+        }
+        actions.apply = apply;
+        actions.save = answer.save;
+        actions.text.clear();
+        answer
     }
 
     /// Takes a command and writes its answer. Starts a frame for it, if it needs one and frames do not start
@@ -412,6 +460,7 @@ impl Session {
             None => now,
         };
         let reading = result.map(relative);
+        self.inputs = modbus::inputs(Some(&reading), vitals.results);
         let line = ResultLine {
             number: vitals.results,
             us: vitals.result_us,
@@ -581,22 +630,27 @@ impl Session {
                 actions.add_line(&command);
             }
             Command::Save | Command::SaveNominal => {
-                let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
-                let (is_nominal, is_of_factory) = (
-                    record.record().is_nominal(),
-                    record.record().is_of_factory(),
-                );
-                if command == Command::Save && is_of_factory && self.flash.holds_other(record.sum())
-                {
-                    return Err(Refusal::WouldReplace);
-                }
-                if command == Command::SaveNominal && !is_nominal {
-                    return Err(Refusal::NotNominal);
-                }
+                self.check_save(command)?;
                 actions.save = true;
                 actions.add_line(&"save pauses the stream");
             }
             Command::Flat(flat) => self.flat.execute(flat, actions)?,
+        }
+        Ok(())
+    }
+
+    /// Refuses a `save`, or a `save nominal`, that has nothing to save or would lose a calibration.
+    fn check_save(&self, command: Command) -> Result<(), Refusal> {
+        let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
+        let (is_nominal, is_of_factory) = (
+            record.record().is_nominal(),
+            record.record().is_of_factory(),
+        );
+        if command == Command::Save && is_of_factory && self.flash.holds_other(record.sum()) {
+            return Err(Refusal::WouldReplace);
+        }
+        if command == Command::SaveNominal && !is_nominal {
+            return Err(Refusal::NotNominal);
         }
         Ok(())
     }

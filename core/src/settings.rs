@@ -36,9 +36,9 @@ macro_rules! list {
             /// a line for every frame
             Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
 
-            /// how the sensor writes what it sends; commands stay lines of text
+            /// how the sensor writes what it sends; commands stay lines, but for modbus
             Format "format" format: Format = Format::Text,
-                Form::Words("text|binary"), Affects::Session;
+                Form::Words("text|binary|modbus"), Affects::Session;
 
             /// bits a second on the serial line; the answer is at the old rate
             Baud "baud" baud: Baud = Baud::B115200,
@@ -160,7 +160,7 @@ pub enum Affects {
     /// By whom the sensor is found on its line. `save` as above; `defaults` leaves the setting, so that the
     /// sensor does not begin to talk on a line that it shares.
     Connection,
-    /// What this session sends. The setting holds until the next start.
+    /// What this session sends. The setting holds until the next start; see [`Value::is_saved`].
     Session,
 }
 
@@ -315,6 +315,14 @@ impl Setting {
             Some((setting, values))
         };
         named(2).or_else(|| named(1))
+    }
+}
+
+impl Value {
+    /// Whether `save` writes it to flash. Of what affects the session, that is `format modbus` alone: a master
+    /// that speaks Modbus could not ask for it after each start.
+    pub fn is_saved(self) -> bool {
+        self.setting().affects() != Affects::Session || self == Self::Format(Format::Modbus)
     }
 }
 
@@ -710,7 +718,7 @@ pub(crate) mod tests {
                 Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
             )])
             .chain([true, false].map(Value::Laser))
-            .chain([Format::Text, Format::Binary].map(Value::Format))
+            .chain(Format::ALL.map(Value::Format))
             .chain(Baud::ALL.map(Value::Baud))
             .chain([PixelStream::None, PixelStream::Window, PixelStream::Rows].map(Value::Pixels))
             .chain(AmbientMode::ALL.map(Value::Ambient))

@@ -227,7 +227,7 @@ fn every_setting_is_shown_set_and_applied() {
     let settings = *sensor.session.settings();
     for (line, error) in [
         ("rows 65", "E3 out of range, expected rows 1..64"),
-        ("format csv", "E2 expected format text|binary"),
+        ("format csv", "E2 expected format text|binary|modbus"),
         (
             "baud 9600",
             "E3 out of range, expected baud 115200|230400|460800|921600",
@@ -363,6 +363,96 @@ fn a_trigger_starts_each_frame_that_a_command_asks_for() {
     assert!(sensor.actions.result.is_some());
     sensor.set("trigger continuous");
     assert!(sensor.session.streams_rows());
+}
+
+/// A Modbus request with its checksum.
+fn request(body: &[u8]) -> Vec<u8> {
+    let sum = crc::Crc::<u16>::new(&crc::CRC_16_MODBUS).checksum(body);
+    [body, &sum.to_le_bytes()].concat()
+}
+
+impl Sensor {
+    /// The answer to a Modbus request, without its checksum.
+    fn ask_modbus(&mut self, body: &[u8]) -> Vec<u8> {
+        let answer = self
+            .session
+            .answer_modbus(&request(body), &vitals(), &mut self.actions);
+        assert_eq!(self.actions.text.as_str(), "");
+        let mut bytes = answer.bytes.to_vec();
+        bytes.truncate(bytes.len().saturating_sub(2));
+        bytes
+    }
+}
+
+#[test]
+fn with_modbus_only_requests_are_answered() {
+    let mut sensor = Sensor::new();
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.set("format modbus");
+    assert!(sensor.session.speaks_modbus());
+    // Nothing is sent unasked, and no line is answered.
+    for result in [Ok(frame(1801.0)), Err(TOO_DIM)] {
+        assert_eq!(sensor.take(Event::Frame(result)), "");
+    }
+    assert_eq!(sensor.take(Event::Line(parse(b"help"))), "");
+    // Without an address the sensor is station 1. The latest result is a fault.
+    let number = TOO_DIM.kind() as u8 + 1;
+    assert_eq!(sensor.ask_modbus(&[1, 4, 0, 0, 0, 1]), [1, 4, 2, 0, number]);
+    assert_eq!(sensor.ask_modbus(&[17, 4, 0, 0, 0, 1]), []);
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    let answer = sensor.ask_modbus(&[1, 4, 0, 4, 0, 2]);
+    let distance = i32::from_be_bytes(answer[3..].try_into().expect("two registers"));
+    let shown: f64 = (line.split(' ').nth(1))
+        .and_then(|it| it.parse().ok())
+        .expect("mm");
+    assert_eq!(f64::from(distance), (shown * 1e4).round());
+    // Several settings at once are applied together.
+    let rows_and_exposure = [1, 16, 0, 0, 0, 2, 4, 0, 4, 0, 187];
+    assert_eq!(
+        sensor.ask_modbus(&rows_and_exposure),
+        rows_and_exposure[..6]
+    );
+    let applied = sensor.actions.apply.clone().expect("settings to apply");
+    assert_eq!(applied.settings, *sensor.session.settings());
+    assert_eq!(applied.settings.rows, 4);
+    // The answer to a new address comes from the old one.
+    assert_eq!(sensor.ask_modbus(&[1, 6, 0, 5, 0, 17]), [1, 6, 0, 5, 0, 17]);
+    assert_eq!(sensor.ask_modbus(&[1, 3, 0, 5, 0, 1]), []);
+    assert_eq!(sensor.ask_modbus(&[17, 3, 0, 5, 0, 1]), [17, 3, 2, 0, 17]);
+    // A save is answered by its request, and the format is saved with the address.
+    assert_eq!(sensor.ask_modbus(&[17, 6, 0, 6, 0, 1]), [17, 6, 0, 6, 0, 1]);
+    assert!(sensor.actions.save);
+    let saved = sensor.session.configuration().expect("something to save");
+    assert_eq!(sensor.take(Event::Saved(Ok(()))), "");
+    let mut session = Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn);
+    let mut actions = Actions::default();
+    session.take(
+        Event::Started(Stored::Newest(saved)),
+        &vitals(),
+        &mut actions,
+    );
+    assert_eq!(actions.text.as_str(), "");
+    assert!(session.speaks_modbus());
+    // No result yet.
+    let answer = session.answer_modbus(&request(&[17, 4, 0, 0, 0, 1]), &vitals(), &mut actions);
+    assert_eq!(answer.bytes[..5], [17, 4, 2, 0xFF, 0xFF]);
+    // The way back to text.
+    sensor.ask_modbus(&[0, 6, 0, 4, 0, 0]);
+    assert!(!sensor.session.speaks_modbus());
+    assert_eq!(sensor.ask("format"), "format text");
+}
+
+#[test]
+fn over_modbus_a_calibration_is_not_replaced_by_the_nominal_one() {
+    let stored = Stored::Newest(Configuration {
+        settings: Settings::default(),
+        record: Some(own_record().record().clone()),
+    });
+    let mut sensor = Sensor::comb_started(stored);
+    sensor.set("defaults");
+    sensor.set("format modbus");
+    assert_eq!(sensor.ask_modbus(&[1, 6, 0, 6, 0, 1]), [1, 0x86, 4]);
+    assert!(!sensor.actions.save);
 }
 
 #[test]

@@ -54,6 +54,7 @@ fn a_sensor_with_an_address_talks_only_if_asked() {
     set(&mut board, "echo on");
     say(&mut board, "rows", 30);
     assert_driver_covers_the_bytes(&mut board);
+    say(&mut board, "echo off", 60);
     set(&mut board, "rows 2");
     set(&mut board, "address 5");
     assert_driver_covers_the_bytes(&mut board);

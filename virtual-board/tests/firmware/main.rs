@@ -16,6 +16,7 @@ mod flat;
 mod identical;
 mod kept;
 mod laser;
+mod modbus;
 #[cfg(unix)]
 mod pseudo_terminal;
 mod readings;
