@@ -11,6 +11,7 @@ use slitrange::protocol::packet::{
     Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
 };
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange::protocol::selftest::RowTest;
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
@@ -183,6 +184,10 @@ impl Shell {
             return;
         }
         self.send().await;
+        if self.actions.test {
+            self.test_row().await;
+            return;
+        }
         if self.actions.reset {
             self.tx.drain().await;
             board::reset();
@@ -271,6 +276,24 @@ impl Shell {
         let _ = write!(self.actions.text, "{line}\r\n");
         self.send_text().await;
         COUNTERS.results.add();
+    }
+
+    /// Looks at the next row for `selftest`, and answers.
+    async fn test_row(&mut self) {
+        PAUSED.store(true, Ordering::Relaxed);
+        REQUESTS.send(Request::MeasureAlone).await;
+        let (exposed, measured) = ROW_TO_SEND.receive().await;
+        let mut test = None;
+        if let Some(exposed) = exposed {
+            let geometry = self.session.geometry();
+            let row = geometry.row(exposed.words.as_slice()).ok();
+            test = row.map(|row| RowTest::of(&row, &measured));
+            FREE.send(exposed.words).await;
+        }
+        COUNTERS.results.add();
+        PAUSED.store(false, Ordering::Relaxed);
+        self.update_session(Event::Tested(test));
+        self.send().await;
     }
 
     /// Does what the session asked for with the map of the pixels. No frame is due meanwhile.

@@ -31,6 +31,7 @@ use crate::protocol::packet::FrameResult;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
+use crate::protocol::selftest::{RowTest, Selftest};
 use crate::protocol::status::{Errors, StartCause, Status, Uptime, Vitals};
 use crate::protocol::upload::{Step, Upload};
 use crate::reading::{Measured, Reading};
@@ -61,6 +62,8 @@ pub enum Event {
     Frame(Result<Measured, Fault>),
     /// The save that [`Actions::save`] asked for has ended.
     Saved(Result<(), StoreError>),
+    /// The row that [`Actions::test`] asked for. `None` if the sensor is silent.
+    Tested(Option<RowTest>),
     /// The job that [`Actions::flat`] asked for has ended, or flash was read at the start.
     Flat(flat::Outcome),
 }
@@ -87,6 +90,8 @@ pub struct Actions {
     pub row: Option<RowPart>,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
     pub flat: Option<flat::Job>,
+    /// Look at the next row, and then take the event [`Event::Tested`]. No frame is due meanwhile.
+    pub test: bool,
     /// Start a frame: its rows are exposed from now on. Only if [`Settings::trigger`] is not continuous. A
     /// frame that is under way or waits for its first row goes on, and counts as a missed trigger.
     pub trigger: bool,
@@ -296,6 +301,13 @@ impl Session {
                     actions.text.clear();
                 }
             }
+            Event::Tested(row) => actions.add_line(&Selftest {
+                flash: self.flash,
+                started_by: self.started_by,
+                row_rate: row_rate(vitals),
+                front_end: self.front_end(),
+                row,
+            }),
             Event::Flat(outcome) => {
                 // A new map may leave errors of the same size, but not the same errors.
                 if !matches!(outcome, flat::Outcome::Saved(_)) {
@@ -317,7 +329,7 @@ impl Session {
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
         actions.result = None;
         (actions.row, actions.flat) = (None, None);
-        (actions.trigger, actions.reset) = (false, false);
+        (actions.trigger, actions.reset, actions.test) = (false, false, false);
     }
 
     /// Answers a Modbus request, and writes into `actions` what must be done once the answer is sent. Its bytes
@@ -564,6 +576,7 @@ impl Session {
                 faults: &self.faults,
             }),
             Command::Uptime => actions.add_line(&Uptime(vitals.uptime_us)),
+            Command::Selftest => actions.test = true,
             Command::Reset => {
                 actions.reset = true;
                 actions.add_line(&command);
@@ -722,6 +735,12 @@ impl fmt::Display for AddressPrefix {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "@{} ", self.0)
     }
+}
+
+/// Rows a second since the start.
+fn row_rate(vitals: &Vitals) -> f32 {
+    let us = vitals.uptime_us.max(1) as f32;
+    vitals.rows as f32 * 1e6 / us
 }
 
 /// Answers with a result, and with what to do about a fault.

@@ -36,6 +36,8 @@ pub enum Command {
     Uptime,
     /// Start again, as if the power came back.
     Reset,
+    /// Check what the sensor can check by itself.
+    Selftest,
     /// One reading.
     Distance,
     /// A frame, and its result as one of the stream.
@@ -213,6 +215,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "status" => expect_no_value(values, Command::Status, "status"),
         "errors" => expect_no_value(values, Command::Errors, "errors"),
         "uptime" => expect_no_value(values, Command::Uptime, "uptime"),
+        "selftest" => expect_no_value(values, Command::Selftest, "selftest"),
         "reset" => expect_no_value(values, Command::Reset, "reset"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
         "measure" => expect_no_value(values, Command::Measure, "measure"),
@@ -294,6 +297,7 @@ impl fmt::Display for Command {
             Self::Status => f.write_str("status"),
             Self::Errors => f.write_str("errors"),
             Self::Uptime => f.write_str("uptime"),
+            Self::Selftest => f.write_str("selftest"),
             Self::Reset => f.write_str("reset"),
             Self::Distance => f.write_str("distance"),
             Self::Measure => f.write_str("measure"),
@@ -335,6 +339,7 @@ mod tests {
             Command::Errors,
             Command::Uptime,
             Command::Reset,
+            Command::Selftest,
             Command::Distance,
             Command::Measure,
             Command::Centre,

@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 11] = [
+pub const BEFORE_SETTINGS: [Line; 12] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -22,6 +22,10 @@ pub const BEFORE_SETTINGS: [Line; 11] = [
     ),
     ("errors", "the errors in `status` alone"),
     ("uptime", "the time since the start"),
+    (
+        "selftest",
+        "check flash, a row and its light, and the start",
+    ),
     (
         "distance",
         "the next frame's reading, or its fault and what to do about it",

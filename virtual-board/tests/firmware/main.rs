@@ -25,6 +25,7 @@ mod row;
 mod row_rate;
 mod saving;
 mod scenes;
+mod selftest;
 mod sensor_head;
 mod serial_line;
 mod stack;

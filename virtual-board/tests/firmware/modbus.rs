@@ -7,6 +7,8 @@ use virtual_board::VirtualBoard;
 
 use crate::common::{PATIENCE, ask, boot, fresh_results, is_reading, number, paper, set};
 
+const NOTHING: [u8; 0] = [];
+
 /// A request or an answer with its checksum.
 fn frame(body: &[u8]) -> Vec<u8> {
     let sum = body.iter().fold(0xFFFF_u16, |sum, &byte| {
@@ -46,7 +48,11 @@ fn a_master_reads_results_and_writes_settings() {
     board
         .run_until_line(|line| line == "@17 format modbus", PATIENCE)
         .expect("an answer");
-    assert_eq!(say(&mut board, b"", 300), [], "nothing is sent unasked");
+    assert_eq!(
+        say(&mut board, b"", 300),
+        NOTHING,
+        "nothing is sent unasked"
+    );
     let inputs = request(&mut board, &[17, 4, 0, 0, 0, 16]);
     println!("{reading}\n{inputs:?}");
     assert_eq!(inputs[..7], [17, 4, 32, 0, 0, 0, 0b0100]);
@@ -74,19 +80,23 @@ fn a_master_reads_results_and_writes_settings() {
         (state >> 24) as u8
     };
     let garbage: Vec<u8> = (0..4000).map(|_| random()).collect();
-    assert_eq!(say(&mut board, &garbage, 400), []);
+    assert_eq!(say(&mut board, &garbage, 400), NOTHING);
     for length in [1, 7, 8, 255, 256, 257, 600] {
         let garbage: Vec<u8> = (0..length).map(|_| random()).collect();
-        assert_eq!(say(&mut board, &garbage, 60), []);
+        assert_eq!(say(&mut board, &garbage, 60), NOTHING);
     }
-    assert_eq!(say(&mut board, b"rows 7\r\n@17 rows 7\r\n", 30), []);
-    assert_eq!(say(&mut board, &frame(&[18, 6, 0, 0, 0, 7]), 30), []);
+    assert_eq!(say(&mut board, b"rows 7\r\n@17 rows 7\r\n", 30), NOTHING);
+    assert_eq!(say(&mut board, &frame(&[18, 6, 0, 0, 0, 7]), 30), NOTHING);
     let two = [frame(&[17, 6, 0, 0, 0, 7]), frame(&[17, 6, 0, 0, 0, 8])].concat();
-    assert_eq!(say(&mut board, &two, 30), [], "no silence between them");
+    assert_eq!(
+        say(&mut board, &two, 30),
+        NOTHING,
+        "no silence between them"
+    );
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 4]);
     assert_eq!(request(&mut board, &[17, 4, 0, 16, 0, 1]), [17, 0x84, 2]);
     // For all stations.
-    assert_eq!(say(&mut board, &frame(&[0, 6, 0, 0, 0, 5]), 30), []);
+    assert_eq!(say(&mut board, &frame(&[0, 6, 0, 0, 0, 5]), 30), NOTHING);
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
     // Saved: the sensor starts with Modbus.
     assert_eq!(
@@ -95,7 +105,7 @@ fn a_master_reads_results_and_writes_settings() {
     );
     board.run_for(Duration::from_millis(500)).expect("a run");
     board.reset_pin().expect("the emulator");
-    assert_eq!(say(&mut board, b"", 300), [], "no banner");
+    assert_eq!(say(&mut board, b"", 300), NOTHING, "no banner");
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
     let edges = board.take_driver_edges();
     assert!(edges.len().is_multiple_of(2), "the line is released");

@@ -25,8 +25,8 @@ ROW_S = 20.0
 """How long to wait for a row, whose lines take 1.1 s."""
 
 COMMANDS = {
-    *("calibration", "centre", "defaults", "distance", "errors", "flat", "help"),
-    *("info", "reset", "row", "save", "status", "uncertainty", "uptime", "zero"),
+    *("calibration", "centre", "defaults", "distance", "errors", "flat", "help", "info"),
+    *("measure", "reset", "row", "save", "selftest", "status", "uncertainty", "uptime", "zero"),
 }
 """First words of commands. They are no settings, and some of them change the sensor."""
 
