@@ -106,6 +106,7 @@ pub fn reference() -> String {
             .unwrap_or_default()
             .trim();
         let saved = match setting.affects() {
+            Affects::Session if setting == Setting::Format => "`modbus` only",
             Affects::Measurement | Affects::Lines | Affects::Connection => "yes",
             Affects::Session => "no",
         };
