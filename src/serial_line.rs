@@ -66,6 +66,14 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
     }
 }
 
+/// Takes the results that wait, or measuring's sign of life while it has no results.
+async fn take_results(shell: &mut Shell) {
+    while let Ok(frame) = RESULTS.try_receive() {
+        shell.take_frame(frame).await;
+    }
+    COUNTERS.results.add_if(IDLE.try_take().is_some());
+}
+
 /// Gathers the rest of a Modbus request, up to the silence that ends it. If the computation of a row keeps this
 /// task for longer than that, two requests may become one. That one has a wrong checksum and no answer, and
 /// the master asks again.
@@ -76,13 +84,8 @@ async fn gather_request(
 ) {
     while let Ok(received) = with_timeout(SILENCE, rx.read(bytes)).await {
         shell.gather(&bytes[..received.unwrap_or(0)]);
-        // Bytes could come without an end. Results have their turn in between.
-        while let Ok(frame) = RESULTS.try_receive() {
-            shell.take_frame(frame).await;
-        }
-        if IDLE.try_take().is_some() {
-            COUNTERS.results.add();
-        }
+        // Bytes could come without an end.
+        take_results(shell).await;
     }
 }
 
@@ -109,9 +112,7 @@ async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes
             // What follows is no line.
             return;
         }
-        // A line full of commands takes seconds to answer: results have their turn in between.
-        while let Ok(frame) = RESULTS.try_receive() {
-            shell.take_frame(frame).await;
-        }
+        // A line full of commands takes seconds to answer.
+        take_results(shell).await;
     }
 }

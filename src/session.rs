@@ -384,10 +384,10 @@ impl Shell {
     fn apply(&mut self) {
         if let Some(applied) = self.actions.apply.take() {
             let trigger = applied.settings.trigger;
-            FRAMES.set_trigger(trigger);
+            let changes = FRAMES.set_trigger(trigger);
             SETTINGS.signal(applied);
-            if trigger != Trigger::Continuous {
-                // No result comes without a trigger. These came before.
+            if changes && trigger != Trigger::Continuous {
+                // The results that wait came without a trigger.
                 while RESULTS.try_receive().is_ok() {}
             }
         }

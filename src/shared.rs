@@ -104,13 +104,16 @@ enum TriggeredFrame {
 }
 
 impl Frames {
-    /// Changes what starts frames. A frame that the trigger before started is dropped.
-    pub fn set_trigger(&self, trigger: Trigger) {
+    /// Changes what starts frames, and returns whether that is a change. A frame that the trigger before started
+    /// is dropped.
+    pub fn set_trigger(&self, trigger: Trigger) -> bool {
         self.update(|state| {
-            if state.0 != trigger {
+            let changes = state.0 != trigger;
+            if changes {
                 *state = (trigger, TriggeredFrame::None);
             }
-        });
+            changes
+        })
     }
 
     /// Starts a frame at a command, unless frames start by themselves.

@@ -12,6 +12,7 @@ use slitrange::protocol::flat::Flat;
 use slitrange::protocol::packet::Decoder;
 use slitrange::sending::{Baud, Format, PixelStream};
 use slitrange::settings::{Setting, Settings, Value};
+use slitrange::trigger::Trigger;
 
 use super::answers;
 use super::line::ANSWER;
@@ -29,7 +30,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 ///
 /// The sensor sends rows as fast as the line takes them, about 15 a second at 921600 baud, each with its own
 /// result. The file holds the rows, the results, the settings and the calibration. The sensor is recorded
-/// with `ambient off` and `flat off`, and has its own settings again afterwards.
+/// with `ambient off`, `flat off` and `trigger continuous`, and has its own settings again afterwards.
 #[derive(Clone, Debug, clap::Args)]
 pub struct RecordOptions {
     #[command(flatten)]
@@ -66,6 +67,7 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
     let has_map = (session.line()).ask("flat", ANSWER, answers::flat)?;
     let is_map_on = has_map.first().is_some_and(|line| line == "flat on");
     let ambient = session.value(Setting::Ambient)?;
+    let trigger = session.value(Setting::Trigger)?;
     // A row is recorded as it was read, and both would need rows or a map that the file does not have.
     if is_map_on {
         (session.line()).ask(&flat, ANSWER, |lines| {
@@ -73,6 +75,8 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
         })?;
     }
     session.set(Command::Set(Value::Ambient(AmbientMode::Off)))?;
+    // Rows come only if frames need no trigger.
+    session.set(Command::Set(Value::Trigger(Trigger::Continuous)))?;
     let sensor = sensor(&mut session)?;
     let mut file = BufWriter::new(file);
     let mut writer = Writer::default();
@@ -91,6 +95,7 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
     session.line().synchronise()?;
     session.set(Command::Set(Value::Pixels(PixelStream::None)))?;
     session.set(Command::Set(Value::Stream(false)))?;
+    session.set(Command::Set(trigger))?;
     session.set(Command::Set(ambient))?;
     if is_map_on {
         let on = Flat::Use(true).to_string();
