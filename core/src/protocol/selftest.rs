@@ -220,7 +220,7 @@ mod tests {
                 "black fail 1500.0 counts",
             ),
             (of_row(row([300, 300], 2000.0)), "noise fail 0.00 counts"),
-            (of_row(row([299, 301], 0.0)), "light fail no spot"),
+            (of_row(row([299, 301], 0.0)), "light fail f no spot"),
         ] {
             let failed = failed(&test);
             assert_eq!(failed.len(), 2, "{failed:#?}");

@@ -33,7 +33,7 @@ fn a_good_sensor_passes_and_a_bad_one_says_why() {
     board.set_light(spot_at(1800.0, 0.0));
     board.run_for(Duration::from_millis(100)).expect("a run");
     let lines = selftest(&mut board);
-    assert!(lines[4].starts_with("light fail no spot"));
+    assert!(lines[4].starts_with("light fail f no spot"));
     assert_eq!(lines[6], "fail 1");
     set(&mut board, "stream off");
     board.silence_sensor(true).expect("the emulator");
