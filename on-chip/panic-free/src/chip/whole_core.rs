@@ -22,6 +22,7 @@ use slitrange::protocol::packet::{
     unpack,
 };
 use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange::protocol::selftest::RowTest;
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::record;
@@ -272,6 +273,13 @@ pub fn talk() {
                 let answer = session.answer_modbus(request, &vitals, &mut actions);
                 reached(answer.bytes.len() as i32);
                 continue;
+            }
+            8 => {
+                let mut words = [0; 4096];
+                let geometry = any::geometry();
+                let row = geometry.row(any::words(&mut words));
+                let measured = any(true).then(any::measured).ok_or(any::fault());
+                Event::Tested(row.ok().map(|row| RowTest::of(&row, &measured)))
             }
             7 => Event::LineForAll(Ok(any(Command::Nothing))),
             3 => Event::Line(Ok(any(Command::Upload(any(Step::Commit))))),
