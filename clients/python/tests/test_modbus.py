@@ -4,9 +4,8 @@ The other side is core/examples/modbus_server.rs on this PC, or the firmware on 
 """
 
 import os
+import select
 import subprocess
-import termios
-import time
 import tty
 from collections.abc import Iterator
 from pathlib import Path
@@ -134,10 +133,13 @@ def test_the_firmware_speaks_modbus(virtual_board: str) -> None:
         reading = sensor.read()
     assert isinstance(reading, Reading)
     line = os.open(virtual_board, os.O_RDWR | os.O_NOCTTY)
-    os.write(line, b"format modbus\r")
-    # The answer, and what came before it.
-    time.sleep(1)
-    termios.tcflush(line, termios.TCIFLUSH)
+    tty.setraw(line)
+    os.write(line, b"stream off\rformat modbus\r")
+    # Nothing comes after the answer.
+    came = b""
+    while b"format modbus\r\n" not in came:
+        assert select.select([line], [], [], 30)[0], came
+        came += os.read(line, 1024)
     # Without an address, the sensor is station 1.
     master = ModbusSerialClient(virtual_board, baudrate=115200, timeout=5)
     assert master.connect()
