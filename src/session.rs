@@ -287,7 +287,7 @@ impl Shell {
         if let Some(exposed) = exposed {
             let geometry = self.session.geometry();
             let row = geometry.row(exposed.words.as_slice()).ok();
-            test = row.map(|row| RowTest::of(&row, &measured));
+            test = row.and_then(|row| RowTest::of(&row, &measured));
             FREE.send(exposed.words).await;
         }
         COUNTERS.results.add();

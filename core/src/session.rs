@@ -304,7 +304,7 @@ impl Session {
             Event::Tested(row) => actions.add_line(&Selftest {
                 flash: self.flash,
                 started_by: self.started_by,
-                row_rate: row_rate(vitals),
+                row_rate_tenths: row_rate_tenths(vitals),
                 front_end: self.front_end(),
                 row,
             }),
@@ -737,10 +737,11 @@ impl fmt::Display for AddressPrefix {
     }
 }
 
-/// Rows a second since the start.
-fn row_rate(vitals: &Vitals) -> f32 {
-    let us = vitals.uptime_us.max(1) as f32;
-    vitals.rows as f32 * 1e6 / us
+/// Ten times the rows a second since the start.
+fn row_rate_tenths(vitals: &Vitals) -> u64 {
+    // 32 bits times 10^7 fit 64.
+    let rows = u64::from(vitals.rows).saturating_mul(10_000_000);
+    rows.checked_div(vitals.uptime_us).unwrap_or(0)
 }
 
 /// Answers with a result, and with what to do about a fault.

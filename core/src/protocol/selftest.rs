@@ -22,22 +22,25 @@ pub struct RowTest {
 }
 
 impl RowTest {
-    /// Looks at a row. `measured` is a frame of this row alone.
-    pub fn of(row: &Row<'_>, measured: &Result<Measured, Fault>) -> Self {
+    /// Looks at a row. `measured` is a frame of this row alone. `None` if the words are not those of a sensor.
+    pub fn of(row: &Row<'_>, measured: &Result<Measured, Fault>) -> Option<Self> {
+        if *measured == Err(Fault::SensorSilent) {
+            return None;
+        }
         let pixels = row.shielded();
         let mean = |sum: f32, count: usize| (count > 0).then(|| sum / count as f32);
         let counts = || pixels.iter().map(f32::from);
         let black = mean(counts().sum(), pixels.len());
         let squares = |black: f32| counts().map(|it| (it - black) * (it - black)).sum();
         let variance = black.and_then(|black| mean(squares(black), pixels.len().saturating_sub(1)));
-        Self {
+        Some(Self {
             black,
             noise: variance.map(libm::sqrtf),
             light: match measured {
                 Ok(measured) => Ok(measured.frame.amplitude),
                 Err(fault) => Err(*fault),
             },
-        }
+        })
     }
 }
 
@@ -49,8 +52,8 @@ pub struct Selftest<'a> {
     pub flash: FlashStatus,
     /// What made the firmware start.
     pub started_by: StartCause,
-    /// Rows a second since the start.
-    pub row_rate: f32,
+    /// Ten times the rows a second since the start.
+    pub row_rate_tenths: u64,
     /// The front end, if it was measured.
     pub front_end: Option<&'a FrontEnd>,
     /// A row. `None` if none came.
@@ -88,7 +91,8 @@ impl fmt::Display for Selftest<'_> {
         };
         write!(f, "selftest flash {} {state}\r\n", word(is_readable))?;
         let rows = word(self.row.is_some());
-        write!(f, "selftest rows {rows} {:.1} Hz\r\n", self.row_rate)?;
+        let (hertz, tenth) = (self.row_rate_tenths / 10, self.row_rate_tenths % 10);
+        write!(f, "selftest rows {rows} {hertz}.{tenth} Hz\r\n")?;
         if let Some(RowTest {
             black,
             noise,
@@ -97,6 +101,7 @@ impl fmt::Display for Selftest<'_> {
         {
             if let Some(black) = black {
                 let black_word = word(BLACK.0 <= black && black <= BLACK.1);
+                let black = Counts::from_f32(black);
                 write!(f, "selftest black {black_word} {black:.1} counts\r\n")?;
             }
             if let Some(noise) = noise {
@@ -109,6 +114,7 @@ impl fmt::Display for Selftest<'_> {
                 };
                 let noise_word =
                     word(noise > 0.0 && least <= noise + ROUNDING && noise <= most + ROUNDING);
+                let noise = Counts::from_f32(noise);
                 write!(f, "selftest noise {noise_word} {noise:.2} counts\r\n")?;
             }
             match light {
@@ -151,14 +157,14 @@ mod tests {
             .row(&mut words)
             .expect("a frame");
         let row = geometry.row(&words).expect("a row");
-        Some(RowTest::of(&row, &measured))
+        RowTest::of(&row, &measured)
     }
 
     fn good() -> Selftest<'static> {
         Selftest {
             flash: FlashStatus::Record(1),
             started_by: StartCause::PowerOn,
-            row_rate: 175.44,
+            row_rate_tenths: 1754,
             front_end: None,
             row: row([299, 301], 2000.0),
         }

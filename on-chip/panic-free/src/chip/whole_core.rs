@@ -279,7 +279,7 @@ pub fn talk() {
                 let geometry = any::geometry();
                 let row = geometry.row(any::words(&mut words));
                 let measured = any(true).then(any::measured).ok_or(any::fault());
-                Event::Tested(row.ok().map(|row| RowTest::of(&row, &measured)))
+                Event::Tested(row.ok().and_then(|row| RowTest::of(&row, &measured)))
             }
             7 => Event::LineForAll(Ok(any(Command::Nothing))),
             3 => Event::Line(Ok(any(Command::Upload(any(Step::Commit))))),
