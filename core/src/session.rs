@@ -739,9 +739,10 @@ impl fmt::Display for AddressPrefix {
 
 /// Ten times the rows a second since the start.
 fn row_rate_tenths(vitals: &Vitals) -> u64 {
-    // 32 bits times 10^7 fit 64.
+    // 32 bits times 10^7 fit 64. Half a step rounds.
     let rows = u64::from(vitals.rows).saturating_mul(10_000_000);
-    rows.checked_div(vitals.uptime_us).unwrap_or(0)
+    let rounded = rows.saturating_add(vitals.uptime_us / 2);
+    rounded.checked_div(vitals.uptime_us).unwrap_or(0)
 }
 
 /// Answers with a result, and with what to do about a fault.
