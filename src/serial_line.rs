@@ -103,11 +103,11 @@ async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes
         let Some(command) = command else {
             continue;
         };
-        let event = match input.is_for_all() {
+        shell.update_session(match input.is_for_all() {
             false => Event::Line(command),
             true => Event::LineForAll(command),
-        };
-        shell.take(event).await;
+        });
+        shell.carry_out().await;
         if shell.speaks_modbus() {
             // What follows is no line.
             return;

@@ -166,12 +166,14 @@ impl Shell {
     pub async fn take_frame(&mut self, frame: FrameEnd) {
         COUNTERS.results.add();
         (self.results, self.result_at) = (frame.number, frame.at);
-        self.take(Event::Frame(frame.result)).await;
+        self.update_session(Event::Frame(frame.result));
+        self.carry_out().await;
     }
 
-    /// Takes an event and carries out the actions.
-    pub async fn take(&mut self, event: Event) {
-        self.update_session(event);
+    /// Carries out the actions that [`Self::update_session`] left.
+    ///
+    /// An event has some kilobytes, and a future that held one would take as many of static RAM.
+    pub async fn carry_out(&mut self) {
         self.apply();
         if self.actions.save {
             PAUSED.store(true, Ordering::Relaxed);
@@ -365,9 +367,10 @@ impl Shell {
         self.send().await;
     }
 
-    /// Passes an event to the session, which writes what must be done into `actions`.
+    /// Passes an event to the session, which writes what must be done into `actions`. Call
+    /// [`Self::carry_out`] then.
     #[inline(never)]
-    fn update_session(&mut self, event: Event) {
+    pub fn update_session(&mut self, event: Event) {
         let vitals = self.vitals();
         self.session.take(event, &vitals, &mut self.actions);
     }
