@@ -105,6 +105,8 @@ async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
                 exposure,
                 at: Instant::now(),
                 number: COUNTERS.rows.get(),
+                // This task alone gives pulses, and has given none since.
+                pulses: COUNTERS.pulses.get(),
             })
             .await;
             true

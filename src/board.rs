@@ -11,6 +11,8 @@
 //! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
 //! | PE11 (D5) | output, low after a reset | the switching output of the setting `limits` |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
+//! | PA3 | input, EXTI3, pulled down | the trigger: a rising edge starts a frame (setting `trigger pin`) |
+//! | PD12 | output | an RS-485 driver: high while the sensor sends |
 //! | PA12 | output, low | nothing (see `keep_pa12_low`) |
 //!
 //! # Priorities
@@ -21,7 +23,8 @@
 //!    pulses.
 //! 3. USART3, a character every 87 us, or every 11 us at 921600 baud. It may wait 10 us for the pulses,
 //!    because the hardware holds one character until the next has come.
-//! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline.
+//! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline. EXTI3, the
+//!    trigger's edge, which notes how many pulses were given before it.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
 use core::arch::global_asm;
@@ -29,7 +32,7 @@ use core::arch::global_asm;
 use cortex_m::peripheral::DWT;
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::flash::{self, Flash};
-use embassy_stm32::gpio::{Level, Output, OutputType, Speed};
+use embassy_stm32::gpio::{Input, Level, Output, OutputType, Pull, Speed};
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
@@ -48,7 +51,7 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::laser::Laser;
-use super::shared::COUNTERS;
+use super::shared::{COUNTERS, FRAMES};
 use super::tcd1304::{Pins, Tcd1304};
 
 /// The board's name.
@@ -67,7 +70,7 @@ const MASTER_CLOCK_HZ: u32 = 2_625_000;
 pub const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
 
 /// The interrupt of the serial line.
-pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
+const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 
 /// Outgoing characters: the longest answer, and as many characters of the readings that come meanwhile if a
 /// frame is one row. With less, lines are dropped after `help estimator`. In core-coupled memory, because no
@@ -81,8 +84,9 @@ static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
 static URGENT: InterruptExecutor = InterruptExecutor::new();
 
 bind_interrupts!(struct Interrupts {
-    // In this order: errors are counted before their flags are cleared.
-    USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>;
+    // In this order: errors are counted before their flags are cleared, and the line is released after the last
+    // bit was noticed.
+    USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>, ReleaseLine;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
     DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
     FLASH => flash::InterruptHandler;
@@ -151,6 +155,7 @@ pub fn init() -> Board {
         (interrupt::UART4, Priority::P2),
         (SERIAL_INTERRUPT, Priority::P3),
         (interrupt::FLASH, Priority::P4),
+        (interrupt::EXTI3, Priority::P4),
     ] {
         interrupt.set_priority(priority);
     }
@@ -204,6 +209,9 @@ pub fn init() -> Board {
     // The configuration is constant: a wrong one fails at the first start.
     let serial = defmt::unwrap!(serial);
 
+    // Dropping the output would make the pin an input again.
+    core::mem::forget(Output::new(p.PD12, Level::Low, Speed::Low));
+    watch_trigger(p.PA3);
     keep_pa12_low(p.PA12);
     let flash = Flash::new(p.FLASH, Interrupts).into_regions();
 
@@ -241,6 +249,64 @@ fn keep_pa12_low(pin: Peri<'static, peripherals::PA12>) {
     pac::GPIOA
         .pupdr()
         .modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
+}
+
+/// The pin of port D that enables the line's driver, with RS-485.
+const DRIVER_ENABLE: usize = 12;
+
+/// Hands bytes over to embassy's transmitter by `write`, with the line's driver enabled from before the first
+/// bit on. [`ReleaseLine`] disables it after the last one.
+pub fn hand_over_bytes<T>(write: impl FnOnce() -> T) -> T {
+    // Without the serial line's interrupt, nothing releases the line before the bytes have come.
+    SERIAL_INTERRUPT.disable();
+    pac::GPIOD
+        .bsrr()
+        .write(|pins| pins.set_bs(DRIVER_ENABLE, true));
+    let written = write();
+    SERIAL_INTERRUPT.pend();
+    // SAFETY: the interrupt was enabled before, and nothing here depends on its absence.
+    unsafe { SERIAL_INTERRUPT.enable() };
+    written
+}
+
+/// Disables the line's driver once the last bit has left.
+struct ReleaseLine;
+
+impl Handler<interrupt::typelevel::USART3> for ReleaseLine {
+    unsafe fn on_interrupt() {
+        // embassy's handler, which ran before, waits for TXE while bytes wait, and for TC from the last byte on.
+        let control = pac::USART3.cr1().read();
+        if !control.txeie() && !control.tcie() {
+            pac::GPIOD
+                .bsrr()
+                .write(|pins| pins.set_br(DRIVER_ENABLE, true));
+        }
+    }
+}
+
+/// The trigger's line of EXTI. After a reset, line 3 is that of PA3 (RM0090 section 9.2.3).
+const TRIGGER: usize = 3;
+
+/// Lets rising edges of the trigger interrupt.
+fn watch_trigger(pin: Peri<'static, peripherals::PA3>) {
+    // Dropping the input would take its pull-down away.
+    core::mem::forget(Input::new(pin, Pull::Down));
+    pac::EXTI
+        .rtsr(0)
+        .modify(|rising| rising.set_line(TRIGGER, true));
+    pac::EXTI
+        .imr(0)
+        .modify(|enabled| enabled.set_line(TRIGGER, true));
+    // SAFETY: the handler below needs nothing that is not ready.
+    unsafe { interrupt::EXTI3.enable() };
+}
+
+/// An edge at the trigger's pin.
+#[interrupt]
+fn EXTI3() {
+    // Writing a one clears the line's flag, and no other.
+    pac::EXTI.pr(0).write(|edges| edges.set_line(TRIGGER, true));
+    FRAMES.take_edge();
 }
 
 /// The sensor's converter.
@@ -311,6 +377,11 @@ fn start_cause() -> StartCause {
     } else {
         StartCause::ResetPin
     }
+}
+
+/// Resets the chip: it starts as after power-on.
+pub fn reset() -> ! {
+    cortex_m::peripheral::SCB::sys_reset()
 }
 
 /// Starts the core's cycle counter, by which the sensor's pulses are timed.

@@ -22,8 +22,8 @@ use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    COUNTERS, ExposedRow, FREE, FULL, Flat, FrameEnd, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
-    ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS, WORDS,
+    COUNTERS, ExposedRow, FRAMES, FREE, FULL, Flat, FrameEnd, GIVEN, IDLE, LASER, PAUSED, REQUESTS,
+    RESULTS, ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -86,7 +86,12 @@ pub async fn measure() {
         }
         let Ok(row) = FULL.try_receive() else {
             if silence.comes_before_event().await && !paused() {
-                publish(Err(measurement.silence()), Instant::now());
+                let fault = measurement.silence();
+                if FRAMES.end_in_silence() {
+                    publish(Err(fault), Instant::now());
+                } else {
+                    IDLE.signal(());
+                }
             }
             continue;
         };
@@ -97,6 +102,10 @@ pub async fn measure() {
             measurement.start_frame();
             continue;
         }
+        if FRAMES.begins_with(row.pulses) {
+            measurement.start_frame();
+            IDLE.signal(());
+        }
         let start = board::cycles();
         let map = flat.as_deref().and_then(FlatField::map);
         let map = map.filter(|_| is_corrected);
@@ -105,6 +114,9 @@ pub async fn measure() {
         let cycles = board::cycles().wrapping_sub(start);
         COUNTERS.row_cycles.set(cycles);
         COUNTERS.slowest_row_cycles.set_if_larger(cycles);
+        let ended = result.is_some();
+        // Between triggers frames are measured too, so that exposure and ambient light stay up to date.
+        let result = result.filter(|_| FRAMES.end());
         if let Some(Ok(measured)) = &result {
             publish_window(measured, measurement.geometry(), row.words, row.at);
         }
@@ -113,6 +125,9 @@ pub async fn measure() {
             publish(result, row.at);
             // If rows come faster than they are computed, one always waits here, and the serial line would
             // never have its turn.
+            yield_now().await;
+        } else if ended {
+            IDLE.signal(());
             yield_now().await;
         }
     }

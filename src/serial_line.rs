@@ -3,9 +3,10 @@
 use core::task::Poll;
 
 use embassy_futures::poll_once;
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embassy_stm32::gpio::Output;
-use embassy_stm32::usart::BufferedUart;
+use embassy_stm32::usart::{BufferedUart, BufferedUartRx};
+use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Read as _;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::status::StartCause;
@@ -13,8 +14,12 @@ use slitrange::session::Event;
 
 use super::flash::CalibrationFlash;
 use super::session::Shell;
-use super::shared::RESULTS;
+use super::shared::{COUNTERS, IDLE, RESULTS};
 use super::transmitter::Transmitter;
+
+/// The silence that ends a Modbus request, for rates above 19200 baud (Modbus over serial line V1.02, section
+/// 2.5.1.1).
+const SILENCE: Duration = Duration::from_micros(1750);
 
 /// Bytes taken from the receiver at a time.
 const PIECE: usize = 64;
@@ -49,20 +54,51 @@ pub async fn serve(
             }
             continue;
         }
-        match select(RESULTS.receive(), rx.read(&mut bytes)).await {
-            Either::First(frame) => shell.take_frame(frame).await,
-            Either::Second(received) => {
+        match select3(RESULTS.receive(), rx.read(&mut bytes), IDLE.wait()).await {
+            Either3::First(frame) => shell.take_frame(frame).await,
+            Either3::Third(()) => COUNTERS.results.add(),
+            Either3::Second(received) => {
                 // This driver never returns an error: it drops them, and `board` counts them.
-                let received = received.unwrap_or(0);
-                take_bytes(&mut shell, &mut input, &mut echo, &bytes[..received]).await;
+                let received = &bytes[..received.unwrap_or(0)];
+                if shell.speaks_modbus() {
+                    shell.gather(received);
+                    gather_request(&mut shell, &mut rx, &mut bytes).await;
+                    shell.answer_request().await;
+                } else {
+                    take_bytes(&mut shell, &mut input, &mut echo, received).await;
+                }
             }
         }
+    }
+}
+
+/// Takes the results that wait, or measuring's sign of life while it has no results.
+async fn take_results(shell: &mut Shell) {
+    while let Ok(frame) = RESULTS.try_receive() {
+        shell.take_frame(frame).await;
+    }
+    COUNTERS.results.add_if(IDLE.try_take().is_some());
+}
+
+/// Gathers the rest of a Modbus request, up to the silence that ends it. If the computation of a row keeps this
+/// task for longer than that, two requests may become one. That one has a wrong checksum and no answer, and
+/// the master asks again.
+async fn gather_request(
+    shell: &mut Shell,
+    rx: &mut BufferedUartRx<'static>,
+    bytes: &mut [u8; PIECE],
+) {
+    while let Ok(received) = with_timeout(SILENCE, rx.read(bytes)).await {
+        shell.gather(&bytes[..received.unwrap_or(0)]);
+        // Bytes could come without an end.
+        take_results(shell).await;
     }
 }
 
 /// Takes what a person or a program sent.
 async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes: &[u8]) {
     for &byte in bytes {
+        input.set_address(shell.address());
         let command = if shell.echoes() {
             let command = input.type_in(byte, echo);
             shell.show_typed(echo.as_str(), input.is_empty()).await;
@@ -73,10 +109,16 @@ async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes
         let Some(command) = command else {
             continue;
         };
-        shell.take(Event::Line(command)).await;
-        // A line full of commands takes seconds to answer: results have their turn in between.
-        while let Ok(frame) = RESULTS.try_receive() {
-            shell.take_frame(frame).await;
+        shell.update_session(match input.is_for_all() {
+            false => Event::Line(command),
+            true => Event::LineForAll(command),
+        });
+        shell.carry_out().await;
+        if shell.speaks_modbus() {
+            // What follows is no line.
+            return;
         }
+        // A line full of commands takes seconds to answer.
+        take_results(shell).await;
     }
 }

@@ -12,17 +12,18 @@ use slitrange::protocol::packet::{
     Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
 };
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange::protocol::selftest::RowTest;
 use slitrange::protocol::status::{StartCause, Vitals};
-use slitrange::sending::Format;
 use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
-use slitrange::session::{Actions, Event, Session};
+use slitrange::session::{Actions, AddressPrefix, Event, Session};
 use slitrange::store::{Store, pixel_map};
+use slitrange::text::Text;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
+    COUNTERS, FRAMES, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
     SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
 };
 use super::transmitter::Transmitter;
@@ -92,11 +93,60 @@ impl Shell {
 
     /// Whether a person sees what she types. An echo would tear packets.
     pub fn echoes(&self) -> bool {
-        self.session.settings().echo && !self.sends_packets()
+        let settings = self.session.settings();
+        settings.echo
+            && settings.address == 0
+            && !self.session.sends_packets()
+            && !self.session.speaks_modbus()
     }
 
-    fn sends_packets(&self) -> bool {
-        self.session.settings().format == Format::Binary
+    /// Whether the bytes that come are Modbus requests, for [`Self::gather`].
+    pub const fn speaks_modbus(&self) -> bool {
+        self.session.speaks_modbus()
+    }
+
+    /// Takes bytes of a Modbus request.
+    pub fn gather(&mut self, bytes: &[u8]) {
+        let request = self.packets.buffer();
+        for &byte in bytes {
+            // The buffer holds more bytes than the longest request has. The rest of a longer one is dropped.
+            let _ = request.push(byte);
+        }
+    }
+
+    /// Answers the Modbus request that was gathered, and does what it asks for.
+    pub async fn answer_request(&mut self) {
+        self.replace_request_by_answer();
+        self.apply();
+        let answer = self.packets.buffer();
+        self.tx.send(answer).await;
+        answer.clear();
+        if self.actions.save {
+            PAUSED.store(true, Ordering::Relaxed);
+            self.save().await;
+        }
+    }
+
+    /// The answer takes the request's place. Not inlined, so that it uses the stack only while it runs.
+    #[inline(never)]
+    fn replace_request_by_answer(&mut self) {
+        let vitals = self.vitals();
+        let Self {
+            session,
+            packets,
+            actions,
+            ..
+        } = self;
+        let bytes = packets.buffer();
+        let answer = session.answer_modbus(bytes, &vitals, actions);
+        bytes.clear();
+        // An answer is shorter than a packet.
+        let _ = bytes.extend_from_slice(&answer.bytes);
+    }
+
+    /// The sensor's address on its line; 0 if it is alone.
+    pub fn address(&self) -> u16 {
+        self.session.settings().address
     }
 
     /// Shows what a person types. Readings are left out until the line ends, so that they do not tear it.
@@ -124,12 +174,14 @@ impl Shell {
     pub async fn take_frame(&mut self, frame: FrameEnd) {
         COUNTERS.results.add();
         (self.results, self.result_at) = (frame.number, frame.at);
-        self.take(Event::Frame(frame.result)).await;
+        self.update_session(Event::Frame(frame.result));
+        self.carry_out().await;
     }
 
-    /// Takes an event and carries out the actions.
-    pub async fn take(&mut self, event: Event) {
-        self.update_session(event);
+    /// Carries out the actions that [`Self::update_session`] left.
+    ///
+    /// An event has some kilobytes, and a future that held one would take as many of static RAM.
+    pub async fn carry_out(&mut self) {
         self.apply();
         if self.actions.save {
             PAUSED.store(true, Ordering::Relaxed);
@@ -142,6 +194,14 @@ impl Shell {
             return;
         }
         self.send().await;
+        if self.actions.test {
+            self.test_row().await;
+            return;
+        }
+        if self.actions.reset {
+            self.tx.drain().await;
+            board::reset();
+        }
         self.tx.set_baud(self.session.settings().baud).await;
         SENDS_WINDOWS.store(self.session.streams_windows(), Ordering::Relaxed);
         if let Some(part) = self.actions.row.take() {
@@ -228,6 +288,24 @@ impl Shell {
         COUNTERS.results.add();
     }
 
+    /// Looks at the next row for `selftest`, and answers.
+    async fn test_row(&mut self) {
+        PAUSED.store(true, Ordering::Relaxed);
+        REQUESTS.send(Request::MeasureAlone).await;
+        let (exposed, measured) = ROW_TO_SEND.receive().await;
+        let mut test = None;
+        if let Some(exposed) = exposed {
+            let geometry = self.session.geometry();
+            let row = geometry.row(exposed.words.as_slice()).ok();
+            test = row.and_then(|row| RowTest::of(&row, &measured));
+            FREE.send(exposed.words).await;
+        }
+        COUNTERS.results.add();
+        PAUSED.store(false, Ordering::Relaxed);
+        self.update_session(Event::Tested(test));
+        self.send().await;
+    }
+
     /// Does what the session asked for with the map of the pixels. No frame is due meanwhile.
     async fn do_flat(&mut self, job: Job) {
         PAUSED.store(true, Ordering::Relaxed);
@@ -297,28 +375,37 @@ impl Shell {
         self.send().await;
     }
 
-    /// Passes an event to the session, which writes what must be done into `actions`.
+    /// Passes an event to the session, which writes what must be done into `actions`. Call
+    /// [`Self::carry_out`] then.
     #[inline(never)]
-    fn update_session(&mut self, event: Event) {
-        let since_start = |at: Instant| at.saturating_duration_since(self.started_at).as_micros();
-        let vitals = Vitals {
-            results: self.results,
-            result_us: since_start(self.result_at),
-            ..COUNTERS.vitals(since_start(Instant::now()))
-        };
+    pub fn update_session(&mut self, event: Event) {
+        let vitals = self.vitals();
         self.session.take(event, &vitals, &mut self.actions);
         self.switch
             .set_level(self.session.is_within_limits().into());
     }
 
+    fn vitals(&self) -> Vitals {
+        let since_start = |at: Instant| at.saturating_duration_since(self.started_at).as_micros();
+        Vitals {
+            results: self.results,
+            result_us: since_start(self.result_at),
+            ..COUNTERS.vitals(since_start(Instant::now()))
+        }
+    }
+
     fn apply(&mut self) {
         if let Some(applied) = self.actions.apply.take() {
+            FRAMES.set_trigger(applied.settings.trigger);
             SETTINGS.signal(applied);
             // Results that wait were measured with the settings before. Measuring runs in this executor, and
             // takes the new settings before the next row.
             while RESULTS.try_receive().is_ok() {
                 COUNTERS.lines_dropped.add();
             }
+        }
+        if self.actions.trigger {
+            FRAMES.start();
         }
     }
 
@@ -354,12 +441,32 @@ impl Shell {
 
     /// Sends the text of an answer, as lines or as packets.
     async fn send_text(&mut self) {
-        if !self.sends_packets() {
-            self.tx.send(self.actions.text.as_bytes()).await;
+        if !self.session.sends_packets() {
+            self.send_lines().await;
             return;
         }
         for part in parts_of_text(self.actions.text.as_str()) {
             self.tx.send(self.packets.encode(Message::Text(part))).await;
+        }
+    }
+
+    /// Sends the text of an answer as lines, each with the sensor's address if the sensor has one.
+    async fn send_lines(&mut self) {
+        let Self { tx, actions, .. } = self;
+        if actions.address == 0 {
+            tx.send(actions.text.as_bytes()).await;
+            return;
+        }
+        let mut prefix = Text::<5>::default();
+        // An address has at most three digits.
+        let _ = write!(prefix, "{}", AddressPrefix(actions.address));
+        for line in actions
+            .text
+            .as_bytes()
+            .split_inclusive(|&byte| byte == b'\n')
+        {
+            tx.send(prefix.as_bytes()).await;
+            tx.send(line).await;
         }
     }
 

@@ -2,6 +2,9 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
@@ -15,6 +18,7 @@ use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
 use slitrange::sensor_heads;
 use slitrange::session::Applied;
+use slitrange::trigger::Trigger;
 
 /// Words in a row, all of which one DMA transfer brings.
 pub const WORDS: usize = sensor_heads::tcd1304dg().words;
@@ -40,6 +44,8 @@ pub struct ExposedRow {
     pub at: Instant,
     /// The rows read since the start, with this one.
     pub number: u32,
+    /// The pulses since the start, with the one that ended this row's exposure.
+    pub pulses: u32,
 }
 
 /// Rows to compute on. Holds all there are, so that sending never waits.
@@ -76,6 +82,109 @@ impl LaserOrder {
         u16::try_from(us).ok().and_then(Exposure::from_us)
     }
 }
+
+/// What starts frames.
+pub static FRAMES: Frames = Frames(Mutex::new(Cell::new((
+    Trigger::Continuous,
+    TriggeredFrame::None,
+))));
+
+/// See [`FRAMES`].
+pub struct Frames(Mutex<CriticalSectionRawMutex, Cell<(Trigger, TriggeredFrame)>>);
+
+/// The frame that a trigger started.
+#[derive(Clone, Copy)]
+enum TriggeredFrame {
+    /// There is none.
+    None,
+    /// No row of it has come yet. So many pulses were given before the trigger.
+    Triggered { pulses: u32 },
+    /// Some of its rows have come.
+    Begun,
+}
+
+impl Frames {
+    /// Changes what starts frames, and returns whether that is a change. A frame that the trigger before started
+    /// is dropped.
+    pub fn set_trigger(&self, trigger: Trigger) -> bool {
+        self.update(|state| {
+            let changes = state.0 != trigger;
+            if changes {
+                *state = (trigger, TriggeredFrame::None);
+            }
+            changes
+        })
+    }
+
+    /// Starts a frame at a command, unless frames start by themselves.
+    pub fn start(&self) {
+        // Read first: a pulse in between makes the frame late rather than early.
+        let pulses = COUNTERS.pulses.get();
+        self.update(|(trigger, frame)| match (*trigger, *frame) {
+            (Trigger::Continuous, _) => {}
+            (_, TriggeredFrame::None) => *frame = TriggeredFrame::Triggered { pulses },
+            _ => COUNTERS.triggers_missed.add(),
+        });
+    }
+
+    /// Starts a frame at an edge, if edges start frames.
+    pub fn take_edge(&self) {
+        if self.update(|(trigger, _)| *trigger) == Trigger::Pin {
+            self.start();
+        }
+    }
+
+    /// Whether a triggered frame begins with a row, which ended with the pulse of this number.
+    pub fn begins_with(&self, pulses: u32) -> bool {
+        self.update(|(_, frame)| match *frame {
+            // The row began with the pulse before, which must have come after the trigger. A difference of
+            // numbers that wrap.
+            TriggeredFrame::Triggered { pulses: before }
+                if (pulses.wrapping_sub(before) as i32) >= 2 =>
+            {
+                *frame = TriggeredFrame::Begun;
+                true
+            }
+            _ => false,
+        })
+    }
+
+    /// Whether the result of the frame that ends now is wanted.
+    pub fn end(&self) -> bool {
+        self.update(|(trigger, frame)| match (*trigger, *frame) {
+            (Trigger::Continuous, _) => true,
+            (_, TriggeredFrame::Begun) => {
+                *frame = TriggeredFrame::None;
+                true
+            }
+            _ => false,
+        })
+    }
+
+    /// Whether a result is wanted although the sensor brings no rows. A frame that waits for its first row
+    /// ends.
+    pub fn end_in_silence(&self) -> bool {
+        self.update(|(_, frame)| {
+            if let TriggeredFrame::Triggered { .. } = frame {
+                *frame = TriggeredFrame::Begun;
+            }
+        });
+        self.end()
+    }
+
+    fn update<T>(&self, change: impl FnOnce(&mut (Trigger, TriggeredFrame)) -> T) -> T {
+        self.0.lock(|cell| {
+            let mut state = cell.get();
+            let result = change(&mut state);
+            cell.set(state);
+            result
+        })
+    }
+}
+
+/// Set by measuring while it has no result to send, because no trigger came: its sign of life, and the serial
+/// line's once that has taken it.
+pub static IDLE: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Results for the serial line. Holds 91 ms of results at the highest rate, a row a frame, so that the answer
 /// to `status` (about 45 ms) loses none. All its bytes are zero at first, as `.ccm` wants it: no DMA reaches
@@ -145,6 +254,7 @@ pub static COUNTERS: Counters = Counters {
     rows: Counter::new(),
     rows_lost: Counter::new(),
     rows_failed: Counter::new(),
+    triggers_missed: Counter::new(),
     frames: Counter::new(),
     results: Counter::new(),
     row_cycles: Counter::new(),
@@ -165,6 +275,8 @@ pub struct Counters {
     pub rows_lost: Counter,
     /// Read-outs that failed.
     pub rows_failed: Counter,
+    /// Triggers while a frame was under way.
+    pub triggers_missed: Counter,
     /// Results of frames.
     pub frames: Counter,
     /// Signs of life of measuring and the serial line: readings and faults that the serial line took, changes
@@ -194,6 +306,7 @@ impl Counters {
             rows_failed: self.rows_failed.get(),
             row_cycles: self.row_cycles.get(),
             slowest_row_cycles: self.slowest_row_cycles.get(),
+            triggers_missed: self.triggers_missed.get(),
             lines_dropped: self.lines_dropped.get(),
             serial_errors: SerialErrors {
                 noise: self.serial_noise.get(),

@@ -6,10 +6,10 @@
 //! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
 //! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
 //! * `write` starts the interrupt only if the buffer was empty when it checked. If the last bytes leave
-//!   between that check and the new bytes' arrival, nobody starts it: it is started here after every write.
+//!   between that check and the new bytes' arrival, nobody starts it: [`board::hand_over_bytes`] starts it after every
+//!   write.
 
 use embassy_futures::poll_once;
-use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::usart::BufferedUartTx;
 use embassy_time::Timer;
 use embedded_io_async::Write as _;
@@ -41,12 +41,17 @@ impl Transmitter {
         if baud == self.baud {
             return;
         }
-        while !self.is_empty() {
-            Timer::after_millis(1).await;
-        }
+        self.drain().await;
         // The rates are constant: a wrong one fails at its first use.
         defmt::unwrap!(self.port.set_baudrate(baud.bits_a_second()));
         self.baud = baud;
+    }
+
+    /// Waits until the last bit has left.
+    pub async fn drain(&mut self) {
+        while !self.is_empty() {
+            Timer::after_millis(1).await;
+        }
     }
 
     /// Sends bytes, however long that takes: a person or a program waits for them.
@@ -64,7 +69,7 @@ impl Transmitter {
         COUNTERS.lines_dropped.add_if(!self.try_hand_over(bytes));
     }
 
-    /// Whether all bytes have left the driver's buffer.
+    /// Whether the last bit of all bytes has left.
     pub fn is_empty(&mut self) -> bool {
         poll_once(self.port.flush()).is_ready()
     }
@@ -72,8 +77,9 @@ impl Transmitter {
     /// Hands over all of the bytes or, without room for them, none. On an error the bytes count as handed
     /// over, because a second try would give the same error.
     fn try_hand_over(&mut self, bytes: &[u8]) -> bool {
-        let accepted = poll_once(self.port.write(bytes)).is_ready();
-        board::SERIAL_INTERRUPT.pend();
-        accepted
+        if bytes.is_empty() {
+            return true;
+        }
+        board::hand_over_bytes(|| poll_once(self.port.write(bytes)).is_ready())
     }
 }

@@ -70,9 +70,9 @@ fn main() -> io::Result<()> {
             Err(RecvTimeoutError::Timeout) => {
                 counter += 1;
                 let shown = Shown {
-                    result: Some(&result),
-                    counter,
+                    inputs: &modbus::inputs(Some(&result), counter),
                     settings: &settings,
+                    can_save: false,
                 };
                 let answer = modbus::answer(&request, STATION, &shown);
                 for &change in &answer.changes {

@@ -51,7 +51,7 @@
 //! | [`Calibration`] | 2144 |
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2912 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
-//! | [`session::Session`], the serial line with its copies of both and the readings of `average` | 10,170 |
+//! | [`session::Session`], the serial line with its copies of both and the readings of `average` | 10,210 |
 //! | [`Measured`], with the centre of each slit of a comb | 236 |
 //! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
 //!
@@ -121,6 +121,7 @@ pub mod sending;
 pub mod sensor_heads;
 
 pub mod text;
+pub mod trigger;
 pub mod units;
 
 mod effort;

@@ -14,6 +14,7 @@ pub mod packet;
 pub mod piece;
 pub mod refusal;
 pub mod row;
+pub mod selftest;
 pub mod status;
 pub mod upload;
 

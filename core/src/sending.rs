@@ -10,6 +10,8 @@ pub enum Format {
     Csv,
     /// Packets.
     Binary,
+    /// Modbus RTU, in both directions: [`crate::protocol::modbus`].
+    Modbus,
 }
 
 impl Format {
@@ -19,14 +21,16 @@ impl Format {
             Self::Text => "text",
             Self::Csv => "csv",
             Self::Binary => "binary",
+            Self::Modbus => "modbus",
         }
     }
 
+    /// All, in the order of their numbers in a holding register.
+    pub const ALL: [Self; 4] = [Self::Text, Self::Binary, Self::Modbus, Self::Csv];
+
     /// Finds a format by its [`name`](Self::name).
     pub fn named(name: &str) -> Option<Self> {
-        [Self::Text, Self::Csv, Self::Binary]
-            .into_iter()
-            .find(|format| format.name() == name)
+        Self::ALL.into_iter().find(|format| format.name() == name)
     }
 }
 

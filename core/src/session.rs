@@ -28,11 +28,13 @@ use crate::protocol::csv::{CsvLine, Header};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::{PartsOf, ResultLine};
+use crate::protocol::modbus::{self, INPUTS, Shown};
 use crate::protocol::packet::FrameResult;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
-use crate::protocol::status::{StartCause, Status, Vitals};
+use crate::protocol::selftest::{RowTest, Selftest};
+use crate::protocol::status::{Errors, StartCause, Status, Uptime, Vitals};
 use crate::protocol::upload::{Step, Upload};
 use crate::reading::{Measured, Reading};
 use crate::record::Record;
@@ -44,6 +46,7 @@ use crate::settings::{Affects, Setting, Settings, Value};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
 use crate::text::Text;
+use crate::trigger::Trigger;
 use crate::uncertainty::CalibrationErrors;
 use crate::units::{InUnits, Micrometres};
 
@@ -56,10 +59,14 @@ pub enum Event {
     Started(Stored),
     /// A line came in.
     Line(Result<Command, Error>),
+    /// A line for all sensors of the line came in. Nobody answers.
+    LineForAll(Result<Command, Error>),
     /// A frame ended.
     Frame(Result<Measured, Fault>),
     /// The save that [`Actions::save`] asked for has ended.
     Saved(Result<(), StoreError>),
+    /// The row that [`Actions::test`] asked for. `None` if the sensor is silent.
+    Tested(Option<RowTest>),
     /// The job that [`Actions::flat`] asked for has ended, or flash was read at the start.
     Flat(flat::Outcome),
 }
@@ -69,6 +76,8 @@ pub enum Event {
 pub struct Actions {
     /// Text to send, each line with CR LF. Empty if there is nothing to say.
     pub text: Text<MAX_ANSWER>,
+    /// If it is not 0, this address goes before each line of the text, as [`AddressPrefix`].
+    pub address: u16,
     /// The text or [`Self::result`] is one of a stream: drop it if the line is busy. Any other text must
     /// arrive.
     pub may_drop: bool,
@@ -84,6 +93,13 @@ pub struct Actions {
     pub row: Option<RowPart>,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
     pub flat: Option<flat::Job>,
+    /// Look at the next row, and then take the event [`Event::Tested`]. No frame is due meanwhile.
+    pub test: bool,
+    /// Start a frame: its rows are exposed from now on. Only if [`Settings::trigger`] is not continuous. A
+    /// frame that is under way or waits for its first row goes on, and counts as a missed trigger.
+    pub trigger: bool,
+    /// Start again, once all text has left.
+    pub reset: bool,
 }
 
 /// What the measurement takes from settings and calibration.
@@ -128,10 +144,16 @@ pub struct Session {
     parts_wanted: bool,
     /// The distance that the next reading is to have.
     zero_wanted: Option<Micrometres>,
+    /// The next result goes into the stream, even if the stream is off.
+    result_wanted: bool,
+    /// Nobody expects an answer to the save under way.
+    saves_silently: bool,
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Zero>,
     output: Output,
+    /// The latest result, for [`Format::Modbus`].
+    inputs: [u16; INPUTS],
     /// As the latest frame says.
     pixels: PixelErrors,
     readings: u32,
@@ -156,8 +178,11 @@ impl Session {
             centre_wanted: false,
             parts_wanted: false,
             zero_wanted: None,
+            result_wanted: false,
+            saves_silently: false,
             zero: None,
             output: Output::default(),
+            inputs: modbus::inputs(None, 0),
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
             faults: [0; Fault::KINDS],
@@ -192,18 +217,42 @@ impl Session {
         self.streams_pixels(PixelStream::Window)
     }
 
-    /// Whether whole rows are to be sent now in place of results: not while a command waits for a frame.
+    /// Whether whole rows are to be sent now in place of results: not while a command waits for a frame, or
+    /// if a trigger starts frames.
     pub fn streams_rows(&self) -> bool {
-        let is_frame_due = self.distance_wanted
+        self.streams_pixels(PixelStream::Rows)
+            && !self.is_frame_due()
+            && self.settings.trigger == Trigger::Continuous
+    }
+
+    /// Whether a command waits for a frame.
+    const fn is_frame_due(&self) -> bool {
+        self.distance_wanted
             || self.centre_wanted
             || self.parts_wanted
-            || self.zero_wanted.is_some();
-        self.streams_pixels(PixelStream::Rows) && !is_frame_due
+            || self.zero_wanted.is_some()
+            || self.result_wanted
     }
 
     fn streams_pixels(&self, pixels: PixelStream) -> bool {
         let settings = &self.settings;
-        settings.stream && settings.format == Format::Binary && settings.pixels == pixels
+        self.sends_packets() && settings.stream && settings.pixels == pixels
+    }
+
+    /// Whether results and answers are packets. With an address they are text, because a packet says not from
+    /// which sensor it is.
+    pub const fn sends_packets(&self) -> bool {
+        matches!(self.settings.format, Format::Binary) && self.settings.address == 0
+    }
+
+    /// Whether the line speaks Modbus. Bytes then go to [`Self::answer_modbus`].
+    pub const fn speaks_modbus(&self) -> bool {
+        matches!(self.settings.format, Format::Modbus)
+    }
+
+    /// Whether the sensor may send without being asked: it is alone on its line, which is not Modbus.
+    const fn is_alone(&self) -> bool {
+        self.settings.address == 0 && !self.speaks_modbus()
     }
 
     /// Whether the switching output is on: the latest distance is within the setting `limits`. While whole
@@ -231,28 +280,44 @@ impl Session {
     /// Takes an event, and writes into `actions` what must be done. `vitals` is what the firmware has counted
     /// so far.
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
-        actions.text.clear();
-        (actions.may_drop, actions.apply, actions.save) = (false, None, false);
-        actions.result = None;
-        (actions.row, actions.flat) = (None, None);
+        self.start(actions);
+        let spoke_modbus = self.speaks_modbus();
         match event {
             Event::Started(stored) => {
                 self.load(stored);
                 actions.apply = Some(self.applied());
-                actions.add_line(&Banner(&self.hardware, self.started_by));
-            }
-            Event::Line(Ok(command)) => {
-                if let Err(refusal) = self.execute(command, vitals, actions) {
-                    actions.add_line(&refusal);
+                if self.is_alone() {
+                    actions.add_line(&Banner(&self.hardware, self.started_by));
                 }
             }
+            Event::Line(Ok(command)) => self.take_command(command, vitals, actions),
             Event::Line(Err(error)) => actions.add_line(&error),
-            Event::Frame(measured) => self.report(measured, vitals, actions),
-            Event::Saved(Ok(())) => {
-                self.note_saved();
-                actions.add_line(&Command::Save);
+            Event::LineForAll(Ok(command)) if command.is_for_all() => {
+                self.take_command(command, vitals, actions);
+                self.saves_silently = actions.save;
+                actions.text.clear();
             }
-            Event::Saved(Err(error)) => actions.add_line(&Refusal::NotSaved(error)),
+            Event::LineForAll(_) => {}
+            Event::Frame(measured) => self.report(measured, vitals, actions),
+            Event::Saved(saved) => {
+                match saved {
+                    Ok(()) => {
+                        self.note_saved();
+                        actions.add_line(&Command::Save);
+                    }
+                    Err(error) => actions.add_line(&Refusal::NotSaved(error)),
+                }
+                if core::mem::take(&mut self.saves_silently) {
+                    actions.text.clear();
+                }
+            }
+            Event::Tested(row) => actions.add_line(&Selftest {
+                flash: self.flash,
+                started_by: self.started_by,
+                row_rate_tenths: row_rate_tenths(vitals),
+                front_end: self.front_end(),
+                row,
+            }),
             Event::Flat(outcome) => {
                 // A new map may leave errors of the same size, but not the same errors.
                 if !matches!(outcome, flat::Outcome::Saved(_)) {
@@ -261,6 +326,63 @@ impl Session {
                 self.flat.end(outcome, actions);
             }
         }
+        // A master that speaks Modbus would take a text for an answer.
+        if spoke_modbus {
+            actions.text.clear();
+        }
+    }
+
+    /// Makes the actions those of an event that needs nothing.
+    fn start(&self, actions: &mut Actions) {
+        actions.text.clear();
+        actions.address = self.settings.address;
+        (actions.may_drop, actions.apply, actions.save) = (false, None, false);
+        actions.result = None;
+        (actions.row, actions.flat) = (None, None);
+        (actions.trigger, actions.reset, actions.test) = (false, false, false);
+    }
+
+    /// Answers a Modbus request, and writes into `actions` what must be done once the answer is sent. Its bytes
+    /// are empty if nobody expects one. Without an address, the sensor is station 1.
+    #[inline(never)]
+    pub fn answer_modbus(
+        &mut self,
+        request: &[u8],
+        vitals: &Vitals,
+        actions: &mut Actions,
+    ) -> modbus::Answer {
+        self.start(actions);
+        // At most 247.
+        let station = (self.settings.address as u8).max(1);
+        let shown = Shown {
+            inputs: &self.inputs,
+            settings: &self.settings,
+            can_save: self.check_save(Command::Save).is_ok(),
+        };
+        let answer = modbus::answer(request, station, &shown);
+        let mut apply = None;
+        for &change in &answer.changes {
+            self.take_command(Command::Set(change), vitals, actions);
+            apply = actions.apply.take().or(apply);
+        }
+        actions.apply = apply;
+        actions.save = answer.save;
+        actions.text.clear();
+        answer
+    }
+
+    /// Takes a command and writes its answer. Starts a frame for it, if it needs one and frames do not start
+    /// by themselves.
+    fn take_command(&mut self, command: Command, vitals: &Vitals, actions: &mut Actions) {
+        let was_due = self.is_frame_due();
+        if let Err(refusal) = self.execute(command, vitals, actions) {
+            actions.add_line(&refusal);
+        }
+        // A new trigger drops the frame that the one before started.
+        let starts = matches!(command, Command::Measure | Command::Set(Value::Trigger(_)));
+        actions.trigger = self.settings.trigger != Trigger::Continuous
+            && self.is_frame_due()
+            && (starts || !was_due);
     }
 
     /// Loads what flash holds. A saved calibration that cannot be used is not replaced by the nominal one,
@@ -369,6 +491,7 @@ impl Session {
             None => now,
         };
         let reading = result.map(relative);
+        self.inputs = modbus::inputs(Some(&reading), vitals.results);
         let line = ResultLine {
             number: vitals.results,
             us: vitals.result_us,
@@ -396,13 +519,17 @@ impl Session {
                 actions.add_line(&PartsOf(&reading.parts, self.settings.units));
             }
         }
-        if actions.text.as_str().is_empty()
-            && self.settings.stream
-            && (self.output.rate).is_due(self.settings.rate, vitals.result_us)
-        {
-            actions.may_drop = true;
-            match self.settings.format {
-                Format::Text | Format::Csv => {
+        let is_wanted = core::mem::take(&mut self.result_wanted);
+        let is_due = is_wanted
+            || self.settings.stream
+                && self.is_alone()
+                && (self.settings.trigger != Trigger::Continuous
+                    || (self.output.rate).is_due(self.settings.rate, vitals.result_us));
+        if actions.text.as_str().is_empty() && is_due {
+            // The answer to `measure` at an address must arrive.
+            actions.may_drop = self.is_alone();
+            match self.sends_packets() {
+                false => {
                     let line = ResultLine {
                         result: &held.map(|it| relative(it.reading)),
                         held: held.map_or(0, |it| it.results),
@@ -411,8 +538,8 @@ impl Session {
                     add_result(&line, self.settings.format, actions);
                 }
                 // Each row has its own result.
-                Format::Binary if self.settings.pixels == PixelStream::Rows => {}
-                Format::Binary => {
+                true if self.streams_rows() => {}
+                true => {
                     actions.result = Some(FrameResult {
                         counter: vitals.results,
                         time_us: vitals.result_us,
@@ -467,8 +594,22 @@ impl Session {
                 faults: self.faults,
                 is_within_limits: self.is_within_limits(),
             }),
+            Command::Errors => actions.add_line(&Errors {
+                vitals,
+                faults: &self.faults,
+            }),
+            Command::Uptime => actions.add_line(&Uptime(vitals.uptime_us)),
+            Command::Selftest => actions.test = true,
+            Command::Reset => {
+                actions.reset = true;
+                actions.add_line(&command);
+            }
             // The next frame answers.
             Command::Distance => self.distance_wanted = true,
+            Command::Measure if self.settings.trigger == Trigger::Continuous => {
+                return Err(Refusal::NotTriggered);
+            }
+            Command::Measure => self.result_wanted = true,
             Command::Centre => self.centre_wanted = true,
             Command::Uncertainty => self.parts_wanted = true,
             Command::Row(part) => actions.row = Some(part),
@@ -493,10 +634,10 @@ impl Session {
                 if let Value::Region(region) = value {
                     self.check_region(region)?;
                 }
-                let format = self.settings.format;
+                let sent_packets = self.sends_packets();
                 self.settings.set(value);
                 // Ends the line that a reader of text takes the packets for.
-                if format == Format::Binary && self.settings.format != Format::Binary {
+                if sent_packets && !self.sends_packets() {
                     actions.add_line(&"");
                 }
                 if matches!(
@@ -543,18 +684,7 @@ impl Session {
                 self.add_header(actions);
             }
             Command::Save | Command::SaveNominal => {
-                let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
-                let (is_nominal, is_of_factory) = (
-                    record.record().is_nominal(),
-                    record.record().is_of_factory(),
-                );
-                if command == Command::Save && is_of_factory && self.flash.holds_other(record.sum())
-                {
-                    return Err(Refusal::WouldReplace);
-                }
-                if command == Command::SaveNominal && !is_nominal {
-                    return Err(Refusal::NotNominal);
-                }
+                self.check_save(command)?;
                 actions.save = true;
                 actions.add_line(&"save pauses the stream");
             }
@@ -568,6 +698,22 @@ impl Session {
         if self.settings.format == Format::Csv {
             actions.add_line(&Header(self.settings.output));
         }
+    }
+
+    /// Refuses a `save`, or a `save nominal`, that has nothing to save or would lose a calibration.
+    fn check_save(&self, command: Command) -> Result<(), Refusal> {
+        let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
+        let (is_nominal, is_of_factory) = (
+            record.record().is_nominal(),
+            record.record().is_of_factory(),
+        );
+        if command == Command::Save && is_of_factory && self.flash.holds_other(record.sum()) {
+            return Err(Refusal::WouldReplace);
+        }
+        if command == Command::SaveNominal && !is_nominal {
+            return Err(Refusal::NotNominal);
+        }
+        Ok(())
     }
 
     /// Refuses a region that has too few of this sensor's pixels.
@@ -619,7 +765,7 @@ impl Session {
     fn set_defaults(&mut self) {
         let default = Settings::default();
         for &setting in Setting::ALL {
-            if setting.affects() != Affects::Session {
+            if matches!(setting.affects(), Affects::Measurement | Affects::Lines) {
                 self.settings.set(default.get(setting));
             }
         }
@@ -627,6 +773,24 @@ impl Session {
         self.calibration_on = true;
         self.forget_readings();
     }
+}
+
+/// An address before a line, `@17 `: from which sensor the line is.
+#[derive(Clone, Copy, Debug)]
+pub struct AddressPrefix(pub u16);
+
+impl fmt::Display for AddressPrefix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "@{} ", self.0)
+    }
+}
+
+/// Ten times the rows a second since the start.
+fn row_rate_tenths(vitals: &Vitals) -> u64 {
+    // 32 bits times 10^7 fit 64. Half a step rounds.
+    let rows = u64::from(vitals.rows).saturating_mul(10_000_000);
+    let rounded = rows.saturating_add(vitals.uptime_us / 2);
+    rounded.checked_div(vitals.uptime_us).unwrap_or(0)
 }
 
 /// Answers with a result, and with what to do about a fault. Among comma-separated values there is no advice.
@@ -643,7 +807,7 @@ fn answer(line: &ResultLine<'_>, format: Format, actions: &mut Actions) {
 fn add_result(line: &ResultLine<'_>, format: Format, actions: &mut Actions) {
     match format {
         Format::Csv => actions.add_line(&CsvLine(line)),
-        Format::Text | Format::Binary => actions.add_line(line),
+        Format::Text | Format::Binary | Format::Modbus => actions.add_line(line),
     }
 }
 

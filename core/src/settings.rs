@@ -24,6 +24,7 @@ use crate::output::spike::SpikeFilter;
 use crate::peak::Peak;
 use crate::region::Region;
 use crate::sending::{Baud, Format, PixelStream};
+use crate::trigger::Trigger;
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres, Units};
 
@@ -37,9 +38,9 @@ macro_rules! list {
             /// a line for every frame
             Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
 
-            /// how the sensor writes what it sends; commands stay lines of text
+            /// how the sensor writes what it sends; commands stay lines, but for modbus
             Format "format" format: Format = Format::Text,
-                Form::Words("text|csv|binary"), Affects::Session;
+                Form::Words("text|csv|binary|modbus"), Affects::Session;
 
             /// bits a second on the serial line; the answer is at the old rate
             Baud "baud" baud: Baud = Baud::B115200,
@@ -49,8 +50,16 @@ macro_rules! list {
             Pixels "pixels" pixels: PixelStream = PixelStream::None,
                 Form::Words("none|window|rows"), Affects::Session;
 
+            /// this sensor's number on a line with others; 0 if it is alone
+            Address "address" address: u16 = 0,
+                Form::Number { least: 0, most: 247, unit: "" }, Affects::Connection;
+
             /// show what is typed, and let it be corrected; readings wait
             Echo "echo" echo: bool = false, Form::Words("on|off"), Affects::Session;
+
+            /// what starts a frame: the end of the last one, `measure`, or an edge too
+            Trigger "trigger" trigger: Trigger = Trigger::Continuous,
+                Form::Words("continuous|serial|pin"), Affects::Measurement;
 
             /// rows in a frame
             Rows "rows" rows: u16 = 16,
@@ -158,7 +167,10 @@ pub enum Affects {
     Measurement,
     /// The lines of readings, and not the measurement. `save` and `defaults` as above.
     Lines,
-    /// What this session sends. The setting holds until the next start.
+    /// By whom the sensor is found on its line. `save` as above; `defaults` leaves the setting, so that the
+    /// sensor does not begin to talk on a line that it shares.
+    Connection,
+    /// What this session sends. The setting holds until the next start; see [`Value::is_saved`].
     Session,
 }
 
@@ -313,6 +325,14 @@ impl Setting {
             Some((setting, values))
         };
         named(2).or_else(|| named(1))
+    }
+}
+
+impl Value {
+    /// Whether `save` writes it to flash. Of what affects the session, that is `format modbus` alone: a master
+    /// that speaks Modbus could not ask for it after each start.
+    pub fn is_saved(self) -> bool {
+        self.setting().affects() != Affects::Session || self == Self::Format(Format::Modbus)
     }
 }
 
@@ -619,6 +639,19 @@ impl ValueText for PixelStream {
     }
 }
 
+impl ValueText for Trigger {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl ValueText for Slits {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
@@ -746,6 +779,7 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Echo))
+            .chain([0, 1, 247].map(Value::Address))
             .chain([0, 1, 1000].map(Value::Hold))
             .chain([0, 1, 1000].map(Value::Rate))
             .chain([Units::Millimetres, Units::Micrometres].map(Value::Units))
@@ -781,7 +815,7 @@ pub(crate) mod tests {
                 Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
             )])
             .chain([true, false].map(Value::Laser))
-            .chain([Format::Text, Format::Csv, Format::Binary].map(Value::Format))
+            .chain(Format::ALL.map(Value::Format))
             .chain(Baud::ALL.map(Value::Baud))
             .chain([PixelStream::None, PixelStream::Window, PixelStream::Rows].map(Value::Pixels))
             .chain(AmbientMode::ALL.map(Value::Ambient))
@@ -789,6 +823,7 @@ pub(crate) mod tests {
             .chain([Value::Exposure(ExposureMode::Auto)])
             .chain(exposures.map(|it| Value::Exposure(ExposureMode::Fixed(it))))
             .chain(Mean::ALL.map(Value::Mean))
+            .chain(Trigger::ALL.map(Value::Trigger))
             .chain(Slits::ALL.map(Value::Slits))
             .chain(Peak::ALL.map(Value::Peak))
             .chain([Value::Region(Region::ALL)])
@@ -857,6 +892,8 @@ pub(crate) mod tests {
             (Setting::Rows, &[""], ValueError::Form),
             (Setting::Mean, &["Plain"], ValueError::Form),
             (Setting::Mean, &["plain", "weighted"], ValueError::Form),
+            (Setting::Trigger, &["edge"], ValueError::Form),
+            (Setting::Trigger, &["pin", "1"], ValueError::Form),
             (Setting::Black, &["fixed"], ValueError::Form),
             (Setting::Black, &["fixed", "-1"], ValueError::Form),
             (Setting::Black, &["fixed", "4096"], ValueError::Range),
@@ -879,6 +916,8 @@ pub(crate) mod tests {
             (Setting::Output, &[] as &[&str], ValueError::Form),
             (Setting::Output, &["distance", "n"], ValueError::Form),
             (Setting::Output, &["distance,u"], ValueError::Form),
+            (Setting::Address, &["248"], ValueError::Range),
+            (Setting::Address, &["@5"], ValueError::Form),
             (Setting::Hold, &["1001"], ValueError::Range),
             (Setting::Hold, &["-1"], ValueError::Form),
             (Setting::SpikeFilter, &["0"], ValueError::Range),

@@ -198,6 +198,8 @@ fn every_setting_is_shown_set_and_applied() {
         "baud 115200",
         "pixels window",
         "pixels rows",
+        "trigger serial",
+        "trigger pin",
         "rows 64",
         "mean plain",
         "black fixed 300",
@@ -225,12 +227,13 @@ fn every_setting_is_shown_set_and_applied() {
     let settings = *sensor.session.settings();
     for (line, error) in [
         ("rows 65", "E3 out of range, expected rows 1..64"),
-        ("format json", "E2 expected format text|csv|binary"),
+        ("format json", "E2 expected format text|csv|binary|modbus"),
         (
             "baud 9600",
             "E3 out of range, expected baud 115200|230400|460800|921600",
         ),
         ("pixels all", "E2 expected pixels none|window|rows"),
+        ("trigger edge", "E2 expected trigger continuous|serial|pin"),
         ("mean median", "E2 expected mean plain|weighted"),
         (
             "estimator robust",
@@ -295,6 +298,271 @@ fn help_info_and_status_are_answered() {
         is_within_limits: false,
     };
     assert_eq!(sensor.ask("status"), status.to_string());
+    assert_eq!(sensor.ask("uptime"), "status uptime 61.005 s");
+    assert!(
+        status
+            .to_string()
+            .contains("\r\nstatus uptime 61.005 s\r\n")
+    );
+    let errors = sensor.ask("errors");
+    assert!(status.to_string().ends_with(&format!("\r\n{errors}")));
+    assert!(errors.starts_with("status rows lost 0\r\nstatus rows failed 0\r\n"));
+    assert!(
+        errors.contains("\r\nstatus fault too dim 1\r\n"),
+        "{errors}"
+    );
+}
+
+#[test]
+fn a_trigger_starts_each_frame_that_a_command_asks_for() {
+    let mut sensor = Sensor::new();
+    let started = |sensor: &Sensor| sensor.actions.trigger;
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(
+        sensor.ask("measure").starts_with("E24 "),
+        "frames start by themselves"
+    );
+    sensor.ask("distance");
+    assert!(!started(&sensor));
+    // The frame of a command that still waits.
+    sensor.set("trigger serial");
+    assert!(started(&sensor));
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for trigger in ["trigger serial", "trigger pin"] {
+        sensor.set(trigger);
+        assert!(!started(&sensor));
+        for command in ["distance", "centre", "uncertainty", "zero", "measure"] {
+            assert_eq!(sensor.ask(command), "");
+            assert!(started(&sensor), "{command}");
+            // Only once, whatever is asked meanwhile.
+            sensor.ask("status");
+            assert!(!started(&sensor));
+            sensor.take(Event::Frame(Ok(frame(1800.0))));
+        }
+        sensor.set("zero off");
+    }
+    // The result is one of the stream, in its format, whatever the stream and its rate are.
+    for setting in ["stream off", "rate 1"] {
+        sensor.set(setting);
+        for _ in 0..3 {
+            sensor.ask("measure");
+            assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+            assert!(sensor.actions.may_drop);
+        }
+    }
+    // Results of edges follow the setting `stream`.
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    sensor.set("stream on");
+    for _ in 0..3 {
+        assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+    }
+    sensor.set("format binary");
+    sensor.set("pixels rows");
+    assert!(!sensor.session.streams_rows(), "frames have results");
+    sensor.ask("measure");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    assert!(sensor.actions.result.is_some());
+    sensor.set("trigger continuous");
+    assert!(sensor.session.streams_rows());
+}
+
+#[test]
+fn selftest_asks_for_a_row_and_answers_with_it() {
+    let mut sensor = Sensor::new();
+    assert_eq!(sensor.ask("selftest"), "");
+    assert!(sensor.actions.test);
+    let answer = sensor.take(Event::Tested(None));
+    assert!(!sensor.actions.test && !sensor.actions.may_drop);
+    // 10,700 rows in 61.005 s.
+    assert_eq!(
+        answer,
+        "selftest flash pass nothing was saved\r\nselftest rows fail 175.4 Hz\r\n\
+         selftest start pass power-on\r\nselftest fail 1"
+    );
+}
+
+/// A Modbus request with its checksum.
+fn request(body: &[u8]) -> Vec<u8> {
+    let sum = crc::Crc::<u16>::new(&crc::CRC_16_MODBUS).checksum(body);
+    [body, &sum.to_le_bytes()].concat()
+}
+
+impl Sensor {
+    /// The answer to a Modbus request, without its checksum.
+    fn ask_modbus(&mut self, body: &[u8]) -> Vec<u8> {
+        let answer = self
+            .session
+            .answer_modbus(&request(body), &vitals(), &mut self.actions);
+        assert_eq!(self.actions.text.as_str(), "");
+        let mut bytes = answer.bytes.to_vec();
+        bytes.truncate(bytes.len().saturating_sub(2));
+        bytes
+    }
+}
+
+#[test]
+fn with_modbus_only_requests_are_answered() {
+    let mut sensor = Sensor::new();
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.set("format modbus");
+    assert!(sensor.session.speaks_modbus());
+    // Nothing is sent unasked, and no line is answered.
+    for result in [Ok(frame(1801.0)), Err(TOO_DIM)] {
+        assert_eq!(sensor.take(Event::Frame(result)), "");
+    }
+    assert_eq!(sensor.take(Event::Line(parse(b"help"))), "");
+    // Without an address the sensor is station 1. The latest result is a fault.
+    let number = TOO_DIM.kind() as u8 + 1;
+    assert_eq!(sensor.ask_modbus(&[1, 4, 0, 0, 0, 1]), [1, 4, 2, 0, number]);
+    assert_eq!(sensor.ask_modbus(&[17, 4, 0, 0, 0, 1]), [0; 0]);
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    let answer = sensor.ask_modbus(&[1, 4, 0, 4, 0, 2]);
+    let distance = i32::from_be_bytes(answer[3..].try_into().expect("two registers"));
+    let shown: f64 = (line.split(' ').nth(1))
+        .and_then(|it| it.parse().ok())
+        .expect("mm");
+    assert_eq!(f64::from(distance), (shown * 1e4).round());
+    // Several settings at once are applied together.
+    let rows_and_exposure = [1, 16, 0, 0, 0, 2, 4, 0, 4, 0, 187];
+    assert_eq!(
+        sensor.ask_modbus(&rows_and_exposure),
+        rows_and_exposure[..6]
+    );
+    let applied = sensor.actions.apply.clone().expect("settings to apply");
+    assert_eq!(applied.settings, *sensor.session.settings());
+    assert_eq!(applied.settings.rows, 4);
+    // The answer to a new address comes from the old one.
+    assert_eq!(sensor.ask_modbus(&[1, 6, 0, 5, 0, 17]), [1, 6, 0, 5, 0, 17]);
+    assert_eq!(sensor.ask_modbus(&[1, 3, 0, 5, 0, 1]), [0; 0]);
+    assert_eq!(sensor.ask_modbus(&[17, 3, 0, 5, 0, 1]), [17, 3, 2, 0, 17]);
+    // A save is answered by its request, and the format is saved with the address.
+    assert_eq!(sensor.ask_modbus(&[17, 6, 0, 6, 0, 1]), [17, 6, 0, 6, 0, 1]);
+    assert!(sensor.actions.save);
+    let saved = sensor.session.configuration().expect("something to save");
+    assert_eq!(sensor.take(Event::Saved(Ok(()))), "");
+    let mut session = Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn);
+    let mut actions = Actions::default();
+    session.take(
+        Event::Started(Stored::Newest(saved)),
+        &vitals(),
+        &mut actions,
+    );
+    assert_eq!(actions.text.as_str(), "");
+    assert!(session.speaks_modbus());
+    // No result yet.
+    let answer = session.answer_modbus(&request(&[17, 4, 0, 0, 0, 1]), &vitals(), &mut actions);
+    assert_eq!(answer.bytes[..5], [17, 4, 2, 0xFF, 0xFF]);
+    // The way back to text.
+    sensor.ask_modbus(&[0, 6, 0, 4, 0, 0]);
+    assert!(!sensor.session.speaks_modbus());
+    assert_eq!(sensor.ask("format"), "format text");
+}
+
+#[test]
+fn over_modbus_a_calibration_is_not_replaced_by_the_nominal_one() {
+    let stored = Stored::Newest(Configuration {
+        settings: Settings::default(),
+        record: Some(own_record().record().clone()),
+    });
+    let mut sensor = Sensor::comb_started(stored);
+    sensor.set("defaults");
+    sensor.set("format modbus");
+    assert_eq!(sensor.ask_modbus(&[1, 6, 0, 6, 0, 1]), [1, 0x86, 4]);
+    assert!(!sensor.actions.save);
+}
+
+#[test]
+fn a_sensor_with_an_address_sends_nothing_unasked() {
+    let mut sensor = Sensor::new();
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for_all(&mut sensor, "address 17");
+    assert_eq!(sensor.actions.address, 0);
+    assert_eq!(sensor.ask("address"), "address 17");
+    assert_eq!(sensor.actions.address, 17);
+    sensor.set("address 247");
+    // The answer is still that of the old address.
+    assert_eq!(sensor.actions.address, 17);
+    for result in [Ok(frame(1800.0)), Err(TOO_DIM)] {
+        assert_eq!(sensor.take(Event::Frame(result)), "");
+    }
+    // Packets have no address.
+    sensor.set("format binary");
+    sensor.set("pixels rows");
+    assert!(!sensor.session.sends_packets() && !sensor.session.streams_rows());
+    sensor.ask("distance");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+    assert_eq!(sensor.actions.address, 247);
+    sensor.set("trigger serial");
+    sensor.ask("measure");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), line);
+    assert!(!sensor.actions.may_drop, "an answer must arrive");
+    // For all sensors: what is answered at once is done, without an answer.
+    for_all(&mut sensor, "rows 7");
+    assert_eq!(
+        sensor.actions.apply.as_ref().map(|it| it.settings.rows),
+        Some(7)
+    );
+    for line in [
+        "distance",
+        "status",
+        "row",
+        "flat dark",
+        "measure",
+        "frobnicate",
+        "rows 99",
+    ] {
+        for_all(&mut sensor, line);
+        assert!(
+            !sensor.actions.trigger
+                && sensor.actions.row.is_none()
+                && sensor.actions.flat.is_none()
+        );
+        assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    }
+    for_all(&mut sensor, "save");
+    assert!(sensor.actions.save);
+    assert_eq!(sensor.take(Event::Saved(Ok(()))), "");
+    // The next save is answered.
+    let saved = sensor.save();
+    assert_eq!((saved.settings.address, saved.settings.rows), (247, 7));
+    sensor.set("defaults");
+    assert_eq!(sensor.ask("address"), "address 247");
+    assert_eq!(sensor.ask("rows"), "rows 16");
+    // Started with an address: no banner, and the address is known.
+    let mut session = Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn);
+    let mut actions = Actions::default();
+    session.take(
+        Event::Started(Stored::Newest(saved)),
+        &vitals(),
+        &mut actions,
+    );
+    assert_eq!(actions.text.as_str(), "");
+    for_all(&mut sensor, "reset");
+    assert!(sensor.actions.reset);
+    assert_eq!(
+        sensor.ask("address 248"),
+        "E3 out of range, expected address 0..247"
+    );
+}
+
+/// A line for all sensors, which has no answer.
+fn for_all(sensor: &mut Sensor, line: &str) {
+    let event = Event::LineForAll(parse(line.as_bytes()));
+    assert_eq!(sensor.take(event), "", "{line}");
+}
+
+#[test]
+fn reset_is_answered_and_asked_of_the_owner_once() {
+    let mut sensor = Sensor::new();
+    sensor.set("reset");
+    assert!(sensor.actions.reset);
+    sensor.ask("uptime");
+    assert!(!sensor.actions.reset);
+    for line in ["reset now", "errors 1", "uptime s"] {
+        let name = line.split(' ').next().expect("a name");
+        assert_eq!(sensor.ask(line), format!("E2 expected {name}"));
+        assert!(!sensor.actions.reset);
+    }
 }
 
 #[test]

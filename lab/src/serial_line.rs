@@ -106,7 +106,8 @@ pub fn reference() -> String {
             .unwrap_or_default()
             .trim();
         let saved = match setting.affects() {
-            Affects::Measurement | Affects::Lines => "yes",
+            Affects::Session if setting == Setting::Format => "`modbus` only",
+            Affects::Measurement | Affects::Lines | Affects::Connection => "yes",
             Affects::Session => "no",
         };
         let form = setting.form().to_string();

@@ -10,7 +10,7 @@ use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::store;
 
 use crate::sensor_head::pins::{self, SharedHead};
-use crate::serial_line::{FarEnd, SerialLine};
+use crate::serial_line::{DriverEnable, FarEnd, SerialLine};
 use crate::stm32f429::Stm32f429;
 use crate::watched_core::{self, Watched};
 
@@ -58,6 +58,10 @@ impl Nucleo {
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.set_supply(SUPPLY_MILLIVOLTS);
         pins::attach(&mut processor, head);
+        let driver = DriverEnable {
+            line: Arc::clone(&line),
+        };
+        pins::attach_driver(&mut processor, driver);
         processor.part.usart[SERIAL_PORT].attach(FarEnd { line });
         Ok(Self { processor, watched })
     }

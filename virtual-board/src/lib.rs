@@ -46,6 +46,7 @@ pub mod serial_line;
 pub mod stage;
 pub mod stm32f429;
 pub mod trace;
+mod trigger;
 pub mod upload;
 mod watched_core;
 

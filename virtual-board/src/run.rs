@@ -279,6 +279,12 @@ impl VirtualBoard {
         self.line().take_bytes()
     }
 
+    /// Takes the edges of the pin that enables the serial line's driver since the last call: when, and whether
+    /// it rose.
+    pub fn take_driver_edges(&mut self) -> Vec<(Nanos, bool)> {
+        self.line().take_driver_edges()
+    }
+
     /// Takes the messages of the firmware's log since the last call.
     pub fn take_log(&mut self) -> Vec<Message> {
         let mut bytes = self
@@ -514,6 +520,18 @@ impl VirtualBoard {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .push((register, word, now));
+    }
+
+    /// Drives the trigger's pin, PA3, low or high.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn drive_trigger(&mut self, high: bool) -> Result<()> {
+        self.on_emulator(move |session, _, stop| {
+            let processor = &mut session.board_mut().processor;
+            processor.drive_trigger(high, stop.at);
+        })
     }
 
     /// Presses the reset button.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use rigless::chip::{Timeline, uart};
+use rigless::chip::{Timeline, spi, uart};
 use rigless::snapshot::store;
 use rigless::time::VirtualNanos;
 
@@ -43,6 +43,8 @@ pub struct SerialLine {
     waited_for: usize,
     unfinished: Vec<u8>,
     due: VecDeque<(Nanos, u8)>,
+    /// The edges of the pin that enables the line's driver: when, and whether it rose.
+    driver: Vec<(Nanos, bool)>,
 }
 
 impl SerialLine {
@@ -86,6 +88,12 @@ impl SerialLine {
     /// Takes the bytes since the last call, each with the end of its stop bit.
     pub fn take_bytes(&mut self) -> Vec<(Nanos, u8)> {
         std::mem::take(&mut self.bytes)
+    }
+
+    /// Takes the edges of the pin that enables the line's driver since the last call: when, and whether it
+    /// rose.
+    pub fn take_driver_edges(&mut self) -> Vec<(Nanos, bool)> {
+        std::mem::take(&mut self.driver)
     }
 
     /// Takes the lines since the last call.
@@ -153,6 +161,38 @@ impl uart::Peer for FarEnd {
             .unwrap_or_else(PoisonError::into_inner)
             .next(now.0)
             .map(u16::from)
+    }
+}
+
+/// The pin that enables the line's driver, as a chip with a chip select (see `sensor_head::pins`).
+#[derive(Debug)]
+pub(crate) struct DriverEnable {
+    pub(crate) line: Arc<Mutex<SerialLine>>,
+}
+store!(DriverEnable {
+    values: [],
+    parts: [],
+    built: [line]
+});
+
+impl DriverEnable {
+    fn edge(&self, rises: bool, now: Nanos) {
+        let mut line = self.line.lock().unwrap_or_else(PoisonError::into_inner);
+        line.driver.push((now, rises));
+    }
+}
+
+impl spi::Peer for DriverEnable {
+    fn transfer(&mut self, _mosi: u32, _bits: u8, _context: &mut Timeline<'_, '_>) -> u32 {
+        0
+    }
+
+    fn select(&mut self, context: &mut Timeline<'_, '_>) {
+        self.edge(true, context.now().0);
+    }
+
+    fn deselect(&mut self, context: &mut Timeline<'_, '_>) {
+        self.edge(false, context.now().0);
     }
 }
 

@@ -34,6 +34,7 @@ use rigless::time::{EventId, VirtualNanos};
 use crate::burst::{self, BurstDma, BurstSpi};
 use crate::laser::LaserTimer;
 use crate::sensor_head::pins::{DMA2, SharedHead};
+use crate::trigger::Trigger;
 
 /// The board's processor.
 #[derive(Debug)]
@@ -52,6 +53,8 @@ pub struct Stm32f429 {
     laser_slot: usize,
     tim5: RowTimer,
     tim5_slot: usize,
+    trigger: Trigger,
+    trigger_slot: usize,
     flash_slot: usize,
 }
 
@@ -66,6 +69,7 @@ impl Stm32f429 {
             tim1_slot,
             laser_slot,
             tim5_slot,
+            trigger_slot,
             flash_slot,
         ] = [
             bus.slot("SPI1")?,
@@ -73,6 +77,7 @@ impl Stm32f429 {
             bus.slot("TIM1")?,
             bus.slot("TIM4")?,
             bus.slot("TIM5")?,
+            bus.slot("EXTI")?,
             bus.slot("FLASH")?,
         ];
         let (spi1, dma2) = burst::pair(take_dma2(&mut part), head);
@@ -90,6 +95,8 @@ impl Stm32f429 {
             laser_slot,
             tim5: RowTimer::new(row_timer_speed),
             tim5_slot,
+            trigger: Trigger::default(),
+            trigger_slot,
             flash_slot,
         })
     }
@@ -97,6 +104,12 @@ impl Stm32f429 {
     /// SPI1, to which the converter is connected.
     pub fn converter_bus(&mut self) -> &mut Spi {
         &mut self.spi1.spi
+    }
+
+    /// Drives the trigger's pin.
+    pub(crate) fn drive_trigger(&mut self, high: bool, at: VirtualNanos) {
+        let (registers, mut context) = self.part.bus_mut().drive(at, self.trigger_slot);
+        self.trigger.drive(high, registers, &mut context);
     }
 
     /// Moves each word of a read-out by itself, from the next read-out on, as rigless does. This is ten times
@@ -161,6 +174,8 @@ impl Mcu for Stm32f429 {
             &mut self.laser
         } else if slot == self.tim5_slot {
             &mut self.tim5
+        } else if slot == self.trigger_slot {
+            &mut self.trigger
         } else {
             return self.part.split(slot);
         };
@@ -172,6 +187,7 @@ impl Mcu for Stm32f429 {
         self.tim1 = LazyTimer::new();
         self.laser = LaserTimer::new(&self.head);
         self.tim5 = RowTimer::new(self.tim5.speed);
+        self.trigger = Trigger::default();
         let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head);
         spi1.inherit(&mut self.spi1);
         (self.spi1, self.dma2) = (spi1, dma2);

@@ -1,9 +1,10 @@
 """The core's Modbus registers with a stock master, pymodbus, on a pseudo-terminal.
 
-The other side is core/examples/modbus_server.rs on this PC. The firmware does not speak Modbus yet.
+The other side is core/examples/modbus_server.rs on this PC, or the firmware on the virtual board.
 """
 
 import os
+import select
 import subprocess
 import tty
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 from pymodbus.client import ModbusSerialClient
 
-from slitrange import FAULTS, Reading, readings
+from slitrange import FAULTS, Reading, Sensor, readings
 
 STATION = 17
 
@@ -60,9 +61,9 @@ def master(server: Server) -> Iterator[ModbusSerialClient]:
     master.close()  # type: ignore[no-untyped-call]
 
 
-def number(master: ModbusSerialClient, address: int) -> int:
+def number(master: ModbusSerialClient, address: int, station: int = STATION) -> int:
     """The signed number in two input registers."""
-    answer = master.read_input_registers(address, count=2, device_id=STATION)
+    answer = master.read_input_registers(address, count=2, device_id=station)
     assert not answer.isError()
     value = master.convert_from_registers(answer.registers, master.DATATYPE.INT32)
     assert isinstance(value, int)
@@ -109,7 +110,7 @@ def test_what_cannot_be_done_is_an_exception(server: Server, master: ModbusSeria
     exceptions = [
         master.write_register(0, 65, device_id=STATION),
         master.write_registers(0, [8, 9], device_id=STATION),
-        master.write_register(4, 1, device_id=STATION),
+        master.write_register(7, 1, device_id=STATION),
         master.read_input_registers(0, count=17, device_id=STATION),
         master.read_coils(0, count=1, device_id=STATION),
     ]
@@ -125,3 +126,41 @@ def test_garbage_changes_nothing(server: Server, master: ModbusSerialClient) -> 
         with pytest.raises(subprocess.TimeoutExpired):
             server.process.wait(0.1)
     assert master.read_holding_registers(0, count=4, device_id=STATION).registers == [16, 0, 5600, 1]
+
+
+def test_the_firmware_speaks_modbus(virtual_board: str) -> None:
+    with Sensor(virtual_board) as sensor:
+        reading = sensor.read()
+    assert isinstance(reading, Reading)
+    line = os.open(virtual_board, os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(line)
+    os.write(line, b"stream off\rformat modbus\r")
+    # Nothing comes after the answer.
+    came = b""
+    while b"format modbus\r\n" not in came:
+        assert select.select([line], [], [], 30)[0], came
+        came += os.read(line, 1024)
+    # Without an address, the sensor is station 1.
+    master = ModbusSerialClient(virtual_board, baudrate=115200, timeout=5)
+    assert master.connect()
+    try:
+        answer = master.read_input_registers(0, count=16, device_id=1)
+        print(answer.registers)
+        assert answer.registers[:2] == [0, 0b0100]
+        assert number(master, 4, 1) / 1e4 == pytest.approx(reading.distance_mm, abs=0.05)
+        assert number(master, 6, 1) / 1e4 == pytest.approx(reading.u_mm, abs=0.02)
+        assert not master.write_register(0, 4, device_id=1).isError()
+        assert not master.write_registers(1, [0, 1000], device_id=1).isError()
+        holdings = master.read_holding_registers(0, count=7, device_id=1).registers
+        assert holdings == [4, 0, 1000, 1, 2, 0, 0]
+        assert master.write_register(0, 65, device_id=1).exception_code == 3
+        assert not master.write_registers(0, [16, 0, 5600], device_id=1).isError()
+    finally:
+        # The way back to text.
+        assert not master.write_register(4, 0, device_id=1).isError()
+        master.close()  # type: ignore[no-untyped-call]
+        os.close(line)
+    with Sensor(virtual_board) as sensor:
+        again = sensor.read()
+    assert isinstance(again, Reading)
+    assert again.distance_mm == pytest.approx(reading.distance_mm, abs=0.05)

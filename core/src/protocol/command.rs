@@ -31,8 +31,18 @@ pub enum Command {
     Info,
     /// What has been counted since the start.
     Status,
+    /// The errors among these counts.
+    Errors,
+    /// The time since the start.
+    Uptime,
+    /// Start again, as if the power came back.
+    Reset,
+    /// Check what the sensor can check by itself.
+    Selftest,
     /// One reading.
     Distance,
+    /// A frame, and its result as one of the stream.
+    Measure,
     /// One centre, calibrated or not.
     Centre,
     /// One reading with the parts of its uncertainty.
@@ -62,6 +72,21 @@ pub enum Command {
     Defaults,
     /// Take, use, save or erase the map of the pixels.
     Flat(Flat),
+}
+
+impl Command {
+    /// Whether the command may be sent to all sensors of a line: nothing of its answer comes later.
+    pub const fn is_for_all(self) -> bool {
+        matches!(
+            self,
+            Self::Set(_)
+                | Self::Zero(false)
+                | Self::Calibration(Some(_))
+                | Self::Save
+                | Self::Defaults
+                | Self::Reset
+        )
+    }
 }
 
 /// Why a line is not a command. `Display` is the answer, without its line end.
@@ -193,7 +218,12 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         },
         "info" => expect_no_value(values, Command::Info, "info"),
         "status" => expect_no_value(values, Command::Status, "status"),
+        "errors" => expect_no_value(values, Command::Errors, "errors"),
+        "uptime" => expect_no_value(values, Command::Uptime, "uptime"),
+        "selftest" => expect_no_value(values, Command::Selftest, "selftest"),
+        "reset" => expect_no_value(values, Command::Reset, "reset"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
+        "measure" => expect_no_value(values, Command::Measure, "measure"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
         "row" => match RowPart::parse(values) {
             Ok(part) => Ok(Command::Row(part)),
@@ -278,7 +308,12 @@ impl fmt::Display for Command {
             Self::HelpEstimator => f.write_str("help estimator"),
             Self::Info => f.write_str("info"),
             Self::Status => f.write_str("status"),
+            Self::Errors => f.write_str("errors"),
+            Self::Uptime => f.write_str("uptime"),
+            Self::Selftest => f.write_str("selftest"),
+            Self::Reset => f.write_str("reset"),
             Self::Distance => f.write_str("distance"),
+            Self::Measure => f.write_str("measure"),
             Self::Centre => f.write_str("centre"),
             Self::Uncertainty => f.write_str("uncertainty"),
             Self::Row(part) => part.fmt(f),
@@ -316,7 +351,12 @@ mod tests {
             Command::HelpEstimator,
             Command::Info,
             Command::Status,
+            Command::Errors,
+            Command::Uptime,
+            Command::Reset,
+            Command::Selftest,
             Command::Distance,
+            Command::Measure,
             Command::Centre,
             Command::Uncertainty,
             Command::Row(RowPart::Whole),

@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 9] = [
+pub const BEFORE_SETTINGS: [Line; 13] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -20,10 +20,17 @@ pub const BEFORE_SETTINGS: [Line; 9] = [
         "status",
         "rows, the slowest row, readings, faults, errors, and why it started",
     ),
+    ("errors", "the errors in `status` alone"),
+    ("uptime", "the time since the start"),
+    (
+        "selftest",
+        "check flash, a row and its light, and the start",
+    ),
     (
         "distance",
         "the next frame's reading, or its fault and what to do about it",
     ),
+    ("measure", "start a frame, unless `trigger` is continuous"),
     (
         "centre",
         "the next frame's centre and the spot's shape, or its fault",
@@ -47,7 +54,7 @@ pub const BEFORE_SETTINGS: [Line; 9] = [
 ];
 
 /// The commands that `help` shows after the settings.
-pub const AFTER_SETTINGS: [Line; 10] = [
+pub const AFTER_SETTINGS: [Line; 11] = [
     (
         "calibration [on|off]",
         "show the calibration; on: give distances, off: centres only",
@@ -88,6 +95,7 @@ pub const AFTER_SETTINGS: [Line; 10] = [
         "flat save|none",
         "write the map to flash, or erase it; pauses the stream",
     ),
+    ("reset", "start again; what was not saved is lost"),
 ];
 
 /// The last lines of `help`.
@@ -97,6 +105,9 @@ const LAST: [&str; 4] = [
     "# number of the result, @ its time in us, w width, t exposure in us, k slits used; and flags:",
     "m rows misfit, c rows correlated, g never calibrated, s not as calibrated, h held",
 ];
+
+/// The width of what is typed. Longer forms move their explanation: padding costs bytes of the answer.
+const COLUMN: usize = 24;
 
 /// The first words of all commands and settings.
 pub fn names() -> impl Iterator<Item = &'static str> {
@@ -113,16 +124,16 @@ pub struct Help;
 impl fmt::Display for Help {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (typed, help) in BEFORE_SETTINGS {
-            write!(f, "{typed:38} {help}\r\n")?;
+            write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
         for &setting in Setting::ALL {
             let mut typed = Text::<64>::default();
             // A test checks that all fit.
             let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
-            write!(f, "{:38} {}\r\n", typed.as_str(), setting.help())?;
+            write!(f, "{:COLUMN$} {}\r\n", typed.as_str(), setting.help())?;
         }
         for (typed, help) in AFTER_SETTINGS {
-            write!(f, "{typed:38} {help}\r\n")?;
+            write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
         let [first, second, third, fourth] = LAST;
         write!(f, "{first}\r\n{second}\r\n{third}\r\n{fourth}")
@@ -178,8 +189,12 @@ mod tests {
         }
         for line in lines {
             // The column of the explanations. A long form moves it.
-            let form = line.find("] ").unwrap_or_default();
-            let column = (form + 2).max(39);
+            let form = match line.find("] ") {
+                Some(end) => end + 1,
+                None if line.starts_with("calibration commit|abort") => 24,
+                None => 0,
+            };
+            let column = form.max(COLUMN) + 1;
             assert_eq!(line.as_bytes().get(column - 1), Some(&b' '), "{line}");
             assert!(
                 (line.as_bytes().get(column)).is_some_and(|&byte| byte != b' '),

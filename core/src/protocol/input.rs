@@ -8,17 +8,25 @@ use core::fmt::Write as _;
 use heapless::Vec;
 
 use super::command::{Command, Error, MAX_LINE, parse};
+use crate::settings::read_number;
 use crate::text::Text;
 
 /// The line that is under way.
 #[derive(Debug, Default)]
 pub struct Input {
-    line: Vec<u8, MAX_LINE>,
+    line: Vec<u8, { MAX_LINE + MAX_ADDRESS }>,
+    /// The sensor's address; 0 if it is alone on its line.
+    address: u16,
+    /// The latest command was for all sensors on the line.
+    is_for_all: bool,
     /// The line was too long: the rest of it is skipped.
     skipping: bool,
     /// The keys of a terminal.
     keys: Keys,
 }
+
+/// The most bytes of an address before a line: `@247 `.
+const MAX_ADDRESS: usize = 5;
 
 /// Where in the bytes of a key a terminal is: arrows and their like send an escape, a bracket, some
 /// parameters, and a letter (ECMA-48, 5.4).
@@ -50,9 +58,22 @@ impl Input {
     pub const fn new() -> Self {
         Self {
             line: Vec::new(),
+            address: 0,
+            is_for_all: false,
             skipping: false,
             keys: Keys::Between,
         }
+    }
+
+    /// Sets the sensor's address, 0 to 247. With an address, lines for other sensors and lines without an
+    /// address are ignored.
+    pub const fn set_address(&mut self, address: u16) {
+        self.address = address;
+    }
+
+    /// Whether the latest command that was returned was for all sensors on the line, `@0 `. Nobody answers.
+    pub const fn is_for_all(&self) -> bool {
+        self.is_for_all
     }
 
     /// Whether no line is under way.
@@ -95,7 +116,7 @@ impl Input {
                 return self.take(character);
             }
             (_, other) if CANCEL.contains(&other) => {
-                *self = Self::new();
+                self.start_line();
                 let _ = echo.write_str("\r\n");
             }
             _ => {}
@@ -114,17 +135,60 @@ impl Input {
             return None;
         }
         if matches!(byte, b'\r' | b'\n') {
-            let command = (!self.skipping).then(|| parse(&self.line));
-            *self = Self::new();
+            let was_skipped = self.skipping;
+            let command = match addressed(&self.line, self.address) {
+                Some((line, is_for_all)) if !was_skipped => {
+                    self.is_for_all = is_for_all;
+                    Some(parse(line))
+                }
+                _ => None,
+            };
+            self.start_line();
             return command;
         }
-        if !self.skipping && self.line.push(byte).is_err() {
-            self.skipping = true;
-            return Some(Err(Error::TooLong));
+        if self.skipping {
+            return None;
         }
-        None
+        let has_address = self.line.first() == Some(&b'@');
+        let room = MAX_LINE.saturating_add(if has_address { MAX_ADDRESS } else { 0 });
+        if self.line.len() < room && self.line.push(byte).is_ok() {
+            return None;
+        }
+        self.skipping = true;
+        let (_, is_for_all) = addressed(&self.line, self.address)?;
+        self.is_for_all = is_for_all;
+        Some(Err(Error::TooLong))
+    }
+
+    fn start_line(&mut self) {
+        self.line.clear();
+        self.skipping = false;
+        self.keys = Keys::Between;
     }
 }
+
+/// What follows the address of a line, and whether the line is for all sensors. `None` if the line is for
+/// another sensor. A sensor without an address, 0, takes lines without one too.
+fn addressed(line: &[u8], address: u16) -> Option<(&[u8], bool)> {
+    let Some((number, rest)) = split_address(line) else {
+        return (address == 0).then_some((line, false));
+    };
+    (number == 0 || number == address).then_some((rest, number == 0))
+}
+
+/// The address at the front of a line, `@17 `, and what follows it.
+fn split_address(line: &[u8]) -> Option<(u16, &[u8])> {
+    let rest = line.strip_prefix(b"@")?;
+    let end = rest.iter().position(|&byte| matches!(byte, b' ' | b'\t'))?;
+    let (digits, rest) = rest.split_at_checked(end)?;
+    let digits = core::str::from_utf8(digits).ok()?;
+    let number = read_number(digits, 0, MOST_ADDRESS).ok()?;
+    // At most 247. The blank is not part of the line.
+    Some((number as u16, rest.get(1..)?))
+}
+
+/// The largest address: that of a Modbus station.
+const MOST_ADDRESS: u32 = 247;
 
 #[cfg(test)]
 mod tests {
@@ -146,6 +210,73 @@ mod tests {
         assert_eq!(all(b"help\ninfo\n"), two);
         assert_eq!(all(b"help\r\ninfo\r\n\r\n"), two);
         assert_eq!(all(b"help\r\ninf"), [Ok(Command::Help)]);
+    }
+
+    #[test]
+    fn a_sensor_with_an_address_takes_its_own_lines_and_those_for_all() {
+        let taken = |address, bytes: &[u8]| {
+            let mut input = Input::new();
+            input.set_address(address);
+            let mut commands = std::vec![];
+            for &byte in bytes {
+                if let Some(command) = input.take(byte) {
+                    commands.push((command, input.is_for_all()));
+                }
+            }
+            commands
+        };
+        let mine = [(Ok(Command::Help), false)];
+        let all = [(Ok(Command::Help), true)];
+        for address in [1, 17, 247] {
+            assert_eq!(
+                taken(address, format!("@{address} help\r").as_bytes()),
+                mine
+            );
+            assert_eq!(
+                taken(address, format!("@0{address}\thelp\n").as_bytes()),
+                mine
+            );
+            assert_eq!(taken(address, b"@0 help\r"), all);
+            // For others, for nobody, and no commands.
+            for line in [
+                "help",
+                "",
+                "@",
+                "@18 help",
+                "@248 help",
+                "@65553 help",
+                "@x help",
+                "@ help",
+            ] {
+                assert_eq!(
+                    taken(address, format!("{line}\r\n").as_bytes()),
+                    [],
+                    "{line}"
+                );
+            }
+            for line in [
+                format!("@{address}help"),
+                format!(" @{address} help"),
+                format!("@{address}"),
+            ] {
+                assert_eq!(
+                    taken(address, format!("{line}\r\n").as_bytes()),
+                    [],
+                    "{line}"
+                );
+            }
+            // Lines that are too long, the last one by a byte.
+            let unknown = format!("@{address} {}", "x".repeat(MAX_LINE + 6));
+            let too_long = [(Err(Error::TooLong), false)];
+            assert_eq!(taken(address, format!("{unknown}\r").as_bytes()), too_long);
+            assert_eq!(taken(address, &[b'x'; 300]), []);
+            let longest = format!("@{address} {}help\r", " ".repeat(MAX_LINE - 4));
+            assert_eq!(taken(address, longest.as_bytes()), mine);
+        }
+        assert_eq!(taken(0, b"@0 help\r"), all);
+        assert_eq!(taken(0, b"help\r"), mine);
+        assert_eq!(taken(0, b"@5 help\r"), []);
+        assert_eq!(taken(0, b"@help\r").len(), 1, "an error");
     }
 
     /// What a person typed, what the terminal showed, and the commands.

@@ -1,5 +1,5 @@
-//! Modbus RTU: a request's bytes in, the answer's bytes out. Pure; the firmware would bring the bytes, and
-//! part them by the silence between requests.
+//! Modbus RTU: a request's bytes in, the answer's bytes out. Pure; the firmware brings the bytes, and parts
+//! them by the silence between requests.
 //!
 //! The sensor answers the functions 3 (read holding registers), 4 (read input registers), 6 (write a
 //! register) and 16 (write registers). A register has 16 bits. A number of 32 bits takes two registers, the
@@ -27,6 +27,9 @@
 //! | 1 | `exposure` | as on the serial line; 0 is `auto` |
 //! | 2 | `exposure limit` | as on the serial line |
 //! | 3 | `laser` | 0 is `off`, 1 is `on` |
+//! | 4 | `format` | 0 is `text`, 1 is `binary`, 2 is `modbus`: the way back to lines of text |
+//! | 5 | `address` | as on the serial line; the answer comes from the old one |
+//! | 6 | none | 1 does what the command `save` does, after the answer; reads 0 |
 //!
 //! A request that writes several registers changes all of them or none. A request with a wrong checksum, or
 //! for another station, changes nothing and has no answer. One for station 0 is for all stations: it is
@@ -42,6 +45,7 @@ use heapless::Vec;
 use crate::exposure::{Exposure, ExposureMode};
 use crate::fault::Fault;
 use crate::reading::Reading;
+use crate::sending::Format;
 use crate::settings::{Setting, Settings, Value};
 use crate::text::Text;
 use crate::units::{Micrometres, Pixels};
@@ -57,12 +61,20 @@ pub const INPUTS: usize = 16;
 
 /// The settings in holding registers, in the order of the registers. An address never changes its meaning:
 /// new settings follow at the end.
-pub const HOLDINGS: [Setting; 4] = [
+pub const HOLDINGS: [Setting; 6] = [
     Setting::Rows,
     Setting::Exposure,
     Setting::ExposureLimit,
     Setting::Laser,
+    Setting::Format,
+    Setting::Address,
 ];
+
+/// The holding register that saves, behind those of the settings.
+const SAVE: usize = HOLDINGS.len();
+
+/// The number of holding registers.
+const ALL_HOLDINGS: usize = SAVE + 1;
 
 /// What a pair of registers holds instead of a number.
 const NO_VALUE: i32 = i32::MIN;
@@ -73,17 +85,19 @@ enum Exception {
     Function = 1,
     Address = 2,
     Value = 3,
+    /// The sensor has nothing to save, or would lose a calibration.
+    Failure = 4,
 }
 
 /// What the registers show.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
-    /// The latest result. `None` before the first one.
-    pub result: Option<&'a Result<Reading, Fault>>,
-    /// The number of results since the start.
-    pub counter: u32,
+    /// The input registers, as [`inputs`] makes them.
+    pub inputs: &'a [u16; INPUTS],
     /// The settings in use.
     pub settings: &'a Settings,
+    /// Whether a `save` would be carried out.
+    pub can_save: bool,
 }
 
 /// What a request leads to.
@@ -93,6 +107,8 @@ pub struct Answer {
     pub bytes: Vec<u8, MAX_BYTES>,
     /// The settings to change.
     pub changes: Vec<Value, { HOLDINGS.len() }>,
+    /// Whether to save then.
+    pub save: bool,
 }
 
 /// Answers a request to a station.
@@ -113,7 +129,7 @@ fn carry_out(request: &[u8], station: u8, shown: &Shown<'_>) -> Option<Answer> {
     let mut answer = Answer::default();
     let mut bytes = Vec::new();
     add(&mut bytes, &[station, function])?;
-    match execute(function, data, shown, &mut answer.changes) {
+    match execute(function, data, shown, &mut answer) {
         Ok(Content::Registers(registers)) => {
             // At most 16 registers.
             bytes.push((registers.len() as u8).saturating_mul(2)).ok()?;
@@ -123,7 +139,7 @@ fn carry_out(request: &[u8], station: u8, shown: &Shown<'_>) -> Option<Answer> {
         }
         Ok(Content::Written(what)) => add(&mut bytes, &what)?,
         Err(exception) => {
-            answer.changes.clear();
+            answer = Answer::default();
             bytes.clear();
             let exception = [station, function | 0x80, exception as u8];
             add(&mut bytes, &exception)?;
@@ -166,7 +182,7 @@ fn execute(
     function: u8,
     data: &[u8],
     shown: &Shown<'_>,
-    changes: &mut Vec<Value, { HOLDINGS.len() }>,
+    answer: &mut Answer,
 ) -> Result<Content, Exception> {
     if !matches!(function, 3 | 4 | 6 | 16) {
         return Err(Exception::Function);
@@ -176,10 +192,10 @@ fn execute(
     let (first, count) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
     match (function, rest) {
         (3, []) => registers(&holdings(shown.settings), first, count),
-        (4, []) => registers(&inputs(shown), first, count),
+        (4, []) => registers(shown.inputs, first, count),
         (6, []) => {
             let value = count;
-            write(first, &[value.to_be_bytes()], changes)?;
+            write(first, &[value.to_be_bytes()], shown, answer)?;
             Ok(Content::Written(head))
         }
         (16, [length, bytes @ ..]) => {
@@ -188,7 +204,7 @@ fn execute(
             if !is_whole || values.is_empty() || values.len() != usize::from(count) {
                 return Err(Exception::Value);
             }
-            write(first, values, changes)?;
+            write(first, values, shown, answer)?;
             Ok(Content::Written(head))
         }
         _ => Err(Exception::Value),
@@ -216,17 +232,34 @@ fn registers(all: &[u16], first: u16, count: u16) -> Result<Content, Exception> 
 fn write(
     first: u16,
     values: &[[u8; 2]],
-    changes: &mut Vec<Value, { HOLDINGS.len() }>,
+    shown: &Shown<'_>,
+    answer: &mut Answer,
 ) -> Result<(), Exception> {
     let first = usize::from(first);
     let end = first.saturating_add(values.len());
-    let settings = HOLDINGS.get(first..end).ok_or(Exception::Address)?;
-    for (&setting, &value) in settings.iter().zip(values) {
+    if end > ALL_HOLDINGS {
+        return Err(Exception::Address);
+    }
+    for (register, &value) in (first..end).zip(values) {
+        let value = u16::from_be_bytes(value);
+        let Some(&setting) = HOLDINGS.get(register) else {
+            answer.save = match value {
+                0 => false,
+                1 if shown.can_save => true,
+                1 => return Err(Exception::Failure),
+                _ => return Err(Exception::Value),
+            };
+            continue;
+        };
         let mut number = Text::<5>::default();
-        let word = match (setting, u16::from_be_bytes(value)) {
+        let word = match (setting, value) {
             (Setting::Laser, 0) => "off",
             (Setting::Laser, 1) => "on",
             (Setting::Exposure, 0) => "auto",
+            (Setting::Format, value) => {
+                let format = Format::ALL.get(usize::from(value));
+                format.ok_or(Exception::Value)?.name()
+            }
             (_, value) => {
                 // A u16 has at most five digits.
                 let _ = write!(number, "{value}");
@@ -235,29 +268,37 @@ fn write(
         };
         let value = setting.read(&[word]).map_err(|_| Exception::Value)?;
         // There is room for all.
-        let _ = changes.push(value);
+        let _ = answer.changes.push(value);
     }
     Ok(())
 }
 
 /// The holding registers.
-fn holdings(settings: &Settings) -> [u16; HOLDINGS.len()] {
-    HOLDINGS.map(|setting| match settings.get(setting) {
+fn holdings(settings: &Settings) -> [u16; ALL_HOLDINGS] {
+    let values = HOLDINGS.map(|setting| match settings.get(setting) {
         Value::Rows(rows) => rows,
         Value::Exposure(ExposureMode::Fixed(exposure)) | Value::ExposureLimit(exposure) => {
             exposure.us()
         }
         Value::Laser(is_on) => is_on.into(),
+        Value::Format(format) => format as u16,
+        Value::Address(address) => address,
         // The exposure `auto`. No other setting is in the list.
         _ => 0,
-    })
+    });
+    let mut all = [0; ALL_HOLDINGS];
+    for (place, value) in all.iter_mut().zip(values) {
+        *place = value;
+    }
+    all
 }
 
-/// The input registers.
-fn inputs(shown: &Shown<'_>) -> [u16; INPUTS] {
-    let [count_high, count_low] = halves(shown.counter);
+/// The input registers after the latest result, `None` before the first one. `counter` is the number of results
+/// since the start.
+pub fn inputs(result: Option<&Result<Reading, Fault>>, counter: u32) -> [u16; INPUTS] {
+    let [count_high, count_low] = halves(counter);
     let none = halves(NO_VALUE.cast_unsigned());
-    let (status, flags, pairs, rest) = match shown.result {
+    let (status, flags, pairs, rest) = match result {
         Some(Ok(reading)) => (
             0,
             flags(reading),
@@ -364,7 +405,7 @@ mod tests {
 
     /// The answer to a request, without its checksum, which is right.
     fn ask(body: &[u8], shown: &Shown<'_>) -> (std::vec::Vec<u8>, std::vec::Vec<Value>) {
-        let Answer { bytes, changes } = answer(&with_checksum(body), STATION, shown);
+        let Answer { bytes, changes, .. } = answer(&with_checksum(body), STATION, shown);
         let (body, sum) = bytes.split_last_chunk().expect("an answer");
         assert_eq!(checksum(body).to_le_bytes(), *sum);
         (body.to_vec(), changes.to_vec())
@@ -399,9 +440,8 @@ mod tests {
         let (reading, settings) = (reading(), Settings::default());
         let result = Ok(reading);
         let shown = Shown {
-            result: Some(&result),
-            counter: 0x0001_0002,
-            settings: &settings,
+            inputs: &inputs(Some(&result), 0x0001_0002),
+            ..nothing(&settings)
         };
         let registers = read(4, 0, 16, &shown);
         println!("{reading}\n{registers:?}");
@@ -421,7 +461,7 @@ mod tests {
             ..reading
         });
         let shown = Shown {
-            result: Some(&negative),
+            inputs: &inputs(Some(&negative), 0x0001_0002),
             ..shown
         };
         assert_eq!(number(&read(4, 4, 2, &shown)), -12_340);
@@ -433,9 +473,8 @@ mod tests {
         let fault = Err(Fault::Saturated { pixels: 12 });
         for (result, status) in [(Some(&fault), 4), (None, 65535)] {
             let shown = Shown {
-                result,
-                counter: 7,
-                settings: &settings,
+                inputs: &inputs(result, 7),
+                ..nothing(&settings)
             };
             let none = [0x8000, 0];
             let expected = [[status, 0], [0, 7], none, none, none, none, [0, 0], [0, 0]];
@@ -445,21 +484,26 @@ mod tests {
 
     fn nothing(settings: &Settings) -> Shown<'_> {
         Shown {
-            result: None,
-            counter: 0,
+            inputs: &[0; INPUTS],
             settings,
+            can_save: true,
         }
     }
 
     #[test]
     fn every_setting_is_read_as_it_was_written() {
         let mut settings = Settings::default();
-        assert_eq!(read(3, 0, 4, &nothing(&settings)), [16, 0, 5600, 1]);
+        assert_eq!(
+            read(3, 0, 7, &nothing(&settings)),
+            [16, 0, 5600, 1, 0, 0, 0]
+        );
         let written = [
             (0, [1, 64, 33]),
             (1, [0, 10, 5600]),
             (2, [10, 5600, 187]),
             (3, [0, 1, 0]),
+            (4, [1, 2, 0]),
+            (5, [1, 247, 0]),
         ];
         for (register, values) in written {
             for value in values {
@@ -489,12 +533,12 @@ mod tests {
             (&[1, 0, 0, 0, 1], 1),
             (&[43, 14, 1, 0], 1),
             // Registers that it does not have.
-            (&[3, 0, 4, 0, 1], 2),
-            (&[3, 0, 3, 0, 2], 2),
+            (&[3, 0, 7, 0, 1], 2),
+            (&[3, 0, 6, 0, 2], 2),
             (&[4, 0, 0, 0, 17], 2),
             (&[4, 0xFF, 0xFF, 0, 1], 2),
-            (&[6, 0, 4, 0, 1], 2),
-            (&[16, 0, 3, 0, 2, 4, 0, 1, 0, 1], 2),
+            (&[6, 0, 7, 0, 1], 2),
+            (&[16, 0, 6, 0, 2, 4, 0, 1, 0, 1], 2),
             // Too few registers, too many, and counts that do not fit what came.
             (&[4, 0, 0, 0, 0], 3),
             (&[4, 0, 0, 0, 126], 3),
@@ -514,11 +558,20 @@ mod tests {
             (&[6, 0, 1, 0x15, 0xE1], 3),
             (&[6, 0, 2, 0, 0], 3),
             (&[6, 0, 3, 0, 2], 3),
+            (&[6, 0, 4, 0, 3], 3),
+            (&[6, 0, 5, 0, 248], 3),
+            (&[6, 0, 6, 0, 2], 3),
+            // A save that would be refused changes no setting either.
+            (&[16, 0, 5, 0, 2, 4, 0, 1, 0, 1], 4),
             // The second value is wrong, so the first one is not set either.
             (&[16, 0, 0, 0, 2, 4, 0, 8, 0, 9], 3),
         ];
         for &(data, exception) in cases {
-            let (answer, changes) = ask(&[&[STATION], data].concat(), &nothing(&settings));
+            let shown = Shown {
+                can_save: false,
+                ..nothing(&settings)
+            };
+            let (answer, changes) = ask(&[&[STATION], data].concat(), &shown);
             let expected = [STATION, data[0] | 0x80, exception];
             assert_eq!(answer, expected, "{data:?}");
             assert!(changes.is_empty(), "{data:?}");
@@ -526,10 +579,21 @@ mod tests {
     }
 
     #[test]
+    fn a_register_saves() {
+        let settings = Settings::default();
+        for (value, save) in [(0, false), (1, true)] {
+            let request = with_checksum(&[STATION, 6, 0, 6, 0, value]);
+            let answer = answer(&request, STATION, &nothing(&settings));
+            assert_eq!(answer.bytes[..], request);
+            assert_eq!((answer.save, answer.changes.len()), (save, 0));
+        }
+    }
+
+    #[test]
     fn a_request_to_all_stations_has_no_answer() {
         let settings = Settings::default();
         let request = with_checksum(&[0, 6, 0, 0, 0, 4]);
-        let Answer { bytes, changes } = answer(&request, STATION, &nothing(&settings));
+        let Answer { bytes, changes, .. } = answer(&request, STATION, &nothing(&settings));
         assert_eq!((bytes.len(), &changes[..]), (0, &[Value::Rows(4)][..]));
     }
 
@@ -566,7 +630,7 @@ mod tests {
             let function = [3, 4, 6, 16][usize::from(random() % 4)];
             let mut body = std::vec![STATION, function, 0, random() % 6, 0];
             body.extend((0..random() % 10).map(|_| random() % 8));
-            let Answer { bytes, changes } = answer(&with_checksum(&body), STATION, &shown);
+            let Answer { bytes, changes, .. } = answer(&with_checksum(&body), STATION, &shown);
             assert!((5..=MAX_BYTES).contains(&bytes.len()));
             assert!(changes.is_empty() || bytes[1] == function);
             changed += usize::from(!changes.is_empty());

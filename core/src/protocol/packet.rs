@@ -277,6 +277,11 @@ impl Packets {
         }
         &self.bytes
     }
+
+    /// The memory of the packets, for other bytes while no packet is sent. The next packet overwrites them.
+    pub const fn buffer(&mut self) -> &mut Vec<u8, MAX_PACKET> {
+        &mut self.bytes
+    }
 }
 
 /// The parts of a text, one for each packet.

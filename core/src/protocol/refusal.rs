@@ -68,6 +68,8 @@ pub enum Refusal {
     },
     /// The value of `master` is too large.
     MasterRange,
+    /// `measure`, and each frame starts at the end of the one before.
+    NotTriggered,
 }
 
 impl fmt::Display for Refusal {
@@ -118,6 +120,9 @@ impl fmt::Display for Refusal {
             Self::MasterRange => f.write_str(
                 "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
             ),
+            Self::NotTriggered => {
+                f.write_str("E24 frames start by themselves: distance, or trigger serial first")
+            }
         }
     }
 }
@@ -163,6 +168,7 @@ mod tests {
                 pixels: 3648,
             },
             Refusal::MasterRange,
+            Refusal::NotTriggered,
         ];
         for (refusal, number) in refusals.into_iter().zip(8..) {
             let text = refusal.to_string();

@@ -11,7 +11,7 @@ pub enum StartCause {
     PowerOn,
     /// A signal at the reset pin: the button, or a debug probe.
     ResetPin,
-    /// A reset by software. A debug probe asks for it after flashing; the firmware never does.
+    /// The command `reset`, or a debug probe after flashing.
     Software,
     /// The watchdog: a part of the firmware had stopped.
     Watchdog,
@@ -49,6 +49,8 @@ pub struct Vitals {
     pub row_cycles: u32,
     /// The most core cycles that a row took since the start, counted as `row_cycles`.
     pub slowest_row_cycles: u32,
+    /// Triggers that came while a frame was under way.
+    pub triggers_missed: u32,
     /// Lines of readings and faults that the serial line was too slow for.
     pub lines_dropped: u32,
     /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in
@@ -87,26 +89,62 @@ impl fmt::Display for Status<'_> {
         let Vitals {
             uptime_us,
             rows,
-            rows_lost,
-            rows_failed,
             row_cycles,
             slowest_row_cycles,
+            ..
+        } = *self.vitals;
+        write!(f, "status start {}", self.started_by)?;
+        write!(f, "\r\n{}", Uptime(uptime_us))?;
+        write!(f, "\r\nstatus rows read {rows}")?;
+        write!(f, "\r\nstatus row cycles {row_cycles}")?;
+        write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
+        write!(f, "\r\nstatus readings {}", self.readings)?;
+        let limits = if self.is_within_limits { "on" } else { "off" };
+        write!(f, "\r\nstatus limits {limits}")?;
+        let errors = Errors {
+            vitals: self.vitals,
+            faults: &self.faults,
+        };
+        write!(f, "\r\n{errors}")
+    }
+}
+
+/// The answer to `uptime`: the time since the start in microseconds, as the line that `status` has of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Uptime(pub u64);
+
+impl fmt::Display for Uptime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (seconds, ms) = (self.0 / 1_000_000, self.0 / 1000 % 1000);
+        write!(f, "status uptime {seconds}.{ms:03} s")
+    }
+}
+
+/// The answer to `errors`: the last lines of `status`, which count what went wrong.
+#[derive(Clone, Copy, Debug)]
+pub struct Errors<'a> {
+    /// What the firmware counted.
+    pub vitals: &'a Vitals,
+    /// As in [`Status`].
+    pub faults: &'a [u32; Fault::KINDS],
+}
+
+impl fmt::Display for Errors<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Vitals {
+            rows_lost,
+            rows_failed,
+            triggers_missed,
             lines_dropped,
             serial_errors,
             ..
         } = self.vitals;
-        let (seconds, ms) = (uptime_us / 1_000_000, uptime_us / 1000 % 1000);
-        write!(f, "status start {}", self.started_by)?;
-        write!(f, "\r\nstatus uptime {seconds}.{ms:03} s")?;
-        write!(f, "\r\nstatus rows read {rows}")?;
-        write!(f, "\r\nstatus rows lost {rows_lost}")?;
+        write!(f, "status rows lost {rows_lost}")?;
         write!(f, "\r\nstatus rows failed {rows_failed}")?;
-        write!(f, "\r\nstatus row cycles {row_cycles}")?;
-        write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
-        write!(f, "\r\nstatus readings {}", self.readings)?;
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "\r\nstatus fault {name} {count}")?;
         }
+        write!(f, "\r\nstatus triggers missed {triggers_missed}")?;
         write!(f, "\r\nstatus lines dropped {lines_dropped}")?;
         let SerialErrors {
             noise,
@@ -115,9 +153,7 @@ impl fmt::Display for Status<'_> {
         } = serial_errors;
         write!(f, "\r\nstatus serial noise {noise}")?;
         write!(f, "\r\nstatus serial framing {framing}")?;
-        write!(f, "\r\nstatus serial overrun {overrun}")?;
-        let limits = if self.is_within_limits { "on" } else { "off" };
-        write!(f, "\r\nstatus limits {limits}")
+        write!(f, "\r\nstatus serial overrun {overrun}")
     }
 }
 
@@ -136,6 +172,7 @@ mod tests {
             rows_failed: u32::MAX,
             row_cycles: u32::MAX,
             slowest_row_cycles: u32::MAX,
+            triggers_missed: u32::MAX,
             lines_dropped: u32::MAX,
             serial_errors: SerialErrors {
                 noise: u32::MAX,

@@ -17,7 +17,7 @@ use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::frame::Mean;
 use crate::record::{self, Record, RecordError};
-use crate::settings::{Affects, Setting, Settings, Value, split_words};
+use crate::settings::{Setting, Settings, Value, split_words};
 use crate::text::Text;
 use crate::units::Counts;
 
@@ -81,8 +81,9 @@ pub fn encode<'a>(
 fn lines(settings: &Settings) -> Option<Text<MAX_LINES>> {
     let mut lines = Text::default();
     for &setting in Setting::ALL {
-        if setting.affects() != Affects::Session {
-            writeln!(lines, "{}", settings.get(setting)).ok()?;
+        let value = settings.get(setting);
+        if value.is_saved() {
+            writeln!(lines, "{value}").ok()?;
         }
     }
     Some(lines)
@@ -280,10 +281,11 @@ mod tests {
             let mut settings = Settings::default();
             settings.set(value);
             let found = decode(&encoded(settings)).expect("settings").settings;
-            match value.setting().affects() {
-                Affects::Measurement | Affects::Lines => assert_eq!(found, settings),
-                Affects::Session => assert_eq!(found, Settings::default()),
-            }
+            let expected = match value.is_saved() {
+                true => settings,
+                false => Settings::default(),
+            };
+            assert_eq!(found, expected);
         }
     }
 

@@ -10,6 +10,7 @@ use slitrange::ambient::AmbientMode;
 use slitrange::protocol::packet::Decoder;
 use slitrange::sending::{Baud, PixelStream};
 use slitrange::settings::{Setting, Settings, Value};
+use slitrange::trigger::Trigger;
 
 use super::answers;
 use super::line::{ANSWER, LineError};
@@ -33,7 +34,8 @@ const TICK: Duration = Duration::from_millis(100);
 ///
 /// The sensor sends rows as fast as the line takes them, about 15 a second at 921600 baud, each with its own
 /// result. The file holds the rows, the results, the settings and the calibration. The sensor is recorded
-/// with `ambient off` and `flat off`, and has its own settings again afterwards. Ctrl-C ends the recording.
+/// with `ambient off`, `flat off` and `trigger continuous`, and has its own settings again afterwards. Ctrl-C
+/// ends the recording.
 #[derive(Clone, Debug, clap::Args)]
 pub struct RecordOptions {
     #[command(flatten)]
@@ -71,6 +73,8 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
     // A row is recorded as it was read, and both would need rows or a map that the file does not have.
     session.borrow_without_map()?;
     session.borrow(Value::Ambient(AmbientMode::Off))?;
+    // Rows come only if frames need no trigger.
+    session.borrow(Value::Trigger(Trigger::Continuous))?;
     let sensor = sensor(&mut session)?;
     let mut file = BufWriter::new(file);
     let mut writer = Writer::default();

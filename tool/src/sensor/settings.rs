@@ -193,11 +193,12 @@ fn unknown_to_sensor(setting: Setting) -> String {
     )
 }
 
-/// The values of all settings that flash can hold and the firmware knows.
+/// The values of all settings that flash can hold and the firmware knows, but for the sensor's address: another
+/// sensor has another one.
 fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
     let mut values = Vec::new();
     for &setting in Setting::ALL {
-        if setting.affects() != Affects::Session {
+        if !matches!(setting.affects(), Affects::Session | Affects::Connection) {
             values.extend(value(session, setting)?);
         }
     }

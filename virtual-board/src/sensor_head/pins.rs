@@ -19,6 +19,7 @@ use rigless::soc::stm32f427::peripherals::spi::Select;
 use super::{Clocks, Level, SensorHead};
 use crate::Nanos;
 use crate::laser;
+use crate::serial_line::DriverEnable;
 use crate::stm32f429::Stm32f429;
 
 /// SPI1, which serves the converter, in rigless's order.
@@ -69,6 +70,16 @@ impl SharedHead {
             }
         }
     }
+}
+
+/// Connects the enable pin of the serial line's driver, PD12.
+pub(crate) fn attach_driver(processor: &mut Stm32f429, driver: DriverEnable) {
+    let select = Select {
+        port: "GPIOD",
+        pin: PortPin::new(12).expect("a port has sixteen pins"),
+        active: WireLevel::High,
+    };
+    processor.part.spi[EDGE_BUS].attach_selected(driver, select);
 }
 
 /// Connects `head` to the pins of `processor`.

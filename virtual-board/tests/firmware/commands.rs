@@ -136,14 +136,15 @@ fn status_counts_what_happened() {
         "status start",
         "status uptime",
         "status rows read",
-        "status rows lost",
-        "status rows failed",
         "status row cycles",
         "status slowest row cycles",
         "status readings",
+        "status rows lost",
+        "status rows failed",
     ];
     expected.extend(faults.iter().map(String::as_str));
     expected.extend([
+        "status triggers missed",
         "status lines dropped",
         "status serial noise",
         "status serial framing",

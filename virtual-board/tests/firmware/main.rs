@@ -3,6 +3,7 @@
 //!
 //! All topics are one test program, so that the firmware is built and loaded only once.
 
+mod address;
 mod ambient;
 mod binary;
 mod calibration;
@@ -15,6 +16,7 @@ mod flat;
 mod identical;
 mod kept;
 mod laser;
+mod modbus;
 #[cfg(unix)]
 mod pseudo_terminal;
 mod readings;
@@ -23,8 +25,10 @@ mod row;
 mod row_rate;
 mod saving;
 mod scenes;
+mod selftest;
 mod sensor_head;
 mod serial_line;
 mod stack;
 mod streams;
+mod trigger;
 mod watchdog;

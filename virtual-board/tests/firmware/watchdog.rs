@@ -122,6 +122,30 @@ fn the_banner_names_a_reset_by_software() {
     board.finish().expect("a clean run");
 }
 
+/// The answer is whole, although the chip resets right after it.
+#[test]
+fn the_command_reset_is_answered_and_starts_the_firmware_again() {
+    let mut board = measuring(4);
+    run_into_a_row(&mut board);
+    // Many bytes wait before the answer.
+    board.send("help\r\nreset\r\n");
+    let answer = board.run_until_line(|line| line == "reset", PATIENCE);
+    let answered = answer.expect("an answer").at;
+    assert_starts_again(&mut board, "software");
+    let resets = board.resets().expect("resets");
+    assert_eq!(resets.len(), 1, "{resets:?}");
+    assert!(resets[0].at.0 > answered);
+    assert_eq!(format!("{:?}", resets[0].cause), "Core");
+    let uptime = ask(&mut board, "uptime");
+    let since = (board.now() - resets[0].at.0) as f64 * 1e-9;
+    println!("{uptime}, {since} s after the reset");
+    let uptime: f64 = (uptime.strip_prefix("status uptime "))
+        .and_then(|rest| rest.strip_suffix(" s")?.parse().ok())
+        .expect("an uptime");
+    assert!((since - 0.15..since).contains(&uptime));
+    board.finish().expect("a clean run");
+}
+
 #[test]
 fn the_watchdog_resets_if_a_computation_hangs() {
     let mut board = measuring(4);

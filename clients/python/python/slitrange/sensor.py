@@ -28,8 +28,9 @@ ROW_S = 20.0
 """How long to wait for a row, whose lines take 1.1 s."""
 
 COMMANDS = {
-    *("calibration", "centre", "defaults", "distance", "flat", "help"),
-    *("info", "master", "row", "save", "status", "uncertainty", "zero"),
+    *("calibration", "centre", "defaults", "distance", "errors", "flat", "help", "info"),
+    *("master", "measure", "reset", "row", "save", "selftest", "status", "uncertainty"),
+    *("uptime", "zero"),
 }
 """First words of commands. They are no settings, and some of them change the sensor."""
 

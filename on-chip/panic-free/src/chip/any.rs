@@ -23,10 +23,12 @@ use slitrange::reading::{Measured, Reading};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::row::{Geometry, Polarity};
+use slitrange::sending::Format;
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::shape::COMPONENTS;
 use slitrange::spot::{Background, Effort, Spot};
+use slitrange::trigger::Trigger;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
 use slitrange::units::{Counts, Electrons, Micrometres, Pixels, Units};
 
@@ -70,6 +72,9 @@ pub fn settings() -> Settings {
         black_level: any(BlackLevel::Shielded),
         slits: any(Slits::Comb),
         ambient: any(AmbientMode::Subtract),
+        trigger: any(Trigger::Serial),
+        address: any(0),
+        format: any(Format::Text),
         average: any(Average::None),
         hold: any(0),
         spike_filter: any(SpikeFilter::Off),

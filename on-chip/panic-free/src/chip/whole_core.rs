@@ -22,13 +22,14 @@ use slitrange::protocol::packet::{
     unpack,
 };
 use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange::protocol::selftest::RowTest;
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::record;
 use slitrange::row::Row;
 use slitrange::sending::Format;
 use slitrange::session::flat::Outcome;
-use slitrange::session::{Actions, Event, Session};
+use slitrange::session::{Actions, AddressPrefix, Event, Session};
 use slitrange::spot;
 use slitrange::store::configuration::{self, Configuration};
 use slitrange::store::pixel_map::StoredMap;
@@ -266,6 +267,21 @@ pub fn talk() {
             1 => Event::Frame(any(true).then(any::measured).ok_or(any::fault())),
             2 => Event::Saved(any(Ok(()))),
             4 => Event::Flat(outcome()),
+            6 => {
+                let mut request = [0; 4096];
+                let request = any::bytes(&mut request);
+                let answer = session.answer_modbus(request, &vitals, &mut actions);
+                reached(answer.bytes.len() as i32);
+                continue;
+            }
+            8 => {
+                let mut words = [0; 4096];
+                let geometry = any::geometry();
+                let row = geometry.row(any::words(&mut words));
+                let measured = any(true).then(any::measured).ok_or(any::fault());
+                Event::Tested(row.ok().and_then(|row| RowTest::of(&row, &measured)))
+            }
+            7 => Event::LineForAll(Ok(any(Command::Nothing))),
             3 => Event::Line(Ok(any(Command::Upload(any(Step::Commit))))),
             5 => match input.type_in(any(0), &mut echo) {
                 Some(command) => Event::Line(command),
@@ -281,6 +297,9 @@ pub fn talk() {
         };
         session.take(event, &vitals, &mut actions);
         say(&actions.text.as_str());
+        say(&AddressPrefix(actions.address));
+        input.set_address(session.settings().address);
+        reached(input.is_for_all().into());
         send_packets(&actions, &mut packets, &mut decoder);
         if let Some(applied) = &actions.apply {
             reached(i32::from(applied.settings.rows));
@@ -318,9 +337,9 @@ fn answer_a_master() {
         false => Err(any::fault()),
     });
     let shown = Shown {
-        result: result.as_ref(),
-        counter: any(0),
+        inputs: &modbus::inputs(result.as_ref(), any(0)),
         settings: &any::settings(),
+        can_save: any(true),
     };
     let answer = modbus::answer(any::bytes(&mut request), any(0), &shown);
     reached(

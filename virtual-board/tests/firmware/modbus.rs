@@ -1,0 +1,121 @@
+//! Tests of `format modbus`: requests and answers on the serial line. clients/python/tests/test_modbus.py does the
+//! same with a stock master.
+
+use std::time::Duration;
+
+use virtual_board::VirtualBoard;
+
+use crate::common::{PATIENCE, ask, boot, fresh_results, is_reading, number, paper, set};
+
+const NOTHING: [u8; 0] = [];
+
+/// A request or an answer with its checksum.
+fn frame(body: &[u8]) -> Vec<u8> {
+    let sum = body.iter().fold(0xFFFF_u16, |sum, &byte| {
+        (0..8).fold(sum ^ u16::from(byte), |sum, _| {
+            (sum >> 1) ^ if sum & 1 == 1 { 0xA001 } else { 0 }
+        })
+    });
+    [body, &sum.to_le_bytes()].concat()
+}
+
+/// Sends bytes. Gives the bytes that come within a time.
+fn say(board: &mut VirtualBoard, bytes: &[u8], ms: u64) -> Vec<u8> {
+    board.take_bytes();
+    board.send_at(board.now(), bytes);
+    board.run_for(Duration::from_millis(ms)).expect("a run");
+    board
+        .take_bytes()
+        .into_iter()
+        .map(|(_, byte)| byte)
+        .collect()
+}
+
+/// Asks with a request. Gives the answer, whose checksum is right, without the checksum.
+fn request(board: &mut VirtualBoard, body: &[u8]) -> Vec<u8> {
+    let answer = say(board, &frame(body), 30);
+    let (body, _) = answer.split_last_chunk::<2>().expect("an answer");
+    assert_eq!(frame(body), answer);
+    body.to_vec()
+}
+
+#[test]
+fn a_master_reads_results_and_writes_settings() {
+    let (mut board, _) = boot(paper());
+    let reading = fresh_results(&mut board, 1).remove(0);
+    set(&mut board, "address 17");
+    board.send("@17 format modbus\r\n");
+    board
+        .run_until_line(|line| line == "@17 format modbus", PATIENCE)
+        .expect("an answer");
+    assert_eq!(
+        say(&mut board, b"", 300),
+        NOTHING,
+        "nothing is sent unasked"
+    );
+    let inputs = request(&mut board, &[17, 4, 0, 0, 0, 16]);
+    println!("{reading}\n{inputs:?}");
+    assert_eq!(inputs[..7], [17, 4, 32, 0, 0, 0, 0b0100]);
+    let pair = |register: usize| {
+        let at = 3 + 2 * register;
+        i32::from_be_bytes(inputs[at..at + 4].try_into().expect("two registers"))
+    };
+    // Of another frame: noise of some um.
+    let distance = number(&reading, "d ", " mm");
+    assert!((f64::from(pair(4)) * 1e-4 - distance).abs() < 0.05);
+    let u = number(&reading, " u ", " r ");
+    assert!((f64::from(pair(6)) * 1e-4 - u).abs() < 0.02);
+    assert_eq!(
+        request(&mut board, &[17, 6, 0, 0, 0, 4]),
+        [17, 6, 0, 0, 0, 4]
+    );
+    assert_eq!(
+        request(&mut board, &[17, 3, 0, 0, 0, 6]),
+        [17, 3, 12, 0, 4, 0, 0, 0x15, 0xE0, 0, 1, 0, 2, 0, 17]
+    );
+    // Garbage changes nothing and has no answer, without a pause, with pauses, and with a request behind it.
+    let mut state = 1u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    let garbage: Vec<u8> = (0..4000).map(|_| random()).collect();
+    assert_eq!(say(&mut board, &garbage, 400), NOTHING);
+    for length in [1, 7, 8, 255, 256, 257, 600] {
+        let garbage: Vec<u8> = (0..length).map(|_| random()).collect();
+        assert_eq!(say(&mut board, &garbage, 60), NOTHING);
+    }
+    assert_eq!(say(&mut board, b"rows 7\r\n@17 rows 7\r\n", 30), NOTHING);
+    assert_eq!(say(&mut board, &frame(&[18, 6, 0, 0, 0, 7]), 30), NOTHING);
+    let two = [frame(&[17, 6, 0, 0, 0, 7]), frame(&[17, 6, 0, 0, 0, 8])].concat();
+    assert_eq!(
+        say(&mut board, &two, 30),
+        NOTHING,
+        "no silence between them"
+    );
+    assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 4]);
+    assert_eq!(request(&mut board, &[17, 4, 0, 16, 0, 1]), [17, 0x84, 2]);
+    // For all stations.
+    assert_eq!(say(&mut board, &frame(&[0, 6, 0, 0, 0, 5]), 30), NOTHING);
+    assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
+    // Saved: the sensor starts with Modbus.
+    assert_eq!(
+        request(&mut board, &[17, 6, 0, 6, 0, 1]),
+        [17, 6, 0, 6, 0, 1]
+    );
+    board.run_for(Duration::from_millis(500)).expect("a run");
+    board.reset_pin().expect("the emulator");
+    assert_eq!(say(&mut board, b"", 300), NOTHING, "no banner");
+    assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
+    let edges = board.take_driver_edges();
+    assert!(edges.len().is_multiple_of(2), "the line is released");
+    // The way back.
+    let alone_in_text = [17, 16, 0, 4, 0, 2, 4, 0, 0, 0, 0];
+    let answer = say(&mut board, &frame(&alone_in_text), 30);
+    // Lines may follow at once.
+    assert_eq!(answer[..8], frame(&alone_in_text[..6]));
+    let results = fresh_results(&mut board, 2);
+    assert!(results.iter().all(|line| is_reading(line)), "{results:?}");
+    assert_eq!(ask(&mut board, "rows"), "rows 5");
+    board.finish().expect("a clean run");
+}

@@ -1,0 +1,148 @@
+//! Tests of the setting `trigger`: what starts a frame, and which rows the frame has.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use virtual_board::{Exposure, LightSource, VirtualBoard};
+
+use crate::common::{PATIENCE, Status, boot, is_result, number, set, spot_at};
+
+/// The time from one row to the next, ns.
+const ROW_PERIOD: u64 = 5_700_000;
+
+/// The pixels of the spot before the trigger and after it.
+const BEFORE: f64 = 1200.0;
+const AFTER: f64 = 2200.0;
+
+/// A spot that jumps from one place to the other at an instant that a test sets, in rows that began after
+/// that. The exposures that it showed are noted.
+fn jumping_spot() -> (LightSource, Arc<AtomicU64>, Arc<Mutex<Vec<Exposure>>>) {
+    let (mut before, mut after) = (spot_at(BEFORE, 2000.0), spot_at(AFTER, 2000.0));
+    let jump = Arc::new(AtomicU64::new(u64::MAX));
+    let exposures = Arc::new(Mutex::new(vec![]));
+    let (at, seen) = (Arc::clone(&jump), Arc::clone(&exposures));
+    let light = Box::new(move |exposure: &Exposure| {
+        seen.lock().expect("a list").push(*exposure);
+        if exposure.start >= at.load(Ordering::Relaxed) {
+            after(exposure)
+        } else {
+            before(exposure)
+        }
+    });
+    (light, jump, exposures)
+}
+
+/// The lines of a time without a trigger: none but answers.
+fn assert_silent(board: &mut VirtualBoard, time: Duration) {
+    board.take_lines();
+    board.run_for(time).expect("a run");
+    let lines = board.take_lines();
+    assert!(
+        lines.iter().all(|line| !is_result(&line.text)),
+        "{lines:#?}"
+    );
+}
+
+/// A pulse at the trigger's pin, long before the next row is due.
+fn pulse(board: &mut VirtualBoard) {
+    for high in [true, false] {
+        board.drive_trigger(high).expect("the emulator");
+        board.run_for(Duration::from_micros(20)).expect("a run");
+    }
+}
+
+/// At each phase of the row's period, the frame has only rows that began after the edge, and the first of
+/// them: at most a period later.
+#[test]
+fn a_frame_has_the_first_rows_that_began_after_the_edge() {
+    let (light, jump, exposures) = jumping_spot();
+    let (mut board, _) = boot(light);
+    for command in ["calibration off", "rows 2", "trigger pin"] {
+        set(&mut board, command);
+    }
+    board.take_lines();
+    // Longer than the watchdog waits.
+    assert_silent(&mut board, Duration::from_secs(3));
+    assert_eq!(board.resets().expect("resets"), []);
+    for phase in 0..8 {
+        jump.store(u64::MAX, Ordering::Relaxed);
+        let time = Duration::from_nanos(20 * ROW_PERIOD + phase * ROW_PERIOD / 8);
+        assert_silent(&mut board, time);
+        exposures.lock().expect("a list").clear();
+        let edge = board.now();
+        jump.store(edge, Ordering::Relaxed);
+        pulse(&mut board);
+        let line = board.run_until_line(is_result, PATIENCE).expect("a result");
+        // Both rows show the new place. Rows that disagree would give another centre, or a fault.
+        let centre = number(&line.text, ": x ", " u ");
+        assert!((centre - AFTER).abs() < 0.1, "{line}");
+        let seen = exposures.lock().expect("a list").clone();
+        let rows: Vec<&Exposure> = seen.iter().filter(|it| it.start >= edge).collect();
+        let waited = rows[0].start - edge;
+        // The second row's words take a period more, and the line some milliseconds.
+        let took = line.at - edge;
+        println!("waited {waited} ns, answered after {took} ns: {line}");
+        assert!(waited <= ROW_PERIOD);
+        let words = rows[1].end + ROW_PERIOD;
+        assert!((words - 200_000..words + 15_000_000).contains(&line.at));
+    }
+    // Edges during a frame are missed, and so is a command.
+    let missed = Status::ask(&mut board).count("triggers missed");
+    assert_eq!(missed, 0);
+    set(&mut board, "rows 16");
+    board.take_lines();
+    (0..3).for_each(|_| pulse(&mut board));
+    board.send("measure\r\n");
+    board.run_for(Duration::from_millis(250)).expect("a run");
+    let lines = board.take_lines();
+    println!("{lines:#?}");
+    let results = lines.iter().filter(|line| is_result(&line.text));
+    assert_eq!(results.count(), 1, "{lines:#?}");
+    assert_eq!(Status::ask(&mut board).count("triggers missed"), 3);
+    // Edges start nothing if commands do.
+    set(&mut board, "trigger serial");
+    pulse(&mut board);
+    assert_silent(&mut board, Duration::from_millis(250));
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn measure_gives_one_result_of_rows_that_began_after_it() {
+    let (light, jump, _) = jumping_spot();
+    let (mut board, _) = boot(light);
+    for command in [
+        "calibration off",
+        "rows 2",
+        "output centre",
+        "trigger serial",
+    ] {
+        set(&mut board, command);
+    }
+    board.take_lines();
+    assert_silent(&mut board, Duration::from_millis(100));
+    for command in ["measure", "distance"] {
+        jump.store(u64::MAX, Ordering::Relaxed);
+        board.run_for(Duration::from_millis(100)).expect("a run");
+        // The command is understood with its last byte.
+        board.send(&format!("{command}\r"));
+        board
+            .run_for(Duration::from_micros(87 * (command.len() as u64 + 1)))
+            .expect("a run");
+        jump.store(board.now(), Ordering::Relaxed);
+        let line = board.run_until_line(is_result, PATIENCE).expect("a result");
+        println!("{line}");
+        // `distance` advises about the fault in a line more.
+        let centre = number(&line.text, ": x ", " u ");
+        assert!((centre - AFTER).abs() < 0.1, "{line}");
+        assert_silent(&mut board, Duration::from_millis(100));
+    }
+    // A silent sensor answers too.
+    board.silence_sensor(true).expect("the emulator");
+    board.run_for(Duration::from_millis(300)).expect("a run");
+    board.take_lines();
+    board.send("measure\r\n");
+    let fault = board.run_until_line(is_result, PATIENCE).expect("a fault");
+    assert!(fault.text.starts_with("f sensor silent"), "{fault}");
+    board.finish().expect("a clean run");
+}
