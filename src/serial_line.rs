@@ -6,6 +6,7 @@ use embassy_futures::poll_once;
 use embassy_futures::select::{Either, select};
 use embassy_stm32::usart::BufferedUart;
 use embedded_io_async::Read as _;
+use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::status::StartCause;
 use slitrange::session::Event;
@@ -23,9 +24,14 @@ const PIECE: usize = 64;
 /// Results go before bytes. At most 175 results come a second, so bytes get their turn, while bytes could
 /// come without an end.
 #[embassy_executor::task]
-pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: CalibrationFlash) {
+pub async fn serve(
+    uart: BufferedUart<'static>,
+    hardware: Hardware,
+    started_by: StartCause,
+    flash: CalibrationFlash,
+) {
     let (tx, mut rx) = uart.split();
-    let mut shell = Shell::new(Transmitter::new(tx), started_by, flash);
+    let mut shell = Shell::new(Transmitter::new(tx), hardware, started_by, flash);
     shell.start().await;
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut bytes = [0; PIECE];

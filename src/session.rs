@@ -24,19 +24,13 @@ use super::shared::{
     COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SENDS_WINDOWS,
     SETTINGS, TAKEN, WINDOWS,
 };
+use super::tcd1304;
 use super::transmitter::Transmitter;
-use super::{acquisition, board, tcd1304};
 
 /// The pixels of a map.
 const PIXELS: usize = {
     let light = sensor_heads::tcd1304dg().light;
     light.end - light.start
-};
-
-const HARDWARE: Hardware = Hardware {
-    board: board::NAME,
-    head: tcd1304::NAME,
-    row_us: acquisition::ROW_PERIOD.as_micros() as u32,
 };
 
 /// The map of the pixels. All its bytes are zero at first, as `.ccm` wants it.
@@ -66,14 +60,19 @@ const TYPING: Duration = Duration::from_secs(10);
 impl Shell {
     /// Starts a session. Not inlined, so that it uses the stack only while it runs.
     #[inline(never)]
-    pub fn new(tx: Transmitter, started_by: StartCause, flash: CalibrationFlash) -> Self {
+    pub fn new(
+        tx: Transmitter,
+        hardware: Hardware,
+        started_by: StartCause,
+        flash: CalibrationFlash,
+    ) -> Self {
         Self {
             tx,
             started_at: Instant::now(),
             results: 0,
             result_at: Instant::MIN,
             store: Store::new(flash),
-            session: Session::new(HARDWARE, tcd1304::geometry(), started_by),
+            session: Session::new(hardware, tcd1304::geometry(), started_by),
             actions: Actions::default(),
             packets: Packets::default(),
             row_sent: None,

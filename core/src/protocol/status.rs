@@ -44,6 +44,10 @@ pub struct Vitals {
     pub rows_lost: u32,
     /// Read-outs that did not complete.
     pub rows_failed: u32,
+    /// Rows not used, because the program was too late for one of the sensor's edges.
+    pub rows_late: u32,
+    /// How far apart the rows since the start were sampled, in percent of a pixel's time.
+    pub sampling_spread: u32,
     /// Core cycles from the words of the latest row in memory to its centre, with all interrupts meanwhile.
     /// The last row of a frame includes the frame's end.
     pub row_cycles: u32,
@@ -87,6 +91,8 @@ impl fmt::Display for Status<'_> {
             rows,
             rows_lost,
             rows_failed,
+            rows_late,
+            sampling_spread,
             row_cycles,
             slowest_row_cycles,
             lines_dropped,
@@ -99,6 +105,8 @@ impl fmt::Display for Status<'_> {
         write!(f, "\r\nstatus rows read {rows}")?;
         write!(f, "\r\nstatus rows lost {rows_lost}")?;
         write!(f, "\r\nstatus rows failed {rows_failed}")?;
+        write!(f, "\r\nstatus rows late {rows_late}")?;
+        write!(f, "\r\nstatus sampling spread {sampling_spread} %")?;
         write!(f, "\r\nstatus row cycles {row_cycles}")?;
         write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
         write!(f, "\r\nstatus readings {}", self.readings)?;
@@ -130,6 +138,8 @@ mod tests {
             rows: u32::MAX,
             rows_lost: u32::MAX,
             rows_failed: u32::MAX,
+            rows_late: u32::MAX,
+            sampling_spread: u32::MAX,
             row_cycles: u32::MAX,
             slowest_row_cycles: u32::MAX,
             lines_dropped: u32::MAX,
