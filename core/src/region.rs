@@ -14,6 +14,12 @@ pub struct Region {
     last: u16,
 }
 
+impl Default for Region {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
 impl Region {
     /// All pixels, of any sensor.
     pub const ALL: Self = Self {

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use signal_hook::consts::SIGINT;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
 /// Whether somebody pressed Ctrl-C. Empty while Ctrl-C ends the program.
@@ -18,14 +18,17 @@ const ENDED_BY_INTERRUPT: i32 = 130;
 /// How often a keyboard that waits for a line looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Whether somebody pressed Ctrl-C since the first call. Pressed again, Ctrl-C ends the program at once.
+/// Whether somebody pressed Ctrl-C since the first call, or another program asked this one to end (SIGTERM).
+/// The second time, the program ends at once.
 pub fn watch_interrupts() -> bool {
     let pressed = INTERRUPTED.get_or_init(|| {
         let pressed = Arc::new(AtomicBool::new(false));
-        // In this order: the first press must not end the program. Without them, the first press does.
-        let ending = Arc::clone(&pressed);
-        _ = flag::register_conditional_shutdown(SIGINT, ENDED_BY_INTERRUPT, ending)
-            .and_then(|_| flag::register(SIGINT, Arc::clone(&pressed)));
+        for signal in [SIGINT, SIGTERM] {
+            // In this order: the first press must not end the program. Without them, the first press does.
+            let ending = Arc::clone(&pressed);
+            _ = flag::register_conditional_shutdown(signal, ENDED_BY_INTERRUPT, ending)
+                .and_then(|_| flag::register(signal, Arc::clone(&pressed)));
+        }
         pressed
     });
     pressed.load(Ordering::Relaxed)

@@ -8,6 +8,7 @@
 //! Distances are in millimetres where a person reads or writes them, in metres in computations.
 
 pub mod axes;
+pub mod demo;
 pub mod fit;
 pub mod keyboard;
 pub mod pc;
@@ -35,6 +36,8 @@ pub enum Command {
     #[command(subcommand)]
     Head(Head),
     // The help of each is that of its options.
+    #[expect(missing_docs)]
+    Demo(demo::DemoOptions),
     #[expect(missing_docs)]
     Monitor(sensor::MonitorOptions),
     #[expect(missing_docs)]
@@ -86,6 +89,10 @@ impl Command {
     ) -> anyhow::Result<ExitCode> {
         let command = match self {
             Self::Calibrate(command) => command,
+            Self::Demo(options) => {
+                demo::demo(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
             Self::Monitor(options) => {
                 sensor::monitor(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);

@@ -44,7 +44,7 @@ pub struct PlotOptions {
 pub struct Series {
     /// The times in seconds and the distances in millimetres.
     pub readings: Vec<(f64, f64)>,
-    /// The times of the faults, in seconds.
+    /// The times of the faults, in seconds. A held reading is one, too.
     pub faults: Vec<f64>,
     /// The longest run: distances in millimetres at an even rate.
     pub run: Vec<f64>,
@@ -123,7 +123,8 @@ impl Series {
             match (line.distance_mm, runs.last_mut()) {
                 (Some(mm), Some(run)) if line.kind == kind => run.push((time(line), mm)),
                 _ => {
-                    faults.extend((line.kind == Kind::Fault).then(|| time(line)));
+                    let is_fault = matches!(line.kind, Kind::Fault | Kind::Held);
+                    faults.extend(is_fault.then(|| time(line)));
                     runs.push(vec![]);
                 }
             }

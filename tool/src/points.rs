@@ -27,6 +27,8 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::{MAX_SLITS, SlitCentres, Slits};
 use slitrange::exposure::Exposure;
+use slitrange::peak::Peak;
+use slitrange::region::Region;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::{Setting, Value};
@@ -139,6 +141,10 @@ pub struct Setup {
     pub black_level: Option<BlackLevel>,
     /// What was before the sensor. Points that do not say it are those of one slit.
     pub slits: Slits,
+    /// The pixels in which the spot was searched. Points that do not say it are those of all pixels.
+    pub region: Region,
+    /// Which of several spots was measured. Points that do not say it are those of the strongest one.
+    pub peak: Peak,
 }
 
 /// The only head that there is a driver for.
@@ -471,7 +477,7 @@ impl ShapeColumns {
 
 impl Setup {
     /// Names and values of the comments that hold this setup.
-    pub fn comments(&self) -> [(&'static str, Option<String>); 5] {
+    pub fn comments(&self) -> [(&'static str, Option<String>); 7] {
         let black_level = self.black_level.map(black_level_words);
         let estimator = self.estimator.map(|estimator| estimator.name().to_owned());
         [
@@ -486,6 +492,23 @@ impl Setup {
                 "slits",
                 (self.slits != Slits::One).then(|| self.slits.name().to_owned()),
             ),
+            (
+                "region",
+                (self.region != Region::ALL).then(|| words(Value::Region(self.region))),
+            ),
+            (
+                "peak",
+                (self.peak != Peak::Strongest).then(|| self.peak.name().to_owned()),
+            ),
+        ]
+    }
+
+    /// The settings that points need not name: then they have the sensor's defaults.
+    pub fn unnamed(&self) -> [Value; 3] {
+        [
+            Value::Slits(self.slits),
+            Value::Region(self.region),
+            Value::Peak(self.peak),
         ]
     }
 
@@ -515,6 +538,15 @@ impl Setup {
             ["slits", name] => {
                 self.slits = Slits::named(name)
                     .with_context(|| format!("slits are one or comb, and not {name:?}"))?;
+            }
+            ["region", ref ends @ ..] if ends.len() <= 2 => match Setting::Region.read(ends) {
+                Ok(Value::Region(region)) => self.region = region,
+                _ => bail!("the region {:?} must be two pixels", ends.join(" ")),
+            },
+            ["peak", name] => {
+                self.peak = Peak::named(name).with_context(|| {
+                    format!("the peak is strongest, first or last, and not {name:?}")
+                })?;
             }
             ["head", head] => self.head = Some(head.to_owned()),
             _ => {}
@@ -547,8 +579,14 @@ pub fn estimator(name: &str) -> anyhow::Result<Estimator> {
 
 /// A black level in the words of the serial line.
 pub fn black_level_words(level: BlackLevel) -> String {
-    let line = Value::Black(level).to_string();
-    line.strip_prefix("black ").unwrap_or(&line).to_owned()
+    words(Value::Black(level))
+}
+
+/// A value of a setting in the words of the serial line, without the setting's name.
+fn words(value: Value) -> String {
+    let line = value.to_string();
+    let value = line.strip_prefix(value.setting().name());
+    value.unwrap_or(&line).trim_start().to_owned()
 }
 
 /// The black level in the words of the serial line: `shielded`, `frame`, `fixed N`.
@@ -589,7 +627,7 @@ mod tests {
                 serial_number: Some(42),
                 estimator: Some(Estimator::Adaptive),
                 black_level: Some(BlackLevel::Fixed(Counts::from_int(120))),
-                slits: Slits::One,
+                ..Setup::default()
             }
         );
         let point = |line, x_px, d_mm, sigma_px| Point {
@@ -735,6 +773,8 @@ mod tests {
                 estimator: Some(Estimator::Fraunhofer),
                 black_level: Some(black_level),
                 slits: Slits::Comb,
+                region: Region::new(1000, 3000).expect("a region"),
+                peak: Peak::Last,
             };
             let mut read = Setup::default();
             for (name, value) in setup.comments() {

@@ -16,6 +16,8 @@
 //! the rows with their words, and the sensor's own result of each row.
 
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -28,6 +30,9 @@ use slitrange::settings::{Settings, Value};
 
 /// The first line of every recording. The number changes if older programs cannot read the file.
 const FIRST_LINE: &str = "slitrange recording 1";
+
+/// The most bytes of text before the rows. The longest record takes 5 kB of it, and the settings less.
+const MAX_TEXT: usize = 65_536;
 
 /// What the measurement of the rows needs.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,17 +54,6 @@ pub struct Row {
     pub head: RowHead,
     /// The words of the read-out.
     pub words: Vec<u16>,
-}
-
-/// A recording.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Recording {
-    /// The sensor.
-    pub sensor: Sensor,
-    /// The rows, in their order.
-    pub rows: Vec<Row>,
-    /// Packets that are damaged. Their rows are missing.
-    pub damaged: usize,
 }
 
 /// Puts rows together from packets.
@@ -136,36 +130,94 @@ impl Writer {
     }
 }
 
-/// Reads a recording.
-///
-/// # Errors
-/// The file cannot be read, or is no recording. Damaged rows are no error: they are left out and counted.
-pub fn read(path: &Path) -> Result<Recording> {
-    let bytes =
-        std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    of_bytes(&bytes).with_context(|| format!("{} is no recording", path.display()))
+/// Reads a recording row by row, with the memory of a row, however long the file is.
+#[derive(Debug)]
+pub struct Reader<R> {
+    bytes: io::Bytes<BufReader<R>>,
+    decoder: Decoder,
+    rows: Rows,
+    sensor: Sensor,
+    damaged: u64,
 }
 
-fn of_bytes(bytes: &[u8]) -> Result<Recording> {
-    let (mut decoder, mut rows) = (Decoder::new(), Rows::default());
-    let (mut text, mut found, mut damaged) = (Vec::new(), Vec::new(), 0);
-    for &byte in bytes {
-        match decoder.take(byte) {
-            Some(Ok(packet)) => {
-                if let Message::Text(part) = packet.message {
-                    text.extend_from_slice(part);
+/// Opens a recording.
+///
+/// # Errors
+/// The file cannot be read, or is no recording.
+pub fn open(path: &Path) -> Result<Reader<File>> {
+    let file = File::open(path).with_context(|| format!("{} cannot be read", path.display()))?;
+    Reader::new(file).with_context(|| format!("{} is no recording", path.display()))
+}
+
+impl<R: Read> Reader<R> {
+    /// Reads what a recording begins with: the text before the rows.
+    ///
+    /// # Errors
+    /// The bytes cannot be read, or are no recording. A damaged packet ends the text, so what it had is
+    /// missing.
+    pub fn new(file: R) -> Result<Self> {
+        let mut bytes = BufReader::new(file).bytes();
+        let (mut decoder, mut rows) = (Decoder::new(), Rows::default());
+        let (mut text, mut damaged) = (Vec::new(), 0);
+        for byte in &mut bytes {
+            match decoder.take(byte?) {
+                Some(Ok(packet)) => match packet.message {
+                    Message::Text(part) if text.len() < MAX_TEXT => text.extend_from_slice(part),
+                    message => {
+                        // The head of a row, which cannot be whole yet.
+                        rows.take(message);
+                        break;
+                    }
+                },
+                Some(Err(_)) => {
+                    damaged += 1;
+                    break;
                 }
-                found.extend(rows.take(packet.message));
+                None => {}
             }
-            Some(Err(_)) => damaged += 1,
-            None => {}
         }
+        Ok(Self {
+            sensor: sensor(&String::from_utf8_lossy(&text))?,
+            bytes,
+            decoder,
+            rows,
+            damaged,
+        })
     }
-    Ok(Recording {
-        sensor: sensor(&String::from_utf8_lossy(&text))?,
-        rows: found,
-        damaged,
-    })
+
+    /// What the measurement of the rows needs.
+    pub const fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// The damaged packets so far. Their rows are missing.
+    pub const fn damaged(&self) -> u64 {
+        self.damaged
+    }
+}
+
+impl<R: Read> Iterator for Reader<R> {
+    type Item = io::Result<Row>;
+
+    /// The next whole row.
+    fn next(&mut self) -> Option<io::Result<Row>> {
+        for byte in &mut self.bytes {
+            let byte = match byte {
+                Ok(byte) => byte,
+                Err(error) => return Some(Err(error)),
+            };
+            match self.decoder.take(byte) {
+                Some(Ok(packet)) => {
+                    if let Some(row) = self.rows.take(packet.message) {
+                        return Some(Ok(row));
+                    }
+                }
+                Some(Err(_)) => self.damaged += 1,
+                None => {}
+            }
+        }
+        None
+    }
 }
 
 /// Reads the lines before the rows. Settings that this program does not know are left out: rows of newer

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use slitrange::comb::Comb;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
@@ -20,7 +20,7 @@ use slitrange::settings::Value;
 use slitrange::store::{Stored, configuration::Configuration};
 
 use crate::recording::{self, Row, Sensor};
-use crate::whole_file;
+use crate::whole_file::NewFile;
 
 /// Measure the rows of a recording once more, with the sensor's settings or others
 ///
@@ -124,47 +124,55 @@ impl Core {
 /// # Errors
 /// In sentences.
 pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCode> {
-    let recording = recording::read(&options.file)?;
-    let sensor = &recording.sensor;
+    let mut recording = recording::open(&options.file)?;
+    let mut core = Core::new(recording.sensor(), &options.set)?;
+    let mut table = options.csv.as_deref().map(NewFile::create).transpose()?;
+    if let Some(table) = &mut table {
+        let columns = "row,time_us,exposure_us,distance_mm,u_mm,r_mm,centre_px,fault";
+        writeln!(table, "{columns}").context("the table cannot be written")?;
+    }
+    let (mut rows, mut same, mut faults) = (0_u64, 0_u64, 0_u64);
+    let mut distances = Moments::default();
+    // Row by row: a recording may have more rows than fit into memory.
+    for row in &mut recording {
+        let row = row.with_context(|| format!("{} cannot be read", options.file.display()))?;
+        let result = core.measure(&row);
+        rows += 1;
+        same += u64::from(result == row.head.result);
+        let reading = core.reading(result);
+        match &reading {
+            Ok(reading) => distances.add(reading.distance.to_f64() / 1000.0),
+            Err(_) => faults += 1,
+        }
+        if let Some(table) = &mut table {
+            let line = line(&row, &reading);
+            (table.write_all(line.as_bytes())).context("the table cannot be written")?;
+        }
+    }
+    let (sensor, damaged) = (recording.sensor(), recording.damaged());
     writeln!(
         output,
-        "{} rows of {}, record {:08x}",
-        recording.rows.len(),
+        "{rows} rows of {}, record {:08x}",
         sensor.head,
         sensor.record.sum()
     )?;
-    if recording.damaged > 0 {
+    if damaged > 0 {
         writeln!(
             output,
-            "{} packets are damaged, and their rows are left out",
-            recording.damaged
+            "{damaged} packets are damaged, and their rows are left out"
         )?;
     }
-    ensure!(!recording.rows.is_empty(), "there is no row to measure");
-    let mut core = Core::new(sensor, &options.set)?;
-    let (mut same, mut faults, mut distances) = (0, 0, vec![]);
-    let mut table = String::from("row,time_us,exposure_us,distance_mm,u_mm,r_mm,centre_px,fault\n");
-    for row in &recording.rows {
-        let result = core.measure(row);
-        same += usize::from(result == row.head.result);
-        let reading = core.reading(result);
-        match &reading {
-            Ok(reading) => distances.push(reading.distance.to_f64() / 1000.0),
-            Err(_) => faults += 1,
-        }
-        table += &line(row, &reading);
-    }
-    let rows = recording.rows.len();
-    if let (Some(mean), Some(deviation)) = (mean(&distances), deviation(&distances)) {
+    ensure!(rows > 0, "there is no row to measure");
+    if let Some(deviation) = distances.deviation() {
+        let Moments { count, mean, .. } = distances;
         writeln!(
             output,
-            "{} distances: mean {mean:.4} mm, standard deviation {deviation:.4} mm",
-            distances.len()
+            "{count} distances: mean {mean:.4} mm, standard deviation {deviation:.4} mm"
         )?;
     }
     writeln!(output, "{faults} faults")?;
-    if let Some(path) = &options.csv {
-        whole_file::write(path, table.as_bytes())?;
+    if let (Some(table), Some(path)) = (table, &options.csv) {
+        table.finish()?;
         writeln!(output, "written to {}", path.display())?;
     }
     if !options.set.is_empty() {
@@ -206,13 +214,43 @@ fn line(row: &Row, reading: &Result<Reading, Fault>) -> String {
     line + "\n"
 }
 
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+/// Mean and scatter of values that come one after the other (Welford's method).
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    count: u64,
+    mean: f64,
+    /// The sum of the squares of the differences from the mean.
+    squares: f64,
 }
 
-/// The standard deviation of a sample.
-fn deviation(values: &[f64]) -> Option<f64> {
-    let mean = mean(values)?;
-    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-    (values.len() > 1).then(|| (squares / (values.len() - 1) as f64).sqrt())
+impl Moments {
+    fn add(&mut self, value: f64) {
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.squares += before * (value - self.mean);
+    }
+
+    /// The standard deviation of a sample. `None` of fewer than two values.
+    fn deviation(&self) -> Option<f64> {
+        (self.count > 1).then(|| (self.squares / (self.count - 1) as f64).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_those_of_all_values() {
+        let mut moments = Moments::default();
+        assert_eq!(moments.deviation(), None);
+        // 1, 2, 3 and 4: squares of 2.25, 0.25, 0.25 and 2.25.
+        for value in 1..=4 {
+            moments.add(f64::from(value));
+        }
+        assert_eq!(moments.mean, 2.5);
+        let deviation = moments.deviation().expect("four values");
+        assert!((deviation - (5.0_f64 / 3.0).sqrt()).abs() < 1e-12);
+    }
 }

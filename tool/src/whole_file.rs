@@ -1,7 +1,7 @@
 //! Files that are written whole: whatever happens, there is the old one or the new one.
 
 use std::fs::File;
-use std::io::Write as _;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -17,25 +17,74 @@ pub fn output(name: &str) -> Result<PathBuf, String> {
     }
 }
 
+/// A file that has another name, in the same directory, until it is whole. Unless it is finished, it is
+/// removed.
+#[derive(Debug)]
+pub struct NewFile {
+    path: PathBuf,
+    other: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl NewFile {
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// The system's; the file of this name is as it was.
+    pub fn create(path: &Path) -> Result<Self> {
+        let name = path
+            .file_name()
+            .with_context(|| format!("{} is no file's name", path.display()))?;
+        let mut other = name.to_owned();
+        other.push(".new");
+        let other = path.with_file_name(other);
+        let file = File::create(&other)
+            .with_context(|| format!("{} cannot be written", path.display()))?;
+        Ok(Self {
+            path: path.to_owned(),
+            other,
+            file: BufWriter::new(file),
+        })
+    }
+
+    /// Puts the bytes on the disk, and then gives the file its name.
+    ///
+    /// # Errors
+    /// The system's; the file of this name is as it was.
+    pub fn finish(mut self) -> Result<()> {
+        let written = (self.file.flush())
+            .and_then(|()| self.file.get_ref().sync_all())
+            .and_then(|()| std::fs::rename(&self.other, &self.path))
+            .and_then(|()| sync_directory(&self.path));
+        written.with_context(|| format!("{} cannot be written", self.path.display()))
+    }
+}
+
+impl Write for NewFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for NewFile {
+    fn drop(&mut self) {
+        // A finished file has another name. If this fails, nobody can help.
+        let _ = std::fs::remove_file(&self.other);
+    }
+}
+
 /// Writes a file's bytes to the disk under another name, in the same directory, and then gives it the file's.
 ///
 /// # Errors
 /// The system's; the file is as it was.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let name = path
-        .file_name()
-        .with_context(|| format!("{} is no file's name", path.display()))?;
-    let mut other = name.to_owned();
-    other.push(".new");
-    let other = path.with_file_name(other);
-    let written = File::create(&other)
-        .and_then(|mut file| {
-            file.write_all(bytes)?;
-            file.sync_all()
-        })
-        .and_then(|()| std::fs::rename(&other, path))
-        .and_then(|()| sync_directory(path));
-    written.with_context(|| format!("{} cannot be written", path.display()))
+    let mut file = NewFile::create(path)?;
+    (file.write_all(bytes)).with_context(|| format!("{} cannot be written", path.display()))?;
+    file.finish()
 }
 
 /// A new name is on the disk when its directory is.

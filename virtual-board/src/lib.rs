@@ -54,7 +54,7 @@ pub use flash::SharedFlash;
 
 pub use run::{Statistics, VirtualBoard};
 pub use sensor_head::{Exposure, FULL_SCALE, LightSource, PIXELS, Row, SensorHead, Violation};
-pub use serial_line::Line;
+pub use serial_line::{Arrival, Line};
 
 /// Nanoseconds of virtual time, counted from power-on.
 pub type Nanos = u64;

@@ -21,7 +21,7 @@ use crate::hang::{self, Detour, Detours};
 use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
-use crate::serial_line::{Line, SerialLine};
+use crate::serial_line::{Arrival, Line, SerialLine};
 use crate::trace::{self, Call, Executed};
 use crate::watched_core::{Code, Watched};
 use crate::{Nanos, Violation};
@@ -330,6 +330,33 @@ impl VirtualBoard {
                 per_million: framing,
             };
         })
+    }
+
+    /// Lets the firmware's receiver take these bytes, one every 100 us, while the board runs. The line must
+    /// have 115200 baud, and no other byte may wait.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::run_for`].
+    pub fn arrive(&mut self, arrivals: &[Arrival]) -> Result<()> {
+        for arrival in arrivals {
+            let has_stop_bit = arrival.has_stop_bit;
+            let flipped = self.on_emulator(move |session, _, _| {
+                let errors = session.board_mut().processor.part.usart[SERIAL_PORT].errors_mut();
+                errors.framing = Rate {
+                    name: "framing",
+                    per_million: if has_stop_bit { 0 } else { Rate::EVERY_WORD },
+                };
+                // The emulator flips bits of a byte with a framing error: those that it would flip next.
+                let mut next = *errors;
+                next.next(u8::BITS).flipped
+            })?;
+            let [flipped, _] = flipped.to_le_bytes();
+            // Later than now: the far end is asked for bytes at the next stop.
+            self.send_at(self.now() + 1, &[arrival.byte ^ flipped]);
+            self.run_for(Duration::from_micros(100))?;
+        }
+        self.garble_serial_line(0, 0, 1)
     }
 
     /// Shows the sensor `light` from the next read-out on.

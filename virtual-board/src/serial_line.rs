@@ -25,6 +25,15 @@ impl fmt::Display for Line {
     }
 }
 
+/// A byte as the firmware's receiver takes it. A break is the byte 0 without a stop bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// The byte.
+    pub byte: u8,
+    /// Without a stop bit, the receiver reports a framing error.
+    pub has_stop_bit: bool,
+}
+
 /// The far end of the line.
 #[derive(Debug, Default)]
 pub struct SerialLine {

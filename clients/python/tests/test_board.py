@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 import slitrange
-from slitrange import Centre, Fault, Geometry, Reading, Sensor
+from slitrange import Centre, Fault, Geometry, Reading, Sensor, packets
 
 
 @pytest.fixture
@@ -186,3 +186,46 @@ def test_the_port_is_held_for_one_program(sensor: Sensor, virtual_board: str) ->
 def test_save_writes_the_settings(sensor: Sensor) -> None:
     sensor.save()
     assert sensor.get("rows") == "16"
+
+
+def test_packets_hold_what_lines_hold(virtual_board: str) -> None:
+    with slitrange.open(virtual_board) as sensor:
+        line = sensor.read()
+        assert isinstance(line, Reading)
+        results, windows = [], []
+        for message in sensor.packets("window", baud=921600):
+            if isinstance(message, packets.Result):
+                results.append(message)
+            elif isinstance(message, packets.Window):
+                windows.append(message)
+            if len(windows) == 5:
+                break
+        for result, window in zip(results, windows, strict=True):
+            assert result.counter == window.counter
+            # Six widths of 8.6 px to both sides.
+            assert len(window.counts) == pytest.approx(104, abs=4)
+            reading = result.result
+            assert isinstance(reading, Reading)
+            assert reading.distance_mm == pytest.approx(line.distance_mm, abs=0.02)
+            assert reading.u_mm == pytest.approx(line.u_mm, rel=0.01)
+            assert (reading.rows, reading.flags, reading.estimator) == (16, "g", "adaptive")
+            assert window.first < reading.centre_px < window.first + len(window.counts)
+        # Readings come as lines again.
+        assert isinstance(next(iter(sensor)), Reading)
+    came = raw_answer(virtual_board, b"\x15\rformat\rpixels\rbaud\rstream\r", b"stream o")
+    for found in (b"format text\r\n", b"pixels none\r\n", b"baud 115200\r\n", b"stream on"):
+        assert found in came
+
+
+def test_whole_rows_have_the_centre_that_the_sensor_found(sensor: Sensor) -> None:
+    found = []
+    for head, words in packets.rows(sensor.packets("rows", baud=921600)):
+        found.append((head, words))
+        if len(found) == 3:
+            break
+    for head, words in found:
+        assert len(words) == head.words == 3694
+        assert isinstance(head.centre, Centre)
+        here = slitrange.centres(words, geometry=slitrange.TCD1304DG)
+        assert here.centre_px[0] == head.centre.centre_px
+        assert here.u_px[0] == head.centre.u_px

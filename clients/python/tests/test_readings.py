@@ -23,7 +23,7 @@ READING = Reading(
 def test_a_reading_has_all_that_its_line_says() -> None:
     assert readings.result(LINE) == READING
     assert str(READING) == LINE
-    line = LINE.replace("16/16", "15/16") + " t 187 k 16 m 3 c 4 g s"
+    line = LINE.replace("16/16", "15/16") + " t 187 k 16 m 3 c 4 h 2 g s"
     flagged = replace(
         READING,
         rows_used=15,
@@ -33,10 +33,11 @@ def test_a_reading_has_all_that_its_line_says() -> None:
         independent_rows=4,
         is_nominal=True,
         has_other_settings=True,
+        held=2,
         line=line,
     )
     assert readings.result(line) == flagged
-    assert (READING.flags, flagged.flags) == ("", "mcgs")
+    assert (READING.flags, flagged.flags) == ("", "mchgs")
 
 
 def test_a_difference_may_be_negative() -> None:
@@ -47,9 +48,9 @@ def test_a_difference_may_be_negative() -> None:
 
 
 def test_later_firmware_may_say_more() -> None:
-    line = f"# 1234 @ 12345678 {LINE} w 8.5988 q 17 -3.5 h 9 y"
+    line = f"# 1234 @ 12345678 {LINE} w 8.5988 q 17 -3.5 j 9 y"
     stamped = replace(
-        READING, counter=1234, time_us=12345678, width_px=8.5988, unknown="q 17 -3.5 h 9 y", line=line
+        READING, counter=1234, time_us=12345678, width_px=8.5988, unknown="q 17 -3.5 j 9 y", line=line
     )
     assert readings.result(line) == stamped
     for start, counter, time_us in (("# 5 ", 5, None), ("@ 6 ", None, 6)):
@@ -211,7 +212,7 @@ def test_no_spoilt_row_is_taken() -> None:
 def test_no_noise_on_the_line_raises() -> None:
     source = random.Random(1)
     lines = [
-        LINE + " t 187 k 16 m 3 c 4 g s",
+        LINE + " t 187 k 16 m 3 c 4 h 2 g s",
         f"# 1234 @ 12345678 {LINE}",
         "f too dim: 35.2 counts, needs 60.1",
         "(more laser power)",

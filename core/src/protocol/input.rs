@@ -40,6 +40,8 @@ pub type Echo = Text<3>;
 const BACKSPACE: u8 = 0x08;
 const DELETE: u8 = 0x7F;
 const ESCAPE: u8 = 0x1B;
+/// A receiver takes a break for this byte without a stop bit.
+const BREAK: u8 = 0;
 /// Ctrl-C and Ctrl-U.
 const CANCEL: [u8; 2] = [0x03, 0x15];
 
@@ -105,8 +107,12 @@ impl Input {
     ///
     /// A line ends with CR, LF or both. If both come, the second one ends an empty line, which is
     /// [`Command::Nothing`]. A line longer than [`MAX_LINE`] gives one error, as soon as it is too long; the
-    /// rest of the line is skipped.
+    /// rest of the line is skipped. A break before a line is ignored: it comes when a PC opens or plugs a
+    /// port. A break within a line spoils the line.
     pub fn take(&mut self, byte: u8) -> Option<Result<Command, Error>> {
+        if byte == BREAK && self.is_empty() {
+            return None;
+        }
         if matches!(byte, b'\r' | b'\n') {
             let command = (!self.skipping).then(|| parse(&self.line));
             *self = Self::new();
@@ -188,6 +194,15 @@ mod tests {
         let (shown, commands) = typed(&bytes);
         assert_eq!(commands, [Err(Error::TooLong), Ok(Command::Help)]);
         assert_eq!(shown.matches('x').count(), MAX_LINE + 1);
+    }
+
+    #[test]
+    fn a_break_is_ignored_before_a_line_and_spoils_it_within() {
+        let two = [Ok(Command::Help), Ok(Command::Info)];
+        assert_eq!(all(b"\0\0help\r\n\0\r\n\0info\r\n"), two);
+        let spoilt = [Err(Error::NotText), Ok(Command::Info)];
+        assert_eq!(all(b"he\0lp\r\n\0info\r\n"), spoilt);
+        assert_eq!(all(b"help\0\r\ninfo\r\n"), spoilt);
     }
 
     #[test]

@@ -296,24 +296,32 @@ impl<'a> Line<'a> {
         set.map_err(|error| self.gone(error))
     }
 
-    /// Brings a sensor back to text at the rate of every start, whichever rate and format it has. The port
-    /// has that rate afterwards.
+    /// Brings a sensor back to text at the rate of every start, whichever rate and format it has, and gives
+    /// whether readings stream. The port has that rate afterwards.
     ///
     /// # Errors
-    /// The port stopped working.
-    pub fn wake(&mut self) -> Result<(), LineError> {
+    /// Nobody answers.
+    pub fn wake(&mut self) -> Result<bool, LineError> {
         let text = Command::Set(Value::Format(Format::Text));
         let slow = Command::Set(Value::Baud(Baud::default()));
-        for baud in Baud::ALL.into_iter().rev() {
-            self.set_baud(baud)?;
-            self.tell(&format!("\x15\r{text}\r{slow}"))?;
-            // The bytes must have left before the rate changes.
-            self.pc.sleep(WAKE);
+        let mut tries = 0;
+        loop {
+            for baud in Baud::ALL.into_iter().rev() {
+                self.set_baud(baud)?;
+                self.tell(&format!("\x15\r{text}\r{slow}"))?;
+                // The bytes must have left before the rate changes.
+                self.pc.sleep(WAKE);
+            }
+            let until = self.pc.now() + WAKE;
+            while self.bytes(&mut [0; 4096], WAKE)? > 0 && self.pc.now() < until {}
+            self.received.clear();
+            tries += 1;
+            match self.synchronise_once() {
+                // Above 115200 baud a byte to the sensor may be lost.
+                Err(LineError::Silent { .. }) if tries < TRIES => {}
+                answer => return answer,
+            }
         }
-        let until = self.pc.now() + WAKE;
-        while self.bytes(&mut [0; 4096], WAKE)? > 0 && self.pc.now() < until {}
-        self.received.clear();
-        Ok(())
     }
 
     /// Leaves behind whatever was said before, and gives whether readings stream.

@@ -9,13 +9,15 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
+use slitrange::output::columns::Column;
+use slitrange::settings::{Setting, Value};
 
 use self::recording::Recording;
 use self::statistics::Statistics;
 use self::view::{View, details};
 use super::line::LineError;
 use super::port::PortOption;
-use super::session::{Away, Session};
+use super::session::{Link, Session};
 use super::stream::{FrameResult, frame_result};
 use crate::pc::Pc;
 use crate::screen::{Key, Screen};
@@ -43,13 +45,15 @@ const PROGRESS: Duration = Duration::from_secs(10);
 /// Show the readings as they come, and record them
 ///
 /// At a terminal: a live view with the distance, its trend and statistics. q or Ctrl-C ends it. Into a pipe,
-/// and with --plain: a line for each reading. The sensor is left as it was found.
+/// and with --plain: a line for each reading. The sensor is left as it was found. If the setting `output` has
+/// no distance, `monitor` adds it until its end.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "\
 The columns of FILE are: time_s (since the start, by the PC's clock), kind (reading, difference: a distance
-relative to `zero`, fault, gap: the sensor went away), number and sensor_us (with the columns counter and time
-of the setting `output`), distance_mm, u_mm, r_mm, centre_px, height_counts, width_px, rows_used, rows,
-exposure_us (empty: the longest exposure), slits, flags, fault. What the sensor does not send is empty.
+relative to `zero`, fault, held: a fault with an earlier distance in its place, gap: the sensor went away),
+number and sensor_us (with the columns counter and time of the setting `output`), distance_mm, u_mm, r_mm,
+centre_px, height_counts, width_px, rows_used, rows, exposure_us (empty: the longest exposure), slits, flags,
+fault. What the sensor does not send is empty.
 
 Examples:
   slitrange monitor
@@ -73,16 +77,13 @@ pub struct MonitorOptions {
     pub seconds: Option<f64>,
 }
 
-/// The sensor, or what is needed to find it again.
-enum Link<'a> {
-    There(Session<'a>),
-    Gone(Away<'a>, String),
-}
-
 /// The readings so far, and how they came.
 struct Monitor<'a> {
     options: &'a MonitorOptions,
     pc: &'a dyn Pc,
+    /// The sensor head and its port.
+    sensor: String,
+    /// The same, and what `monitor` changed for its time.
     title: String,
     began: Duration,
     statistics: Statistics,
@@ -107,11 +108,13 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
     pc.interrupted();
     let began = pc.now();
     let session = options.port.open(pc)?;
+    let sensor = format!("{} at {}", session.head(), session.port());
     let recording = options.csv.as_deref().map(Recording::create).transpose()?;
     let mut monitor = Monitor {
         options,
         pc,
-        title: format!("{} at {}", session.head(), session.port()),
+        title: sensor.clone(),
+        sensor,
         began,
         statistics: Statistics::default(),
         latest: None,
@@ -125,9 +128,6 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         true => None,
         false => pc.screen()?,
     };
-    if screen.is_none() {
-        writeln!(output, "sensor {}", monitor.title)?;
-    }
     let ended = monitor.run(session, &mut screen, output);
     drop(screen);
     match ended {
@@ -151,15 +151,18 @@ impl<'a> Monitor<'a> {
         output: &mut dyn Write,
     ) -> Result<()> {
         let mut link = self.start(session);
+        if screen.is_none() {
+            writeln!(output, "sensor {}", self.title)?;
+        }
         let (mut drawn, mut progress, mut asked) = (None, self.pc.now(), self.pc.now());
         while !self.is_done() {
             link = match link {
                 Link::There(session) => self.listen(session, screen.is_none(), output)?,
                 Link::Gone(away, _) => match away.find_again() {
-                    Ok(session) => self.start(session),
-                    Err((away, error)) => {
+                    Link::There(session) => self.start(session),
+                    gone => {
                         self.pc.sleep(TICK);
-                        Link::Gone(away, error.to_string())
+                        gone
                     }
                 },
             };
@@ -197,7 +200,7 @@ impl<'a> Monitor<'a> {
     /// Has the sensor stream.
     fn start(&mut self, mut session: Session<'a>) -> Link<'a> {
         self.heard = self.pc.now();
-        let lost = session.losses();
+        let lost = self.prepare(&mut session);
         match lost.and_then(|lost| session.stream().map(|()| lost)) {
             Ok(lost) => {
                 // A sensor that started anew counts from zero.
@@ -209,6 +212,26 @@ impl<'a> Monitor<'a> {
             }
             Err(error) => Link::Gone(session.leave(), error.to_string()),
         }
+    }
+
+    /// Asks for what `monitor` must know, and sets the columns that it needs. Gives the rows lost and lines
+    /// dropped.
+    fn prepare(&mut self, session: &mut Session<'_>) -> Result<(u32, u32), LineError> {
+        // Earlier firmware has neither setting, sends every result, and sends all columns.
+        let mut value = |setting| match session.value(setting) {
+            Ok(value) => Ok(Some(value)),
+            Err(LineError::Refused { .. }) => Ok(None),
+            Err(error) => Err(error),
+        };
+        let (rate, output) = (value(Setting::Rate)?, value(Setting::Output)?);
+        self.statistics.leaves_out = rate.is_some_and(|rate| rate != Value::Rate(0));
+        if let Some(Value::Output(columns)) = output
+            && !columns.has(Column::Distance)
+        {
+            session.borrow(Value::Output(columns.with(Column::Distance)))?;
+            self.title = format!("{}; `output` also has `distance` for now", self.sensor);
+        }
+        session.losses()
     }
 
     fn note_losses(&mut self, lost: (u32, u32)) {

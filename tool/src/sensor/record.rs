@@ -7,14 +7,12 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use slitrange::ambient::AmbientMode;
-use slitrange::protocol::command::Command;
-use slitrange::protocol::flat::Flat;
 use slitrange::protocol::packet::Decoder;
-use slitrange::sending::{Baud, Format, PixelStream};
+use slitrange::sending::{Baud, PixelStream};
 use slitrange::settings::{Setting, Settings, Value};
 
 use super::answers;
-use super::line::ANSWER;
+use super::line::{ANSWER, LineError};
 use super::port::PortOption;
 use super::session::Session;
 use super::transfer::record_in_use;
@@ -25,11 +23,17 @@ use crate::recording::{Rows, Sensor, Writer};
 /// the clock on the wall.
 const PATIENCE: Duration = Duration::from_secs(10);
 
+/// After so much time without a packet, the command for packets is sent again.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// How long to wait for bytes before Ctrl-C is looked for.
+const TICK: Duration = Duration::from_millis(100);
+
 /// Record whole rows, for `slitrange replay`
 ///
 /// The sensor sends rows as fast as the line takes them, about 15 a second at 921600 baud, each with its own
 /// result. The file holds the rows, the results, the settings and the calibration. The sensor is recorded
-/// with `ambient off` and `flat off`, and has its own settings again afterwards.
+/// with `ambient off` and `flat off`, and has its own settings again afterwards. Ctrl-C ends the recording.
 #[derive(Clone, Debug, clap::Args)]
 pub struct RecordOptions {
     #[command(flatten)]
@@ -58,21 +62,15 @@ fn baud(word: &str) -> Result<u32> {
 /// In sentences. The rows that came before are in the file.
 pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     ensure!(options.rows > 0, "--rows 0: there is nothing to record");
+    // From now on, Ctrl-C ends the recording in order.
+    pc.interrupted();
     let mut session = options.port.open(pc)?;
     let name = options.file.display();
     let file = File::create_new(&options.file)
         .with_context(|| format!("{name} cannot be written as a new file"))?;
-    let flat = Flat::Use(false).to_string();
-    let has_map = (session.line()).ask("flat", ANSWER, answers::flat)?;
-    let is_map_on = has_map.first().is_some_and(|line| line == "flat on");
-    let ambient = session.value(Setting::Ambient)?;
     // A row is recorded as it was read, and both would need rows or a map that the file does not have.
-    if is_map_on {
-        (session.line()).ask(&flat, ANSWER, |lines| {
-            (lines.last()? == &flat).then_some(())
-        })?;
-    }
-    session.set(Command::Set(Value::Ambient(AmbientMode::Off)))?;
+    session.borrow_without_map()?;
+    session.borrow(Value::Ambient(AmbientMode::Off))?;
     let sensor = sensor(&mut session)?;
     let mut file = BufWriter::new(file);
     let mut writer = Writer::default();
@@ -87,17 +85,13 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
         |row| Ok(file.write_all(&writer.row(row))?),
         output,
     );
-    session.line().wake()?;
-    session.line().synchronise()?;
-    session.set(Command::Set(Value::Pixels(PixelStream::None)))?;
-    session.set(Command::Set(Value::Stream(false)))?;
-    session.set(Command::Set(ambient))?;
-    if is_map_on {
-        let on = Flat::Use(true).to_string();
-        (session.line()).ask(&on, ANSWER, |lines| (lines.last()? == &on).then_some(()))?;
-    }
     file.flush()?;
+    // The sensor has its own settings again before anything is said.
+    drop(session);
     let (rows, skipped) = recorded?;
+    if rows < options.rows {
+        write!(output, "ended by Ctrl-C: ")?;
+    }
     writeln!(
         output,
         "{rows} rows written to {name}; the line was too slow for {skipped} rows between them"
@@ -110,7 +104,12 @@ fn sensor(session: &mut Session<'_>) -> Result<Sensor> {
     let record = record_in_use(session)?;
     let mut settings = Settings::default();
     for &setting in Setting::ALL {
-        settings.set(session.value(setting)?);
+        match session.value(setting) {
+            Ok(value) => settings.set(value),
+            // Earlier firmware has fewer settings.
+            Err(LineError::Refused { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
     }
     let lines = session.line().ask("calibration", ANSWER, |lines| {
         answers::in_use(lines).map(|_| lines.to_vec())
@@ -123,7 +122,8 @@ fn sensor(session: &mut Session<'_>) -> Result<Sensor> {
     })
 }
 
-/// Takes rows until there are enough. Gives their number, and how many rows the sensor read between them.
+/// Takes rows until there are enough, or somebody presses Ctrl-C. Gives their number, and how many rows the
+/// sensor read between them.
 fn take_rows(
     session: &mut Session<'_>,
     baud: Baud,
@@ -131,31 +131,36 @@ fn take_rows(
     mut write: impl FnMut(&crate::recording::Row) -> Result<()>,
     output: &mut dyn Write,
 ) -> Result<(u32, u64)> {
-    session.set(Command::Set(Value::Pixels(PixelStream::Rows)))?;
-    session.set(Command::Set(Value::Stream(true)))?;
-    session.set(Command::Set(Value::Baud(baud)))?;
-    let line = session.line();
-    line.set_baud(baud)?;
-    let binary = Command::Set(Value::Format(Format::Binary)).to_string();
-    line.tell(&binary)?;
-    let pc = line.pc();
+    session.borrow(Value::Pixels(PixelStream::Rows))?;
+    session.stream()?;
+    session.send_packets(baud)?;
+    let pc = session.line().pc();
     let (mut decoder, mut rows) = (Decoder::new(), Rows::default());
     let (mut count, mut between, mut before) = (0, 0, None::<u32>);
     let mut until = pc.now() + PATIENCE;
+    let mut again = Some(pc.now() + AGAIN);
     let mut bytes = [0; 4096];
     loop {
-        let got = line.bytes(&mut bytes, until.saturating_sub(pc.now()))?;
+        let got = session.line().bytes(&mut bytes, TICK)?;
+        if pc.interrupted() {
+            return Ok((count, between));
+        }
         ensure!(
             pc.now() < until,
             "no whole row came for {} s: {count} of {wanted} rows are in the file. Try a lower --baud, or \
              check the cable",
             PATIENCE.as_secs()
         );
+        if again.is_some_and(|again| pc.now() >= again) {
+            session.ask_for_packets()?;
+            again = Some(pc.now() + AGAIN);
+        }
         for &byte in bytes.iter().take(got) {
             // A damaged packet costs its row, and the number of the next row shows it.
             let Some(Ok(packet)) = decoder.take(byte) else {
                 continue;
             };
+            again = None;
             let Some(row) = rows.take(packet.message) else {
                 continue;
             };

@@ -9,7 +9,9 @@ use slitrange::centre::Estimator;
 use slitrange::comb::Slits;
 use slitrange::exposure::Exposure;
 use slitrange::frame::MAX_ROWS;
+use slitrange::peak::Peak;
 use slitrange::protocol::command::Command;
+use slitrange::region::Region;
 use slitrange::settings::{Setting, Value};
 use time::OffsetDateTime;
 
@@ -199,6 +201,14 @@ fn list(distances: &[f64]) -> String {
 /// Asks a sensor for its setup.
 fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     let record = session.calibration()?.record;
+    // Earlier firmware has no such settings: then the sensor is set as by default.
+    let mut value = |setting| match session.value(setting) {
+        Ok(value) => Ok(Some(value)),
+        Err(LineError::Refused { .. }) => Ok(None),
+        Err(error) => Err(error),
+    };
+    let slits = value(Setting::Slits)?;
+    let (region, peak) = (value(Setting::Region)?, value(Setting::Peak)?);
     Ok(Setup {
         head: Some(session.head().to_owned()),
         serial_number: Some(record.map_or(0, |record| record.serial_number)),
@@ -210,11 +220,17 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
             Value::Black(level) => Some(level),
             _ => None,
         },
-        slits: match session.value(Setting::Slits) {
-            Ok(Value::Slits(slits)) => slits,
-            // Earlier firmware has no such setting, and one slit.
-            Ok(_) | Err(LineError::Refused { .. }) => Slits::One,
-            Err(error) => return Err(error),
+        slits: match slits {
+            Some(Value::Slits(slits)) => slits,
+            _ => Slits::One,
+        },
+        region: match region {
+            Some(Value::Region(region)) => region,
+            _ => Region::ALL,
+        },
+        peak: match peak {
+            Some(Value::Peak(peak)) => peak,
+            _ => Peak::Strongest,
         },
     })
 }
@@ -222,11 +238,12 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
 /// The settings that points are taken with.
 fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
     let estimator = setup.estimator.map(Value::Estimator);
-    let slits = Some(setup.slits).filter(|slits| *slits != Slits::One);
+    let default = Setup::default().unnamed();
+    let others = setup.unnamed().into_iter();
     estimator
         .into_iter()
         .chain(setup.black_level.map(Value::Black))
-        .chain(slits.map(Value::Slits))
+        .chain(others.filter(move |value| !default.contains(value)))
 }
 
 /// How a walk ended that nothing went wrong with.
@@ -441,12 +458,10 @@ impl Walk<'_> {
             "another sensor is at {} now",
             self.session.port()
         );
-        for value in settings(&self.setup) {
+        let is_other = |value: &Value| !now.unnamed().contains(value);
+        let others = self.setup.unnamed().into_iter().filter(is_other);
+        for value in settings(&self.setup).chain(others) {
             self.session.set(Command::Set(value))?;
-        }
-        if now.slits != self.setup.slits {
-            self.session
-                .set(Command::Set(Value::Slits(self.setup.slits)))?;
         }
         self.session.borrow_rows(MAX_ROWS as u16)?;
         writeln!(self.output, "the sensor is back, and set as it was")?;

@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use slitrange::protocol::command::{Command, parse};
+use slitrange::protocol::flat::Flat;
+use slitrange::sending::{Baud, Format};
 use slitrange::settings::{Setting, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
@@ -18,10 +20,11 @@ pub struct Session<'a> {
     line: Line<'a>,
     head: String,
     before: Before,
-    /// Whether the sensor echoed what is typed. An echoed command looks like its answer.
-    echoed: bool,
+    borrowed: Borrowed,
     /// Whether readings stream in the session.
     streams: bool,
+    /// Whether the sensor may send packets, or have another rate than 115200 baud.
+    is_binary: bool,
 }
 
 /// A sensor that went away. What is put back at the end is not forgotten.
@@ -29,14 +32,12 @@ pub struct Away<'a> {
     pc: &'a dyn Pc,
     port: String,
     before: Before,
+    borrowed: Borrowed,
 }
 
 impl<'a> Away<'a> {
     /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers.
-    ///
-    /// # Errors
-    /// Nobody answers.
-    pub fn find_again(self) -> Result<Session<'a>, (Self, LineError)> {
+    pub fn find_again(self) -> Link<'a> {
         let answers = Line::open(self.pc, &self.port).and_then(|mut line| line.answers());
         let opened = match answers {
             Ok(_) | Err(LineError::Restarted { .. }) => Session::open(self.pc, &self.port),
@@ -44,21 +45,41 @@ impl<'a> Away<'a> {
         };
         match opened {
             Ok(mut session) => {
-                session.before = self.before;
-                Ok(session)
+                (session.before, session.borrowed) = (self.before, self.borrowed);
+                Link::There(session)
             }
-            Err(error) => Err((self, error)),
+            Err(error) => Link::Gone(self, error.to_string()),
         }
     }
 }
 
-/// What is put back.
+/// A sensor for a view that goes on after the cable was out: the sensor, or what is needed to find it again
+/// and why it went away.
+pub enum Link<'a> {
+    /// It answers.
+    There(Session<'a>),
+    /// It does not.
+    Gone(Away<'a>, String),
+}
+
+/// Rows and stream, as they are put back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Before {
     /// Whether readings streamed.
     pub streamed: bool,
     /// The rows in a frame; none where they are not changed.
     pub rows: Option<u16>,
+}
+
+/// What else is put back.
+#[derive(Clone, Debug, Default)]
+struct Borrowed {
+    /// The sensor echoed what is typed. An echoed command looks like its answer.
+    echo: bool,
+    /// Rows were corrected with the map of the pixels.
+    map: bool,
+    /// The settings that the session changed, with the values that they had.
+    values: Vec<Value>,
 }
 
 impl<'a> Session<'a> {
@@ -68,15 +89,15 @@ impl<'a> Session<'a> {
     /// The port cannot be opened, or what answers there is no sensor.
     pub fn open(pc: &'a dyn Pc, port: &str) -> Result<Self, LineError> {
         let mut line = Line::open(pc, port)?;
-        let streamed = match line.synchronise_once() {
+        let answer = match line.synchronise_once() {
             // It may speak packets, or have another rate.
-            Err(LineError::Silent { .. }) => {
-                line.wake()?;
-                line.synchronise()
-            }
-            // It may have got its power with the port.
+            Err(LineError::Silent { .. }) => line.wake(),
+            answer => answer,
+        };
+        let streamed = match answer {
+            // It may have got its power with the port, or a moment ago.
             Err(LineError::Restarted { .. }) => line.synchronise(),
-            synchronised => synchronised,
+            answer => answer,
         }?;
         let mut session = Self {
             line,
@@ -85,10 +106,16 @@ impl<'a> Session<'a> {
                 streamed,
                 rows: None,
             },
-            echoed: false,
+            borrowed: Borrowed::default(),
             streams: streamed,
+            is_binary: false,
         };
         session.stop_echo()?;
+        match session.borrow(Value::Format(Format::Text)) {
+            // Earlier firmware has text only.
+            Ok(()) | Err(LineError::Refused { .. }) => {}
+            Err(error) => return Err(error),
+        }
         session.set(Command::Set(Value::Stream(false)))?;
         session.streams = false;
         let info = Command::Info.to_string();
@@ -99,12 +126,12 @@ impl<'a> Session<'a> {
     /// Switches the echo off for as long as the session lasts.
     fn stop_echo(&mut self) -> Result<(), LineError> {
         match self.value(Setting::Echo) {
-            Ok(value) => self.echoed = value == Value::Echo(true),
+            Ok(value) => self.borrowed.echo = value == Value::Echo(true),
             // Earlier firmware has no echo.
             Err(LineError::Refused { .. }) => {}
             Err(error) => return Err(error),
         }
-        if self.echoed {
+        if self.borrowed.echo {
             // The echo of this line may be taken for its answer, which then still comes.
             self.set(Command::Set(Value::Echo(false)))?;
             self.line.synchronise()?;
@@ -117,12 +144,17 @@ impl<'a> Session<'a> {
     /// # Errors
     /// It does not come back within [`RECONNECT`].
     pub fn reopen(self) -> Result<Self, LineError> {
-        let Away { pc, port, before } = self.leave();
+        let Away {
+            pc,
+            port,
+            before,
+            borrowed,
+        } = self.leave();
         let until = pc.now() + RECONNECT;
         loop {
             match Self::open(pc, &port) {
                 Ok(mut session) => {
-                    session.before = before;
+                    (session.before, session.borrowed) = (before, borrowed);
                     return Ok(session);
                 }
                 Err(error) if pc.now() >= until => return Err(error),
@@ -137,10 +169,10 @@ impl<'a> Session<'a> {
             pc: self.line.pc(),
             port: self.port().to_owned(),
             before: self.before,
+            borrowed: std::mem::take(&mut self.borrowed),
         };
-        // A sensor that started anew has no echo.
-        self.echoed = false;
-        self.streams = false;
+        // Nothing is left to put back.
+        (self.streams, self.is_binary) = (false, false);
         self.before = Before {
             streamed: false,
             rows: None,
@@ -208,8 +240,8 @@ impl<'a> Session<'a> {
     pub fn found(&self, setting: Setting) -> Option<Value> {
         match setting {
             Setting::Stream => Some(Value::Stream(self.before.streamed)),
-            Setting::Echo => Some(Value::Echo(self.echoed)),
-            _ => None,
+            Setting::Echo => Some(Value::Echo(self.borrowed.echo)),
+            _ => (self.borrowed.values.iter().copied()).find(|value| value.setting() == setting),
         }
     }
 
@@ -221,10 +253,72 @@ impl<'a> Session<'a> {
         match value {
             // The end of the session sets them.
             Value::Stream(on) => self.before.streamed = on,
-            Value::Echo(on) => self.echoed = on,
-            _ => self.set(Command::Set(value))?,
+            Value::Echo(on) => self.borrowed.echo = on,
+            _ => {
+                self.set(Command::Set(value))?;
+                (self.borrowed.values).retain(|found| found.setting() != value.setting());
+            }
         }
         Ok(())
+    }
+
+    /// Sets a value for as long as the session lasts.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn borrow(&mut self, value: Value) -> Result<(), LineError> {
+        let setting = value.setting();
+        let found = self.value(setting)?;
+        if found == value {
+            return Ok(());
+        }
+        if self.found(setting).is_none() {
+            self.borrowed.values.push(found);
+        }
+        self.set(Command::Set(value))
+    }
+
+    /// Has rows stay as they are read, without the map of the pixels, for as long as the session lasts.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn borrow_without_map(&mut self) -> Result<(), LineError> {
+        let answer = self.line.ask("flat", ANSWER, answers::flat)?;
+        if answer.first().is_some_and(|line| line == "flat on") {
+            self.borrowed.map = true;
+            self.use_map(false)?;
+        }
+        Ok(())
+    }
+
+    fn use_map(&mut self, on: bool) -> Result<(), LineError> {
+        let command = Flat::Use(on).to_string();
+        (self.line).ask(&command, ANSWER, |lines| {
+            (lines.last()? == &command).then_some(())
+        })
+    }
+
+    /// Has the sensor send packets at a rate until the session ends. The packets come from [`Session::line`].
+    /// Above 115200 baud the sensor may lose the command: if no packet comes, call
+    /// [`Session::ask_for_packets`] again.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn send_packets(&mut self, baud: Baud) -> Result<(), LineError> {
+        self.is_binary = true;
+        self.set(Command::Set(Value::Baud(baud)))?;
+        self.line.set_baud(baud)?;
+        self.ask_for_packets()
+    }
+
+    /// Sends `format binary`, and does not wait for an answer.
+    ///
+    /// # Errors
+    /// The port stopped working.
+    pub fn ask_for_packets(&mut self) -> Result<(), LineError> {
+        // Ctrl-U and the CR end a line that lost a byte before.
+        let binary = Command::Set(Value::Format(Format::Binary));
+        self.line.tell(&format!("\x15\r{binary}"))
     }
 
     /// Sets the rows in a frame for as long as the session lasts.
@@ -287,27 +381,50 @@ impl<'a> Session<'a> {
     /// Puts back what was set for the session.
     fn put_back(&mut self) -> Result<(), LineError> {
         let Before { streamed, rows } = self.before;
-        if rows.is_none() && !streamed && !self.streams && !self.echoed {
+        let Borrowed { echo, map, values } = std::mem::take(&mut self.borrowed);
+        let is_changed = echo || map || !values.is_empty() || rows.is_some();
+        if !is_changed && !streamed && !self.streams && !self.is_binary {
             return Ok(());
         }
-        self.line.synchronise()?;
+        if self.is_binary {
+            self.line.wake()?;
+        } else {
+            self.line.synchronise()?;
+        }
+        for value in values.into_iter().rev() {
+            self.set(Command::Set(value))?;
+        }
+        if map {
+            self.use_map(true)?;
+        }
         if let Some(rows) = rows {
             self.set(Command::Set(Value::Rows(rows)))?;
         }
         self.set(Command::Set(Value::Stream(streamed)))?;
-        match self.echoed {
+        match echo {
             true => self.set(Command::Set(Value::Echo(true))),
             false => Ok(()),
         }
+    }
+
+    /// The names of what is put back.
+    fn changed(&self) -> String {
+        let Borrowed { map, values, .. } = &self.borrowed;
+        let values = values.iter().map(|value| value.setting().name());
+        let names = ["stream", "rows", "echo"].into_iter().chain(values);
+        let names = names.chain(map.then_some("flat"));
+        names
+            .map(|name| format!("`{name}`"))
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 }
 
 impl Drop for Session<'_> {
     fn drop(&mut self) {
+        let changed = self.changed();
         if let Err(error) = self.put_back() {
-            eprintln!(
-                "the sensor's own settings could not be put back: check `stream`, `rows` and `echo` ({error})"
-            );
+            eprintln!("the sensor's own settings could not be put back: check {changed} ({error})");
         }
     }
 }

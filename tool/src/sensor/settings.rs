@@ -18,6 +18,15 @@ use super::session::Session;
 use crate::pc::Pc;
 use crate::whole_file;
 
+/// The table of all settings fits in so many columns of a terminal.
+const WIDTH: usize = 100;
+
+/// The columns of the table for a setting's value.
+const VALUE_WIDTH: usize = 24;
+
+/// Between the table's columns.
+const GAP: &str = "  ";
+
 /// Show, change, save, load and compare the settings of a sensor
 ///
 /// Without a command: all settings, with the factory's values and what may be set. A change is in RAM only,
@@ -197,38 +206,57 @@ fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
 
 fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
     writeln!(output, "sensor {} at {}", session.head(), session.port())?;
-    let mut rows =
-        vec![["setting", "value", "factory", "values", "what it sets"].map(str::to_owned)];
+    let mut rows = vec![["setting", "value", "what it sets: values"].map(str::to_owned)];
     let factory = Settings::default();
     for &setting in Setting::ALL {
         let Some(value) = value(session, setting)? else {
             continue;
         };
         let default = factory.get(setting);
-        let mark = if value == default { "" } else { " *" };
+        let (mark, of_factory) = match value == default {
+            true => ("", String::new()),
+            false => (" *", format!("; factory {}", text(default))),
+        };
         rows.push([
             setting.name().to_owned(),
             format!("{}{mark}", text(value)),
-            text(default),
-            setting.form().to_string(),
-            setting.help().to_owned(),
+            format!("{}: {}{of_factory}", setting.help(), setting.form()),
         ]);
     }
-    let width = |column: usize| {
-        let lengths = rows
-            .iter()
-            .map(|row| row.get(column).map_or(0, String::len));
-        lengths.max().unwrap_or_default()
-    };
-    let [name, value, default, values] = [0, 1, 2, 3].map(width);
-    for [a, b, c, d, help] in &rows {
-        writeln!(
-            output,
-            "{a:name$}  {b:value$}  {c:default$}  {d:values$}  {help}"
-        )?;
+    let names = rows.iter().map(|[name, ..]| name.len()).max();
+    let name_width = names.unwrap_or_default();
+    let help_width = WIDTH.saturating_sub(name_width + VALUE_WIDTH + 2 * GAP.len());
+    for [name, value, help] in &rows {
+        let (values, helps) = (wrap(value, VALUE_WIDTH), wrap(help, help_width));
+        for place in 0..values.len().max(helps.len()) {
+            let name = if place == 0 { name } else { "" };
+            let part = |lines: &[String]| lines.get(place).cloned().unwrap_or_default();
+            let line = format!(
+                "{name:name_width$}{GAP}{:VALUE_WIDTH$}{GAP}{}",
+                part(&values),
+                part(&helps)
+            );
+            writeln!(output, "{}", line.trim_end())?;
+        }
     }
     writeln!(output, "* differs from the factory's")?;
     Ok(())
+}
+
+/// Breaks a text into lines of at most so many characters, between words. A longer word is a line.
+fn wrap(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.len() + 1 + word.len() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// Sets a value, and says what it was.

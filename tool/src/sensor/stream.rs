@@ -38,6 +38,18 @@ pub struct Reading {
     pub flags: String,
 }
 
+impl Reading {
+    /// Whether the frame gave a fault, and this is the reading of an earlier frame: the setting `hold`.
+    pub fn is_held(&self) -> bool {
+        is_held(&self.flags)
+    }
+}
+
+/// Whether the flags of a reading, as the line has them, say that it is held.
+pub fn is_held(flags: &str) -> bool {
+    flags.split(' ').any(|flag| flag == "h")
+}
+
 /// The letters that are no flags, and are followed by a value.
 const VALUES: &[&str] = &["u", "r", "x", "a", "n", "w", "t", "k"];
 

@@ -531,15 +531,15 @@ fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
     for comment in first.iter().filter_map(|line| line.strip_prefix('#')) {
         found.read_comment(comment)?;
     }
-    ensure!(
-        found.slits == setup.slits,
-        "its points were taken with `slits {}`, and the sensor is set to `slits {}`: set it to that, or take \
-         another file",
-        found.slits.name(),
-        setup.slits.name()
-    );
+    for (then, now) in found.unnamed().into_iter().zip(setup.unnamed()) {
+        ensure!(
+            then == now,
+            "its points were taken with `{then}`, and the sensor is set to `{now}`: set it to that, or take \
+             another file"
+        );
+    }
     for ((name, then), (_, now)) in found.comments().into_iter().zip(setup.comments()) {
-        if name == "slits" {
+        if matches!(name, "slits" | "region" | "peak") {
             continue;
         }
         let (Some(then), Some(now)) = (then, now) else {
@@ -585,7 +585,7 @@ mod tests {
             serial_number: Some(17),
             estimator: Some(Estimator::PhaseTable),
             black_level: Some(BlackLevel::Fixed(Counts::from_int(300))),
-            slits: Slits::One,
+            ..Setup::default()
         }
     }
 

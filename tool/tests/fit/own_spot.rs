@@ -7,7 +7,6 @@ use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::check;
-use slitrange::comb::Slits;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
@@ -111,7 +110,7 @@ impl Sensor {
             serial_number: Some(17),
             estimator: Some(self.estimator),
             black_level: Some(BlackLevel::Shielded),
-            slits: Slits::One,
+            ..Setup::default()
         };
         let before = Before {
             streamed: true,

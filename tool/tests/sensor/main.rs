@@ -2,6 +2,7 @@
 //! goes away.
 #![cfg(unix)]
 
+mod demo;
 mod flat;
 mod front_end;
 mod line;

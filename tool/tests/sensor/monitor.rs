@@ -31,6 +31,69 @@ fn lines_are_shown_and_the_stream_is_left_as_it_was() {
     }
 }
 
+/// A line without `distance` has no distance to show.
+#[test]
+fn the_distance_is_added_to_the_columns_for_the_time_of_the_command() {
+    let sensor = StandIn::new(5, Trouble::default());
+    for line in ["output counter u", "units um", "echo on"] {
+        sensor.state().type_line(line);
+    }
+    let found = sensor.state().settings();
+    let mut steps = 0;
+    sensor.each_step(move |state| {
+        steps += 1;
+        if steps == 500 {
+            state.unplug(Duration::from_secs(2));
+        }
+    });
+    let arguments = ["--port", &sensor.port(), "--count", "200"];
+    let (result, output) = sensor.command("monitor", &arguments, "");
+    result.expect("a stream");
+    assert!(
+        output.contains("; `output` also has `distance` for now\n"),
+        "{output}"
+    );
+    assert!(output.contains(": 200 readings"), "{output}");
+    // In millimetres, although the lines are in micrometres.
+    assert!(output.contains("standard deviation 0.0007 mm"), "{output}");
+    assert!(!output.contains("could not be read"), "{output}");
+    // The echo, too, which was off meanwhile, although the cable was out.
+    assert_eq!(sensor.state().settings(), found);
+}
+
+/// With `hold`, a sensor sends an earlier reading after a fault. With `rate`, it leaves readings out.
+#[test]
+fn held_readings_are_faults_and_what_rate_leaves_out_is_not_missing() {
+    let trouble = Trouble {
+        fault: 0.2,
+        ..Trouble::default()
+    };
+    let sensor = StandIn::new(6, trouble);
+    sensor.state().type_line("output counter distance");
+    for line in ["hold 1000", "rate 10"] {
+        sensor.state().type_line(line);
+        let name = format!("{}.csv", line.replace(' ', "-"));
+        let file = sensor.path(&name);
+        let file = file.to_str().expect("text");
+        let arguments = ["--port", &sensor.port(), "--csv", file, "--count", "300"];
+        let (result, output) = sensor.command("monitor", &arguments, "");
+        result.expect("a stream");
+        assert!(!output.contains("did not arrive"), "{output}");
+        let lines = recorded(&sensor, &name);
+        let held = lines.iter().filter(|line| line.kind == Kind::Held).count();
+        assert!(
+            output.contains(&format!(": {} readings", 300 - held)),
+            "{output}"
+        );
+        assert!(
+            output.contains(&format!("faults: {held} held\n")),
+            "{output}"
+        );
+        // A fifth of 300, with a standard deviation of 7.
+        assert!((32..=88).contains(&held), "{held}");
+    }
+}
+
 #[test]
 fn the_first_reading_comes_in_a_quarter_of_a_second() {
     let sensor = StandIn::new(2, Trouble::default());

@@ -74,17 +74,24 @@ fn line(time_s: f64, kind: Kind) -> Recorded {
 #[test]
 fn a_run_ends_at_a_fault_and_at_a_pause() {
     // 20 readings, a fault, 30 readings, a pause of a second, 25 readings.
-    let lines = (0..76).map(|at| {
-        let pause = if at > 50 { 1.0 } else { 0.0 };
-        let kind = if at == 20 { Kind::Fault } else { Kind::Reading };
-        line(f64::from(at) * 0.1 + pause, kind)
-    });
-    let lines: Vec<Recorded> = lines.collect();
-    let series = Series::of(&lines).expect("a run");
-    assert_eq!((series.readings.len(), series.faults.len()), (75, 1));
-    assert_eq!((series.run.len(), series.run[0]), (30, 2.1));
-    assert!((series.interval_s - 0.1).abs() < 1e-9);
+    let lines = |fault| -> Vec<Recorded> {
+        let lines = (0..76).map(|at| {
+            let pause = if at > 50 { 1.0 } else { 0.0 };
+            let kind = if at == 20 { fault } else { Kind::Reading };
+            line(f64::from(at) * 0.1 + pause, kind)
+        });
+        lines.collect()
+    };
+    let mut held = lines(Kind::Held);
+    held[20].distance_mm = Some(1.9);
+    for lines in [lines(Kind::Fault), held] {
+        let series = Series::of(&lines).expect("a run");
+        assert_eq!((series.readings.len(), series.faults.len()), (75, 1));
+        assert_eq!((series.run.len(), series.run[0]), (30, 2.1));
+        assert!((series.interval_s - 0.1).abs() < 1e-9);
+    }
     // Too short.
+    let lines = lines(Kind::Fault);
     let error = Series::of(&lines[60..70]).expect_err("ten readings");
     assert!(
         error

@@ -9,7 +9,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, Slits};
+use slitrange::peak::Peak;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange::region::Region;
 use slitrange::units::Pixels;
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::points::Points;
@@ -438,6 +440,18 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
              that, or take another file",
         ),
         (
+            "# estimator adaptive\n",
+            "# estimator adaptive\n# region 1000 2000\n",
+            "taken with `region 1000 2000`, and the sensor is set to `region all`: set it to that, or take \
+             another file",
+        ),
+        (
+            "# estimator adaptive\n",
+            "# estimator adaptive\n# peak first\n",
+            "taken with `peak first`, and the sensor is set to `peak strongest`: set it to that, or take \
+             another file",
+        ),
+        (
             "# points of",
             "# Points of",
             "it was not made by `calibrate run`",
@@ -597,6 +611,47 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
     check(&sensor, &TEN, noise(3));
     let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
     assert_eq!(there, before);
+}
+
+/// The file of a sensor that searches the spot in some pixels only names them, and a run goes on with the
+/// same pixels only, also after the sensor lost its settings with its power.
+#[test]
+fn a_run_with_a_region_goes_on_with_this_region() {
+    let sensor = StandIn::new(31, Trouble::default());
+    for line in ["region 1000 3000", "peak last"] {
+        sensor.state().type_line(line);
+    }
+    let run = |wanted: &[f64]| run_stage(&sensor, wanted, &["--frames", "1"]);
+    let mut steps = 0;
+    sensor.each_step(move |state| {
+        // The run takes frames of 64 rows.
+        steps += usize::from(state.settings().rows == 64);
+        if steps == 20 {
+            state.cut_power(Duration::from_millis(100));
+        }
+    });
+    let (result, output) = run(&[600.0, 700.0, 800.0]);
+    result.expect("taken");
+    assert!(
+        output.contains(", region 1000 3000, peak last: "),
+        "{output}"
+    );
+    assert!(
+        output.contains("the sensor is back, and set as it was"),
+        "{output}"
+    );
+    let read = Points::read(Path::new(&points(&sensor))).expect("points");
+    assert_eq!(read.points.len(), 3);
+    assert_eq!(Some(read.setup.region), Region::new(1000, 3000));
+    assert_eq!(read.setup.peak, Peak::Last);
+    let now = sensor.state().settings();
+    assert_eq!((now.region, now.peak), (read.setup.region, read.setup.peak));
+    sensor.state().type_line("region all");
+    let error = run(&[600.0, 700.0, 900.0]).0.expect_err("another region");
+    assert!(
+        error.contains("taken with `region 1000 3000`, and the sensor is set to `region all`"),
+        "{error}"
+    );
 }
 
 /// A sensor with a comb: the file has the images of all slits, and the record that `fit` makes of them sets

@@ -2,6 +2,7 @@
 
 use slitrange::centre::Estimator;
 use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::region::Region;
 use slitrange_tool::screen::Key;
 
 use crate::screen::Person;
@@ -53,6 +54,45 @@ fn keys_change_exposure_and_estimator() {
     // Back to auto.
     scope(&sensor, &[(2, Key::Char('a')), (2, Key::Quit)]);
     assert_eq!(sensor.state().settings().exposure, ExposureMode::Auto);
+}
+
+#[test]
+fn a_key_sets_the_region_around_the_spot_and_widens_it() {
+    let sensor = StandIn::new(6, Trouble::default());
+    let keys = ['r', 'r', 'z', 'R', 'r'].map(|key| (2, Key::Char(key)));
+    let (seen, output) = scope(&sensor, &[&keys[..], &[(2, Key::Quit)]].concat());
+    // Twelve widths of 8.006 px to both sides of 1800.25, and twice that.
+    for (picture, region) in [
+        (1, "1703 1896"),
+        (2, "1606 1993"),
+        (3, "1606 1993"),
+        (5, "1703 1896"),
+    ] {
+        let words = format!("estimator adaptive, region {region}, ");
+        assert!(seen[picture].contains(&words), "{}", seen[picture]);
+        // The whole spot is in it.
+        assert!(
+            seen[picture].contains("px, u 0.014 px"),
+            "{}",
+            seen[picture]
+        );
+    }
+    for picture in [0, 4] {
+        assert!(!seen[picture].contains(", region"), "{}", seen[picture]);
+    }
+    let region = sensor.state().settings().region;
+    assert_eq!(Some(region), Region::new(1703, 1896));
+    assert!(
+        output.contains("now region 1703 1896 (it was region all), "),
+        "{output}"
+    );
+    // Wider than the row, it is all pixels again.
+    let keys = [(2, Key::Char('r')); 5];
+    let (_, output) = scope(&sensor, &[&keys[..], &[(2, Key::Quit)]].concat());
+    assert!(
+        output.contains("now region all (it was region 1703 1896), "),
+        "{output}"
+    );
 }
 
 #[test]

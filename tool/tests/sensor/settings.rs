@@ -23,12 +23,29 @@ fn every_setting_is_shown_with_its_values_and_help() {
     sensor.state().type_line("rows 64");
     let (result, output) = settings(&sensor, &[]);
     result.expect("settings");
+    let longest = output.lines().map(|line| line.chars().count()).max();
+    assert!(longest <= Some(100), "{longest:?}");
+    // A line that begins with blanks goes on with the setting above it.
+    let lines: Vec<&str> = output.lines().collect();
     for &setting in Setting::ALL {
-        let line = output.lines().find(|line| line.starts_with(setting.name()));
+        let name = format!("{}  ", setting.name());
+        let line = lines.iter().position(|line| line.starts_with(&name));
         let line = line.unwrap_or_else(|| panic!("{setting:?}"));
-        assert!(line.ends_with(setting.help()), "{line}");
-        assert!(line.contains(&setting.form().to_string()), "{line}");
-        assert_eq!(line.contains(" * "), setting == Setting::Rows, "{line}");
+        let further = lines[line + 1..].iter();
+        let further = further.take_while(|line| line.starts_with(' '));
+        // The third column begins where it begins in the first line.
+        let begin = lines[1].find("what it sets").expect("a heading");
+        let of = |line: &&&str| line.get(begin..).unwrap_or_default().trim_end().to_owned();
+        let all = [&lines[line]].into_iter().chain(further);
+        let told = all.map(|line| of(&line)).collect::<Vec<_>>().join(" ");
+        let end = match setting {
+            Setting::Rows => "; factory 16",
+            _ => "",
+        };
+        let expected = format!("{}: {}{end}", setting.help(), setting.form());
+        assert_eq!(told.trim_end(), expected);
+        let is_changed = lines[line].contains(" *  ");
+        assert_eq!(is_changed, setting == Setting::Rows, "{told}");
     }
 }
 

@@ -110,6 +110,10 @@ pub struct State {
     pub flash_works: bool,
     /// The stand-in's clock.
     now: Duration,
+    /// When the sensor started.
+    started: Duration,
+    /// Results of frames since then.
+    results: u32,
     /// The sensor has no power until then.
     off_until: Option<Duration>,
     /// The port is not there until then.
@@ -193,15 +197,24 @@ impl State {
     /// Power comes. Gives the banner.
     fn start(&mut self) -> String {
         self.session = new_session();
+        (self.started, self.results) = (self.now, 0);
         self.take(Event::Started(self.flash.clone()))
     }
 
     /// Gives the text that an event brings. Its last line ends like all others.
     fn take(&mut self, event: Event) -> String {
+        self.results += u32::from(matches!(event, Event::Frame(_)));
+        let time_us = (self.now - self.started).as_micros() as u64;
+        let vitals = Vitals {
+            uptime_us: time_us,
+            results: self.results,
+            result_us: time_us,
+            ..Vitals::default()
+        };
         let Self {
             session, actions, ..
         } = self;
-        session.take(event, &Vitals::default(), actions);
+        session.take(event, &vitals, actions);
         let mut text = actions.text.as_str().to_owned();
         if let Some(job) = actions.flat.take() {
             if let Some(outcome) = self.do_flat(job) {
@@ -390,6 +403,8 @@ impl StandIn {
             flash: Stored::Nothing,
             flash_works: true,
             now: Duration::ZERO,
+            started: Duration::ZERO,
+            results: 0,
             off_until: None,
             unplugged_until: None,
             spoil: None,

@@ -14,7 +14,7 @@ use crate::common::{PATIENCE, Status, is_reading, measuring, number, set};
 
 /// A reader of the firmware's bytes.
 #[derive(Debug, Default)]
-struct Reader {
+pub struct Reader {
     decoder: Decoder,
     /// When the packet under way began.
     began: Option<Nanos>,
@@ -22,22 +22,22 @@ struct Reader {
 
 /// What the firmware sent, as packets.
 #[derive(Debug, Default)]
-struct Received {
+pub struct Received {
     /// The sequence numbers.
-    sequence: Vec<u16>,
+    pub sequence: Vec<u16>,
     /// The results, each with the end of the first byte of its packet.
-    results: Vec<(Nanos, FrameResult)>,
+    pub results: Vec<(Nanos, FrameResult)>,
     /// The windows: the counter of the result, the first pixel and the counts.
-    windows: Vec<(u32, u16, Vec<u16>)>,
+    pub windows: Vec<(u32, u16, Vec<u16>)>,
     /// The rows with their words.
-    rows: Vec<(RowHead, Vec<u16>)>,
-    text: String,
-    errors: Vec<PacketError>,
+    pub rows: Vec<(RowHead, Vec<u16>)>,
+    pub text: String,
+    pub errors: Vec<PacketError>,
 }
 
 impl Reader {
     /// Sends `format binary`, and reads from its answer on, which is a packet.
-    fn start(board: &mut VirtualBoard) -> Self {
+    pub fn start(board: &mut VirtualBoard) -> Self {
         board.take_bytes();
         board.send("format binary\r\n");
         board.run_for(Duration::from_millis(100)).expect("a run");
@@ -47,7 +47,7 @@ impl Reader {
     }
 
     /// Reads all bytes since the last call.
-    fn read(&mut self, board: &mut VirtualBoard) -> Received {
+    pub fn read(&mut self, board: &mut VirtualBoard) -> Received {
         let mut received = Received::default();
         for (at, byte) in board.take_bytes() {
             let start = *self.began.get_or_insert(at);
@@ -93,7 +93,7 @@ impl Reader {
 
 impl Received {
     /// Asserts that no packet is missing or out of order, and that none was damaged.
-    fn assert_whole(&self) {
+    pub fn assert_whole(&self) {
         assert_eq!(self.errors, []);
         let in_order = self
             .sequence
@@ -135,7 +135,7 @@ fn results_and_answers_come_as_packets_until_text_is_asked_for() {
 }
 
 /// Sends a command, whose answer may come as a line or as a packet.
-fn say(board: &mut VirtualBoard, command: &str) {
+pub fn say(board: &mut VirtualBoard, command: &str) {
     board.send(&format!("{command}\r\n"));
     board.run_for(Duration::from_millis(50)).expect("a run");
 }
@@ -171,115 +171,6 @@ fn the_answer_to_baud_is_at_the_old_rate_and_all_later_bytes_are_at_the_new_one(
     }
     Status::ask(&mut board).assert_none(&["lines dropped", "serial framing", "serial overrun"]);
     board.finish().expect("a clean run");
-}
-
-/// Text at 115200 baud: counters agree at both ends.
-fn assert_text_arrives(time: Duration) {
-    let mut board = measuring(2);
-    let count = |board: &mut VirtualBoard| {
-        board.take_lines();
-        let status = Status::ask(board);
-        status.assert_none(&["rows lost", "lines dropped"]);
-        status.count("readings")
-    };
-    let before = count(&mut board);
-    board.run_for(time).expect("a run");
-    let lines = board.take_lines();
-    // Readings may have come before the first answer ended and after the last reading here.
-    let said = lines.iter().filter(|line| is_reading(&line.text)).count() as u64;
-    let after = count(&mut board);
-    let late = board
-        .take_lines()
-        .iter()
-        .filter(|line| is_reading(&line.text))
-        .count() as u64;
-    println!(
-        "text: {} readings counted, {said} to {} came",
-        after - before,
-        said + late
-    );
-    assert!(
-        said <= after - before + 16 && said + late >= after - before,
-        "{said} {late}"
-    );
-    assert!(said as f64 >= time.as_secs_f64() / 0.0114 - 2.0, "{said}");
-    board.finish().expect("a clean run");
-}
-
-/// Binary at 921600 baud: every row's result and window arrive, in order, and counters agree at both ends.
-/// Prints and limits the time from a row's last word to the first byte of its result.
-fn assert_windows_arrive(time: Duration) {
-    let mut board = measuring(1);
-    set(&mut board, "baud 921600");
-    let mut reader = Reader::start(&mut board);
-    say(&mut board, "pixels window");
-    reader.read(&mut board);
-    board.head(|head| head.keep_all_rows(true));
-    board.run_for(time).expect("a run");
-    let received = reader.read(&mut board);
-    received.assert_whole();
-    let rows = (time.as_secs_f64() / 0.0057) as usize;
-    // The first one may be of a row before.
-    let results = &received.results[1..];
-    assert!(results.len() >= rows - 2, "{} of {rows}", results.len());
-    let mut slowest = Duration::ZERO;
-    for two in results.windows(2) {
-        assert_eq!(two[1].1.counter, two[0].1.counter.wrapping_add(1));
-        // An interrupt may come before the time is taken.
-        let period = two[1].1.time_us - two[0].1.time_us;
-        assert!(period.abs_diff(5700) <= 20, "{period}");
-    }
-    let last_words = board.head(|head| head.rows().map(|row| row.last_word).collect::<Vec<_>>());
-    for (at, _) in results {
-        // A byte is over ten bits after it began.
-        let began = at - 10 * 1_000_000_000 / 921_600;
-        let last_word = last_words.iter().rfind(|&&last_word| last_word < began);
-        let latency = began - last_word.expect("the result's row");
-        slowest = slowest.max(Duration::from_nanos(latency));
-    }
-    // The last result's window may not have come yet.
-    let of_results = results.iter().map(|(_, result)| result.counter);
-    let with_windows: Vec<u32> = received
-        .windows
-        .iter()
-        .map(|(counter, ..)| *counter)
-        .collect();
-    let missing = of_results
-        .filter(|counter| !with_windows.contains(counter))
-        .count();
-    assert!(missing <= 1, "{missing}");
-    let bytes: usize = received
-        .windows
-        .iter()
-        .map(|(_, _, counts)| counts.len())
-        .sum();
-    println!(
-        "{} results with {} pixels each; the slowest began {slowest:?} after its row's last word",
-        results.len(),
-        bytes / received.windows.len()
-    );
-    assert!(slowest <= Duration::from_millis(1), "{slowest:?}");
-    let last = results.last().expect("results").1.counter;
-    say(&mut board, "stream off");
-    say(&mut board, "status");
-    let text = reader.read(&mut board).text;
-    let status = Status(text.lines().map(str::to_owned).collect());
-    status.assert_none(&["rows lost", "lines dropped"]);
-    assert!(status.count("readings") >= last.into());
-    board.finish().expect("a clean run");
-}
-
-#[test]
-fn readings_as_text_and_windows_in_binary_all_arrive() {
-    assert_text_arrives(Duration::from_secs(20));
-    assert_windows_arrive(Duration::from_secs(20));
-}
-
-#[test]
-#[ignore = "400 s of virtual time, some minutes; .ci/run leaves it out"]
-fn readings_as_text_and_windows_in_binary_all_arrive_for_minutes() {
-    assert_text_arrives(Duration::from_secs(200));
-    assert_windows_arrive(Duration::from_secs(200));
 }
 
 /// The result of a row by the core on a PC, as the sensor's own.

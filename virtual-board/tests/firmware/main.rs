@@ -26,4 +26,5 @@ mod scenes;
 mod sensor_head;
 mod serial_line;
 mod stack;
+mod streams;
 mod watchdog;

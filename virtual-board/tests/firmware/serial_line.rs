@@ -5,11 +5,14 @@ use std::time::Duration;
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use rigless::soc::stm32f427::generated::usart6::{Register, cr1};
 use slitrange::protocol::command::Command;
 use slitrange::protocol::input::Input;
-use virtual_board::{Line, Nanos, VirtualBoard};
+use virtual_board::{Arrival, Line, Nanos, VirtualBoard};
 
-use crate::common::{Status, ask, fresh_results, is_reading, is_result, measuring, set};
+use crate::common::{
+    PATIENCE, Status, ask, fresh_results, is_reading, is_result, measuring, number, set,
+};
 
 /// The number of random bytes.
 const BYTES: usize = 10 * 1024;
@@ -156,5 +159,217 @@ fn commands_typed_without_a_pause_are_all_answered() {
     let expected: Vec<String> = rows.iter().map(|rows| format!("rows {rows}")).collect();
     assert_eq!(answers, expected);
     assert_eq!(ask(&mut board, "rows"), "rows 64");
+    board.finish().expect("a clean run");
+}
+
+/// The rate that the firmware receives at, bits a second.
+const BAUD: u64 = 115_200;
+
+/// The levels of the line while bytes are sent at a rate, each with its duration in seconds. A byte has a
+/// start bit, eight bits with the lowest first, and a stop bit.
+fn levels(bytes: &[u8], baud: u64) -> Vec<(bool, f64)> {
+    let bit = 1.0 / baud as f64;
+    let bits = |byte: &u8| {
+        let byte = u16::from(*byte);
+        (0..10).map(move |place| ((byte << 1 | 0x200) >> place & 1 == 1, bit))
+    };
+    bytes.iter().flat_map(bits).collect()
+}
+
+/// What a receiver at [`BAUD`] makes of the line's levels. It waits for an edge from high to low, and looks
+/// into the middle of each bit.
+fn received(levels: &[(bool, f64)]) -> Vec<Arrival> {
+    let total: f64 = levels.iter().map(|(_, time)| time).sum();
+    let at = |time: f64| {
+        let mut end = 0.0;
+        let level = levels.iter().find(|(_, length)| {
+            end += length;
+            time < end
+        });
+        level.is_none_or(|(level, _)| *level)
+    };
+    let bit = 1.0 / BAUD as f64;
+    let step = bit / 16.0;
+    let (mut time, mut before, mut arrivals) = (0.0, true, vec![]);
+    while time < total {
+        let now = at(time);
+        if before && !now {
+            let sample = |place: u32| at(time + (f64::from(place) + 0.5) * bit);
+            let byte = (0..8)
+                .map(|place| u8::from(sample(place + 1)) << place)
+                .sum();
+            let has_stop_bit = sample(9);
+            arrivals.push(Arrival { byte, has_stop_bit });
+            time += 9.5 * bit;
+            before = has_stop_bit;
+        } else {
+            time += step;
+            before = now;
+        }
+    }
+    arrivals
+}
+
+#[test]
+fn a_receiver_takes_bytes_at_its_rate_and_a_break_as_one_byte() {
+    let bytes = b"rows 5\r\n\x00\xff";
+    let clean = bytes.map(|byte| Arrival {
+        byte,
+        has_stop_bit: true,
+    });
+    assert_eq!(received(&levels(bytes, BAUD)), clean);
+    // Two per cent off.
+    assert_eq!(received(&levels(bytes, BAUD * 98 / 100)), clean);
+    let a_break = Arrival {
+        byte: 0,
+        has_stop_bit: false,
+    };
+    assert_eq!(received(&[(false, 0.1), (true, 0.1)]), [a_break]);
+}
+
+/// Lines with their numbers. Asserts that each result of the stream is the next one, whatever comes between.
+struct Numbered {
+    last: Option<f64>,
+    results: usize,
+    others: Vec<String>,
+}
+
+impl Numbered {
+    fn start(board: &mut VirtualBoard) -> Self {
+        const COLUMNS: &str = "output counter distance u r centre rows flags";
+        board.send(&format!("{COLUMNS}\r\n"));
+        let answer = board.run_until_line(|line| line == COLUMNS, PATIENCE);
+        answer.expect("an answer");
+        board.take_lines();
+        Self {
+            last: None,
+            results: 0,
+            others: vec![],
+        }
+    }
+
+    fn take(&mut self, board: &mut VirtualBoard) {
+        for line in board.take_lines() {
+            if !line.text.starts_with("# ") {
+                self.others.push(line.text);
+                continue;
+            }
+            let now = number(&line.text, "# ", " d ");
+            assert!(
+                self.last.is_none_or(|last| last + 1.0 == now),
+                "{}",
+                line.text
+            );
+            self.last = Some(now);
+            self.results += 1;
+        }
+    }
+
+    /// Sends a line. Gives what came that is no result.
+    fn ask(&mut self, board: &mut VirtualBoard, line: &str) -> Vec<String> {
+        board.send(&format!("{line}\r\n"));
+        board.run_for(Duration::from_millis(60)).expect("a run");
+        self.take(board);
+        std::mem::take(&mut self.others)
+    }
+}
+
+/// After a break, and after a PC that has another rate, the next line is a command again.
+#[test]
+fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
+    let mut board = measuring(4);
+    let mut numbered = Numbered::start(&mut board);
+    let mut without_stop_bit = 0;
+    let mut arrive = |board: &mut VirtualBoard, levels: &[(bool, f64)]| {
+        let arrivals = received(levels);
+        without_stop_bit += arrivals.iter().filter(|it| !it.has_stop_bit).count();
+        board.arrive(&arrivals).expect("a run");
+        arrivals.iter().map(|it| it.byte).collect::<Vec<u8>>()
+    };
+    // Breaks before a command.
+    for breaks in [1, 3] {
+        for _ in 0..breaks {
+            arrive(&mut board, &[(false, 0.03), (true, 0.001)]);
+        }
+        assert_eq!(numbered.ask(&mut board, "rows"), ["rows 4"]);
+    }
+    // A break within a command.
+    board.send("rows 9");
+    board.run_for(Duration::from_millis(5)).expect("a run");
+    arrive(&mut board, &[(false, 0.03), (true, 0.001)]);
+    assert_eq!(numbered.ask(&mut board, ""), ["E5 not ASCII text"]);
+    assert_eq!(numbered.ask(&mut board, "rows"), ["rows 4"]);
+    for baud in [9600, 19_200, 38_400, 57_600, 230_400, 460_800, 921_600] {
+        let typed = b"rows 9\r\nstream off\r\n".repeat(3);
+        let mut all = levels(&typed, baud);
+        all.push((true, 0.001));
+        let bytes = arrive(&mut board, &all);
+        let errors = numbered.ask(&mut board, "");
+        println!("{baud} baud: {} bytes, {errors:?}", bytes.len());
+        assert_eq!(errors, errors_about(&bytes), "{baud} baud");
+        assert_eq!(numbered.ask(&mut board, "rows"), ["rows 4"]);
+    }
+    println!(
+        "{} results came, {without_stop_bit} bytes had no stop bit",
+        numbered.results
+    );
+    assert!(numbered.results > 30, "{}", numbered.results);
+    assert!(without_stop_bit > 30, "{without_stop_bit}");
+    assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
+    let status = Status::ask(&mut board);
+    assert_eq!(status.count("serial framing"), without_stop_bit as u64);
+    status.assert_none(&[
+        "rows lost",
+        "lines dropped",
+        "serial noise",
+        "serial overrun",
+    ]);
+    board.finish().expect("a clean run");
+}
+
+/// USART3, which serves the serial line.
+const SERIAL_PORT: usize = 2;
+
+/// Lets the firmware take received bytes by interrupt, or not.
+fn let_receive(board: &mut VirtualBoard, on: bool) {
+    board
+        .on_emulator(move |session, _, _| {
+            let part = &mut session.board_mut().processor.part;
+            let (_, registers) = part.serial_port(SERIAL_PORT);
+            let control = registers.get(Register::Cr1);
+            registers.set(Register::Cr1, cr1::RXNEIE.set(control, on.into()));
+        })
+        .expect("the emulator");
+}
+
+/// A debugger that stops the core does this: bytes come, and nobody takes them.
+#[test]
+fn an_overrun_is_counted_and_the_next_command_is_answered() {
+    let mut board = measuring(4);
+    let mut numbered = Numbered::start(&mut board);
+    // The line is silent for a while after a result, so no interrupt for a byte to send comes.
+    let after_a_result = |board: &mut VirtualBoard| {
+        let line = board.run_until_line(|line| line.starts_with("# "), PATIENCE);
+        line.expect("a result");
+    };
+    after_a_result(&mut board);
+    let_receive(&mut board, false);
+    board.send("rows 9");
+    board.run_for(Duration::from_millis(2)).expect("a run");
+    let_receive(&mut board, true);
+    let answer = numbered.ask(&mut board, "");
+    println!("{answer:?}");
+    // The first byte was there, and the others were lost.
+    assert_eq!(answer, ["E1 unknown command, try help"]);
+    assert_eq!(numbered.ask(&mut board, "rows"), ["rows 4"]);
+    assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
+    let status = Status::ask(&mut board);
+    assert_eq!(status.count("serial overrun"), 1);
+    status.assert_none(&[
+        "rows lost",
+        "lines dropped",
+        "serial noise",
+        "serial framing",
+    ]);
     board.finish().expect("a clean run");
 }

@@ -3,8 +3,9 @@
 `open` opens a sensor at a serial port. `centres` runs the sensor's core on rows in numpy arrays.
 """
 
+from slitrange import packets
 from slitrange.errors import NoAnswer, PortError, Refused, Restarted, SlitrangeError
-from slitrange.readings import Centre, Fault, Reading, Row
+from slitrange.readings import Centre, Fault, Reading, Row, UncertaintyParts
 from slitrange.rows import ESTIMATORS, FAULTS, TCD1304DG, Centres, Geometry, centres
 from slitrange.sensor import Sensor, open
 
@@ -24,6 +25,8 @@ __all__ = [
     "Row",
     "Sensor",
     "SlitrangeError",
+    "UncertaintyParts",
     "centres",
     "open",
+    "packets",
 ]

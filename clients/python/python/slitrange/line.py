@@ -157,6 +157,22 @@ class Line:
         except (serial.SerialException, OSError) as error:
             raise self._gone(error) from error
 
+    def set_baud(self, baud: int) -> None:
+        """Changes the rate of the port."""
+        try:
+            self._serial.flush()
+            self._serial.baudrate = baud
+        except (serial.SerialException, OSError) as error:
+            raise self._gone(error) from error
+
+    def read(self) -> bytes:
+        """The bytes that came, as they are. Waits a moment for the first one."""
+        received, self._received = self._received, b""
+        try:
+            return received or self._serial.read(self._serial.in_waiting or 1)
+        except (serial.SerialException, OSError) as error:
+            raise self._gone(error) from error
+
     def line(self, until: float) -> str | None:
         """The next line that is not empty. None if none comes before `until`, by the monotonic clock.
 

@@ -19,6 +19,19 @@ WHOLE = re.compile(r"-?\d+")
 FAULT_NAME = re.compile(r"[a-z]+( [a-z]+)*")
 
 
+@dataclass(frozen=True)
+class UncertaintyParts:
+    """The parts of u. docs/uncertainty.md explains them. u is the root of the sum of their squares."""
+
+    noise_mm: float
+    shape_mm: float
+    pixels_mm: float
+    calibration_mm: float
+    surface_mm: float
+    geometry_mm: float
+    motion_mm: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Reading:
     """A distance with its uncertainty and how it came about.
@@ -38,11 +51,15 @@ class Reading:
         independent_rows: If neighbouring rows have similar errors, how few independent rows they are worth.
         is_nominal: The sensor was never calibrated, so u holds the tolerances of its parts.
         has_other_settings: Estimator, black level or slits are not those of the calibration.
+        held: With `hold`, after a fault: how many results ago this reading was measured. Otherwise 0.
         width_px: The spot's width (sigma), if the line has it.
         counter: The number of the reading, if the line has it.
         time_us: When the reading was made by the sensor's clock, if the line has it.
+        parts: The parts of u, in a packet only.
+        black_level: The counts of an unlit pixel, in a packet only.
+        estimator: The name of the estimator, in a packet only.
         unknown: The words of the line that this package does not know.
-        line: The line.
+        line: The line. Empty in a packet.
     """
 
     distance_mm: float
@@ -59,9 +76,13 @@ class Reading:
     independent_rows: int | None = None
     is_nominal: bool = False
     has_other_settings: bool = False
+    held: int = 0
     width_px: float | None = None
     counter: int | None = None
     time_us: int | None = None
+    parts: UncertaintyParts | None = None
+    black_level: float | None = None
+    estimator: str | None = None
     unknown: str = ""
     line: str = ""
 
@@ -71,6 +92,7 @@ class Reading:
         flags = {
             "m": self.misfits > 0,
             "c": self.independent_rows is not None,
+            "h": self.held > 0,
             "g": self.is_nominal,
             "s": self.has_other_settings,
         }
@@ -286,6 +308,7 @@ def _reading(text: str, counter: int | None, time_us: int | None, line: str) -> 
         independent_rows=words.optional_whole("c"),
         is_nominal=words.has("g"),
         has_other_settings=words.has("s"),
+        held=words.whole("h", 0),
         width_px=words.optional_decimal("w"),
         counter=counter,
         time_us=time_us,

@@ -138,6 +138,7 @@ impl<'a> Seen<'a> {
 
     fn draw(&self, name: &str) -> Result<String> {
         let mut svg = String::new();
+        let mut fine = Fine::default();
         let (image, bar) = {
             let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
             root.fill(&WHITE)?;
@@ -148,14 +149,16 @@ impl<'a> Seen<'a> {
             match self.fit_and_level() {
                 Some((fit, level)) => {
                     let (middle, bottom) = rest.split_vertically(300);
-                    self.draw_row(&middle, "")?;
-                    self.draw_residuals(&bottom, fit, level)?;
+                    self.draw_row(&middle, "", &mut fine)?;
+                    self.draw_residuals(&bottom, fit, level, &mut fine)?;
                 }
-                None => self.draw_row(&rest, PIXELS)?,
+                None => self.draw_row(&rest, PIXELS, &mut fine)?,
             }
             root.present()?;
             places
         };
+        let end = svg.rfind("</svg>").context("no end of the SVG file")?;
+        svg.insert_str(end, &fine.0);
         self.grey().place(&mut svg, image)?;
         let scale = Grey {
             width: 8,
@@ -256,7 +259,7 @@ impl<'a> Seen<'a> {
     }
 
     /// The counts of the row with the fit, where there is one.
-    fn draw_row(&self, area: &Area<'_>, x_name: &str) -> Result<()> {
+    fn draw_row(&self, area: &Area<'_>, x_name: &str, fine: &mut Fine) -> Result<()> {
         let counts = self.counts();
         let title = match &self.fit {
             Ok(fit) => format!(
@@ -283,8 +286,7 @@ impl<'a> Seen<'a> {
         let mut panel = builder(area, &title, x_name)
             .build_cartesian_2d(columns(&self.window), heights.clone())?;
         mesh(&mut panel, "counts", x_name, 6)?;
-        let dots = counts.iter().map(|&at| Circle::new(at, 3, COUNTS.filled()));
-        panel.draw_series(dots)?;
+        fine.draw_dots(&panel, &counts, 3);
         if let Some((fit, level)) = self.fit_and_level() {
             let steps = self.window.len() * 8;
             let columns = columns(&self.window);
@@ -292,21 +294,21 @@ impl<'a> Seen<'a> {
                 let x = columns.start + i as f64 / 8.0;
                 (x, level + model(fit, x))
             });
-            panel.draw_series([PathElement::new(
-                curve.collect::<Vec<_>>(),
-                FIT.stroke_width(2),
-            )])?;
+            fine.draw_line(&panel, curve, 2);
             let centre = fit.centre.to_f64();
-            panel.draw_series([PathElement::new(
-                [(centre, heights.start), (centre, heights.end)],
-                FIT.stroke_width(1),
-            )])?;
+            fine.draw_line(&panel, [heights.start, heights.end].map(|y| (centre, y)), 1);
         }
         Ok(())
     }
 
     /// The counts less the fit.
-    fn draw_residuals(&self, area: &Area<'_>, fit: &RowCentre, level: f64) -> Result<()> {
+    fn draw_residuals(
+        &self,
+        area: &Area<'_>,
+        fit: &RowCentre,
+        level: f64,
+        fine: &mut Fine,
+    ) -> Result<()> {
         let left: Vec<(f64, f64)> = self
             .counts()
             .into_iter()
@@ -317,14 +319,9 @@ impl<'a> Seen<'a> {
         let mut panel =
             builder(area, "", PIXELS).build_cartesian_2d(columns(&self.window), -end..end)?;
         mesh(&mut panel, "counts - fit", PIXELS, 5)?;
-        panel.draw_series([PathElement::new(
-            [
-                (columns(&self.window).start, 0.0),
-                (columns(&self.window).end, 0.0),
-            ],
-            FIT.stroke_width(1),
-        )])?;
-        panel.draw_series(left.iter().map(|&at| Circle::new(at, 2, COUNTS.filled())))?;
+        let Range { start, end } = columns(&self.window);
+        fine.draw_line(&panel, [start, end].map(|x| (x, 0.0)), 1);
+        fine.draw_dots(&panel, &left, 2);
         Ok(())
     }
 
@@ -345,6 +342,57 @@ impl<'a> Seen<'a> {
         left.sort_by(f64::total_cmp);
         Some((fit, left[left.len() / 2]))
     }
+}
+
+/// Curves and dots on hundredths of a pixel, as SVG. plotters places everything on whole pixels.
+#[derive(Default)]
+struct Fine(String);
+
+impl Fine {
+    /// Draws the fit's curve, or a line of its colour.
+    fn draw_line(
+        &mut self,
+        panel: &Panel<'_, '_>,
+        points: impl IntoIterator<Item = (f64, f64)>,
+        width: u32,
+    ) {
+        let places = points.into_iter().map(|point| {
+            let (x, y) = place(panel, point);
+            format!("{x:.2},{y:.2}")
+        });
+        let places = places.collect::<Vec<_>>().join(" ");
+        self.0 += &format!(
+            "<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\" points=\"{places}\"/>\n",
+            hex(FIT)
+        );
+    }
+
+    /// Draws counts.
+    fn draw_dots(&mut self, panel: &Panel<'_, '_>, points: &[(f64, f64)], radius: u32) {
+        for &point in points {
+            let (x, y) = place(panel, point);
+            self.0 += &format!(
+                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{}\"/>\n",
+                hex(COUNTS)
+            );
+        }
+    }
+}
+
+/// The place of a panel's point in the picture, in pixels.
+fn place(panel: &Panel<'_, '_>, (x, y): (f64, f64)) -> (f64, f64) {
+    let (columns, rows) = panel.plotting_area().get_pixel_range();
+    let part = |value: f64, range: Range<f64>| (value - range.start) / (range.end - range.start);
+    let (along, up) = (part(x, panel.x_range()), part(y, panel.y_range()));
+    (
+        f64::from(columns.start) + along * f64::from(columns.end - columns.start),
+        f64::from(rows.end) - up * f64::from(rows.end - rows.start),
+    )
+}
+
+/// A colour in SVG.
+fn hex(RGBColor(red, green, blue): RGBColor) -> String {
+    format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
 /// From the left edge of the first pixel to the right edge of the last.
@@ -379,12 +427,7 @@ fn builder<'a, 'b>(
     builder
 }
 
-fn mesh(
-    panel: &mut ChartContext<'_, SVGBackend<'_>, Plane>,
-    y_name: &str,
-    x_name: &str,
-    labels: usize,
-) -> Result<()> {
+fn mesh(panel: &mut Panel<'_, '_>, y_name: &str, x_name: &str, labels: usize) -> Result<()> {
     panel
         .configure_mesh()
         .bold_line_style(GRID)
@@ -404,6 +447,9 @@ fn mesh(
 
 /// A drawing, or a part of one. Its image has whole pixels.
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A part with axes.
+type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Plane>;
 
 type Plane =
     Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>;

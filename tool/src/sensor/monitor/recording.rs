@@ -17,6 +17,8 @@ pub enum Kind {
     Reading,
     /// A distance relative to `zero`.
     Difference,
+    /// A fault, and the distance of an earlier reading in its place.
+    Held,
     /// No distance.
     Fault,
     /// From here on the sensor was away.
@@ -96,6 +98,7 @@ impl Recording {
     /// The file cannot be written.
     pub fn add(&mut self, at: Duration, result: &FrameResult) -> Result<()> {
         let (reading, kind, fault) = match &result.what {
+            Ok(reading) if reading.is_held() => (Some(reading), Kind::Held, ""),
             Ok(reading) if reading.is_difference => (Some(reading), Kind::Difference, ""),
             Ok(reading) => (Some(reading), Kind::Reading, ""),
             Err(fault) => (None, Kind::Fault, fault.as_str()),

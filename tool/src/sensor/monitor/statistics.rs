@@ -11,6 +11,9 @@ pub const SHOWN: usize = 400;
 /// The rate is that of the results of this time.
 const RATE_OVER: Duration = Duration::from_secs(5);
 
+/// The kind of a fault in whose place the sensor sends an earlier reading. The line does not say which fault.
+pub const HELD: &str = "held";
+
 /// The statistics of all readings since the start.
 #[derive(Clone, Debug, Default)]
 pub struct Statistics {
@@ -21,12 +24,14 @@ pub struct Statistics {
     squares: f64,
     /// The smallest and the largest distance in millimetres.
     pub extremes_mm: Option<(f64, f64)>,
-    /// The number of faults of each kind.
+    /// The number of faults of each kind. A held reading counts as a fault of the kind [`HELD`].
     pub faults: BTreeMap<String, u64>,
     /// Lines that are neither a result nor an answer: noise on the line.
     pub unreadable: u64,
     /// The results that are missing in the sensor's count, if the lines have numbers.
     pub missing: u64,
+    /// The sensor leaves results out, by its setting `rate`: the count does not show which ones were lost.
+    pub leaves_out: bool,
     number: Option<u32>,
     /// The latest distances in millimetres with the time at which they came. A fault is `None`.
     latest: VecDeque<(Duration, Option<f64>)>,
@@ -41,7 +46,7 @@ impl Statistics {
             let expected = self.number.map(|before| before.wrapping_add(1));
             // A sensor that started anew counts from the beginning.
             let missing = expected.map_or(0, |expected| number.wrapping_sub(expected));
-            if missing < u32::MAX / 2 {
+            if missing < u32::MAX / 2 && !self.leaves_out {
                 self.missing += u64::from(missing);
             }
             self.number = Some(number);
@@ -55,6 +60,10 @@ impl Statistics {
             self.came.pop_front();
         }
         let distance = match &result.what {
+            Ok(reading) if reading.is_held() => {
+                *self.faults.entry(HELD.to_owned()).or_default() += 1;
+                None
+            }
             Ok(reading) => {
                 self.add(reading.distance_mm);
                 Some(reading.distance_mm)
@@ -171,6 +180,39 @@ mod tests {
         assert!((rate - 10.0).abs() < 1e-9, "{rate}");
         assert_eq!(statistics.faults_line(), "faults: 1 laser off");
         assert_eq!(taken(&["d 5.0 mm"]).deviation_mm(), None);
+    }
+
+    #[test]
+    fn held_readings_are_no_readings() {
+        let statistics = taken(&[
+            "d 1.0 mm",
+            "d 1.0 mm g h 1",
+            "d 1.0 mm h 2 s",
+            "f laser off",
+            "d 3.0 mm g",
+        ]);
+        assert_eq!(statistics.readings, 2);
+        // 1 + 1 over 1.
+        assert_eq!(statistics.deviation_mm(), Some(2.0_f64.sqrt()));
+        assert_eq!(statistics.faults_line(), "faults: 2 held, 1 laser off");
+        let shown: Vec<_> = statistics.latest().map(|(_, mm)| mm).collect();
+        assert_eq!(shown, [Some(1.0), None, None, None, Some(3.0)]);
+    }
+
+    #[test]
+    fn what_is_left_out_on_purpose_is_not_missing() {
+        let mut statistics = Statistics::default();
+        for (leaves_out, line) in [
+            (true, "# 5 d 1.0 mm"),
+            (true, "# 15 d 1.0 mm"),
+            (false, "# 16 d 1.0 mm"),
+            (false, "# 18 d 1.0 mm"),
+        ] {
+            statistics.leaves_out = leaves_out;
+            let result = frame_result(line).expect("a result");
+            statistics.take(Duration::ZERO, &result);
+        }
+        assert_eq!(statistics.missing, 1);
     }
 
     #[test]

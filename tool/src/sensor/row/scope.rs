@@ -14,6 +14,7 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use slitrange::centre::Estimator;
 use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::protocol::row::{RowExposure, RowPart};
+use slitrange::region::Region;
 use slitrange::settings::{Setting, Value};
 
 use super::RowAnswer;
@@ -22,7 +23,7 @@ use crate::pc::Pc;
 use crate::screen::Key;
 use crate::sensor::line::LineError;
 use crate::sensor::port::PortOption;
-use crate::sensor::session::{Away, Session};
+use crate::sensor::session::{Link, Session};
 
 /// How long to wait for a row: a whole row takes 1.1 s at 115,200 baud, and an emulated board may run at a
 /// third of the clock on the wall.
@@ -49,8 +50,10 @@ Keys:
   up, down      a longer or shorter exposure
   a             auto exposure
   e             the next estimator
+  r             search the spot only in twice the window around it; again: in twice as many pixels
+  R             search it in all pixels
   q             the end
-Exposure and estimator stay as they were set, in RAM only.")]
+Exposure, estimator and region stay as they were set, in RAM only.")]
 pub struct ScopeOptions {
     #[command(flatten)]
     #[expect(missing_docs, reason = "its help is that of its options")]
@@ -60,10 +63,12 @@ pub struct ScopeOptions {
     pub whole: bool,
 }
 
-/// The sensor, or what is needed to find it again.
-enum Link<'a> {
-    There(Session<'a>),
-    Gone(Away<'a>, String),
+/// The settings that keys change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct InUse {
+    exposure: ExposureMode,
+    estimator: Estimator,
+    region: Region,
 }
 
 /// What is shown.
@@ -71,8 +76,7 @@ struct Scope {
     title: String,
     /// Whether to show the whole row.
     whole: bool,
-    exposure: ExposureMode,
-    estimator: Estimator,
+    settings: InUse,
     row: Option<RowAnswer>,
     /// When the latest rows came.
     came: VecDeque<Duration>,
@@ -86,20 +90,18 @@ struct Scope {
 /// In sentences: no sensor is found, or there is no terminal.
 pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let mut session = options.port.open(pc)?;
-    let (exposure, estimator) = in_use(&mut session)?;
+    let before = InUse::of(&mut session)?;
     let Some(mut screen) = pc.screen()? else {
         bail!("`scope` needs a terminal; `slitrange row --figure FILE` draws one row into a file");
     };
     let mut scope = Scope {
         title: format!("{} at {}", session.head(), session.port()),
         whole: options.whole,
-        exposure,
-        estimator,
+        settings: before,
         row: None,
         came: VecDeque::new(),
         spoilt: 0,
     };
-    let before = (exposure, estimator);
     let mut link = Link::There(session);
     let mut silent = 0;
     loop {
@@ -118,17 +120,17 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         }
         link = match link {
             Link::Gone(away, _) => match away.find_again() {
-                Ok(mut session) => {
+                Link::There(mut session) => {
                     // One that started anew has forgotten what was set.
-                    if let Ok(now) = in_use(&mut session) {
-                        (scope.exposure, scope.estimator) = now;
+                    if let Ok(now) = InUse::of(&mut session) {
+                        scope.settings = now;
                     }
                     silent = 0;
                     Link::There(session)
                 }
-                Err((away, error)) => {
+                gone => {
                     pc.sleep(PAUSE);
-                    Link::Gone(away, error.to_string())
+                    gone
                 }
             },
             Link::There(mut session) => match scope.ask(&mut session) {
@@ -152,13 +154,35 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
     }
 }
 
-/// The exposure and the estimator that the sensor uses.
-fn in_use(session: &mut Session<'_>) -> Result<(ExposureMode, Estimator)> {
-    let exposure = session.value(Setting::Exposure)?;
-    let estimator = session.value(Setting::Estimator)?;
-    match (exposure, estimator) {
-        (Value::Exposure(exposure), Value::Estimator(estimator)) => Ok((exposure, estimator)),
-        _ => bail!("the sensor's answers do not belong to the questions: try again"),
+impl InUse {
+    /// Those that the sensor uses.
+    fn of(session: &mut Session<'_>) -> Result<Self> {
+        let exposure = session.value(Setting::Exposure)?;
+        let estimator = session.value(Setting::Estimator)?;
+        let region = match session.value(Setting::Region) {
+            Ok(region) => region,
+            // Earlier firmware has no regions.
+            Err(LineError::Refused { .. }) => Value::Region(Region::ALL),
+            Err(error) => return Err(error.into()),
+        };
+        match (exposure, estimator, region) {
+            (Value::Exposure(exposure), Value::Estimator(estimator), Value::Region(region)) => {
+                Ok(Self {
+                    exposure,
+                    estimator,
+                    region,
+                })
+            }
+            _ => bail!("the sensor's answers do not belong to the questions: try again"),
+        }
+    }
+
+    fn values(self) -> [Value; 3] {
+        [
+            Value::Exposure(self.exposure),
+            Value::Estimator(self.estimator),
+            Value::Region(self.region),
+        ]
     }
 }
 
@@ -199,14 +223,49 @@ impl Scope {
             Key::Down | Key::Char('-') => self.change_exposure(1.0 / STEP, session)?,
             Key::Char('e') => {
                 let mut from_this = (Estimator::ALL.iter().cycle())
-                    .skip_while(|estimator| **estimator != self.estimator);
+                    .skip_while(|estimator| **estimator != self.settings.estimator);
                 if let Some(&next) = from_this.nth(1) {
                     session.set_for_good(Value::Estimator(next))?;
-                    self.estimator = next;
+                    self.settings.estimator = next;
                 }
             }
+            Key::Char('r') => {
+                if let Some(region) = self.next_region() {
+                    self.set_region(region, session)?;
+                }
+            }
+            Key::Char('R') => self.set_region(Region::ALL, session)?,
             _ => {}
         }
+        Ok(())
+    }
+
+    /// Twice the window around the spot, or twice the region that is set. `None` without a spot, and with a
+    /// comb, which has no region. A region of the window alone would cut the spot's foot off, and double u.
+    fn next_region(&self) -> Option<Region> {
+        let row = self.row.as_ref()?;
+        let images = row.images();
+        let pixels = match self.settings.region {
+            Region::ALL => window(row, &images),
+            region => usize::from(region.first())..usize::from(region.last()) + 1,
+        };
+        let is_set = self.settings.region != Region::ALL;
+        if images.len() != 1 && !is_set || pixels.is_empty() {
+            return None;
+        }
+        // A region of this length around the same pixels, on the row.
+        let count = (2 * pixels.len()).max(Region::FEWEST);
+        if count >= row.pixels {
+            return Some(Region::ALL);
+        }
+        let middle = usize::midpoint(pixels.start, pixels.end);
+        let first = middle.saturating_sub(count / 2).min(row.pixels - count);
+        Region::new(first as u16, (first + count - 1) as u16)
+    }
+
+    fn set_region(&mut self, region: Region, session: &mut Session<'_>) -> Result<(), LineError> {
+        session.set_for_good(Value::Region(region))?;
+        self.settings.region = region;
         Ok(())
     }
 
@@ -216,7 +275,7 @@ impl Scope {
             Some(RowExposure::On(exposure)) => exposure,
             _ => Exposure::LONGEST,
         };
-        let from = match self.exposure {
+        let from = match self.settings.exposure {
             ExposureMode::Auto => of_row,
             ExposureMode::Fixed(exposure) => exposure,
         };
@@ -234,7 +293,7 @@ impl Scope {
         session: &mut Session<'_>,
     ) -> Result<(), LineError> {
         session.set_for_good(Value::Exposure(exposure))?;
-        self.exposure = exposure;
+        self.settings.exposure = exposure;
         Ok(())
     }
 
@@ -245,8 +304,8 @@ impl Scope {
     }
 
     /// Says what a key changed.
-    fn sum_up(&self, before: (ExposureMode, Estimator), output: &mut dyn Write) -> Result<()> {
-        let mut say = |before: Value, now: Value| -> Result<()> {
+    fn sum_up(&self, before: InUse, output: &mut dyn Write) -> Result<()> {
+        for (before, now) in before.values().into_iter().zip(self.settings.values()) {
             if before != now {
                 writeln!(
                     output,
@@ -254,14 +313,12 @@ impl Scope {
                 )
                 .context("writing to standard output")?;
             }
-            Ok(())
-        };
-        say(Value::Exposure(before.0), Value::Exposure(self.exposure))?;
-        say(Value::Estimator(before.1), Value::Estimator(self.estimator))
+        }
+        Ok(())
     }
 
     fn draw(&self, frame: &mut Frame<'_>, away: Option<&str>) {
-        let keys = " z zoom  up/down exposure  a auto exposure  e estimator  q quit ";
+        let keys = " z zoom  up/down exposure  a auto exposure  e estimator  r/R region  q quit ";
         let block = Block::bordered()
             .title(format!(" {} ", self.title))
             .title_bottom(keys);
@@ -304,7 +361,7 @@ impl Scope {
             RowExposure::Off => "laser off".to_owned(),
             RowExposure::Unknown => "exposure unknown".to_owned(),
         };
-        let auto = if self.exposure == ExposureMode::Auto {
+        let auto = if self.settings.exposure == ExposureMode::Auto {
             " (auto)"
         } else {
             ""
@@ -329,7 +386,14 @@ impl Scope {
             0 => String::new(),
             count => format!(", {count} rows arrived spoilt"),
         };
-        let how = format!("estimator {}{rate}{spoilt}", self.estimator.name());
+        let InUse {
+            estimator, region, ..
+        } = self.settings;
+        let region = match region {
+            Region::ALL => String::new(),
+            region => format!(", {}", Value::Region(region)),
+        };
+        let how = format!("estimator {}{region}{rate}{spoilt}", estimator.name());
         vec![found, light, Line::from(how)]
     }
 
@@ -365,10 +429,15 @@ impl Scope {
         let up = |at: usize| [(at as f64, counts.0), (at as f64, counts.1)];
         let black = row.black.map(across);
         let (full, edges) = (across(saturated), [up(spot.start), up(spot.end)]);
+        let region = self.settings.region;
+        let region_edges = [region.first(), region.last()].map(|pixel| up(pixel.into()));
         let mut sets = vec![line(&full, Color::DarkGray)];
         sets.extend(black.iter().map(|black| line(black, Color::DarkGray)));
         if !is_window && !spot.is_empty() {
             sets.extend(edges.iter().map(|edge| line(edge, Color::Yellow)));
+        }
+        if !is_window && region != Region::ALL {
+            sets.extend(region_edges.iter().map(|edge| line(edge, Color::Magenta)));
         }
         if is_window {
             sets.push(line(&fitted, Color::Red));

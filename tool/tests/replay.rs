@@ -1,0 +1,358 @@
+//! Recordings that the core itself made: `replay` gives the same bits, and its memory does not grow with the
+//! file.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::io::{self, Read};
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use host_tests::frames::words;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use simulator::scene::{Exposure as Light, Scene, Sensor as Kind, Simulation, Spot, file};
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::comb::{Comb, Slits};
+use slitrange::exposure::Exposure;
+use slitrange::measurement::Measurement;
+use slitrange::peak::Peak;
+use slitrange::profile::Profile;
+use slitrange::protocol::packet::RowHead;
+use slitrange::record::Record;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::region::Region;
+use slitrange::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
+use slitrange::settings::Settings;
+use slitrange::shape::COMPONENTS;
+use slitrange::uncertainty::PLACES;
+use slitrange::units::Pixels;
+use slitrange_tool::Command;
+use slitrange_tool::pc::RealPc;
+use slitrange_tool::recording::{Reader, Row, Sensor, Writer};
+
+/// Counts the bytes that this thread has allocated, and the most of them at a time.
+struct Counted;
+
+thread_local! {
+    static ALLOCATED: Cell<usize> = const { Cell::new(0) };
+    static MOST: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: the system's allocator does all work; the counts allocate nothing.
+unsafe impl GlobalAlloc for Counted {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let now = ALLOCATED.get().saturating_add(layout.size());
+        ALLOCATED.set(now);
+        MOST.set(MOST.get().max(now));
+        // SAFETY: the caller keeps the contract of `GlobalAlloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        // Other threads may have allocated it.
+        ALLOCATED.set(ALLOCATED.get().saturating_sub(layout.size()));
+        // SAFETY: as above.
+        unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTED: Counted = Counted;
+
+/// Random spots, from lost in the noise to saturated, anywhere and beyond the edges.
+const RANDOM_SPOTS: &str = "random spots";
+
+/// What the rows are of: random spots, and each scene of the folder that this sensor can see.
+fn shown() -> Vec<String> {
+    let mut names = file::names().expect("the folder of scenes");
+    names.retain(|name| Scene::load(name).expect("a scene").sensor == Kind::Tcd1304dg);
+    names.push(RANDOM_SPOTS.to_owned());
+    names
+}
+
+/// The words of the read-out of some rows.
+fn rows_of(name: &str, seed: u64, count: u64) -> Vec<(Option<Exposure>, Vec<u16>)> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let scene = match name {
+        RANDOM_SPOTS => Scene::white_paper(),
+        name => Scene::load(name).expect("a scene"),
+    };
+    let simulation = Simulation::new(Scene { seed, ..scene });
+    let geometry = tcd1304dg();
+    (1..=count)
+        .map(|row| {
+            // In one row of sixteen the laser is off.
+            let us = random.random_range(10..=5600);
+            let exposure = Exposure::from_us(us).filter(|_| random.random_range(0..16) > 0);
+            let laser = exposure.map_or(0.0, |it| 1e-6 * f64::from(it.us()));
+            let light = if name == RANDOM_SPOTS {
+                let spot = Spot {
+                    width: random.random_range(0.8_f64.ln()..130_f64.ln()).exp(),
+                    counts_per_second: random.random_range(4_f64.ln()..12_000_f64.ln()).exp(),
+                };
+                let scene = Scene {
+                    spot: Some(spot),
+                    ..simulation.scene().clone()
+                };
+                scene.row_with_centre(row, random.random_range(-20.0..3668.0), 1.0)
+            } else {
+                let light = Light {
+                    row: 5.7e-3,
+                    laser,
+                    laser_before: laser,
+                };
+                simulation.row(row, simulation.scene().distance, light)
+            };
+            // The first words of a read-out show no pixel.
+            let mut row = vec![geometry.full_scale(); TCD1304DG_LEAD_IN];
+            row.extend(words(&light, &geometry));
+            row.resize(geometry.words, geometry.full_scale());
+            (exposure, row)
+        })
+        .collect()
+}
+
+/// The sensor's own spot, if its calibration knows it.
+fn profile() -> Profile {
+    Profile {
+        first: Pixels::from_int(1000),
+        last: Pixels::from_int(2600),
+        width: [Pixels::from_f32(8.5); PLACES],
+        width_deviation: Pixels::from_f32(0.01),
+        components: [[Pixels::from_f32(0.03); PLACES]; COMPONENTS],
+        deviation: Pixels::from_f32(0.001),
+    }
+}
+
+/// What a sensor would report of rows: the core measures each one, with settings that no packet carried.
+fn recorded(
+    settings: Settings,
+    profile: Option<Profile>,
+    rows: impl IntoIterator<Item = (Option<Exposure>, Vec<u16>)>,
+) -> (Sensor, Vec<Row>) {
+    let record = Record {
+        profile,
+        ..Record::nominal().expect("a record")
+    };
+    let mut measurement = Measurement::new(tcd1304dg(), settings);
+    measurement.set(settings, profile);
+    measurement.set_comb(Comb::nominal());
+    let row = |(place, (exposure, words)): (usize, (Option<Exposure>, Vec<u16>))| Row {
+        head: RowHead {
+            // Eleven rows are read while one is sent.
+            number: 11 * place as u32,
+            skipped: 10,
+            time_us: 62_700 * place as u64,
+            exposure,
+            words: words.len() as u16,
+            result: measurement.measure_alone(&mut words.clone(), exposure, None),
+        },
+        words,
+    };
+    let sensor = Sensor {
+        head: "TCD1304DG".to_owned(),
+        settings,
+        record: EncodedRecord::new(record).expect("a record"),
+        is_calibration_on: true,
+    };
+    (sensor, rows.into_iter().enumerate().map(row).collect())
+}
+
+/// `slitrange replay` of a file.
+fn replay(path: &std::path::Path, more: &[&str]) -> (ExitCode, String) {
+    let path = path.to_str().expect("a path");
+    let arguments = [&["slitrange", "replay", path], more].concat();
+    let command = Command::try_parse_from(arguments).unwrap_or_else(|error| panic!("{error}"));
+    let mut output = Vec::new();
+    let ended = command.run(&RealPc::new(), &mut io::empty(), &mut output);
+    let ended = ended.unwrap_or_else(|error| panic!("{error:#}"));
+    (ended, String::from_utf8(output).expect("text"))
+}
+
+/// Each estimator, and each setting that changes what a row gives.
+#[test]
+fn rows_of_all_scenes_replay_bit_by_bit() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let default = Settings::default();
+    let mut all = vec![];
+    for estimator in Estimator::ALL {
+        let settings = Settings {
+            estimator,
+            ..default
+        };
+        all.push((settings, None));
+    }
+    let black_level = BlackLevel::Frame;
+    let region = Region::new(600, 3000).expect("a region");
+    all.extend([
+        (
+            Settings {
+                black_level,
+                peak: Peak::First,
+                ..default
+            },
+            None,
+        ),
+        (Settings { region, ..default }, None),
+        (
+            Settings {
+                slits: Slits::Comb,
+                ..default
+            },
+            None,
+        ),
+        (default, Some(profile())),
+    ]);
+    let (mut centres, mut faults) = (0, 0);
+    for (place, (settings, profile)) in all.into_iter().enumerate() {
+        let seed = 31_000 + place as u64;
+        let rows = shown()
+            .into_iter()
+            .flat_map(|name| rows_of(&name, seed, if name == RANDOM_SPOTS { 100 } else { 6 }));
+        let (sensor, rows) = recorded(settings, profile, rows);
+        centres += rows.iter().filter(|row| row.head.result.is_ok()).count();
+        faults += rows.iter().filter(|row| row.head.result.is_err()).count();
+
+        let mut writer = Writer::default();
+        let mut bytes = writer.head(&sensor);
+        for row in &rows {
+            bytes.extend(writer.row(row));
+        }
+        let mut reader = Reader::new(&bytes[..]).expect("a recording");
+        assert_eq!(reader.sensor(), &sensor);
+        for row in &rows {
+            let read = reader.next().expect("a row").expect("no error");
+            assert_eq!(&read, row);
+        }
+        assert!(reader.next().is_none() && reader.damaged() == 0);
+
+        let path = directory.path().join(format!("{place}.slitrange"));
+        std::fs::write(&path, &bytes).expect("a file");
+        let (code, said) = replay(&path, &[]);
+        assert_eq!(code, ExitCode::SUCCESS, "{settings:?}: {said}");
+        let start = format!("{} rows of TCD1304DG, record ", rows.len());
+        assert!(said.starts_with(&start), "{said}");
+        assert!(
+            said.ends_with("all rows give the bits that the sensor reported\n"),
+            "{said}"
+        );
+    }
+    println!("{centres} centres and {faults} faults");
+    // A test of faults only, or of none, would show little.
+    assert!(centres > 500 && faults > 200, "{centres} {faults}");
+}
+
+/// The bytes of a recording with so many rows, the same 16 ones again and again.
+struct Repeated {
+    head: Vec<u8>,
+    rows: Vec<Vec<u8>>,
+    left: usize,
+    /// The bytes that are being read, and how many of them are.
+    now: Vec<u8>,
+    read: usize,
+    /// All bytes that were read.
+    total: usize,
+}
+
+impl Repeated {
+    fn new(rows: usize) -> Self {
+        let of = rows_of("quiet-paper", 32_000, 16);
+        let (sensor, recorded) = recorded(Settings::default(), None, of);
+        let mut writer = Writer::default();
+        let head = writer.head(&sensor);
+        Self {
+            now: head.clone(),
+            head,
+            rows: recorded.iter().map(|row| writer.row(row)).collect(),
+            left: rows,
+            read: 0,
+            total: 0,
+        }
+    }
+}
+
+impl Read for Repeated {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if self.read == self.now.len() && self.left > 0 {
+            self.now.clone_from(&self.rows[self.left % self.rows.len()]);
+            (self.left, self.read) = (self.left - 1, 0);
+        }
+        let count = (&self.now[self.read..]).read(bytes)?;
+        self.read += count;
+        self.total += count;
+        Ok(count)
+    }
+}
+
+/// A row is given as soon as its bytes are read, of a recording that never ends.
+#[test]
+fn rows_are_read_one_after_the_other() {
+    let mut endless = Repeated::new(usize::MAX);
+    let (head, row) = (endless.head.len(), endless.rows[0].len());
+    let mut rows = 0;
+    let mut reader = Reader::new(&mut endless).expect("a recording");
+    rows += reader.by_ref().take(1000).flatten().count();
+    assert_eq!((rows, reader.damaged()), (1000, 0));
+    drop(reader);
+    // The rows, and at most as many bytes again as a buffer of a file has.
+    let most = head + 1001 * row + 16 * 1024;
+    assert!(endless.total <= most, "{} of {most}", endless.total);
+}
+
+/// Without one of its lines, the text could stand for other settings. A row stands for itself.
+#[test]
+fn damaged_text_is_refused_and_a_damaged_row_is_left_out() {
+    let mut bytes = Vec::new();
+    let mut file = Repeated::new(4);
+    let head = file.head.len();
+    file.read_to_end(&mut bytes).expect("bytes");
+    for place in (0..head).step_by(7).chain([head - 1]) {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 0x10;
+        assert!(Reader::new(&damaged[..]).is_err(), "{place} of {head}");
+    }
+    let first_row = head + 4;
+    bytes[first_row] ^= 0x10;
+    let mut reader = Reader::new(&bytes[..]).expect("a recording");
+    assert_eq!(reader.by_ref().flatten().count(), 3);
+    assert_eq!(reader.damaged(), 1);
+}
+
+/// The most bytes that `replay` of so many rows has allocated at a time, with a table.
+fn most_memory(directory: &std::path::Path, rows: usize) -> usize {
+    let path = directory.join(format!("{rows}.slitrange"));
+    let mut file = std::fs::File::create(&path).expect("a file");
+    io::copy(&mut Repeated::new(rows), &mut file).expect("a recording");
+    let table = directory.join("rows.csv");
+    let table = table.to_str().expect("a path");
+    let before = ALLOCATED.get();
+    MOST.set(before);
+    let (code, said) = replay(&path, &["--csv", table]);
+    let most = MOST.get() - before;
+    assert_eq!(code, ExitCode::SUCCESS, "{said}");
+    assert!(said.starts_with(&format!("{rows} rows of ")), "{said}");
+    std::fs::remove_file(&path).expect("the file");
+    let lines = std::fs::read_to_string(table).expect("a table");
+    assert_eq!(lines.lines().count(), rows + 1);
+    most
+}
+
+fn assert_memory_is_constant(few: usize, many: usize) {
+    let directory = tempfile::tempdir().expect("a directory");
+    let [of_few, of_many] = [few, many].map(|rows| most_memory(directory.path(), rows));
+    println!("at most {of_few} bytes for {few} rows, {of_many} bytes for {many}");
+    // The numbers of the report have more digits.
+    assert!(of_many <= of_few + 1024, "{of_few} {of_many}");
+}
+
+#[test]
+fn the_memory_of_replay_does_not_grow_with_the_file() {
+    assert_memory_is_constant(20, 2000);
+}
+
+#[test]
+#[ignore = "a file of 0.6 GB; .ci/run runs it"]
+fn a_hundred_thousand_rows_take_the_memory_of_twenty() {
+    assert_memory_is_constant(20, 100_000);
+}

@@ -1,0 +1,137 @@
+//! `demo` with a script in place of the virtual board: its port is that of the simulated sensor.
+
+use std::fs;
+use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use slitrange_tool::demo::{DemoOptions, serve};
+use slitrange_tool::screen::Key;
+
+use crate::screen::Person;
+use crate::stand_in::{StandIn, Trouble};
+
+/// A program that notes its process and its options, says a few lines, and goes on as `rest` says.
+fn board(sensor: &StandIn, rest: &str) -> PathBuf {
+    let program = sensor.path("board");
+    let (noted, port) = (sensor.path("noted"), sensor.port());
+    let script = format!(
+        "#!/bin/sh\necho $$ \"$@\" > '{}'\necho 'a message' >&2\necho booting\n\
+         echo 'serial line: {port}'\n{rest}\n",
+        noted.display()
+    );
+    fs::write(&program, script).expect("a script");
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("a program");
+    program
+}
+
+/// The process that the script noted, and its options.
+fn noted(sensor: &StandIn) -> (u32, String) {
+    let noted = fs::read_to_string(sensor.path("noted")).expect("a note");
+    let (process, options) = noted.trim_end().split_once(' ').expect("two words");
+    (process.parse().expect("a number"), options.to_owned())
+}
+
+/// Whether a process of this PC runs. It may take a moment to end.
+fn runs(process: u32) -> bool {
+    let until = Instant::now() + Duration::from_secs(10);
+    let is_there = || {
+        let mut kill = Command::new("kill");
+        let kill = kill
+            .args(["-0", &process.to_string()])
+            .stderr(Stdio::null());
+        kill.status().expect("the command kill").success()
+    };
+    while is_there() {
+        if Instant::now() > until {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    false
+}
+
+/// A person who presses Ctrl-C once the output says that Ctrl-C ends the board.
+struct Reader<'a>(&'a StandIn, String);
+
+impl Write for Reader<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.1.push_str(&String::from_utf8_lossy(bytes));
+        self.0.state().interrupted = self.1.contains("Ctrl-C ends it");
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+fn options(scene: Option<&str>, monitor: bool) -> DemoOptions {
+    DemoOptions {
+        scene: scene.map(str::to_owned),
+        monitor,
+        board: vec![],
+    }
+}
+
+#[test]
+fn the_board_is_started_and_its_port_is_named_and_ctrl_c_ends_it() {
+    let sensor = StandIn::new(1, Trouble::default());
+    let program = board(&sensor, "exec sleep 600");
+    let with = DemoOptions {
+        board: vec!["--rows".to_owned(), "4".to_owned()],
+        ..options(Some("quiet-paper"), false)
+    };
+    let mut reader = Reader(&sensor, String::new());
+    serve(&program, &with, &sensor, &mut reader).expect("an end");
+    let line = format!("monitor --port {}\n", sensor.port());
+    assert!(reader.1.contains(&line), "{}", reader.1);
+    let (process, arguments) = noted(&sensor);
+    assert_eq!(arguments, "--pty --scene quiet-paper --rows 4");
+    assert!(!runs(process));
+}
+
+#[test]
+fn the_live_view_shows_the_readings_of_the_board() {
+    let sensor = StandIn::new(2, Trouble::default());
+    let program = board(&sensor, "exec sleep 600");
+    let person = Person::new(&sensor, &[(20, Key::Quit)]);
+    let mut output = Vec::new();
+    serve(&program, &options(None, true), &person, &mut output).expect("an end");
+    let output = String::from_utf8(output).expect("text");
+    println!("{output}");
+    assert!(output.starts_with("booting\n"), "{output}");
+    assert!(
+        output.contains(" readings, ") && output.contains("no faults"),
+        "{output}"
+    );
+    let (process, arguments) = noted(&sensor);
+    assert_eq!(arguments, "--pty");
+    assert!(!runs(process));
+}
+
+#[test]
+fn a_board_that_ends_is_an_error() {
+    let sensor = StandIn::new(3, Trouble::default());
+    let program = board(&sensor, "exit 3");
+    let mut output = Vec::new();
+    let ended = serve(&program, &options(None, false), &sensor, &mut output);
+    let error = format!("{:#}", ended.expect_err("it ended"));
+    let output = String::from_utf8(output).expect("text");
+    assert!(
+        error.contains("the virtual board ended (exit status: 3)"),
+        "{error}"
+    );
+    assert!(output.starts_with("booting\n"), "{output}");
+}
+
+#[test]
+fn without_the_board_the_error_says_how_to_build_it() {
+    // The program of this test has no virtual board beside it.
+    let sensor = StandIn::new(4, Trouble::default());
+    let (result, _) = sensor.command("demo", &["quiet-paper"], "");
+    let error = result.expect_err("no board");
+    assert!(error.contains("`cargo build --bin demo`"), "{error}");
+}
