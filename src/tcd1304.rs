@@ -91,8 +91,8 @@ const CYCLES_A_PIXEL: u32 = 4 * CYCLES_A_MASTER_CLOCK;
 /// The converter is to sample a pixel when 70 % of its time have passed: 1067 of 1524 ns.
 const SAMPLED: u32 = cycles_in_ns(1067);
 
-/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2, which
-/// is D0, when 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1.
+/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2,
+/// which is D0, when 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1.
 const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857) - SAMPLED;
 
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
