@@ -9,7 +9,7 @@ use slitrange::exposure::Exposure;
 use static_cell::ConstStaticCell;
 
 use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER, WORDS};
-use super::tcd1304::Tcd1304;
+use super::tcd1304::{ReadOutError, Tcd1304};
 
 /// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the
 /// pulses and some slack. 175 rows a second.
@@ -94,7 +94,7 @@ fn next_exposure(sensor: &Tcd1304) -> Option<Exposure> {
     LASER.exposure_after(sensor.exposing())
 }
 
-/// Reads a row and hands it on. Sets the alarm at `next`. Returns whether the row was read.
+/// Reads a row and hands it on. Sets the alarm at `next`. Returns whether the next row can be good.
 async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
     let exposure = next_exposure(sensor);
     match sensor.read_out(row, next, exposure).await {
@@ -109,6 +109,12 @@ async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
                 pulses: COUNTERS.pulses.get(),
             })
             .await;
+            true
+        }
+        // The sensor was pulsed in time, so the next row is good.
+        Err(ReadOutError::Late) => {
+            COUNTERS.rows_late.add();
+            FREE.send(row).await;
             true
         }
         Err(error) => {

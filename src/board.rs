@@ -8,7 +8,7 @@
 //! | PF13 | output | sensor, SH |
 //! | PD14 | output | converter, chip select |
 //! | PD15 | TIM4 channel 4 | laser |
-//! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
+//! | PA5, PA6 | SPI1 | converter, SCLK, DOUT |
 //! | PE11 (D5) | output, low after a reset | the switching output of the setting `limits` |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
 //! | PA3 | input, EXTI3, pulled down | the trigger: a rising edge starts a frame (setting `trigger pin`) |
@@ -27,7 +27,7 @@
 //!    trigger's edge, which notes how many pulses were given before it.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
-use core::arch::global_asm;
+use core::arch::{asm, global_asm};
 
 use cortex_m::peripheral::DWT;
 use embassy_executor::{InterruptExecutor, SendSpawner};
@@ -37,6 +37,7 @@ use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
 use embassy_stm32::pac::gpio::vals::Pupdr;
+use embassy_stm32::pac::iwdg;
 use embassy_stm32::spi::mode::Master;
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::CountingMode;
@@ -45,17 +46,19 @@ use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, peripherals, rcc, spi};
 use slitrange::protocol::MAX_ANSWER;
+use slitrange::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange::protocol::status::StartCause;
 use slitrange::sending::Baud;
 use static_cell::ConstStaticCell;
 
+use super::acquisition::ROW_PERIOD;
 use super::flash::CalibrationFlash;
 use super::laser::Laser;
 use super::shared::{COUNTERS, FRAMES};
-use super::tcd1304::{Pins, Tcd1304};
+use super::tcd1304::{self, Pins, Tcd1304};
 
 /// The board's name.
-pub const NAME: &str = "NUCLEO-F429ZI";
+const NAME: &str = "NUCLEO-F429ZI";
 
 /// Core and TIM1 run at 168 MHz.
 pub const CORE_HZ: u32 = 168_000_000;
@@ -106,6 +109,8 @@ pub struct Board {
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     /// What made the board start.
     pub started_by: StartCause,
+    /// What `info` says about it.
+    pub hardware: Hardware,
 }
 
 // Clears the statics in core-coupled RAM before anything else runs. cortex-m-rt calls this function, and
@@ -142,7 +147,10 @@ fn enable_flash_accelerator() {
 
 /// Sets up clocks and peripherals. Call once, first.
 pub fn init() -> Board {
-    let p = init_chip();
+    start_watchdog();
+    set_up_core();
+    let clock = start_clock();
+    let p = init_chip(clock);
     enable_flash_accelerator();
     let started_by = start_cause();
     defmt::info!(
@@ -159,10 +167,6 @@ pub fn init() -> Board {
     ] {
         interrupt.set_priority(priority);
     }
-    count_cycles();
-
-    // A breakpoint stops the watchdog too.
-    pac::DBGMCU.apb1fzr().modify(|freeze| freeze.set_iwdg(true));
     let mut watchdog = IndependentWatchdog::new(p.IWDG, super::watchdog::TIMEOUT_US);
     watchdog.unleash();
 
@@ -182,9 +186,11 @@ pub fn init() -> Board {
     let mut config = spi::Config::default();
     config.frequency = Hertz(SCLK_HZ);
     config.mode = spi::MODE_3;
+    // Words of an absent converter are then all ones, which no row is.
+    config.miso_pull = Pull::Up;
     let sensor = Tcd1304::new(
-        spi::Spi::new(
-            p.SPI1, p.PA5, p.PA7, p.PA6, p.DMA2_CH3, p.DMA2_CH0, Interrupts, config,
+        spi::Spi::new_rxonly(
+            p.SPI1, p.PA5, p.PA6, p.DMA2_CH3, p.DMA2_CH0, Interrupts, config,
         ),
         Pins {
             icg: Output::new(p.PF12, Level::High, Speed::VeryHigh),
@@ -222,6 +228,61 @@ pub fn init() -> Board {
         flash: CalibrationFlash::new(flash.bank2_region1),
         watchdog,
         started_by,
+        hardware: Hardware {
+            board: NAME,
+            head: tcd1304::NAME,
+            row_us: ROW_PERIOD.as_micros() as u32,
+            clock,
+            brown_out: brown_out(),
+        },
+    }
+}
+
+/// Starts the watchdog, which no bug after this can stop. Its first timeout is that of every start, 0.3 to
+/// 1 s.
+fn start_watchdog() {
+    // A breakpoint stops the watchdog too.
+    pac::DBGMCU.apb1fzr().modify(|freeze| freeze.set_iwdg(true));
+    pac::IWDG
+        .kr()
+        .write(|kr| kr.set_key(iwdg::vals::Key::START));
+}
+
+/// How long the ST-LINK's clock may take to come: it comes some 2 s after the power if the board is not
+/// powered by the ST-LINK.
+const CLOCK_TIMEOUT_MS: u32 = 3000;
+
+/// The chip starts with its own oscillator, in kHz.
+const OWN_CLOCK_KHZ: u32 = 16_000;
+
+/// Waits for the clock from the ST-LINK. embassy would wait for ever.
+fn start_clock() -> Clock {
+    pac::RCC.cr().modify(|cr| {
+        cr.set_hsebyp(true);
+        cr.set_hseon(true);
+    });
+    let start = cycles();
+    while cycles().wrapping_sub(start) < CLOCK_TIMEOUT_MS * OWN_CLOCK_KHZ {
+        if pac::RCC.cr().read().hserdy() {
+            return Clock::Crystal;
+        }
+        pac::IWDG
+            .kr()
+            .write(|kr| kr.set_key(iwdg::vals::Key::RESET));
+        cortex_m::asm::delay(OWN_CLOCK_KHZ);
+    }
+    pac::RCC.cr().modify(|cr| cr.set_hseon(false));
+    Clock::Internal
+}
+
+/// The supply below which the chip resets itself, as its option bytes say (RM0090 section 3.9.10). The
+/// firmware never writes them.
+fn brown_out() -> BrownOut {
+    match pac::FLASH.optcr().read().bor_lev() {
+        0 => BrownOut::Below(2700),
+        1 => BrownOut::Below(2400),
+        2 => BrownOut::Below(2100),
+        _ => BrownOut::Off,
     }
 }
 
@@ -231,9 +292,9 @@ pub fn init() -> Board {
 /// interrupt would then count half a wrap of TIM5 that has not passed. From then on, time would fall back by
 /// 65 ms for a moment at each wrap, from the wrap to its interrupt. An alarm due in that moment would ring 65
 /// ms late, and the pulses that it should have brought would follow at once, 5 us apart.
-fn init_chip() -> embassy_stm32::Peripherals {
+fn init_chip(clock: Clock) -> embassy_stm32::Peripherals {
     cortex_m::interrupt::free(|_| {
-        let p = embassy_stm32::init(config());
+        let p = embassy_stm32::init(config(clock));
         pac::TIM5.sr().write(|_| ());
         interrupt::TIM5.unpend();
         p
@@ -321,6 +382,31 @@ pub fn cycles_since_master_clock_rose() -> u32 {
     pac::TIM1.cnt().read().0 & 0xFFFF
 }
 
+/// Waits until the cycle counter is `due`, and raises ICG: 3 to 6 instructions later, because ICG must rise
+/// within 32 cycles. Returns the core cycles since the master clock rose, read after the edge.
+pub fn raise_icg_at(due: u32) -> u32 {
+    let since_master_clock_rose: u32;
+    // SAFETY: reads two counters, and sets a pin that only the owner of the sensor head calls for.
+    unsafe {
+        asm!(
+            "2:",
+            "ldr {counter}, [{cycles}]",
+            "subs {counter}, {counter}, {due}",
+            "bmi 2b",
+            "str {icg}, [{port}]",
+            "ldr {counter}, [{timer}]",
+            cycles = in(reg) &raw const (*DWT::PTR).cyccnt,
+            due = in(reg) due,
+            icg = in(reg) 1 << 12,
+            port = in(reg) pac::GPIOF.bsrr().as_ptr(),
+            timer = in(reg) pac::TIM1.cnt().as_ptr(),
+            counter = out(reg) since_master_clock_rose,
+            options(nostack),
+        );
+    }
+    since_master_clock_rose & 0xFFFF
+}
+
 /// Words that the read-out under way still has to bring: the count of the DMA stream that receives.
 pub fn words_to_come() -> u32 {
     u32::from(pac::DMA2.st(0).ndtr().read().ndt())
@@ -339,17 +425,24 @@ unsafe fn UART4() {
     unsafe { URGENT.on_interrupt() }
 }
 
-/// 8 MHz from the ST-LINK, 168 MHz for the core, 84 MHz for SPI1 (APB2), 42 MHz for USART3 (APB1).
-fn config() -> Config {
+/// 8 MHz from the ST-LINK or 16 MHz from the chip's own oscillator, 168 MHz for the core, 84 MHz for SPI1
+/// (APB2), 42 MHz for USART3 (APB1).
+fn config(clock: Clock) -> Config {
     let mut config = Config::default();
-    config.rcc.hse = Some(rcc::Hse {
-        freq: Hertz(8_000_000),
-        mode: rcc::HseMode::Bypass,
-    });
-    config.rcc.pll_src = rcc::PllSource::HSE;
-    // 8 MHz / 4 * 168 / 2 = 168 MHz. / 7 = 48 MHz, which nothing uses, but the PLL must be within its limits.
+    let (source, divider) = match clock {
+        Clock::Crystal => {
+            config.rcc.hse = Some(rcc::Hse {
+                freq: Hertz(8_000_000),
+                mode: rcc::HseMode::Bypass,
+            });
+            (rcc::PllSource::HSE, rcc::PllPreDiv::DIV4)
+        }
+        Clock::Internal => (rcc::PllSource::HSI, rcc::PllPreDiv::DIV8),
+    };
+    config.rcc.pll_src = source;
+    // 2 MHz * 168 / 2 = 168 MHz. / 7 = 48 MHz, which nothing uses, but the PLL must be within its limits.
     config.rcc.pll = Some(rcc::Pll {
-        prediv: rcc::PllPreDiv::DIV4,
+        prediv: divider,
         mul: rcc::PllMul::MUL168,
         divp: Some(rcc::PllPDiv::DIV2),
         divq: Some(rcc::PllQDiv::DIV7),
@@ -384,12 +477,44 @@ pub fn reset() -> ! {
     cortex_m::peripheral::SCB::sys_reset()
 }
 
-/// Starts the core's cycle counter, by which the sensor's pulses are timed.
-fn count_cycles() {
+unsafe extern "C" {
+    /// The end of the statics. The stack grows down towards it.
+    static __sheap: u8;
+}
+
+/// Bytes of the guard between stack and statics: more than most functions take at a time.
+const STACK_GUARD: usize = 4096;
+
+/// Sets up what belongs to the core: the cycle counter, by which the sensor's pulses are timed, and two
+/// safeguards.
+fn set_up_core() {
     // SAFETY: called once, before anything else could use these registers.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
+
+    // Erratum 838869 of the core, in all revisions of the chip: a store that is buffered may let an interrupt
+    // come twice (errata sheet ES0206, section 2.1.3). DISDEFWBUF switches the buffer off.
+    const DISDEFWBUF: u32 = 1 << 1;
+    // SAFETY: the bit changes the order in which stores reach memory, and no program depends on that order.
+    unsafe { core.ICB.actlr.modify(|actlr| actlr | DISDEFWBUF) };
+
+    // An access to the guard is a fault, after which the watchdog starts the board again. Region 0, no
+    // access, no code; elsewhere the memory is as without a guard (ARMv7-M manual, section B3.5).
+    let guard = (&raw const __sheap).addr().next_multiple_of(STACK_GUARD) as u32;
+    const VALID_REGION_0: u32 = 1 << 4;
+    const NO_CODE: u32 = 1 << 28;
+    const SIZE: u32 = (STACK_GUARD.ilog2() - 1) << 1;
+    const ENABLE: u32 = 1;
+    const ELSEWHERE_AS_BEFORE: u32 = 1 << 2;
+    // SAFETY: nothing but a stack that is too deep uses the memory of the guard.
+    unsafe {
+        core.MPU.rbar.write(guard | VALID_REGION_0);
+        core.MPU.rasr.write(NO_CODE | SIZE | ENABLE);
+        core.MPU.ctrl.write(ELSEWHERE_AS_BEFORE | ENABLE);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
 }
 
 /// The core's cycle counter. It wraps every 25 s; differences of shorter times are right.

@@ -51,6 +51,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     spawner.spawn(defmt::unwrap!(measuring::measure()));
     spawner.spawn(defmt::unwrap!(serial_line::serve(
         board.serial,
+        board.hardware,
         board.switch,
         board.started_by,
         board.flash

@@ -8,6 +8,7 @@ use embassy_stm32::gpio::Output;
 use embassy_stm32::usart::{BufferedUart, BufferedUartRx};
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Read as _;
+use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::status::StartCause;
 use slitrange::session::Event;
@@ -31,12 +32,13 @@ const PIECE: usize = 64;
 #[embassy_executor::task]
 pub async fn serve(
     uart: BufferedUart<'static>,
+    hardware: Hardware,
     switch: Output<'static>,
     started_by: StartCause,
     flash: CalibrationFlash,
 ) {
     let (tx, mut rx) = uart.split();
-    let mut shell = Shell::new(Transmitter::new(tx), switch, started_by, flash);
+    let mut shell = Shell::new(Transmitter::new(tx), hardware, switch, started_by, flash);
     shell.start().await;
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut bytes = [0; PIECE];

@@ -27,18 +27,12 @@ use super::shared::{
     SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
 };
 use super::transmitter::Transmitter;
-use super::{acquisition, board, tcd1304};
+use super::{board, tcd1304};
 
 /// The pixels of a map.
 const PIXELS: usize = {
     let light = sensor_heads::tcd1304dg().light;
     light.end - light.start
-};
-
-const HARDWARE: Hardware = Hardware {
-    board: board::NAME,
-    head: tcd1304::NAME,
-    row_us: acquisition::ROW_PERIOD.as_micros() as u32,
 };
 
 /// The map of the pixels. All its bytes are zero at first, as `.ccm` wants it.
@@ -72,6 +66,7 @@ impl Shell {
     #[inline(never)]
     pub fn new(
         tx: Transmitter,
+        hardware: Hardware,
         switch: Output<'static>,
         started_by: StartCause,
         flash: CalibrationFlash,
@@ -83,7 +78,7 @@ impl Shell {
             results: 0,
             result_at: Instant::MIN,
             store: Store::new(flash),
-            session: Session::new(HARDWARE, tcd1304::geometry(), started_by),
+            session: Session::new(hardware, tcd1304::geometry(), started_by),
             actions: Actions::default(),
             packets: Packets::default(),
             row_sent: None,

@@ -255,6 +255,9 @@ pub static COUNTERS: Counters = Counters {
     rows_lost: Counter::new(),
     rows_failed: Counter::new(),
     triggers_missed: Counter::new(),
+    rows_late: Counter::new(),
+    sampled_earliest: Counter::new(),
+    sampled_latest: Counter::new(),
     frames: Counter::new(),
     results: Counter::new(),
     row_cycles: Counter::new(),
@@ -277,6 +280,13 @@ pub struct Counters {
     pub rows_failed: Counter,
     /// Triggers while a frame was under way.
     pub triggers_missed: Counter,
+    /// Rows of which an edge was late.
+    pub rows_late: Counter,
+    /// When the earliest row was sampled, in percent of a pixel's time, less what the program takes to see
+    /// word 0. 0 before the first row.
+    pub sampled_earliest: Counter,
+    /// The same of the latest row.
+    pub sampled_latest: Counter,
     /// Results of frames.
     pub frames: Counter,
     /// Signs of life of measuring and the serial line: readings and faults that the serial line took, changes
@@ -304,6 +314,9 @@ impl Counters {
             rows: self.rows.get(),
             rows_lost: self.rows_lost.get(),
             rows_failed: self.rows_failed.get(),
+            rows_late: self.rows_late.get(),
+            sampling_spread: (self.sampled_latest.get())
+                .saturating_sub(self.sampled_earliest.get()),
             row_cycles: self.row_cycles.get(),
             slowest_row_cycles: self.slowest_row_cycles.get(),
             triggers_missed: self.triggers_missed.get(),
@@ -342,6 +355,14 @@ impl Counter {
     /// Notes a number instead of a count.
     pub fn set(&self, number: u32) {
         self.0.store(number, Ordering::Relaxed);
+    }
+
+    /// Notes a number if it is smaller than all numbers before, or the first.
+    pub fn set_if_smaller(&self, number: u32) {
+        let before = self.get();
+        if before == 0 || number < before {
+            self.set(number);
+        }
     }
 
     /// Notes a number if it is larger than all numbers before.

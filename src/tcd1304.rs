@@ -36,10 +36,12 @@
 //! * Pulses are timed by the cycle counter and not by delay loops, so that flash wait states do not stretch
 //!   them.
 //! * embassy's `read` starts DMA and SPI within its first poll, which is why it is polled within the critical
-//!   section. It enables SPI1 there, after chip select fell. Until then nothing drives SCLK and its pull-up
-//!   (which embassy sets in mode 3) keeps it high: enabling makes no edge that the converter could count.
+//!   section. It enables SPI1 there, just after chip select fell. Until then nothing drives SCLK and its
+//!   pull-up (which embassy sets in mode 3) keeps it high: enabling makes no edge that the converter could
+//!   count.
 //! * SPI mode 3, as in the converter's timing diagram: SCLK idles high, DOUT changes as it falls, is read as
-//!   it rises. DIN is low, which selects channel 1.
+//!   it rises. The converter's DIN is at ground, which selects channel 1. PA7, SPI1's output, is not used:
+//!   the board's Ethernet drives it.
 //! * On a real board, look with an oscilloscope at the phase at which a pixel is sampled. ICG_AFTER_WORD_1
 //!   sets it.
 
@@ -57,7 +59,7 @@ use slitrange::sensor_heads;
 use super::acquisition::set_alarm;
 use super::board::{self, CORE_HZ, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::laser::Laser;
-use super::shared::WORDS;
+use super::shared::{COUNTERS, WORDS};
 
 /// The sensor head's name.
 pub const NAME: &str = "TCD1304DG";
@@ -67,9 +69,8 @@ pub fn geometry() -> Geometry {
     sensor_heads::tcd1304dg()
 }
 
-/// Core cycles from a rise of fM to an edge that it times. fM is high for 32 cycles, and a wait ends some
-/// cycles late.
-const AFTER_MASTER_CLOCK_ROSE: u32 = CYCLES_A_MASTER_CLOCK / 8;
+/// fM is high for half of its period.
+const MASTER_CLOCK_HIGH: u32 = CYCLES_A_MASTER_CLOCK / 2;
 
 /// From the fall of ICG to the rise of SH: 100 to 1000 ns (data sheet, t2).
 const ICG_TO_SH: u32 = cycles_in_ns(500);
@@ -84,10 +85,15 @@ const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK;
 /// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).
 const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
 
-/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2 when
-/// 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1. By then 70 % of pixel
-/// D0 must have passed, 1067 of 1524 ns.
-const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857 - 1067);
+/// A pixel stays at the output for four periods of fM.
+const CYCLES_A_PIXEL: u32 = 4 * CYCLES_A_MASTER_CLOCK;
+
+/// The converter is to sample a pixel when 70 % of its time have passed: 1067 of 1524 ns.
+const SAMPLED: u32 = cycles_in_ns(1067);
+
+/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2,
+/// which is D0, when 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1.
+const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857) - SAMPLED;
 
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
@@ -128,6 +134,8 @@ pub enum ReadOutError {
     Spi(spi::Error),
     /// The transfer did not end in its time.
     Timeout,
+    /// The program was late for an edge, so it is not known which pixel is which word.
+    Late,
 }
 
 /// The sensor head.
@@ -166,8 +174,7 @@ impl Tcd1304 {
         self.pins.laser.set_exposure(laser);
         cortex_m::interrupt::free(|_| {
             let icg_fell = self.pins.pulse_sh();
-            wait_until(icg_fell, ICG_LOW);
-            self.pins.icg.set_high();
+            board::raise_icg_at(icg_fell.wrapping_add(ICG_LOW));
         });
     }
 
@@ -188,16 +195,18 @@ impl Tcd1304 {
             ..
         } = self;
         let exposed = core::mem::replace(exposing, laser);
+        let mut is_late = false;
         pins.laser.set_exposure(laser);
         let result = {
             let mut transfer = pin!(converter.read(&mut row[..]));
             let started = poll_fn(|context| {
                 Poll::Ready(cortex_m::interrupt::free(|_| {
                     let icg_fell = pins.pulse_sh();
-                    pins.chip_select.set_low();
                     wait_until(icg_fell, TRANSFER_START);
+                    // SCLK floats until the transfer enables SPI, so the converter listens only now.
+                    pins.chip_select.set_low();
                     let started = transfer.as_mut().poll(context);
-                    pins.raise_icg_after_word_0(icg_fell, icg_periods);
+                    is_late = pins.raise_icg_after_word_0(icg_fell, icg_periods).is_err();
                     started
                 }))
             });
@@ -220,7 +229,10 @@ impl Tcd1304 {
             }
         };
         self.pins.chip_select.set_high();
-        result.map(|()| exposed)
+        match result {
+            Ok(()) if is_late => Err(ReadOutError::Late),
+            result => result.map(|()| exposed),
+        }
     }
 }
 
@@ -229,9 +241,10 @@ impl Pins {
     /// after a rise of fM.
     fn pulse_sh(&mut self) -> u32 {
         // A rise of fM that is far enough ahead not to be missed.
+        let since_master_clock_rose = board::cycles_since_master_clock_rose();
         let icg_falls = board::cycles()
-            .wrapping_sub(board::cycles_since_master_clock_rose())
-            .wrapping_add(2 * CYCLES_A_MASTER_CLOCK + AFTER_MASTER_CLOCK_ROSE);
+            .wrapping_sub(since_master_clock_rose)
+            .wrapping_add(2 * CYCLES_A_MASTER_CLOCK);
         wait_until(icg_falls, 0);
         self.icg.set_low();
         wait_until(icg_falls, ICG_TO_SH);
@@ -244,8 +257,17 @@ impl Pins {
 
     /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes, ICG
     /// rises all the same, and the transfer runs into its timeout.
-    fn raise_icg_after_word_0(&mut self, icg_fell: u32, icg_periods: &mut u32) {
-        while board::words_to_come() as usize >= WORDS
+    ///
+    /// # Errors
+    /// [`ReadOutError::Late`] if word 0 had ended before the first look, or if ICG rose while fM was low.
+    fn raise_icg_after_word_0(
+        &mut self,
+        icg_fell: u32,
+        icg_periods: &mut u32,
+    ) -> Result<(), ReadOutError> {
+        let has_word_0 = || (board::words_to_come() as usize) < WORDS;
+        let was_missed = has_word_0();
+        while !has_word_0()
             && board::cycles().wrapping_sub(icg_fell) < TRANSFER_START + FIRST_WORD_TIMEOUT
         {
         }
@@ -256,8 +278,19 @@ impl Pins {
         if wanted.abs_diff(*icg_periods * CYCLES_A_MASTER_CLOCK) > CYCLES_A_MASTER_CLOCK * 3 / 4 {
             *icg_periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
         }
-        wait_until(icg_fell, *icg_periods * CYCLES_A_MASTER_CLOCK);
-        self.icg.set_high();
+        let rise = *icg_periods * CYCLES_A_MASTER_CLOCK;
+        let since_master_clock_rose = board::raise_icg_at(icg_fell.wrapping_add(rise));
+        let since_rise = board::cycles().wrapping_sub(icg_fell).wrapping_sub(rise);
+        if was_missed
+            || since_master_clock_rose >= MASTER_CLOCK_HIGH
+            || since_rise >= CYCLES_A_MASTER_CLOCK
+        {
+            return Err(ReadOutError::Late);
+        }
+        let sampled = (SAMPLED + wanted).saturating_sub(rise) * 100 / CYCLES_A_PIXEL;
+        COUNTERS.sampled_earliest.set_if_smaller(sampled);
+        COUNTERS.sampled_latest.set_if_larger(sampled);
+        Ok(())
     }
 }
 

@@ -12,7 +12,7 @@ use slitrange::fault::Fault;
 use slitrange::pixels::flat_field::TakeError;
 use slitrange::protocol::command::{Command, Error, MAX_LINE, parse};
 use slitrange::protocol::flat::Flat;
-use slitrange::protocol::info::Hardware;
+use slitrange::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange::protocol::input::Input;
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
@@ -283,6 +283,8 @@ impl Sensor {
             board: "a board",
             head: "TCD1304DG",
             row_us: 5700,
+            clock: Clock::Crystal,
+            brown_out: BrownOut::Off,
         };
         let mut sensor = Self {
             session: Session::new(hardware, tcd1304dg(), StartCause::PowerOn),

@@ -18,7 +18,7 @@ use slitrange::pixels::map::MapSummary;
 use slitrange::profile::Profile;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::help::{Estimators, Help};
-use slitrange::protocol::info::{Banner, Hardware, Info};
+use slitrange::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::{StartCause, Status, Vitals};
@@ -42,6 +42,8 @@ const HARDWARE: Hardware = Hardware {
     board: "a board",
     head: "TCD1304DG",
     row_us: 5700,
+    clock: Clock::Crystal,
+    brown_out: BrownOut::Off,
 };
 
 /// What the measurement of a sensor with one slit takes.

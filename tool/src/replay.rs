@@ -10,7 +10,7 @@ use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::output::average::Average;
 use slitrange::protocol::command::Command;
-use slitrange::protocol::info::Hardware;
+use slitrange::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::reading::{Measured, Reading};
 use slitrange::sending::{Format, PixelStream};
@@ -63,6 +63,8 @@ impl Core {
             board: "PC",
             head: "",
             row_us: 0,
+            clock: Clock::Crystal,
+            brown_out: BrownOut::Off,
         };
         let mut settings = sensor.settings;
         for &value in changes {

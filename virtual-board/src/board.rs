@@ -39,21 +39,44 @@ pub struct Nucleo {
     /// The processor with all its peripherals.
     pub processor: Stm32f429,
     watched: Watched,
+    instructions_per_second: u64,
 }
 store!(Nucleo {
     values: [],
     parts: [processor],
-    built: [watched]
+    built: [watched, instructions_per_second]
 });
+
+/// What a board may be like.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditions {
+    /// Instructions that the core executes in a second. Silicon executes fewer than it has clocks, because
+    /// it waits for flash.
+    pub instructions_per_second: u64,
+    /// Whether the ST-LINK gives its clock.
+    pub has_clock: bool,
+    /// How many times as fast as its clock TIM5 counts, the firmware's clock.
+    pub row_timer_speed: f64,
+}
+
+impl Default for Conditions {
+    fn default() -> Self {
+        Self {
+            instructions_per_second: INSTRUCTIONS_PER_SECOND,
+            has_clock: true,
+            row_timer_speed: 1.0,
+        }
+    }
+}
 
 impl Nucleo {
     pub(crate) fn new(
         head: &Arc<SharedHead>,
         line: Arc<Mutex<SerialLine>>,
         watched: Watched,
-        row_timer_speed: f64,
+        conditions: &Conditions,
     ) -> Result<Self> {
-        let mut processor = Stm32f429::new(head, row_timer_speed)
+        let mut processor = Stm32f429::new(head, conditions.row_timer_speed)
             .context("putting the emulated STM32F427 together")?;
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.set_supply(SUPPLY_MILLIVOLTS);
@@ -63,7 +86,11 @@ impl Nucleo {
         };
         pins::attach_driver(&mut processor, driver);
         processor.part.usart[SERIAL_PORT].attach(FarEnd { line });
-        Ok(Self { processor, watched })
+        Ok(Self {
+            processor,
+            watched,
+            instructions_per_second: conditions.instructions_per_second,
+        })
     }
 }
 
@@ -89,7 +116,7 @@ impl Board for Nucleo {
             priority_bits: 4,
             // SysTick's other clock is HCLK / 8 (RM0090 section 6.2).
             refclk_divider: NonZeroU32::new(8).expect("8 is not 0"),
-            instructions_per_second: nonzero(INSTRUCTIONS_PER_SECOND),
+            instructions_per_second: nonzero(self.instructions_per_second),
             boot: "flash",
         }
         .spec_with_parts(

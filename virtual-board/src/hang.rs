@@ -18,9 +18,22 @@ const JUMP_TO_ITSELF: [u8; 2] = 0xE7FE_u16.to_le_bytes();
 /// theirs.
 pub(crate) const PANIC: &str = "_defmt_panic";
 
-/// For each function's first instruction, the address at which the firmware continues instead: a `b .`, or
-/// `PANIC`.
-pub type Detours = BTreeMap<u64, u32>;
+/// For each function's first instruction, what happens there.
+pub type Detours = BTreeMap<u64, Detour>;
+
+/// What happens at a function's first instruction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detour {
+    /// The firmware continues at another address: a `b .`, or `PANIC`.
+    GoOnAt(u32),
+    /// The firmware hangs with its stack here. The next interrupt uses the stack.
+    HangWithStackAt {
+        /// The address of a `b .`.
+        trap: u32,
+        /// The stack pointer.
+        stack: u32,
+    },
+}
 
 /// The address of a `b .` in `image`.
 pub(crate) fn find_trap(image: &Image) -> Option<u32> {

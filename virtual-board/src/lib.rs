@@ -25,7 +25,7 @@
 //! processor's model does not have and which survive a power cycle.
 //!
 //! What this does not show: CPU and flash timing (every instruction takes one clock, so counts are exact and
-//! times are not the silicon's), bus arbitration, SPI mode, analogue effects, and the instant at which a word
+//! times are not the silicon's), bus arbitration, analogue effects, and the instant at which a word
 //! of a read-out reaches memory (up to 0.2 ms late).
 
 pub mod board;

@@ -14,10 +14,10 @@ use rigless::session::{Reset, Session};
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
+use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
 use crate::firmware::Firmware;
 use crate::flash::{self, SharedFlash};
-use crate::hang::{self, Detours};
+use crate::hang::{self, Detour, Detours};
 use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
@@ -109,7 +109,12 @@ impl VirtualBoard {
         light: LightSource,
         flash: SharedFlash,
     ) -> Result<Self> {
-        Self::start(firmware, SensorHead::new(light), flash, 1.0)
+        Self::start(
+            firmware,
+            SensorHead::new(light),
+            flash,
+            Conditions::default(),
+        )
     }
 
     /// As [`VirtualBoard::power_on`], with a sensor head that has no rate limit of its own, and rows that are
@@ -129,15 +134,32 @@ impl VirtualBoard {
         rows_per_second: f64,
     ) -> Result<Self> {
         let head = SensorHead::new(light).without_rate_limit();
-        let speed = rows_per_second * FIRMWARE_ROW_PERIOD;
-        Self::start(firmware, head, SharedFlash::default(), speed)
+        let conditions = Conditions {
+            row_timer_speed: rows_per_second * FIRMWARE_ROW_PERIOD,
+            ..Conditions::default()
+        };
+        Self::start(firmware, head, SharedFlash::default(), conditions)
+    }
+
+    /// As [`VirtualBoard::power_on`], under other conditions.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::power_on`].
+    pub fn power_on_under(
+        firmware: &Firmware,
+        light: LightSource,
+        conditions: Conditions,
+    ) -> Result<Self> {
+        let head = SensorHead::new(light);
+        Self::start(firmware, head, SharedFlash::default(), conditions)
     }
 
     fn start(
         firmware: &Firmware,
         head: SensorHead,
         flash: SharedFlash,
-        row_timer_speed: f64,
+        conditions: Conditions,
     ) -> Result<Self> {
         for (address, bytes) in firmware.image.segments() {
             let end = address + bytes.len() as u64;
@@ -156,6 +178,7 @@ impl VirtualBoard {
         let segments = firmware.image.segments();
         let watched = Watched {
             flash,
+            has_no_clock: !conditions.has_clock,
             code: Code::new(segments.map(|(at, bytes)| (at, bytes.to_vec())).collect()),
             ..Watched::default()
         };
@@ -170,7 +193,7 @@ impl VirtualBoard {
             log_block: firmware.address_of("_SEGGER_RTT")?,
             log_bytes: Arc::clone(&log_bytes),
         };
-        let board = Nucleo::new(&head, Arc::clone(&line), watched.clone(), row_timer_speed)?;
+        let board = Nucleo::new(&head, Arc::clone(&line), watched.clone(), &conditions)?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))
             .context("opening the emulator's session")?;
         let images = [firmware.image.clone()];
@@ -454,7 +477,7 @@ impl VirtualBoard {
     pub fn hang_at(&mut self, symbol: &str) -> Result<()> {
         let address = self.firmware.address_of(symbol)?;
         let trap = self.trap;
-        self.detours().insert(address, trap);
+        self.detours().insert(address, Detour::GoOnAt(trap));
         Ok(())
     }
 
@@ -467,7 +490,19 @@ impl VirtualBoard {
     pub fn panic_at(&mut self, symbol: &str) -> Result<()> {
         let address = self.firmware.address_of(symbol)?;
         let panic = u32::try_from(self.firmware.address_of(hang::PANIC)?)?;
-        self.detours().insert(address, panic);
+        self.detours().insert(address, Detour::GoOnAt(panic));
+        Ok(())
+    }
+
+    /// Makes the firmware hang as [`VirtualBoard::hang_at`], with its stack pointer at `stack`.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::hang_at`].
+    pub fn hang_with_stack_at(&mut self, symbol: &str, stack: u32) -> Result<()> {
+        let address = self.firmware.address_of(symbol)?;
+        let trap = self.trap;
+        (self.detours()).insert(address, Detour::HangWithStackAt { trap, stack });
         Ok(())
     }
 

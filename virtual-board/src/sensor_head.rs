@@ -7,7 +7,7 @@
 //! | PF12 | ICG, low while the charge is moved and high while it is read out |
 //! | PF13 | SH, high while the photodiodes hand over their charge |
 //! | PD14 | the converter's chip select, active low |
-//! | PA5, PA6, PA7 (SPI1) | the converter's serial interface |
+//! | PA5, PA6 (SPI1) | the converter's SCLK and DOUT; its DIN is at ground |
 //! | PD15 (TIM4 channel 4) | the laser, on while high |
 //!
 //! [`SensorHead`] is the state machine. It does not know the emulator: it takes edges and words with their
@@ -35,6 +35,7 @@ use crate::Nanos;
 
 pub mod limits;
 pub(crate) mod pins;
+mod wiring;
 
 pub use limits::PIXELS;
 
@@ -228,6 +229,8 @@ pub struct SensorHead {
     row_count: u64,
     keeps_all: bool,
     has_rate_limit: bool,
+    /// Whether the pins were checked.
+    wiring_checked: bool,
     violations: Vec<Violation>,
     violation_count: u64,
 }
@@ -263,6 +266,7 @@ impl SensorHead {
             row_count: 0,
             keeps_all: false,
             has_rate_limit: true,
+            wiring_checked: false,
             violations: Vec::new(),
             violation_count: 0,
         }
@@ -570,6 +574,39 @@ impl SensorHead {
         match self.chip_select.level {
             Level::Low => self.word(bits, now),
             Level::High => 0,
+        }
+    }
+
+    /// ICG has risen when this part of fM's period had passed since fM rose. The rise at the start, when the
+    /// pin is set up, ends no pulse.
+    pub fn icg_rose_at(&mut self, part: f64, now: Nanos) {
+        if self.icg.fell.is_some() && !limits::ICG_RISES.contains(&part) {
+            let (found, least, most) = (
+                part * 100.0,
+                limits::ICG_RISES.start() * 100.0,
+                limits::ICG_RISES.end() * 100.0,
+            );
+            self.violated(
+                now,
+                format!(
+                    "ICG rose at {found:.0} % of fM's period; within {least} % to {most} %, \
+                         while fM is high (TCD1304 t4)"
+                ),
+            );
+        }
+    }
+
+    /// Whether the pins must be checked now: once, at the first row.
+    pub(crate) fn wants_wiring(&mut self) -> bool {
+        let is_due = self.burst.is_some() && !self.wiring_checked;
+        self.wiring_checked |= is_due;
+        is_due
+    }
+
+    /// Reports what is wrong with the pins.
+    pub(crate) fn wiring(&mut self, faults: Vec<String>, now: Nanos) {
+        for fault in faults {
+            self.violated(now, fault);
         }
     }
 

@@ -31,6 +31,7 @@ use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, Gene
 use rigless::soc::{Bus, Error, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
+use crate::Nanos;
 use crate::burst::{self, BurstDma, BurstSpi};
 use crate::laser::LaserTimer;
 use crate::sensor_head::pins::{DMA2, SharedHead};
@@ -132,6 +133,14 @@ impl Stm32f429 {
     /// The registers of the flash interface.
     pub(crate) fn flash_interface(&self) -> &RegisterFile {
         self.part.bus().slots()[self.flash_slot].registers()
+    }
+
+    /// The part of the master clock's period that has passed since its rise; `None` if it does not run.
+    pub(crate) fn part_of_master_clock(&self, now: Nanos) -> Option<f64> {
+        let period = self.master_clock()?;
+        let registers = self.part.bus().slots()[self.tim1_slot].registers();
+        let count = self.tim1.slept_count(registers, VirtualNanos(now))?;
+        Some(count as f64 / period as f64)
     }
 
     /// The period of TIM1's channel 1 in timer clocks; `None` if it gives no pulses.

@@ -15,13 +15,18 @@ use rigless::time::VirtualNanos;
 
 use crate::Nanos;
 use crate::flash::{self, SharedFlash};
-use crate::hang::Detours;
+use crate::hang::{Detour, Detours};
 use crate::loads;
 use crate::trace::{self, Executed, Recorder, Traces};
 
 /// The core's registers, as GDB numbers those of ARMv7-M.
+const STACK_POINTER: usize = 13;
 const LINK_REGISTER: usize = 14;
 const PROGRAM_COUNTER: usize = 15;
+
+/// The control register of the clocks, and its bit for a ready external clock (RM0090 section 6.3.1).
+const RCC_CR: u64 = 0x4002_3800;
+const HSERDY: u64 = 1 << 17;
 
 /// What the wrapped core reads each time it runs.
 #[derive(Clone, Debug, Default)]
@@ -36,6 +41,8 @@ pub(crate) struct Watched {
     pub(crate) code: Code,
     /// The contents of the four sectors, which are not in its memory map.
     pub(crate) flash: SharedFlash,
+    /// Whether the external clock never gets ready. rigless's does, at any frequency.
+    pub(crate) has_no_clock: bool,
 }
 
 /// What a program has in flash: addresses, and the bytes from there on.
@@ -207,6 +214,7 @@ impl Core {
 struct BusWithFlash<'a> {
     inner: &'a mut dyn CoreBus,
     flash: SharedFlash,
+    has_no_clock: bool,
     /// Whether the core is to run one instruction only.
     steps: bool,
 }
@@ -216,7 +224,12 @@ impl CoreBus for BusWithFlash<'_> {
         if SharedFlash::holds(access.address) {
             return Some(self.flash.access(&access));
         }
-        self.inner.access(access, from_code)
+        let is_rcc_cr = access.address == RCC_CR;
+        let value = self.inner.access(access, from_code)?;
+        Some(match self.has_no_clock && is_rcc_cr {
+            true => value & !HSERDY,
+            false => value,
+        })
     }
 
     /// How many instructions the core may run after an access, before it returns.
@@ -263,6 +276,7 @@ impl Processor for Core {
         let bus = &mut BusWithFlash {
             inner: bus,
             flash: self.watched.flash.clone(),
+            has_no_clock: self.watched.has_no_clock,
             steps: false,
         };
         self.write_for_the_probe();
@@ -278,10 +292,18 @@ impl Processor for Core {
             self.run_traced(budget, everything, bus)
         };
         if exit == Exit::Breakpoint
-            && let Some(goes_on_at) = self.detours.get(&self.inner.pc())
+            && let Some(&detour) = self.detours.get(&self.inner.pc())
         {
-            self.inner
-                .set_gdb_register(PROGRAM_COUNTER, &goes_on_at.to_le_bytes());
+            let mut set = |register, value: u32| {
+                self.inner.set_gdb_register(register, &value.to_le_bytes());
+            };
+            match detour {
+                Detour::GoOnAt(address) => set(PROGRAM_COUNTER, address),
+                Detour::HangWithStackAt { trap, stack } => {
+                    set(STACK_POINTER, stack);
+                    set(PROGRAM_COUNTER, trap);
+                }
+            }
             return (Exit::Returned, ran);
         }
         (exit, ran)

@@ -29,6 +29,49 @@ pub struct Hardware {
     pub head: &'static str,
     /// Microseconds from one row to the next: the exposure to all light but the laser's.
     pub row_us: u32,
+    /// What times the rows and the serial line.
+    pub clock: Clock,
+    /// What the chip does while its supply is too low.
+    pub brown_out: BrownOut,
+}
+
+/// What times the rows and the serial line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// A crystal, on the board or behind a pin.
+    Crystal,
+    /// The chip's own oscillator, because the crystal did not start.
+    Internal,
+}
+
+/// The supply below which the chip resets itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BrownOut {
+    /// In millivolts, at least.
+    Below(u16),
+    /// Nobody switched it on: a write to flash at a low supply may go wrong.
+    Off,
+}
+
+impl fmt::Display for Clock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Crystal => "crystal",
+            // STM32F429 data sheet, HSI: 1 % at 25 C, up to 8 % from -40 to 105 C.
+            Self::Internal => {
+                "internal, 1 % wrong at 25 C and more elsewhere: the crystal did not start"
+            }
+        })
+    }
+}
+
+impl fmt::Display for BrownOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Below(mv) => write!(f, "below {mv} mV"),
+            Self::Off => f.write_str("off: set level 3 with the programmer"),
+        }
+    }
 }
 
 /// The line that the firmware sends once, at the start.
@@ -37,8 +80,13 @@ pub struct Banner<'a>(pub &'a Hardware, pub StartCause);
 
 impl fmt::Display for Banner<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self(Hardware { board, head, .. }, cause) = self;
-        write!(f, "slitrange {VERSION} {board} {head}, started by {cause}")
+        let Self(hardware, cause) = self;
+        let Hardware { board, head, .. } = hardware;
+        write!(f, "slitrange {VERSION} {board} {head}, started by {cause}")?;
+        match hardware.clock {
+            Clock::Crystal => Ok(()),
+            Clock::Internal => f.write_str(", without its crystal"),
+        }
     }
 }
 
@@ -65,6 +113,8 @@ impl fmt::Display for Info<'_> {
             board,
             head,
             row_us,
+            clock,
+            brown_out,
         } = *self.hardware;
         let Geometry {
             words,
@@ -108,6 +158,8 @@ impl fmt::Display for Info<'_> {
             Exposure::SHORTEST.us(),
             Exposure::LONGEST.us()
         )?;
+        write!(f, "\r\ninfo clock {clock}")?;
+        write!(f, "\r\ninfo brown-out reset {brown_out}")?;
         write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
         if self.settings.slits == Slits::Comb {
@@ -314,6 +366,8 @@ mod tests {
         board: "NUCLEO-F429ZI",
         head: "TCD1304DG",
         row_us: 5700,
+        clock: Clock::Crystal,
+        brown_out: BrownOut::Off,
     };
 
     fn info(record: Option<&Record>, on: bool) -> String {

@@ -44,6 +44,10 @@ pub struct Vitals {
     pub rows_lost: u32,
     /// Read-outs that did not complete.
     pub rows_failed: u32,
+    /// Rows not used, because the program was too late for one of the sensor's edges.
+    pub rows_late: u32,
+    /// How far apart the rows since the start were sampled, in percent of a pixel's time.
+    pub sampling_spread: u32,
     /// Core cycles from the words of the latest row in memory to its centre, with all interrupts meanwhile.
     /// The last row of a frame includes the frame's end.
     pub row_cycles: u32,
@@ -89,6 +93,7 @@ impl fmt::Display for Status<'_> {
         let Vitals {
             uptime_us,
             rows,
+            sampling_spread,
             row_cycles,
             slowest_row_cycles,
             ..
@@ -98,6 +103,7 @@ impl fmt::Display for Status<'_> {
         write!(f, "\r\nstatus rows read {rows}")?;
         write!(f, "\r\nstatus row cycles {row_cycles}")?;
         write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
+        write!(f, "\r\nstatus sampling spread {sampling_spread} %")?;
         write!(f, "\r\nstatus readings {}", self.readings)?;
         let limits = if self.is_within_limits { "on" } else { "off" };
         write!(f, "\r\nstatus limits {limits}")?;
@@ -134,6 +140,7 @@ impl fmt::Display for Errors<'_> {
         let Vitals {
             rows_lost,
             rows_failed,
+            rows_late,
             triggers_missed,
             lines_dropped,
             serial_errors,
@@ -141,6 +148,7 @@ impl fmt::Display for Errors<'_> {
         } = self.vitals;
         write!(f, "status rows lost {rows_lost}")?;
         write!(f, "\r\nstatus rows failed {rows_failed}")?;
+        write!(f, "\r\nstatus rows late {rows_late}")?;
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "\r\nstatus fault {name} {count}")?;
         }
@@ -170,6 +178,8 @@ mod tests {
             rows: u32::MAX,
             rows_lost: u32::MAX,
             rows_failed: u32::MAX,
+            rows_late: u32::MAX,
+            sampling_spread: u32::MAX,
             row_cycles: u32::MAX,
             slowest_row_cycles: u32::MAX,
             triggers_missed: u32::MAX,

@@ -28,7 +28,7 @@ use slitrange::pixels::PixelErrors;
 use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::pixels::map::MapSummary;
 use slitrange::protocol::command::{Command, parse};
-use slitrange::protocol::info::Hardware;
+use slitrange::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
@@ -54,6 +54,8 @@ const HARDWARE: Hardware = Hardware {
     board: "stand-in",
     head: "TCD1304DG",
     row_us: 5700,
+    clock: Clock::Crystal,
+    brown_out: BrownOut::Off,
 };
 
 /// The noise of a frame's centre, in pixels.

@@ -23,6 +23,11 @@ pub const SH_HIGH: Nanos = 1000;
 /// The least time from SH's fall to ICG's rise, ns (data sheet, timing requirements, t1).
 pub const ICG_AFTER_SH: Nanos = 1000;
 
+/// When ICG may rise, in parts of fM's period since fM rose: while fM is high (data sheet, timing
+/// requirements, t4), and so long before its fall that buffers and waits for flash have room. TIM1 counts 64
+/// in a period, and fM falls at 32.
+pub const ICG_RISES: RangeInclusive<f64> = 0.0..=28.0 / 64.0;
+
 /// The least exposure, ns: the time from the end of one SH pulse to the end of the next (data sheet, timing
 /// requirements, tINT).
 pub const EXPOSURE: Nanos = 10_000;

@@ -16,7 +16,7 @@ use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
 use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 
-use super::{Clocks, Level, SensorHead};
+use super::{Clocks, Level, SensorHead, wiring};
 use crate::Nanos;
 use crate::laser;
 use crate::serial_line::DriverEnable;
@@ -40,6 +40,8 @@ pub(crate) struct SharedHead {
     head: Mutex<SensorHead>,
     /// True after an edge at which the processor's clocks must be read.
     look: AtomicBool,
+    /// True after a rise of ICG.
+    icg_rose: AtomicBool,
 }
 
 impl SharedHead {
@@ -47,6 +49,7 @@ impl SharedHead {
         Arc::new(Self {
             head: Mutex::new(head),
             look: AtomicBool::new(false),
+            icg_rose: AtomicBool::new(false),
         })
     }
 
@@ -62,7 +65,17 @@ impl SharedHead {
             let clocks = clocks(processor);
             let buffers = dma_addresses(&mut processor.part);
             let laser_pin = laser::is_pin_connected(&mut processor.part);
+            let icg_rose = self.icg_rose.swap(false, Ordering::Relaxed);
+            let part = icg_rose
+                .then(|| processor.part_of_master_clock(now))
+                .flatten();
             let mut head = self.lock();
+            if let Some(part) = part {
+                head.icg_rose_at(part, now);
+            }
+            if head.wants_wiring() {
+                head.wiring(wiring::faults(&mut processor.part), now);
+            }
             head.clocks(clocks, now);
             head.laser_pin(laser_pin);
             for address in buffers {
@@ -129,7 +142,10 @@ impl HeadPin {
         match (self.pin, selected) {
             (HeadPinName::ChipSelect, true) => head.chip_select(Level::Low, now),
             (HeadPinName::ChipSelect, false) => head.chip_select(Level::High, now),
-            (HeadPinName::Icg, true) => head.icg(Level::High, now),
+            (HeadPinName::Icg, true) => {
+                head.icg(Level::High, now);
+                self.head.icg_rose.store(true, Ordering::Relaxed);
+            }
             (HeadPinName::Icg, false) => head.icg(Level::Low, now),
             (HeadPinName::Sh, true) => head.sh(Level::High, now),
             (HeadPinName::Sh, false) => head.sh(Level::Low, now),

@@ -8,7 +8,7 @@ use slitrange::distance::eq1;
 use slitrange::fault::Fault;
 use slitrange::pixels::PixelErrors;
 use slitrange::protocol::help::{Estimators, Help};
-use slitrange::protocol::info::{Banner, Hardware, Info};
+use slitrange::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
 use slitrange::protocol::status::StartCause;
 use slitrange::record::Record;
 use slitrange::sensor_heads;
@@ -26,6 +26,8 @@ const HARDWARE: Hardware = Hardware {
     board: "NUCLEO-F429ZI",
     head: "TCD1304DG",
     row_us: 5700,
+    clock: Clock::Crystal,
+    brown_out: BrownOut::Off,
 };
 
 /// Takes the results since the last call.

@@ -3,12 +3,13 @@
 use std::time::Duration;
 
 use slitrange::sensor_heads::TCD1304DG_LEAD_IN;
+use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
-use virtual_board::{Row, VirtualBoard};
+use virtual_board::{Line, Row, VirtualBoard};
 
 use crate::common::{
-    Status, firmware, fresh_results, is_reading, is_result, measuring, run_into_a_row, spot_at,
-    stop_the_transfer,
+    PATIENCE, Status, firmware, fresh_results, is_reading, is_result, measuring, number,
+    run_into_a_row, set, spot_at, stop_the_transfer,
 };
 
 /// The time from row to row, as the firmware states it, ns.
@@ -153,4 +154,66 @@ fn words_in_batches_are_the_same_as_words_one_by_one() {
     // makes turns of up to 15 instructions, 90 ns, of the loops that wait for a pulse.
     assert!(apart <= 90, "{apart} ns");
     assert!(phases_apart < 0.03, "{phases_apart} pixels");
+}
+
+/// Silicon executes fewer instructions than it has clocks, because it waits for flash: at 84 million a second
+/// each takes two clocks, at 56 million three. A row whose edges came too late must be rejected and counted;
+/// it must never move a centre.
+#[test]
+fn slow_cores_reject_late_rows_and_move_no_centre() {
+    for (millions, is_slow) in [(168, false), (84, false), (56, true)] {
+        let conditions = Conditions {
+            instructions_per_second: millions * 1_000_000,
+            ..Conditions::default()
+        };
+        let light = spot_at(1770.3, 1500.0);
+        let mut board =
+            VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
+        board
+            .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+            .expect("a banner");
+        if is_slow {
+            // The head sees pixels sampled too early in the rows that the firmware rejects.
+            board.expect_violations();
+        }
+        set(&mut board, "rows 4");
+        board.head(|head| head.keep_all_rows(true));
+        board.run_for(Duration::from_secs(1)).expect("a run");
+        let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+        let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
+        let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
+        let status = Status::ask(&mut board);
+        let (spread, late) = (status.0.iter())
+            .find(|line| line.contains("spread"))
+            .map(|line| number(line, "spread ", " %"))
+            .map(|spread| (spread, status.count("rows late")))
+            .expect("a line of the status");
+        println!(
+            "{millions} million instructions a second: {} rows, {late} late, sampled at {:.0} to {:.0} %, \
+             spread {spread} %",
+            rows.len(),
+            100.0 * least,
+            100.0 * most
+        );
+        assert_eq!(late > 0, is_slow, "{late} late rows");
+        if !is_slow {
+            status.assert_none(&["rows lost", "rows failed"]);
+            // Each end is rounded down to 1 %, and seen after a turn of a loop of up to 15 instructions.
+            let turn = 100.0 * 15.0 * 168.0 / millions as f64 / 256.0;
+            assert!(
+                (spread - 100.0 * (most - least)).abs() < 1.0 + turn,
+                "{spread}"
+            );
+        }
+        board.take_lines();
+        board.run_for(Duration::from_secs(1)).expect("a run");
+        let centre = |line: &Line| number(&line.text, "x ", " ");
+        let lines = board.take_lines();
+        let readings = lines.iter().filter(|line| is_reading(&line.text));
+        let errors: Vec<f64> = readings.map(|line| centre(line) - 1770.3).collect();
+        println!("centres are wrong by {errors:.3?} px");
+        assert!(errors.iter().all(|error| error.abs() < 0.1), "{errors:?}");
+        assert!(is_slow || errors.len() > 30, "{} readings", errors.len());
+        board.finish().expect("a clean run");
+    }
 }

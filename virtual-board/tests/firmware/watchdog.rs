@@ -4,9 +4,11 @@ use std::time::Duration;
 
 use rigless::soc::stm32f427::generated::usart6;
 use virtual_board::VirtualBoard;
+use virtual_board::board::Conditions;
 
 use crate::common::{
-    PATIENCE, ask, boot, fresh_results, is_reading, measuring, paper, run_into_a_row,
+    PATIENCE, ask, ask_for_lines, boot, firmware, fresh_results, is_reading, measuring, paper,
+    run_into_a_row,
 };
 
 /// USART3, in the emulator's order.
@@ -182,5 +184,71 @@ fn a_silent_sensor_does_not_make_the_watchdog_reset() {
     // This is longer than the watchdog waits.
     board.run_for(Duration::from_millis(2500)).expect("a run");
     assert_eq!(board.resets().expect("resets"), []);
+    board.finish().expect("a clean run");
+}
+
+/// Without a guard the stack would grow into the statics, and nobody would notice.
+#[test]
+fn a_stack_that_is_too_deep_ends_in_a_reset() {
+    let mut board = measuring(4);
+    fresh_results(&mut board, 1);
+    let end_of_statics = firmware().address_of("__sheap").expect("the statics' end");
+    let guard = u32::try_from(end_of_statics)
+        .expect("an address")
+        .next_multiple_of(4096);
+    // An interrupt pushes 32 bytes or more.
+    let (below, above) = (guard + 4096 + 16, guard + 8192);
+    board
+        .hang_with_stack_at("measure_row", above)
+        .expect("the function");
+    let rows = board.head(|head| head.row_count());
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    let more = board.head(|head| head.row_count()) - rows;
+    // As many as there are buffers, of which some may be in use.
+    assert!(more >= 4, "interrupts take rows above the guard: {more}");
+    board.unhang("measure_row").expect("the function");
+    board.reset_pin().expect("the emulator");
+    assert_starts_again(&mut board, "reset pin");
+
+    board
+        .hang_with_stack_at("measure_row", below)
+        .expect("the function");
+    let rows = board.head(|head| head.row_count());
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    let more = board.head(|head| head.row_count()) - rows;
+    println!("{more} rows after the stack reached its guard");
+    assert!(more <= 1, "{more} rows");
+    board.unhang("measure_row").expect("the function");
+    assert_starts_again(&mut board, "watchdog");
+}
+
+/// The ST-LINK's clock may be absent. The firmware then measures by the chip's own oscillator, and says so.
+#[test]
+fn without_the_external_clock_the_firmware_starts_and_says_so() {
+    let conditions = Conditions {
+        has_clock: false,
+        ..Conditions::default()
+    };
+    let mut board =
+        VirtualBoard::power_on_under(firmware(), paper(), conditions).expect("the board starts");
+    let banner = board
+        .run_until_line(|line| line.contains("slitrange "), Duration::from_secs(6))
+        .expect("a banner");
+    println!("{banner} after {:.1} s", board.now() as f64 * 1e-9);
+    assert!(
+        banner
+            .text
+            .ends_with(", started by power-on, without its crystal"),
+        "{banner}"
+    );
+    assert!(board.resets().expect("resets").is_empty());
+    let lines = fresh_results(&mut board, 2);
+    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
+    let info = ask_for_lines(&mut board, "info", 7);
+    assert!(
+        info.iter()
+            .any(|line| line.starts_with("info clock internal")),
+        "{info:#?}"
+    );
     board.finish().expect("a clean run");
 }

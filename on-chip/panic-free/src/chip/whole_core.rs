@@ -13,7 +13,7 @@ use slitrange::pixels::encoded::{Read, Reader, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::{Correction, Entry, PixelMap, window};
 use slitrange::protocol::command::Command;
-use slitrange::protocol::info::Hardware;
+use slitrange::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
 use slitrange::protocol::modbus::{self, Shown};
@@ -255,6 +255,8 @@ pub fn talk() {
         board: "",
         head: "",
         row_us: 0,
+        clock: Clock::Crystal,
+        brown_out: BrownOut::Off,
     });
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut session = Session::new(hardware, any::geometry(), any(StartCause::PowerOn));
