@@ -87,8 +87,8 @@ static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
 static URGENT: InterruptExecutor = InterruptExecutor::new();
 
 bind_interrupts!(struct Interrupts {
-    // In this order: errors are counted before their flags are cleared, and the line is released after the last
-    // bit was noticed.
+    // In this order: errors are counted before their flags are cleared, and the line is released after the
+    // last bit was noticed.
     USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>, ReleaseLine;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
     DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
@@ -335,7 +335,8 @@ struct ReleaseLine;
 
 impl Handler<interrupt::typelevel::USART3> for ReleaseLine {
     unsafe fn on_interrupt() {
-        // embassy's handler, which ran before, waits for TXE while bytes wait, and for TC from the last byte on.
+        // embassy's handler, which ran before, waits for TXE while bytes wait, and for TC from the last byte
+        // on.
         let control = pac::USART3.cr1().read();
         if !control.txeie() && !control.tcie() {
             pac::GPIOD

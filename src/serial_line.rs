@@ -82,9 +82,9 @@ async fn take_results(shell: &mut Shell) {
     COUNTERS.results.add_if(IDLE.try_take().is_some());
 }
 
-/// Gathers the rest of a Modbus request, up to the silence that ends it. If the computation of a row keeps this
-/// task for longer than that, two requests may become one. That one has a wrong checksum and no answer, and
-/// the master asks again.
+/// Gathers the rest of a Modbus request, up to the silence that ends it. If the computation of a row keeps
+/// this task for longer than that, two requests may become one. That one has a wrong checksum and no answer,
+/// and the master asks again.
 async fn gather_request(
     shell: &mut Shell,
     rx: &mut BufferedUartRx<'static>,

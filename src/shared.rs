@@ -104,8 +104,8 @@ enum TriggeredFrame {
 }
 
 impl Frames {
-    /// Changes what starts frames, and returns whether that is a change. A frame that the trigger before started
-    /// is dropped.
+    /// Changes what starts frames, and returns whether that is a change. A frame that the trigger before
+    /// started is dropped.
     pub fn set_trigger(&self, trigger: Trigger) -> bool {
         self.update(|state| {
             let changes = state.0 != trigger;

@@ -6,8 +6,8 @@
 //! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
 //! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
 //! * `write` starts the interrupt only if the buffer was empty when it checked. If the last bytes leave
-//!   between that check and the new bytes' arrival, nobody starts it: [`board::hand_over_bytes`] starts it after every
-//!   write.
+//!   between that check and the new bytes' arrival, nobody starts it: [`board::hand_over_bytes`] starts it
+//!   after every write.
 
 use embassy_futures::poll_once;
 use embassy_stm32::usart::BufferedUartTx;

@@ -361,8 +361,8 @@ mod tests {
         assert!(mean.share().expect("rows") < 0.005);
     }
 
-    /// The share is the variance of the mean. The mean over all pixels is right to a tenth of a count, because
-    /// rounding has no direction.
+    /// The share is the variance of the mean. The mean over all pixels is right to a tenth of a count,
+    /// because rounding has no direction.
     #[test]
     #[cfg_attr(miri, ignore = "takes minutes; the other tests run the same code")]
     fn the_mean_has_the_noise_that_it_states() {

@@ -1,9 +1,10 @@
 //! Auto exposure: rows go in, and the next exposure comes out.
 //!
 //! Each row tells how bright the spot was, and how long the laser was on in this row. The next exposure
-//! brings the spot to [`TARGET_PERCENT`] of its room: from the background to saturation. A row arrives some rows after its exposure was chosen. This delay causes no swinging, because each row is
-//! compared with its own exposure, and not with the latest one. The exposure stays while the spot is between
-//! [`LEAST_PERCENT`] and [`MOST_PERCENT`], so noise and speckle do not change it from row to row.
+//! brings the spot to [`TARGET_PERCENT`] of its room: from the background to saturation. A row arrives some
+//! rows after its exposure was chosen. This delay causes no swinging, because each row is compared with its
+//! own exposure, and not with the latest one. The exposure stays while the spot is between [`LEAST_PERCENT`]
+//! and [`MOST_PERCENT`], so noise and speckle do not change it from row to row.
 //!
 //! A flat top tells where the sensor saturates, if that is below the level that its geometry states. From
 //! then on the room ends there.

@@ -342,8 +342,8 @@ impl Session {
         (actions.trigger, actions.reset, actions.test) = (false, false, false);
     }
 
-    /// Answers a Modbus request, and writes into `actions` what must be done once the answer is sent. Its bytes
-    /// are empty if nobody expects one. Without an address, the sensor is station 1.
+    /// Answers a Modbus request, and writes into `actions` what must be done once the answer is sent. Its
+    /// bytes are empty if nobody expects one. Without an address, the sensor is station 1.
     #[inline(never)]
     pub fn answer_modbus(
         &mut self,

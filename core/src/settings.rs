@@ -329,8 +329,8 @@ impl Setting {
 }
 
 impl Value {
-    /// Whether `save` writes it to flash. Of what affects the session, that is `format modbus` alone: a master
-    /// that speaks Modbus could not ask for it after each start.
+    /// Whether `save` writes it to flash. Of what affects the session, that is `format modbus` alone: a
+    /// master that speaks Modbus could not ask for it after each start.
     pub fn is_saved(self) -> bool {
         self.setting().affects() != Affects::Session || self == Self::Format(Format::Modbus)
     }

@@ -302,8 +302,8 @@ impl VirtualBoard {
         self.line().take_bytes()
     }
 
-    /// Takes the edges of the pin that enables the serial line's driver since the last call: when, and whether
-    /// it rose.
+    /// Takes the edges of the pin that enables the serial line's driver since the last call: when, and
+    /// whether it rose.
     pub fn take_driver_edges(&mut self) -> Vec<(Nanos, bool)> {
         self.line().take_driver_edges()
     }

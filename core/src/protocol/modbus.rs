@@ -293,8 +293,8 @@ fn holdings(settings: &Settings) -> [u16; ALL_HOLDINGS] {
     all
 }
 
-/// The input registers after the latest result, `None` before the first one. `counter` is the number of results
-/// since the start.
+/// The input registers after the latest result, `None` before the first one. `counter` is the number of
+/// results since the start.
 pub fn inputs(result: Option<&Result<Reading, Fault>>, counter: u32) -> [u16; INPUTS] {
     let [count_high, count_low] = halves(counter);
     let none = halves(NO_VALUE.cast_unsigned());

@@ -22,7 +22,8 @@ pub struct RowTest {
 }
 
 impl RowTest {
-    /// Looks at a row. `measured` is a frame of this row alone. `None` if the words are not those of a sensor.
+    /// Looks at a row. `measured` is a frame of this row alone. `None` if the words are not those of a
+    /// sensor.
     pub fn of(row: &Row<'_>, measured: &Result<Measured, Fault>) -> Option<Self> {
         if *measured == Err(Fault::SensorSilent) {
             return None;
@@ -44,8 +45,8 @@ impl RowTest {
     }
 }
 
-/// The answer to `selftest`, lines parted by CR LF. Each is `selftest`, what is checked, `pass` or `fail`, and
-/// the value. The last line is `selftest pass`, or `selftest fail` and how many checks failed.
+/// The answer to `selftest`, lines parted by CR LF. Each is `selftest`, what is checked, `pass` or `fail`,
+/// and the value. The last line is `selftest pass`, or `selftest fail` and how many checks failed.
 #[derive(Clone, Copy, Debug)]
 pub struct Selftest<'a> {
     /// The state of flash.
@@ -60,16 +61,16 @@ pub struct Selftest<'a> {
     pub row: Option<RowTest>,
 }
 
-/// The least and the largest plausible black level in counts. Nearer to zero, the converter cuts the noise off.
-/// Above, a third of the converter's range is lost.
+/// The least and the largest plausible black level in counts. Nearer to zero, the converter cuts the noise
+/// off. Above, a third of the converter's range is lost.
 const BLACK: (f32, f32) = (10.0, 1400.0);
 
-/// The largest plausible noise of a pixel without light, in counts. No noise at all is that of a wire which is
-/// not connected.
+/// The largest plausible noise of a pixel without light, in counts. No noise at all is that of a wire which
+/// is not connected.
 const LARGEST_NOISE: f32 = 30.0;
 
-/// The noise of thirteen pixels is off by a factor of 3 in one of 14,000 rows (chi squared of 12 degrees below
-/// 12 / 9).
+/// The noise of thirteen pixels is off by a factor of 3 in one of 14,000 rows (chi squared of 12 degrees
+/// below 12 / 9).
 const NOISE_FACTOR: f32 = 3.0;
 
 /// The rounding of the converter, as a standard deviation in counts. A read noise does not contain it.
@@ -191,7 +192,8 @@ mod tests {
             ),
             "{text}"
         );
-        // Thirteen pixels, of which seven are one count below the middle: 12 / 13 of a count squared, over 12 / 13.
+        // Thirteen pixels, of which seven are one count below the middle: 12 / 13 of a count squared, over 12
+        // / 13.
         assert!(
             text.contains("\r\nselftest noise pass 1.04 counts\r\n"),
             "{text}"

@@ -193,8 +193,8 @@ fn unknown_to_sensor(setting: Setting) -> String {
     )
 }
 
-/// The values of all settings that flash can hold and the firmware knows, but for the sensor's address: another
-/// sensor has another one.
+/// The values of all settings that flash can hold and the firmware knows, but for the sensor's address:
+/// another sensor has another one.
 fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
     let mut values = Vec::new();
     for &setting in Setting::ALL {

@@ -31,8 +31,8 @@ struct Wanted {
     pull: Option<u64>,
 }
 
-/// The head's pins. All outputs but the laser's need the fastest speed. SCLK floats while SPI is off, and DOUT
-/// if there is no converter.
+/// The head's pins. All outputs but the laser's need the fastest speed. SCLK floats while SPI is off, and
+/// DOUT if there is no converter.
 const PINS: [Wanted; 7] = [
     wanted("PE9 (fM)", "GPIOE", 9).function(1).fast(),
     wanted("PF12 (ICG)", "GPIOF", 12).fast(),

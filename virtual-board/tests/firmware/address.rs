@@ -1,4 +1,5 @@
-//! Tests of a sensor on a line with others: the setting `address`, and the pin that enables the line's driver.
+//! Tests of a sensor on a line with others: the setting `address`, and the pin that enables the line's
+//! driver.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
-//! Tests of `format modbus`: requests and answers on the serial line. clients/python/tests/test_modbus.py does the
-//! same with a stock master.
+//! Tests of `format modbus`: requests and answers on the serial line. clients/python/tests/test_modbus.py
+//! does the same with a stock master.
 
 use std::time::Duration;
 
