@@ -55,7 +55,8 @@ impl Lines {
                       row window|row 1700 1839|calibration|calibration on|calibration off|\
                       calibration data 0|calibration begin 600|calibration commit|calibration abort|\
                       save|save nominal|defaults|flat|flat dark|flat lit|flat save|flat on|flat off|\
-                      flat erase|calibration data 0 00 1d0f";
+                      flat erase|calibration data 0 00 1d0f|measure|errors|uptime|selftest|reset|\
+                      master|master 500|master 0.5|master 4001";
         let mut commands: Vec<String> = others.split('|').map(str::to_owned).collect();
         let others = commands.len();
         for &setting in Setting::ALL {
@@ -78,6 +79,8 @@ impl Lines {
                     .into(),
             };
             let lines = values.iter().map(|value| format!("{name} {value}"));
+            // Lines are no commands with Modbus.
+            let lines = lines.filter(|line| !line.ends_with("modbus"));
             commands.extend(lines.filter(|line| parse(line.as_bytes()).is_ok()));
         }
         Self {
@@ -256,6 +259,8 @@ fn is_exactly(line: &[u8], command: Command) -> bool {
         }
         // A checksum, and not a number.
         Command::Upload(Step::Piece(_)) => return true,
+        // A number with as many decimals as were typed.
+        Command::Master(Some(_)) => return true,
         _ => {}
     }
     found == exact
@@ -312,6 +317,10 @@ impl Sensor {
 
     /// Takes a byte, as the firmware does.
     fn byte(&mut self, byte: u8, random: &mut ChaCha8Rng) {
+        // Lines with an address have tests of their own.
+        if byte == b'@' && self.reference.0.is_empty() {
+            return;
+        }
         let taken = self.input.take(byte);
         let line = self.reference.take(byte);
         let expected = (line.as_ref()).map(|line| match line {
@@ -355,7 +364,8 @@ impl Sensor {
             // The next frame answers, or something else than text.
             Command::Distance | Command::Centre | Command::Uncertainty => self.is_asked = true,
             Command::Zero(is_asked) => self.is_zero_asked = is_asked,
-            Command::Row(_) | Command::Flat(Flat::Use(true)) => {}
+            Command::Master(Some(_)) if !is_error => self.is_zero_asked = true,
+            Command::Row(_) | Command::Selftest | Command::Flat(Flat::Use(true)) => {}
             _ => assert!(answer.ends_with("\r\n"), "{shown}: {answer:?}"),
         }
         match command {
@@ -374,10 +384,15 @@ impl Sensor {
         assert_eq!(self.session.settings(), &self.settings, "{shown}");
         self.carry_out(random);
         assert_eq!(self.session.settings(), &self.settings, "{shown}");
-        // What is typed would be edited, and not taken as it is.
-        if self.settings.echo {
-            self.settings.echo = false;
-            self.event(Event::Line(parse(b"echo off")));
+        // What is typed would be edited, and not taken as it is. With an address or a trigger, frames have no
+        // lines unasked.
+        let default = Settings::default();
+        for setting in [Setting::Echo, Setting::Address, Setting::Trigger] {
+            let value = default.get(setting);
+            if self.settings.get(setting) != value {
+                self.settings.set(value);
+                self.event(Event::Line(Ok(Command::Set(value))));
+            }
         }
     }
 
@@ -390,6 +405,10 @@ impl Sensor {
         };
         if self.actions.save {
             let answer = self.event(Event::Saved(saved)).to_owned();
+            assert!(answer.ends_with("\r\n"), "{answer:?}");
+        }
+        if self.actions.test {
+            let answer = self.event(Event::Tested(None)).to_owned();
             assert!(answer.ends_with("\r\n"), "{answer:?}");
         }
         let outcome = match self.actions.flat.take() {
@@ -462,7 +481,9 @@ impl Sensor {
             assert_eq!(text.find("\r\n"), Some(text.len() - 2), "{text:?}");
             self.count("lines of readings and faults");
             let default = Settings::default();
-            if (self.settings.output, self.settings.average) == (default.output, default.average) {
+            let is_of_frame =
+                (self.settings.output, self.settings.average) == (default.output, default.average);
+            if format == Format::Text && is_of_frame {
                 // The reading is that of this frame.
                 let shown = match result {
                     Ok(_) => format!(" x {centre:.4}"),
