@@ -264,7 +264,7 @@ fn start_clock() -> Clock {
     let start = cycles();
     while cycles().wrapping_sub(start) < CLOCK_TIMEOUT_MS * OWN_CLOCK_KHZ {
         if pac::RCC.cr().read().hserdy() {
-            return Clock::Crystal;
+            return Clock::External;
         }
         pac::IWDG
             .kr()
@@ -356,11 +356,17 @@ fn watch_trigger(pin: Peri<'static, peripherals::PA3>) {
     pac::EXTI
         .rtsr(0)
         .modify(|rising| rising.set_line(TRIGGER, true));
-    pac::EXTI
-        .imr(0)
-        .modify(|enabled| enabled.set_line(TRIGGER, true));
     // SAFETY: the handler below needs nothing that is not ready.
     unsafe { interrupt::EXTI3.enable() };
+}
+
+/// Lets edges at the trigger's pin interrupt, or not: noise at a pin that nobody uses takes no time.
+pub fn listen_to_trigger(listens: bool) {
+    // An edge of before counts no more. Writing a one clears the line's flag, and no other.
+    pac::EXTI.pr(0).write(|edges| edges.set_line(TRIGGER, true));
+    pac::EXTI
+        .imr(0)
+        .modify(|enabled| enabled.set_line(TRIGGER, listens));
 }
 
 /// An edge at the trigger's pin.
@@ -431,7 +437,7 @@ unsafe fn UART4() {
 fn config(clock: Clock) -> Config {
     let mut config = Config::default();
     let (source, divider) = match clock {
-        Clock::Crystal => {
+        Clock::External => {
             config.rcc.hse = Some(rcc::Hse {
                 freq: Hertz(8_000_000),
                 mode: rcc::HseMode::Bypass,

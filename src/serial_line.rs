@@ -95,6 +95,8 @@ async fn gather_request(
         // Bytes could come without an end.
         take_results(shell).await;
     }
+    // A write drops the results that wait.
+    take_results(shell).await;
 }
 
 /// Takes what a person or a program sent.

@@ -19,6 +19,7 @@ use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, AddressPrefix, Event, Session};
 use slitrange::store::{Store, pixel_map};
 use slitrange::text::Text;
+use slitrange::trigger::Trigger;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
@@ -57,6 +58,10 @@ pub struct Shell {
     /// Until then a person types a line, and readings are left out.
     typing_until: Instant,
 }
+
+/// With an address, the sensor waits before it answers: an LF may come behind the CR, and the other side must
+/// stop driving the line. Five characters at 115200 baud.
+const BEFORE_ANSWER: Duration = Duration::from_micros(500);
 
 /// How long readings are left out after a key, unless the line ends before.
 const TYPING: Duration = Duration::from_secs(10);
@@ -137,6 +142,7 @@ impl Shell {
         bytes.clear();
         // An answer is shorter than a packet.
         let _ = bytes.extend_from_slice(&answer.bytes);
+        self.update_switch();
     }
 
     /// The sensor's address on its line; 0 if it is alone.
@@ -376,6 +382,10 @@ impl Shell {
     pub fn update_session(&mut self, event: Event) {
         let vitals = self.vitals();
         self.session.take(event, &vitals, &mut self.actions);
+        self.update_switch();
+    }
+
+    fn update_switch(&mut self) {
         self.switch
             .set_level(self.session.is_within_limits().into());
     }
@@ -391,12 +401,20 @@ impl Shell {
 
     fn apply(&mut self) {
         if let Some(applied) = self.actions.apply.take() {
-            FRAMES.set_trigger(applied.settings.trigger);
+            let trigger = applied.settings.trigger;
+            board::listen_to_trigger(trigger == Trigger::Pin);
+            FRAMES.set_trigger(trigger);
             SETTINGS.signal(applied);
             // Results that wait were measured with the settings before. Measuring runs in this executor, and
             // takes the new settings before the next row.
+            let mut are_dropped = false;
             while RESULTS.try_receive().is_ok() {
                 COUNTERS.lines_dropped.add();
+                are_dropped = true;
+            }
+            // A command that waits needs another frame.
+            if are_dropped && self.session.is_frame_due() {
+                FRAMES.start();
             }
         }
         if self.actions.trigger {
@@ -451,6 +469,9 @@ impl Shell {
         if actions.address == 0 {
             tx.send(actions.text.as_bytes()).await;
             return;
+        }
+        if !actions.text.as_str().is_empty() {
+            Timer::after(BEFORE_ANSWER).await;
         }
         let mut prefix = Text::<5>::default();
         // An address has at most three digits.

@@ -104,16 +104,13 @@ enum TriggeredFrame {
 }
 
 impl Frames {
-    /// Changes what starts frames, and returns whether that is a change. A frame that the trigger before
-    /// started is dropped.
-    pub fn set_trigger(&self, trigger: Trigger) -> bool {
+    /// Changes what starts frames. A frame that the trigger before started is dropped.
+    pub fn set_trigger(&self, trigger: Trigger) {
         self.update(|state| {
-            let changes = state.0 != trigger;
-            if changes {
+            if state.0 != trigger {
                 *state = (trigger, TriggeredFrame::None);
             }
-            changes
-        })
+        });
     }
 
     /// Starts a frame at a command, unless frames start by themselves.
@@ -282,8 +279,8 @@ pub struct Counters {
     pub triggers_missed: Counter,
     /// Rows of which an edge was late.
     pub rows_late: Counter,
-    /// When the earliest row was sampled, in percent of a pixel's time, less what the program takes to see
-    /// word 0. 0 before the first row.
+    /// When the earliest row was sampled, in percent of a pixel's time. Too small by the time that the
+    /// program takes to see word 0. 0 before the first row.
     pub sampled_earliest: Counter,
     /// The same of the latest row.
     pub sampled_latest: Counter,

@@ -78,9 +78,9 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 /// SH stays high for at least 1000 ns (data sheet, t3).
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From the fall of ICG to the start of the transfer: a rise of fM, after SH fell and chip select had its 10
-/// ns.
-const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK;
+/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell. With the half period, the
+/// wanted rise of ICG is in the middle between two that could be chosen, so that the choice never changes.
+const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 2;
 
 /// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).
 const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
@@ -275,10 +275,11 @@ impl Pins {
         // The program takes the same time to get here in every row, give or take some cycles. If this rounded
         // up in one row and down in the next, the image would shift by a quarter of a pixel between them. So
         // keep the last row's choice while it is nearly right.
-        if wanted.abs_diff(*icg_periods * CYCLES_A_MASTER_CLOCK) > CYCLES_A_MASTER_CLOCK * 3 / 4 {
-            *icg_periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
+        let mut periods = *icg_periods;
+        if wanted.abs_diff(periods * CYCLES_A_MASTER_CLOCK) > CYCLES_A_MASTER_CLOCK * 3 / 4 {
+            periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
         }
-        let rise = *icg_periods * CYCLES_A_MASTER_CLOCK;
+        let rise = periods * CYCLES_A_MASTER_CLOCK;
         let since_master_clock_rose = board::raise_icg_at(icg_fell.wrapping_add(rise));
         let since_rise = board::cycles().wrapping_sub(icg_fell).wrapping_sub(rise);
         if was_missed
@@ -287,6 +288,11 @@ impl Pins {
         {
             return Err(ReadOutError::Late);
         }
+        if !has_word_0() {
+            // The transfer will run into its timeout.
+            return Ok(());
+        }
+        *icg_periods = periods;
         let sampled = (SAMPLED + wanted).saturating_sub(rise) * 100 / CYCLES_A_PIXEL;
         COUNTERS.sampled_earliest.set_if_smaller(sampled);
         COUNTERS.sampled_latest.set_if_larger(sampled);

@@ -1,17 +1,17 @@
 //! How the sensor sends: in which format, with which pixels, and at which rate.
 
-/// How the sensor writes what it sends: the setting `format`.
+/// How the sensor writes what it sends: the setting `format`. The order is that of [`Format::ALL`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Format {
     /// Lines of text.
     #[default]
     Text,
-    /// Lines of text, in which results are comma-separated values.
-    Csv,
     /// Packets.
     Binary,
     /// Modbus RTU, in both directions: [`crate::protocol::modbus`].
     Modbus,
+    /// Lines of text, in which results are comma-separated values.
+    Csv,
 }
 
 impl Format {

@@ -226,7 +226,7 @@ impl Session {
     }
 
     /// Whether a command waits for a frame.
-    const fn is_frame_due(&self) -> bool {
+    pub const fn is_frame_due(&self) -> bool {
         self.distance_wanted
             || self.centre_wanted
             || self.parts_wanted

@@ -9,6 +9,7 @@ use rand::seq::IndexedRandom as _;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::fault::Fault;
+use slitrange::output::zero::MasterValue;
 use slitrange::pixels::flat_field::TakeError;
 use slitrange::protocol::command::{Command, Error, MAX_LINE, parse};
 use slitrange::protocol::flat::Flat;
@@ -260,7 +261,9 @@ fn is_exactly(line: &[u8], command: Command) -> bool {
         // A checksum, and not a number.
         Command::Upload(Step::Piece(_)) => return true,
         // A number with as many decimals as were typed.
-        Command::Master(Some(_)) => return true,
+        Command::Master(Some(value)) => {
+            return found.get(1).and_then(|it| MasterValue::read(it)) == Some(value);
+        }
         _ => {}
     }
     found == exact
@@ -288,7 +291,7 @@ impl Sensor {
             board: "a board",
             head: "TCD1304DG",
             row_us: 5700,
-            clock: Clock::Crystal,
+            clock: Clock::External,
             brown_out: BrownOut::Off,
         };
         let mut sensor = Self {

@@ -42,7 +42,7 @@ const HARDWARE: Hardware = Hardware {
     board: "a board",
     head: "TCD1304DG",
     row_us: 5700,
-    clock: Clock::Crystal,
+    clock: Clock::External,
     brown_out: BrownOut::Off,
 };
 

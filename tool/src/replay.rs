@@ -63,7 +63,7 @@ impl Core {
             board: "PC",
             head: "",
             row_us: 0,
-            clock: Clock::Crystal,
+            clock: Clock::External,
             brown_out: BrownOut::Off,
         };
         let mut settings = sensor.settings;

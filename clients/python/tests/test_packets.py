@@ -90,8 +90,13 @@ def test_packets_may_come_in_any_pieces() -> None:
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults_have_the_words_of_their_lines(name: str) -> None:
     kinds, _ = packets.FIGURES.get(name, ("", ""))
-    # 35.25 counts, 1770.5 px and 12 in turn.
-    figures = {"c": signed(35 * 256 + 64), "x": signed(1770 * 65536 + 32768), "n": number(12)}
+    # 35.25 counts, 1770.5 px, 1234 um and 12 in turn.
+    figures = {
+        "c": signed(35 * 256 + 64),
+        "x": signed(1770 * 65536 + 32768),
+        "d": signed(1234 * 256),
+        "n": number(12),
+    }
     fault = bytes([FAULTS.index(name)]) + b"".join(figures[kind] for kind in kinds)
     (result,) = read(packet(7, b"\x01" + number(5) + number(6) + b"\0\1" + fault))
     assert isinstance(result, Result)

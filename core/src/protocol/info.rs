@@ -38,9 +38,9 @@ pub struct Hardware {
 /// What times the rows and the serial line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// A crystal, on the board or behind a pin.
-    Crystal,
-    /// The chip's own oscillator, because the crystal did not start.
+    /// A clock from outside the chip.
+    External,
+    /// The chip's own oscillator, because no clock came from outside.
     Internal,
 }
 
@@ -56,10 +56,10 @@ pub enum BrownOut {
 impl fmt::Display for Clock {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Crystal => "crystal",
+            Self::External => "external",
             // STM32F429 data sheet, HSI: 1 % at 25 C, up to 8 % from -40 to 105 C.
             Self::Internal => {
-                "internal, 1 % wrong at 25 C and more elsewhere: the crystal did not start"
+                "internal, 1 % wrong at 25 C and more elsewhere: no external clock came"
             }
         })
     }
@@ -84,8 +84,8 @@ impl fmt::Display for Banner<'_> {
         let Hardware { board, head, .. } = hardware;
         write!(f, "slitrange {VERSION} {board} {head}, started by {cause}")?;
         match hardware.clock {
-            Clock::Crystal => Ok(()),
-            Clock::Internal => f.write_str(", without its crystal"),
+            Clock::External => Ok(()),
+            Clock::Internal => f.write_str(", without its external clock"),
         }
     }
 }
@@ -366,7 +366,7 @@ mod tests {
         board: "NUCLEO-F429ZI",
         head: "TCD1304DG",
         row_us: 5700,
-        clock: Clock::Crystal,
+        clock: Clock::External,
         brown_out: BrownOut::Off,
     };
 

@@ -27,7 +27,7 @@
 //! | 1 | `exposure` | as on the serial line; 0 is `auto` |
 //! | 2 | `exposure limit` | as on the serial line |
 //! | 3 | `laser` | 0 is `off`, 1 is `on` |
-//! | 4 | `format` | 0 is `text`, 1 is `binary`, 2 is `modbus`: the way back to lines of text |
+//! | 4 | `format` | 0 is `text`, 1 is `binary`, 2 is `modbus`, 3 is `csv`: the way back to lines |
 //! | 5 | `address` | as on the serial line; the answer comes from the old one |
 //! | 6 | none | 1 does what the command `save` does, after the answer; reads 0 |
 //!
@@ -502,7 +502,7 @@ mod tests {
             (1, [0, 10, 5600]),
             (2, [10, 5600, 187]),
             (3, [0, 1, 0]),
-            (4, [1, 2, 0]),
+            (4, [3, 2, 0]),
             (5, [1, 247, 0]),
         ];
         for (register, values) in written {
@@ -558,7 +558,7 @@ mod tests {
             (&[6, 0, 1, 0x15, 0xE1], 3),
             (&[6, 0, 2, 0, 0], 3),
             (&[6, 0, 3, 0, 2], 3),
-            (&[6, 0, 4, 0, 3], 3),
+            (&[6, 0, 4, 0, 4], 3),
             (&[6, 0, 5, 0, 248], 3),
             (&[6, 0, 6, 0, 2], 3),
             // A save that would be refused changes no setting either.

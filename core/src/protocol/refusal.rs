@@ -121,7 +121,7 @@ impl fmt::Display for Refusal {
                 "E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um",
             ),
             Self::NotTriggered => {
-                f.write_str("E24 frames start by themselves: distance, or trigger serial first")
+                f.write_str("E24 frames start by themselves: send distance, or trigger serial before measure")
             }
         }
     }

@@ -218,12 +218,8 @@ impl<'a> Monitor<'a> {
     /// dropped.
     fn prepare(&mut self, session: &mut Session<'_>) -> Result<(u32, u32), LineError> {
         // Earlier firmware has neither setting, sends every result, and sends all columns.
-        let mut value = |setting| match session.value(setting) {
-            Ok(value) => Ok(Some(value)),
-            Err(LineError::Refused { .. }) => Ok(None),
-            Err(error) => Err(error),
-        };
-        let (rate, output) = (value(Setting::Rate)?, value(Setting::Output)?);
+        let rate = session.value_if_known(Setting::Rate)?;
+        let output = session.value_if_known(Setting::Output)?;
         self.statistics.leaves_out = rate.is_some_and(|rate| rate != Value::Rate(0));
         if let Some(Value::Output(columns)) = output
             && !columns.has(Column::Distance)

@@ -10,9 +10,10 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
 use slitrange::protocol::command::{Command, Error, parse};
+use slitrange::sending::Format;
 use slitrange::settings::{Affects, Setting, Settings, Value};
 
-use super::line::{LineError, SAVE};
+use super::line::SAVE;
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -104,6 +105,12 @@ pub fn settings(
         }
         Some(SettingsCommand::Set { words }) => {
             let value = read(&words.join(" "))?;
+            ensure_alone(value)?;
+            ensure!(
+                !matches!(value, Value::Format(_) | Value::Baud(_)),
+                "`{value}` is not set here: the tool needs text at 115200 baud, and `record` changes both \
+                 for itself"
+            );
             set(&mut options.port.open(pc)?, value, output)?;
         }
         Some(SettingsCommand::Save { file }) => {
@@ -111,6 +118,7 @@ pub fn settings(
         }
         Some(SettingsCommand::Load { file, flash }) => {
             let values = read_file(file)?;
+            values.iter().try_for_each(|&value| ensure_alone(value))?;
             load(&mut options.port.open(pc)?, &values, *flash, output)?;
         }
         Some(SettingsCommand::Compare { file, with }) => {
@@ -174,16 +182,27 @@ fn read(line: &str) -> Result<Value> {
     }
 }
 
+/// Refuses a value with which the sensor would no longer answer the tool.
+fn ensure_alone(value: Value) -> Result<()> {
+    let is_alone = match value {
+        Value::Address(address) => address == 0,
+        Value::Format(format) => format != Format::Modbus,
+        _ => true,
+    };
+    ensure!(
+        is_alone,
+        "`{value}` is not set here: the tool talks to a sensor that is alone on its line: `address 0`, and \
+         not `format modbus`"
+    );
+    Ok(())
+}
+
 /// Asks for a value as it was before the session. `None` if the firmware does not know the setting.
 fn value(session: &mut Session<'_>, setting: Setting) -> Result<Option<Value>> {
     if let Some(value) = session.found(setting) {
         return Ok(Some(value));
     }
-    match session.value(setting) {
-        Ok(value) => Ok(Some(value)),
-        Err(LineError::Refused { .. }) => Ok(None),
-        Err(error) => Err(error.into()),
-    }
+    Ok(session.value_if_known(setting)?)
 }
 
 fn unknown_to_sensor(setting: Setting) -> String {
@@ -263,10 +282,6 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
 /// Sets a value, and says what it was.
 fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
     let setting = new.setting();
-    ensure!(
-        !matches!(new, Value::Format(_) | Value::Baud(_)),
-        "`{new}` is not set here: the tool needs text at 115200 baud, and `record` changes both for itself"
-    );
     let before = value(session, setting)?.with_context(|| unknown_to_sensor(setting))?;
     if before == new {
         writeln!(output, "{new} (as before)")?;
@@ -388,8 +403,13 @@ fn load(
     }
     writeln!(
         output,
-        "{} settings changed, {} as before",
+        "{} {} changed, {} as before",
         changes.len(),
+        if changes.len() == 1 {
+            "setting"
+        } else {
+            "settings"
+        },
         values.len() - changes.len()
     )?;
     if to_flash {

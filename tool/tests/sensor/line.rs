@@ -9,6 +9,7 @@ use nix::pty::openpty;
 use nix::unistd::ttyname;
 use slitrange::protocol::command::Command;
 use slitrange::settings::{Setting, Value};
+use slitrange::trigger::Trigger;
 use slitrange_tool::pc::{Pc, Port, RealPc};
 use slitrange_tool::sensor::line::{ANSWER, LineError};
 use slitrange_tool::sensor::session::Session;
@@ -201,4 +202,31 @@ fn a_bad_line_slows_a_session_and_changes_no_value() {
     assert!(set >= 30, "{set}");
     sensor.state().trouble = Trouble::default();
     session.line().synchronise().expect("in order again");
+}
+
+/// What earlier firmware does not have is left alone, and what a sensor has is put back at the end.
+#[test]
+fn a_setting_that_the_firmware_may_not_have_is_borrowed() {
+    let triggered = Value::Trigger(Trigger::Serial);
+    let continuous = Value::Trigger(Trigger::Continuous);
+    for unknown in [None, Some(Setting::Trigger), Some(Setting::Format)] {
+        let sensor = StandIn::new(1, Trouble::default());
+        sensor.state().type_line("trigger serial");
+        sensor.state().unknown = unknown;
+        let mut session = Session::open(&sensor, &sensor.port()).expect("a sensor");
+        session.borrow_if_known(continuous).expect("an answer");
+        let is_known = unknown != Some(Setting::Trigger);
+        let now = sensor.state().settings().trigger;
+        assert_eq!(now == Trigger::Continuous, is_known);
+        let found = session.value_if_known(Setting::Trigger).expect("an answer");
+        assert_eq!(found, is_known.then_some(continuous));
+        assert_eq!(
+            session.found(Setting::Trigger),
+            is_known.then_some(triggered)
+        );
+        // A program that needs the setting says so.
+        assert_eq!(session.borrow(continuous).is_ok(), is_known);
+        drop(session);
+        assert_eq!(sensor.state().settings().trigger, Trigger::Serial);
+    }
 }

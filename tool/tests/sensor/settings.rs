@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use slitrange::settings::{Setting, Settings};
+use slitrange_tool::pc::Pc;
 
 use crate::stand_in::{StandIn, Trouble};
 
@@ -104,6 +105,30 @@ fn a_wrong_value_is_an_error_that_names_the_right_ones() {
     assert_eq!(sensor.state().settings(), Settings::default());
 }
 
+/// It would no longer answer the tool.
+#[test]
+fn a_sensor_stays_alone_on_its_line() {
+    let sensor = sensor(7);
+    let reason = "the tool talks to a sensor that is alone on its line: `address 0`, and not `format modbus`";
+    for words in ["address 5", "address 247", "format modbus"] {
+        let set: Vec<&str> = ["set"].into_iter().chain(words.split(' ')).collect();
+        let error = settings(&sensor, &set).0.expect_err("refused");
+        assert_eq!(error, format!("`{words}` is not set here: {reason}"));
+        let path = sensor.path("alone.toml");
+        let (name, value) = words.split_once(' ').expect("a value");
+        std::fs::write(&path, format!("rows = 4\n{name} = \"{value}\"\n")).expect("written");
+        let load = ["load", path.to_str().expect("text")];
+        let error = settings(&sensor, &load).0.expect_err("refused");
+        assert_eq!(error, format!("`{words}` is not set here: {reason}"));
+    }
+    // Time goes on as soon as anything is sent.
+    assert_eq!(sensor.now(), std::time::Duration::ZERO);
+    assert_eq!(sensor.state().settings(), Settings::default());
+    let (result, output) = settings(&sensor, &["set", "address", "0"]);
+    result.expect("as before");
+    assert_eq!(output, "address 0 (as before)\n");
+}
+
 #[test]
 fn a_file_moves_settings_from_one_sensor_to_another() {
     let (first, second) = (sensor(4), sensor(5));
@@ -130,6 +155,12 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
         settings(&second, &["load", file])
             .1
             .starts_with("0 settings changed, ")
+    );
+    second.state().type_line("rows 16");
+    let (_, output) = settings(&second, &["load", file]);
+    assert!(
+        output.contains("rows: 16 -> 32\n1 setting changed, "),
+        "{output}"
     );
     // They are in flash: a start keeps them.
     assert_eq!(second.state().saved_rows(), Some(32));

@@ -27,7 +27,7 @@ use slitrange::measurement::Measurement;
 use slitrange::pixels::PixelErrors;
 use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::pixels::map::MapSummary;
-use slitrange::protocol::command::{Command, parse};
+use slitrange::protocol::command::{Command, Error, parse};
 use slitrange::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
@@ -40,7 +40,7 @@ use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
-use slitrange::settings::Settings;
+use slitrange::settings::{Setting, Settings};
 use slitrange::shape::SpotShape;
 use slitrange::store::configuration::Configuration;
 use slitrange::store::pixel_map::StoredMap;
@@ -54,7 +54,7 @@ const HARDWARE: Hardware = Hardware {
     board: "stand-in",
     head: "TCD1304DG",
     row_us: 5700,
-    clock: Clock::Crystal,
+    clock: Clock::External,
     brown_out: BrownOut::Off,
 };
 
@@ -121,6 +121,8 @@ pub struct State {
     /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it
     /// is lost.
     pub spoil: Option<(usize, bool)>,
+    /// A setting that its firmware does not have.
+    pub unknown: Option<Setting>,
     /// It hears nothing any more, once a piece of a record has come.
     pub deaf_after_piece: bool,
     /// So many times the light is wrong for a map of the pixels.
@@ -408,6 +410,7 @@ impl StandIn {
             off_until: None,
             unplugged_until: None,
             spoil: None,
+            unknown: None,
             deaf_after_piece: false,
             wrong_light: 0,
             has_saved_map: false,
@@ -709,6 +712,15 @@ impl Sensor {
             };
             let Some(command) = command else {
                 continue;
+            };
+            let setting = match command {
+                Ok(Command::Show(setting)) => Some(setting),
+                Ok(Command::Set(value)) => Some(value.setting()),
+                _ => None,
+            };
+            let command = match setting {
+                Some(_) if setting == self.state.unknown => Err(Error::Unknown(None)),
+                _ => command,
             };
             if command == Ok(Command::Centre) {
                 let late = self.random.random_bool(self.state.trouble.late);

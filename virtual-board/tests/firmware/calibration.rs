@@ -56,7 +56,7 @@ fn readings_use_the_uploaded_calibration() {
         assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
         assert_eq!(ask(&mut board, "black"), "black fixed 300");
         assert!(
-            ask_for_lines(&mut board, "info", 9)
+            ask_for_lines(&mut board, "info", 11)
                 .contains(&"info serial number 4000000711, calibrated 2026-11-21".to_owned())
         );
 

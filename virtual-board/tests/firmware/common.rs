@@ -148,7 +148,7 @@ pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
 }
 
 /// Lines of the answer to `status`.
-const STATUS_LINES: usize = 13 + Fault::KINDS;
+const STATUS_LINES: usize = 16 + Fault::KINDS;
 
 /// The answer to `status`.
 #[derive(Debug)]

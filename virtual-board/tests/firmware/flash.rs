@@ -34,8 +34,8 @@ fn saved(rows: u16) -> Configuration {
     }
 }
 
-/// How many such configurations fit into a sector: 16 KB over 1.4 KB.
-const IN_A_SECTOR: u16 = 9;
+/// How many such configurations fit into a sector: 16 KB over 1.9 KB.
+const IN_A_SECTOR: u16 = 8;
 
 /// Flash after `count` saves, with 1, 2, 3 rows and so on.
 fn with_saves(count: u16) -> SharedFlash {

@@ -238,7 +238,7 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
     assert!(
         banner
             .text
-            .ends_with(", started by power-on, without its crystal"),
+            .ends_with(", started by power-on, without its external clock"),
         "{banner}"
     );
     assert!(board.resets().expect("resets").is_empty());

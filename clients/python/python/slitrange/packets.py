@@ -320,8 +320,10 @@ FIGURES: dict[str, tuple[str, str]] = {
     "slits unclear": ("nn", "{} images fit one place, {} another"),
     "too dim at the longest exposure": ("cn", "{:.1f} counts in {} us"),
     "saturated at the shortest exposure": ("nn", "{} pixels in {} us"),
+    "spike": ("d", "{:.1f} um from the last good reading"),
 }
-"""What follows the number of a fault (c: counts, x: pixels, n: a number), and the words of its line."""
+"""What follows the number of a fault (c: counts, x: pixels, d: micrometres, n: a number), and the
+words of its line."""
 
 
 def _fault(fields: _Fields, counter: int | None, time_us: int) -> Fault:
@@ -332,6 +334,7 @@ def _fault(fields: _Fields, counter: int | None, time_us: int) -> Fault:
     read: dict[str, Callable[[], float]] = {
         "c": fields.counts,
         "x": fields.pixels,
+        "d": lambda: fields.signed() * UM,
         "n": fields.unsigned,
     }
     detail = words.format(*(read[kind]() for kind in kinds))

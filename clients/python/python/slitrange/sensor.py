@@ -343,8 +343,9 @@ class Sensor:
             Refused: There is no such setting, or the value is wrong. Its sentence says what the sensor takes.
             NoAnswer: No answer came.
         """
-        name = _setting(name)
         text = _text(_word(value) if isinstance(value, bool) else str(value))
+        _check_alone(_text(name), text)
+        name = _setting(name)
         if not text:
             raise ValueError(f"there is no value for {name}: give one, or read it by get")
         if name == "output" and (missing := _missing(text)):
@@ -480,6 +481,16 @@ def _setting(name: str) -> str:
     if first in OWN_SETTINGS:
         raise ValueError(f"`{name}` is set by this package, and put back at the end")
     return name
+
+
+def _check_alone(name: str, value: str) -> None:
+    """Refuses a value with which the sensor would no longer answer this package."""
+    has_address = name == "address" and value.strip("0") != ""
+    if has_address or (name, value) == ("format", "modbus"):
+        raise ValueError(
+            f"{name} {value} is not set here: this package talks to a sensor that is alone on its line: "
+            "`address 0`, and not `format modbus`"
+        )
 
 
 def _value_of(name: str, line: str) -> str | None:

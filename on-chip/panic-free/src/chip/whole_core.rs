@@ -255,7 +255,7 @@ pub fn talk() {
         board: "",
         head: "",
         row_us: 0,
-        clock: Clock::Crystal,
+        clock: Clock::External,
         brown_out: BrownOut::Off,
     });
     let (mut input, mut echo) = (Input::new(), Echo::default());
