@@ -79,7 +79,7 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
 /// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell. With the half period, the
-/// wanted rise of ICG is in the middle between two that could be chosen, so that the choice never changes.
+/// wanted rise of ICG is in the middle between two that could be chosen (virtual board).
 const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 2;
 
 /// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).
