@@ -152,7 +152,7 @@ fn assert_windows_arrive(time: Duration) {
     say(&mut board, "pixels window");
     reader.read(&mut board);
     let (mut last, mut last_window, mut last_packet) = (None, None, None::<u16>);
-    let (mut count, mut pixels, mut slowest) = (0, 0, Duration::ZERO);
+    let (mut count, mut pixels, mut slowest, mut late) = (0, 0, Duration::ZERO, 0);
     let mut look = |board: &mut VirtualBoard| {
         let received = reader.read(board);
         // Some bytes of packets are those of line ends.
@@ -175,7 +175,9 @@ fn assert_windows_arrive(time: Duration) {
             let began = at - 10 * 1_000_000_000 / 921_600;
             let last_word = last_words.iter().rfind(|&&last_word| last_word < began);
             let latency = began - last_word.expect("the result's row");
-            slowest = slowest.max(Duration::from_nanos(latency));
+            let latency = Duration::from_nanos(latency);
+            slowest = slowest.max(latency);
+            late += usize::from(latency > Duration::from_millis(1));
             last = Some(now);
             count += 1;
         }
@@ -192,10 +194,14 @@ fn assert_windows_arrive(time: Duration) {
     };
     run(&mut board, time, "binary", &mut look);
     println!(
-        "binary: {count} results with {} pixels each; the slowest began {slowest:?} after its row's last word",
+        "binary: {count} results with {} pixels each; the slowest began {slowest:?} after its row's last \
+         word, {late} more than 1 ms",
         pixels / count
     );
-    assert!(slowest <= Duration::from_millis(1), "{slowest:?}");
+    // Less than one of 100,000 rows may be computed by a longer way, of at most the 1.5 ms of the slowest row
+    // that `cargo slowest` knows.
+    assert!(late * 100_000 <= count, "{late} of {count}");
+    assert!(slowest <= Duration::from_micros(1600), "{slowest:?}");
     let fewest = (time.as_nanos() / ROW.as_nanos()) as usize - 2;
     assert!(count >= fewest, "{count} of {fewest}");
     // The results up to the answer.
