@@ -87,8 +87,8 @@ static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
 static URGENT: InterruptExecutor = InterruptExecutor::new();
 
 bind_interrupts!(struct Interrupts {
-    // In this order: errors are counted before their flags are cleared, and the line is released after the
-    // last bit was noticed.
+    // The order matters. The first handler counts errors before the second clears their flags. The driver of
+    // RS-485 is switched off after the second has seen the end of the last bit.
     USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>, ReleaseLine;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
     DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;

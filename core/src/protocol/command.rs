@@ -75,7 +75,8 @@ pub enum Command {
 }
 
 impl Command {
-    /// Whether the command may be sent to all sensors of a line: nothing of its answer comes later.
+    /// Whether the command may be sent to all sensors of a line. Its answer, which nobody sends, needs no
+    /// frame and no row.
     pub const fn is_for_all(self) -> bool {
         matches!(
             self,

@@ -95,7 +95,10 @@ pub const AFTER_SETTINGS: [Line; 11] = [
         "flat save|none",
         "write the map to flash, or erase it; pauses the stream",
     ),
-    ("reset", "start again; what was not saved is lost"),
+    (
+        "reset",
+        "start the sensor again; it loses what was not saved",
+    ),
 ];
 
 /// The last lines of `help`.

@@ -152,7 +152,7 @@ fn saving_pauses_the_stream_and_nothing_else() {
         let operations = board.flash().operation_count();
         println!("{rows} rows in a frame: {lasted} ms, {operations} operations");
         // 1.8 KB of words (with the store's own), and perhaps an erase, which takes 400 ms.
-        assert!((440..480).contains(&operations), "{operations}");
+        assert!((450..475).contains(&operations), "{operations}");
         erased += usize::from(lasted > 350);
         let lines = board.take_lines();
         let results: Vec<&Line> = lines.iter().filter(|line| is_result(&line.text)).collect();
