@@ -28,7 +28,7 @@ use super::shared::{
 use super::{board, tcd1304};
 
 /// The sensor is silent if no row comes for so long, 17 row periods.
-const SILENCE: Duration = Duration::from_millis(100);
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
 
 /// The pipeline. In core-coupled memory, which no DMA needs, so that the stack has the room.
 #[unsafe(link_section = ".ccm.measurement")]
@@ -133,7 +133,7 @@ pub async fn measure() {
     }
 }
 
-/// Finds out that no row came for [`SILENCE`]. Its alarm rings once in that time, not once a row: setting an
+/// Finds out that no row came for [`LONGEST_WAIT`]. Its alarm rings once in that time, not once a row: setting an
 /// alarm costs more than handing on a row.
 struct Silence {
     begins: Instant,
@@ -143,13 +143,13 @@ struct Silence {
 impl Silence {
     fn new() -> Self {
         Self {
-            begins: Instant::now() + SILENCE,
+            begins: Instant::now() + LONGEST_WAIT,
             alarm: None,
         }
     }
 
     fn row_came(&mut self) {
-        self.begins = Instant::now() + SILENCE;
+        self.begins = Instant::now() + LONGEST_WAIT;
     }
 
     /// Waits for a row or a request. Returns whether the sensor is silent instead. New settings alone wait
@@ -163,7 +163,7 @@ impl Silence {
             }
             let now = Instant::now();
             if now >= self.begins {
-                self.begins = now + SILENCE;
+                self.begins = now + LONGEST_WAIT;
                 return Poll::Ready(true);
             }
             if self.alarm.is_none_or(|alarm| now >= alarm) {
@@ -184,7 +184,7 @@ async fn next_row_alone(
 ) -> (Option<ExposedRow>, Result<Measured, Fault>) {
     free_waiting_rows().await;
     let row = loop {
-        let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
+        let Ok(row) = with_timeout(LONGEST_WAIT, FULL.receive()).await else {
             return (None, Err(measurement.silence()));
         };
         if !is_dark_row(measurement, row.words, row.exposure) {
@@ -233,7 +233,7 @@ async fn take_rows(
     free_waiting_rows().await;
     flat.begin(kind, geometry)?;
     loop {
-        let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
+        let Ok(row) = with_timeout(LONGEST_WAIT, FULL.receive()).await else {
             return Err(TakeError::Silent);
         };
         let taken = flat.add(row.words, geometry);

@@ -20,7 +20,7 @@ use super::transmitter::Transmitter;
 
 /// The silence that ends a Modbus request, for rates above 19200 baud (Modbus over serial line V1.02, section
 /// 2.5.1.1).
-const SILENCE: Duration = Duration::from_micros(1750);
+const END_OF_REQUEST: Duration = Duration::from_micros(1750);
 
 /// Bytes taken from the receiver at a time.
 const PIECE: usize = 64;
@@ -90,7 +90,7 @@ async fn gather_request(
     rx: &mut BufferedUartRx<'static>,
     bytes: &mut [u8; PIECE],
 ) {
-    while let Ok(received) = with_timeout(SILENCE, rx.read(bytes)).await {
+    while let Ok(received) = with_timeout(END_OF_REQUEST, rx.read(bytes)).await {
         shell.gather(&bytes[..received.unwrap_or(0)]);
         // Bytes could come without an end.
         take_results(shell).await;

@@ -115,20 +115,22 @@ impl Frames {
 
     /// Starts a frame at a command, unless frames start by themselves.
     pub fn start(&self) {
-        // Read first: a pulse in between makes the frame late rather than early.
-        let pulses = COUNTERS.pulses.get();
-        self.update(|(trigger, frame)| match (*trigger, *frame) {
-            (Trigger::Continuous, _) => {}
-            (_, TriggeredFrame::None) => *frame = TriggeredFrame::Triggered { pulses },
-            _ => COUNTERS.triggers_missed.add(),
-        });
+        self.start_if(|trigger| trigger != Trigger::Continuous);
     }
 
     /// Starts a frame at an edge, if edges start frames.
     pub fn take_edge(&self) {
-        if self.update(|(trigger, _)| *trigger) == Trigger::Pin {
-            self.start();
-        }
+        self.start_if(|trigger| trigger == Trigger::Pin);
+    }
+
+    fn start_if(&self, is_trigger: impl Fn(Trigger) -> bool) {
+        // Read first: a pulse in between makes the frame late rather than early.
+        let pulses = COUNTERS.pulses.get();
+        self.update(|(trigger, frame)| match *frame {
+            _ if !is_trigger(*trigger) => {}
+            TriggeredFrame::None => *frame = TriggeredFrame::Triggered { pulses },
+            _ => COUNTERS.triggers_missed.add(),
+        });
     }
 
     /// Whether a triggered frame begins with a row, which ended with the pulse of this number.

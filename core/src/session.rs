@@ -307,7 +307,7 @@ impl Session {
                     }
                     Err(error) => actions.add_line(&Refusal::NotSaved(error)),
                 }
-                if core::mem::take(&mut self.saves_silently) {
+                if mem::take(&mut self.saves_silently) {
                     actions.text.clear();
                 }
             }
@@ -519,7 +519,7 @@ impl Session {
                 actions.add_line(&PartsOf(&reading.parts, self.settings.units));
             }
         }
-        let is_wanted = core::mem::take(&mut self.result_wanted);
+        let is_wanted = mem::take(&mut self.result_wanted);
         let is_due = is_wanted
             || self.settings.stream
                 && self.is_alone()

@@ -570,43 +570,34 @@ fn read_exposure(word: &str) -> Result<Exposure, ValueError> {
     exposure.ok_or(ValueError::Range)
 }
 
-impl ValueText for Mean {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Form),
-            _ => Err(ValueError::Form),
-        }
-    }
+/// The values of these types are one word each: `name` writes it, `named` reads it. Another word is the error
+/// beside the type.
+macro_rules! one_word {
+    ($($value:ty: $error:ident,)+) => {
+        $(impl ValueText for $value {
+            fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+                match words {
+                    [name] => Self::named(name).ok_or(ValueError::$error),
+                    _ => Err(ValueError::Form),
+                }
+            }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
+            fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        })+
+    };
 }
 
-impl ValueText for AmbientMode {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Form),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl ValueText for Format {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Form),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
+one_word! {
+    Mean: Form,
+    AmbientMode: Form,
+    Format: Form,
+    PixelStream: Form,
+    Trigger: Form,
+    Slits: Form,
+    Peak: Form,
+    Estimator: Unlisted,
 }
 
 impl ValueText for Baud {
@@ -623,45 +614,6 @@ impl ValueText for Baud {
 
     fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(&self.bits_a_second(), f)
-    }
-}
-
-impl ValueText for PixelStream {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Form),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl ValueText for Trigger {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Form),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl ValueText for Slits {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Form),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 
@@ -683,32 +635,6 @@ impl ValueText for Region {
             Self::ALL => f.write_str("all"),
             _ => write!(f, "{} {}", self.first(), self.last()),
         }
-    }
-}
-
-impl ValueText for Peak {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Form),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl ValueText for Estimator {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [name] => Self::named(name).ok_or(ValueError::Unlisted),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

@@ -93,7 +93,10 @@ impl fmt::Display for Selftest<'_> {
         write!(f, "selftest flash {} {state}\r\n", word(is_readable))?;
         let rows = word(self.row.is_some());
         let (hertz, tenth) = (self.row_rate_tenths / 10, self.row_rate_tenths % 10);
-        write!(f, "selftest rows {rows} {hertz}.{tenth} Hz\r\n")?;
+        match self.row {
+            Some(_) => write!(f, "selftest rows {rows} {hertz}.{tenth} Hz\r\n")?,
+            None => write!(f, "selftest rows {rows} {}\r\n", Fault::SensorSilent)?,
+        }
         if let Some(RowTest {
             black,
             noise,
@@ -221,7 +224,7 @@ mod tests {
                 flash(FlashStatus::OtherSensor),
                 "flash fail of another sensor head",
             ),
-            (of_row(None), "rows fail 175.4 Hz"),
+            (of_row(None), "rows fail f sensor silent"),
             (of_row(row([7, 9], 2000.0)), "black fail 8.0 counts"),
             (
                 of_row(row([1499, 1501], 2000.0)),
