@@ -11,6 +11,12 @@ use crate::common::{PATIENCE, Status, boot, is_result, number, set, spot_at};
 /// The time from one row to the next, ns.
 const ROW_PERIOD: u64 = 5_700_000;
 
+/// The time of ten bits at 115200 baud, ns.
+const BYTE: u64 = 86_806;
+
+/// From a row's last word to the first byte of its result, ns: the limit of docs/serial-line.md.
+const COMPUTING: u64 = 1_000_000;
+
 /// The pixels of the spot before the trigger and after it.
 const BEFORE: f64 = 1200.0;
 const AFTER: f64 = 2200.0;
@@ -80,12 +86,13 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge() {
         let seen = exposures.lock().expect("a list").clone();
         let rows: Vec<&Exposure> = seen.iter().filter(|it| it.start >= edge).collect();
         let waited = rows[0].start - edge;
-        // The second row's words take a period more, and the line some milliseconds.
+        // The second row's words take a period more. Then the row is computed, and the line is sent.
         let took = line.at - edge;
         println!("waited {waited} ns, answered after {took} ns: {line}");
         assert!(waited <= ROW_PERIOD);
         let words = rows[1].end + ROW_PERIOD;
-        assert!((words - 200_000..words + 15_000_000).contains(&line.at));
+        let sending = (line.text.len() + "\r\n".len()) as u64 * BYTE;
+        assert!((words..words + COMPUTING).contains(&(line.at - sending)));
     }
     // Edges during a frame are missed, and so is a command.
     let missed = Status::ask(&mut board).count("triggers missed");
