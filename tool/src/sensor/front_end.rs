@@ -9,8 +9,6 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail, ensure};
 use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
-use slitrange::protocol::command::Command;
-use slitrange::protocol::flat::Flat;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::{Geometry, Polarity};
@@ -18,8 +16,7 @@ use slitrange::settings::{Setting, Value};
 use slitrange::units::{Counts, Electrons};
 
 use self::bench::{Bench, Taken};
-use super::answers;
-use super::line::{ANSWER, LineError};
+use super::line::LineError;
 use super::port::PortOption;
 use super::session::Session;
 use super::transfer::{record_in_use, transfer};
@@ -65,6 +62,8 @@ const OF_RECORD: [Setting; 3] = [Setting::Estimator, Setting::Black, Setting::Sl
 /// # Errors
 /// In sentences: what the sensor refused or did not show, and what to do.
 pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
+    // From now on, Ctrl-C ends the measurement in order.
+    pc.interrupted();
     let mut session = options.port.open(pc)?;
     writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     let keeps_flash = options.no_save || options.dry_run;
@@ -88,27 +87,12 @@ pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) ->
     let Value::ExposureLimit(limit) = session.value(Setting::ExposureLimit)? else {
         bail!("the sensor says no `exposure limit`");
     };
-    let mut put_back: Vec<Command> = (values(&mut session, &CHANGED)?.into_iter())
-        .map(Command::Set)
-        .collect();
     // The map corrects rows with a spot only, so they could not be compared with dark rows.
-    if has_map_on(&mut session)? {
-        session.set(Command::Flat(Flat::Use(false)))?;
-        put_back.push(Command::Flat(Flat::Use(true)));
-    }
+    session.borrow_without_map()?;
     let of_record = values(&mut session, &OF_RECORD)?;
-    let taken = Bench::new(&mut session, &geometry, limit).take(output);
-    // Whatever was found, and if nothing was.
-    put_back.retain(|&command| session.set(command).is_err());
-    if !put_back.is_empty() {
-        let lines: Vec<String> = put_back
-            .iter()
-            .map(|command| format!("`{command}`"))
-            .collect();
-        let lines = lines.join(", ");
-        writeln!(output, "not put back: type {lines} on the sensor's line")?;
-    }
-    let taken = taken?;
+    let taken = Bench::new(&mut session, &geometry, limit).take(output)?;
+    // `save` keeps the settings as they were before.
+    session.give_back(&CHANGED)?;
 
     let front_end = front_end(&taken, geometry.polarity)?;
     report(&front_end, &geometry, output)?;
@@ -136,12 +120,6 @@ pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         writeln!(output, "drawn: {}", path.display())?;
     }
     Ok(())
-}
-
-/// Whether rows are corrected with a map of the pixels.
-fn has_map_on(session: &mut Session<'_>) -> Result<bool, LineError> {
-    let lines = (session.line()).ask(&Flat::Show.to_string(), ANSWER, answers::flat)?;
-    Ok(lines.iter().any(|line| line == "flat on"))
 }
 
 /// The values of some settings.

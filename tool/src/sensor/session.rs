@@ -272,6 +272,9 @@ impl<'a> Session<'a> {
     /// # Errors
     /// No answer came, or an error.
     pub fn borrow(&mut self, value: Value) -> Result<(), LineError> {
+        if self.found(value.setting()).is_some() {
+            return self.set(Command::Set(value));
+        }
         let found = self.value(value.setting())?;
         self.borrow_from(found, value)
     }
@@ -308,6 +311,23 @@ impl<'a> Session<'a> {
         if answer.first().is_some_and(|line| line == "flat on") {
             self.borrowed.map = true;
             self.use_map(false)?;
+        }
+        Ok(())
+    }
+
+    /// Puts back the map and the values of some settings before the session ends.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn give_back(&mut self, settings: &[Setting]) -> Result<(), LineError> {
+        for &setting in settings {
+            if let Some(found) = self.found(setting) {
+                self.set_for_good(found)?;
+            }
+        }
+        if self.borrowed.map {
+            self.use_map(true)?;
+            self.borrowed.map = false;
         }
         Ok(())
     }

@@ -426,6 +426,23 @@ fn echo_and_map_are_put_back() {
     assert!(sensor.state().is_map_on());
 }
 
+/// Ctrl-C ends the measurement, and the sensor has its own settings again.
+#[test]
+fn ctrl_c_ends_the_measurement_in_order() {
+    let (scene, truth) = head(2);
+    let sensor = sensor(scene, truth.polarity);
+    for line in ["flat dark", "flat lit", "ambient subtract", "exposure 700"] {
+        sensor.state().type_line(line);
+    }
+    let before = sensor.state().settings();
+    sensor.state().interrupted = true;
+    let error = measure(&sensor, &[]).0.expect_err("Ctrl-C");
+    assert!(error.starts_with("ended by Ctrl-C"), "{error}");
+    assert_eq!(sensor.state().settings(), before);
+    assert!(sensor.state().is_map_on());
+    assert_eq!(recorded(&sensor), None);
+}
+
 /// A tool that dies at any moment leaves the flash as it was, or with all that was measured.
 #[test]
 fn a_tool_that_is_killed_loses_no_calibration() {

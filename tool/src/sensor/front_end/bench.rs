@@ -6,7 +6,6 @@ use std::ops::Range;
 use anyhow::{Result, bail, ensure};
 use slitrange::ambient::AmbientMode;
 use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::protocol::command::Command;
 use slitrange::protocol::row::{RowExposure, RowPart};
 use slitrange::row::Geometry;
 use slitrange::settings::Value;
@@ -264,7 +263,7 @@ impl<'a, 'b> Bench<'a, 'b> {
     }
 
     fn set(&mut self, value: Value) -> Result<()> {
-        Ok(self.session.set(Command::Set(value))?)
+        Ok(self.session.borrow(value)?)
     }
 
     /// Takes rows of an exposure. Rows that were exposed before it was set are left out.
@@ -277,6 +276,10 @@ impl<'a, 'b> Bench<'a, 'b> {
         let mut rows = vec![];
         let mut others = 0;
         while rows.len() < count {
+            ensure!(
+                !self.session.line().pc().interrupted(),
+                "ended by Ctrl-C: nothing was measured, and the sensor has its own settings again"
+            );
             let row = ask_row(self.session, part)?;
             if row.exposure == exposure {
                 self.black.extend(row.black);
