@@ -28,6 +28,7 @@
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
 use core::arch::{asm, global_asm};
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::DWT;
 use embassy_executor::{InterruptExecutor, SendSpawner};
@@ -38,6 +39,7 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
 use embassy_stm32::pac::gpio::vals::Pupdr;
 use embassy_stm32::pac::iwdg;
+use embassy_stm32::pac::usart::regs::Sr;
 use embassy_stm32::spi::mode::Master;
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::CountingMode;
@@ -82,14 +84,28 @@ const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0; 2 * MAX_ANSWER]);
 
 /// Incoming characters: 44 ms of the line, longer than any computation in thread mode.
-static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
+static RECEIVED: ConstStaticCell<[u8; RECEIVER]> = ConstStaticCell::new([0; RECEIVER]);
+const RECEIVER: usize = 512;
+
+/// How many of them wait. embassy drops those that come to a full buffer, and tells nobody.
+static WAITING: AtomicU32 = AtomicU32::new(0);
+
+/// Says that so many of the incoming characters were taken.
+pub fn note_taken(characters: usize) {
+    // A character that came between two reads of the interrupt's flags was not noted, so this must not wrap.
+    let taken = characters as u32;
+    let _ = WAITING.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |waiting| {
+        Some(waiting.saturating_sub(taken))
+    });
+}
 
 static URGENT: InterruptExecutor = InterruptExecutor::new();
 
 bind_interrupts!(struct Interrupts {
-    // The order matters. The first handler counts errors before the second clears their flags. The driver of
-    // RS-485 is switched off after the second has seen the end of the last bit.
-    USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>, ReleaseLine;
+    // The order matters. The first handler notes the flags before the second clears them, and does no more:
+    // a flag that is set between the two is not seen. The driver of RS-485 is switched off after the second
+    // has seen the end of the last bit.
+    USART3 => NoteFlags, usart::BufferedInterruptHandler<peripherals::USART3>, CountSerialErrors, ReleaseLine;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
     DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
     FLASH => flash::InterruptHandler;
@@ -529,13 +545,31 @@ pub fn cycles() -> u32 {
     DWT::cycle_count()
 }
 
-/// Counts receive errors. embassy's driver clears them and logs them, but tells nobody.
+/// The serial line's flags at the begin of its interrupt.
+static FLAGS: AtomicU32 = AtomicU32::new(0);
+
+/// Notes the flags.
+struct NoteFlags;
+
+impl Handler<interrupt::typelevel::USART3> for NoteFlags {
+    unsafe fn on_interrupt() {
+        // Reading SR alone clears nothing.
+        FLAGS.store(pac::USART3.sr().read().0, Ordering::Relaxed);
+    }
+}
+
+/// Counts receive errors, and characters that find the buffer full. embassy's driver clears the errors and
+/// logs them, but tells nobody.
 struct CountSerialErrors;
 
 impl Handler<interrupt::typelevel::USART3> for CountSerialErrors {
     unsafe fn on_interrupt() {
-        // Reading SR alone clears nothing.
-        let flags = pac::USART3.sr().read();
+        let flags = Sr(FLAGS.load(Ordering::Relaxed));
+        if flags.rxne() {
+            let is_full = WAITING.load(Ordering::Relaxed) >= RECEIVER as u32;
+            COUNTERS.serial_overrun.add_if(is_full);
+            WAITING.fetch_add(u32::from(!is_full), Ordering::Relaxed);
+        }
         // Nearly always there is no error, and an interrupt comes for each character.
         if !(flags.ne() || flags.fe() || flags.ore()) {
             return;

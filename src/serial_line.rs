@@ -13,6 +13,7 @@ use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::status::StartCause;
 use slitrange::session::Event;
 
+use super::board;
 use super::flash::CalibrationFlash;
 use super::session::Shell;
 use super::shared::{COUNTERS, IDLE, RESULTS};
@@ -45,23 +46,16 @@ pub async fn serve(
     loop {
         if shell.streams_rows() {
             shell.stream_row().await;
-            if let Poll::Ready(received) = poll_once(rx.read(&mut bytes)) {
-                take_bytes(
-                    &mut shell,
-                    &mut input,
-                    &mut echo,
-                    &bytes[..received.unwrap_or(0)],
-                )
-                .await;
+            if let Poll::Ready(count) = poll_once(read(&mut rx, &mut bytes)) {
+                take_bytes(&mut shell, &mut input, &mut echo, &bytes[..count]).await;
             }
             continue;
         }
-        match select3(RESULTS.receive(), rx.read(&mut bytes), IDLE.wait()).await {
+        match select3(RESULTS.receive(), read(&mut rx, &mut bytes), IDLE.wait()).await {
             Either3::First(frame) => shell.take_frame(frame).await,
             Either3::Third(()) => COUNTERS.results.add(),
-            Either3::Second(received) => {
-                // This driver never returns an error: it drops them, and `board` counts them.
-                let received = &bytes[..received.unwrap_or(0)];
+            Either3::Second(count) => {
+                let received = &bytes[..count];
                 if shell.speaks_modbus() {
                     shell.gather(received);
                     gather_request(&mut shell, &mut rx, &mut bytes).await;
@@ -72,6 +66,14 @@ pub async fn serve(
             }
         }
     }
+}
+
+/// Reads the bytes that came, or waits for some, and gives their number.
+async fn read(rx: &mut BufferedUartRx<'static>, bytes: &mut [u8; PIECE]) -> usize {
+    // This driver never returns an error: it drops them, and `board` counts them.
+    let count = rx.read(bytes).await.unwrap_or(0);
+    board::note_taken(count);
+    count
 }
 
 /// Takes the results that wait, or measuring's sign of life while it has no results.
@@ -90,8 +92,8 @@ async fn gather_request(
     rx: &mut BufferedUartRx<'static>,
     bytes: &mut [u8; PIECE],
 ) {
-    while let Ok(received) = with_timeout(END_OF_REQUEST, rx.read(bytes)).await {
-        shell.gather(&bytes[..received.unwrap_or(0)]);
+    while let Ok(count) = with_timeout(END_OF_REQUEST, read(rx, bytes)).await {
+        shell.gather(&bytes[..count]);
         // Bytes could come without an end.
         take_results(shell).await;
     }

@@ -317,7 +317,12 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     assert!(without_stop_bit > 30, "{without_stop_bit}");
     assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
     let status = Status::ask(&mut board);
-    assert_eq!(status.count("serial framing"), without_stop_bit as u64);
+    // An error is not counted if its byte comes within some ten cycles of the begin of an interrupt, before the
+    // driver clears the flags. An interrupt comes every 87 us, 14,600 cycles: 0.3 of 386 bytes on the average.
+    let counted = status.count("serial framing");
+    println!("{counted} counted");
+    let missed = (without_stop_bit as u64).checked_sub(counted);
+    assert!(missed.is_some_and(|missed| missed <= 3), "{missed:?}");
     status.assert_none(&[
         "rows lost",
         "lines dropped",
@@ -371,5 +376,28 @@ fn an_overrun_is_counted_and_the_next_command_is_answered() {
         "serial noise",
         "serial framing",
     ]);
+    board.finish().expect("a clean run");
+}
+
+/// During a save nobody takes bytes. Those that find the buffer full are lost, and counted.
+#[test]
+fn bytes_that_find_the_buffer_full_are_counted() {
+    const LINES: usize = 120;
+    let mut board = measuring(4);
+    let mut numbered = Numbered::start(&mut board);
+    assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
+    board.send("save\r");
+    board.send(&"rows\r".repeat(LINES));
+    board.run_for(Duration::from_secs(3)).expect("a run");
+    let lines = board.take_lines();
+    let answered = lines.iter().filter(|it| it.text == "rows 4").count();
+    // The last of the bytes were lost, so a part of a line is left, and this line ends it.
+    board.send("\r");
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    board.take_lines();
+    let lost = Status::ask(&mut board).count("serial overrun") as usize;
+    println!("{answered} lines answered, {lost} bytes lost");
+    assert!(lost > 0);
+    assert_eq!(answered, (LINES * "rows\r".len() - lost) / "rows\r".len());
     board.finish().expect("a clean run");
 }
