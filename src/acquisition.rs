@@ -77,14 +77,18 @@ pub async fn set_alarm(at: Instant) {
     .await;
 }
 
-/// Waits for the alarm that [`set_alarm`] set.
+/// Waits for the alarm that [`set_alarm`] set. If an earlier alarm was still set and rings, sets it anew.
 async fn wait_for_alarm(at: Instant) {
-    poll_fn(|_| {
-        if Instant::now() < at {
-            Poll::Pending
-        } else {
-            Poll::Ready(())
+    let mut rang_early = false;
+    poll_fn(|context| {
+        if Instant::now() >= at {
+            return Poll::Ready(());
         }
+        if rang_early {
+            let _ = pin!(Timer::at(at)).poll(context);
+        }
+        rang_early = true;
+        Poll::Pending
     })
     .await;
 }

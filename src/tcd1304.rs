@@ -31,6 +31,9 @@
 //!
 //! The pulses are given in a critical section: an interrupt would stretch them.
 //!
+//! If DMA fed SPI late, SCLK would pause and all pixels after it would be shifted. So the program looks at
+//! the time when the words of all light pixels have come ([`has_gap`]).
+//!
 //! # Note
 //!
 //! * Pulses are timed by the cycle counter and not by delay loops, so that flash wait states do not stretch
@@ -46,7 +49,7 @@
 //!   sets it.
 
 use core::future::{Future, poll_fn};
-use core::pin::pin;
+use core::pin::{Pin, pin};
 use core::task::Poll;
 
 use embassy_stm32::gpio::Output;
@@ -78,9 +81,9 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 /// SH stays high for at least 1000 ns (data sheet, t3).
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell. With the half period, the
-/// wanted rise of ICG is in the middle between two that could be chosen (virtual board).
-const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 2;
+/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell. With the eighth of a period,
+/// the wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual board).
+const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 8;
 
 /// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).
 const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
@@ -95,8 +98,20 @@ const SAMPLED: u32 = cycles_in_ns(1067);
 /// which is D0, when 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1.
 const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857) - SAMPLED;
 
+/// From the end of a word until DMA has counted it: 0 to 40 cycles, for other accesses may come first.
+const DMA_LATENCY: u32 = 20;
+
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
+
+/// From the end of word 0 to a look at the words that have come: all light pixels have, and the last eleven
+/// words, 17 us, have not. An alarm may be late by most of them.
+const LOOK: Duration = Duration::from_micros(5611);
+
+/// A word must not end later than this after SCLK would bring it, in core cycles. The program sees the end of
+/// a word after up to 15 instructions, and DMA counts it after up to 40 cycles. So a gap of a word (256
+/// cycles) is always seen.
+const GAP: u32 = CYCLES_A_PIXEL / 2;
 
 /// A read-out takes 3694 words of 16 bits at 10.5 MHz: 5.63 ms. One that has not ended when the next row is
 /// due has this much time left.
@@ -134,7 +149,7 @@ pub enum ReadOutError {
     Spi(spi::Error),
     /// The transfer did not end in its time.
     Timeout,
-    /// The program was late for an edge, so it is not known which pixel is which word.
+    /// The program was late for an edge, or SCLK had a gap: it is not known which pixel is which word.
     Late,
 }
 
@@ -195,7 +210,8 @@ impl Tcd1304 {
             ..
         } = self;
         let exposed = core::mem::replace(exposing, laser);
-        let mut is_late = false;
+        let mut word_0 = Err(ReadOutError::Late);
+        let mut look = next;
         pins.laser.set_exposure(laser);
         let result = {
             let mut transfer = pin!(converter.read(&mut row[..]));
@@ -206,19 +222,22 @@ impl Tcd1304 {
                     // SCLK floats until the transfer enables SPI, so the converter listens only now.
                     pins.chip_select.set_low();
                     let started = transfer.as_mut().poll(context);
-                    is_late = pins.raise_icg_after_word_0(icg_fell, icg_periods).is_err();
+                    word_0 = pins.raise_icg_after_word_0(icg_fell, icg_periods);
+                    look = Instant::now() + LOOK;
                     started
                 }))
             });
             let mut result = started.await;
+            set_alarm(look).await;
+            if result.is_pending() {
+                result = poll_until(look, transfer.as_mut()).await;
+            }
+            if word_0.is_ok_and(has_gap) {
+                word_0 = Err(ReadOutError::Late);
+            }
             set_alarm(next).await;
             if result.is_pending() {
-                // DMA or the alarm wakes the task.
-                result = poll_fn(|context| match transfer.as_mut().poll(context) {
-                    Poll::Pending if Instant::now() < next => Poll::Pending,
-                    result => Poll::Ready(result),
-                })
-                .await;
+                result = poll_until(next, transfer.as_mut()).await;
             }
             match result {
                 Poll::Ready(result) => result.map_err(ReadOutError::Spi),
@@ -229,10 +248,7 @@ impl Tcd1304 {
             }
         };
         self.pins.chip_select.set_high();
-        match result {
-            Ok(()) if is_late => Err(ReadOutError::Late),
-            result => result.map(|()| exposed),
-        }
+        result.and(word_0).map(|_| exposed)
     }
 }
 
@@ -256,7 +272,8 @@ impl Pins {
     }
 
     /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes, ICG
-    /// rises all the same, and the transfer runs into its timeout.
+    /// rises all the same, and the transfer runs into its timeout. Returns when word 0 ended, by the cycle
+    /// counter.
     ///
     /// # Errors
     /// [`ReadOutError::Late`] if word 0 had ended before the first look, or if ICG rose while fM was low.
@@ -264,14 +281,15 @@ impl Pins {
         &mut self,
         icg_fell: u32,
         icg_periods: &mut u32,
-    ) -> Result<(), ReadOutError> {
+    ) -> Result<u32, ReadOutError> {
         let has_word_0 = || (board::words_to_come() as usize) < WORDS;
         let was_missed = has_word_0();
         while !has_word_0()
             && board::cycles().wrapping_sub(icg_fell) < TRANSFER_START + FIRST_WORD_TIMEOUT
         {
         }
-        let wanted = board::cycles().wrapping_sub(icg_fell) + ICG_AFTER_WORD_1;
+        let word_0_ended = board::cycles().wrapping_sub(DMA_LATENCY);
+        let wanted = word_0_ended.wrapping_sub(icg_fell) + ICG_AFTER_WORD_1;
         // The program takes the same time to get here in every row, give or take some cycles. If this rounded
         // up in one row and down in the next, the image would shift by a quarter of a pixel between them. So
         // keep the last row's choice while it is nearly right.
@@ -290,14 +308,41 @@ impl Pins {
         }
         if !has_word_0() {
             // The transfer will run into its timeout.
-            return Ok(());
+            return Ok(word_0_ended);
         }
         *icg_periods = periods;
         let sampled = (SAMPLED + wanted).saturating_sub(rise) * 100 / CYCLES_A_PIXEL;
         COUNTERS.sampled_earliest.set_if_smaller(sampled);
         COUNTERS.sampled_latest.set_if_larger(sampled);
-        Ok(())
+        Ok(word_0_ended)
     }
+}
+
+/// Polls a transfer until it has ended or the alarm rings, which must be set. `Pending` if the alarm rang.
+async fn poll_until<T>(alarm: Instant, mut transfer: Pin<&mut impl Future<Output = T>>) -> Poll<T> {
+    // DMA or the alarm wakes the task.
+    poll_fn(|context| match transfer.as_mut().poll(context) {
+        Poll::Pending if Instant::now() < alarm => Poll::Pending,
+        result => Poll::Ready(result),
+    })
+    .await
+}
+
+/// Whether SCLK paused since word 0 ended. Waits for the end of a word, if one is still to come.
+fn has_gap(word_0_ended: u32) -> bool {
+    cortex_m::interrupt::free(|_| {
+        let (start, words) = (board::cycles(), board::words_to_come());
+        let mut to_come = words;
+        while to_come == words
+            && words > 0
+            && board::cycles().wrapping_sub(start) < 2 * CYCLES_A_PIXEL
+        {
+            to_come = board::words_to_come();
+        }
+        let took = board::cycles().wrapping_sub(word_0_ended);
+        let words = (WORDS as u32 - 1).saturating_sub(to_come);
+        took > words * CYCLES_A_PIXEL + GAP
+    })
 }
 
 /// Waits until `cycles` after `start`; both less than 12 s from now.

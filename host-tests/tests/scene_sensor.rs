@@ -230,7 +230,7 @@ fn the_fixed_pattern_is_the_same_in_the_dark_and_in_light() {
     assert!((deviation / 3.0 - 1.0).abs() < 5.0 * (0.5 / 3694.0f64).sqrt());
     let shielded = standard_deviation(&dark[scene.geometry().shielded]);
     println!("{shielded:.3} under metal");
-    assert!((shielded / 3.0 - 1.0).abs() < 5.0 * (0.5 / 13.0f64).sqrt());
+    assert!((shielded / 3.0 - 1.0).abs() < 5.0 * (0.5 / 9.0f64).sqrt());
     assert_eq!(dark, scene.row(99, 0.8, 0.001));
     let lit = Scene {
         ambient: evenly_lit(512.0).ambient,

@@ -9,6 +9,7 @@ use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::store;
 
+use crate::burst::Timing;
 use crate::sensor_head::pins::{self, SharedHead};
 use crate::serial_line::{DriverEnable, FarEnd, SerialLine};
 use crate::stm32f429::Stm32f429;
@@ -57,6 +58,8 @@ pub struct Conditions {
     pub has_clock: bool,
     /// How many times as fast as its clock TIM5 counts, the firmware's clock.
     pub row_timer_speed: f64,
+    /// The most core cycles from the end of a word until DMA has counted it. Each word takes a random part.
+    pub most_dma_latency: u64,
 }
 
 impl Default for Conditions {
@@ -65,6 +68,7 @@ impl Default for Conditions {
             instructions_per_second: INSTRUCTIONS_PER_SECOND,
             has_clock: true,
             row_timer_speed: 1.0,
+            most_dma_latency: 40,
         }
     }
 }
@@ -76,7 +80,11 @@ impl Nucleo {
         watched: Watched,
         conditions: &Conditions,
     ) -> Result<Self> {
-        let mut processor = Stm32f429::new(head, conditions.row_timer_speed)
+        let timing = Timing {
+            most_latency: conditions.most_dma_latency,
+            gap: None,
+        };
+        let mut processor = Stm32f429::new(head, conditions.row_timer_speed, timing)
             .context("putting the emulated STM32F427 together")?;
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.set_supply(SUPPLY_MILLIVOLTS);

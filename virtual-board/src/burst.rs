@@ -14,6 +14,11 @@
 //! buffer up to [`BATCH`] words late, and a stream's memory address register holds the address of the last
 //! words.
 //!
+//! **DMA's latency.** On silicon DMA counts a word some cycles after it ended, because other accesses come
+//! first. A read of a stream's counter sees each word 0 to [`Timing::most_latency`] cycles late.
+//!
+//! **A gap.** [`Timing::gap`] pauses SCLK after a word, as if DMA had fed SPI1 too late.
+//!
 //! **Without a rate limit.** The words after word 1 end with word 1 if the head has no rate limit
 //! ([`SensorHead::without_rate_limit`](crate::SensorHead::without_rate_limit)). Only the last [`LAST`] words
 //! still take their time on SPI1.
@@ -34,6 +39,7 @@ use rigless::soc::stm32f427::peripherals::spi::Spi;
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::Nanos;
+use crate::board::CLOCK_HZ;
 use crate::sensor_head::limits::WORD_BITS;
 use crate::sensor_head::pins::{SPI1_DATA, SharedHead};
 
@@ -122,6 +128,15 @@ enum State {
     Running { words: Words, pace: Pace },
 }
 
+/// What differs from an ideal transfer.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Timing {
+    /// The most core cycles from the end of a word until DMA has counted it.
+    pub(crate) most_latency: u64,
+    /// A word of each read-out, from 0, and for how long SCLK pauses after it, ns.
+    pub(crate) gap: Option<(u64, Nanos)>,
+}
+
 /// When words end.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
@@ -130,11 +145,12 @@ struct Pace {
     bit_hz: u64,
     /// The last word that takes its time. Words after it end with it.
     last_timed: u64,
+    timing: Timing,
 }
 
 impl Pace {
     /// The words of `head` from `start` on.
-    fn new(start: Nanos, bit_hz: u64, head: &SharedHead) -> Self {
+    fn new(start: Nanos, bit_hz: u64, head: &SharedHead, timing: Timing) -> Self {
         // The firmware waits for word 0, and raises ICG in word 1. The words from word 2 on show pixels.
         let last_timed = match head.lock().has_rate_limit() {
             true => u64::MAX,
@@ -144,6 +160,7 @@ impl Pace {
             start,
             bit_hz,
             last_timed,
+            timing,
         }
     }
 
@@ -151,7 +168,20 @@ impl Pace {
     /// stream counts to 2^16, so the product is below 2^50.
     fn end_of_word(&self, done: u64) -> Nanos {
         let timed = done.min(self.last_timed);
-        self.start + (timed + 1) * u64::from(WORD_BITS) * 1_000_000_000 / self.bit_hz
+        let pause = match self.timing.gap {
+            Some((last, pause)) if done > last => pause,
+            _ => 0,
+        };
+        self.start + (timed + 1) * u64::from(WORD_BITS) * 1_000_000_000 / self.bit_hz + pause
+    }
+
+    /// When DMA has counted word `done`: a random time after its end, the same in each run.
+    fn count_of_word(&self, done: u64) -> Nanos {
+        let seed = self.start.wrapping_add(done);
+        let mut random = (seed ^ seed >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        random = (random ^ random >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        let cycles = (random ^ random >> 31) % (self.timing.most_latency + 1);
+        self.end_of_word(done) + cycles * 1_000_000_000 / CLOCK_HZ
     }
 }
 
@@ -170,6 +200,7 @@ struct Words {
 pub(crate) struct Burst {
     state: State,
     head: Arc<SharedHead>,
+    timing: Timing,
 }
 
 type SharedBurst = Arc<Mutex<Burst>>;
@@ -191,6 +222,11 @@ impl Burst {
 
     /// Moves the words that have ended by now to memory.
     fn catch_up(&mut self, context: &mut DeviceContext<'_>) {
+        self.move_words(context, Pace::end_of_word);
+    }
+
+    /// Moves the words to memory of which the time that `due` gives has come.
+    fn move_words(&mut self, context: &mut DeviceContext<'_>, due: fn(&Pace, u64) -> Nanos) {
         let State::Running { words, pace } = &mut self.state else {
             return;
         };
@@ -199,10 +235,10 @@ impl Burst {
         let mut address = words.address + 2 * words.done;
         let (mut gathered, mut bits) = (0, 0);
         while words.done < words.count {
-            let end = pace.end_of_word(words.done);
-            if end > context.now().0 {
+            if due(pace, words.done) > context.now().0 {
                 break;
             }
+            let end = pace.end_of_word(words.done);
             gathered |= u64::from(head.converted(WORD_BITS, end)) << bits;
             bits += 16;
             words.done += 1;
@@ -233,10 +269,11 @@ impl Burst {
 }
 
 /// Makes the two models, which share a read-out.
-pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>) -> (BurstSpi, BurstDma) {
+pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>, timing: Timing) -> (BurstSpi, BurstDma) {
     let burst = Arc::new(Mutex::new(Burst {
         state: State::Idle,
         head: Arc::clone(head),
+        timing,
     }));
     let spi = BurstSpi {
         spi: Spi::with_clock(rcc::HSI_HZ),
@@ -275,6 +312,13 @@ impl BurstSpi {
         self.silent = before.silent;
     }
 
+    /// The timing of the read-outs to come.
+    pub(crate) fn timing(&mut self, change: impl FnOnce(&mut Timing)) -> Timing {
+        let timing = &mut lock(&self.burst).timing;
+        change(timing);
+        *timing
+    }
+
     /// Disconnects the nth chip, or connects it again: [`Spi::silence`].
     pub(crate) fn silence(&mut self, nth: usize, silent: bool) -> bool {
         self.silent = silent;
@@ -311,7 +355,7 @@ impl BurstSpi {
             State::Ready(words) if runs => {
                 let divider = 2 << cr1::BR.get(registers.get(spi1::Register::Cr1));
                 let bit_hz = (self.clock_hz / divider).max(1);
-                let pace = Pace::new(context.now().0, bit_hz, &burst.head);
+                let pace = Pace::new(context.now().0, bit_hz, &burst.head, burst.timing);
                 burst.state = State::Running { words, pace };
                 set_busy(registers, true);
                 self.next = burst
@@ -601,7 +645,7 @@ impl Device for BurstDma {
         context: &mut DeviceContext<'_>,
     ) -> Option<u64> {
         let mut burst = lock(&self.burst);
-        burst.catch_up(context);
+        burst.move_words(context, Pace::count_of_word);
         if RECEIVERS.iter().chain(&SENDERS).any(|stream| {
             stream.count == register && s0cr::EN.is_set(registers.get(stream.control))
         }) {

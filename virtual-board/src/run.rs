@@ -398,6 +398,16 @@ impl VirtualBoard {
         Ok(())
     }
 
+    /// Pauses SCLK for `pause` after word `word` (from 0) of each read-out to come, or no more.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn pause_words(&mut self, gap: Option<(u64, Duration)>) -> Result<()> {
+        let gap = gap.map(|(word, pause)| (word, nanos(pause)));
+        self.on_emulator(move |session, _, _| session.board_mut().processor.pause_words(gap))
+    }
+
     /// Flips `mask`'s bits in the word of RAM at `address`, as an upset would.
     ///
     /// # Errors

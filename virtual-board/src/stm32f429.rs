@@ -32,7 +32,7 @@ use rigless::soc::{Bus, Error, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::Nanos;
-use crate::burst::{self, BurstDma, BurstSpi};
+use crate::burst::{self, BurstDma, BurstSpi, Timing};
 use crate::laser::LaserTimer;
 use crate::sensor_head::pins::{DMA2, SharedHead};
 use crate::trigger::Trigger;
@@ -61,7 +61,11 @@ pub struct Stm32f429 {
 
 impl Stm32f429 {
     /// A processor whose TIM5 counts `row_timer_speed` times as fast as its clock.
-    pub(crate) fn new(head: &Arc<SharedHead>, row_timer_speed: f64) -> Result<Self, Error> {
+    pub(crate) fn new(
+        head: &Arc<SharedHead>,
+        row_timer_speed: f64,
+        timing: Timing,
+    ) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
         let bus = part.bus();
         let [
@@ -81,7 +85,7 @@ impl Stm32f429 {
             bus.slot("EXTI")?,
             bus.slot("FLASH")?,
         ];
-        let (spi1, dma2) = burst::pair(take_dma2(&mut part), head);
+        let (spi1, dma2) = burst::pair(take_dma2(&mut part), head, timing);
         Ok(Self {
             part,
             head: Arc::clone(head),
@@ -117,6 +121,11 @@ impl Stm32f429 {
     /// slower than batches. Tests compare the batches with it.
     pub fn move_word_by_word(&mut self) {
         self.word_by_word = true;
+    }
+
+    /// Pauses SCLK after a word of each read-out to come, from 0, for some time in ns.
+    pub(crate) fn pause_words(&mut self, gap: Option<(u64, Nanos)>) {
+        self.spi1.timing(|timing| timing.gap = gap);
     }
 
     /// The number of words on SPI1 that two chips answered.
@@ -197,7 +206,8 @@ impl Mcu for Stm32f429 {
         self.laser = LaserTimer::new(&self.head);
         self.tim5 = RowTimer::new(self.tim5.speed);
         self.trigger = Trigger::default();
-        let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head);
+        let timing = self.spi1.timing(|_| ());
+        let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head, timing);
         spi1.inherit(&mut self.spi1);
         (self.spi1, self.dma2) = (spi1, dma2);
     }

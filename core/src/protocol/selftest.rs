@@ -69,9 +69,9 @@ const BLACK: (f32, f32) = (10.0, 1400.0);
 /// is not connected.
 const LARGEST_NOISE: f32 = 30.0;
 
-/// The noise of thirteen pixels is off by a factor of 3 in one of 14,000 rows (chi squared of 12 degrees
-/// below 12 / 9).
-const NOISE_FACTOR: f32 = 3.0;
+/// The noise of nine pixels is off by a factor of 4 in one of 7,500 rows (chi squared of 8 degrees below
+/// 8 / 16).
+const NOISE_FACTOR: f32 = 4.0;
 
 /// The rounding of the converter, as a standard deviation in counts. A read noise does not contain it.
 const ROUNDING: f32 = 0.3;

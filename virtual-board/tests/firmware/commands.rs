@@ -328,7 +328,7 @@ fn the_set_black_level_is_used() {
         .map_or(0.0, |black| black.counts);
     for (command, expected, tolerance) in [
         ("black fixed 1234", 1234.0, 0.0),
-        // 13 pixels of 4 rows with noise of 4 counts: 0.6.
+        // 9 pixels of 4 rows with noise of 4 counts: 0.7.
         ("black shielded", black, 2.5),
         // Rounded to a count.
         ("black frame", black + f64::from(STRAY_LIGHT), 0.8),

@@ -8,7 +8,7 @@ use virtual_board::sensor_head::limits;
 use virtual_board::{Line, Row, VirtualBoard};
 
 use crate::common::{
-    PATIENCE, Status, firmware, fresh_results, is_reading, is_result, measuring, number,
+    PATIENCE, Status, boot, firmware, fresh_results, is_reading, is_result, measuring, number,
     run_into_a_row, set, spot_at, stop_the_transfer,
 };
 
@@ -96,7 +96,13 @@ fn a_violated_limit_is_an_error_of_the_run() {
 fn words_in_batches_are_the_same_as_words_one_by_one() {
     let run = |word_by_word: bool| {
         let light = spot_at(1770.3, 1500.0);
-        let mut board = VirtualBoard::power_on(firmware(), light).expect("the board starts");
+        // rigless's DMA counts a word when it ends.
+        let conditions = Conditions {
+            most_dma_latency: 0,
+            ..Conditions::default()
+        };
+        let mut board =
+            VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
         if word_by_word {
             let switch = board.on_emulator(|session, _, _| {
                 session.board_mut().processor.move_word_by_word();
@@ -198,8 +204,9 @@ fn slow_cores_reject_late_rows_and_move_no_centre() {
         assert_eq!(late > 0, is_slow, "{late} late rows");
         if !is_slow {
             status.assert_none(&["rows lost", "rows failed"]);
-            // Each end is rounded down to 1 %, and seen after a turn of a loop of up to 15 instructions.
-            let turn = 100.0 * 15.0 * 168.0 / millions as f64 / 256.0;
+            // Each end is rounded down to 1 %, and seen after a turn of a loop of up to 15 instructions, and
+            // after up to 40 cycles of DMA.
+            let turn = 100.0 * (40.0 + 15.0 * 168.0 / millions as f64) / 256.0;
             assert!(
                 (spread - 100.0 * (most - least)).abs() < 1.0 + turn,
                 "{spread}"
@@ -216,4 +223,52 @@ fn slow_cores_reject_late_rows_and_move_no_centre() {
         assert!(is_slow || errors.len() > 30, "{} readings", errors.len());
         board.finish().expect("a clean run");
     }
+}
+
+/// If DMA fed SPI late, SCLK would pause, and all later words would show a pixel that lies further on. The
+/// firmware sees a pause of one word by the read-out's duration. Such a row must not move a centre.
+#[test]
+fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
+    const WORD: Duration = Duration::from_nanos(1524);
+    let (mut board, _) = boot(spot_at(1770.3, 1500.0));
+    set(&mut board, "rows 4");
+    fresh_results(&mut board, 2);
+    let mut late_before = 0;
+    // From the first shielded pixel that counts to the pixels after the spot, and a long pause.
+    for (word, pause) in [
+        (19, WORD),
+        (1000, WORD),
+        (1803, WORD),
+        (3600, WORD),
+        (50, 7 * WORD),
+    ] {
+        board.pause_words(Some((word, pause))).expect("a gap");
+        board.run_for(Duration::from_millis(20)).expect("a run");
+        board.take_lines();
+        let before = board.head(|head| head.row_count());
+        board.run_for(Duration::from_millis(100)).expect("a run");
+        let rows = board.head(|head| head.row_count()) - before;
+        let lines = board.take_lines();
+        board.pause_words(None).expect("no gap");
+        // The row under way still has its gap.
+        board.run_for(Duration::from_millis(12)).expect("a run");
+        let late = Status::ask(&mut board).count("rows late");
+        println!(
+            "a pause after word {word}: {rows} rows, {} late",
+            late - late_before
+        );
+        assert!(late - late_before >= rows && rows >= 15, "{late} late rows");
+        late_before = late;
+        assert!(
+            !lines.iter().any(|line| is_reading(&line.text)),
+            "{lines:#?}"
+        );
+        let lines = fresh_results(&mut board, 2);
+        let error = number(&lines[0], "x ", " ") - 1770.3;
+        assert!(error.abs() < 0.1, "{lines:#?}");
+    }
+    let status = Status::ask(&mut board);
+    status.assert_none(&["rows lost", "rows failed"]);
+    assert_eq!(status.count("rows late"), late_before, "{status:#?}");
+    board.finish().expect("a clean run");
 }
