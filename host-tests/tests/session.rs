@@ -21,6 +21,7 @@ use slitrange::protocol::help::{Estimators, Help};
 use slitrange::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::refusal::Refusal;
+use slitrange::protocol::selftest::RowTest;
 use slitrange::protocol::status::{StartCause, Status, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
@@ -375,12 +376,19 @@ fn selftest_asks_for_a_row_and_answers_with_it() {
     assert!(sensor.actions.test);
     let answer = sensor.take(Event::Tested(None));
     assert!(!sensor.actions.test && !sensor.actions.may_drop);
-    // 10,700 rows in 61.005 s.
     assert_eq!(
         answer,
-        "selftest flash pass nothing was saved\r\nselftest rows fail 175.4 Hz\r\n\
+        "selftest flash pass nothing was saved\r\nselftest rows fail f sensor silent\r\n\
          selftest start pass power-on\r\nselftest fail 1"
     );
+    let geometry = tcd1304dg();
+    let words = vec![3795; geometry.words];
+    let row = geometry.row(&words).expect("a row");
+    let row = RowTest::of(&row, &Err(Fault::LaserOff));
+    let answer = sensor.take(Event::Tested(row));
+    // 10,700 rows in 61.005 s.
+    assert!(answer.contains("\r\nselftest rows pass 175.4 Hz\r\n"));
+    assert!(answer.contains("\r\nselftest light fail f laser off\r\n"));
 }
 
 /// A Modbus request with its checksum.
