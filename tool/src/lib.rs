@@ -9,6 +9,7 @@
 
 pub mod axes;
 pub mod demo;
+pub mod design;
 pub mod fit;
 pub mod keyboard;
 pub mod pc;
@@ -38,6 +39,8 @@ pub enum Command {
     // The help of each is that of its options.
     #[expect(missing_docs)]
     Demo(demo::DemoOptions),
+    #[expect(missing_docs)]
+    Design(design::DesignOptions),
     #[expect(missing_docs)]
     Monitor(sensor::MonitorOptions),
     #[expect(missing_docs)]
@@ -91,6 +94,10 @@ impl Command {
             Self::Calibrate(command) => command,
             Self::Demo(options) => {
                 demo::demo(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
+            Self::Design(options) => {
+                design::design(options, output)?;
                 return Ok(ExitCode::SUCCESS);
             }
             Self::Monitor(options) => {

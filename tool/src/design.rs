@@ -1,0 +1,554 @@
+//! `design`: what a sensor of given dimensions can do, from closed forms, before anybody builds it.
+//!
+//! Lengths are in millimetres; errors are standard deviations in micrometres of distance.
+
+mod drawing;
+pub mod errors;
+pub mod geometry;
+pub mod light;
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result, ensure};
+use clap::ValueEnum;
+
+use errors::At;
+use geometry::{COMB_SLITS, Geometry};
+
+/// Compute range, resolution and accuracy of a sensor from its dimensions, before you build it
+///
+/// It prints the parts of the error at five distances, and which part is the largest. It needs no sensor.
+/// Speckle and pixels are estimates by closed forms that agree with the simulation to a quarter.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "\
+Example: the nominal sensor with a laser spot of half the diameter, and with a comb of 16 slits
+  slitrange design --baseline 300 --near 600 --far 1020 --spot 0.5
+  slitrange design --baseline 300 --near 600 --far 1020 --comb")]
+pub struct DesignOptions {
+    /// From the laser's beam to the slit
+    #[arg(long, value_name = "MM", default_value_t = 300.0)]
+    pub baseline: f64,
+    /// The nearest distance
+    #[arg(long, value_name = "MM", default_value_t = 600.0)]
+    pub near: f64,
+    /// The farthest distance
+    #[arg(long, value_name = "MM", default_value_t = 1020.0)]
+    pub far: f64,
+    /// Width of the slit
+    #[arg(
+        long,
+        value_name = "UM",
+        default_value_t = 200.0,
+        conflicts_with = "comb"
+    )]
+    pub slit: f64,
+    /// The mask with 16 slits of 200 um in place of one slit
+    #[arg(long)]
+    pub comb: bool,
+    /// 1/e^2 diameter of the laser's spot on the target
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    pub spot: f64,
+    /// From the slit to the sensor
+    #[arg(long, value_name = "MM", default_value_t = 50.0)]
+    pub slit_to_sensor: f64,
+    /// u, between the baseline and the optical axis. Without it: near and far lie evenly about the row's
+    /// middle. The firmware's nominal calibration has 68.9624
+    #[arg(long, value_name = "DEGREES")]
+    pub angle: Option<f64>,
+    /// The line sensor
+    #[arg(long, value_enum, default_value_t = Sensor::Tcd1304dg)]
+    pub sensor: Sensor,
+    /// The laser's wavelength
+    #[arg(long, value_name = "NM", default_value_t = 650.0)]
+    pub wavelength: f64,
+    /// What the laser and the target's surface do to speckle
+    #[arg(long, value_enum, default_value_t = Surface::Paper)]
+    pub surface: Surface,
+    /// Height of the spot in counts of the converter
+    #[arg(long, value_name = "COUNTS", default_value_t = 2000.0)]
+    pub height: f64,
+    /// Electrons a count. Without it: that of the sensor
+    #[arg(long, value_name = "N")]
+    pub electrons: Option<f64>,
+    /// Noise of an unlit pixel
+    #[arg(long, value_name = "COUNTS", default_value_t = 4.0)]
+    pub noise: f64,
+    /// Rows of a frame
+    #[arg(long, value_name = "N", default_value_t = 16)]
+    pub rows: u32,
+    /// How much the pixels differ in their response, standard deviation
+    #[arg(long, value_name = "PERCENT", default_value_t = 2.8)]
+    pub pixels: f64,
+    /// Points of the calibration, each at another place of the surface
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    pub points: u32,
+    /// How well the distance of each point of the calibration is known
+    #[arg(long, value_name = "UM", default_value_t = 10.0)]
+    pub stage: f64,
+    /// Change of temperature since the calibration
+    #[arg(long, value_name = "KELVIN", default_value_t = 1.0)]
+    pub warmer: f64,
+    /// By how much frame and mount grow for a kelvin: 23 for aluminium, 11 for steel, 1 for carbon fibre
+    #[arg(long, value_name = "PPM", default_value_t = 23.0)]
+    pub expansion: f64,
+    /// Also draw laser, slit, sensor and target to scale
+    #[arg(long, value_name = "SVG")]
+    pub drawing: Option<PathBuf>,
+}
+
+/// A line sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Sensor {
+    /// Toshiba: 3648 pixels of 8 um
+    Tcd1304dg,
+    /// Hamamatsu: 2048 pixels of 14 um
+    S11639,
+}
+
+impl Sensor {
+    /// From pixel to pixel in mm, and how many pixels.
+    pub const fn pixels(self) -> (f64, usize) {
+        match self {
+            Self::Tcd1304dg => (0.008, 3648),
+            Self::S11639 => (0.014, 2048),
+        }
+    }
+
+    /// Electrons a count, if a full pixel has 4096 counts: 40,000 and 80,000 electrons (data sheets, typical).
+    const fn electrons(self) -> f64 {
+        match self {
+            Self::Tcd1304dg => 10.0,
+            Self::S11639 => 20.0,
+        }
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Tcd1304dg => "TCD1304DG",
+            Self::S11639 => "S11639",
+        }
+    }
+}
+
+/// How many equal speckle patterns the sensor sees at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Surface {
+    /// A laser of a single wavelength, a surface that depolarises: two patterns
+    Paper,
+    /// A laser diode with a line of 1 nm, on a material that its light enters by 0.1 mm: four patterns
+    DiodeOnPaper,
+    /// A single wavelength, a surface that keeps the polarisation: one pattern
+    Metal,
+}
+
+impl Surface {
+    const fn patterns(self) -> f64 {
+        match self {
+            Self::Paper => 2.0,
+            Self::DiodeOnPaper => 4.0,
+            Self::Metal => 1.0,
+        }
+    }
+}
+
+/// A design, with the numbers of which its errors are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Design {
+    /// Laser, slit and sensor.
+    pub geometry: Geometry,
+    /// Whether a mask of 16 slits takes the place of the slit.
+    pub comb: bool,
+    /// Width of the slit in mm.
+    pub slit: f64,
+    /// 1/e^2 diameter of the laser's spot in mm.
+    pub spot: f64,
+    /// Wavelength in mm.
+    pub wavelength: f64,
+    /// Equal speckle patterns.
+    pub patterns: f64,
+    /// Height of the spot in counts.
+    pub height: f64,
+    /// Electrons a count.
+    pub electrons: f64,
+    /// Noise of an unlit pixel in counts.
+    pub noise: f64,
+    /// Rows of a frame.
+    pub rows: u32,
+    /// How much the pixels differ, in percent.
+    pub pixels_percent: f64,
+    /// Points of the calibration.
+    pub points: u32,
+    /// How well their distances are known, in micrometres.
+    pub stage_um: f64,
+    /// Change of temperature in kelvin.
+    pub kelvin: f64,
+    /// Growth for a kelvin, in millionths.
+    pub expansion: f64,
+}
+
+impl DesignOptions {
+    /// The design.
+    ///
+    /// # Errors
+    /// In a sentence, if a number makes no sense.
+    pub fn design(&self) -> Result<Design> {
+        let electrons = self.electrons.unwrap_or(self.sensor.electrons());
+        for (name, value) in [
+            ("--baseline", self.baseline),
+            ("--near", self.near),
+            ("--slit", self.slit),
+            ("--spot", self.spot),
+            ("--slit-to-sensor", self.slit_to_sensor),
+            ("--wavelength", self.wavelength),
+            ("--height", self.height),
+            ("--electrons", electrons),
+            ("--noise", self.noise),
+            ("--rows", f64::from(self.rows)),
+            ("--points", f64::from(self.points)),
+        ] {
+            ensure!(
+                value > 0.0 && value.is_finite(),
+                "{name} must be above zero"
+            );
+        }
+        for (name, value) in [
+            ("--pixels", self.pixels),
+            ("--stage", self.stage),
+            ("--warmer", self.warmer),
+            ("--expansion", self.expansion),
+        ] {
+            ensure!(
+                value >= 0.0 && value.is_finite(),
+                "{name} must not be below zero"
+            );
+        }
+        ensure!(
+            self.far > self.near && self.far.is_finite(),
+            "--far must be beyond --near"
+        );
+        ensure!(
+            self.points >= 3,
+            "--points: eq. (1) needs 3 points at least"
+        );
+        let wavelength = 1e-6 * self.wavelength;
+        let slit = 1e-3 * self.slit;
+        ensure!(
+            slit >= 4.0 * wavelength && slit <= 0.1 * self.slit_to_sensor,
+            "--slit must be between four wavelengths and a tenth of --slit-to-sensor"
+        );
+        let mut geometry = Geometry::new(
+            self.baseline,
+            self.slit_to_sensor,
+            self.sensor.pixels(),
+            self.near,
+            self.far,
+        );
+        if let Some(degrees) = self.angle {
+            ensure!(
+                degrees > 0.0 && degrees < 90.0,
+                "--angle must be between 0 and 90 degrees"
+            );
+            geometry.angle = degrees.to_radians();
+        }
+        Ok(Design {
+            geometry,
+            comb: self.comb,
+            slit,
+            spot: self.spot,
+            wavelength,
+            patterns: self.surface.patterns(),
+            height: self.height,
+            electrons,
+            noise: self.noise,
+            rows: self.rows,
+            pixels_percent: self.pixels,
+            points: self.points,
+            stage_um: self.stage,
+            kelvin: self.warmer,
+            expansion: self.expansion,
+        })
+    }
+}
+
+/// The distances of the table.
+const COLUMNS: usize = 5;
+
+/// `design`.
+///
+/// # Errors
+/// In sentences: a number makes no sense, or the drawing cannot be written.
+pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
+    let design = options.design()?;
+    let geometry = design.geometry;
+    let step = (options.far - options.near) / (COLUMNS - 1) as f64;
+    let at: Vec<At> = (0..COLUMNS)
+        .map(|i| design.at(options.near + step * i as f64))
+        .collect();
+
+    print_dimensions(options, &design, &at, output)?;
+    print_parts(&at, output)?;
+    print_changes(options, &at[COLUMNS - 1], output)?;
+    print_tolerances(&geometry, &at, output)?;
+    if let Some(path) = &options.drawing {
+        std::fs::write(path, drawing::svg(options, &design))
+            .with_context(|| path.display().to_string())?;
+        writeln!(output, "\ndrawn: {}", path.display())?;
+    }
+    Ok(())
+}
+
+fn print_dimensions(
+    options: &DesignOptions,
+    design: &Design,
+    at: &[At],
+    output: &mut dyn Write,
+) -> Result<()> {
+    let geometry = &design.geometry;
+    let (pitch, pixels) = options.sensor.pixels();
+    let slit = match design.comb {
+        true => format!("comb of {COMB_SLITS} slits"),
+        false => format!("slit of {} um", options.slit),
+    };
+    writeln!(
+        output,
+        "laser    {} nm, spot {} mm on the target, {} mm beside the slit",
+        options.wavelength, options.spot, options.baseline
+    )?;
+    writeln!(
+        output,
+        "sensor   {}, {pixels} pixels of {:.0} um, {} mm behind a {slit}",
+        options.sensor.name(),
+        1000.0 * pitch,
+        options.slit_to_sensor
+    )?;
+    let (d, k, pole) = geometry.eq1();
+    writeln!(
+        output,
+        "angle u  {:.2} degrees from the baseline to the optical axis, tan u {:.4}",
+        geometry.angle.to_degrees(),
+        geometry.angle.tan()
+    )?;
+    writeln!(
+        output,
+        "eq. (1)  d = {d:.3} mm + {k:.0} mm px / (x {} {:.2} px)",
+        if pole < 0.0 { "+" } else { "-" },
+        pole.abs()
+    )?;
+    let (sin, cos) = geometry.angle.sin_cos();
+    writeln!(
+        output,
+        "row      its middle is {:.2} mm further from the beam than the slit, and {:.2} mm behind it",
+        geometry.focal * cos,
+        geometry.focal * sin
+    )?;
+    let (first, last) = (at[at.len() - 1].centre, at[0].centre);
+    let reach = 4.0 * at.iter().map(|at| at.width).fold(0.0, f64::max);
+    let (near, far) = geometry.usable(reach, design.comb);
+    writeln!(
+        output,
+        "pixels   {first:.0} to {last:.0}, {:.0} % of the sensor; the whole sensor sees {} to {}",
+        100.0 * (last - first) / pixels as f64,
+        mm(near),
+        mm(far)
+    )?;
+    if near > options.near || far < options.far {
+        writeln!(
+            output,
+            "         The range does not fit on the sensor: take a shorter slit-to-sensor distance, or a \
+             smaller range."
+        )?;
+    }
+    Ok(())
+}
+
+fn print_parts(at: &[At], output: &mut dyn Write) -> Result<()> {
+    let line = |output: &mut dyn Write, name: &str, values: Vec<String>| -> Result<()> {
+        let values: String = values.iter().map(|value| format!("{value:>13}")).collect();
+        writeln!(output, "{name:<28}{values}")?;
+        Ok(())
+    };
+    let of = |value: &dyn Fn(&At) -> String| at.iter().map(value).collect::<Vec<_>>();
+    writeln!(output)?;
+    line(
+        output,
+        "distance, mm",
+        of(&|at| format!("{:.0}", at.distance)),
+    )?;
+    line(
+        output,
+        "centre, pixel",
+        of(&|at| format!("{:.1}", at.centre)),
+    )?;
+    line(
+        output,
+        "width (sigma), pixels",
+        of(&|at| format!("{:.2}", at.width)),
+    )?;
+    line(output, "a pixel, um", of(&|at| um(at.um_a_pixel)))?;
+    line(
+        output,
+        "speckle at the slit, um",
+        of(&|at| um(at.speckle_size)),
+    )?;
+    line(
+        output,
+        "noise of one row, um",
+        of(&|at| um(at.noise_of_a_row)),
+    )?;
+    for (i, part) in at[0].parts.iter().enumerate() {
+        let name = format!("frame: {}, um", part.name);
+        line(output, &name, of(&|at| um(at.parts[i].um)))?;
+    }
+    line(output, "total, um", of(&|at| um(at.total())))?;
+    line(output, "the largest part", of(&|at| at.limit().to_owned()))
+}
+
+fn print_changes(options: &DesignOptions, now: &At, output: &mut dyn Write) -> Result<()> {
+    writeln!(
+        output,
+        "\ntotal at {:.0} mm now: {} um. It would be",
+        now.distance,
+        um(now.total())
+    )?;
+    let mut changes = vec![
+        (
+            "half the laser's spot",
+            DesignOptions {
+                spot: 0.5 * options.spot,
+                ..options.clone()
+            },
+        ),
+        (
+            "half as much baseline again",
+            DesignOptions {
+                baseline: 1.5 * options.baseline,
+                angle: None,
+                ..options.clone()
+            },
+        ),
+        (
+            "four times the rows",
+            DesignOptions {
+                rows: 4 * options.rows,
+                ..options.clone()
+            },
+        ),
+        (
+            "a map of the pixels (head flat)",
+            DesignOptions {
+                pixels: 0.0,
+                ..options.clone()
+            },
+        ),
+        (
+            "four times the points",
+            DesignOptions {
+                points: 4 * options.points,
+                ..options.clone()
+            },
+        ),
+    ];
+    if !options.comb {
+        changes.insert(
+            1,
+            (
+                "the comb of 16 slits",
+                DesignOptions {
+                    comb: true,
+                    ..options.clone()
+                },
+            ),
+        );
+    }
+    for (name, changed) in changes {
+        let at = changed.design()?.at(options.far);
+        writeln!(
+            output,
+            "{:>9} um with {name}; then {} is the largest part",
+            um(at.total()),
+            at.limit()
+        )?;
+    }
+    writeln!(
+        output,
+        "Speckle is that of a target at rest, or of one row. A target that moves shows other speckle after \
+         some\nmillimetres."
+    )?;
+    Ok(())
+}
+
+fn print_tolerances(geometry: &Geometry, at: &[At], output: &mut dyn Write) -> Result<()> {
+    writeln!(
+        output,
+        "\nby how much a wrong dimension moves the distance, in mm, without a calibration"
+    )?;
+    let degree = 0.1f64.to_radians();
+    let changes: [(&str, Geometry); 4] = [
+        (
+            "slit 0.1 mm along the row",
+            Geometry {
+                axis: geometry.axis + 0.1 / geometry.pitch,
+                ..*geometry
+            },
+        ),
+        (
+            "slit to sensor 0.1 mm",
+            Geometry {
+                focal: geometry.focal + 0.1,
+                ..*geometry
+            },
+        ),
+        (
+            "baseline 0.1 mm",
+            Geometry {
+                baseline: geometry.baseline + 0.1,
+                ..*geometry
+            },
+        ),
+        (
+            "beam or sensor 0.1 degrees",
+            Geometry {
+                angle: geometry.angle - degree,
+                ..*geometry
+            },
+        ),
+    ];
+    for (name, built) in changes {
+        let moved: String = at
+            .iter()
+            .map(|at| {
+                let read = geometry.distance(built.centre(at.distance));
+                format!("{:>13.2}", (read - at.distance).abs())
+            })
+            .collect();
+        writeln!(output, "{name:<28}{moved}")?;
+    }
+    writeln!(
+        output,
+        "A calibration takes all of these away. What moves after it stays: a slit that creeps by 1 um along \
+         the row\nmoves the distance by {} um at {:.0} mm.",
+        um(1000.0 * geometry.mm_a_pixel(at[at.len() - 1].distance) * 0.001 / geometry.pitch),
+        at[at.len() - 1].distance
+    )?;
+    Ok(())
+}
+
+/// Micrometres with three digits or so.
+fn um(value: f64) -> String {
+    match value {
+        value if value < 0.01 => format!("{value:.4}"),
+        value if value < 1.0 => format!("{value:.3}"),
+        value if value < 10.0 => format!("{value:.2}"),
+        value if value < 100.0 => format!("{value:.1}"),
+        value => format!("{value:.0}"),
+    }
+}
+
+/// A distance, which may be infinite.
+fn mm(value: f64) -> String {
+    match value.is_finite() {
+        true => format!("{value:.0} mm"),
+        false => "any distance".to_owned(),
+    }
+}

@@ -1,0 +1,170 @@
+//! What limits a distance: each part of its error, as a standard deviation.
+
+use std::f64::consts::PI;
+
+use super::Design;
+use super::geometry::{COMB_SLIT_UM, COMB_SLITS};
+use super::light::width_behind_slit;
+
+/// A part of the error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// What it is.
+    pub name: &'static str,
+    /// Its size, in micrometres.
+    pub um: f64,
+}
+
+/// A design at one distance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct At {
+    /// The distance in mm.
+    pub distance: f64,
+    /// The spot's centre in pixels.
+    pub centre: f64,
+    /// The spot's sigma in pixels.
+    pub width: f64,
+    /// What a pixel stands for, in micrometres.
+    pub um_a_pixel: f64,
+    /// The noise of a row at the Cramér-Rao bound, in micrometres.
+    pub noise_of_a_row: f64,
+    /// The size of a speckle at the slit, in micrometres.
+    pub speckle_size: f64,
+    /// The parts of the error of a frame.
+    pub parts: Vec<Part>,
+}
+
+impl At {
+    /// The root of the sum of the squares of the parts, in micrometres.
+    pub fn total(&self) -> f64 {
+        self.parts
+            .iter()
+            .map(|part| part.um * part.um)
+            .sum::<f64>()
+            .sqrt()
+    }
+
+    /// The largest part.
+    pub fn limit(&self) -> &'static str {
+        let largest = self.parts.iter().max_by(|a, b| a.um.total_cmp(&b.um));
+        largest.map_or("", |part| part.name)
+    }
+}
+
+impl Design {
+    /// What the design gives at a distance in mm.
+    pub fn at(&self, distance: f64) -> At {
+        let geometry = &self.geometry;
+        let um_a_pixel = 1000.0 * geometry.mm_a_pixel(distance);
+        let width = self.width(distance);
+        let slits = if self.comb { COMB_SLITS as f64 } else { 1.0 };
+        let row = um_a_pixel * self.noise(width) / slits.sqrt();
+        let rows = f64::from(self.rows);
+        // The curve has three parameters, so each of n points adds 3/n of its variance on average.
+        let speckle = self.speckle(distance, slits);
+        let point = speckle.hypot(self.stage_um).hypot(row / rows.sqrt());
+        let parts = vec![
+            Part {
+                name: "noise",
+                um: row / rows.sqrt(),
+            },
+            Part {
+                name: "quantisation",
+                um: um_a_pixel * quantisation(width, self.height) / (slits * rows).sqrt(),
+            },
+            Part {
+                name: "speckle",
+                um: speckle,
+            },
+            Part {
+                name: "pixels",
+                um: um_a_pixel * pixels(width, 0.01 * self.pixels_percent) / slits.sqrt(),
+            },
+            Part {
+                name: "calibration",
+                um: point * (3.0 / f64::from(self.points)).sqrt(),
+            },
+            Part {
+                name: "temperature",
+                um: self.warming(distance),
+            },
+        ];
+        At {
+            distance,
+            centre: geometry.centre(distance),
+            width,
+            um_a_pixel,
+            noise_of_a_row: row,
+            speckle_size: 1000.0 * self.wavelength * geometry.range(distance) / self.spot,
+            parts,
+        }
+    }
+
+    /// The spot's sigma in pixels: light behind the slit, the laser spot's image, and the pixel, in
+    /// quadrature.
+    pub fn width(&self, distance: f64) -> f64 {
+        let geometry = &self.geometry;
+        let range = geometry.range(distance);
+        let slit = if self.comb {
+            COMB_SLIT_UM / 1000.0
+        } else {
+            self.slit
+        };
+        let point = width_behind_slit(slit, range, geometry.focal, self.wavelength);
+        let scale = geometry.focal / range * geometry.viewing_angle(distance).cos();
+        // A beam's standard deviation is a quarter of its 1/e^2 diameter.
+        let image = 0.25 * self.spot * scale;
+        (point / geometry.pitch)
+            .hypot(image / geometry.pitch)
+            .hypot(1.0 / 12f64.sqrt())
+    }
+
+    /// The Cramér-Rao bound of a row's centre in pixels: the smallest error of any unbiased method with this
+    /// noise. Height, width and level are even functions about the centre and its own derivative is odd, so
+    /// they cost nothing.
+    fn noise(&self, width: f64) -> f64 {
+        let reach = (6.0 * width) as i32 + 3;
+        let information: f64 = (-reach..=reach)
+            .map(|i| {
+                let x = f64::from(i) / width;
+                let light = self.height * (-0.5 * x * x).exp();
+                let slope = light * x / width;
+                slope * slope / (self.noise * self.noise + light / self.electrons)
+            })
+            .sum();
+        information.sqrt().recip()
+    }
+
+    /// What speckle leaves, in micrometres: s / sqrt(2 (n M - 1)), with s the laser spot's standard deviation
+    /// as a distance, n slits and M equal patterns. For n M = 1, one slit on metal, it has no bound,
+    /// because a spot may be dark. The factor 1.3 is from the simulation, where it is 1.26 to 1.5.
+    fn speckle(&self, distance: f64, slits: f64) -> f64 {
+        let s = 250.0 * self.spot / self.geometry.viewing_angle(distance).tan();
+        let patterns = slits * self.patterns;
+        match patterns >= 1.5 {
+            true => s / (2.0 * (patterns - 1.0)).sqrt(),
+            false => 1.3 * s,
+        }
+    }
+
+    /// By how much the distance changes, in micrometres, when frame and mount warm up after the calibration:
+    /// baseline and slit-to-sensor grow alike, the chip with the pixels does not.
+    fn warming(&self, distance: f64) -> f64 {
+        let growth = 1.0 + 1e-6 * self.expansion * self.kelvin;
+        let mut warm = self.geometry;
+        warm.baseline *= growth;
+        warm.focal *= growth;
+        1000.0 * (warm.distance(self.geometry.centre(distance)) - distance).abs()
+    }
+}
+
+/// Rounding to whole counts as an error of the centre in pixels: white noise of 1/sqrt(12) counts.
+fn quantisation(width: f64, height: f64) -> f64 {
+    (2.0 / PI.sqrt() * width / 12.0).sqrt() / height
+}
+
+/// Pixels whose response differs by this part, as an error of the centre in pixels: of a least-squares fit,
+/// sum(g'^2 g^2) / sum(g'^2)^2 of a gaussian g is sigma / sqrt(2 pi).
+fn pixels(width: f64, deviation: f64) -> f64 {
+    deviation * (width / (2.0 * PI).sqrt()).sqrt()
+}

@@ -1,0 +1,123 @@
+//! Laser, slit and sensor of a design, and eq. (1) with its trigonometry. Lengths are in millimetres.
+
+use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+
+/// Where the parts of a sensor are: [`Geometry::distance`] is eq. (1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// d0: from the laser's origin to where distances begin.
+    pub offset: f64,
+    /// b: from the laser's beam to the slit.
+    pub baseline: f64,
+    /// f: from the slit to the sensor.
+    pub focal: f64,
+    /// u: the angle between the baseline and the optical axis, in radians.
+    pub angle: f64,
+    /// From pixel to pixel.
+    pub pitch: f64,
+    /// The pixels of the sensor.
+    pub pixels: usize,
+    /// The pixel on the optical axis.
+    pub axis: f64,
+}
+
+impl Geometry {
+    /// A sensor whose optical axis hits the middle of its pixels, and looks along the middle of the angles to
+    /// `near` and `far`: then both are equally far from the middle of the row.
+    pub fn new(
+        baseline: f64,
+        focal: f64,
+        (pitch, pixels): (f64, usize),
+        near: f64,
+        far: f64,
+    ) -> Self {
+        Self {
+            offset: 0.0,
+            baseline,
+            focal,
+            angle: 0.5 * ((near / baseline).atan() + (far / baseline).atan()),
+            pitch,
+            pixels,
+            axis: (pixels as f64 - 1.0) / 2.0,
+        }
+    }
+
+    /// Eq. (1): the distance for a centre in pixels.
+    pub fn distance(&self, centre: f64) -> f64 {
+        let x = (centre - self.axis) * self.pitch;
+        self.offset + self.baseline * (self.angle - (x / self.focal).atan()).tan()
+    }
+
+    /// The centre in pixels for a distance.
+    pub fn centre(&self, distance: f64) -> f64 {
+        let alpha = self.angle - ((distance - self.offset) / self.baseline).atan();
+        self.axis + self.focal * alpha.tan() / self.pitch
+    }
+
+    /// By how much the distance changes for a pixel, without sign.
+    pub fn mm_a_pixel(&self, distance: f64) -> f64 {
+        let x = (self.centre(distance) - self.axis) * self.pitch;
+        let along = distance - self.offset;
+        (self.baseline * self.baseline + along * along) / self.baseline * self.focal
+            / (self.focal * self.focal + x * x)
+            * self.pitch
+    }
+
+    /// From the target to the slit.
+    pub fn range(&self, distance: f64) -> f64 {
+        self.baseline.hypot(distance - self.offset)
+    }
+
+    /// The angle between the beam and the light to the slit, in radians.
+    pub fn viewing_angle(&self, distance: f64) -> f64 {
+        (self.baseline / (distance - self.offset)).atan()
+    }
+
+    /// D, K in mm pixels and xp: eq. (1) as d = D + K/(x - xp).
+    pub fn eq1(&self) -> (f64, f64, f64) {
+        let t = self.angle.tan();
+        let f = self.focal / self.pitch;
+        (
+            self.offset - self.baseline / t,
+            self.baseline * f * (1.0 + t * t) / (t * t),
+            self.axis - f / t,
+        )
+    }
+
+    /// The same sensor with its slit `place` along the row, in the direction in which pixels count.
+    fn behind(&self, place: f64) -> Self {
+        Self {
+            offset: self.offset + place * self.angle.cos(),
+            baseline: self.baseline + place * self.angle.sin(),
+            axis: self.axis + place / self.pitch,
+            ..*self
+        }
+    }
+
+    /// The nearest and the farthest distance at which the spot, with `reach` pixels on both sides, is on the
+    /// row. Infinite if the sensor sees beyond any distance. With a comb: the spots of all slits.
+    pub fn usable(&self, reach: f64, comb: bool) -> (f64, f64) {
+        let (first, last) = match comb {
+            true => (
+                f64::from(NOMINAL_PLACES_UM[0]) / 1000.0,
+                f64::from(NOMINAL_PLACES_UM[NOMINAL_PLACES_UM.len() - 1]) / 1000.0,
+            ),
+            false => (0.0, 0.0),
+        };
+        let from = self.behind(first);
+        let to = self.behind(last);
+        let near = to.distance(self.pixels as f64 - 1.0 - reach);
+        let (_, _, pole) = from.eq1();
+        let far = match reach > pole {
+            true => from.distance(reach),
+            false => f64::INFINITY,
+        };
+        (near, far)
+    }
+}
+
+/// The width of the slits of a comb, in micrometres.
+pub const COMB_SLIT_UM: f64 = SLIT_WIDTH_UM as f64;
+
+/// The slits of a comb.
+pub const COMB_SLITS: usize = NOMINAL_PLACES_UM.len();

@@ -1,0 +1,339 @@
+//! The closed forms of `slitrange design` against the simulation, the core and the pages.
+
+use std::path::Path;
+
+use clap::Parser as _;
+use simulator::bound;
+use simulator::optics::{Aperture, Optics};
+use simulator::scene::{Diffraction, LaserSpot, Scene, Sensor as Kind, Simulation, Spot};
+use slitrange::distance::eq1::{DRAWING, T};
+use slitrange_tool::Command;
+use slitrange_tool::design::errors::At;
+use slitrange_tool::design::geometry::Geometry;
+use slitrange_tool::design::{DesignOptions, Surface};
+use slitrange_tool::pc::RealPc;
+
+/// The options of a command line.
+fn options(arguments: &str) -> DesignOptions {
+    let words = ["slitrange", "design"]
+        .into_iter()
+        .chain(arguments.split_whitespace());
+    match Command::try_parse_from(words).expect("options") {
+        Command::Design(options) => options,
+        _ => panic!("another command"),
+    }
+}
+
+fn printed(arguments: &str) -> String {
+    let mut output = Vec::new();
+    Command::Design(options(arguments))
+        .run(&RealPc::new(), &mut std::io::empty(), &mut output)
+        .expect("a design");
+    String::from_utf8(output).expect("text")
+}
+
+fn part(at: &At, name: &str) -> f64 {
+    at.parts
+        .iter()
+        .find(|part| part.name == name)
+        .expect("a part")
+        .um
+}
+
+/// The same geometry in the simulation, in metres.
+fn optics(options: &DesignOptions) -> Optics {
+    let geometry = options.design().expect("a design").geometry;
+    Optics {
+        offset: 1e-3 * geometry.offset,
+        baseline: 1e-3 * geometry.baseline,
+        focal_length: 1e-3 * geometry.focal,
+        angle: geometry.angle,
+        pitch: 1e-3 * geometry.pitch,
+        axis: geometry.axis,
+        wavelength: 1e-9 * options.wavelength,
+        aperture: Aperture::Slit {
+            width: 1e-6 * options.slit,
+            height: 3e-3,
+        },
+    }
+}
+
+#[test]
+fn distances_are_those_of_the_simulation_and_of_the_core() {
+    let options = options("--baseline 120 --near 150 --far 400 --slit-to-sensor 30");
+    let geometry = options.design().expect("a design").geometry;
+    let optics = optics(&options);
+    let (d, k, pole) = geometry.eq1();
+    for distance in [150.0, 222.2, 400.0] {
+        let centre = geometry.centre(distance);
+        assert!((centre - optics.centre(1e-3 * distance)).abs() < 1e-9);
+        assert!((geometry.distance(centre) - distance).abs() < 1e-9);
+        assert!((d + k / (centre - pole) - distance).abs() < 1e-9);
+        let slope = 1e3 * optics.metres_per_pixel(centre);
+        assert!((geometry.mm_a_pixel(distance) / slope - 1.0).abs() < 1e-5);
+    }
+    // Both ends are equally far from the middle of the row.
+    let middle = 0.5 * (geometry.centre(150.0) + geometry.centre(400.0));
+    assert!((middle - geometry.axis).abs() < 1e-9);
+
+    // The nominal curve, which the firmware has before a calibration.
+    let nominal = Geometry {
+        offset: 0.0,
+        baseline: 1e-3 * f64::from(DRAWING.baseline_um),
+        focal: 1e-3 * f64::from(DRAWING.pitch_um * DRAWING.focal_px),
+        angle: T.atan(),
+        pitch: 1e-3 * f64::from(DRAWING.pitch_um),
+        pixels: 3648,
+        axis: f64::from(DRAWING.axis_px),
+    };
+    let curve = slitrange::distance::eq1::NOMINAL.expect("a curve");
+    let centre = slitrange::units::Pixels::from_int(1770);
+    let (distance, _) = curve.distance_at(centre).expect("in range");
+    let found = nominal.distance(1770.0);
+    let core = 1e-3 * f64::from(distance.to_bits()) / 256.0;
+    println!("nominal: {found} mm, core: {core} mm");
+    assert!((found - core).abs() < 1e-4);
+}
+
+/// The simulation's bound knows the rounding of the converter, which is a part of its own here.
+#[test]
+fn the_noise_is_the_bound() {
+    for (height, electrons, noise) in [(2000.0, 10.0, 4.0), (500.0, 5.0, 2.0), (3500.0, 20.0, 20.0)]
+    {
+        for slit in [100.0, 200.0, 300.0] {
+            let options = DesignOptions {
+                height,
+                electrons: Some(electrons),
+                noise,
+                slit,
+                ..options("")
+            };
+            let at = options.design().expect("a design").at(800.0);
+            let bound = bound::Spot {
+                width: at.width,
+                amplitude: height,
+                noise,
+                electrons_per_count: Some(electrons),
+            }
+            .bound();
+            let rounding = part(&at, "quantisation") * f64::from(options.rows).sqrt();
+            let found = at.noise_of_a_row.hypot(rounding) / at.um_a_pixel;
+            println!(
+                "{height} {electrons} {noise} {slit}: {:.4} of the bound",
+                found / bound
+            );
+            assert!((found / bound - 1.0).abs() < 0.01);
+        }
+    }
+}
+
+#[test]
+fn the_width_is_that_of_the_simulated_spot() {
+    for (slit, spot, distance, focal) in [
+        (100.0, 1.0, 800.0, 50.0),
+        (150.0, 0.3, 600.0, 50.0),
+        (200.0, 0.5, 800.0, 50.0),
+        (200.0, 2.0, 1000.0, 50.0),
+        (250.0, 1.0, 700.0, 50.0),
+        (200.0, 1.0, 800.0, 30.0),
+        (300.0, 1.0, 800.0, 80.0),
+    ] {
+        let options = DesignOptions {
+            slit,
+            spot,
+            slit_to_sensor: focal,
+            ..options("")
+        };
+        let at = options.design().expect("a design").at(distance);
+        let simulation = Simulation::new(Scene {
+            optics: optics(&options),
+            spot: Some(Spot {
+                width: 8.6,
+                counts_per_second: 350_000.0,
+            }),
+            diffraction: Some(Diffraction::Fresnel),
+            laser_spot: Some(LaserSpot {
+                waist: 1e-3 * spot,
+                waist_distance: 1e-3 * distance,
+                wander: 0.0,
+            }),
+            ..Scene::dark(Kind::Tcd1304dg)
+        });
+        let simulated = simulation.spot_width(1e-3 * distance);
+        println!(
+            "slit {slit} um, spot {spot} mm, {distance} mm, f {focal} mm: {:.3} px, simulated {simulated:.3} px",
+            at.width
+        );
+        assert!((at.width / simulated - 1.0).abs() < 0.02);
+    }
+}
+
+/// Against the figures of the pages, which the simulation of the field gave, at 0.8 m behind the nominal
+/// slit: docs/physics.md (combs) and the comparison of one slit with several. The worst is a metal's single
+/// slit, whose mean square has no bound in theory.
+#[test]
+fn speckle_is_that_of_the_simulated_field_to_a_quarter() {
+    for (surface, comb, spot, simulated) in [
+        (Surface::Paper, false, 1.0, 467.0),
+        (Surface::Paper, false, 0.5, 260.0),
+        (Surface::DiodeOnPaper, false, 1.0, 257.0),
+        (Surface::DiodeOnPaper, false, 0.5, 152.0),
+        (Surface::Metal, false, 1.0, 838.0),
+        (Surface::Metal, false, 0.5, 499.0),
+        (Surface::Paper, true, 1.0, 97.0),
+        (Surface::Paper, true, 0.5, 50.0),
+        (Surface::Metal, true, 1.0, 148.0),
+        (Surface::Metal, true, 0.5, 73.0),
+    ] {
+        let options = DesignOptions {
+            surface,
+            comb,
+            spot,
+            ..options("")
+        };
+        let um = part(&options.design().expect("a design").at(800.0), "speckle");
+        println!("{surface:?}, comb {comb}, {spot} mm: {um:.0} um, simulated {simulated} um");
+        assert!((um / simulated).ln().abs() < 1.25f64.ln());
+    }
+}
+
+/// The firmware takes 16 um at 0.8 m for the same 2.8 % (docs/uncertainty.md, docs/exposure.md): its estimator
+/// weighs pixels a little better than the least-squares fit of the closed form.
+#[test]
+fn pixels_that_differ_move_the_distance_as_the_firmware_says() {
+    let options = options("--angle 68.9624");
+    let um = part(&options.design().expect("a design").at(800.0), "pixels");
+    println!("{um:.1} um");
+    assert!((um / 16.0).ln().abs() < 1.25f64.ln());
+}
+
+/// A straight beam, a point for a slit and a straight row make a curve of three parameters, whatever their
+/// places and angles are. So a calibration, which fits the three, takes every error of the assembly away.
+#[test]
+fn a_calibration_takes_the_tolerances_away() {
+    let geometry = options("").design().expect("a design").geometry;
+    let (sin, cos) = geometry.angle.sin_cos();
+    // Where light from a target falls on a row with its middle moved by `along` and turned by `turn`.
+    let centre = |distance: f64, beam: f64, (moved, turn, deeper): (f64, f64, f64)| {
+        let target = (distance * f64::sin(beam), distance * f64::cos(beam));
+        let slit = (geometry.baseline, 0.0);
+        let middle = (
+            slit.0 + (geometry.focal + deeper) * cos + moved * sin,
+            slit.1 - (geometry.focal + deeper) * sin + moved * cos,
+        );
+        let row = (
+            f64::sin(geometry.angle + turn),
+            f64::cos(geometry.angle + turn),
+        );
+        // slit + t (slit - target) = middle + x row
+        let ray = (slit.0 - target.0, slit.1 - target.1);
+        let gap = (middle.0 - slit.0, middle.1 - slit.1);
+        let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * row.0 - ray.0 * row.1);
+        geometry.axis + x / geometry.pitch
+    };
+    for distance in [600.0, 800.0, 1020.0] {
+        assert!((centre(distance, 0.0, (0.0, 0.0, 0.0)) - geometry.centre(distance)).abs() < 1e-6);
+    }
+    for (beam, built) in [
+        (0.01, (0.0, 0.0, 0.0)),
+        (0.0, (0.5, 0.0, 0.0)),
+        (0.0, (0.0, 0.05, 0.0)),
+        (-0.02, (-0.3, 0.03, 1.5)),
+    ] {
+        // D, K and xp through three points: d (x - xp) = D (x - xp) + K, so d x = D x + xp d + c.
+        let points = [600.0, 780.0, 1020.0].map(|d| (centre(d, beam, built), d));
+        let rows = points.map(|(x, d)| nalgebra::RowVector3::new(x, d, 1.0));
+        let right = nalgebra::Vector3::from(points.map(|(x, d)| x * d));
+        let found = nalgebra::Matrix3::from_rows(&rows)
+            .lu()
+            .solve(&right)
+            .expect("three points");
+        let (d, pole) = (found[0], found[1]);
+        let k = found[2] + d * pole;
+        let worst = (0..=42)
+            .map(|i| 600.0 + 10.0 * f64::from(i))
+            .map(|distance| (d + k / (centre(distance, beam, built) - pole) - distance).abs())
+            .fold(0.0, f64::max);
+        println!("beam {beam}, sensor {built:?}: {worst:.1e} mm");
+        assert!(worst < 1e-6);
+    }
+}
+
+#[test]
+fn numbers_without_sense_are_refused() {
+    for (wrong, expected) in [
+        ("--baseline 0", "--baseline"),
+        ("--near 900 --far 900", "--far"),
+        ("--far NaN", "--far"),
+        ("--spot NaN", "--spot"),
+        ("--spot inf", "--spot"),
+        ("--slit 1", "--slit"),
+        ("--slit 9000", "--slit"),
+        ("--angle 90", "--angle"),
+        ("--angle NaN", "--angle"),
+        ("--points 2", "--points"),
+        ("--rows 0", "--rows"),
+        ("--stage=-1", "--stage"),
+    ] {
+        let error = options(wrong).design().expect_err(wrong).to_string();
+        println!("{wrong}: {error}");
+        assert!(error.starts_with(expected));
+    }
+    assert!(Command::try_parse_from("slitrange design --comb --slit 100".split(' ')).is_err());
+}
+
+#[test]
+fn a_range_that_does_not_fit_is_said() {
+    assert!(!printed("").contains("does not fit"));
+    assert!(printed("--near 100 --far 2000 --slit-to-sensor 100").contains("does not fit"));
+    // A sensor near the slit sees to any distance, and only then does the text say so.
+    assert!(printed("--slit-to-sensor 10 --near 200 --far 2000").contains("any distance"));
+}
+
+/// Everything that a page prints as this command's output is its output.
+#[test]
+fn the_page_shows_what_the_command_prints() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hardware/optics.md");
+    let text = std::fs::read_to_string(page).expect("docs/hardware/optics.md");
+    let mut commands = 0;
+    for (command, shown) in text.split("    $ slitrange design").skip(1).map(|rest| {
+        let (command, rest) = rest.split_once('\n').expect("a line");
+        let shown: Vec<&str> = rest
+            .lines()
+            .take_while(|line| line.is_empty() || line.starts_with("    "))
+            .collect();
+        (command, shown.join("\n"))
+    }) {
+        let due: Vec<String> = printed(command)
+            .lines()
+            .map(|line| {
+                if line.is_empty() {
+                    String::new()
+                } else {
+                    format!("    {line}")
+                }
+            })
+            .collect();
+        assert_eq!(
+            shown.trim_end(),
+            due.join("\n"),
+            "slitrange design{command}"
+        );
+        commands += 1;
+    }
+    assert!(commands > 0, "docs/hardware/optics.md shows no output");
+}
+
+#[test]
+fn the_drawing_of_the_page_is_the_one_that_the_command_writes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("design.svg");
+    printed(&format!("--angle 68.9624 --drawing {}", file.display()));
+    let due = std::fs::read_to_string(file).expect("a drawing");
+    let is = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hardware/dimensions.svg");
+    let is = std::fs::read_to_string(is).expect("docs/hardware/dimensions.svg");
+    assert!(
+        is == due,
+        "write it again: slitrange design --angle 68.9624 --drawing docs/hardware/dimensions.svg"
+    );
+}
