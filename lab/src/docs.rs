@@ -117,7 +117,8 @@ mod tests {
 
     #[test]
     fn the_readme_and_the_pages_have_short_lines() {
-        let docs = std::fs::read_dir(path("docs")).expect("docs/");
+        let folder = |name| std::fs::read_dir(path(name)).expect(name);
+        let docs = folder("docs").chain(folder("docs/hardware"));
         let pages = docs.map(|entry| entry.expect("an entry").path());
         let pages = pages.filter(|page| page.extension().is_some_and(|it| it == "md"));
         for page in pages.chain([path("README.md")]) {

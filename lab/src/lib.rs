@@ -1,6 +1,6 @@
 //! What the programs of this package share: the paper's experiment, a scene's error budget, tables, progress
-//! bars, the blocks of Markdown pages that programs write, the reference of the serial line, and the search
-//! for the slowest row.
+//! bars, the blocks of Markdown pages that programs write, the reference of the serial line, the search for
+//! the slowest row, and the pulses of a row.
 
 pub mod budget;
 pub mod comb;
@@ -11,3 +11,4 @@ pub mod serial_line;
 pub mod slowest;
 pub mod surfaces;
 pub mod table;
+pub mod timing;

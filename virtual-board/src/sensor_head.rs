@@ -125,6 +125,21 @@ pub enum Level {
     High,
 }
 
+/// What happens at the head's wires.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Edge {
+    /// ICG has this level from now on.
+    Icg(Level),
+    /// SH has this level from now on.
+    Sh(Level),
+    /// Chip select has this level from now on.
+    ChipSelect(Level),
+    /// fM rose. Known at each rise of ICG only.
+    MasterClockRose,
+    /// The last bit of a word was sent.
+    WordEnded,
+}
+
 /// The clocks that the processor gives the head.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clocks {
@@ -229,6 +244,8 @@ pub struct SensorHead {
     row_count: u64,
     keeps_all: bool,
     has_rate_limit: bool,
+    /// The edges since they are recorded.
+    edges: Option<Vec<(Nanos, Edge)>>,
     /// Whether the pins were checked.
     wiring_checked: bool,
     violations: Vec<Violation>,
@@ -266,6 +283,7 @@ impl SensorHead {
             row_count: 0,
             keeps_all: false,
             has_rate_limit: true,
+            edges: None,
             wiring_checked: false,
             violations: Vec::new(),
             violation_count: 0,
@@ -313,6 +331,22 @@ impl SensorHead {
         self.keeps_all = all;
     }
 
+    /// Records the edges at the head's wires from now on: some 4000 a row.
+    pub fn record_edges(&mut self) {
+        self.edges = Some(Vec::new());
+    }
+
+    /// The edges that were recorded, in the order in which they were seen. Ends the recording.
+    pub fn take_edges(&mut self) -> Vec<(Nanos, Edge)> {
+        self.edges.take().unwrap_or_default()
+    }
+
+    fn record(&mut self, at: Nanos, edge: Edge) {
+        if let Some(edges) = &mut self.edges {
+            edges.push((at, edge));
+        }
+    }
+
     /// The first violations of the firmware, at most 200, oldest first.
     #[must_use]
     pub fn violations(&self) -> &[Violation] {
@@ -330,6 +364,7 @@ impl SensorHead {
         if !self.icg.moves(level, now) {
             return;
         }
+        self.record(now, Edge::Icg(level));
         match level {
             Level::Low => self.charge_is_to_be_moved(now),
             Level::High => self.charge_is_moved(now),
@@ -409,6 +444,7 @@ impl SensorHead {
         if !self.sh.moves(level, now) {
             return;
         }
+        self.record(now, Edge::Sh(level));
         match level {
             Level::High => {
                 if let (Level::Low, Some(fell)) = (self.icg.level, self.icg.fell) {
@@ -507,6 +543,7 @@ impl SensorHead {
         if !self.chip_select.moves(level, now) {
             return;
         }
+        self.record(now, Edge::ChipSelect(level));
         match level {
             Level::Low => {
                 self.burst = Some(Burst {
@@ -566,6 +603,7 @@ impl SensorHead {
         }
         let word = FULL_SCALE - counts;
         burst.words.push(word);
+        self.record(now, Edge::WordEnded);
         word
     }
 
@@ -580,6 +618,13 @@ impl SensorHead {
     /// ICG has risen when this part of fM's period had passed since fM rose. The rise at the start, when the
     /// pin is set up, ends no pulse.
     pub fn icg_rose_at(&mut self, part: f64, now: Nanos) {
+        if let Some(clocks) = self.clocks {
+            let since = part * 1e9 / clocks.master_hz;
+            self.record(
+                now.saturating_sub(since.round() as Nanos),
+                Edge::MasterClockRose,
+            );
+        }
         if self.icg.fell.is_some() && !limits::ICG_RISES.contains(&part) {
             let (found, least, most) = (
                 part * 100.0,
