@@ -93,7 +93,7 @@ sensor = part(
     "U1",
     "TCD1304DG",
     "Toshiba TCD1304DG(8Z,K)",
-    "TCD1304AP (no longer made; same pins)",
+    "TCD1304AP (the type before, same pins)",
     "Package_DIP:DIP-22_W10.16mm",
     [(1, "VDD", SUPPLY), (2, "VAD", SUPPLY), (3, "ICG", IN), (4, "FM", IN), (5, "SH", IN)]
     + [(number, f"NC{number}", UNUSED) for number in range(6, 21)]
@@ -254,7 +254,7 @@ laser = part(
     "J2",
     "laser module, TTL",
     "650 nm, at most 1 mW, class 2, 5 V, TTL input that is off when low",
-    "any of these properties",
+    "most cheap modules with TTL have 5 mW: do not take them",
     "Connector_PinHeader_2.54mm:PinHeader_1x03_P2.54mm_Vertical",
     [(1, "+5V", SUPPLY), (2, "TTL", IN), (3, "GND", SUPPLY)],
     "laser",
@@ -281,9 +281,9 @@ VOLTAGES = {
     "FM": ("2.625 MHz", "0 and 3.3 V, half of the time each", "PE9"),
     "FM_5V": ("as FM", "0 and 5 V", "U2"),
     "FM_SENSOR": ("as FM", "0 and 5 V, rounded", "R1"),
-    "ICG": ("3.3 V", "0 V for 6.8 us", "PF12"),
-    "ICG_5V": ("5 V", "0 V for 6.8 us", "U2"),
-    "ICG_SENSOR": ("5 V", "0 V for 6.8 us", "R2"),
+    "ICG": ("3.3 V", "0 V for about 7 us", "PF12"),
+    "ICG_5V": ("5 V", "0 V for about 7 us", "U2"),
+    "ICG_SENSOR": ("5 V", "0 V for about 7 us", "R2"),
     "SH": ("0 V", "3.3 V for 1.5 us", "PF13"),
     "SH_5V": ("0 V", "5 V for 1.5 us", "U2"),
     "SH_SENSOR": ("0 V", "5 V for 1.5 us, rounded: 600 pF", "R3"),
@@ -309,14 +309,18 @@ def table(head, lines):
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
+def place(pin):
+    """Where a pin stands in a list."""
+    return pin.part.ref[0], int(re.sub(r"\D", "", pin.part.ref)), int(pin.num)
+
+
 def nets_of_page():
     nets = {net.name: net for net in gnd.circuit.nets if net.pins}
     lines = []
     for name, voltages in VOLTAGES.items():
-        pins = sorted(nets[name].pins, key=lambda pin: (pin.part.ref[0], int(re.sub(r"\D", "", pin.part.ref))))
+        pins = sorted(nets[name].pins, key=place)
         ends = [
-            f"{pin.part.ref} {pin.name}" if pin.part.ref[0] in "UJ" and len(pin.part.pins) > 2
-            else f"{pin.part.ref}.{pin.num}"
+            f"{pin.part.ref}.{pin.num} {pin.name}" if pin.part.ref[0] in "UJ" else f"{pin.part.ref}.{pin.num}"
             for pin in pins
         ]
         lines.append([f"`{name}`", *voltages, ", ".join(ends)])
