@@ -176,7 +176,8 @@ impl Pulses {
     pub fn markdown(&self) -> String {
         let lines = self.times().into_iter();
         let lines = lines.map(|(name, time, limit)| format!("| {name} | {time} | {limit} |\n"));
-        "| time | virtual board | limit, or what it is |\n|---|---|---|\n".to_owned() + &lines.collect::<String>()
+        "| time | virtual board | limit, or what it is |\n|---|---|---|\n".to_owned()
+            + &lines.collect::<String>()
     }
 
     /// The drawing.
@@ -448,7 +449,10 @@ mod tests {
         assert!(t4 >= 0.0 && t4 < 0.5 * MASTER_CLOCK);
         let page = std::fs::read_to_string(docs::path(PAGE)).expect(PAGE);
         let due = docs::with_block(&page, TOOL, &pulses.markdown()).expect("marks");
-        assert!(page == due, "{PAGE} is not what `cargo timing --write` writes");
+        assert!(
+            page == due,
+            "{PAGE} is not what `cargo timing --write` writes"
+        );
         // Nothing of the figure has moved by more than a tenth of a microsecond, which is ten pixels.
         let figure = std::fs::read_to_string(docs::path(FIGURE)).expect(FIGURE);
         let numbers = |svg: &str| -> Vec<f64> {

@@ -290,6 +290,16 @@ fn a_range_that_does_not_fit_is_said() {
     assert!(printed("--slit-to-sensor 10 --near 200 --far 2000").contains("any distance"));
 }
 
+/// docs/physics.md has these distances for the default comb, from the simulation's images.
+#[test]
+fn a_comb_sees_the_range_that_the_simulation_says() {
+    let text = printed("--comb --angle 68.9624");
+    assert!(
+        text.contains("the whole sensor sees 541 mm to 1198 mm"),
+        "{text}"
+    );
+}
+
 /// Everything that a page prints as this command's output is its output.
 #[test]
 fn the_page_shows_what_the_command_prints() {
