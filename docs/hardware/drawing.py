@@ -20,7 +20,11 @@ def draw(value, net):
         d.add(elm.Dot(open=True).at(at))
         align = ("right", "center") if side == "left" else ("left", "center")
         shift = -0.2 if side == "left" else 0.2
-        d.add(elm.Label().at((at[0] + shift, at[1])).label(net(part, pin), halign=align[0], valign="center", color="#1f77b4"))
+        d.add(
+            elm.Label()
+            .at((at[0] + shift, at[1]))
+            .label(net(part, pin), halign=align[0], valign="center", color="#1f77b4")
+        )
 
     def title(text, at):
         d.add(elm.Label().at(at).label(text, halign="left", fontsize=13))
@@ -29,7 +33,12 @@ def draw(value, net):
         pins = [elm.IcPin(name=name, pin=str(number), side="left") for name, number in reversed(left)]
         pins += [elm.IcPin(name=name, pin=str(number), side="right") for name, number in reversed(right)]
         height = step * max(len(left), len(right)) + 0.5
-        made = d.add(elm.Ic(pins=pins, size=(width, height), pinspacing=step, leadlen=0.6).at(at).anchor("center").theta(0))
+        made = d.add(
+            elm.Ic(pins=pins, size=(width, height), pinspacing=step, leadlen=0.6)
+            .at(at)
+            .anchor("center")
+            .theta(0)
+        )
         d.add(elm.Label().at((at[0], at[1] + height / 2 + 0.35)).label(f"{ref} {value(ref)}", fontsize=11))
         return made
 
@@ -43,12 +52,25 @@ def draw(value, net):
         d.add(elm.Label().at((2.9, y + 0.75)).label(f"U2 {gate}A to {gate}Y", fontsize=9))
         resistor = d.add(named(elm.Resistor().at(buffer.end).right().length(2.4), ref))
         tag("U1", pin, (resistor.end[0] + 0.0, y), "right")
-    d.add(elm.Label().at((0.2, 6.3)).label(
-        f"{value('U2')}: 14 at {net('U2', 'VCC')}; 7, 1, 4, 10 (enable), 12 at {net('U2', 'GND')}; 13 at {net('U2', '4OE')}",
-        halign="left", fontsize=9))
+    d.add(
+        elm.Label()
+        .at((0.2, 6.3))
+        .label(
+            f"{value('U2')}: 14 at {net('U2', 'VCC')}; 7, 1, 4, 10 (enable), 12 at {net('U2', 'GND')}; "
+            f"13 at {net('U2', '4OE')}",
+            halign="left",
+            fontsize=9,
+        )
+    )
 
     # The sensor.
-    sensor = chip("U1", (13.4, 9.4), [("FM", 4), ("ICG", 3), ("SH", 5), ("VDD", 1), ("VAD", 2)], [("OS", 21), ("SS", 22)], 2.4)
+    sensor = chip(
+        "U1",
+        (13.4, 9.4),
+        [("FM", 4), ("ICG", 3), ("SH", 5), ("VDD", 1), ("VAD", 2)],
+        [("OS", 21), ("SS", 22)],
+        2.4,
+    )
     for pin in ("FM", "ICG", "SH", "VDD", "VAD"):
         tag("U1", pin, getattr(sensor, pin), "left")
     for pin in ("OS", "SS"):
@@ -76,12 +98,18 @@ def draw(value, net):
     d.add(elm.Line().at(follower.in1).to((follower.in1[0], loop)))
     d.add(elm.Line().at((follower.in1[0], loop)).to((follower.out[0], loop)))
     d.add(elm.Line().at((follower.out[0], loop)).to(follower.out))
-    d.add(elm.Label().at((follower.out[0] + 0.15, loop - 0.1)).label(net("U3", "OUT2"), color="#1f77b4", halign="left"))
+    d.add(
+        elm.Label()
+        .at((follower.out[0] + 0.15, loop - 0.1))
+        .label(net("U3", "OUT2"), color="#1f77b4", halign="left")
+    )
     tag("U3", "IN2+", follower.in2, "left")
     # To the converter.
     after = d.add(named(elm.Resistor().at(gain.out).right().length(2.4), "R8"))
     d.add(elm.Dot().at(after.end))
-    store = d.add(elm.Capacitor().at(after.end).down().length(1.8).label(f"C2\n{value('C2')}", loc="top", fontsize=10))
+    store = d.add(
+        elm.Capacitor().at(after.end).down().length(1.8).label(f"C2\n{value('C2')}", loc="top", fontsize=10)
+    )
     d.add(elm.Ground().at(store.end))
     node = (after.end[0] + 1.3, after.end[1])
     d.add(elm.Line().at(after.end).to(node))
@@ -94,7 +122,13 @@ def draw(value, net):
     tag("U4", "IN1", (node[0] + 1.0, node[1]), "right")
 
     # The converter.
-    adc = chip("U4", (19.6, 9.4), [("IN1", 5), ("IN2", 4), ("VA", 2), ("GND", 3)], [("CS", 1), ("SCLK", 8), ("DOUT", 7), ("DIN", 6)], 2.6)
+    adc = chip(
+        "U4",
+        (19.6, 9.4),
+        [("IN1", 5), ("IN2", 4), ("VA", 2), ("GND", 3)],
+        [("CS", 1), ("SCLK", 8), ("DOUT", 7), ("DIN", 6)],
+        2.6,
+    )
     for pin in ("IN1", "IN2", "VA", "GND"):
         tag("U4", pin, getattr(adc, pin), "left")
     for pin in ("CS", "SCLK", "DOUT", "DIN"):
@@ -119,7 +153,13 @@ def draw(value, net):
     title("offset", (0, -1.6))
     tag("R6", "1", (1.6, -2.6), "left")
     upper = d.add(named(elm.Resistor().at((1.6, -2.6)).right().length(2.2), "R6"))
-    trimmer = d.add(elm.Potentiometer().at(upper.end).right().length(2.2).label(f"RV1 {value('RV1')}", loc="bottom", fontsize=10))
+    trimmer = d.add(
+        elm.Potentiometer()
+        .at(upper.end)
+        .right()
+        .length(2.2)
+        .label(f"RV1 {value('RV1')}", loc="bottom", fontsize=10)
+    )
     tag("RV1", "WIPER", trimmer.tap, "right")
     d.add(named(elm.Resistor().at(trimmer.end).right().length(2.2), "R7"))
     tag("R7", "2", (trimmer.end[0] + 2.2, -2.6), "right")

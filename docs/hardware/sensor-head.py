@@ -80,7 +80,13 @@ nucleo = part(
     "none: the firmware is for this board",
     "Connector_PinHeader_2.54mm:PinHeader_2x06_P2.54mm_Vertical",
     [(i + 1, name, kind) for i, (name, (_, kind)) in enumerate(BOARD.items())]
-    + [(8, "5V", SOURCE), (9, "3V3", SOURCE), (10, "GND", SOURCE), (11, "GND2", PASSIVE), (12, "GND3", PASSIVE)],
+    + [
+        (8, "5V", SOURCE),
+        (9, "3V3", SOURCE),
+        (10, "GND", SOURCE),
+        (11, "GND2", PASSIVE),
+        (12, "GND3", PASSIVE),
+    ],
     "processor; the numbers are those of our own cable's connector",
 )
 for name, (net, _) in BOARD.items():

@@ -182,14 +182,13 @@ impl Pulses {
 
     /// The drawing.
     pub fn svg(&self) -> String {
-        let mut svg = format!(
-            r##"<svg width="1000" height="720" viewBox="0 0 1000 720" xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" font-size="15" fill="#222222">
+        let mut svg = r##"<svg width="1000" height="720" viewBox="0 0 1000 720" xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" font-size="15" fill="#222222">
 <title>The pulses of a row, from a row on the virtual board</title>
 <rect width="1000" height="720" fill="#ffffff"/>
 <text x="20" y="28" font-size="17">The pulses at the start of a row, from a row on the virtual board</text>
 <text x="20" y="506" font-size="17">A whole row: 5.7 ms from fall to fall of ICG</text>
 "##
-        );
+        .to_owned();
         self.draw_start(&mut svg);
         self.draw_row(&mut svg);
         svg + "</svg>\n"
@@ -446,7 +445,7 @@ mod tests {
         assert!(pulses.sh_fell - pulses.sh_rose >= limits::SH_HIGH as f64);
         assert!(t1 >= limits::ICG_AFTER_SH as f64);
         let t4 = pulses.icg_rose - pulses.master_clock_rose;
-        assert!(t4 >= 0.0 && t4 < 0.5 * MASTER_CLOCK);
+        assert!((0.0..0.5 * MASTER_CLOCK).contains(&t4));
         let page = std::fs::read_to_string(docs::path(PAGE)).expect(PAGE);
         let due = docs::with_block(&page, TOOL, &pulses.markdown()).expect("marks");
         assert!(

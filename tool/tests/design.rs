@@ -161,7 +161,7 @@ fn the_width_is_that_of_the_simulated_spot() {
         });
         let simulated = simulation.spot_width(1e-3 * distance);
         println!(
-            "slit {slit} um, spot {spot} mm, {distance} mm, f {focal} mm: {:.3} px, simulated {simulated:.3} px",
+            "slit {slit} um, spot {spot} mm, {distance} mm, f {focal} mm: {:.3} px, simulated {simulated:.3}",
             at.width
         );
         assert!((at.width / simulated - 1.0).abs() < 0.02);
