@@ -158,7 +158,7 @@ def draw(value, net):
         .at(upper.end)
         .right()
         .length(2.2)
-        .label(f"RV1 {value('RV1')}", loc="bottom", fontsize=10)
+        .label(f"RV1 {value('RV1')}", loc="bottom", ofst=0.35, fontsize=10)
     )
     tag("RV1", "WIPER", trimmer.tap, "right")
     d.add(named(elm.Resistor().at(trimmer.end).right().length(2.2), "R7"))
@@ -167,7 +167,7 @@ def draw(value, net):
     title("supplies", (11.8, -1.6))
     chain((13.4, -2.6), ("J1", "5V"), ["FB1"], ("U1", "VDD"))
     chain((13.4, -4.2), ("J1", "5V"), ["FB2"], ("J2", "+5V"))
-    regulator = chip("U5", (20.6, -2.9), [("IN", 1), ("EN", 3)], [("OUT", 5), ("GND", 2)], 2.0)
+    regulator = chip("U5", (20.6, -3.5), [("IN", 1), ("EN", 3)], [("OUT", 5), ("GND", 2)], 2.0)
     for pin in ("IN", "EN"):
         tag("U5", pin, getattr(regulator, pin), "left")
     for pin in ("OUT", "GND"):

@@ -191,18 +191,18 @@ fn draw_whole(svg: &mut Svg, options: &DesignOptions, design: &Design) {
         ((left + 8.0, half_way), "start"),
     );
     for (distance, below, name) in [
-        (options.near, 62.0, "nearest"),
-        (options.far, 88.0, "farthest"),
+        (options.near, 66.0, "nearest"),
+        (options.far, 94.0, "farthest"),
     ] {
         let (x, y) = place((0.0, distance));
         svg.line(((x, y + 45.0), (x, y + below + 6.0)), GREY, 0.7, "");
         svg.dimension(
             ((beam.0, y + below), (x, y + below)),
             &format!("d = {distance:.0} mm, {name}"),
-            ((0.5 * (beam.0 + x) + 60.0, y + below + 5.0), "middle"),
+            ((0.5 * (beam.0 + x) + 60.0, y + below - 7.0), "middle"),
         );
     }
-    svg.line((beam, (beam.0, beam.1 + 94.0)), GREY, 0.7, "");
+    svg.line((beam, (beam.0, beam.1 + 100.0)), GREY, 0.7, "");
 
     // u, from the baseline to the axis.
     let foot = (slit.0, slit.1 + 70.0);
@@ -260,22 +260,22 @@ fn draw_slit_and_sensor(svg: &mut Svg, options: &DesignOptions, design: &Design)
     let (top, bottom) = (place(f, half), place(f, -half));
     let last = geometry.pixels - 1;
     svg.text(
-        (top.0 + 12.0, top.1 + 2.0),
+        (top.0 + 12.0, top.1 + 6.0),
         "start",
         &format!("pixel {last}"),
     );
     svg.text((bottom.0 + 12.0, bottom.1 + 8.0), "start", "pixel 0");
-    svg.text((top.0, top.1 - 14.0), "middle", options.sensor.name());
+    svg.text((top.0, top.1 - 20.0), "middle", options.sensor.name());
     let slit = match design.comb {
         true => "comb of 16 slits, each 200 um x 3 mm".to_owned(),
         false => format!("slit {} um x 3 mm", options.slit),
     };
-    svg.text((middle.0, place(0.0, half).1 - 14.0), "middle", &slit);
+    svg.text((middle.0, place(0.0, half).1 - 20.0), "middle", &slit);
     let below = place(0.0, -half).1 + 18.0;
     svg.dimension(
         ((middle.0, below), (middle.0 + scale * f, below)),
         &format!("f = {f} mm"),
-        ((middle.0 + 0.5 * scale * f, below + 5.0), "middle"),
+        ((middle.0 + 0.5 * scale * f, below - 7.0), "middle"),
     );
     let (sin, cos) = geometry.angle.sin_cos();
     svg.text((344.0, 40.0), "start", "slit and sensor");
