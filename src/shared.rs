@@ -279,7 +279,7 @@ pub struct Counters {
     pub rows_failed: Counter,
     /// Triggers while a frame was under way.
     pub triggers_missed: Counter,
-    /// Rows of which an edge was late.
+    /// Rows of which an edge was late, or whose words had a gap.
     pub rows_late: Counter,
     /// When the earliest row was sampled, in percent of a pixel's time. Too small by the time that the
     /// program takes to see word 0. 0 before the first row.

@@ -44,7 +44,7 @@ pub struct Vitals {
     pub rows_lost: u32,
     /// Read-outs that did not complete.
     pub rows_failed: u32,
-    /// Rows not used, because the program was too late for one of the sensor's edges.
+    /// Rows not used, because the program was too late for one of the sensor's edges, or SCLK had a gap.
     pub rows_late: u32,
     /// How far apart the rows since the start were sampled, in percent of a pixel's time.
     pub sampling_spread: u32,
