@@ -38,10 +38,10 @@ use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::spi::Spi;
 use rigless::time::{EventId, VirtualNanos};
 
-use crate::Nanos;
 use crate::board::CLOCK_HZ;
 use crate::sensor_head::limits::WORD_BITS;
 use crate::sensor_head::pins::{SPI1_DATA, SharedHead};
+use crate::{Nanos, random};
 
 /// Words in a batch: 0.2 ms of a read-out.
 const BATCH: u64 = 128;
@@ -177,10 +177,8 @@ impl Pace {
 
     /// When DMA has counted word `done`: a random time after its end, the same in each run.
     fn count_of_word(&self, done: u64) -> Nanos {
-        let seed = self.start.wrapping_add(done);
-        let mut random = (seed ^ seed >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        random = (random ^ random >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        let cycles = (random ^ random >> 31) % (self.timing.most_latency + 1);
+        let random = random::mixed(self.start.wrapping_add(done));
+        let cycles = random % (self.timing.most_latency + 1);
         self.end_of_word(done) + cycles * 1_000_000_000 / CLOCK_HZ
     }
 }
@@ -279,7 +277,6 @@ pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>, timing: Timing) -> (BurstSp
         spi: Spi::with_clock(rcc::HSI_HZ),
         clock_hz: rcc::HSI_HZ,
         next: None,
-        silent: false,
         burst: Arc::clone(&burst),
     };
     (
@@ -301,7 +298,6 @@ pub(crate) struct BurstSpi {
     clock_hz: u64,
     /// The event that ends the batch under way.
     next: Option<EventId>,
-    silent: bool,
     burst: SharedBurst,
 }
 
@@ -309,7 +305,6 @@ impl BurstSpi {
     /// Takes the connected chips from the model before a reset.
     pub(crate) fn inherit(&mut self, before: &mut Self) {
         self.spi.inherit(&mut before.spi);
-        self.silent = before.silent;
     }
 
     /// The timing of the read-outs to come.
@@ -319,15 +314,9 @@ impl BurstSpi {
         *timing
     }
 
-    /// Disconnects the nth chip, or connects it again: [`Spi::silence`].
-    pub(crate) fn silence(&mut self, nth: usize, silent: bool) -> bool {
-        self.silent = silent;
-        self.spi.silence(nth, silent)
-    }
-
-    /// Whether the converter is the only chip that answers.
-    pub(crate) fn has_only_the_converter(&self) -> bool {
-        !self.silent && self.spi.peers().count() == 1
+    /// Whether the converter is the only chip.
+    pub(crate) fn has_one_chip(&self) -> bool {
+        self.spi.peers().count() == 1
     }
 
     /// Calls rigless's model. While words move in batches, the model must not request DMA.

@@ -38,6 +38,7 @@ pub mod light;
 mod loads;
 #[cfg(unix)]
 pub mod pty;
+mod random;
 pub mod row_rate;
 pub mod rtt;
 pub mod run;
@@ -54,7 +55,9 @@ pub use firmware::Firmware;
 pub use flash::SharedFlash;
 
 pub use run::{Statistics, VirtualBoard};
-pub use sensor_head::{Exposure, FULL_SCALE, LightSource, PIXELS, Row, SensorHead, Violation};
+pub use sensor_head::{
+    Exposure, FULL_SCALE, LightSource, OpenLine, PIXELS, Row, SensorHead, Violation,
+};
 pub use serial_line::{Arrival, Line};
 
 /// Nanoseconds of virtual time, counted from power-on.

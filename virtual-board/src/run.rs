@@ -19,8 +19,8 @@ use crate::firmware::Firmware;
 use crate::flash::{self, SharedFlash};
 use crate::hang::{self, Detour, Detours};
 use crate::rtt::{self, Message};
-use crate::sensor_head::pins::{CONVERTER, SharedHead};
-use crate::sensor_head::{LightSource, SensorHead};
+use crate::sensor_head::pins::SharedHead;
+use crate::sensor_head::{LightSource, OpenLine, SensorHead};
 use crate::serial_line::{Arrival, Line, SerialLine};
 use crate::trace::{self, Call, Executed};
 use crate::watched_core::{Code, Watched};
@@ -381,21 +381,9 @@ impl VirtualBoard {
         &self.watched.flash
     }
 
-    /// Disconnects the converter from the next chip select on, or connects it again. Without the converter,
-    /// words read as zero.
-    ///
-    /// # Errors
-    ///
-    /// The emulator failed.
-    pub fn silence_sensor(&mut self, silent: bool) -> Result<()> {
-        let hangs_there = self.on_emulator(move |session, _, _| {
-            session.board_mut().processor.silence(CONVERTER, silent)
-        })?;
-        ensure!(
-            hangs_there,
-            "no converter hangs on SPI1: Nucleo::new hangs it there first"
-        );
-        Ok(())
+    /// Disconnects the converter from the next word on, or connects it again.
+    pub fn open_line(&mut self, line: Option<OpenLine>) {
+        self.head.lock().open_line(line);
     }
 
     /// Pauses SCLK for `pause` after word `word` (from 0) of each read-out to come, or no more.

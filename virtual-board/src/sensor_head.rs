@@ -31,7 +31,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::ops::Range;
 
-use crate::Nanos;
+use crate::{Nanos, random};
 
 pub mod limits;
 pub(crate) mod pins;
@@ -165,6 +165,37 @@ impl Clocks {
     }
 }
 
+/// What SPI1 reads if the converter is not connected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OpenLine {
+    /// Ones: the pull-up of the processor's pin.
+    Ones,
+    /// Zeros: a short to ground.
+    Zeros,
+    /// Random bits: no pull-up, and a line that catches noise.
+    Noise,
+    /// No pull-up, and a line that catches the mains: zeros for 10 ms, then ones for 10 ms.
+    Mains,
+}
+
+impl OpenLine {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Ones, Self::Zeros, Self::Noise, Self::Mains];
+
+    /// The word that ends at `now`.
+    fn word(self, now: Nanos) -> u16 {
+        match self {
+            Self::Ones => u16::MAX,
+            Self::Zeros => 0,
+            Self::Noise => random::mixed(now) as u16,
+            Self::Mains => match now / 10_000_000 % 2 {
+                0 => 0,
+                _ => u16::MAX,
+            },
+        }
+    }
+}
+
 /// A pin, with the times of its last rise and fall.
 #[derive(Debug)]
 struct Pin {
@@ -246,6 +277,8 @@ pub struct SensorHead {
     has_rate_limit: bool,
     /// The edges since they are recorded.
     edges: Option<Vec<(Nanos, Edge)>>,
+    /// What SPI1 reads; `None` if the converter is connected.
+    open_line: Option<OpenLine>,
     /// Whether the pins were checked.
     wiring_checked: bool,
     violations: Vec<Violation>,
@@ -284,6 +317,7 @@ impl SensorHead {
             keeps_all: false,
             has_rate_limit: true,
             edges: None,
+            open_line: None,
             wiring_checked: false,
             violations: Vec::new(),
             violation_count: 0,
@@ -302,6 +336,11 @@ impl SensorHead {
     /// Whether words take their time.
     pub(crate) fn has_rate_limit(&self) -> bool {
         self.has_rate_limit
+    }
+
+    /// Disconnects the converter from the next word on, or connects it again.
+    pub fn open_line(&mut self, line: Option<OpenLine>) {
+        self.open_line = line;
     }
 
     /// Lights the sensor with `light` from the next read-out on.
@@ -601,7 +640,10 @@ impl SensorHead {
             (Some(_), _) => burst.unclocked = true,
             (None, _) => {}
         }
-        let word = FULL_SCALE - counts;
+        let word = match self.open_line {
+            Some(line) => line.word(now),
+            None => FULL_SCALE - counts,
+        };
         burst.words.push(word);
         self.record(now, Edge::WordEnded);
         word

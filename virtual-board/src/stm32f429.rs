@@ -133,12 +133,6 @@ impl Stm32f429 {
         self.spi1.spi.contentions()
     }
 
-    /// Disconnects the nth chip of SPI1 from the next chip select on, or connects it again. False if there is
-    /// no such chip.
-    pub(crate) fn silence(&mut self, nth: usize, silent: bool) -> bool {
-        self.spi1.silence(nth, silent)
-    }
-
     /// The registers of the flash interface.
     pub(crate) fn flash_interface(&self) -> &RegisterFile {
         self.part.bus().slots()[self.flash_slot].registers()
@@ -184,7 +178,7 @@ impl Mcu for Stm32f429 {
         let model: &mut dyn ErasedDevice = if slot == self.spi1_slot {
             &mut self.spi1
         } else if slot == self.dma2_slot {
-            self.dma2.shortens = !self.word_by_word && self.spi1.has_only_the_converter();
+            self.dma2.shortens = !self.word_by_word && self.spi1.has_one_chip();
             &mut self.dma2
         } else if slot == self.tim1_slot {
             &mut self.tim1

@@ -24,8 +24,6 @@ use crate::stm32f429::Stm32f429;
 
 /// SPI1, which serves the converter, in rigless's order.
 pub(crate) const CONVERTER_BUS: usize = 0;
-/// The converter's number on SPI1.
-pub(crate) const CONVERTER: usize = 0;
 /// SPI2, on which the edges of ICG and SH arrive. The firmware does not use it.
 const EDGE_BUS: usize = 1;
 /// DMA2, which serves SPI1.

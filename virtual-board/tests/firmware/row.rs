@@ -9,7 +9,7 @@ use slitrange::measurement::Measurement;
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
-use virtual_board::{Exposure as Light, LightSource, PIXELS, VirtualBoard};
+use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, VirtualBoard};
 
 use crate::comb::paper_behind_a_comb;
 use crate::common::{Status, boot, fresh_results, is_reading, is_result, number, paper, set};
@@ -266,14 +266,14 @@ fn rows_without_a_spot_and_without_a_sensor_are_answered() {
     assert!(window.counts.is_empty());
 
     board.set_light(paper());
-    board.silence_sensor(true).expect("a silent sensor");
+    board.open_line(Some(OpenLine::Zeros));
     let silent = Answer::ask(&mut board, RowPart::Whole);
     println!("{:#?}", silent.head);
     assert_eq!(silent.head[1], "f sensor silent");
     let level = silent.counts[0];
     println!("without a sensor all pixels have {level} counts");
     assert!(silent.counts.iter().all(|&count| count == level));
-    board.silence_sensor(false).expect("a sensor");
+    board.open_line(None);
     fresh_results(&mut board, 2);
     board.finish().expect("a clean run");
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use virtual_board::VirtualBoard;
+use virtual_board::{OpenLine, VirtualBoard};
 
 use crate::common::{PATIENCE, boot, fresh_results, is_result, paper, set, spot_at};
 
@@ -36,7 +36,7 @@ fn a_good_sensor_passes_and_a_bad_one_says_why() {
     assert!(lines[4].starts_with("light fail f no spot"));
     assert_eq!(lines[6], "fail 1");
     set(&mut board, "stream off");
-    board.silence_sensor(true).expect("the emulator");
+    board.open_line(Some(OpenLine::Ones));
     board.run_for(Duration::from_millis(300)).expect("a run");
     let lines = selftest(&mut board);
     assert!(lines[1].starts_with("rows fail "));

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use virtual_board::{Exposure, LightSource, VirtualBoard};
+use virtual_board::{Exposure, LightSource, OpenLine, VirtualBoard};
 
 use crate::common::{PATIENCE, Status, boot, is_result, number, set, spot_at};
 
@@ -145,7 +145,7 @@ fn measure_gives_one_result_of_rows_that_began_after_it() {
         assert_silent(&mut board, Duration::from_millis(100));
     }
     // A silent sensor answers too.
-    board.silence_sensor(true).expect("the emulator");
+    board.open_line(Some(OpenLine::Ones));
     board.run_for(Duration::from_millis(300)).expect("a run");
     board.take_lines();
     board.send("measure\r\n");

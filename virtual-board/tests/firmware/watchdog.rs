@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use rigless::soc::stm32f427::generated::usart6;
-use virtual_board::VirtualBoard;
 use virtual_board::board::Conditions;
+use virtual_board::{OpenLine, VirtualBoard};
 
 use crate::common::{
     PATIENCE, ask, ask_for_lines, boot, firmware, fresh_results, is_reading, measuring, paper,
@@ -180,7 +180,7 @@ fn the_banner_names_the_reset_pin_and_settings_are_those_of_a_start() {
 #[test]
 fn a_silent_sensor_does_not_make_the_watchdog_reset() {
     let (mut board, _) = boot(paper());
-    board.silence_sensor(true).expect("a converter");
+    board.open_line(Some(OpenLine::Ones));
     // This is longer than the watchdog waits.
     board.run_for(Duration::from_millis(2500)).expect("a run");
     assert_eq!(board.resets().expect("resets"), []);
