@@ -9,7 +9,9 @@ use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::store;
 
+use crate::Nanos;
 use crate::burst::Timing;
+use crate::flash_times::{FlashTimes, SHORTEST_ERASE};
 use crate::sensor_head::pins::{self, SharedHead};
 use crate::serial_line::{DriverEnable, FarEnd, SerialLine};
 use crate::stm32f429::Stm32f429;
@@ -26,7 +28,7 @@ pub const INSTRUCTIONS_PER_SECOND: u64 = CLOCK_HZ;
 const HSE_HZ: u64 = 8_000_000;
 /// No 32 kHz crystal is used.
 const LSE_HZ: u64 = 0;
-const SUPPLY_MILLIVOLTS: u32 = 3300;
+pub(crate) const SUPPLY_MILLIVOLTS: NonZeroU32 = NonZeroU32::new(3300).expect("not zero");
 /// USART3, the ST-LINK's serial port, in rigless's order.
 pub(crate) const SERIAL_PORT: usize = 2;
 
@@ -52,7 +54,8 @@ store!(Nucleo {
 #[derive(Clone, Copy, Debug)]
 pub struct Conditions {
     /// Instructions that the core executes in a second. Silicon executes fewer than it has clocks, because
-    /// it waits for flash.
+    /// it waits for flash. The environment variable `SLITRANGE_MIPS` changes the default, in millions, so that
+    /// `SLITRANGE_MIPS=84 cargo test --test firmware` runs all tests on a slower core.
     pub instructions_per_second: u64,
     /// Whether the ST-LINK gives its clock.
     pub has_clock: bool,
@@ -60,17 +63,39 @@ pub struct Conditions {
     pub row_timer_speed: f64,
     /// The most core cycles from the end of a word until DMA has counted it. Each word takes a random part.
     pub most_dma_latency: u64,
+    /// The clock of the watchdog in Hz, 17,000 to 47,000 (data sheet of the STM32F429, LSI).
+    pub watchdog_hz: u64,
+    /// How long a word of flash takes to program, ns: 16 us, at most 100 us (data sheet of the STM32F429).
+    pub flash_word: Nanos,
+    /// How long a sector of flash takes to erase, ns: 400 ms or more, at most 800 ms (the same data sheet).
+    pub flash_erase: Nanos,
 }
 
 impl Default for Conditions {
     fn default() -> Self {
         Self {
-            instructions_per_second: INSTRUCTIONS_PER_SECOND,
+            instructions_per_second: default_speed(),
             has_clock: true,
             row_timer_speed: 1.0,
             most_dma_latency: 40,
+            watchdog_hz: 32_000,
+            flash_word: 16_000,
+            flash_erase: SHORTEST_ERASE,
         }
     }
+}
+
+/// [`INSTRUCTIONS_PER_SECOND`], or what `SLITRANGE_MIPS` says.
+///
+/// # Panics
+///
+/// The variable is not a number from 1 to 168.
+fn default_speed() -> u64 {
+    let Ok(millions) = std::env::var("SLITRANGE_MIPS") else {
+        return INSTRUCTIONS_PER_SECOND;
+    };
+    let millions: Option<u64> = millions.parse().ok().filter(|it| (1..=168).contains(it));
+    1_000_000 * millions.expect("SLITRANGE_MIPS is 1 to 168")
 }
 
 impl Nucleo {
@@ -84,10 +109,13 @@ impl Nucleo {
             most_latency: conditions.most_dma_latency,
             gap: None,
         };
-        let mut processor = Stm32f429::new(head, conditions.row_timer_speed, timing)
+        let longer = conditions.flash_erase.saturating_sub(SHORTEST_ERASE);
+        let flash = FlashTimes::new(longer, SUPPLY_MILLIVOLTS);
+        let mut processor = Stm32f429::new(head, conditions.row_timer_speed, timing, flash)
             .context("putting the emulated STM32F427 together")?;
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
-        processor.part.set_supply(SUPPLY_MILLIVOLTS);
+        processor.part.rcc.calibrate_lsi(conditions.watchdog_hz);
+        processor.part.set_supply(SUPPLY_MILLIVOLTS.get());
         pins::attach(&mut processor, head);
         let driver = DriverEnable {
             line: Arc::clone(&line),

@@ -7,8 +7,9 @@
 //! bits, and a store with PG set clears bits. If silicon would answer with an error, or would stop the core
 //! until an erase ends, the access is a [`Violation`] of the run, and nothing is stored.
 //!
-//! An erase changes the contents at its begin; rigless's registers report its end after 400 ms. Programming
-//! takes no time here; silicon needs 16 us a word (DS9405 table 48). DMA does not reach the sectors.
+//! An erase changes the contents at its begin; the registers report its end after 400 to 800 ms. A word is
+//! programmed at once, and the registers say busy for 16 to 100 us (DS9405 table 48). The board's conditions
+//! choose both. DMA does not reach the sectors.
 //!
 //! A [`SharedFlash`] outlives its board: pass it to the next board for a power cycle. It records each
 //! operation, and [`History`] gives the contents after any operation, as after a power cut.
@@ -30,6 +31,9 @@ use crate::{Nanos, Violation};
 
 /// The flash interface's control register (RM0090 section 3.9.8).
 const CONTROL: u64 = 0x4002_3C10;
+
+/// The flash interface's status register (RM0090 section 3.9.7).
+pub(crate) const STATUS: u64 = 0x4002_3C0C;
 
 /// The flash interface's registers (RM0090 table 1).
 const INTERFACE: std::ops::Range<u64> = 0x4002_3C00..0x4002_4000;
@@ -53,6 +57,10 @@ struct Flash {
     contents: Contents,
     history: History,
     interface: Interface,
+    /// How long a word takes, ns.
+    word_time: Nanos,
+    /// When the last word was programmed, and whether its end has been reported.
+    word_ends: (Nanos, bool),
     /// The operations that are still done before the power is cut.
     operations_left: Option<usize>,
     violations: Vec<Violation>,
@@ -105,6 +113,8 @@ impl SharedFlash {
             history: History::since(contents.clone()),
             contents,
             interface: Interface::RESET,
+            word_time: 0,
+            word_ends: (0, true),
             operations_left: None,
             violations: vec![],
             violation_count: 0,
@@ -160,9 +170,12 @@ impl SharedFlash {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Resets the interface and the violations: a board with this flash is powered on.
-    pub(crate) fn power_on(&self) {
+    /// Resets the interface and the violations: a board with this flash is powered on, of which a word takes
+    /// so many ns.
+    pub(crate) fn power_on(&self, word_time: Nanos) {
         let mut flash = self.lock();
+        flash.word_time = word_time;
+        flash.word_ends = (0, true);
         flash.interface = Interface::RESET;
         flash.operations_left = None;
         flash.violations.clear();
@@ -192,14 +205,25 @@ impl SharedFlash {
         }
     }
 
-    /// Reads the interface's registers after `access`, or after an event that may have changed them.
-    pub(crate) fn look_at(&self, registers: &RegisterFile, access: Option<&Access>, now: Nanos) {
+    /// The bits of the status register that say busy, while a word is programmed.
+    pub(crate) fn busy_bits(&self, now: Nanos) -> u64 {
+        sr::BSY.set(0, (now < self.lock().word_ends.0).into())
+    }
+
+    /// Reads the interface's registers after `access`, or after an event that may have changed them. Gives
+    /// when a word ends, once for each word.
+    pub(crate) fn look_at(
+        &self,
+        registers: &RegisterFile,
+        access: Option<&Access>,
+        now: Nanos,
+    ) -> Option<Nanos> {
         if access.is_some_and(|access| !INTERFACE.contains(&access.address)) {
-            return;
+            return None;
         }
         let mut flash = self.lock();
         let before = std::mem::replace(&mut flash.interface, Interface::of(registers));
-        let Some(access) = access else { return };
+        let access = access?;
         if access.kind == AccessKind::Write && access.address == CONTROL {
             if before.locked {
                 flash.violated(
@@ -211,12 +235,19 @@ impl SharedFlash {
                 flash.erase(registers.get(Register::Cr), now);
             }
         }
+        let (end, is_reported) = flash.word_ends;
+        flash.word_ends.1 = true;
+        (!is_reported).then_some(end)
     }
 }
 
 impl Flash {
+    fn is_busy(&self, access: &Access) -> bool {
+        self.interface.busy || access.virtual_time.0 < self.word_ends.0
+    }
+
     fn load(&mut self, access: &Access) -> u64 {
-        if self.interface.busy {
+        if self.is_busy(access) {
             self.violated(
                 access.virtual_time.0,
                 format!(
@@ -230,7 +261,7 @@ impl Flash {
     }
 
     fn store(&mut self, access: &Access) {
-        let why_not = if self.interface.busy {
+        let why_not = if self.is_busy(access) {
             "while bank 2 is busy: the core stands still meanwhile (RM0090 section 3.6)"
         } else if !self.interface.programs {
             "without unlocking the flash's control register and setting its PG (RM0090 section 3.6.4)"
@@ -241,7 +272,9 @@ impl Flash {
             // 32 bits.
             let word = access.value as u32;
             let address = access.address;
-            self.done(access.virtual_time.0, Operation::Program { address, word });
+            let now = access.virtual_time.0;
+            self.done(now, Operation::Program { address, word });
+            self.word_ends = (now + self.word_time, self.word_time == 0);
             return;
         };
         self.violated(
@@ -405,7 +438,7 @@ mod tests {
             words,
             [Some(0), Some(1), Some(0xFFFF_FFFF), Some(0xFFFF_FFFF)]
         );
-        flash.power_on();
+        flash.power_on(0);
         assert!(flash.lock().interface.locked);
         flash.lock().interface = READY;
         store(&flash, BASE + 8, Width::W32, 9);

@@ -32,6 +32,7 @@ pub mod board;
 mod burst;
 pub mod firmware;
 pub mod flash;
+mod flash_times;
 pub mod hang;
 mod laser;
 pub mod light;

@@ -37,6 +37,29 @@ const BUFFER: u64 = UP_CHANNEL + 4;
 const SIZE: u64 = UP_CHANNEL + 8;
 const WRITE: u64 = UP_CHANNEL + 12;
 const READ: u64 = UP_CHANNEL + 16;
+const FLAGS: u64 = UP_CHANNEL + 20;
+
+/// The channel's mode in which the firmware is to wait for room (SEGGER_RTT_MODE_BLOCK_IF_FIFO_FULL).
+const BLOCKS: u64 = 2;
+
+/// Sets the blocking mode, as probe-rs does when it connects.
+///
+/// # Errors
+/// The control block is not in RAM.
+pub(crate) fn set_blocking(host: &mut dyn Host, block: u64) -> anyhow::Result<()> {
+    Ok(host.write(block + FLAGS, Width::W32, BLOCKS)?)
+}
+
+/// The channel's size in bytes, and where in it the firmware writes next.
+///
+/// # Errors
+/// The control block is not in RAM.
+pub(crate) fn size_and_place(host: &mut dyn Host, block: u64) -> anyhow::Result<[u64; 2]> {
+    Ok([
+        host.read(block + SIZE, Width::W32)?,
+        host.read(block + WRITE, Width::W32)?,
+    ])
+}
 
 /// Moves the contents of up-channel 0 into `bytes`, and frees the channel for the firmware. `block` is the
 /// address of the control block. Does nothing until the firmware has set the block up.

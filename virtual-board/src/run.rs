@@ -2,6 +2,7 @@
 //! stop for the next order. So nothing happens while the caller looks, and the same calls give the same run.
 
 use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -50,6 +51,8 @@ pub struct VirtualBoard {
     line: Arc<Mutex<SerialLine>>,
     watched: Watched,
     trap: u32,
+    log_block: u64,
+    log_is_read: Arc<AtomicBool>,
     log_bytes: Arc<Mutex<Vec<u8>>>,
     orders: Sender<Order>,
     stops: Receiver<Stop>,
@@ -155,6 +158,20 @@ impl VirtualBoard {
         Self::start(firmware, head, SharedFlash::default(), conditions)
     }
 
+    /// As [`VirtualBoard::power_on_with_flash`], under other conditions.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::power_on_with_flash`].
+    pub fn power_on_with_flash_under(
+        firmware: &Firmware,
+        light: LightSource,
+        flash: SharedFlash,
+        conditions: Conditions,
+    ) -> Result<Self> {
+        Self::start(firmware, SensorHead::new(light), flash, conditions)
+    }
+
     fn start(
         firmware: &Firmware,
         head: SensorHead,
@@ -170,7 +187,7 @@ impl VirtualBoard {
                  where the calibration is kept: does memory.x reserve it?"
             );
         }
-        flash.power_on();
+        flash.power_on(conditions.flash_word);
         let head = SharedHead::new(head);
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
@@ -183,6 +200,8 @@ impl VirtualBoard {
             ..Watched::default()
         };
         let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
+        let log_block = firmware.address_of("_SEGGER_RTT")?;
+        let log_is_read = Arc::new(AtomicBool::new(true));
         let (orders, taken_orders) = channel();
         let (reported_stops, stops) = channel();
         let steps = Steps {
@@ -190,7 +209,8 @@ impl VirtualBoard {
             stops: reported_stops,
             head: Arc::clone(&head),
             flash: watched.flash.clone(),
-            log_block: firmware.address_of("_SEGGER_RTT")?,
+            log_block,
+            log_is_read: Arc::clone(&log_is_read),
             log_bytes: Arc::clone(&log_bytes),
         };
         let board = Nucleo::new(&head, Arc::clone(&line), watched.clone(), &conditions)?;
@@ -207,6 +227,8 @@ impl VirtualBoard {
             line,
             watched,
             trap,
+            log_block,
+            log_is_read,
             log_bytes,
             orders,
             stops,
@@ -315,6 +337,27 @@ impl VirtualBoard {
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
         rtt::decode(&self.firmware.log_table, &mut bytes)
+    }
+
+    /// Lets a debug probe ask for the log's blocking mode, as probe-rs does, and never read the log again.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed, or the firmware has no log.
+    pub fn lose_log_reader(&mut self) -> Result<()> {
+        self.log_is_read.store(false, Ordering::Relaxed);
+        let block = self.log_block;
+        self.on_emulator(move |_, host, _| rtt::set_blocking(host, block))?
+    }
+
+    /// The size of the log's buffer in bytes, and where in it the firmware writes next.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::lose_log_reader`].
+    pub fn log_size_and_place(&mut self) -> Result<[u64; 2]> {
+        let block = self.log_block;
+        self.on_emulator(move |_, host, _| rtt::size_and_place(host, block))?
     }
 
     /// Garbles the bytes that the firmware receives from now on. Of a million bytes, `noise` have noise and
@@ -553,6 +596,21 @@ impl VirtualBoard {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .push((register, word, now));
+    }
+
+    /// Lets a debug probe read a word of one of the core's own registers (0xE000_0000 to 0xE00F_FFFF), after
+    /// the next instruction. `None` if the core has no such register.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::run_for`].
+    pub fn probe_reads(&mut self, register: u64) -> Result<Option<u64>> {
+        let read = Arc::clone(&self.watched.probe_read);
+        let lock = || read.lock().unwrap_or_else(PoisonError::into_inner);
+        *lock() = (Some(register), None);
+        self.run_for(Duration::from_millis(1))?;
+        let (_, word) = *lock();
+        Ok(word)
     }
 
     /// Drives the trigger's pin, PA3, low or high.
@@ -796,6 +854,7 @@ struct Steps {
     head: Arc<SharedHead>,
     flash: SharedFlash,
     log_block: u64,
+    log_is_read: Arc<AtomicBool>,
     log_bytes: Arc<Mutex<Vec<u8>>>,
 }
 
@@ -813,7 +872,10 @@ impl Driver<Nucleo> for Steps {
         };
         let processor = &mut session.board_mut().processor;
         self.head.look_at(processor, now);
-        (self.flash).look_at(processor.flash_interface(), access.as_ref(), now);
+        let word = (self.flash).look_at(processor.flash_interface(), access.as_ref(), now);
+        if let Some(end) = word {
+            processor.word_ends(end, now);
+        }
     }
 
     fn on_stop(
@@ -826,7 +888,9 @@ impl Driver<Nucleo> for Steps {
             .log_bytes
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        rtt::drain(host, self.log_block, &mut log);
+        if self.log_is_read.load(Ordering::Relaxed) {
+            rtt::drain(host, self.log_block, &mut log);
+        }
         drop(log);
         self.stops.send(stop).ok()?;
         loop {

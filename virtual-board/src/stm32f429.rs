@@ -1,5 +1,6 @@
 //! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2, a TIM4 that switches the
-//! laser (module `laser`), and a TIM5 whose speed can be chosen. SPI1 and DMA2 move a read-out's words in
+//! laser (module `laser`), a TIM5 whose speed can be chosen,
+//! and a flash interface whose times can be chosen. SPI1 and DMA2 move a read-out's words in
 //! batches (module `burst`).
 //!
 //! TIM1 makes the sensor's master clock. rigless wakes a timer at each event of its counter: here five
@@ -32,7 +33,9 @@ use rigless::soc::{Bus, Error, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::Nanos;
+use crate::board::SUPPLY_MILLIVOLTS;
 use crate::burst::{self, BurstDma, BurstSpi, Timing};
+use crate::flash_times::FlashTimes;
 use crate::laser::LaserTimer;
 use crate::sensor_head::pins::{DMA2, SharedHead};
 use crate::trigger::Trigger;
@@ -56,6 +59,7 @@ pub struct Stm32f429 {
     tim5_slot: usize,
     trigger: Trigger,
     trigger_slot: usize,
+    flash: FlashTimes,
     flash_slot: usize,
 }
 
@@ -65,6 +69,7 @@ impl Stm32f429 {
         head: &Arc<SharedHead>,
         row_timer_speed: f64,
         timing: Timing,
+        flash: FlashTimes,
     ) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
         let bus = part.bus();
@@ -102,6 +107,7 @@ impl Stm32f429 {
             tim5_slot,
             trigger: Trigger::default(),
             trigger_slot,
+            flash,
             flash_slot,
         })
     }
@@ -136,6 +142,15 @@ impl Stm32f429 {
     /// The registers of the flash interface.
     pub(crate) fn flash_interface(&self) -> &RegisterFile {
         self.part.bus().slots()[self.flash_slot].registers()
+    }
+
+    /// The flash programs a word until then.
+    pub(crate) fn word_ends(&mut self, at: Nanos, now: Nanos) {
+        let (_, mut context) = self
+            .part
+            .bus_mut()
+            .drive(VirtualNanos(now), self.flash_slot);
+        self.flash.word_ends(at, &mut context);
     }
 
     /// The part of the master clock's period that has passed since its rise; `None` if it does not run.
@@ -188,6 +203,8 @@ impl Mcu for Stm32f429 {
             &mut self.tim5
         } else if slot == self.trigger_slot {
             &mut self.trigger
+        } else if slot == self.flash_slot {
+            &mut self.flash
         } else {
             return self.part.split(slot);
         };
@@ -200,6 +217,7 @@ impl Mcu for Stm32f429 {
         self.laser = LaserTimer::new(&self.head);
         self.tim5 = RowTimer::new(self.tim5.speed);
         self.trigger = Trigger::default();
+        self.flash = FlashTimes::new(self.flash.longer, SUPPLY_MILLIVOLTS);
         let timing = self.spi1.timing(|_| ());
         let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head, timing);
         spi1.inherit(&mut self.spi1);

@@ -7,8 +7,8 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rigless::emulator::{
-    Access, BitAlias, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall,
-    InterruptLine, Processor, Queued,
+    Access, AccessKind, BitAlias, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason,
+    HostCall, InterruptLine, Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
@@ -35,6 +35,8 @@ pub(crate) struct Watched {
     pub(crate) detours: Arc<Mutex<Detours>>,
     /// What a debug probe writes next: an address, a word and the time.
     pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
+    /// The register that a debug probe reads next, and what it has read.
+    pub(crate) probe_read: Arc<Mutex<(Option<u64>, Option<u64>)>>,
     /// The traced functions, and their calls.
     pub(crate) traces: Arc<Mutex<Traces>>,
     /// The machine code in flash.
@@ -106,7 +108,7 @@ impl Core {
         armed.clone_from(wanted);
     }
 
-    fn write_for_the_probe(&mut self) {
+    fn serve_the_probe(&mut self) {
         let mut writes = self
             .watched
             .probe_writes
@@ -116,6 +118,16 @@ impl Core {
             let now = VirtualNanos(now);
             self.inner
                 .debugger_access(Some(word.into()), address, Width::W32, now);
+        }
+        let mut read = self
+            .watched
+            .probe_read
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(address) = read.0.take() {
+            read.1 = self
+                .inner
+                .debugger_access(None, address, Width::W32, VirtualNanos(0));
         }
     }
 
@@ -225,7 +237,12 @@ impl CoreBus for BusWithFlash<'_> {
             return Some(self.flash.access(&access));
         }
         let is_rcc_cr = access.address == RCC_CR;
-        let value = self.inner.access(access, from_code)?;
+        let (address, now) = (access.address, access.virtual_time.0);
+        let is_flash_status = address == flash::STATUS && access.kind == AccessKind::Read;
+        let mut value = self.inner.access(access, from_code)?;
+        if is_flash_status {
+            value |= self.flash.busy_bits(now);
+        }
         Some(match self.has_no_clock && is_rcc_cr {
             true => value & !HSERDY,
             false => value,
@@ -279,7 +296,7 @@ impl Processor for Core {
             has_no_clock: self.watched.has_no_clock,
             steps: false,
         };
-        self.write_for_the_probe();
+        self.serve_the_probe();
         self.arm_detours();
         let everything = {
             let traces = trace::lock(&self.watched.traces);

@@ -194,6 +194,53 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new_configuration() {
     }
 }
 
+/// Below 2.7 V and without the brown-out reset, flash may program wrong words, and the firmware may go on. Of
+/// some words in a row, any bits are cleared, and the save then ends as usual, or there. The store finds the
+/// old configuration or the new one, never another.
+#[test]
+fn wrong_words_of_a_low_supply_leave_the_old_or_the_new_configuration() {
+    let saves = Saves::of_the_firmware();
+    let mut random = ChaCha8Rng::seed_from_u64(24);
+    for history in [&saves.without_erase, &saves.with_erase] {
+        let [old, new] = before_and_after(history);
+        let operations = history.operations();
+        let mut found = [0; 2];
+        for round in 0..300 {
+            let wrong = random.random_range(0..operations.len());
+            let wrong = wrong..wrong + [1, 1, 2, 8, 64][round % 5];
+            let ends_there = round % 2 == 0;
+            let mut contents = history.after(0);
+            for (number, done) in operations.iter().enumerate() {
+                if ends_there && number >= wrong.end {
+                    break;
+                }
+                contents.apply(match done.operation {
+                    Operation::Program { address, word } if wrong.contains(&number) => {
+                        // Some bits that should stay are cleared, some that should be cleared stay.
+                        let word = match round % 3 {
+                            0 => random.random(),
+                            1 => word & random.random::<u32>(),
+                            _ => word | random.random::<u32>(),
+                        };
+                        Operation::Program { address, word }
+                    }
+                    operation => operation,
+                });
+            }
+            let saved = kept::saved_in(&contents);
+            let is_one = saved == old || saved == new;
+            assert!(is_one, "{wrong:?} {ends_there}: {saved:?}");
+            found[usize::from(saved == new)] += 1;
+        }
+        let [old, new] = found;
+        println!(
+            "{} operations: the old one {old} times, the new one {new}",
+            operations.len()
+        );
+        assert!(old > 200, "{found:?}");
+    }
+}
+
 /// In the very first save there is no old configuration. Until the new one is whole, the nominal calibration
 /// is used, or none.
 #[test]

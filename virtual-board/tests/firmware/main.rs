@@ -10,6 +10,7 @@ mod calibration;
 mod comb;
 mod commands;
 mod common;
+mod debugger;
 mod faults;
 mod flash;
 mod flat;

@@ -12,6 +12,7 @@ use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::store::StoreError;
 use slitrange::store::configuration::Configuration;
+use virtual_board::board::Conditions;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
 use virtual_board::{LightSource, Line, VirtualBoard};
 
@@ -201,6 +202,48 @@ fn the_watchdog_waits_for_an_erase() {
     board.run_for(2 * PATIENCE).expect("a run");
     assert_eq!(board.resets().expect("resets"), []);
     Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    board.finish().expect("a clean run");
+}
+
+/// The longest times of the data sheet: a word takes 100 us and an erase 800 ms. No row is lost, and the
+/// watchdog resets nothing, with its fastest clock.
+#[test]
+fn the_slowest_flash_loses_no_row_and_makes_no_reset() {
+    let conditions = Conditions {
+        flash_word: 100_000,
+        flash_erase: 800_000_000,
+        watchdog_hz: 47_000,
+        ..Conditions::default()
+    };
+    let light = spot_at(2300.4, 2000.0);
+    let mut board =
+        VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    upload(&mut board, &longest());
+    let mut slowest = 0;
+    // 9 saves fill a sector.
+    for rows in 1..=10 {
+        set(&mut board, &format!("rows {rows}"));
+        board.send("save\r\n");
+        let mut await_line = |wanted: &str| {
+            let line = board.run_until_line(|line| line == wanted, 2 * SAVING);
+            line.expect("an answer").at
+        };
+        let paused = await_line("save pauses the stream");
+        let lasted = (await_line("save") - paused) / 1_000_000;
+        println!("{rows} rows in a frame: {lasted} ms");
+        // Some 450 words.
+        assert!(lasted >= 45, "{lasted}");
+        slowest = slowest.max(lasted);
+    }
+    assert!((845..1100).contains(&slowest), "{slowest} ms");
+    fresh_results(&mut board, 1);
+    assert_eq!(board.resets().expect("resets"), []);
+    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    let mut board = power_cycle(board);
+    assert_eq!(ask(&mut board, "rows"), "rows 10");
     board.finish().expect("a clean run");
 }
 

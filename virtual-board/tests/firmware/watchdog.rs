@@ -252,3 +252,41 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
     );
     board.finish().expect("a clean run");
 }
+
+/// The watchdog's clock may run at 17 to 47 kHz. At both ends a start, a save and `selftest` end without a
+/// reset. A panic ends in a reset after 1 s by that clock: 0.68 to 1.88 s, less the 100 ms since the last pet.
+#[test]
+fn the_watchdog_works_with_the_slowest_and_the_fastest_clock() {
+    for (watchdog_hz, least, most) in [(17_000, 1.78, 1.90), (47_000, 0.58, 0.70)] {
+        let conditions = Conditions {
+            watchdog_hz,
+            ..Conditions::default()
+        };
+        let mut board = VirtualBoard::power_on_under(firmware(), paper(), conditions)
+            .expect("the board starts");
+        board
+            .run_until_line(|line| line.contains("slitrange "), PATIENCE)
+            .expect("a banner");
+        assert_eq!(ask(&mut board, "rows 64"), "rows 64");
+        for (command, last) in [("save nominal", "save"), ("selftest", "selftest pass")] {
+            board.send(&format!("{command}\r\n"));
+            board
+                .run_until_line(|line| line == last, 2 * PATIENCE)
+                .expect("an answer");
+        }
+        board.run_for(Duration::from_secs(2)).expect("a run");
+        assert_eq!(board.resets().expect("resets"), []);
+
+        board.panic_at("measure_row").expect("the function");
+        let seconds = run_into_the_watchdog(&mut board);
+        board.unhang("measure_row").expect("the function");
+        assert!(
+            (least..most).contains(&seconds),
+            "{watchdog_hz} Hz: {seconds}"
+        );
+        board
+            .run_until_line(|line| line.ends_with("started by watchdog"), PATIENCE)
+            .expect("a banner");
+        board.finish().expect("a clean run");
+    }
+}

@@ -1,0 +1,51 @@
+//! Tests of what silicon needs and the emulated core does not: an erratum's bit, and a log that nobody reads.
+
+use std::time::Duration;
+
+use crate::common::{Status, fresh_results, is_reading, measuring};
+
+/// The auxiliary control register (ARMv7-M manual, B3.2.2) and its bit that switches the write buffer off.
+const ACTLR: u64 = 0xE000_E008;
+const DISDEFWBUF: u64 = 1 << 1;
+
+/// Erratum 838869 of the core: a buffered store may let an interrupt come twice.
+#[test]
+fn the_start_switches_the_write_buffer_off() {
+    let mut board = measuring(4);
+    let register = board
+        .probe_reads(ACTLR)
+        .expect("a run")
+        .expect("a register");
+    assert_eq!(register & DISDEFWBUF, DISDEFWBUF, "{register:#x}");
+    board.finish().expect("a clean run");
+}
+
+/// probe-rs sets the log's blocking mode. If it then goes away, the firmware must not wait for it: the rows
+/// would stop, and the watchdog would start the board again.
+#[test]
+fn a_log_that_nobody_reads_stops_nothing() {
+    let mut board = measuring(4);
+    board.lose_log_reader().expect("a log");
+    let [size, mut place] = board.log_size_and_place().expect("a log");
+    // Each of these bytes makes embassy's driver log an error.
+    board
+        .garble_serial_line(1_000_000, 0, 1)
+        .expect("the emulator");
+    let mut logged = 0;
+    while logged <= 2 * size {
+        board.send("?");
+        board.run_for(Duration::from_millis(1)).expect("a run");
+        let [_, now] = board.log_size_and_place().expect("a log");
+        logged += (now + size - place) % size;
+        place = now;
+        assert!(board.now() < 20_000_000_000, "{logged} of {size} bytes");
+    }
+    println!("{logged} bytes in a buffer of {size}");
+    board.garble_serial_line(0, 0, 1).expect("the emulator");
+    board.send("\r\n");
+    let lines = fresh_results(&mut board, 4);
+    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
+    assert_eq!(board.resets().expect("resets"), []);
+    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "rows late"]);
+    board.finish().expect("a clean run");
+}
