@@ -81,8 +81,9 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 /// SH stays high for at least 1000 ns (data sheet, t3).
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell. With the eighth of a period,
-/// the wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual board).
+/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell. With the eighth of a
+/// period, the wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual
+/// board).
 const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 8;
 
 /// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).

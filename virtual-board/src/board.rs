@@ -54,7 +54,7 @@ store!(Nucleo {
 #[derive(Clone, Copy, Debug)]
 pub struct Conditions {
     /// Instructions that the core executes in a second. Silicon executes fewer than it has clocks, because
-    /// it waits for flash. The environment variable `SLITRANGE_MIPS` changes the default, in millions, so that
+    /// it waits for flash. The environment variable `SLITRANGE_MIPS` changes the default, in millions:
     /// `SLITRANGE_MIPS=84 cargo test --test firmware` runs all tests on a slower core.
     pub instructions_per_second: u64,
     /// Whether the ST-LINK gives its clock.

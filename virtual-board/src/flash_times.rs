@@ -1,5 +1,5 @@
-//! rigless's flash interface with the times of the board's conditions: an erase may take longer than rigless's,
-//! and a word is busy for some time.
+//! rigless's flash interface with the times of the board's conditions: an erase may take longer than
+//! rigless's, and a word is busy for some time.
 
 use std::num::NonZeroU32;
 

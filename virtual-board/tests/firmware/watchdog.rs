@@ -254,7 +254,8 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
 }
 
 /// The watchdog's clock may run at 17 to 47 kHz. At both ends a start, a save and `selftest` end without a
-/// reset. A panic ends in a reset after 1 s by that clock: 0.68 to 1.88 s, less the 100 ms since the last pet.
+/// reset. A panic ends in a reset after 1 s by that clock, 0.68 to 1.88 s, less up to 100 ms since the last
+/// pet.
 #[test]
 fn the_watchdog_works_with_the_slowest_and_the_fastest_clock() {
     for (watchdog_hz, least, most) in [(17_000, 1.78, 1.90), (47_000, 0.58, 0.70)] {
