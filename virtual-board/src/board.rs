@@ -12,6 +12,7 @@ use rigless::snapshot::store;
 use crate::Nanos;
 use crate::burst::Timing;
 use crate::flash_times::{FlashTimes, SHORTEST_ERASE};
+use crate::jumpers::Jumpers;
 use crate::sensor_head::pins::{self, SharedHead};
 use crate::serial_line::{DriverEnable, FarEnd, SerialLine};
 use crate::stm32f429::Stm32f429;
@@ -69,6 +70,8 @@ pub struct Conditions {
     pub flash_word: Nanos,
     /// How long a sector of flash takes to erase, ns: 400 ms or more, at most 800 ms (the same data sheet).
     pub flash_erase: Nanos,
+    /// The wires of `cargo silicon-check`, which take the converter's place.
+    pub jumpers: Option<Jumpers>,
 }
 
 impl Default for Conditions {
@@ -81,6 +84,7 @@ impl Default for Conditions {
             watchdog_hz: 32_000,
             flash_word: 16_000,
             flash_erase: SHORTEST_ERASE,
+            jumpers: None,
         }
     }
 }
@@ -117,6 +121,9 @@ impl Nucleo {
         processor.part.rcc.calibrate_lsi(conditions.watchdog_hz);
         processor.part.set_supply(SUPPLY_MILLIVOLTS.get());
         pins::attach(&mut processor, head);
+        if let Some(jumpers) = conditions.jumpers {
+            head.put_jumpers_on(jumpers);
+        }
         let driver = DriverEnable {
             line: Arc::clone(&line),
         };

@@ -34,6 +34,7 @@ pub mod firmware;
 pub mod flash;
 mod flash_times;
 pub mod hang;
+pub mod jumpers;
 mod laser;
 pub mod light;
 mod loads;

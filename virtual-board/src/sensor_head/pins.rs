@@ -5,7 +5,7 @@
 //! are ICG and SH. On SPI2 they cannot disturb the converter's words.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rigless::chip::{Timeline, spi};
 use rigless::device::Level as WireLevel;
@@ -18,6 +18,7 @@ use rigless::soc::stm32f427::peripherals::spi::Select;
 
 use super::{Clocks, Level, SensorHead, wiring};
 use crate::Nanos;
+use crate::jumpers::{Edge, Jumpers};
 use crate::laser;
 use crate::serial_line::DriverEnable;
 use crate::stm32f429::Stm32f429;
@@ -40,6 +41,9 @@ pub(crate) struct SharedHead {
     look: AtomicBool,
     /// True after a rise of ICG.
     icg_rose: AtomicBool,
+    /// The wires of `cargo silicon-check`, if they are there, and the edges that they have not seen yet.
+    jumpers: OnceLock<Jumpers>,
+    edges: Mutex<Vec<Edge>>,
 }
 
 impl SharedHead {
@@ -48,6 +52,8 @@ impl SharedHead {
             head: Mutex::new(head),
             look: AtomicBool::new(false),
             icg_rose: AtomicBool::new(false),
+            jumpers: OnceLock::new(),
+            edges: Mutex::default(),
         })
     }
 
@@ -56,9 +62,39 @@ impl SharedHead {
         self.head.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Connects jumper wires in the converter's place.
+    pub(crate) fn put_jumpers_on(&self, jumpers: Jumpers) {
+        // The board does it once.
+        let _ = self.jumpers.set(jumpers);
+    }
+
+    fn note(&self, edge: Edge) {
+        if self.jumpers.get().is_some() {
+            let mut edges = self.edges.lock().unwrap_or_else(PoisonError::into_inner);
+            edges.push(edge);
+        }
+    }
+
+    /// Lets the jumper wires carry what came since the last access.
+    fn drive_jumpers(&self, processor: &mut Stm32f429, now: Nanos) {
+        let Some(jumpers) = self.jumpers.get() else {
+            return;
+        };
+        jumpers.drive_master_clock(processor, now);
+        let edges = {
+            let mut edges = self.edges.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::take(&mut *edges)
+        };
+        for edge in edges {
+            jumpers.drive(edge, processor, now);
+            self.lock().hold_data(jumpers.miso(&processor.part));
+        }
+    }
+
     /// Tells the head the clocks and the DMA buffers, if an edge asked for them. A chip cannot read the
     /// processor's registers, so this is called after each access of the processor.
     pub(crate) fn look_at(&self, processor: &mut Stm32f429, now: Nanos) {
+        self.drive_jumpers(processor, now);
         if self.look.swap(false, Ordering::Relaxed) {
             let clocks = clocks(processor);
             let buffers = dma_addresses(&mut processor.part);
@@ -137,6 +173,15 @@ store!(HeadPin {
 impl HeadPin {
     fn edge(&self, selected: bool, now: Nanos) {
         let mut head = self.head.lock();
+        self.head.note(match (self.pin, selected) {
+            (HeadPinName::Icg, high) => Edge::Icg { high },
+            (HeadPinName::Sh, high) => Edge::Sh { high },
+            (HeadPinName::ChipSelect, true) => Edge::ChipSelectFell,
+            (HeadPinName::ChipSelect, false) => {
+                let (words, first, last) = head.clocked();
+                Edge::ChipSelectRose { words, first, last }
+            }
+        });
         match (self.pin, selected) {
             (HeadPinName::ChipSelect, true) => head.chip_select(Level::Low, now),
             (HeadPinName::ChipSelect, false) => head.chip_select(Level::High, now),

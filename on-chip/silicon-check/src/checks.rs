@@ -1,0 +1,587 @@
+//! The checks, in the order in which they run.
+
+use core::sync::atomic::Ordering;
+
+use cortex_m::peripheral::DWT;
+use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
+use embassy_stm32::usart::BufferedUart;
+use embassy_time::{Duration, Instant};
+use embedded_storage_async::nor_flash::{NorFlash as _, ReadNorFlash as _};
+use slitrange::centre::Estimator;
+use slitrange::protocol::info::{Clock, Hardware};
+use slitrange::protocol::status::StartCause;
+use static_cell::ConstStaticCell;
+
+use super::acquisition::ROW_PERIOD;
+use super::board::{CORE_HZ, CYCLES_A_MASTER_CLOCK};
+use super::estimators::{self, Load};
+use super::flash::CalibrationFlash;
+use super::kept::Word;
+use super::report::{Report, text};
+use super::shared::{COUNTERS, FREE, FULL, WORDS};
+use super::wires::{self, SEEN};
+
+/// Rows to check, unless a test asks for fewer: 57 s.
+const ROWS: u32 = 10_000;
+
+/// SCLK's periods in a row.
+const EDGES: u32 = 16 * WORDS as u32;
+
+/// Runs all checks.
+#[embassy_executor::task]
+pub async fn run(
+    serial: BufferedUart<'static>,
+    mut flash: CalibrationFlash,
+    hardware: Hardware,
+    started_by: StartCause,
+) {
+    let (tx, _rx) = serial.split();
+    let mut report = Report::new(tx);
+    let waited = Word::Waits.is_written();
+    Word::Waits.set(0);
+    if waited && started_by == StartCause::Watchdog {
+        report.passed = Word::Passed.get();
+        report.failed = Word::Failed.get();
+        report.skipped = Word::Skipped.get();
+        report_watchdog(&mut report, Some(Word::Waited.get())).await;
+        end(&mut report).await
+    }
+    let rows = if Word::RowsWritten.is_written() {
+        Word::Rows.get()
+    } else {
+        ROWS
+    };
+    report
+        .line(&text!("silicon-check on {}, {rows} rows", hardware.board))
+        .await;
+    let is_virtual = an_instruction_takes_a_cycle();
+    if is_virtual {
+        report
+            .line("note: every instruction takes one cycle, so this is the virtual board. It does not show")
+            .await;
+        report
+            .line("note: how fast silicon is: t1, t4, SCLK time, erase, program, watchdog and cycles mean little.")
+            .await;
+    }
+    wires::init();
+    check_clock(&mut report, hardware.clock).await;
+    let mut load = Load::new();
+    check_rows(&mut report, rows, &mut load).await;
+    check_miso(&mut report).await;
+    check_flash(&mut report, &mut flash).await;
+    check_estimators(&mut report, &mut load).await;
+    wait_for_watchdog(&mut report).await;
+    end(&mut report).await
+}
+
+/// Prints the last line, and takes rows for ever.
+async fn end(report: &mut Report) -> ! {
+    report.end().await;
+    loop {
+        take_rows().await;
+    }
+}
+
+/// Whether this core takes a cycle for every instruction. Silicon takes more for a branch.
+fn an_instruction_takes_a_cycle() -> bool {
+    const TURNS: u32 = 32;
+    let cycles = cortex_m::interrupt::free(|_| {
+        let (before, after): (u32, u32);
+        // SAFETY: reads the cycle counter twice, and counts a register down.
+        unsafe {
+            core::arch::asm!(
+                "ldr {before}, [{counter}]",
+                "2:",
+                "subs {turns}, {turns}, #1",
+                "bne 2b",
+                "ldr {after}, [{counter}]",
+                counter = in(reg) &raw const (*DWT::PTR).cyccnt,
+                turns = inout(reg) TURNS => _,
+                before = out(reg) before,
+                after = out(reg) after,
+                options(nostack),
+            );
+        }
+        after.wrapping_sub(before)
+    });
+    cycles == 2 * TURNS + 1
+}
+
+/// Whether the board started with the clock from the ST-LINK.
+async fn check_clock(report: &mut Report, clock: Clock) {
+    match clock {
+        Clock::External => {
+            report
+                .check("clock", true, "8 MHz from the ST-LINK", "")
+                .await
+        }
+        Clock::Internal => {
+            report
+                .check(
+                    "clock",
+                    false,
+                    "the ST-LINK gave no clock for 3 s, so the chip's own oscillator is used",
+                    "if you took the clock away: this line must fail, and all others pass",
+                )
+                .await;
+        }
+    }
+}
+
+/// Nanoseconds of core cycles.
+fn ns(cycles: u32) -> u32 {
+    (u64::from(cycles) * 1_000_000_000 / u64::from(CORE_HZ)) as u32
+}
+
+/// The pulses and the clocks of rows, while the core computes all the time.
+async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) {
+    let master_clock = wires::measure_master_clock();
+    free_rows().await;
+    let before = Counts::now();
+    wires::start();
+    let patience = ROW_PERIOD * (rows + rows / 4 + 100);
+    let start = Instant::now();
+    while Counts::now().since(&before).pulses < rows && start.elapsed() < patience {
+        load.compute(Estimator::default());
+        COUNTERS.results.add();
+        free_rows().await;
+    }
+    wires::stop();
+    let counts = Counts::now().since(&before);
+
+    let Counts {
+        rows: read,
+        late,
+        failed,
+        lost,
+        ..
+    } = counts;
+    report
+        .check(
+            "rows",
+            read >= rows / 100 * 99 && late + failed + lost == 0,
+            &text!(
+                "{read} read, {late} late, {failed} failed, {lost} lost, with the core always busy"
+            ),
+            "late: the core is too slow; failed: SPI or DMA; lost: the estimator is too slow",
+        )
+        .await;
+    let has_master_clock = check_master_clock(report, master_clock).await;
+    check_pulses(report, counts.pulses, has_master_clock).await;
+    check_sclk(report, read).await;
+}
+
+/// What acquisition counted.
+struct Counts {
+    pulses: u32,
+    rows: u32,
+    late: u32,
+    failed: u32,
+    lost: u32,
+}
+
+impl Counts {
+    fn now() -> Self {
+        Self {
+            pulses: COUNTERS.pulses.get(),
+            rows: COUNTERS.rows.get(),
+            late: COUNTERS.rows_late.get(),
+            failed: COUNTERS.rows_failed.get(),
+            lost: COUNTERS.rows_lost.get(),
+        }
+    }
+
+    fn since(&self, before: &Self) -> Self {
+        Self {
+            pulses: self.pulses.wrapping_sub(before.pulses),
+            rows: self.rows.wrapping_sub(before.rows),
+            late: self.late.wrapping_sub(before.late),
+            failed: self.failed.wrapping_sub(before.failed),
+            lost: self.lost.wrapping_sub(before.lost),
+        }
+    }
+}
+
+/// Returns whether fM is as it must be.
+async fn check_master_clock(report: &mut Report, clock: Option<wires::MasterClock>) -> bool {
+    const LOOK_AT: &str = "look at the wire PE9 (D6) to PC7 (D21)";
+    let Some(clock) = clock else {
+        report.check("fM", false, "no edge came", LOOK_AT).await;
+        return false;
+    };
+    let (least, most) = clock.high;
+    let passes = clock.spread <= 2 && least >= 29 && most <= 35;
+    report
+        .check(
+            "fM",
+            passes,
+            &text!(
+                "its rises are within {} ns of 2.625 MHz; it is high for {} to {} ns of 380",
+                ns(clock.spread),
+                ns(least),
+                ns(most)
+            ),
+            LOOK_AT,
+        )
+        .await;
+    passes
+}
+
+/// t1 to t4 of the sensor's data sheet.
+async fn check_pulses(report: &mut Report, expected: u32, has_master_clock: bool) {
+    let [pulses, incomplete, doubled] =
+        [&SEEN.pulses, &SEEN.incomplete, &SEEN.doubled].map(|it| it.load(Ordering::Relaxed));
+    // The first one may have begun too early, and the last one may be under way.
+    let all = pulses + 2 >= expected && pulses <= expected + 1 && incomplete == 0 && doubled == 0;
+    report
+        .check(
+            "pulses",
+            all,
+            &text!(
+                "{pulses} of {expected} came over the wires, {incomplete} with an edge missing, \
+                 {doubled} with an edge twice"
+            ),
+            "look at the wires PF12 (D8) to PC6 (D16), ICG, and PF13 (D7) to PC8 (D43), SH",
+        )
+        .await;
+    if !all {
+        for name in ["t1", "t2", "t3", "t4"] {
+            report.skip(name, "pulses").await;
+        }
+        return;
+    }
+    let (least, most) = SEEN.t1.get();
+    report
+        .check(
+            "t1",
+            ns(least) >= 1000,
+            &text!(
+                "ICG rises {} to {} ns after SH fell, of at least 1000",
+                ns(least),
+                ns(most)
+            ),
+            "ICG rises too early: look at `ICG_LOW` and at interrupts",
+        )
+        .await;
+    let (least, most) = SEEN.t2.get();
+    report
+        .check(
+            "t2",
+            ns(least) >= 100 && ns(most) <= 1000,
+            &text!(
+                "SH rises {} to {} ns after ICG fell, of 100 to 1000",
+                ns(least),
+                ns(most)
+            ),
+            "look at `ICG_TO_SH`, and whether something interrupts the pulses",
+        )
+        .await;
+    let (least, most) = SEEN.t3.get();
+    report
+        .check(
+            "t3",
+            ns(least) >= 1000,
+            &text!(
+                "SH is high for {} to {} ns, of at least 1000",
+                ns(least),
+                ns(most)
+            ),
+            "look at `SH_HIGH`",
+        )
+        .await;
+    if !has_master_clock {
+        report.skip("t4", "fM").await;
+        return;
+    }
+    let (least, most) = SEEN.t4.get();
+    report
+        .check(
+            "t4",
+            most < CYCLES_A_MASTER_CLOCK / 2,
+            &text!(
+                "ICG rises {} to {} ns after fM rose, of 0 to {} (fM is high)",
+                ns(least),
+                ns(most),
+                ns(CYCLES_A_MASTER_CLOCK / 2)
+            ),
+            "the program sets ICG too late: look at `raise_icg_at` and at waits for flash",
+        )
+        .await;
+}
+
+/// SCLK's edges, and the time that they take.
+async fn check_sclk(report: &mut Report, expected: u32) {
+    const LOOK_AT: &str =
+        "look at the wires PA5 (D13) to PA0 (D32), SCLK, and PD14 (D10) to PB5 (D22), CS";
+    let rows = SEEN.rows.load(Ordering::Relaxed);
+    if rows + 3 < expected || rows > expected + 1 {
+        let found = text!("chip select rose {rows} times in {expected} rows");
+        report.check("SCLK edges", false, &found, LOOK_AT).await;
+        report.skip("SCLK time", "SCLK edges").await;
+        return;
+    }
+    let (least, most) = SEEN.edges.get();
+    let passes = least == EDGES && most == EDGES;
+    report
+        .check(
+            "SCLK edges",
+            passes,
+            &text!("{least} to {most} in a row, of {EDGES} = 16 x {WORDS}"),
+            LOOK_AT,
+        )
+        .await;
+    if !passes {
+        report.skip("SCLK time", "SCLK edges").await;
+        return;
+    }
+    let (least, most) = SEEN.duration.get();
+    let expected = (EDGES - 1) * wires::TICKS_A_BIT;
+    // Half a period of SCLK: a gap of one period is an error.
+    let off = least.abs_diff(expected).max(most.abs_diff(expected));
+    report
+        .check(
+            "SCLK time",
+            off <= wires::TICKS_A_BIT / 2,
+            &text!(
+                "{} to {} ns from a row's first edge to its last, of {} without gaps",
+                ns(2 * least),
+                ns(2 * most),
+                ns(2 * expected)
+            ),
+            "SPI waited for DMA: look at the DMA's priorities",
+        )
+        .await;
+}
+
+/// The words of rows with MISO low, high and open.
+async fn check_miso(report: &mut Report) {
+    const LOOK_AT: &str = "look at the wire PB12 (D19) to PA6 (D12)";
+    for (name, level, expected, look_at) in [
+        ("MISO low", Some(false), 0x0000, LOOK_AT),
+        ("MISO high", Some(true), 0xFFFF, LOOK_AT),
+        (
+            "MISO open",
+            None,
+            0xFFFF,
+            "look at PA6's pull-up, and at that wire",
+        ),
+    ] {
+        wires::drive_miso(level);
+        free_rows().await;
+        let mut wrong = None;
+        // The first two may have begun before.
+        for number in 0..4 {
+            let row = next_row().await;
+            let odd = match &row {
+                Some(words) => words
+                    .iter()
+                    .copied()
+                    .filter(|&word| word != expected)
+                    .count(),
+                None => WORDS,
+            };
+            if number >= 2 {
+                wrong = Some(wrong.unwrap_or(0) + odd);
+            }
+            if let Some(words) = row {
+                FREE.send(words).await;
+            }
+        }
+        let wrong = wrong.unwrap_or(WORDS);
+        report
+            .check(
+                name,
+                wrong == 0,
+                &text!("{wrong} words of {} are not {expected:#06x}", 2 * WORDS),
+                look_at,
+            )
+            .await;
+    }
+    wires::drive_miso(None);
+}
+
+/// The next row's words. `None`: none came within 100 ms.
+async fn next_row() -> Option<super::shared::Buffer> {
+    COUNTERS.results.add();
+    let row = embassy_time::with_timeout(Duration::from_millis(100), FULL.receive()).await;
+    row.ok().map(|row| row.words)
+}
+
+/// Gives all rows that wait back.
+async fn free_rows() {
+    while let Ok(row) = FULL.try_receive() {
+        FREE.send(row.words).await;
+    }
+    yield_now().await;
+}
+
+/// Takes rows for ever, with signs of life.
+async fn take_rows() {
+    loop {
+        if let Some(words) = next_row().await {
+            FREE.send(words).await;
+        }
+    }
+}
+
+/// The sector that is erased, the last of the store's four, and how many words are programmed.
+const SECTOR: u32 = 3 * CalibrationFlash::ERASE_SIZE as u32;
+const SECTOR_END: u32 = SECTOR + CalibrationFlash::ERASE_SIZE as u32;
+const PROGRAMMED: usize = 1024;
+
+/// How long the flash takes, and what becomes of the rows meanwhile.
+async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
+    static CONTENTS: ConstStaticCell<[u8; CalibrationFlash::ERASE_SIZE]> =
+        ConstStaticCell::new([0; CalibrationFlash::ERASE_SIZE]);
+    let contents = CONTENTS.take();
+    let was_read = flash.read(SECTOR, contents).await.is_ok();
+    let is_blank = contents.iter().all(|&byte| byte == 0xFF);
+
+    let (erased, time, rows) = beside_rows(flash.erase(SECTOR, SECTOR_END)).await;
+    let is_erased = erased.is_ok() && was_read;
+    report
+        .check(
+            "erase",
+            is_erased && time <= Duration::from_millis(800) && rows.are_whole(time),
+            &text!(
+                "16 KB in {} ms, of at most 800{}; {} rows meanwhile, {} lost or late",
+                time.as_millis(),
+                if is_erased { "" } else { ", with an error" },
+                rows.rows,
+                rows.bad()
+            ),
+            "slow: the supply is below 2.7 V, or the flash is worn; lost: the program is not in bank 1",
+        )
+        .await;
+
+    let pattern = [0x5A, 0xC3, 0x00, 0xF0];
+    let (written, time, rows) = beside_rows(async {
+        for word in 0..PROGRAMMED as u32 {
+            flash.write(SECTOR + 4 * word, &pattern).await?;
+        }
+        Ok::<_, embassy_stm32::flash::Error>(())
+    })
+    .await;
+    let mut word = [0; 4];
+    let mut is_written = written.is_ok();
+    for number in 0..PROGRAMMED as u32 {
+        is_written &= flash.read(SECTOR + 4 * number, &mut word).await.is_ok() && word == pattern;
+    }
+    let each = time.as_micros() / PROGRAMMED as u64;
+    report
+        .check(
+            "program",
+            is_written && each <= 110 && rows.are_whole(time),
+            &text!(
+                "{PROGRAMMED} words in {} us each, of at most 100 and 10 for the program{}; \
+                 {} rows meanwhile, {} lost or late",
+                each,
+                if is_written { "" } else { ", with an error" },
+                rows.rows,
+                rows.bad()
+            ),
+            "as `erase`",
+        )
+        .await;
+
+    // As it was before.
+    let (erased, ..) = beside_rows(flash.erase(SECTOR, SECTOR_END)).await;
+    if !is_blank && erased.is_ok() {
+        let (_, ..) = beside_rows(flash.write(SECTOR, contents)).await;
+    }
+}
+
+impl Counts {
+    /// Rows that were not read.
+    fn bad(&self) -> u32 {
+        self.late + self.failed + self.lost
+    }
+
+    /// Whether as many rows came as were due in this time.
+    fn are_whole(&self, time: Duration) -> bool {
+        let due = (time.as_micros() / ROW_PERIOD.as_micros()) as u32;
+        self.bad() == 0 && self.rows + 1 >= due
+    }
+}
+
+/// Runs something while rows are taken. Gives its result, its time, and what became of the rows.
+async fn beside_rows<T>(work: impl Future<Output = T>) -> (T, Duration, Counts) {
+    free_rows().await;
+    let (before, start) = (Counts::now(), Instant::now());
+    match select(work, take_rows()).await {
+        Either::First(result) => (result, start.elapsed(), Counts::now().since(&before)),
+        Either::Second(()) => unreachable!("rows are taken for ever"),
+    }
+}
+
+/// What each estimator takes, beside the estimate.
+async fn check_estimators(report: &mut Report, load: &mut Load) {
+    for estimator in Estimator::ALL {
+        let mut cycles = u32::MAX;
+        // The least has no interrupts in it.
+        for _ in 0..8 {
+            cycles = cycles.min(load.compute(estimator));
+            COUNTERS.results.add();
+            free_rows().await;
+        }
+        let name = text!("cycles {}", estimator.name());
+        let Some(estimate) = estimators::estimate(estimator) else {
+            let found = text!("{cycles}, and docs/cost/whole-rows.csv has no line for it");
+            report
+                .check(&name, false, &found, "look at that file")
+                .await;
+            continue;
+        };
+        report
+            .check(
+                &name,
+                cycles <= estimate.most && cycles >= estimate.instructions / 10 * 9,
+                &text!(
+                    "{cycles} for a row, of {} instructions; estimated {} to {}",
+                    estimate.instructions,
+                    estimate.least,
+                    estimate.most
+                ),
+                "more: the flash's caches are off, or the estimate is wrong",
+            )
+            .await;
+    }
+}
+
+/// Gives no sign of life until the watchdog bites. Returns if it does not.
+async fn wait_for_watchdog(report: &mut Report) {
+    Word::Passed.set(report.passed);
+    Word::Failed.set(report.failed);
+    Word::Skipped.set(report.skipped);
+    let start = Instant::now();
+    Word::Waited.set(0);
+    Word::Waits.set_written();
+    while start.elapsed() < Duration::from_secs(5) {
+        Word::Waited.set(start.elapsed().as_millis() as u32);
+        free_rows().await;
+    }
+    Word::Waits.set(0);
+    report_watchdog(report, None).await;
+}
+
+/// The firmware notices after 1.2 s that there is no sign of life, or up to 0.1 s earlier. Then the watchdog
+/// takes 1 s by its own clock: 0.68 to 1.88 s.
+const BITES: core::ops::RangeInclusive<u32> = 1700..=3200;
+
+async fn report_watchdog(report: &mut Report, waited: Option<u32>) {
+    let look_at = "look at the watchdog's clock (LSI) and at the freeze in debug";
+    let (least, most) = (BITES.start(), BITES.end());
+    match waited {
+        Some(ms) => {
+            let found = text!("reset {ms} ms after the last sign of life, of {least} to {most}");
+            report
+                .check("watchdog", BITES.contains(&ms), &found, look_at)
+                .await;
+        }
+        None => {
+            let found = text!("no reset within 5 s, of {least} to {most} ms");
+            report.check("watchdog", false, &found, look_at).await;
+        }
+    }
+}

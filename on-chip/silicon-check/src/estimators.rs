@@ -1,0 +1,92 @@
+//! The estimators on rows that are made from a seed: the load, and what they take.
+
+use cost_on_chip::rows::{self, PIXELS, Turn, WORDS};
+use cost_on_chip::whole_rows::{FRAME, WIDTH};
+use slitrange::centre::Estimator;
+use slitrange::measurement::Measurement;
+use slitrange::settings::Settings;
+use static_cell::ConstStaticCell;
+
+use super::board;
+
+/// What `cargo cost` counts and estimates.
+const ESTIMATES: &str = include_str!("../../../docs/cost/whole-rows.csv");
+
+/// A row's computation.
+pub struct Load {
+    pixels: &'static mut [u16; PIXELS],
+    before: &'static mut [u16; WORDS],
+    now: &'static mut [u16; WORDS],
+    words: &'static mut [u16; WORDS],
+}
+
+impl Load {
+    /// Makes two rows. Call it once.
+    pub fn new() -> Self {
+        static PIXEL_MEMORY: ConstStaticCell<[u16; PIXELS]> = ConstStaticCell::new([0; PIXELS]);
+        static BEFORE: ConstStaticCell<[u16; WORDS]> = ConstStaticCell::new([0; WORDS]);
+        static NOW: ConstStaticCell<[u16; WORDS]> = ConstStaticCell::new([0; WORDS]);
+        static MEMORY: ConstStaticCell<[u16; WORDS]> = ConstStaticCell::new([0; WORDS]);
+        let load = Self {
+            pixels: PIXEL_MEMORY.take(),
+            before: BEFORE.take(),
+            now: NOW.take(),
+            words: MEMORY.take(),
+        };
+        for (turn, words) in [
+            (Turn::Before, &mut *load.before),
+            (Turn::Now, &mut *load.now),
+        ] {
+            rows::light(WIDTH, 0, turn, load.pixels);
+            rows::words(load.pixels, words);
+        }
+        load
+    }
+
+    /// Computes two rows, the first of a frame and one that follows. Gives the core cycles of the second,
+    /// interrupts included.
+    #[inline(never)]
+    pub fn compute(&mut self, estimator: Estimator) -> u32 {
+        let settings = Settings {
+            estimator,
+            rows: FRAME,
+            ..Settings::default()
+        };
+        let mut measurement = Measurement::new(rows::geometry(), settings);
+        self.words.copy_from_slice(self.before);
+        let _ = measurement.row(self.words);
+        self.words.copy_from_slice(self.now);
+        let start = board::cycles();
+        let _ = core::hint::black_box(measurement.row(self.words));
+        board::cycles().wrapping_sub(start)
+    }
+}
+
+/// What `cargo cost` says about a row.
+pub struct Estimate {
+    /// Instructions, counted on the virtual board.
+    pub instructions: u32,
+    /// The least cycles that silicon may take.
+    pub least: u32,
+    /// The most.
+    pub most: u32,
+}
+
+/// The estimate of a row that follows another one. `None`: the table has another form.
+pub fn estimate(estimator: Estimator) -> Option<Estimate> {
+    let mut lines = ESTIMATES.lines();
+    let header = lines.next()?;
+    let column = |name| header.split(',').position(|it| it == name);
+    let line = lines.find(|line| {
+        let mut fields = line.split(',');
+        fields.next() == Some("following")
+            && fields.next() == Some(estimator.name())
+            && fields.next().and_then(|width| width.parse().ok()) == Some(WIDTH)
+    })?;
+    let number = |name| line.split(',').nth(column(name)?)?.parse().ok();
+    Some(Estimate {
+        instructions: number("total")?,
+        least: number("cycles_low")?,
+        most: number("cycles_high")?,
+    })
+}

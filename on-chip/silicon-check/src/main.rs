@@ -1,0 +1,73 @@
+//! Checks on a NUCLEO-F429ZI what only silicon can show: `cargo silicon-check` flashes and runs it. It needs
+//! six jumper wires and no sensor head (docs/silicon-check.md). Its results come in words over the serial
+//! port of the ST-LINK, 115200 baud.
+//!
+//! Board, driver, acquisition, flash and watchdog are the firmware's own files. So the driver that is checked
+//! is the driver that is flashed.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+// The firmware. It has parts that this program does not use.
+#[cfg(target_os = "none")]
+#[path = "../../../src/acquisition.rs"]
+mod acquisition;
+#[cfg(target_os = "none")]
+#[path = "../../../src/board.rs"]
+#[allow(dead_code)]
+mod board;
+#[cfg(target_os = "none")]
+#[path = "../../../src/flash.rs"]
+mod flash;
+#[cfg(target_os = "none")]
+#[path = "../../../src/laser.rs"]
+mod laser;
+#[cfg(target_os = "none")]
+#[path = "../../../src/shared.rs"]
+#[allow(dead_code)]
+mod shared;
+#[cfg(target_os = "none")]
+#[path = "../../../src/tcd1304.rs"]
+#[allow(dead_code)]
+mod tcd1304;
+#[cfg(target_os = "none")]
+#[path = "../../../src/watchdog.rs"]
+mod watchdog;
+
+#[cfg(target_os = "none")]
+mod checks;
+#[cfg(target_os = "none")]
+mod estimators;
+#[cfg(target_os = "none")]
+mod kept;
+#[cfg(target_os = "none")]
+mod report;
+#[cfg(target_os = "none")]
+mod wires;
+
+// Linked for what they define: where the log goes, and what a panic does.
+#[cfg(target_os = "none")]
+use {defmt_rtt as _, panic_probe as _};
+
+#[cfg(target_os = "none")]
+#[embassy_executor::main]
+async fn main(spawner: embassy_executor::Spawner) {
+    let board = board::init();
+
+    // As the firmware's start. Spawning fails only if a task is spawned twice.
+    let urgent = board::start_urgent_executor();
+    urgent.spawn(defmt::unwrap!(acquisition::acquire(board.sensor)));
+    urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
+    // Dropping the output would make the pin an input.
+    core::mem::forget(board.switch);
+    spawner.spawn(defmt::unwrap!(checks::run(
+        board.serial,
+        board.flash,
+        board.hardware,
+        board.started_by
+    )));
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() -> std::process::ExitCode {
+    eprintln!("This runs on a NUCLEO-F429ZI with six jumper wires: `cargo silicon-check`.");
+    std::process::ExitCode::FAILURE
+}

@@ -1,0 +1,81 @@
+//! The lines of the results.
+
+use core::fmt::Write as _;
+
+use embassy_stm32::usart::BufferedUartTx;
+use embedded_io_async::Write as _;
+use heapless::String;
+
+/// A line's text.
+pub type Text = String<256>;
+
+/// Makes a line's text, as `format!`. What does not fit is cut off.
+macro_rules! text {
+    ($($arguments:tt)*) => {{
+        let mut text = $crate::report::Text::new();
+        let _ = core::fmt::Write::write_fmt(&mut text, format_args!($($arguments)*));
+        text
+    }};
+}
+pub(crate) use text;
+
+/// The serial port, and how the checks ended.
+pub struct Report {
+    serial: BufferedUartTx<'static>,
+    /// Checks that passed.
+    pub passed: u32,
+    /// Checks that failed.
+    pub failed: u32,
+    /// Checks that were skipped.
+    pub skipped: u32,
+}
+
+impl Report {
+    /// A report without lines.
+    pub fn new(serial: BufferedUartTx<'static>) -> Self {
+        Self {
+            serial,
+            passed: 0,
+            failed: 0,
+            skipped: 0,
+        }
+    }
+
+    /// Prints a line.
+    pub async fn line(&mut self, line: &str) {
+        // This driver's writes do not fail.
+        let _ = self.serial.write_all(line.as_bytes()).await;
+        let _ = self.serial.write_all(b"\r\n").await;
+    }
+
+    /// Reports a check: what was found, and where to look if it is wrong.
+    pub async fn check(&mut self, name: &str, passes: bool, found: &str, look_at: &str) {
+        let mut line = Text::new();
+        if passes {
+            self.passed += 1;
+            let _ = write!(line, "pass {name}: {found}");
+        } else {
+            self.failed += 1;
+            let _ = write!(line, "FAIL {name}: {found}; {look_at}");
+        }
+        self.line(&line).await;
+    }
+
+    /// Reports a check that needs another one to pass.
+    pub async fn skip(&mut self, name: &str, needed: &str) {
+        self.skipped += 1;
+        self.line(&text!("skip {name}: it needs `{needed}` to pass"))
+            .await;
+    }
+
+    /// The last line.
+    pub async fn end(&mut self) {
+        let line = text!(
+            "silicon-check: {} pass, {} fail, {} skipped",
+            self.passed,
+            self.failed,
+            self.skipped
+        );
+        self.line(&line).await;
+    }
+}
