@@ -6,7 +6,7 @@ use cortex_m::peripheral::DWT;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_stm32::usart::BufferedUart;
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::{NorFlash as _, ReadNorFlash as _};
 use slitrange::centre::Estimator;
 use slitrange::protocol::info::{Clock, Hardware};
@@ -518,6 +518,8 @@ async fn beside_rows<T>(work: impl Future<Output = T>) -> (T, Duration, Counts) 
 /// What each estimator takes, beside the estimate.
 async fn check_estimators(report: &mut Report, load: &mut Load) {
     for estimator in Estimator::ALL {
+        // Characters that leave interrupt.
+        report.flush().await;
         let mut cycles = u32::MAX;
         // The least has no interrupts in it.
         for _ in 0..8 {
@@ -560,6 +562,7 @@ async fn wait_for_watchdog(report: &mut Report) {
     while start.elapsed() < Duration::from_secs(5) {
         Word::Waited.set(start.elapsed().as_millis() as u32);
         free_rows().await;
+        Timer::after(Duration::from_millis(1)).await;
     }
     Word::Waits.set(0);
     report_watchdog(report, None).await;

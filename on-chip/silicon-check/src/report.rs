@@ -48,6 +48,11 @@ impl Report {
         let _ = self.serial.write_all(b"\r\n").await;
     }
 
+    /// Waits until the lines have left.
+    pub async fn flush(&mut self) {
+        let _ = self.serial.flush().await;
+    }
+
     /// Reports a check: what was found, and where to look if it is wrong.
     pub async fn check(&mut self, name: &str, passes: bool, found: &str, look_at: &str) {
         let mut line = Text::new();
