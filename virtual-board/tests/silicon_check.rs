@@ -1,26 +1,43 @@
 //! `cargo silicon-check` on the virtual board: it passes, and each of its checks fails when its fault is put
-//! in.
+//! in. Checks that do not meet share a run.
 
 use std::sync::OnceLock;
 use std::time::Duration;
 
+use rigless::mcu::{Mcu as _, Operate as _};
+use rigless::soc::Width;
+use rigless::soc::stm32f427::generated::flash;
 use virtual_board::board::Conditions;
-use virtual_board::jumpers::Jumpers;
+use virtual_board::flash::{BASE, BYTES, Operation};
+use virtual_board::jumpers::{Jumpers, Late, Miso};
 use virtual_board::{Exposure, Firmware, PIXELS, VirtualBoard};
 
 /// The program's mark beside a number of rows: `WRITTEN` in on-chip/silicon-check/src/kept.rs.
 const WRITTEN: u32 = 0x5111_C0DE;
 
 /// Rows of a short run.
-const ROWS: u32 = 60;
+const ROWS: u32 = 20;
+
+/// Clears a bit of the last word of sector 15, a bit that the program does not clear.
+const LAST_WORD: Operation = Operation::Program {
+    address: BASE + BYTES as u64 - 4,
+    word: !0b10,
+};
+
+/// The last check before the program waits for the watchdog.
+const BEFORE_WATCHDOG: &str = "cycles fraunhofer";
 
 fn program() -> &'static Firmware {
     static PROGRAM: OnceLock<Firmware> = OnceLock::new();
     PROGRAM.get_or_init(|| Firmware::build_package("silicon-check").expect("it builds"))
 }
 
-/// A board with jumper wires, before its first instruction.
-fn board(conditions: Conditions, rows: u32) -> VirtualBoard {
+/// A board with these jumper wires, before its first instruction.
+fn board(jumpers: Jumpers, conditions: Conditions, rows: u32) -> VirtualBoard {
+    let conditions = Conditions {
+        jumpers: Some(jumpers),
+        ..conditions
+    };
     let dark = Box::new(|_: &Exposure| vec![200.0; PIXELS]);
     let mut board = VirtualBoard::power_on_under(program(), dark, conditions).expect("a board");
     let kept = program().address_of("KEPT").expect("the symbol");
@@ -28,21 +45,276 @@ fn board(conditions: Conditions, rows: u32) -> VirtualBoard {
     board
 }
 
-/// All lines of a run, without their ends.
-fn run(mut board: VirtualBoard, patience: Duration) -> Vec<String> {
-    let last = board.run_until_line(|line| line.starts_with("silicon-check:"), patience);
-    let lines = board.take_lines().into_iter().map(|line| line.text);
-    let lines: Vec<String> = lines.collect();
+/// All lines up to the one of this check, or to the last one.
+fn lines_up_to(board: &mut VirtualBoard, check: &str, patience: Duration) -> Vec<String> {
+    let is_last = |line: &str| {
+        let of_check = line.split_once(' ').map(|(_, rest)| rest);
+        line.starts_with("silicon-check:") || of_check.is_some_and(|rest| rest.starts_with(check))
+    };
+    let last = board.run_until_line(is_last, patience);
+    let lines: Vec<String> = board
+        .take_lines()
+        .into_iter()
+        .map(|line| line.text)
+        .collect();
     last.unwrap_or_else(|error| panic!("{error:#}\n{}", lines.join("\n")));
     lines
 }
 
+/// The names of the checks that `word` begins the lines of.
+fn named<'a>(word: &str, lines: &'a [String]) -> Vec<&'a str> {
+    let checks = lines.iter().filter_map(|line| line.strip_prefix(word));
+    checks
+        .filter_map(|line| line.split_once(": ").map(|(name, _)| name.trim()))
+        .collect()
+}
+
+/// Runs up to the watchdog. Exactly `failing` must fail, and exactly `skipped` be skipped.
+#[track_caller]
+fn fails(mut board: VirtualBoard, failing: &[&str], skipped: &[&str]) {
+    let lines = lines_up_to(&mut board, BEFORE_WATCHDOG, Duration::from_secs(10));
+    assert_eq!(named("FAIL", &lines), failing, "{}", lines.join("\n"));
+    assert_eq!(named("skip", &lines), skipped, "{}", lines.join("\n"));
+}
+
+/// Runs all checks, and none must fail. Gives the lines.
+fn passes(rows: u32) -> Vec<String> {
+    let mut board = board(Jumpers::default(), Conditions::default(), rows);
+    let mut contents = board.flash().contents();
+    contents.apply(LAST_WORD);
+    board.flash().put(contents.clone());
+    let lines = lines_up_to(&mut board, "silicon-check", Duration::from_secs(90));
+    let text = lines.join("\n");
+    assert_eq!(named("FAIL", &lines), [""; 0], "{text}");
+    assert_eq!(named("skip", &lines), [""; 0], "{text}");
+    assert_eq!(
+        lines.last().unwrap(),
+        "silicon-check: 21 pass, 0 fail, 0 skipped"
+    );
+    assert!(
+        board.flash().contents() == contents,
+        "the sector is as it was"
+    );
+    board.finish().expect("a clean run");
+    lines
+}
+
+/// A text with one `#` for each number.
+fn without_numbers(text: &str) -> String {
+    let mut masked = String::new();
+    for letter in text.chars() {
+        match letter {
+            '0'..='9' if masked.ends_with('#') => {}
+            '0'..='9' => masked.push('#'),
+            letter => masked.push(letter),
+        }
+    }
+    masked
+}
+
+/// The run in the documentation, and the run's lines, must be the same but for their numbers.
+fn compare_with_documentation(lines: &[String]) {
+    let page = include_str!("../../docs/silicon-check.md");
+    let start = page.find("```text\n").expect("a run") + "```text\n".len();
+    let shown = &page[start..];
+    let shown = &shown[..shown.find("\n```").expect("its end")];
+    let run = lines.join("\n");
+    assert!(
+        without_numbers(shown) == without_numbers(&run),
+        "docs/silicon-check.md shows another run; this is the run:\n{run}"
+    );
+}
+
 #[test]
 fn all_checks_pass_on_a_board_without_faults() {
+    compare_with_documentation(&passes(ROWS));
+}
+
+#[test]
+#[ignore = "takes some minutes: prints the run that docs/silicon-check.md shows"]
+fn all_checks_pass_with_ten_thousand_rows() {
+    let lines = passes(10_000);
+    println!("{}", lines.join("\n"));
+    compare_with_documentation(&lines);
+}
+
+#[test]
+fn missing_wires_and_a_missing_clock_fail() {
+    let jumpers = Jumpers {
+        fm: false,
+        sclk: false,
+        miso: Miso::Missing,
+        ..Jumpers::default()
+    };
     let conditions = Conditions {
-        jumpers: Some(Jumpers::default()),
+        has_clock: false,
         ..Conditions::default()
     };
-    let lines = run(board(conditions, ROWS), Duration::from_secs(20));
-    println!("{}", lines.join("\n"));
+    fails(
+        board(jumpers, conditions, ROWS),
+        &["clock", "fM", "SCLK edges", "MISO low"],
+        &["t4", "SCLK time"],
+    );
+}
+
+#[test]
+fn a_late_fall_of_sh_and_an_sclk_with_gaps_fail() {
+    // t1 is 4.9 us or less, and at least 1 us is right. MISO is low while it is high or open.
+    let jumpers = Jumpers {
+        late: Late {
+            sh_falls: 168 * 9 / 2,
+            ..Late::default()
+        },
+        miso: Miso::StuckLow,
+        ..Jumpers::default()
+    };
+    let mut board = board(jumpers, Conditions::default(), ROWS);
+    // One period of SCLK after word 1000.
+    board
+        .pause_words(Some((1000, Duration::from_nanos(96))))
+        .expect("the emulator");
+    fails(board, &["t1", "SCLK time", "MISO high", "MISO open"], &[]);
+}
+
+#[test]
+fn a_late_fall_of_icg_and_lost_edges_fail() {
+    // t2 is 500 ns, and 100 ns or more are right.
+    let jumpers = Jumpers {
+        late: Late {
+            icg_falls: 75,
+            ..Late::default()
+        },
+        lost_edges: 1,
+        miso: Miso::NoPullUp,
+        ..Jumpers::default()
+    };
+    fails(
+        board(jumpers, Conditions::default(), ROWS),
+        &["t2", "SCLK edges", "MISO open"],
+        &["SCLK time"],
+    );
+}
+
+#[test]
+fn a_short_pulse_of_sh_and_a_missing_chip_select_fail() {
+    // t3 is 1500 ns, and 1000 ns or more are right. t2 is 500 ns and gains 350 ns.
+    let jumpers = Jumpers {
+        late: Late {
+            icg_falls: 168 / 4,
+            sh_rises: 168 * 6 / 10,
+            ..Late::default()
+        },
+        chip_select: false,
+        miso: Miso::StuckHigh,
+        ..Jumpers::default()
+    };
+    fails(
+        board(jumpers, Conditions::default(), ROWS),
+        &["t3", "SCLK edges", "MISO low"],
+        &["SCLK time"],
+    );
+}
+
+#[test]
+fn a_late_rise_of_icg_fails() {
+    // t4 is below 50 ns, and fM is high for 190 ns.
+    let jumpers = Jumpers {
+        late: Late {
+            icg_rises: 32,
+            ..Late::default()
+        },
+        ..Jumpers::default()
+    };
+    fails(board(jumpers, Conditions::default(), ROWS), &["t4"], &[]);
+}
+
+#[test]
+fn missing_pulses_fail() {
+    let all = ["t1", "t2", "t3", "t4"];
+    let no_icg = Jumpers {
+        icg: false,
+        ..Jumpers::default()
+    };
+    fails(
+        board(no_icg, Conditions::default(), ROWS),
+        &["pulses"],
+        &all,
+    );
+    let no_sh = Jumpers {
+        sh: false,
+        ..Jumpers::default()
+    };
+    fails(board(no_sh, Conditions::default(), ROWS), &["pulses"], &all);
+}
+
+#[test]
+fn a_slow_core_fails() {
+    // Three clocks an instruction.
+    let conditions = Conditions {
+        instructions_per_second: 56_000_000,
+        ..Conditions::default()
+    };
+    let mut board = board(Jumpers::default(), conditions, ROWS);
+    // The sensor head sees the late edges too.
+    board.expect_violations();
+    fails(
+        board,
+        &[
+            "rows",
+            "cycles centroid",
+            "cycles phase-table",
+            "cycles adaptive",
+            "cycles gauss-newton",
+            "cycles fraunhofer",
+        ],
+        &["MISO low", "MISO high", "MISO open", "erase", "program"],
+    );
+}
+
+#[test]
+fn a_protected_and_a_worn_sector_fail() {
+    let mut board = board(Jumpers::default(), Conditions::default(), ROWS);
+    lines_up_to(&mut board, "MISO high", Duration::from_secs(10));
+    // The rows with MISO open take less than 50 ms. Then the sector is erased for 400 ms.
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    // The erase reports that the sector is protected.
+    board
+        .on_emulator(|session, _, _| {
+            let part = &mut session.board_mut().processor.part;
+            let slot = part.bus().slot("FLASH").expect("the flash's interface");
+            let registers = part.bus_mut().slot_mut(slot).registers_mut();
+            let flags = registers.get(flash::Register::Sr);
+            assert!(flash::sr::BSY.is_set(flags), "an erase is under way");
+            registers.set(flash::Register::Sr, flash::sr::WRPERR.set(flags, 1));
+        })
+        .expect("the emulator");
+    // A bit of its last word was not erased.
+    let mut contents = board.flash().contents();
+    contents.apply(LAST_WORD);
+    board.flash().put(contents);
+    board.expect_violations();
+    fails(board, &["erase", "program"], &[]);
+}
+
+#[test]
+fn a_watchdog_that_does_not_bite_fails() {
+    let mut board = board(Jumpers::default(), Conditions::default(), ROWS);
+    lines_up_to(&mut board, BEFORE_WATCHDOG, Duration::from_secs(10));
+    // Pets the watchdog in the firmware's place.
+    for _ in 0..60 {
+        board.run_for(Duration::from_millis(100)).expect("a run");
+        board
+            .on_emulator(|session, _, stop| {
+                let part = &mut session.board_mut().processor.part;
+                part.write(stop.at, 0x4000_3000, Width::W32, 0xAAAA)
+            })
+            .expect("the emulator")
+            .expect("the watchdog's register");
+    }
+    let lines = lines_up_to(&mut board, "silicon-check", Duration::from_secs(1));
+    assert_eq!(named("FAIL", &lines), ["watchdog"], "{}", lines.join("\n"));
+    assert_eq!(
+        lines.last().unwrap(),
+        "silicon-check: 20 pass, 1 fail, 0 skipped"
+    );
 }

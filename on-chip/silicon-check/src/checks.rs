@@ -28,6 +28,14 @@ const ROWS: u32 = 10_000;
 /// SCLK's periods in a row.
 const EDGES: u32 = 16 * WORDS as u32;
 
+/// What is not meaningful on the virtual board.
+const VIRTUAL: [&str; 4] = [
+    "note: an instruction takes one cycle, so this is the virtual board. There,",
+    "note: t1 and t4 are those of a faster core; SCLK time, erase, program and",
+    "note: watchdog are assumed times; cycles are instructions; MISO and the wires",
+    "note: have no capacitance.",
+];
+
 /// Runs all checks.
 #[embassy_executor::task]
 pub async fn run(
@@ -55,21 +63,22 @@ pub async fn run(
     report
         .line(&text!("silicon-check on {}, {rows} rows", hardware.board))
         .await;
-    let is_virtual = an_instruction_takes_a_cycle();
-    if is_virtual {
-        report
-            .line("note: every instruction takes one cycle, so this is the virtual board. It does not show")
-            .await;
-        report
-            .line("note: how fast silicon is: t1, t4, SCLK time, erase, program, watchdog and cycles mean little.")
-            .await;
+    if an_instruction_takes_a_cycle() {
+        for line in VIRTUAL {
+            report.line(line).await;
+        }
     }
     wires::init();
     check_clock(&mut report, hardware.clock).await;
     let mut load = Load::new();
-    check_rows(&mut report, rows, &mut load).await;
-    check_miso(&mut report).await;
-    check_flash(&mut report, &mut flash).await;
+    if check_rows(&mut report, rows, &mut load).await {
+        check_miso(&mut report).await;
+        check_flash(&mut report, &mut flash).await;
+    } else {
+        for name in ["MISO low", "MISO high", "MISO open", "erase", "program"] {
+            report.skip(name, "rows").await;
+        }
+    }
     check_estimators(&mut report, &mut load).await;
     wait_for_watchdog(&mut report).await;
     end(&mut report).await
@@ -134,8 +143,8 @@ fn ns(cycles: u32) -> u32 {
     (u64::from(cycles) * 1_000_000_000 / u64::from(CORE_HZ)) as u32
 }
 
-/// The pulses and the clocks of rows, while the core computes all the time.
-async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) {
+/// The pulses and the clocks of rows, while the core computes all the time. Returns whether the rows came.
+async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) -> bool {
     let master_clock = wires::measure_master_clock();
     free_rows().await;
     let before = Counts::now();
@@ -157,10 +166,12 @@ async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) {
         lost,
         ..
     } = counts;
+    // The last one may be under way.
+    let has_rows = read + 1 >= rows && late + failed + lost == 0;
     report
         .check(
             "rows",
-            read >= rows / 100 * 99 && late + failed + lost == 0,
+            has_rows,
             &text!(
                 "{read} read, {late} late, {failed} failed, {lost} lost, with the core always busy"
             ),
@@ -169,7 +180,9 @@ async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) {
         .await;
     let has_master_clock = check_master_clock(report, master_clock).await;
     check_pulses(report, counts.pulses, has_master_clock).await;
-    check_sclk(report, read).await;
+    // SCLK runs in a late row, too.
+    check_sclk(report, read + late).await;
+    has_rows
 }
 
 /// What acquisition counted.
@@ -428,7 +441,7 @@ async fn take_rows() {
 /// The sector that is erased, the last of the store's four, and how many words are programmed.
 const SECTOR: u32 = 3 * CalibrationFlash::ERASE_SIZE as u32;
 const SECTOR_END: u32 = SECTOR + CalibrationFlash::ERASE_SIZE as u32;
-const PROGRAMMED: usize = 1024;
+const PROGRAMMED: usize = CalibrationFlash::ERASE_SIZE / 4;
 
 /// How long the flash takes, and what becomes of the rows meanwhile.
 async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
@@ -486,9 +499,18 @@ async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
         .await;
 
     // As it was before.
-    let (erased, ..) = beside_rows(flash.erase(SECTOR, SECTOR_END)).await;
-    if !is_blank && erased.is_ok() {
-        let (_, ..) = beside_rows(flash.write(SECTOR, contents)).await;
+    let (restored, ..) = beside_rows(async {
+        flash.erase(SECTOR, SECTOR_END).await?;
+        if !is_blank {
+            flash.write(SECTOR, contents).await?;
+        }
+        Ok::<_, embassy_stm32::flash::Error>(())
+    })
+    .await;
+    if restored.is_err() {
+        report
+            .line("note: sector 15 of the flash is not as it was")
+            .await;
     }
 }
 
