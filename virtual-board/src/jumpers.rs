@@ -4,7 +4,8 @@
 //! rigless's timers capture the edges of ICG, SH and chip select. Edges of fM and SCLK come five and ten
 //! million times a second, which would take most of the time of a run. So they are not driven one by one: the
 //! count at the latest edge of fM is computed while the program captures fM, and a row's edges of SCLK are
-//! counted as its words, when chip select rises. The captures' interrupts, flags and polarities are rigless's.
+//! counted as its words, when chip select rises. Interrupts, flags and polarities of the captures are
+//! rigless's.
 
 use rigless::device::{Level as WireLevel, RegisterFile};
 use rigless::mcu::Operate;
@@ -15,7 +16,7 @@ use rigless::soc::stm32f427::peripherals::tim::Channel;
 use rigless::time::VirtualNanos;
 
 use crate::Nanos;
-use crate::sensor_head::limits;
+use crate::sensor_head::{OpenLine, limits};
 use crate::stm32f429::Stm32f429;
 
 /// The wires.
@@ -203,8 +204,8 @@ impl Jumpers {
         registers.set(Register::Sr, sr::CC2IF.set(flags, 1));
     }
 
-    /// What every word reads while MISO is driven by its wire.
-    pub(crate) fn miso(&self, part: &Stm32f427) -> u16 {
+    /// What SPI1 reads while MISO is driven by its wire.
+    pub(crate) fn miso(&self, part: &Stm32f427) -> OpenLine {
         use gpioa::Register::{Moder, Odr, Pupdr};
         let port_b = port(part, "GPIOB");
         let drives = port_b.get(Moder) >> (2 * MISO_DRIVER) & 0b11 == 1;
@@ -217,7 +218,10 @@ impl Jumpers {
             Miso::NoPullUp => false,
             Miso::Wired | Miso::Missing => pulls_up,
         };
-        if is_high { u16::MAX } else { 0 }
+        match is_high {
+            true => OpenLine::Ones,
+            false => OpenLine::Zeros,
+        }
     }
 }
 

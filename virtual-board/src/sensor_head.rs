@@ -263,8 +263,6 @@ pub struct SensorHead {
     handed_over: Option<Exposure>,
     read_out: Option<ReadOut>,
     burst: Option<Burst>,
-    /// What every word reads, if a wire drives the data line in the converter's place.
-    held_data: Option<u16>,
     /// When the laser is on: the last pulses, [`PULSES_KEPT`] of them.
     laser: VecDeque<Range<Nanos>>,
     /// For how long the laser was on in the pulses before these.
@@ -310,7 +308,6 @@ impl SensorHead {
             handed_over: None,
             read_out: None,
             burst: None,
-            held_data: None,
             laser: VecDeque::new(),
             laser_before: 0,
             laser_pin: false,
@@ -649,12 +646,7 @@ impl SensorHead {
         };
         burst.words.push(word);
         self.record(now, Edge::WordEnded);
-        self.held_data.unwrap_or(word)
-    }
-
-    /// Holds the data line: every word reads `word` from now on.
-    pub(crate) fn hold_data(&mut self, word: u16) {
-        self.held_data = Some(word);
+        word
     }
 
     /// How many words were clocked since chip select fell, and when the first and the last of them ended.

@@ -216,8 +216,8 @@ fn a_short_pulse_of_sh_and_a_missing_chip_select_fail() {
 }
 
 #[test]
-fn a_late_rise_of_icg_fails() {
-    // t4 is below 50 ns, and fM is high for 190 ns.
+fn a_late_rise_of_icg_and_a_slow_erase_fail() {
+    // 850 ms, and 800 ms are right. t4 is below 50 ns, and fM is high for 190 ns.
     let jumpers = Jumpers {
         late: Late {
             icg_rises: 32,
@@ -225,7 +225,11 @@ fn a_late_rise_of_icg_fails() {
         },
         ..Jumpers::default()
     };
-    fails(board(jumpers, Conditions::default(), ROWS), &["t4"], &[]);
+    let conditions = Conditions {
+        flash_erase: 850_000_000,
+        ..Conditions::default()
+    };
+    fails(board(jumpers, conditions, ROWS), &["t4", "erase"], &[]);
 }
 
 #[test]

@@ -87,7 +87,7 @@ impl SharedHead {
         };
         for edge in edges {
             jumpers.drive(edge, processor, now);
-            self.lock().hold_data(jumpers.miso(&processor.part));
+            self.lock().open_line(Some(jumpers.miso(&processor.part)));
         }
     }
 
