@@ -339,7 +339,8 @@ mod tests {
     }
 
     fn load(flash: &SharedFlash, address: u64, width: Width) -> u64 {
-        flash.access(&Access::new(AccessKind::Read, address, width, 0))
+        let access = Access::new(AccessKind::Read, address, width, 0);
+        flash.access(&access.at(8, VirtualNanos(42)))
     }
 
     #[test]
