@@ -79,15 +79,15 @@ pub async fn set_alarm(at: Instant) {
 
 /// Waits for the alarm that [`set_alarm`] set. If an earlier alarm was still set and rings, sets it anew.
 async fn wait_for_alarm(at: Instant) {
-    let mut rang_early = false;
+    let mut was_polled = false;
     poll_fn(|context| {
         if Instant::now() >= at {
             return Poll::Ready(());
         }
-        if rang_early {
+        if was_polled {
             let _ = pin!(Timer::at(at)).poll(context);
         }
-        rang_early = true;
+        was_polled = true;
         Poll::Pending
     })
     .await;

@@ -87,10 +87,11 @@ static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0;
 static RECEIVED: ConstStaticCell<[u8; RECEIVER]> = ConstStaticCell::new([0; RECEIVER]);
 const RECEIVER: usize = 512;
 
-/// How many of them wait. embassy drops those that come to a full buffer, and tells nobody.
+/// How many characters wait in that buffer. embassy drops those that come to a full buffer, and tells nobody.
 static WAITING: AtomicU32 = AtomicU32::new(0);
 
-/// Says that so many of the incoming characters were taken.
+/// Notes that so many incoming characters were taken from the buffer. A character that comes to a full buffer
+/// just before this is counted as lost, although it found room.
 pub fn note_taken(characters: usize) {
     // A character that came between two reads of the interrupt's flags was not noted, so this must not wrap.
     let taken = characters as u32;

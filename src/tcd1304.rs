@@ -105,13 +105,15 @@ const DMA_LATENCY: u32 = 20;
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
-/// From the end of word 0 to a look at the words that have come: all light pixels have, and the last eleven
-/// words, 17 us, have not. An alarm may be late by most of them.
+/// From the rise of ICG, in word 1, to a look at the words that have come: all light pixels have, and the
+/// last eleven words, 17 us, have not. An alarm may be late by most of them.
 const LOOK: Duration = Duration::from_micros(5611);
 
 /// A word must not end later than this after SCLK would bring it, in core cycles. The program sees the end of
-/// a word after up to 15 instructions, and DMA counts it after up to 40 cycles. So a gap of a word (256
-/// cycles) is always seen.
+/// a word after up to 15 instructions, and DMA counts it after up to 40 cycles. So a gap of 163 cycles is
+/// always seen, and that of a word has 256. Half of this is the slack for a slower core. Shorter gaps are not
+/// expected: SPI1 only receives, and then SCLK does not wait for DMA (RM0090 section 28.3.5). If DMA is too
+/// late, a word is lost, and SPI1 reports it.
 const GAP: u32 = CYCLES_A_PIXEL / 2;
 
 /// A read-out takes 3694 words of 16 bits at 10.5 MHz: 5.63 ms. One that has not ended when the next row is

@@ -429,7 +429,7 @@ impl VirtualBoard {
         self.head.lock().open_line(line);
     }
 
-    /// Pauses SCLK for `pause` after word `word` (from 0) of each read-out to come, or no more.
+    /// Pauses SCLK for `pause` after word `word` (from 0) of each read-out to come. `None` ends the pauses.
     ///
     /// # Errors
     ///

@@ -91,11 +91,10 @@ pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) ->
     session.borrow_without_map()?;
     let of_record = values(&mut session, &OF_RECORD)?;
     let taken = Bench::new(&mut session, &geometry, limit).take(output)?;
-    // `save` keeps the settings as they were before.
-    session.give_back(&CHANGED)?;
-
     let front_end = front_end(&taken, geometry.polarity)?;
     report(&front_end, &geometry, output)?;
+    // `save` keeps the settings as they were before.
+    session.give_back(&CHANGED)?;
     if options.dry_run {
         writeln!(output, "a dry run: the sensor goes on as before")?;
     } else {

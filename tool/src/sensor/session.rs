@@ -279,7 +279,7 @@ impl<'a> Session<'a> {
         self.borrow_from(found, value)
     }
 
-    /// The same, and nothing if the firmware is older than the setting.
+    /// The same. Does nothing if the firmware does not know the setting.
     ///
     /// # Errors
     /// No answer came, or the firmware knows the setting and refuses the value.

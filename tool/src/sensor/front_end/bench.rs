@@ -278,7 +278,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         while rows.len() < count {
             ensure!(
                 !self.session.line().pc().interrupted(),
-                "ended by Ctrl-C: nothing was measured, and the sensor has its own settings again"
+                "ended by Ctrl-C: nothing was measured"
             );
             let row = ask_row(self.session, part)?;
             if row.exposure == exposure {
