@@ -481,13 +481,14 @@ async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
     for number in 0..PROGRAMMED as u32 {
         is_written &= flash.read(SECTOR + 4 * number, &mut word).await.is_ok() && word == pattern;
     }
+    // 100 us of the flash, and 10 us of the program.
     let each = time.as_micros() / PROGRAMMED as u64;
     report
         .check(
             "program",
             is_written && each <= 110 && rows.are_whole(time),
             &text!(
-                "{PROGRAMMED} words in {} us each, of at most 100 and 10 for the program{}; \
+                "{PROGRAMMED} words in {} us each, of at most 110{}; \
                  {} rows meanwhile, {} lost or late",
                 each,
                 if is_written { "" } else { ", with an error" },
