@@ -23,8 +23,8 @@ use geometry::{COMB_SLITS, Geometry};
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "\
 Example: the nominal sensor with a laser spot of half the diameter, and with a comb of 16 slits
-  slitrange design --baseline 300 --near 600 --far 1020 --spot 0.5
-  slitrange design --baseline 300 --near 600 --far 1020 --comb")]
+  slitrange design --angle 68.9624 --spot 0.5
+  slitrange design --angle 68.9624 --comb")]
 pub struct DesignOptions {
     /// From the laser's beam to the slit
     #[arg(long, value_name = "MM", default_value_t = 300.0)]
@@ -157,6 +157,10 @@ impl Surface {
 pub struct Design {
     /// Laser, slit and sensor.
     pub geometry: Geometry,
+    /// The nearest distance in mm.
+    pub near: f64,
+    /// The farthest distance in mm.
+    pub far: f64,
     /// Whether a mask of 16 slits takes the place of the slit.
     pub comb: bool,
     /// Width of the slit in mm.
@@ -194,48 +198,47 @@ impl DesignOptions {
     /// In a sentence, if a number makes no sense.
     pub fn design(&self) -> Result<Design> {
         let electrons = self.electrons.unwrap_or(self.sensor.electrons());
-        for (name, value) in [
-            ("--baseline", self.baseline),
-            ("--near", self.near),
-            ("--slit", self.slit),
-            ("--spot", self.spot),
-            ("--slit-to-sensor", self.slit_to_sensor),
-            ("--wavelength", self.wavelength),
-            ("--height", self.height),
-            ("--electrons", electrons),
-            ("--noise", self.noise),
-            ("--rows", f64::from(self.rows)),
-            ("--points", f64::from(self.points)),
+        for (name, value, least, most) in [
+            ("--baseline", self.baseline, 1.0, 1e5),
+            ("--near", self.near, 1.0, 1e5),
+            ("--far", self.far, 1.0, 1e5),
+            ("--slit", self.slit, 1.0, 1e4),
+            ("--spot", self.spot, 0.01, 100.0),
+            ("--slit-to-sensor", self.slit_to_sensor, 1.0, 1000.0),
+            ("--wavelength", self.wavelength, 200.0, 2000.0),
+            ("--height", self.height, 1.0, 4096.0),
+            ("--electrons", electrons, 0.1, 1e4),
+            ("--noise", self.noise, 0.01, 1000.0),
+            ("--rows", f64::from(self.rows), 1.0, 65535.0),
+            ("--pixels", self.pixels, 0.0, 100.0),
+            // Eq. (1) has three parameters.
+            ("--points", f64::from(self.points), 3.0, 10000.0),
+            ("--stage", self.stage, 0.0, 1e4),
+            ("--warmer", self.warmer, 0.0, 100.0),
+            ("--expansion", self.expansion, 0.0, 1000.0),
         ] {
             ensure!(
-                value > 0.0 && value.is_finite(),
-                "{name} must be above zero"
-            );
-        }
-        for (name, value) in [
-            ("--pixels", self.pixels),
-            ("--stage", self.stage),
-            ("--warmer", self.warmer),
-            ("--expansion", self.expansion),
-        ] {
-            ensure!(
-                value >= 0.0 && value.is_finite(),
-                "{name} must not be below zero"
+                (least..=most).contains(&value),
+                "{name} must be between {least} and {most}"
             );
         }
         ensure!(
-            self.far > self.near && self.far.is_finite(),
-            "--far must be beyond --near"
-        );
-        ensure!(
-            self.points >= 3,
-            "--points: eq. (1) needs 3 points at least"
+            self.far >= 1.001 * self.near,
+            "--far must be beyond --near, by a thousandth at least"
         );
         let wavelength = 1e-6 * self.wavelength;
         let slit = 1e-3 * self.slit;
         ensure!(
             slit >= 4.0 * wavelength && slit <= 0.1 * self.slit_to_sensor,
             "--slit must be between four wavelengths and a tenth of --slit-to-sensor"
+        );
+        // Outside, Fresnel's integral takes too long.
+        let nearest = self.baseline.hypot(self.near);
+        let fresnel = slit * slit / wavelength * (1.0 / self.slit_to_sensor + 1.0 / nearest);
+        ensure!(
+            (0.01..=16.0).contains(&fresnel),
+            "--slit squared, over wavelength and --slit-to-sensor, must be between 0.01 and 16: it is \
+             {fresnel:.3}"
         );
         let mut geometry = Geometry::new(
             self.baseline,
@@ -253,6 +256,8 @@ impl DesignOptions {
         }
         Ok(Design {
             geometry,
+            near: self.near,
+            far: self.far,
             comb: self.comb,
             slit,
             spot: self.spot,
@@ -271,6 +276,20 @@ impl DesignOptions {
     }
 }
 
+impl Design {
+    /// The nearest and the farthest distance that the whole sensor sees.
+    fn sees(&self) -> Option<(f64, f64)> {
+        let reach = 4.0 * self.width(self.near).max(self.width(self.far));
+        self.geometry.usable(reach, self.comb)
+    }
+
+    /// Whether the sensor sees the whole range.
+    fn fits(&self) -> bool {
+        self.sees()
+            .is_some_and(|(near, far)| near <= self.near && far >= self.far)
+    }
+}
+
 /// The distances of the table.
 const COLUMNS: usize = 5;
 
@@ -286,7 +305,7 @@ pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
         .map(|i| design.at(options.near + step * i as f64))
         .collect();
 
-    print_dimensions(options, &design, &at, output)?;
+    print_dimensions(options, &design, output)?;
     print_parts(&at, output)?;
     print_changes(options, &at[COLUMNS - 1], output)?;
     print_tolerances(&geometry, &at, output)?;
@@ -301,7 +320,6 @@ pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
 fn print_dimensions(
     options: &DesignOptions,
     design: &Design,
-    at: &[At],
     output: &mut dyn Write,
 ) -> Result<()> {
     let geometry = &design.geometry;
@@ -342,21 +360,29 @@ fn print_dimensions(
         geometry.focal * cos,
         geometry.focal * sin
     )?;
-    let (first, last) = (at[at.len() - 1].centre, at[0].centre);
-    let reach = 4.0 * at.iter().map(|at| at.width).fold(0.0, f64::max);
-    let (near, far) = geometry.usable(reach, design.comb);
+    let (first, last) = geometry.ends(options.near, options.far, design.comb);
+    let sees = match design.sees() {
+        Some((near, far)) => format!("{} to {}", mm(near), mm(far)),
+        None => "no distance".to_owned(),
+    };
     writeln!(
         output,
-        "pixels   {first:.0} to {last:.0}, {:.0} % of the sensor; the whole sensor sees {} to {}",
+        "pixels   {first:.0} to {last:.0}, {:.0} % of the sensor; the whole sensor sees {sees}",
         100.0 * (last - first) / pixels as f64,
-        mm(near),
-        mm(far)
     )?;
-    if near > options.near || far < options.far {
+    if !design.fits() {
+        let centred = DesignOptions {
+            angle: None,
+            ..options.clone()
+        }
+        .design()?;
+        let advice = match options.angle.is_some() && centred.fits() {
+            true => format!("take --angle {:.4}.", centred.geometry.angle.to_degrees()),
+            false => "take a shorter slit-to-sensor distance, or a smaller range.".to_owned(),
+        };
         writeln!(
             output,
-            "         The range does not fit on the sensor: take a shorter slit-to-sensor distance, or a \
-             smaller range."
+            "         The range does not fit on the sensor: {advice}"
         )?;
     }
     Ok(())
@@ -462,10 +488,15 @@ fn print_changes(options: &DesignOptions, now: &At, output: &mut dyn Write) -> R
         );
     }
     for (name, changed) in changes {
-        let at = changed.design()?.at(options.far);
+        // A change may leave the limits of an option.
+        let Ok(design) = changed.design() else {
+            continue;
+        };
+        let at = design.at(options.far);
+        let fits = if design.fits() { "" } else { "; does not fit" };
         writeln!(
             output,
-            "{:>9} um with {name}; then {} is the largest part",
+            "{:>9} um with {name}; then {} is the largest part{fits}",
             um(at.total()),
             at.limit()
         )?;
@@ -483,53 +514,23 @@ fn print_tolerances(geometry: &Geometry, at: &[At], output: &mut dyn Write) -> R
         output,
         "\nby how much a wrong dimension moves the distance, in mm, without a calibration"
     )?;
-    let degree = 0.1f64.to_radians();
-    let changes: [(&str, Geometry); 4] = [
-        (
-            "slit 0.1 mm along the row",
-            Geometry {
-                axis: geometry.axis + 0.1 / geometry.pitch,
-                ..*geometry
-            },
-        ),
-        (
-            "slit to sensor 0.1 mm",
-            Geometry {
-                focal: geometry.focal + 0.1,
-                ..*geometry
-            },
-        ),
-        (
-            "baseline 0.1 mm",
-            Geometry {
-                baseline: geometry.baseline + 0.1,
-                ..*geometry
-            },
-        ),
-        (
-            "beam or sensor 0.1 degrees",
-            Geometry {
-                angle: geometry.angle - degree,
-                ..*geometry
-            },
-        ),
-    ];
-    for (name, built) in changes {
-        let moved: String = at
-            .iter()
-            .map(|at| {
-                let read = geometry.distance(built.centre(at.distance));
-                format!("{:>13.2}", (read - at.distance).abs())
-            })
+    let moved: Vec<_> = (at.iter())
+        .map(|at| geometry.tolerances(at.distance))
+        .collect();
+    for (i, (name, _)) in moved[0].iter().enumerate() {
+        let values: String = (moved.iter())
+            .map(|moved| format!("{:>13}", tolerance(moved[i].1)))
             .collect();
-        writeln!(output, "{name:<28}{moved}")?;
+        writeln!(output, "{name:<28}{values}")?;
     }
+    let far = at[at.len() - 1].distance;
+    let crept = geometry.distance(geometry.behind(0.001).centre(far)) - far;
     writeln!(
         output,
         "A calibration takes all of these away. What moves after it stays: a slit that creeps by 1 um along \
          the row\nmoves the distance by {} um at {:.0} mm.",
-        um(1000.0 * geometry.mm_a_pixel(at[at.len() - 1].distance) * 0.001 / geometry.pitch),
-        at[at.len() - 1].distance
+        um(1000.0 * crept.abs()),
+        far
     )?;
     Ok(())
 }
@@ -541,7 +542,16 @@ fn um(value: f64) -> String {
         value if value < 1.0 => format!("{value:.3}"),
         value if value < 10.0 => format!("{value:.2}"),
         value if value < 100.0 => format!("{value:.1}"),
-        value => format!("{value:.0}"),
+        value if value < 1e7 => format!("{value:.0}"),
+        value => format!("{value:.2e}"),
+    }
+}
+
+/// Millimetres that a wrong dimension moves the distance.
+fn tolerance(value: f64) -> String {
+    match value < 1e7 {
+        true => format!("{value:.2}"),
+        false => format!("{value:.2e}"),
     }
 }
 

@@ -259,6 +259,123 @@ fn a_calibration_takes_the_tolerances_away() {
     }
 }
 
+/// Rays from a target through a displaced slit to a displaced row.
+#[test]
+fn a_wrong_dimension_moves_the_distance_as_rays_say() {
+    let geometry = options("").design().expect("a design").geometry;
+    let turn = 0.1f64.to_radians();
+    // The slit's place along the row, how far the row is too deep, a wider baseline, the angles of the block
+    // and of the beam.
+    let built = [
+        (0.1, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.1, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.1, 0.0, 0.0),
+        (0.0, 0.0, 0.0, -turn, 0.0),
+        (0.0, 0.0, 0.0, 0.0, turn),
+    ];
+    for distance in [600.0, 800.0, 1020.0] {
+        for (&(place, deeper, wider, block, beam), (name, mm)) in
+            built.iter().zip(geometry.tolerances(distance))
+        {
+            let (sin, cos) = (geometry.angle + block).sin_cos();
+            let hole = geometry.baseline + wider;
+            let slit = (hole + place * sin, place * cos);
+            let target = (distance * beam.sin(), distance * beam.cos());
+            let ray = (slit.0 - target.0, slit.1 - target.1);
+            let focal = geometry.focal + deeper;
+            let gap = (hole + focal * cos - slit.0, -focal * sin - slit.1);
+            // slit + t ray = slit + gap + x row
+            let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * sin - ray.0 * cos);
+            let read = geometry.distance(geometry.axis + x / geometry.pitch);
+            println!(
+                "{name}: {mm:.3} mm, by rays {:.3} mm",
+                (read - distance).abs()
+            );
+            assert!(((read - distance).abs() - mm).abs() < 1e-6);
+        }
+    }
+}
+
+/// By the 3 x 3 matrix the mean of the leverage over the points is 3/n, whatever the weights are.
+#[test]
+fn the_calibration_is_worse_at_the_ends_of_the_range() {
+    let design = options("--angle 68.9624").design().expect("a design");
+    let (first, last) = (
+        design.geometry.centre(1020.0),
+        design.geometry.centre(600.0),
+    );
+    let mut leverage = 0.0;
+    for i in 0..30 {
+        let centre = first + (last - first) * f64::from(i) / 29.0;
+        let at = design.at(design.geometry.distance(centre));
+        let point = part(&at, "speckle").hypot(10.0).hypot(part(&at, "noise"));
+        leverage += (part(&at, "calibration") / point).powi(2);
+    }
+    println!("leverage {leverage}");
+    assert!((leverage - 3.0).abs() < 1e-3);
+    // A separate weighted fit of D, K and xp gave these.
+    for (distance, due) in [
+        (600.0, 172.0),
+        (705.0, 101.0),
+        (810.0, 129.0),
+        (915.0, 146.0),
+        (1020.0, 328.0),
+    ] {
+        let um = part(&design.at(distance), "calibration");
+        println!("{distance} mm: {um:.1} um");
+        assert!((um - due).abs() < 1.0);
+    }
+}
+
+#[test]
+fn numbers_at_the_edges_are_taken_and_those_beyond_are_refused() {
+    for (name, least, most) in [
+        ("--baseline", 1.0, 1e5),
+        ("--near", 1.0, 1019.0 / 1.001),
+        ("--far", 600.6, 1e5),
+        ("--spot", 0.01, 100.0),
+        ("--wavelength", 200.0, 2000.0),
+        ("--height", 1.0, 4096.0),
+        ("--electrons", 0.1, 1e4),
+        ("--noise", 0.01, 1000.0),
+        ("--rows", 1.0, 65535.0),
+        ("--pixels", 0.0, 100.0),
+        ("--points", 3.0, 10000.0),
+        ("--stage", 0.0, 1e4),
+        ("--warmer", 0.0, 100.0),
+        ("--expansion", 0.0, 1000.0),
+    ] {
+        for taken in [least, most] {
+            let text = printed(&format!("{name}={taken}"));
+            assert!(
+                text.lines().all(|line| line.len() <= 110),
+                "{name} {taken}: {text}"
+            );
+            assert!(
+                !text.contains("NaN") && !text.contains("inf"),
+                "{name} {taken}: {text}"
+            );
+        }
+    }
+    for refused in [
+        "--rows 4294967295",
+        "--points 2000000000",
+        "--spot 1e9",
+        "--wavelength 1e-9",
+        "--slit-to-sensor 1e9",
+        "--slit 5000 --wavelength 201",
+        "--far 1e300",
+        "--baseline 1e300",
+        "--height 1e300",
+    ] {
+        let error = options(refused).design().expect_err(refused).to_string();
+        assert!(
+            error.starts_with(refused.split(' ').next().expect("a name")),
+            "{error}"
+        );
+    }
+}
+
 #[test]
 fn numbers_without_sense_are_refused() {
     for (wrong, expected) in [
@@ -284,7 +401,11 @@ fn numbers_without_sense_are_refused() {
 
 #[test]
 fn a_range_that_does_not_fit_is_said() {
-    assert!(!printed("").contains("does not fit"));
+    // The second sentence of the changes may say it of a comb.
+    assert!(!printed("").contains("does not fit on"));
+    assert!(!printed("").contains("any distance"));
+    assert!(printed("--near 420 --far 2600").contains("speckle is the largest part; does not fit"));
+    assert!(printed("--angle 20").contains("take --angle 68.5"));
     assert!(printed("--near 100 --far 2000 --slit-to-sensor 100").contains("does not fit"));
     // A sensor near the slit sees to any distance, and only then does the text say so.
     assert!(printed("--slit-to-sensor 10 --near 200 --far 2000").contains("any distance"));

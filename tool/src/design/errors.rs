@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::Design;
 use super::geometry::{COMB_SLIT_UM, COMB_SLITS};
 use super::light::width_behind_slit;
@@ -58,11 +60,9 @@ impl Design {
         let um_a_pixel = 1000.0 * geometry.mm_a_pixel(distance);
         let width = self.width(distance);
         let slits = if self.comb { COMB_SLITS as f64 } else { 1.0 };
-        let row = um_a_pixel * self.noise(width) / slits.sqrt();
+        let row = um_a_pixel * self.centre_noise(width) / slits.sqrt();
         let rows = f64::from(self.rows);
-        // The curve has three parameters, so each of n points adds 3/n of its variance on average.
         let speckle = self.speckle(distance, slits);
-        let point = speckle.hypot(self.stage_um).hypot(row / rows.sqrt());
         let parts = vec![
             Part {
                 name: "noise",
@@ -82,7 +82,7 @@ impl Design {
             },
             Part {
                 name: "calibration",
-                um: point * (3.0 / f64::from(self.points)).sqrt(),
+                um: self.calibration(distance, row / um_a_pixel / rows.sqrt(), slits),
             },
             Part {
                 name: "temperature",
@@ -122,8 +122,9 @@ impl Design {
     /// The Cramér-Rao bound of a row's centre in pixels: the smallest error of any unbiased method with this
     /// noise. Height, width and level are even functions about the centre and its own derivative is odd, so
     /// they cost nothing.
-    fn noise(&self, width: f64) -> f64 {
-        let reach = (6.0 * width) as i32 + 3;
+    fn centre_noise(&self, width: f64) -> f64 {
+        // No row is longer: a wider spot covers the sensor.
+        let reach = (6.0 * width).min(20_000.0) as i32 + 3;
         let information: f64 = (-reach..=reach)
             .map(|i| {
                 let x = f64::from(i) / width;
@@ -141,10 +142,39 @@ impl Design {
     fn speckle(&self, distance: f64, slits: f64) -> f64 {
         let s = 250.0 * self.spot / self.geometry.viewing_angle(distance).tan();
         let patterns = slits * self.patterns;
-        match patterns >= 1.5 {
+        match patterns > 1.0 {
             true => s / (2.0 * (patterns - 1.0)).sqrt(),
             false => 1.3 * s,
         }
+    }
+
+    /// The error of the fitted curve at a distance, in micrometres. Its points lie evenly along the row, and
+    /// each weighs by its own error. `noise` is that of a point in pixels.
+    ///
+    /// By D, K and xp, D + K/(x - xp) has the derivatives 1, 1/(x - xp) and K/(x - xp)^2: these span the
+    /// parabolas in the distance.
+    fn calibration(&self, distance: f64, noise: f64, slits: f64) -> f64 {
+        let geometry = &self.geometry;
+        let half = 0.5 * (self.far - self.near);
+        let terms = |at: f64| {
+            let t = (at - self.near) / half - 1.0;
+            Vector3::new(1.0, t, t * t)
+        };
+        let (first, last) = (geometry.centre(self.far), geometry.centre(self.near));
+        let step = (last - first) / f64::from(self.points - 1);
+        let mut information = Matrix3::zeros();
+        for i in 0..self.points {
+            let at = geometry.distance(first + step * f64::from(i));
+            let um = (self.speckle(at, slits))
+                .hypot(self.stage_um)
+                .hypot(1000.0 * geometry.mm_a_pixel(at) * noise);
+            information += terms(at) * terms(at).transpose() / (um * um);
+        }
+        let terms = terms(distance);
+        // Without an inverse the points do not tell the three parameters apart.
+        information.try_inverse().map_or(f64::INFINITY, |inverse| {
+            (terms.dot(&(inverse * terms))).sqrt()
+        })
     }
 
     /// By how much the distance changes, in micrometres, when frame and mount warm up after the calibration:

@@ -50,7 +50,12 @@ impl Geometry {
 
     /// The centre in pixels for a distance.
     pub fn centre(&self, distance: f64) -> f64 {
-        let alpha = self.angle - ((distance - self.offset) / self.baseline).atan();
+        self.centre_of(0.0, distance)
+    }
+
+    /// The centre in pixels of a target that is `away` from the beam towards the slit, and `along` the beam.
+    pub fn centre_of(&self, away: f64, along: f64) -> f64 {
+        let alpha = self.angle - (along - self.offset).atan2(self.baseline - away);
         self.axis + self.focal * alpha.tan() / self.pitch
     }
 
@@ -85,7 +90,7 @@ impl Geometry {
     }
 
     /// The same sensor with its slit `place` along the row, in the direction in which pixels count.
-    fn behind(&self, place: f64) -> Self {
+    pub fn behind(&self, place: f64) -> Self {
         Self {
             offset: self.offset + place * self.angle.cos(),
             baseline: self.baseline + place * self.angle.sin(),
@@ -94,25 +99,77 @@ impl Geometry {
         }
     }
 
-    /// The nearest and the farthest distance at which the spot, with `reach` pixels on both sides, is on the
-    /// row. Infinite if the sensor sees beyond any distance. With a comb: the spots of all slits.
-    pub fn usable(&self, reach: f64, comb: bool) -> (f64, f64) {
-        let (first, last) = match comb {
-            true => (
-                f64::from(NOMINAL_PLACES_UM[0]) / 1000.0,
-                f64::from(NOMINAL_PLACES_UM[NOMINAL_PLACES_UM.len() - 1]) / 1000.0,
-            ),
-            false => (0.0, 0.0),
+    /// By how much each wrong dimension moves the distance, in mm, without a calibration.
+    pub fn tolerances(&self, distance: f64) -> [(&'static str, f64); 5] {
+        let turn = 0.1f64.to_radians();
+        let deeper = Self {
+            focal: self.focal + 0.1,
+            ..*self
         };
+        let wider = Self {
+            baseline: self.baseline + 0.1,
+            ..*self
+        };
+        let turned = Self {
+            angle: self.angle - turn,
+            ..*self
+        };
+        [
+            (
+                "slit 0.1 mm along the row",
+                self.behind(0.1).centre(distance),
+            ),
+            ("slit to sensor 0.1 mm", deeper.centre(distance)),
+            ("baseline 0.1 mm", wider.centre(distance)),
+            ("slit and sensor 0.1 degrees", turned.centre(distance)),
+            (
+                "beam 0.1 degrees",
+                self.centre_of(distance * turn.sin(), distance * turn.cos()),
+            ),
+        ]
+        .map(|(name, centre)| (name, (self.distance(centre) - distance).abs()))
+    }
+
+    /// The pixels of the farthest and of the nearest distance. With a comb: of its outer slits.
+    pub fn ends(&self, near: f64, far: f64, comb: bool) -> (f64, f64) {
+        let (first, last) = outer_slits(comb);
+        (
+            self.behind(first).centre(far),
+            self.behind(last).centre(near),
+        )
+    }
+
+    /// The nearest and the farthest distance at which the spot, with `reach` pixels on both sides, is on the
+    /// row. Infinite if the sensor sees beyond any distance. With a comb: the spots of all slits. Nothing if
+    /// there is no such distance.
+    pub fn usable(&self, reach: f64, comb: bool) -> Option<(f64, f64)> {
+        let (first, last) = outer_slits(comb);
         let from = self.behind(first);
         let to = self.behind(last);
-        let near = to.distance(self.pixels as f64 - 1.0 - reach);
+        let end = self.pixels as f64 - 1.0 - reach;
+        let (_, _, pole_of_last) = to.eq1();
+        if end <= pole_of_last {
+            return None;
+        }
+        let near = to.distance(end).max(0.0);
         let (_, _, pole) = from.eq1();
         let far = match reach > pole {
             true => from.distance(reach),
             false => f64::INFINITY,
         };
-        (near, far)
+        (near < far).then_some((near, far))
+    }
+}
+
+/// The places of the first and the last slit along the row.
+fn outer_slits(comb: bool) -> (f64, f64) {
+    let place = |um: i32| f64::from(um) / 1000.0;
+    match comb {
+        true => (
+            place(NOMINAL_PLACES_UM[0]),
+            place(NOMINAL_PLACES_UM[COMB_SLITS - 1]),
+        ),
+        false => (0.0, 0.0),
     }
 }
 

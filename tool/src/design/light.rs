@@ -28,7 +28,7 @@ pub fn width_behind_slit(slit: f64, range: f64, focal: f64, wavelength: f64) -> 
     0.5 * (low + high)
 }
 
-/// The light at a place on the sensor, over that of an open half-wave: only ratios matter.
+/// The light at a place on the sensor, over the light of a slit in phase: only ratios matter.
 fn light(place: f64, slit: f64, range: f64, focal: f64, wavelength: f64) -> f64 {
     // The phase turns by less than a tenth of a turn from point to point.
     let turns = slit * slit / wavelength * (1.0 / range + 1.0 / focal)
