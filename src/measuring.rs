@@ -133,8 +133,8 @@ pub async fn measure() {
     }
 }
 
-/// Finds out that no row came for [`LONGEST_WAIT`]. Its alarm rings once in that time, not once a row: setting
-/// an alarm costs more than handing on a row.
+/// Finds out that no row came for [`LONGEST_WAIT`]. Its alarm rings once in that time, not once a row:
+/// setting an alarm costs more than handing on a row.
 struct Silence {
     begins: Instant,
     alarm: Option<Instant>,

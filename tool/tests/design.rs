@@ -401,7 +401,6 @@ fn numbers_without_sense_are_refused() {
 
 #[test]
 fn a_range_that_does_not_fit_is_said() {
-    // The second sentence of the changes may say it of a comb.
     assert!(!printed("").contains("does not fit on"));
     assert!(!printed("").contains("any distance"));
     assert!(printed("--near 420 --far 2600").contains("speckle is the largest part; does not fit"));
