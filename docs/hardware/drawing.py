@@ -172,8 +172,8 @@ def draw(value, net):
         tag("U5", pin, getattr(regulator, pin), "left")
     for pin in ("OUT", "GND"):
         tag("U5", pin, getattr(regulator, pin), "right")
-    capacitors = [f"C{i}" for i in range(3, 11)] + ["R14"]
-    for line, refs in enumerate((capacitors[:5], capacitors[5:])):
+    capacitors = [f"C{i}" for i in range(3, 11)] + [f"R{i}" for i in range(14, 18)]
+    for line, refs in enumerate((capacitors[:4], capacitors[4:8], capacitors[8:])):
         text = "; ".join(f"{ref} {value(ref)} from {net(ref, '1')} to {net(ref, '2')}" for ref in refs)
         d.add(elm.Label().at((0.2, -5.4 - 0.6 * line)).label(text, halign="left", fontsize=9))
     return d.get_imagedata("svg").decode()

@@ -169,10 +169,11 @@ trimmer = part(
     "Vishay T93YA103KT20",
     "Potentiometer_THT:Potentiometer_Bourns_3296W_Vertical",
     [(1, "1", PASSIVE), (2, "WIPER", PASSIVE), (3, "3", PASSIVE)],
-    "the offset, 0.7 to 4.1 V",
+    "the offset, 0.6 to 3.27 V",
 )
-top, end = resistor("R6", "2k7", "upper end of the trimmer"), resistor("R7", "2k2", "its lower end")
-top[1, 2] += v5_sensor, OFFSET_TOP
+top, end = resistor("R6", "100R", "upper end of the trimmer"), resistor("R7", "2k2", "its lower end")
+# From the converter's reference: with 5 V of USB, a tenth of a volt would move the black level by 235 counts.
+top[1, 2] += v33_analog, OFFSET_TOP
 trimmer[1] += OFFSET_TOP
 trimmer["WIPER"] += WIPER
 trimmer[3] += OFFSET_END
@@ -233,6 +234,9 @@ regulator["GND"] += gnd
 regulator["OUT"] += v33_analog
 bleed = resistor("R14", "470R", "takes what D1 feeds into U5's output, which cannot sink: 6 mA")
 bleed[1, 2] += v33_analog, gnd
+for ref, net, rest in (("R15", FM, gnd), ("R16", ICG, v33), ("R17", SH, gnd)):
+    at_rest = resistor(ref, "100k", "U2's inputs float in a reset")
+    at_rest[1, 2] += net, rest
 for ref, net in (("FB1", v5_sensor), ("FB2", v5_laser)):
     bead = two(
         ref,
@@ -270,7 +274,7 @@ laser["GND"] += gnd
 laser["TTL"] += LASER_TTL
 for ref, value, ends, why in (
     ("R12", "100R", (LASER_ON, LASER_TTL), "protects the board's pin"),
-    ("R13", "10k", (LASER_TTL, gnd), "the laser is off in a reset"),
+    ("R13", "1k", (LASER_TTL, gnd), "the laser is off in a reset, also if its input has a pull-up"),
 ):
     at_laser = resistor(ref, value, why)
     at_laser[1, 2] += ends
@@ -279,11 +283,11 @@ for ref, value, ends, why in (
 #: For each net: at rest, in a row, and who drives it. Seen with a scope whose ground is at U1, pin 22.
 VOLTAGES = {
     "GND": ("0 V", "", "the board"),
-    "+5V": ("4.7 to 5.1 V", "", "the board's 5V pin, from USB"),
+    "+5V": ("4.7 to 5.25 V", "", "the board's 5V pin, from USB"),
     "+3V3": ("3.3 V", "", "the board"),
     "+5VA": ("as +5V", "below 10 mV of ripple", "FB1"),
     "+5VL": ("as +5V", "falls while the laser is on", "FB2"),
-    "+3V3A": ("3.27 to 3.33 V", "below 1 mV of ripple", "U5"),
+    "+3V3A": ("3.23 to 3.37 V", "below 1 mV of ripple", "U5"),
     "FM": ("2.625 MHz", "0 and 3.3 V, half of the time each", "PE9"),
     "FM_5V": ("as FM", "0 and 5 V", "U2"),
     "FM_SENSOR": ("as FM", "0 and 5 V, rounded", "R1"),
@@ -299,14 +303,14 @@ VOLTAGES = {
     "DOUT": ("3.3 V", "0 and 3.3 V", "U4; a pull-up within the chip"),
     "OS": ("2.5 V (1.5 to 3.5 V)", "0.6 V lower at a full well", "U1"),
     "SUM": ("as OS", "as OS", "R4, R5"),
-    "AMPLIFIED": ("3.06 V, trimmed", "0 V at a full well", "U3"),
-    "ADC_IN": ("3.06 V, trimmed", "0 V at a full well; -0.3 to 3.65 V by D1", "R8"),
-    "WIPER": ("2.36 V (1.1 to 3.6 V)", "", "RV1"),
+    "AMPLIFIED": ("3.06 V, trimmed", "0.05 V at a full well, or where U3 stops", "U3"),
+    "ADC_IN": ("3.06 V, trimmed", "as AMPLIFIED; D1 limits it", "R8"),
+    "WIPER": ("2.36 V (1.1 to 3.3 V)", "", "RV1"),
     "OFFSET": ("as WIPER", "", "U3"),
-    "OFFSET_TOP": ("4.1 V", "", "R6, RV1"),
-    "OFFSET_END": ("0.74 V", "", "RV1, R7"),
+    "OFFSET_TOP": ("3.27 V", "", "R6, RV1"),
+    "OFFSET_END": ("0.59 V", "", "RV1, R7"),
     "LASER_ON": ("0 V", "3.3 V for the exposure", "PD15"),
-    "LASER_TTL": ("0 V", "3.3 V for the exposure", "R12; R13 in a reset"),
+    "LASER_TTL": ("0 V", "3.0 V for the exposure", "R12; R13 in a reset"),
 }
 
 
