@@ -141,8 +141,8 @@ pub enum RowError {
 
 impl Geometry {
     /// Whether a calibration that was made with one geometry may be used with the other. All fields must
-    /// agree except the noise figure, the saturation, and the shielded pixels. A centre hardly depends on which
-    /// of the shielded pixels give the black level.
+    /// agree except the noise figure, the saturation, and the shielded pixels. A centre hardly depends on
+    /// which of the shielded pixels give the black level.
     pub fn is_compatible_with(&self, other: &Self) -> bool {
         // All fields by name: a new one does not compile until someone decides here whether it counts.
         let Self {

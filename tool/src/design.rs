@@ -115,7 +115,8 @@ impl Sensor {
         }
     }
 
-    /// Electrons a count, if a full pixel has 4096 counts: 40,000 and 80,000 electrons (data sheets, typical).
+    /// Electrons a count, if a full pixel has 4096 counts: 40,000 and 80,000 electrons (data sheets,
+    /// typical).
     const fn electrons(self) -> f64 {
         match self {
             Self::Tcd1304dg => 10.0,

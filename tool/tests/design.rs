@@ -197,8 +197,8 @@ fn speckle_is_that_of_the_simulated_field_to_a_quarter() {
     }
 }
 
-/// The firmware takes 16 um at 0.8 m for the same 2.8 % (docs/uncertainty.md, docs/exposure.md): its estimator
-/// weighs pixels a little better than the least-squares fit of the closed form.
+/// The firmware takes 16 um at 0.8 m for the same 2.8 % (docs/uncertainty.md, docs/exposure.md). Its
+/// estimator weighs pixels a little better than the least-squares fit of the closed form.
 #[test]
 fn pixels_that_differ_move_the_distance_as_the_firmware_says() {
     let options = options("--angle 68.9624");

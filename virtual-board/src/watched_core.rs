@@ -35,7 +35,7 @@ pub(crate) struct Watched {
     pub(crate) detours: Arc<Mutex<Detours>>,
     /// What a debug probe writes next: an address, a word and the time.
     pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
-    /// The register that a debug probe reads next, and what it has read.
+    /// The address that a debug probe is to read, and the value that it has read.
     pub(crate) probe_read: Arc<Mutex<(Option<u64>, Option<u64>)>>,
     /// The traced functions, and their calls.
     pub(crate) traces: Arc<Mutex<Traces>>,

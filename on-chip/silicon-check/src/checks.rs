@@ -28,7 +28,7 @@ const ROWS: u32 = 10_000;
 /// SCLK's periods in a row.
 const EDGES: u32 = 16 * WORDS as u32;
 
-/// What is not meaningful on the virtual board.
+/// The results that mean nothing on the virtual board.
 const VIRTUAL: [&str; 4] = [
     "note: an instruction takes one cycle, so this is the virtual board. There,",
     "note: t1 and t4 are those of a faster core; SCLK time, erase, program and",

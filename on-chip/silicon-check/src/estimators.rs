@@ -1,4 +1,4 @@
-//! The estimators on rows that are made from a seed: the load, and what they take.
+//! The estimators on seeded rows. They keep the processor busy, and their cycles are counted.
 
 use core::sync::atomic::{Ordering, compiler_fence};
 

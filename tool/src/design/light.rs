@@ -45,8 +45,9 @@ fn light(place: f64, slit: f64, range: f64, focal: f64, wavelength: f64) -> f64 
     (re * re + im * im) / (points * points) as f64
 }
 
-/// The mean squared difference of a pattern and the gaussian of a sigma that fits it best with a level
-/// beneath, within four sigma, over the squared height of that gaussian.
+/// How badly a gaussian of this sigma fits a pattern. The fit chooses the gaussian's height and a constant
+/// level, over four sigma on each side. The result is the mean squared difference, divided by the squared
+/// height.
 fn misfit(pattern: &[f64], step: f64, sigma: f64) -> f64 {
     let within = ((4.0 * sigma / step) as usize + 1).min(pattern.len());
     let mut sums = [0.0; 6];

@@ -317,8 +317,9 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     assert!(without_stop_bit > 30, "{without_stop_bit}");
     assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
     let status = Status::ask(&mut board);
-    // An error is not counted if its byte comes within some ten cycles of the begin of an interrupt, before the
-    // driver clears the flags. An interrupt comes every 87 us, 14,600 cycles: 0.3 of 386 bytes on the average.
+    // An error is not counted if its byte comes within some ten cycles of the begin of an interrupt, before
+    // the driver clears the flags. An interrupt comes every 87 us, 14,600 cycles: 0.3 of 386 bytes on the
+    // average.
     let counted = status.count("serial framing");
     println!("{counted} counted");
     let missed = (without_stop_bit as u64).checked_sub(counted);
