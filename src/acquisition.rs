@@ -4,16 +4,12 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Instant, Timer};
 use slitrange::exposure::Exposure;
 use static_cell::ConstStaticCell;
 
+use super::sensor_head::{LONGEST_EXPOSURE, ROW_PERIOD, ReadOutError, SensorHead};
 use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER, WORDS};
-use super::tcd1304::{ReadOutError, Tcd1304};
-
-/// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the
-/// pulses and some slack. 175 rows a second.
-pub const ROW_PERIOD: Duration = Duration::from_micros(5700);
 
 /// Pulses before the first row. The pixels have gathered light since the power came on, and one pulse does
 /// not clear all of it.
@@ -35,7 +31,7 @@ static ROWS: ConstStaticCell<Rows> = ConstStaticCell::new(Rows([[0; WORDS]; BUFF
 /// cleared anew. The rows of the clearing pulses are not read. If no rows come for long, measuring calls the
 /// sensor silent.
 #[embassy_executor::task]
-pub async fn acquire(mut sensor: Tcd1304) {
+pub async fn acquire(mut sensor: SensorHead) {
     for row in &mut ROWS.take().0 {
         FREE.send(row).await;
     }
@@ -53,13 +49,13 @@ pub async fn acquire(mut sensor: Tcd1304) {
         COUNTERS.pulses.add();
         if clearing > 0 {
             clearing -= 1;
-            sensor.pulse(next_exposure(&sensor));
+            sensor.pulse(next_exposure(&sensor)).await;
             set_alarm(due).await;
             continue;
         }
         let Ok(row) = FREE.try_receive() else {
             COUNTERS.rows_lost.add();
-            sensor.pulse(next_exposure(&sensor));
+            sensor.pulse(next_exposure(&sensor)).await;
             set_alarm(due).await;
             continue;
         };
@@ -101,12 +97,13 @@ async fn wait_for_alarm(at: Instant) {
 }
 
 /// For how long the laser is to be on in the row that begins now; `None` if it is to be off.
-fn next_exposure(sensor: &Tcd1304) -> Option<Exposure> {
-    LASER.exposure_after(sensor.exposing())
+fn next_exposure(sensor: &SensorHead) -> Option<Exposure> {
+    let wanted = LASER.exposure_after(sensor.exposing());
+    wanted.map(|exposure| exposure.min(LONGEST_EXPOSURE))
 }
 
 /// Reads a row and hands it on. Sets the alarm at `next`. Returns whether the next row can be good.
-async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
+async fn read(sensor: &mut SensorHead, row: Buffer, next: Instant) -> bool {
     let exposure = next_exposure(sensor);
     match sensor.read_out(row, next, exposure).await {
         Ok(exposure) => {

@@ -3,8 +3,8 @@
 //!
 //! | pin | | to |
 //! |---|---|---|
-//! | PE9 | TIM1 channel 1 | sensor, fM |
-//! | PF12 | output | sensor, ICG |
+//! | PE9 | TIM1 channel 1 | sensor, fM; CLK of a S11639 |
+//! | PF12 | output | sensor, ICG; ST of a S11639 |
 //! | PF13 | output | sensor, SH |
 //! | PD14 | output | converter, chip select |
 //! | PD15 | TIM4 channel 4 | laser |
@@ -27,7 +27,7 @@
 //!    trigger's edge, which notes how many pulses were given before it.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
-use core::arch::{asm, global_asm};
+use core::arch::global_asm;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::DWT;
@@ -53,23 +53,16 @@ use slitrange::protocol::status::StartCause;
 use slitrange::sending::Baud;
 use static_cell::ConstStaticCell;
 
-use super::acquisition::ROW_PERIOD;
 use super::flash::CalibrationFlash;
 use super::laser::Laser;
+use super::sensor_head::{self, MASTER_CLOCK_HZ, Pins, ROW_PERIOD, SCLK_HZ, SensorHead};
 use super::shared::{COUNTERS, FRAMES};
-use super::tcd1304::{self, Pins, Tcd1304};
 
 /// The board's name.
 const NAME: &str = "NUCLEO-F429ZI";
 
 /// Core and TIM1 run at 168 MHz.
 pub const CORE_HZ: u32 = 168_000_000;
-
-/// The converter's clock: APB2 (84 MHz) / 8, exactly.
-const SCLK_HZ: u32 = 10_500_000;
-
-/// The sensor's master clock: SCLK / 4, from the same PLL, TIM1 (168 MHz) / 64 exactly.
-const MASTER_CLOCK_HZ: u32 = 2_625_000;
 
 /// Core cycles in a period of the sensor's master clock.
 pub const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
@@ -115,7 +108,7 @@ bind_interrupts!(struct Interrupts {
 /// The board, ready.
 pub struct Board {
     /// The sensor head.
-    pub sensor: Tcd1304,
+    pub sensor: SensorHead,
     /// The serial line.
     pub serial: BufferedUart<'static>,
     /// The switching output of the setting `limits`.
@@ -205,16 +198,16 @@ pub fn init() -> Board {
     config.mode = spi::MODE_3;
     // Words of an absent converter are then all ones, which no row is.
     config.miso_pull = Pull::Up;
-    let sensor = Tcd1304::new(
+    let sensor = SensorHead::new(
         spi::Spi::new_rxonly(
             p.SPI1, p.PA5, p.PA6, p.DMA2_CH3, p.DMA2_CH0, Interrupts, config,
         ),
-        Pins {
-            icg: Output::new(p.PF12, Level::High, Speed::VeryHigh),
-            sh: Output::new(p.PF13, Level::Low, Speed::VeryHigh),
-            chip_select: Output::new(p.PD14, Level::High, Speed::VeryHigh),
-            laser: Laser::new(p.TIM4, p.PD15),
-        },
+        Pins::new(
+            p.PF12.into(),
+            p.PF13.into(),
+            p.PD14.into(),
+            Laser::new(p.TIM4, p.PD15),
+        ),
         master_clock,
     );
 
@@ -247,7 +240,7 @@ pub fn init() -> Board {
         started_by,
         hardware: Hardware {
             board: NAME,
-            head: tcd1304::NAME,
+            head: sensor_head::NAME,
             row_us: ROW_PERIOD.as_micros() as u32,
             clock,
             brown_out: brown_out(),
@@ -408,11 +401,12 @@ pub fn cycles_since_master_clock_rose() -> u32 {
 
 /// Waits until the cycle counter is `due`, and raises ICG: 3 to 6 instructions later, because ICG must rise
 /// within 32 cycles. Returns the core cycles since the master clock rose, read after the edge.
+#[cfg(not(feature = "s11639"))]
 pub fn raise_icg_at(due: u32) -> u32 {
     let since_master_clock_rose: u32;
     // SAFETY: reads two counters, and sets a pin that only the owner of the sensor head calls for.
     unsafe {
-        asm!(
+        core::arch::asm!(
             "2:",
             "ldr {counter}, [{cycles}]",
             "subs {counter}, {counter}, {due}",

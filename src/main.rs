@@ -21,13 +21,17 @@ mod flash;
 mod laser;
 #[cfg(target_os = "none")]
 mod measuring;
+#[cfg(all(target_os = "none", feature = "s11639"))]
+mod s11639;
+#[cfg(target_os = "none")]
+mod sensor_head;
 #[cfg(target_os = "none")]
 mod serial_line;
 #[cfg(target_os = "none")]
 mod session;
 #[cfg(target_os = "none")]
 mod shared;
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", not(feature = "s11639")))]
 mod tcd1304;
 #[cfg(target_os = "none")]
 mod transmitter;

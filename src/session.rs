@@ -14,7 +14,6 @@ use slitrange::protocol::packet::{
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::selftest::RowTest;
 use slitrange::protocol::status::{StartCause, Vitals};
-use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, AddressPrefix, Event, Session};
 use slitrange::store::{Store, pixel_map};
@@ -28,11 +27,11 @@ use super::shared::{
     SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
 };
 use super::transmitter::Transmitter;
-use super::{board, tcd1304};
+use super::{board, sensor_head};
 
 /// The pixels of a map.
 const PIXELS: usize = {
-    let light = sensor_heads::tcd1304dg().light;
+    let light = sensor_head::geometry().light;
     light.end - light.start
 };
 
@@ -83,7 +82,7 @@ impl Shell {
             results: 0,
             result_at: Instant::MIN,
             store: Store::new(flash),
-            session: Session::new(hardware, tcd1304::geometry(), started_by),
+            session: Session::new(hardware, sensor_head::geometry(), started_by),
             actions: Actions::default(),
             packets: Packets::default(),
             row_sent: None,

@@ -16,12 +16,13 @@ use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::protocol::packet::Window;
 use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
-use slitrange::sensor_heads;
 use slitrange::session::Applied;
 use slitrange::trigger::Trigger;
 
+use super::sensor_head;
+
 /// Words in a row, all of which one DMA transfer brings.
-pub const WORDS: usize = sensor_heads::tcd1304dg().words;
+pub const WORDS: usize = sensor_head::geometry().words;
 
 /// A row's memory. While one is read into, another is computed on, and the others wait. The task that has the
 /// reference owns the row.

@@ -49,28 +49,42 @@
 //!   sets it.
 
 use core::future::{Future, poll_fn};
-use core::pin::{Pin, pin};
+use core::pin::pin;
 use core::task::Poll;
 
-use embassy_stm32::gpio::Output;
-use embassy_stm32::spi;
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use embassy_time::{Duration, Instant, with_timeout};
 use slitrange::exposure::Exposure;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 
 use super::acquisition::set_alarm;
-use super::board::{self, CORE_HZ, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
+use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::laser::Laser;
+use super::sensor_head::{
+    DMA_LATENCY, READ_OUT_TIMEOUT, ReadOutError, SCLK_HZ, cycles_in_ns, has_gap, poll_until,
+    wait_until,
+};
 use super::shared::{COUNTERS, WORDS};
 
 /// The sensor head's name.
 pub const NAME: &str = "TCD1304DG";
 
 /// The geometry of a row.
-pub fn geometry() -> Geometry {
+pub const fn geometry() -> Geometry {
     sensor_heads::tcd1304dg()
 }
+
+/// fM, from TIM1 (168 MHz) / 64: a pixel takes four periods.
+pub const MASTER_CLOCK_HZ: u32 = SCLK_HZ / 4;
+
+/// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the
+/// pulses and some slack. 175 rows a second.
+pub const ROW_PERIOD: Duration = Duration::from_micros(5700);
+
+/// The longest time of the laser in a row.
+pub const LONGEST_EXPOSURE: Exposure = Exposure::LONGEST;
 
 /// fM is high for half of its period.
 const MASTER_CLOCK_HIGH: u32 = CYCLES_A_MASTER_CLOCK / 2;
@@ -99,9 +113,6 @@ const SAMPLED: u32 = cycles_in_ns(1067);
 /// which is D0, when 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1.
 const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857) - SAMPLED;
 
-/// From the end of a word until DMA has counted it: 0 to 40 cycles, for other accesses may come first.
-const DMA_LATENCY: u32 = 20;
-
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
@@ -116,10 +127,6 @@ const LOOK: Duration = Duration::from_micros(5611);
 /// late, a word is lost, and SPI1 reports it.
 const GAP: u32 = CYCLES_A_PIXEL / 2;
 
-/// A read-out takes 3694 words of 16 bits at 10.5 MHz: 5.63 ms. One that has not ended when the next row is
-/// due has this much time left.
-const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
-
 /// The pulses are within the limits of the data sheet.
 const _: () = {
     assert!(ICG_TO_SH > cycles_in_ns(100) && ICG_TO_SH < cycles_in_ns(1000));
@@ -128,32 +135,16 @@ const _: () = {
     assert!(ICG_LOW - ICG_TO_SH - SH_HIGH > cycles_in_ns(1000));
 };
 
-/// Whole core cycles in a time, rounded up.
-const fn cycles_in_ns(ns: u32) -> u32 {
-    (ns as u64 * CORE_HZ as u64).div_ceil(1_000_000_000) as u32
-}
-
 /// The wires to the sensor head beside clock and SPI.
 pub struct Pins {
     /// Integration clear gate, idle high.
-    pub icg: Output<'static>,
+    icg: Output<'static>,
     /// Shift gate, idle low.
-    pub sh: Output<'static>,
+    sh: Output<'static>,
     /// The converter's chip select, idle high.
-    pub chip_select: Output<'static>,
+    chip_select: Output<'static>,
     /// The laser's switch.
-    pub laser: Laser,
-}
-
-/// Why a read-out brought no row.
-#[derive(Clone, Copy, Debug, defmt::Format)]
-pub enum ReadOutError {
-    /// The SPI peripheral reports an error.
-    Spi(spi::Error),
-    /// The transfer did not end in its time.
-    Timeout,
-    /// The program was late for an edge, or SCLK had a gap: it is not known which pixel is which word.
-    Late,
+    laser: Laser,
 }
 
 /// The sensor head.
@@ -187,7 +178,7 @@ impl Tcd1304 {
 
     /// Ends an exposure without reading its row. The next exposure begins as if the row had been read: the
     /// laser is on in it for `laser`, or off.
-    pub fn pulse(&mut self, laser: Option<Exposure>) {
+    pub async fn pulse(&mut self, laser: Option<Exposure>) {
         self.exposing = laser;
         self.pins.laser.set_exposure(laser);
         cortex_m::interrupt::free(|_| {
@@ -235,7 +226,7 @@ impl Tcd1304 {
             if result.is_pending() {
                 result = poll_until(look, transfer.as_mut()).await;
             }
-            if word_0.is_ok_and(has_gap) {
+            if word_0.is_ok_and(|word_0| has_gap(word_0, CYCLES_A_PIXEL)) {
                 word_0 = Err(ReadOutError::Late);
             }
             set_alarm(next).await;
@@ -256,6 +247,21 @@ impl Tcd1304 {
 }
 
 impl Pins {
+    /// The wires at their rest.
+    pub fn new(
+        icg: Peri<'static, AnyPin>,
+        sh: Peri<'static, AnyPin>,
+        chip_select: Peri<'static, AnyPin>,
+        laser: Laser,
+    ) -> Self {
+        Self {
+            icg: Output::new(icg, Level::High, Speed::VeryHigh),
+            sh: Output::new(sh, Level::Low, Speed::VeryHigh),
+            chip_select: Output::new(chip_select, Level::High, Speed::VeryHigh),
+            laser,
+        }
+    }
+
     /// Ends the exposure: pulses SH while ICG is low, and then starts the laser. Returns when ICG fell, just
     /// after a rise of fM.
     fn pulse_sh(&mut self) -> u32 {
@@ -319,36 +325,4 @@ impl Pins {
         COUNTERS.sampled_latest.set_if_larger(sampled);
         Ok(word_0_ended)
     }
-}
-
-/// Polls a transfer until it has ended or the alarm rings, which must be set. `Pending` if the alarm rang.
-async fn poll_until<T>(alarm: Instant, mut transfer: Pin<&mut impl Future<Output = T>>) -> Poll<T> {
-    // DMA or the alarm wakes the task.
-    poll_fn(|context| match transfer.as_mut().poll(context) {
-        Poll::Pending if Instant::now() < alarm => Poll::Pending,
-        result => Poll::Ready(result),
-    })
-    .await
-}
-
-/// Whether SCLK paused since word 0 ended. Waits for the end of a word, if one is still to come.
-fn has_gap(word_0_ended: u32) -> bool {
-    cortex_m::interrupt::free(|_| {
-        let (start, words) = (board::cycles(), board::words_to_come());
-        let mut to_come = words;
-        while to_come == words
-            && words > 0
-            && board::cycles().wrapping_sub(start) < 2 * CYCLES_A_PIXEL
-        {
-            to_come = board::words_to_come();
-        }
-        let took = board::cycles().wrapping_sub(word_0_ended);
-        let words = (WORDS as u32 - 1).saturating_sub(to_come);
-        took > words * CYCLES_A_PIXEL + GAP
-    })
-}
-
-/// Waits until `cycles` after `start`; both less than 12 s from now.
-fn wait_until(start: u32, cycles: u32) {
-    while (board::cycles().wrapping_sub(start).wrapping_sub(cycles) as i32) < 0 {}
 }

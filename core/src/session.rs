@@ -166,10 +166,10 @@ impl Session {
     pub fn new(hardware: Hardware, geometry: Geometry, started_by: StartCause) -> Self {
         Self {
             hardware,
-            geometry,
             started_by,
             settings: Settings::default(),
-            record: EncodedRecord::nominal(),
+            record: record_of_factory(&geometry),
+            geometry,
             flash: FlashStatus::Nothing,
             calibration_on: true,
             upload: Upload::none(),
@@ -769,10 +769,17 @@ impl Session {
                 self.settings.set(default.get(setting));
             }
         }
-        self.record = EncodedRecord::nominal();
+        self.record = record_of_factory(&self.geometry);
         self.calibration_on = true;
         self.forget_readings();
     }
+}
+
+/// The nominal calibration. A sensor of another geometry than its own has no calibration.
+#[inline(never)]
+fn record_of_factory(geometry: &Geometry) -> Option<EncodedRecord> {
+    EncodedRecord::nominal()
+        .filter(|nominal| nominal.record().geometry.is_compatible_with(geometry))
 }
 
 /// An address before a line, `@17 `: from which sensor the line is.

@@ -151,10 +151,10 @@ struct Pace {
 impl Pace {
     /// The words of `head` from `start` on.
     fn new(start: Nanos, bit_hz: u64, head: &SharedHead, timing: Timing) -> Self {
-        // The firmware waits for word 0, and raises ICG in word 1. The words from word 2 on show pixels.
-        let last_timed = match head.lock().has_rate_limit() {
+        let head = head.lock();
+        let last_timed = match head.has_rate_limit() {
             true => u64::MAX,
-            false => 1,
+            false => head.sensor().last_word_before_pixels(),
         };
         Self {
             start,

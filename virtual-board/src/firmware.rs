@@ -4,11 +4,13 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result, bail};
 use rigless::image::Image;
 use rigless::symbols::Symbols;
+
+use crate::sensor_head::Sensor;
 
 /// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage,
 /// `target-cpu=native`). If the nested build inherited them, it would rebuild the firmware, or fail.
@@ -25,6 +27,7 @@ const NOT_FOR_THE_CHIP: [&str; 6] = [
 #[derive(Clone, Debug)]
 pub struct Firmware {
     path: PathBuf,
+    sensor: Sensor,
     pub(crate) image: Image,
     pub(crate) symbols: Symbols,
     pub(crate) log_table: Arc<defmt_decoder::Table>,
@@ -47,10 +50,31 @@ impl Firmware {
     ///
     /// The build fails (its messages are on stderr or in the error), or the ELF file cannot be loaded.
     pub fn build_package(package: &str) -> Result<Self> {
+        Self::build_with(package, Sensor::Tcd1304)
+    }
+
+    /// As [`Firmware::build`], for the board with this sensor on its head.
+    ///
+    /// # Errors
+    ///
+    /// As [`Firmware::build_package`].
+    pub fn build_for(sensor: Sensor) -> Result<Self> {
+        Self::build_with("slitrange-firmware", sensor)
+    }
+
+    fn build_with(package: &str, sensor: Sensor) -> Result<Self> {
+        // The builds for two sensors have one path, so each is loaded before the next begins.
+        static BUILD: Mutex<()> = Mutex::new(());
+        let _one = BUILD.lock().unwrap_or_else(PoisonError::into_inner);
+        let features: &[&str] = match sensor {
+            Sensor::Tcd1304 => &[],
+            Sensor::S11639 => &["--features", "s11639"],
+        };
         let mut command = cargo();
         command
             .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
             .args(["--package", package, "--bin", package])
+            .args(features)
             .arg("--message-format=json-render-diagnostics");
         // A person sees the build's progress; a test's output stays clean unless the build fails.
         if std::io::stderr().is_terminal() {
@@ -71,10 +95,13 @@ impl Firmware {
         }
         let path = executable(&output.stdout)
             .with_context(|| format!("cargo built {package} and named no executable"))?;
-        Self::load(&path)
+        Ok(Self {
+            sensor,
+            ..Self::load(&path)?
+        })
     }
 
-    /// Loads the ELF file at `path`.
+    /// Loads the ELF file at `path`, for a board with a TCD1304DG.
     ///
     /// # Errors
     ///
@@ -97,10 +124,17 @@ impl Firmware {
             Image::new(path, bytes, None).with_context(|| format!("loading {}", path.display()))?;
         Ok(Self {
             path: path.to_owned(),
+            sensor: Sensor::Tcd1304,
             image,
             symbols,
             log_table: Arc::new(log_table),
         })
+    }
+
+    /// The sensor that it was built for.
+    #[must_use]
+    pub fn sensor(&self) -> Sensor {
+        self.sensor
     }
 
     /// Where the ELF file is.

@@ -31,9 +31,6 @@ use crate::{Nanos, Violation};
 /// much.
 const STEP: Nanos = 1_000_000;
 
-/// The firmware's time from one row to the next by its own clock, s (`ROW_PERIOD`).
-const FIRMWARE_ROW_PERIOD: f64 = 5.7e-3;
-
 /// A function to run on the emulator's thread, between two instructions.
 type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
 
@@ -114,7 +111,7 @@ impl VirtualBoard {
     ) -> Result<Self> {
         Self::start(
             firmware,
-            SensorHead::new(light),
+            SensorHead::with(firmware.sensor(), light),
             flash,
             Conditions::default(),
         )
@@ -136,9 +133,9 @@ impl VirtualBoard {
         light: LightSource,
         rows_per_second: f64,
     ) -> Result<Self> {
-        let head = SensorHead::new(light).without_rate_limit();
+        let head = SensorHead::with(firmware.sensor(), light).without_rate_limit();
         let conditions = Conditions {
-            row_timer_speed: rows_per_second * FIRMWARE_ROW_PERIOD,
+            row_timer_speed: rows_per_second * firmware.sensor().row_period(),
             ..Conditions::default()
         };
         Self::start(firmware, head, SharedFlash::default(), conditions)
@@ -154,7 +151,7 @@ impl VirtualBoard {
         light: LightSource,
         conditions: Conditions,
     ) -> Result<Self> {
-        let head = SensorHead::new(light);
+        let head = SensorHead::with(firmware.sensor(), light);
         Self::start(firmware, head, SharedFlash::default(), conditions)
     }
 

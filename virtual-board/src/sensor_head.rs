@@ -35,6 +35,7 @@ use crate::{Nanos, random};
 
 pub mod limits;
 pub(crate) mod pins;
+mod s11639;
 mod wiring;
 
 pub use limits::PIXELS;
@@ -140,6 +141,70 @@ pub enum Edge {
     WordEnded,
 }
 
+/// The head's sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensor {
+    /// Toshiba TCD1304DG.
+    Tcd1304,
+    /// Hamamatsu S11639-01.
+    S11639,
+}
+
+impl Sensor {
+    /// Outputs in a row.
+    #[must_use]
+    pub fn pixels(self) -> usize {
+        match self {
+            Self::Tcd1304 => PIXELS,
+            Self::S11639 => s11639::PIXELS,
+        }
+    }
+
+    /// Words that the converter sends in a row.
+    #[must_use]
+    pub fn words(self) -> usize {
+        match self {
+            Self::Tcd1304 => PIXELS,
+            Self::S11639 => s11639::WORDS,
+        }
+    }
+
+    /// The firmware's time from one row to the next by its own clock, s (`ROW_PERIOD`).
+    #[must_use]
+    pub fn row_period(self) -> f64 {
+        match self {
+            Self::Tcd1304 => 5.7e-3,
+            Self::S11639 => s11639::ROW_PERIOD,
+        }
+    }
+
+    /// The last word that the firmware waits for before the sensor puts out pixels.
+    pub(crate) fn last_word_before_pixels(self) -> u64 {
+        match self {
+            // ICG rises in word 1.
+            Self::Tcd1304 => 1,
+            // ST falls in word 1 or 2.
+            Self::S11639 => 3,
+        }
+    }
+
+    /// Periods of the sensor's clock in which a pixel stays at the output.
+    fn clocks_a_pixel(self) -> f64 {
+        match self {
+            Self::Tcd1304 => limits::MASTER_CLOCKS_PER_PIXEL,
+            Self::S11639 => 1.0,
+        }
+    }
+
+    /// The word for so many counts of light.
+    fn word(self, counts: u16) -> u16 {
+        match self {
+            Self::Tcd1304 => FULL_SCALE - counts,
+            Self::S11639 => counts,
+        }
+    }
+}
+
 /// The clocks that the processor gives the head.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clocks {
@@ -151,8 +216,8 @@ pub struct Clocks {
 
 impl Clocks {
     /// How long a pixel stays at the sensor's output, ns.
-    fn pixel_time(&self) -> f64 {
-        limits::MASTER_CLOCKS_PER_PIXEL * 1e9 / self.master_hz
+    fn pixel_time(&self, sensor: Sensor) -> f64 {
+        sensor.clocks_a_pixel() * 1e9 / self.master_hz
     }
 
     /// How long a word takes, ns; 0 if SCLK does not run.
@@ -254,7 +319,9 @@ struct Burst {
 
 /// The sensor head.
 pub struct SensorHead {
+    sensor: Sensor,
     light: LightSource,
+    /// ST, if the sensor is a S11639.
     icg: Pin,
     sh: Pin,
     chip_select: Pin,
@@ -296,10 +363,17 @@ impl fmt::Debug for SensorHead {
 }
 
 impl SensorHead {
-    /// A sensor head at power-on, lit by `light`.
+    /// A head with a TCD1304DG at power-on, lit by `light`.
     #[must_use]
     pub fn new(light: LightSource) -> Self {
+        Self::with(Sensor::Tcd1304, light)
+    }
+
+    /// A head with such a sensor at power-on, lit by `light`.
+    #[must_use]
+    pub fn with(sensor: Sensor, light: LightSource) -> Self {
         Self {
+            sensor,
             light,
             icg: Pin::resting(Level::High),
             sh: Pin::resting(Level::Low),
@@ -331,6 +405,12 @@ impl SensorHead {
             has_rate_limit: false,
             ..self
         }
+    }
+
+    /// The head's sensor.
+    #[must_use]
+    pub fn sensor(&self) -> Sensor {
+        self.sensor
     }
 
     /// Whether words take their time.
@@ -398,8 +478,12 @@ impl SensorHead {
         self.violation_count
     }
 
-    /// Sets ICG to `level`.
+    /// Sets ICG, or ST of a S11639, to `level`.
     pub fn icg(&mut self, level: Level, now: Nanos) {
+        if self.sensor == Sensor::S11639 {
+            self.st(level, now);
+            return;
+        }
         if !self.icg.moves(level, now) {
             return;
         }
@@ -451,18 +535,7 @@ impl SensorHead {
                 format!("ICG rose {gap} ns after SH fell; {}", icg_after_sh()),
             );
         }
-        let light = (self.light)(&exposure);
-        if light.len() != PIXELS {
-            self.violated(
-                now,
-                format!(
-                    "the light source gave {} pixels, and a row has {PIXELS}",
-                    light.len()
-                ),
-            );
-        }
-        let mut counts: Vec<u16> = light.into_iter().map(quantised).collect();
-        counts.resize(PIXELS, 0);
+        let counts = self.expose(&exposure, now);
         let shielded: u32 = counts[limits::SHIELDED]
             .iter()
             .copied()
@@ -475,6 +548,24 @@ impl SensorHead {
             counts,
             clocks_reported: false,
         });
+    }
+
+    /// The counts of a row that was exposed.
+    fn expose(&mut self, exposure: &Exposure, now: Nanos) -> Vec<u16> {
+        let light = (self.light)(exposure);
+        let pixels = self.sensor.pixels();
+        if light.len() != pixels {
+            self.violated(
+                now,
+                format!(
+                    "the light source gave {} pixels, and a row has {pixels}",
+                    light.len()
+                ),
+            );
+        }
+        let mut counts: Vec<u16> = light.into_iter().map(quantised).collect();
+        counts.resize(pixels, 0);
+        counts
     }
 
     /// Sets SH to `level`.
@@ -586,7 +677,7 @@ impl SensorHead {
         match level {
             Level::Low => {
                 self.burst = Some(Burst {
-                    counts: vec![None; PIXELS],
+                    counts: vec![None; self.sensor.pixels()],
                     ..Burst::default()
                 })
             }
@@ -624,9 +715,9 @@ impl SensorHead {
             (Some(read_out), Some(clocks)) if clocks.master_hz > 0.0 && clocks.serial_hz > 0.0 => {
                 let held =
                     now as f64 - (f64::from(bits) - limits::HOLD_AFTER) * 1e9 / clocks.serial_hz;
-                let position = (held - read_out.began as f64) / clocks.pixel_time();
+                let position = (held - read_out.began as f64) / clocks.pixel_time(self.sensor);
                 let pixel = position.floor();
-                if (0.0..PIXELS as f64).contains(&pixel) {
+                if (0.0..self.sensor.pixels() as f64).contains(&pixel) {
                     counts = read_out.counts[pixel as usize];
                     burst.counts[pixel as usize] = Some(counts);
                     burst
@@ -642,7 +733,7 @@ impl SensorHead {
         }
         let word = match self.open_line {
             Some(line) => line.word(now),
-            None => FULL_SCALE - counts,
+            None => self.sensor.word(counts),
         };
         burst.words.push(word);
         self.record(now, Edge::WordEnded);
@@ -713,7 +804,7 @@ impl SensorHead {
         if read_out.clocks_reported {
             return;
         }
-        let faults = clock_faults(clocks);
+        let faults = clock_faults(self.sensor, clocks);
         read_out.clocks_reported = !faults.is_empty();
         for fault in faults {
             self.violated(now, fault);
@@ -749,10 +840,11 @@ impl SensorHead {
 
     fn finish(&mut self, burst: Burst, now: Nanos) {
         let words = burst.words.len();
-        if words != PIXELS {
+        let right = self.sensor.words();
+        if words != right {
             self.violated(
                 now,
-                format!("chip select was low for {words} words; a row is exactly {PIXELS}"),
+                format!("chip select was low for {words} words; a row is exactly {right}"),
             );
         }
         if let Some(bits) = burst.odd_bits {
@@ -843,26 +935,26 @@ fn quantised(counts: f32) -> u16 {
 }
 
 /// Lists what is wrong with the clocks of a read-out.
-fn clock_faults(clocks: Clocks) -> Vec<String> {
+fn clock_faults(sensor: Sensor, clocks: Clocks) -> Vec<String> {
+    let (name, clock, range) = match sensor {
+        Sensor::Tcd1304 => ("TCD1304", "fM", limits::MASTER_CLOCK),
+        Sensor::S11639 => ("S11639", "CLK", s11639::CLOCK),
+    };
     let mut faults = Vec::new();
     let Clocks {
         master_hz,
         serial_hz,
     } = clocks;
     if master_hz <= 0.0 {
-        faults.push(
-            "the master clock fM does not run during a read-out (TCD1304 timing chart 1)"
-                .to_owned(),
-        );
+        faults.push(format!(
+            "the master clock {clock} does not run during a read-out ({name} timing chart)"
+        ));
         return faults;
     }
-    let (least, greatest) = (
-        limits::MASTER_CLOCK.start() / 1e6,
-        limits::MASTER_CLOCK.end() / 1e6,
-    );
-    if !limits::MASTER_CLOCK.contains(&master_hz) {
+    let (least, greatest) = (range.start() / 1e6, range.end() / 1e6);
+    if !range.contains(&master_hz) {
         faults.push(format!(
-            "fM is {} MHz; within {least} to {greatest} MHz (TCD1304)",
+            "{clock} is {} MHz; within {least} to {greatest} MHz ({name})",
             master_hz / 1e6
         ));
     }
@@ -876,11 +968,11 @@ fn clock_faults(clocks: Clocks) -> Vec<String> {
             serial_hz / 1e6
         ));
     }
-    let pixel = clocks.pixel_time();
+    let (pixel, periods) = (clocks.pixel_time(sensor), sensor.clocks_a_pixel());
     let conversion = f64::from(limits::WORD_BITS) * 1e9 / serial_hz;
     if (pixel / conversion - 1.0).abs() > limits::RATE_MISMATCH {
         faults.push(format!(
-            "a pixel lasts {pixel:.3} ns (4 / fM) and a conversion {conversion:.3} ns (16 / SCLK); \
+            "a pixel lasts {pixel:.3} ns ({periods} / {clock}) and a conversion {conversion:.3} ns (16 / SCLK); \
              they may differ by {}",
             limits::RATE_MISMATCH
         ));

@@ -7,7 +7,7 @@ use rigless::soc::stm32f427::generated::spi1;
 use simulator::scene::{Scene, Spot};
 use slitrange::fault::Fault;
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, LightSource, Line, VirtualBoard};
+use virtual_board::{Exposure, Firmware, LightSource, Line, Sensor, VirtualBoard};
 
 /// The longest wait in virtual time: longer than any frame and any answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
@@ -24,9 +24,26 @@ pub fn firmware() -> &'static Firmware {
     FIRMWARE.get_or_init(|| Firmware::build().expect("the firmware builds"))
 }
 
+/// The ELF file for a board with this sensor.
+pub fn firmware_for(sensor: Sensor) -> &'static Firmware {
+    static S11639: OnceLock<Firmware> = OnceLock::new();
+    match sensor {
+        Sensor::Tcd1304 => firmware(),
+        Sensor::S11639 => {
+            S11639.get_or_init(|| Firmware::build_for(sensor).expect("the firmware builds"))
+        }
+    }
+}
+
 /// Boots a board. Gives the board and its banner.
 pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
-    let mut board = VirtualBoard::power_on(firmware(), light).expect("the board starts");
+    boot_with(Sensor::Tcd1304, light)
+}
+
+/// Boots a board with this sensor. Gives the board and its banner.
+pub fn boot_with(sensor: Sensor, light: LightSource) -> (VirtualBoard, Line) {
+    let firmware = firmware_for(sensor);
+    let mut board = VirtualBoard::power_on(firmware, light).expect("the board starts");
     let banner = board
         .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
         .expect("a banner");
@@ -35,14 +52,32 @@ pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
 
 /// A board with white paper at [`DISTANCE`] and `rows` rows in a frame.
 pub fn measuring(rows: u16) -> VirtualBoard {
-    let (mut board, _) = boot(paper());
+    measuring_with(Sensor::Tcd1304, rows)
+}
+
+/// The same with this sensor.
+pub fn measuring_with(sensor: Sensor, rows: u16) -> VirtualBoard {
+    let (mut board, _) = boot_with(sensor, paper_for(sensor));
     set(&mut board, &format!("rows {rows}"));
     board
 }
 
 /// White paper at [`DISTANCE`].
 pub fn paper() -> LightSource {
-    of_scene(Scene::white_paper(), Target::at(DISTANCE))
+    paper_for(Sensor::Tcd1304)
+}
+
+/// White paper as this sensor sees it.
+pub fn scene_for(sensor: Sensor) -> Scene {
+    match sensor {
+        Sensor::Tcd1304 => Scene::white_paper(),
+        Sensor::S11639 => Scene::white_paper_on_s11639(),
+    }
+}
+
+/// White paper at [`DISTANCE`], for this sensor.
+pub fn paper_for(sensor: Sensor) -> LightSource {
+    of_scene(scene_for(sensor), Target::at(DISTANCE))
 }
 
 /// White paper whose spot is `height` counts high and lies at pixel `centre`.

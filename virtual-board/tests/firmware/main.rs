@@ -6,6 +6,7 @@
 mod address;
 mod ambient;
 mod binary;
+mod both_heads;
 mod calibration;
 mod comb;
 mod commands;

@@ -1,0 +1,291 @@
+//! Driver of the sensor Hamamatsu S11639-01 behind a converter ADC122S101.
+//!
+//! While ST is high, and for 48 periods of CLK after it fell, all pixels gather light. The sensor then puts out
+//! a pixel a period of CLK, 2048 of them. CLK never stops. The next exposure may begin while pixels come out.
+//!
+//! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
+//! from there on while chip select stays low. With CLK = SCLK / 16, both from one PLL, a word is a pixel.
+//!
+//! # Design
+//!
+//! ```text
+//! CLK     __|‾‾|__|‾‾|__|‾‾|__|‾‾|__|‾‾|__   __|‾‾|__|‾‾|__|‾‾|__   ___________
+//! ST      ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾|____________   _____________________   ____|‾‾‾‾‾‾
+//! CS      ‾‾‾‾|___________________________   _____________________   ___________
+//! word        |  0  |  1  |  2  |  3  |  4    | 91  | 92  | 93  |    ...
+//! output                                        |  0  |  1  |  2  |    ...
+//! sampled       ^     ^     ^     ^             ^     ^     ^
+//! ```
+//!
+//! As with the TCD1304 the converter runs first, because the program cannot say when the first word will
+//! start, but can see it arrive. ST then falls while CLK is low, before the rise of CLK that makes word 91
+//! sample the first pixel ([`S11639_LEAD_IN`](slitrange::sensor_heads::S11639_LEAD_IN)). Unlike ICG, ST
+//! cannot move pixels against words by less than a period. So the transfer starts at a fixed time of CLK, and
+//! a row that would be sampled too early or too late in its pixels' time is rejected.
+//!
+//! # Note
+//!
+//! * ST has to stay low for 100 periods of CLK, 152 us. The program gives this time to others: an alarm ends
+//!   it, and the laser starts then.
+//! * The data sheet counts pulses of the sensor's output Trig, which nothing reads here. That Trig rises with
+//!   CLK, and that the first pixel belongs to the 89th of its pulses after the fall of ST, is an assumption:
+//!   look at both with an oscilloscope. Another count changes `S11639_LEAD_IN`, another phase
+//!   [`TRANSFER_START`].
+
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::Poll;
+
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
+use slitrange::exposure::Exposure;
+use slitrange::row::Geometry;
+use slitrange::sensor_heads;
+
+use super::acquisition::set_alarm;
+use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
+use super::laser::Laser;
+use super::sensor_head::{
+    DMA_LATENCY, READ_OUT_TIMEOUT, ReadOutError, SCLK_HZ, cycles_in_ns, has_gap, poll_until,
+    wait_until,
+};
+use super::shared::{COUNTERS, WORDS};
+
+/// The sensor head's name.
+pub const NAME: &str = "S11639-01";
+
+/// The geometry of a row.
+pub const fn geometry() -> Geometry {
+    sensor_heads::s11639()
+}
+
+/// CLK, from TIM1: 656.25 kHz. The sensor takes 0.2 to 10 MHz.
+pub const MASTER_CLOCK_HZ: u32 = SCLK_HZ / 16;
+
+/// Time from one row to the next: a read-out (3.28 ms), and some slack. 300 rows a second.
+pub const ROW_PERIOD: Duration = Duration::from_micros(3330);
+
+/// The longest time of the laser in a row.
+pub const LONGEST_EXPOSURE: Exposure = Exposure::from_us(3000).unwrap();
+
+/// ST stays low for at least 100 periods of CLK, 152.4 us. The alarm's clock counts microseconds.
+const ST_LOW: Duration = Duration::from_micros(154);
+
+/// From a rise of CLK to the start of the transfer. On the virtual board, pixels are then sampled at 60 % of
+/// their time.
+const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK;
+
+/// From the end of word 0 to the rise of CLK that follows the fall of ST, if pixels are sampled at once when
+/// they come out: `WORDS` and the lead-in fix it.
+///
+/// Pixel 0 is at the output from half a period before the 89th rise on. Word 91 starts 90 periods after the
+/// end of word 0, and the converter samples when 3.5 SCLK of a word have passed.
+const CLOCK_AFTER_WORD_0: u32 =
+    2 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 2 + 7 * CYCLES_A_MASTER_CLOCK / 32;
+
+/// The parts of a pixel's time at which it may be sampled, in percent.
+const SAMPLED: core::ops::RangeInclusive<u32> = 30..=90;
+
+/// The first word takes 1.5 us. If it has not come after this time, it will not come.
+const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
+
+/// From the end of word 0 to a look at the words that have come: those of all pixels have, and the last eleven
+/// words, 17 us, have not.
+const LOOK: Duration = Duration::from_micros(3260);
+
+/// The laser's longest pulse ends before the next row begins.
+const _: () = assert!(
+    LONGEST_EXPOSURE.us() as u64 + ST_LOW.as_micros() + 100 <= ROW_PERIOD.as_micros(),
+    "the laser would shine into the next row"
+);
+
+/// The wires to the sensor head beside clock and SPI.
+pub struct Pins {
+    /// Start pulse. All pixels gather light while it is high.
+    st: Output<'static>,
+    /// The converter's chip select, idle high.
+    chip_select: Output<'static>,
+    /// The laser's switch.
+    laser: Laser,
+}
+
+/// The sensor head.
+pub struct SensorHead {
+    converter: Converter,
+    pins: Pins,
+    /// For how long the laser is on in the row that is being exposed; `None` if it is off.
+    exposing: Option<Exposure>,
+    /// The clock runs as long as this is kept.
+    _master_clock: MasterClock,
+}
+
+impl SensorHead {
+    /// A sensor head whose clock runs.
+    pub fn new(converter: Converter, pins: Pins, master_clock: MasterClock) -> Self {
+        Self {
+            converter,
+            pins,
+            exposing: None,
+            _master_clock: master_clock,
+        }
+    }
+
+    /// For how long the laser is on in the row that is being exposed; `None` if it is off.
+    pub const fn exposing(&self) -> Option<Exposure> {
+        self.exposing
+    }
+
+    /// Ends an exposure without reading its row. The next exposure begins as if the row had been read: the
+    /// laser is on in it for `laser`, or off.
+    pub async fn pulse(&mut self, laser: Option<Exposure>) {
+        self.exposing = laser;
+        self.pins.laser.set_exposure(laser);
+        // The pulse ends a row that nobody reads, so it matters little if CLK rises while ST falls.
+        let _ = cortex_m::interrupt::free(|_| self.pins.lower_st(board::cycles()));
+        Timer::after(ST_LOW).await;
+        self.pins.raise_st();
+    }
+
+    /// Ends an exposure and reads its row. Sets the alarm at `next`, when the next exposure should end: the
+    /// laser is on in that one for `laser`, or off. Returns for how long the laser was on in the row that was
+    /// read; `None` if it was off.
+    pub async fn read_out(
+        &mut self,
+        row: &mut [u16; WORDS],
+        next: Instant,
+        laser: Option<Exposure>,
+    ) -> Result<Option<Exposure>, ReadOutError> {
+        let Self {
+            converter,
+            pins,
+            exposing,
+            ..
+        } = self;
+        let exposed = core::mem::replace(exposing, laser);
+        let mut word_0 = Err(ReadOutError::Late);
+        let (mut rise, mut look) = (next, next);
+        pins.laser.set_exposure(laser);
+        let result = {
+            let mut transfer = pin!(converter.read(&mut row[..]));
+            let started = poll_fn(|context| {
+                Poll::Ready(cortex_m::interrupt::free(|_| {
+                    let clock_rose =
+                        board::cycles().wrapping_sub(board::cycles_since_master_clock_rose());
+                    wait_until(clock_rose, TRANSFER_START);
+                    // SCLK floats until the transfer enables SPI, so the converter listens only now.
+                    pins.chip_select.set_low();
+                    let started = transfer.as_mut().poll(context);
+                    word_0 = pins.lower_st_after_word_0();
+                    rise = Instant::now() + ST_LOW;
+                    look = Instant::now() + LOOK;
+                    started
+                }))
+            });
+            let mut result = started.await;
+            set_alarm(rise).await;
+            if result.is_pending() {
+                result = poll_until(rise, transfer.as_mut()).await;
+            }
+            // A transfer may fail at once.
+            Timer::at(rise).await;
+            pins.raise_st();
+            set_alarm(look).await;
+            if result.is_pending() {
+                result = poll_until(look, transfer.as_mut()).await;
+            }
+            if word_0.is_ok_and(|word_0| has_gap(word_0, CYCLES_A_MASTER_CLOCK)) {
+                word_0 = Err(ReadOutError::Late);
+            }
+            set_alarm(next).await;
+            if result.is_pending() {
+                result = poll_until(next, transfer.as_mut()).await;
+            }
+            match result {
+                Poll::Ready(result) => result.map_err(ReadOutError::Spi),
+                Poll::Pending => match with_timeout(READ_OUT_TIMEOUT, transfer).await {
+                    Ok(result) => result.map_err(ReadOutError::Spi),
+                    Err(_) => Err(ReadOutError::Timeout),
+                },
+            }
+        };
+        self.pins.chip_select.set_high();
+        result.and(word_0).map(|_| exposed)
+    }
+}
+
+impl Pins {
+    /// The wires at their rest: ST high, the converter not selected. The pin of the TCD1304's SH is not used.
+    pub fn new(
+        st: Peri<'static, AnyPin>,
+        _: Peri<'static, AnyPin>,
+        chip_select: Peri<'static, AnyPin>,
+        laser: Laser,
+    ) -> Self {
+        Self {
+            st: Output::new(st, Level::High, Speed::VeryHigh),
+            chip_select: Output::new(chip_select, Level::High, Speed::VeryHigh),
+            laser,
+        }
+    }
+
+    /// Lowers ST half a period before the first rise of CLK that comes so long after `since` that ST can be
+    /// lowered in time. Returns that rise, by the cycle counter.
+    ///
+    /// # Errors
+    /// [`ReadOutError::Late`] if ST fell too near to that rise.
+    fn lower_st(&mut self, since: u32) -> Result<u32, ReadOutError> {
+        const HALF: u32 = CYCLES_A_MASTER_CLOCK / 2;
+        let clock_rose = board::cycles().wrapping_sub(board::cycles_since_master_clock_rose());
+        let passed = clock_rose.wrapping_sub(since) as i32;
+        let mut rise = clock_rose;
+        let mut after = passed;
+        while after < (CLOCK_AFTER_WORD_0 - CYCLES_A_MASTER_CLOCK) as i32 {
+            after += CYCLES_A_MASTER_CLOCK as i32;
+            rise = rise.wrapping_add(CYCLES_A_MASTER_CLOCK);
+        }
+        let fall = rise.wrapping_sub(HALF);
+        wait_until(fall, 0);
+        self.st.set_low();
+        if board::cycles().wrapping_sub(fall) >= HALF {
+            return Err(ReadOutError::Late);
+        }
+        Ok(rise)
+    }
+
+    /// Waits for the end of word 0, and lowers ST before the rise of CLK that suits the words. If no word
+    /// comes, ST falls all the same, and the transfer runs into its timeout. Returns when word 0 ended, by the
+    /// cycle counter.
+    ///
+    /// # Errors
+    /// [`ReadOutError::Late`] if word 0 had ended before the first look, if ST fell too late, or if the pixels
+    /// will not be sampled in the middle of their time.
+    fn lower_st_after_word_0(&mut self) -> Result<u32, ReadOutError> {
+        let has_word_0 = || (board::words_to_come() as usize) < WORDS;
+        let was_missed = has_word_0();
+        let start = board::cycles();
+        while !has_word_0() && board::cycles().wrapping_sub(start) < FIRST_WORD_TIMEOUT {}
+        let word_0_ended = board::cycles().wrapping_sub(DMA_LATENCY);
+        let rise = self.lower_st(word_0_ended)?;
+        if !has_word_0() {
+            // The transfer will run into its timeout.
+            return Ok(word_0_ended);
+        }
+        let after = rise.wrapping_sub(word_0_ended);
+        let sampled = CLOCK_AFTER_WORD_0.saturating_sub(after) * 100 / CYCLES_A_MASTER_CLOCK;
+        COUNTERS.sampled_earliest.set_if_smaller(sampled);
+        COUNTERS.sampled_latest.set_if_larger(sampled);
+        if was_missed || !SAMPLED.contains(&sampled) {
+            return Err(ReadOutError::Late);
+        }
+        Ok(word_0_ended)
+    }
+
+    /// Raises ST, and starts the laser.
+    fn raise_st(&mut self) {
+        cortex_m::interrupt::free(|_| {
+            self.st.set_high();
+            self.laser.start();
+        });
+    }
+}

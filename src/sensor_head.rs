@@ -1,0 +1,85 @@
+//! The sensor head that the firmware is built for: its driver, and the numbers that the other modules need
+//! of it. The feature `s11639` chooses the Hamamatsu S11639; without it the head is the TCD1304DG.
+//!
+//! A driver is a module with the items that are re-exported here. docs/another-sensor.md says how to add one.
+
+use core::future::{Future, poll_fn};
+use core::pin::Pin;
+use core::task::Poll;
+
+use embassy_stm32::spi;
+use embassy_time::{Duration, Instant};
+
+use super::board::{self, CORE_HZ};
+use super::shared::WORDS;
+
+#[cfg(feature = "s11639")]
+pub use super::s11639::{
+    LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, Pins, ROW_PERIOD, SensorHead, geometry,
+};
+#[cfg(not(feature = "s11639"))]
+pub use super::tcd1304::{
+    LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, Pins, ROW_PERIOD, Tcd1304 as SensorHead, geometry,
+};
+
+/// The sensor's clock and the converter's come from one PLL: SCLK is APB2 (84 MHz) / 8, exactly. The
+/// converter takes at most 16 MHz, and the next divider gives 21.
+pub const SCLK_HZ: u32 = 10_500_000;
+
+/// From the end of a word until DMA has counted it: 0 to 40 cycles, for other accesses may come first.
+pub const DMA_LATENCY: u32 = 20;
+
+/// A read-out that has not ended when the next row is due has this much time left.
+pub const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
+
+/// Why a read-out brought no row.
+#[derive(Clone, Copy, Debug, defmt::Format)]
+pub enum ReadOutError {
+    /// The SPI peripheral reports an error.
+    Spi(spi::Error),
+    /// The transfer did not end in its time.
+    Timeout,
+    /// The program was late for an edge, or SCLK had a gap: it is not known which pixel is which word.
+    Late,
+}
+
+/// Polls a transfer until it has ended or the alarm rings, which must be set. `Pending` if the alarm rang.
+pub async fn poll_until<T>(
+    alarm: Instant,
+    mut transfer: Pin<&mut impl Future<Output = T>>,
+) -> Poll<T> {
+    // DMA or the alarm wakes the task.
+    poll_fn(|context| match transfer.as_mut().poll(context) {
+        Poll::Pending if Instant::now() < alarm => Poll::Pending,
+        result => Poll::Ready(result),
+    })
+    .await
+}
+
+/// Whether SCLK paused since word 0 ended. A word takes `word` core cycles. Waits for the end of a word, if one
+/// is still to come.
+///
+/// A word must not end later than half a word after SCLK would bring it. The program sees the end of a word
+/// after up to 15 instructions, and DMA counts it after up to 40 cycles. So a gap of a word is always seen.
+pub fn has_gap(word_0_ended: u32, word: u32) -> bool {
+    cortex_m::interrupt::free(|_| {
+        let (start, words) = (board::cycles(), board::words_to_come());
+        let mut to_come = words;
+        while to_come == words && words > 0 && board::cycles().wrapping_sub(start) < 2 * word {
+            to_come = board::words_to_come();
+        }
+        let took = board::cycles().wrapping_sub(word_0_ended);
+        let words = (WORDS as u32 - 1).saturating_sub(to_come);
+        took > words * word + word / 2
+    })
+}
+
+/// Waits until `cycles` after `start`; both less than 12 s from now.
+pub fn wait_until(start: u32, cycles: u32) {
+    while (board::cycles().wrapping_sub(start).wrapping_sub(cycles) as i32) < 0 {}
+}
+
+/// Whole core cycles in a time, rounded up.
+pub const fn cycles_in_ns(ns: u32) -> u32 {
+    (ns as u64 * CORE_HZ as u64).div_ceil(1_000_000_000) as u32
+}
