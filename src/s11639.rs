@@ -74,7 +74,7 @@ const ST_LOW: Duration = Duration::from_micros(154);
 
 /// From a rise of CLK to the start of the transfer. On the virtual board, pixels are then sampled at 60 % of
 /// their time.
-const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK;
+const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + 105;
 
 /// From the end of word 0 to the rise of CLK that follows the fall of ST, if pixels are sampled at once when
 /// they come out: `WORDS` and the lead-in fix it.

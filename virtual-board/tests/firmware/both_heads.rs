@@ -2,28 +2,186 @@
 
 use std::time::Duration;
 
-use virtual_board::{Row, Sensor};
+use simulator::scene::{Scene, Spot};
+use slitrange::sensor_heads::{S11639_LEAD_IN, TCD1304DG_LEAD_IN};
+use virtual_board::row_rate::{highest, lost_rows, start};
+use virtual_board::{Exposure, Row, Sensor};
 
-use crate::common::{Status, boot_with, paper_for};
+use crate::common::{
+    PATIENCE, Status, ask, boot_with, firmware_for, is_result, measuring_with, number, scene_for,
+    set, stop_the_transfer,
+};
 
-fn reads(sensor: Sensor) {
-    let (mut board, banner) = boot_with(sensor, paper_for(sensor));
-    println!("{}", banner.text);
+/// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
+/// time. The laser is on as long as the row says.
+fn rows_come_on_time(sensor: Sensor) {
+    let lead_in = match sensor {
+        Sensor::Tcd1304 => TCD1304DG_LEAD_IN,
+        Sensor::S11639 => S11639_LEAD_IN,
+    };
+    let mut board = measuring_with(sensor, 16);
+    board.run_for(Duration::from_millis(200)).expect("a run");
     board.head(|head| head.keep_all_rows(true));
+    let (before, first) = (board.statistics(), board.head(|head| head.row_count()));
+    board.take_lines();
     board.run_for(Duration::from_millis(500)).expect("a run");
+    let after = board.statistics();
+    let count = board.head(|head| head.row_count()) - first;
+    let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+    let rows = &rows[rows.len() - count as usize..];
+    let period = sensor.row_period() * 1e9;
+
+    let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
+    let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
+    let busy = (after.instructions - before.instructions) as f64
+        / (168e6 * (after.seconds - before.seconds));
+    println!(
+        "{sensor:?}: {count} rows, sampled at {least:.3} to {most:.3} of a pixel's time, the core busy for \
+         {:.1} % of the time",
+        100.0 * busy
+    );
+    assert!(rows.iter().all(|row| row.lead_in == lead_in as i64));
+    assert!(least > 0.5 && most < 0.9, "{least} to {most}");
+    assert!(most - least < 0.1, "{least} to {most}");
+    assert!((count as f64 - 0.5e9 / period).abs() <= 1.5, "{count} rows");
+    for pair in rows.windows(2) {
+        let apart = (pair[1].read_out - pair[0].read_out) as f64;
+        assert!((apart - period).abs() <= 2_000.0, "{apart} ns");
+    }
+    let lasers: Vec<u64> = rows.iter().map(|row| row.exposure.laser).collect();
+    assert!(lasers.iter().all(|&ns| ns >= 10_000), "{lasers:?}");
     let lines = board.take_lines();
-    for line in lines.iter().take(8) {
+    for line in lines.iter().take(3) {
         println!("{}", line.text);
     }
-    let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
-    for row in rows.iter().take(5) {
-        println!("{} {:?} {:?} {:?}", row.lead_in, row.phase, row.exposure, row.read_out);
-    }
-    println!("{} rows, {:#?}", rows.len(), Status::ask(&mut board));
+    // A S11639 has no calibration until its owner makes one.
+    let expected = match sensor {
+        Sensor::Tcd1304 => "d ",
+        Sensor::S11639 => "f not calibrated: x ",
+    };
+    let results = lines
+        .iter()
+        .filter(|line| line.text.starts_with(expected))
+        .count();
+    // A frame may be under way at either end.
+    assert!(results as u64 + 2 >= count / 16, "{results} results");
+    assert_eq!(
+        results,
+        lines.iter().filter(|line| is_result(&line.text)).count()
+    );
+    let status = Status::ask(&mut board);
+    println!("a row took {} cycles", status.count("row cycles"));
+    status.assert_none(&["rows lost", "rows failed", "rows late", "lines dropped"]);
+    board.finish().expect("a clean run");
+}
+
+/// The centre that the firmware finds is that of the light, to a twentieth of a pixel.
+fn centres_are_right(sensor: Sensor) {
+    let (width, centre) = match sensor {
+        Sensor::Tcd1304 => (8.6, 1770.3),
+        Sensor::S11639 => (4.9, 1011.3),
+    };
+    let scene = Scene {
+        spot: Some(Spot {
+            width,
+            counts_per_second: 1500.0,
+        }),
+        ..scene_for(sensor)
+    };
+    let mut row = 0;
+    let light = Box::new(move |_: &Exposure| {
+        row += 1;
+        scene.row_with_centre(row, centre, 1.0)
+    });
+    let (mut board, _) = boot_with(sensor, light);
+    set(&mut board, "rows 4");
+    board.take_lines();
+    board.run_for(Duration::from_millis(300)).expect("a run");
+    let lines = board.take_lines();
+    let results: Vec<f64> = (lines.iter())
+        .filter(|line| is_result(&line.text))
+        .map(|line| number(&line.text, "x ", " ") - centre)
+        .collect();
+    println!("{sensor:?}: centres are wrong by {results:.3?} px");
+    assert!(results.len() > 5, "{lines:#?}");
+    assert!(results.iter().all(|error| error.abs() < 0.05));
+    board.finish().expect("a clean run");
+}
+
+/// A transfer that stops ends in a failed row, and rows come again.
+fn a_transfer_that_stops_is_noticed(sensor: Sensor) {
+    let mut board = measuring_with(sensor, 4);
+    board.run_until_rows(1, PATIENCE).expect("a row");
+    board.run_for(Duration::from_millis(2)).expect("a run");
+    board.expect_violations();
+    stop_the_transfer(&mut board);
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    let before = board.head(|head| head.row_count());
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    let rows = board.head(|head| head.row_count()) - before;
+    let failed = Status::ask(&mut board).count("rows failed");
+    println!("{sensor:?}: {failed} failed, {rows} rows after it");
+    assert_eq!(failed, 1);
+    assert!(rows as f64 >= 0.09 / sensor.row_period(), "{rows} rows");
+    board.finish().expect("a clean run");
+}
+
+/// The firmware computes each of 2,000 rows a second.
+fn rows_are_computed_at_2000_a_second(sensor: Sensor) {
+    let mut board = start(firmware_for(sensor), 2000.0, 16).expect("the board starts");
+    let before = board.statistics();
+    assert_eq!(lost_rows(&mut board, 2000.0, 1000).expect("rows"), 0);
+    let after = board.statistics();
+    let busy = (after.instructions - before.instructions) as f64
+        / (168e6 * (after.seconds - before.seconds));
+    println!(
+        "{sensor:?}: the core is busy for {:.1} % of the time",
+        100.0 * busy
+    );
+    assert!(busy < 0.9);
+    board.finish().expect("a clean run");
+}
+
+macro_rules! with_both_heads {
+    ($($test:ident, $tcd1304:ident, $s11639:ident;)*) => {
+        $(
+            #[test]
+            fn $tcd1304() {
+                $test(Sensor::Tcd1304);
+            }
+
+            #[test]
+            fn $s11639() {
+                $test(Sensor::S11639);
+            }
+        )*
+    };
+}
+
+with_both_heads! {
+    rows_come_on_time, rows_of_a_tcd1304_come_on_time, rows_of_a_s11639_come_on_time;
+    centres_are_right, centres_of_a_tcd1304_are_right, centres_of_a_s11639_are_right;
+    a_transfer_that_stops_is_noticed, a_tcd1304_that_stops_is_noticed, a_s11639_that_stops_is_noticed;
+    rows_are_computed_at_2000_a_second, a_tcd1304_at_2000_rows_a_second, a_s11639_at_2000_rows_a_second;
+}
+
+/// Without calibration a S11639 gives centres and no distances: the nominal one belongs to the TCD1304DG.
+#[test]
+fn a_new_s11639_has_no_calibration() {
+    let (mut board, banner) = boot_with(Sensor::S11639, crate::common::paper_for(Sensor::S11639));
+    assert!(banner.text.contains("S11639-01"), "{}", banner.text);
+    assert_eq!(ask(&mut board, "calibration"), "calibration none");
     board.finish().expect("a clean run");
 }
 
 #[test]
-fn reads_s11639() {
-    reads(Sensor::S11639);
+#[ignore = "a minute: prints the highest rate of rows"]
+fn the_highest_rate_of_rows_of_a_s11639() {
+    for rows in [1, 16, 64] {
+        let rate = highest(firmware_for(Sensor::S11639), rows, 2000.0, 20_000.0, 2000);
+        println!(
+            "{rows} rows a frame: {:.0} rows a second",
+            rate.expect("a rate")
+        );
+    }
 }
