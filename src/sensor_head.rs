@@ -56,11 +56,14 @@ pub async fn poll_until<T>(
     .await
 }
 
-/// Whether SCLK paused since word 0 ended. A word takes `word` core cycles. Waits for the end of a word, if one
-/// is still to come.
+/// Whether SCLK paused since word 0 ended. A word takes `word` core cycles. Waits for the end of a word, if
+/// one is still to come.
 ///
 /// A word must not end later than half a word after SCLK would bring it. The program sees the end of a word
-/// after up to 15 instructions, and DMA counts it after up to 40 cycles. So a gap of a word is always seen.
+/// after up to 15 instructions, and DMA counts it after up to 40 cycles. So with words of 256 cycles a gap of
+/// 163 cycles is always seen. The rest is the slack for a slower core. Shorter gaps are not expected: SPI1
+/// only receives, and then SCLK does not wait for DMA (RM0090 section 28.3.5). If DMA is too late, a word is
+/// lost, and SPI1 reports it.
 pub fn has_gap(word_0_ended: u32, word: u32) -> bool {
     cortex_m::interrupt::free(|_| {
         let (start, words) = (board::cycles(), board::words_to_come());

@@ -120,13 +120,6 @@ const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 /// last eleven words, 17 us, have not. An alarm may be late by most of them.
 const LOOK: Duration = Duration::from_micros(5611);
 
-/// A word must not end later than this after SCLK would bring it, in core cycles. The program sees the end of
-/// a word after up to 15 instructions, and DMA counts it after up to 40 cycles. So a gap of 163 cycles is
-/// always seen, and that of a word has 256. Half of this is the slack for a slower core. Shorter gaps are not
-/// expected: SPI1 only receives, and then SCLK does not wait for DMA (RM0090 section 28.3.5). If DMA is too
-/// late, a word is lost, and SPI1 reports it.
-const GAP: u32 = CYCLES_A_PIXEL / 2;
-
 /// The pulses are within the limits of the data sheet.
 const _: () = {
     assert!(ICG_TO_SH > cycles_in_ns(100) && ICG_TO_SH < cycles_in_ns(1000));

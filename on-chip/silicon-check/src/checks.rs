@@ -13,12 +13,12 @@ use slitrange::protocol::info::{Clock, Hardware};
 use slitrange::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
-use super::acquisition::ROW_PERIOD;
 use super::board::{CORE_HZ, CYCLES_A_MASTER_CLOCK};
 use super::estimators::{self, Load};
 use super::flash::CalibrationFlash;
 use super::kept::Word;
 use super::report::{Report, text};
+use super::sensor_head::ROW_PERIOD;
 use super::shared::{COUNTERS, FREE, FULL, WORDS};
 use super::wires::{self, SEEN};
 

@@ -21,6 +21,10 @@ mod flash;
 #[path = "../../../src/laser.rs"]
 mod laser;
 #[cfg(target_os = "none")]
+#[path = "../../../src/sensor_head.rs"]
+#[allow(dead_code, unused_imports)]
+mod sensor_head;
+#[cfg(target_os = "none")]
 #[path = "../../../src/shared.rs"]
 #[allow(dead_code)]
 mod shared;
