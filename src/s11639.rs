@@ -10,15 +10,15 @@
 //!
 //! ```text
 //! CLK     __|‾‾|__|‾‾|__|‾‾|__|‾‾|__|‾‾|__   __|‾‾|__|‾‾|__|‾‾|__   ___________
-//! ST      ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾|____________   _____________________   ____|‾‾‾‾‾‾
+//! ST      ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾|______   _____________________   ____|‾‾‾‾‾‾
 //! CS      ‾‾‾‾|___________________________   _____________________   ___________
-//! word        |  0  |  1  |  2  |  3  |  4    | 91  | 92  | 93  |    ...
+//! word        |  0  |  1  |  2  |  3  |  4    | 92  | 93  | 94  |    ...
 //! output                                        |  0  |  1  |  2  |    ...
 //! sampled       ^     ^     ^     ^             ^     ^     ^
 //! ```
 //!
 //! As with the TCD1304 the converter runs first, because the program cannot say when the first word will
-//! start, but can see it arrive. ST then falls while CLK is low, before the rise of CLK that makes word 91
+//! start, but can see it arrive. ST then falls while CLK is low, before the rise of CLK that makes word 92
 //! sample the first pixel ([`S11639_LEAD_IN`](slitrange::sensor_heads::S11639_LEAD_IN)). Unlike ICG, ST
 //! cannot move pixels against words by less than a period. So the transfer starts at a fixed time of CLK, and
 //! a row that would be sampled too early or too late in its pixels' time is rejected.
@@ -79,10 +79,10 @@ const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + 105;
 /// From the end of word 0 to the rise of CLK that follows the fall of ST, if pixels are sampled at once when
 /// they come out: `WORDS` and the lead-in fix it.
 ///
-/// Pixel 0 is at the output from half a period before the 89th rise on. Word 91 starts 90 periods after the
+/// Pixel 0 is at the output from half a period before the 89th rise on. Word 92 starts 91 periods after the
 /// end of word 0, and the converter samples when 3.5 SCLK of a word have passed.
 const CLOCK_AFTER_WORD_0: u32 =
-    2 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 2 + 7 * CYCLES_A_MASTER_CLOCK / 32;
+    3 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 2 + 7 * CYCLES_A_MASTER_CLOCK / 32;
 
 /// The parts of a pixel's time at which it may be sampled, in percent.
 const SAMPLED: core::ops::RangeInclusive<u32> = 30..=90;

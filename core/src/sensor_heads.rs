@@ -43,8 +43,9 @@ pub const fn tcd1304dg() -> Geometry {
 }
 
 /// Words of a S11639's read-out before the one that samples its first pixel. The converter runs before the
-/// sensor puts out pixels. Word `LEAD_IN + k` samples pixel k, counted from 0.
-pub const S11639_LEAD_IN: usize = 91;
+/// sensor puts out pixels. Word `LEAD_IN + k` samples pixel k, counted from 0. An even number: the core sums
+/// pixels in half the time if the first of them lies at a multiple of 4 bytes.
+pub const S11639_LEAD_IN: usize = 92;
 
 /// Hamamatsu S11639-01 behind a 12-bit converter. All its 2048 pixels see light.
 ///
@@ -74,7 +75,7 @@ mod tests {
     #[test]
     fn all_pixels_of_a_s11639_see_light() {
         let head = s11639();
-        assert_eq!((head.light.start, head.light.end), (91, 2139));
+        assert_eq!((head.light.start, head.light.end), (92, 2140));
         assert!(head.light.end <= head.words);
         assert!(head.shielded.is_empty());
     }

@@ -170,7 +170,7 @@ fn pair(number: u64, width: f64, strength: f64, apart: f64) -> (Vec<u16>, f64) {
 #[test]
 fn two_spots_are_told_apart() {
     const ROWS: u64 = 4000;
-    for width in [1.5, 4.0, 10.5, 30.0] {
+    for width in [1.5, 4.0, 4.9, 10.5, 30.0] {
         for apart in [5.0, 6.0, 8.0, 12.0, 20.0] {
             let found = (0..ROWS).into_par_iter().map(|number| {
                 let (light, higher) = pair(number, width, 0.5, apart);

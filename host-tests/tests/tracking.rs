@@ -424,7 +424,7 @@ fn a_spot_that_disappears_has_no_centre() {
     }
 }
 
-/// [`spot::find_again`] finds every spot that [`spot::find`] finds, if the spot has a width of 6 pixels or
+/// [`spot::find_again`] finds every spot that [`spot::find`] finds, if the spot has a width of 4 pixels or
 /// more. The place is within half a block, plus a tenth of a block for noise that decides between two blocks,
 /// except for one row in a thousand.
 #[test]
@@ -433,7 +433,7 @@ fn find_again_is_as_exact_as_find() {
     let (mut first, mut again, mut apart) = (0.0f64, 0.0f64, 0.0f64);
     let mut further = 0;
     for number in 0..2000 {
-        let width = 6.0 * f64::powf(100.0 / 6.0, random.random_range(0.0..1.0));
+        let width = 4.0 * f64::powf(100.0 / 4.0, random.random_range(0.0..1.0));
         let read_noise = random.random_range(2.0..30.0);
         let snr = 10.0 * f64::powf(80.0, random.random_range(0.0..1.0));
         let before = Shown {

@@ -4,7 +4,7 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use rigless::image::Image;
@@ -63,19 +63,19 @@ impl Firmware {
     }
 
     fn build_with(package: &str, sensor: Sensor) -> Result<Self> {
-        // The builds for two sensors have one path, so each is loaded before the next begins.
-        static BUILD: Mutex<()> = Mutex::new(());
-        let _one = BUILD.lock().unwrap_or_else(PoisonError::into_inner);
-        let features: &[&str] = match sensor {
-            Sensor::Tcd1304 => &[],
-            Sensor::S11639 => &["--features", "s11639"],
-        };
         let mut command = cargo();
         command
             .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
             .args(["--package", package, "--bin", package])
-            .args(features)
             .arg("--message-format=json-render-diagnostics");
+        if sensor == Sensor::S11639 {
+            // Another folder than that of the TCD1304DG's build: another process may build that one meanwhile,
+            // and both have one name.
+            let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+            command
+                .args(["--features", "s11639", "--target-dir"])
+                .arg(Path::new(&target).join("s11639"));
+        }
         // A person sees the build's progress; a test's output stays clean unless the build fails.
         if std::io::stderr().is_terminal() {
             command.stderr(Stdio::inherit());

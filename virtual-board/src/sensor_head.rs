@@ -183,8 +183,8 @@ impl Sensor {
         match self {
             // ICG rises in word 1.
             Self::Tcd1304 => 1,
-            // ST falls in word 1 or 2.
-            Self::S11639 => 3,
+            // ST falls in word 2 or 3.
+            Self::S11639 => 4,
         }
     }
 

@@ -14,9 +14,9 @@ use crate::units::{Counts, Pixels};
 
 /// Finds the spot again in the next row, with a tenth of the work of [`find`](crate::spot::find). Uses blocks
 /// of 8 pixels or more that fit the width of the spot before, and the background and the noise of the row
-/// before. Calls `find` instead if the spot is narrower, has moved by more than its width and a block, or is
-/// on another background: a sudden change of light changes the noise too, and noise might then pass for a
-/// spot above the old background.
+/// before. Calls `find` instead if the spot is narrower than 4 pixels, has moved by more than its width and a
+/// block, or is on another background: a sudden change of light changes the noise too, and noise might then
+/// pass for a spot above the old background.
 ///
 /// # Errors
 /// As [`find`](crate::spot::find).
@@ -33,13 +33,15 @@ pub(crate) fn find_again_in(
     before: &Spot,
     width: Pixels,
 ) -> Result<Spot, Fault> {
+    if width < NARROWEST || row.light().len() < MIN_PIXELS {
+        return find_in(row, blocks, coarse);
+    }
+    let reach = spot_reach(width);
     // The kernel fits a width of 0.9 of its block best, and widths of 0.75 or 1.5 nearly as well.
     let block_log2 = (BLOCK_LOG2..=LARGEST_BLOCK_LOG2)
         .take_while(|&log2| width >= Pixels::from_int((3 << log2) / 4))
-        .last();
-    let Some(block_log2) = block_log2.filter(|_| row.light().len() >= MIN_PIXELS) else {
-        return find_in(row, blocks, coarse);
-    };
+        .last()
+        .unwrap_or(BLOCK_LOG2);
     let groups = Groups {
         blocks,
         log2: block_log2 - BLOCK_LOG2,
@@ -48,7 +50,7 @@ pub(crate) fn find_again_in(
     let background = under_the_kernel(level, block_log2);
     let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
     let block = 1usize << block_log2;
-    // Not negative: the width is at least three quarters of the block that was chosen for it.
+    // Not negative: the width is at least half of the block that was chosen for it.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
     let Some(peak) = groups.peak_near(before.centre >> block_log2) else {
         return find_in(row, blocks, coarse);
@@ -65,7 +67,7 @@ pub(crate) fn find_again_in(
     if significance < needed(DETECTION, before.background.noise)
         || centre.abs_diff(before.centre) > width + block
         || has_background_changed(background, response, groups.beside(peak.group))
-        || groups.has_another(peak.group, least_similar)
+        || groups.has_another(peak.group, reach, least_similar)
     {
         return find_in(row, blocks, coarse);
     }
@@ -78,6 +80,11 @@ pub(crate) fn find_again_in(
         effort: Effort::WHOLE,
     })
 }
+
+/// A narrower spot is found by [`find`](crate::spot::find), in blocks of fewer pixels. With blocks of 8
+/// pixels, a spot of this width stands out two thirds as much as with blocks of 4. If it then stands out too
+/// little, `find` is called all the same.
+const NARROWEST: Pixels = Pixels::from_int(4);
 
 /// Whether the background beside the spot has changed by more than a quarter of the spot's response. All
 /// three arguments are responses of the kernel, in Q24.8 counts. A smaller change moves no centre of a phase
@@ -93,13 +100,17 @@ fn has_background_changed(background: i32, response: i32, beside: Option<i32>) -
 const GROUPS_TO_BACKGROUND: usize = 5;
 
 /// How far a spot reaches, in groups: a response at this distance or nearer belongs to the spot. A spot's
-/// width is at most 1.5 groups: at this distance it has a third of its response left.
-const SPOT_REACH: usize = 2;
+/// width is at most 1.5 groups: at two groups it has a third of its response left. A spot of less than 0.75
+/// groups has at most 0.44 of its response left at two groups, if it lies between two groups. Light there is
+/// another spot, which may be as near as five widths.
+fn spot_reach(width: Pixels) -> usize {
+    if width < Pixels::from_int(6) { 1 } else { 2 }
+}
 
 /// How far the peak is searched from the place of the row before, in groups. A spot that moved by its width
 /// and a group is found: a width is at most 1.5 groups. A peak beyond that is found too, as far as it reaches
 /// to there.
-const SEARCH_REACH: usize = 3 + SPOT_REACH;
+const SEARCH_REACH: usize = 5;
 
 /// Blocks in groups of 2^`log2`.
 struct Groups<'a> {
@@ -154,17 +165,17 @@ impl Groups<'_> {
         Some(in_q8(numeric::add_u32(both, both)))
     }
 
-    /// Whether any response further away than [`SPOT_REACH`] groups is `least` or more.
-    fn has_another(&self, group: usize, least: u32) -> bool {
+    /// Whether any response further away than `reach` groups is `least` or more.
+    fn has_another(&self, group: usize, reach: usize, least: u32) -> bool {
         // The kernel's middle is further away than that. Its last group on the left, and its first on the
         // right, are one nearer.
-        let left = self.blocks_in(group.saturating_sub(SPOT_REACH - 1));
-        let right = self.blocks_in(group.saturating_add(SPOT_REACH));
+        let left = self.blocks_in(group.saturating_sub(reach.saturating_sub(1)));
+        let right = self.blocks_in(group.saturating_add(reach));
         let left = self.blocks.get(..left).unwrap_or_default();
         let right = self.blocks.get(right..).unwrap_or_default();
         // A spot that the row's start cuts responds without a first group.
         self.response_at_start()
-            .is_some_and(|response| group > SPOT_REACH && response >= least)
+            .is_some_and(|response| group > reach && response >= least)
             || reaches(left, self.log2, least)
             || reaches(right, self.log2, least)
     }
