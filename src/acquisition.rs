@@ -8,7 +8,7 @@ use embassy_time::{Instant, Timer};
 use slitrange::exposure::Exposure;
 use static_cell::ConstStaticCell;
 
-use super::sensor_head::{LONGEST_EXPOSURE, ROW_PERIOD, ReadOutError, SensorHead};
+use super::sensor_head::{ROW_PERIOD, ReadOutError, SensorHead};
 use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER, WORDS};
 
 /// Pulses before the first row. The pixels have gathered light since the power came on, and one pulse does
@@ -98,8 +98,7 @@ async fn wait_for_alarm(at: Instant) {
 
 /// For how long the laser is to be on in the row that begins now; `None` if it is to be off.
 fn next_exposure(sensor: &SensorHead) -> Option<Exposure> {
-    let wanted = LASER.exposure_after(sensor.exposing());
-    wanted.map(|exposure| exposure.min(LONGEST_EXPOSURE))
+    LASER.exposure_after(sensor.exposing())
 }
 
 /// Reads a row and hands it on. Sets the alarm at `next`. Returns whether the next row can be good.

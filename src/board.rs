@@ -55,7 +55,9 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::laser::Laser;
-use super::sensor_head::{self, MASTER_CLOCK_HZ, Pins, ROW_PERIOD, SCLK_HZ, SensorHead};
+use super::sensor_head::{
+    self, LONGEST_EXPOSURE, MASTER_CLOCK_HZ, Pins, ROW_PERIOD, SCLK_HZ, SensorHead,
+};
 use super::shared::{COUNTERS, FRAMES};
 
 /// The board's name.
@@ -242,6 +244,7 @@ pub fn init() -> Board {
             board: NAME,
             head: sensor_head::NAME,
             row_us: ROW_PERIOD.as_micros() as u32,
+            longest_exposure: LONGEST_EXPOSURE,
             clock,
             brown_out: brown_out(),
         },

@@ -21,6 +21,7 @@ use slitrange::row::Geometry;
 use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
+use super::sensor_head::LONGEST_EXPOSURE;
 use super::shared::{
     COUNTERS, ExposedRow, FRAMES, FREE, FULL, Flat, FrameEnd, GIVEN, IDLE, LASER, PAUSED, REQUESTS,
     RESULTS, ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS, WORDS,
@@ -38,8 +39,8 @@ static MEASUREMENT: StaticCell<Measurement> = StaticCell::new();
 /// A slow row may take longer by the periods of the rows that the buffers hold.
 #[embassy_executor::task]
 pub async fn measure() {
-    let measurement =
-        MEASUREMENT.init_with(|| Measurement::new(sensor_head::geometry(), Settings::default()));
+    let measurement = MEASUREMENT
+        .init_with(|| Measurement::new(sensor_head::geometry(), for_head(Settings::default())));
     let mut flat: Option<Flat> = None;
     let mut is_corrected = false;
     let mut silence = Silence::new();
@@ -47,7 +48,7 @@ pub async fn measure() {
         // Settings and requests first, so that they hold for every row that comes after them.
         if let Some(applied) = SETTINGS.try_take() {
             measurement.set_geometry(applied.geometry);
-            measurement.set(applied.settings, applied.profile);
+            measurement.set(for_head(applied.settings), applied.profile);
             measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
             order_light(measurement);
             // The frame starts again, so this counts as a result. Otherwise a user who changes settings
@@ -194,6 +195,14 @@ async fn next_row_alone(
     };
     let measured = measurement.measure_alone(row.words, row.exposure, map);
     (Some(row), measured)
+}
+
+/// The settings with the longest exposure of this sensor head. Auto exposure has to know this limit.
+fn for_head(settings: Settings) -> Settings {
+    Settings {
+        exposure_limit: settings.exposure_limit.min(LONGEST_EXPOSURE),
+        ..settings
+    }
 }
 
 /// Orders the laser's light for the rows to come.

@@ -1,7 +1,7 @@
 //! Driver of the sensor Hamamatsu S11639-01 behind a converter ADC122S101.
 //!
-//! While ST is high, and for 48 periods of CLK after it fell, all pixels gather light. The sensor then puts out
-//! a pixel a period of CLK, 2048 of them. CLK never stops. The next exposure may begin while pixels come out.
+//! All pixels gather light while ST is high, and for 48 periods of CLK after ST fell. The sensor then puts out
+//! 2048 pixels, one in each period of CLK. CLK never stops. The next exposure may begin while pixels come out.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
 //! from there on while chip select stays low. With CLK = SCLK / 16, both from one PLL, a word is a pixel.
@@ -72,8 +72,8 @@ pub const LONGEST_EXPOSURE: Exposure = Exposure::from_us(3000).unwrap();
 /// ST stays low for at least 100 periods of CLK, 152.4 us. The alarm's clock counts microseconds.
 const ST_LOW: Duration = Duration::from_micros(154);
 
-/// From a rise of CLK to the start of the transfer. On the virtual board, pixels are then sampled at 60 % of
-/// their time.
+/// From a rise of CLK to the start of the transfer. On the virtual board, pixels are then sampled at 53 to
+/// 56 % of their time.
 const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + 105;
 
 /// From the end of word 0 to the rise of CLK that follows the fall of ST, if pixels are sampled at once when
@@ -90,8 +90,8 @@ const SAMPLED: core::ops::RangeInclusive<u32> = 30..=90;
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
-/// From the end of word 0 to a look at the words that have come: those of all pixels have, and the last eleven
-/// words, 17 us, have not.
+/// From the fall of ST, in word 3, to a look at the words that have come: all pixels have, and the last words
+/// have not. An alarm may be late by most of these, 13 us.
 const LOOK: Duration = Duration::from_micros(3260);
 
 /// The laser's longest pulse ends before the next row begins.
@@ -254,12 +254,12 @@ impl Pins {
     }
 
     /// Waits for the end of word 0, and lowers ST before the rise of CLK that suits the words. If no word
-    /// comes, ST falls all the same, and the transfer runs into its timeout. Returns when word 0 ended, by the
-    /// cycle counter.
+    /// comes, ST falls all the same, and the transfer runs into its timeout. Returns when word 0 ended, by
+    /// the cycle counter.
     ///
     /// # Errors
-    /// [`ReadOutError::Late`] if word 0 had ended before the first look, if ST fell too late, or if the pixels
-    /// will not be sampled in the middle of their time.
+    /// [`ReadOutError::Late`] if word 0 had ended before the first look, if ST fell too late, or if the
+    /// pixels will not be sampled in the middle of their time.
     fn lower_st_after_word_0(&mut self) -> Result<u32, ReadOutError> {
         let has_word_0 = || (board::words_to_come() as usize) < WORDS;
         let was_missed = has_word_0();

@@ -291,6 +291,7 @@ impl Sensor {
             board: "a board",
             head: "TCD1304DG",
             row_us: 5700,
+            longest_exposure: slitrange::exposure::Exposure::LONGEST,
             clock: Clock::External,
             brown_out: BrownOut::Off,
         };

@@ -43,6 +43,7 @@ const HARDWARE: Hardware = Hardware {
     board: "a board",
     head: "TCD1304DG",
     row_us: 5700,
+    longest_exposure: Exposure::LONGEST,
     clock: Clock::External,
     brown_out: BrownOut::Off,
 };

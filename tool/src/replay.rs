@@ -63,6 +63,7 @@ impl Core {
             board: "PC",
             head: "",
             row_us: 0,
+            longest_exposure: slitrange::exposure::Exposure::LONGEST,
             clock: Clock::External,
             brown_out: BrownOut::Off,
         };

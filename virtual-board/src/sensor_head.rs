@@ -570,6 +570,10 @@ impl SensorHead {
 
     /// Sets SH to `level`.
     pub fn sh(&mut self, level: Level, now: Nanos) {
+        if self.sensor == Sensor::S11639 {
+            // The pin is not connected.
+            return;
+        }
         let last_fall = self.sh.fell;
         if !self.sh.moves(level, now) {
             return;

@@ -29,6 +29,8 @@ pub struct Hardware {
     pub head: &'static str,
     /// Microseconds from one row to the next: the exposure to all light but the laser's.
     pub row_us: u32,
+    /// The longest time of the laser in a row.
+    pub longest_exposure: Exposure,
     /// What times the rows and the serial line.
     pub clock: Clock,
     /// What the chip does while its supply is too low.
@@ -113,6 +115,7 @@ impl fmt::Display for Info<'_> {
             board,
             head,
             row_us,
+            longest_exposure,
             clock,
             brown_out,
         } = *self.hardware;
@@ -156,7 +159,7 @@ impl fmt::Display for Info<'_> {
             f,
             "\r\ninfo rate a row every {row_us} us, in which the laser is on for {} to {} us",
             Exposure::SHORTEST.us(),
-            Exposure::LONGEST.us()
+            longest_exposure.us()
         )?;
         write!(f, "\r\ninfo clock {clock}")?;
         write!(f, "\r\ninfo brown-out reset {brown_out}")?;
@@ -366,6 +369,7 @@ mod tests {
         board: "NUCLEO-F429ZI",
         head: "TCD1304DG",
         row_us: 5700,
+        longest_exposure: Exposure::LONGEST,
         clock: Clock::External,
         brown_out: BrownOut::Off,
     };

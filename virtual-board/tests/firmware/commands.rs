@@ -26,6 +26,7 @@ const HARDWARE: Hardware = Hardware {
     board: "NUCLEO-F429ZI",
     head: "TCD1304DG",
     row_us: 5700,
+    longest_exposure: slitrange::exposure::Exposure::LONGEST,
     clock: Clock::External,
     brown_out: BrownOut::Off,
 };

@@ -255,6 +255,7 @@ pub fn talk() {
         board: "",
         head: "",
         row_us: 0,
+        longest_exposure: slitrange::exposure::Exposure::LONGEST,
         clock: Clock::External,
         brown_out: BrownOut::Off,
     });
