@@ -20,8 +20,10 @@
 //! As with the TCD1304 the converter runs first, because the program cannot say when the first word will
 //! start, but can see it arrive. ST then falls while CLK is low, before the rise of CLK that makes word 92
 //! sample the first pixel ([`S11639_LEAD_IN`](slitrange::sensor_heads::S11639_LEAD_IN)). Unlike ICG, ST
-//! cannot move pixels against words by less than a period. So the transfer starts at a fixed time of CLK, and
-//! a row that would be sampled too early or too late in its pixels' time is rejected.
+//! cannot move pixels against words by less than a period. So the transfer starts at a fixed time of CLK. From
+//! there to the first word, a slower core takes longer. So each row tells when in their time its pixels are
+//! sampled, and the next transfer starts at another time if that is far from the middle. A row that is sampled
+//! too early or too late is rejected.
 //!
 //! # Note
 //!
@@ -30,9 +32,10 @@
 //! * The data sheet counts pulses of the sensor's output Trig, which nothing reads here. That Trig rises with
 //!   CLK, and that the first pixel belongs to the 89th of its pulses after the fall of ST, is an assumption:
 //!   look at both with an oscilloscope. Another count changes `S11639_LEAD_IN`, another phase
-//!   [`TRANSFER_START`].
+//!   [`CLOCK_AFTER_WORD_0`].
 
 use core::future::{Future, poll_fn};
+use core::ops::RangeInclusive;
 use core::pin::pin;
 use core::task::Poll;
 
@@ -72,8 +75,8 @@ pub const LONGEST_EXPOSURE: Exposure = Exposure::from_us(3000).unwrap();
 /// ST stays low for at least 100 periods of CLK, 152.4 us. The alarm's clock counts microseconds.
 const ST_LOW: Duration = Duration::from_micros(154);
 
-/// From a rise of CLK to the start of the transfer. On the virtual board, pixels are then sampled at 53 to
-/// 56 % of their time.
+/// From a rise of CLK to the start of the first transfer. On the virtual board, pixels are then sampled at 53
+/// to 56 % of their time.
 const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + 105;
 
 /// From the end of word 0 to the rise of CLK that follows the fall of ST, if pixels are sampled at once when
@@ -85,7 +88,30 @@ const CLOCK_AFTER_WORD_0: u32 =
     3 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 2 + 7 * CYCLES_A_MASTER_CLOCK / 32;
 
 /// The parts of a pixel's time at which it may be sampled, in percent.
-const SAMPLED: core::ops::RangeInclusive<u32> = 30..=90;
+const SAMPLED: RangeInclusive<u32> = 30..=90;
+
+/// Within these parts, in percent, the next transfer starts at the same time as this one.
+const NEAR_MIDDLE: RangeInclusive<u32> = 45..=75;
+
+/// The part of its time at which a pixel is to be sampled, in percent.
+const MIDDLE: u32 = 60;
+
+/// When a transfer is to start, in cycles after a rise of CLK. The transfer before started at `start`, and
+/// its pixels were sampled when so many percent of their time had passed.
+const fn next_start(start: u32, sampled: u32) -> u32 {
+    const LEAST: u32 = 2 * CYCLES_A_MASTER_CLOCK;
+    // Pixels are sampled as much later as the transfer starts later, by whole pixels less.
+    let later = (100 + MIDDLE - sampled) * CYCLES_A_MASTER_CLOCK / 100;
+    LEAST + (start - LEAST + later) % CYCLES_A_MASTER_CLOCK
+}
+
+const _: () = {
+    // 60 % stays, and 10 % is half a pixel too early.
+    let half = CYCLES_A_MASTER_CLOCK / 2;
+    assert!(next_start(2 * CYCLES_A_MASTER_CLOCK, 60) == 2 * CYCLES_A_MASTER_CLOCK);
+    assert!(next_start(2 * CYCLES_A_MASTER_CLOCK, 10) == 2 * CYCLES_A_MASTER_CLOCK + half);
+    assert!(next_start(3 * CYCLES_A_MASTER_CLOCK - half, 10) == 2 * CYCLES_A_MASTER_CLOCK);
+};
 
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
@@ -116,6 +142,8 @@ pub struct SensorHead {
     pins: Pins,
     /// For how long the laser is on in the row that is being exposed; `None` if it is off.
     exposing: Option<Exposure>,
+    /// From a rise of CLK to the start of the next transfer, in cycles.
+    transfer_start: u32,
     /// The clock runs as long as this is kept.
     _master_clock: MasterClock,
 }
@@ -127,6 +155,7 @@ impl SensorHead {
             converter,
             pins,
             exposing: None,
+            transfer_start: TRANSFER_START,
             _master_clock: master_clock,
         }
     }
@@ -160,6 +189,7 @@ impl SensorHead {
             converter,
             pins,
             exposing,
+            transfer_start,
             ..
         } = self;
         let exposed = core::mem::replace(exposing, laser);
@@ -172,11 +202,11 @@ impl SensorHead {
                 Poll::Ready(cortex_m::interrupt::free(|_| {
                     let clock_rose =
                         board::cycles().wrapping_sub(board::cycles_since_master_clock_rose());
-                    wait_until(clock_rose, TRANSFER_START);
+                    wait_until(clock_rose, *transfer_start);
                     // SCLK floats until the transfer enables SPI, so the converter listens only now.
                     pins.chip_select.set_low();
                     let started = transfer.as_mut().poll(context);
-                    word_0 = pins.lower_st_after_word_0();
+                    word_0 = pins.lower_st_after_word_0(transfer_start);
                     rise = Instant::now() + ST_LOW;
                     look = Instant::now() + LOOK;
                     started
@@ -254,13 +284,14 @@ impl Pins {
     }
 
     /// Waits for the end of word 0, and lowers ST before the rise of CLK that suits the words. If no word
-    /// comes, ST falls all the same, and the transfer runs into its timeout. Returns when word 0 ended, by
-    /// the cycle counter.
+    /// comes, ST falls all the same, and the transfer runs into its timeout. Changes the start of the next
+    /// transfer if the pixels are sampled far from their middle. Returns when word 0 ended, by the cycle
+    /// counter.
     ///
     /// # Errors
     /// [`ReadOutError::Late`] if word 0 had ended before the first look, if ST fell too late, or if the
     /// pixels will not be sampled in the middle of their time.
-    fn lower_st_after_word_0(&mut self) -> Result<u32, ReadOutError> {
+    fn lower_st_after_word_0(&mut self, transfer_start: &mut u32) -> Result<u32, ReadOutError> {
         let has_word_0 = || (board::words_to_come() as usize) < WORDS;
         let was_missed = has_word_0();
         let start = board::cycles();
@@ -275,6 +306,9 @@ impl Pins {
         let sampled = CLOCK_AFTER_WORD_0.saturating_sub(after) * 100 / CYCLES_A_MASTER_CLOCK;
         COUNTERS.sampled_earliest.set_if_smaller(sampled);
         COUNTERS.sampled_latest.set_if_larger(sampled);
+        if !NEAR_MIDDLE.contains(&sampled) {
+            *transfer_start = next_start(*transfer_start, sampled.min(100));
+        }
         if was_missed || !SAMPLED.contains(&sampled) {
             return Err(ReadOutError::Late);
         }

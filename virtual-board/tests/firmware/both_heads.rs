@@ -1,15 +1,15 @@
-//! What both sensor heads must do. Each test runs with the TCD1304DG and with the S11639.
+//! The times of both sensor heads, and what only the S11639 has. The modules `faults`, `laser`, `row`,
+//! `row_rate`, `sensor_head` and `trigger` have other tests that run with both heads.
 
 use std::time::Duration;
 
-use simulator::scene::{Scene, Spot};
 use slitrange::sensor_heads::{S11639_LEAD_IN, TCD1304DG_LEAD_IN};
-use virtual_board::row_rate::{highest, lost_rows, start};
-use virtual_board::{Exposure, Row, Sensor};
+use virtual_board::row_rate::highest;
+use virtual_board::{Row, Sensor};
 
 use crate::common::{
-    PATIENCE, Status, ask, boot_with, firmware_for, is_result, measuring_with, number, scene_for,
-    set, stop_the_transfer,
+    Status, ask, boot_with, firmware_for, is_result, measuring_with, number, paper_for, set,
+    spot_for, with_both_heads,
 };
 
 /// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
@@ -77,23 +77,8 @@ fn rows_come_on_time(sensor: Sensor) {
 
 /// The centre that the firmware finds is that of the light, to a twentieth of a pixel.
 fn centres_are_right(sensor: Sensor) {
-    let (width, centre) = match sensor {
-        Sensor::Tcd1304 => (8.6, 1770.3),
-        Sensor::S11639 => (4.9, 1011.3),
-    };
-    let scene = Scene {
-        spot: Some(Spot {
-            width,
-            counts_per_second: 1500.0,
-        }),
-        ..scene_for(sensor)
-    };
-    let mut row = 0;
-    let light = Box::new(move |_: &Exposure| {
-        row += 1;
-        scene.row_with_centre(row, centre, 1.0)
-    });
-    let (mut board, _) = boot_with(sensor, light);
+    let centre = 1770.3;
+    let (mut board, _) = boot_with(sensor, spot_for(sensor, centre, 1500.0));
     set(&mut board, "rows 4");
     board.take_lines();
     board.run_for(Duration::from_millis(300)).expect("a run");
@@ -108,67 +93,15 @@ fn centres_are_right(sensor: Sensor) {
     board.finish().expect("a clean run");
 }
 
-/// A transfer that stops ends in a failed row, and rows come again.
-fn a_transfer_that_stops_is_noticed(sensor: Sensor) {
-    let mut board = measuring_with(sensor, 4);
-    board.run_until_rows(1, PATIENCE).expect("a row");
-    board.run_for(Duration::from_millis(2)).expect("a run");
-    board.expect_violations();
-    stop_the_transfer(&mut board);
-    board.run_for(Duration::from_millis(100)).expect("a run");
-    let before = board.head(|head| head.row_count());
-    board.run_for(Duration::from_millis(100)).expect("a run");
-    let rows = board.head(|head| head.row_count()) - before;
-    let failed = Status::ask(&mut board).count("rows failed");
-    println!("{sensor:?}: {failed} failed, {rows} rows after it");
-    assert_eq!(failed, 1);
-    assert!(rows as f64 >= 0.09 / sensor.row_period(), "{rows} rows");
-    board.finish().expect("a clean run");
-}
-
-/// The firmware computes each of 2,000 rows a second.
-fn rows_are_computed_at_2000_a_second(sensor: Sensor) {
-    let mut board = start(firmware_for(sensor), 2000.0, 16).expect("the board starts");
-    let before = board.statistics();
-    assert_eq!(lost_rows(&mut board, 2000.0, 1000).expect("rows"), 0);
-    let after = board.statistics();
-    let busy = (after.instructions - before.instructions) as f64
-        / (168e6 * (after.seconds - before.seconds));
-    println!(
-        "{sensor:?}: the core is busy for {:.1} % of the time",
-        100.0 * busy
-    );
-    assert!(busy < 0.9);
-    board.finish().expect("a clean run");
-}
-
-macro_rules! with_both_heads {
-    ($($test:ident, $tcd1304:ident, $s11639:ident;)*) => {
-        $(
-            #[test]
-            fn $tcd1304() {
-                $test(Sensor::Tcd1304);
-            }
-
-            #[test]
-            fn $s11639() {
-                $test(Sensor::S11639);
-            }
-        )*
-    };
-}
-
 with_both_heads! {
-    rows_come_on_time, rows_of_a_tcd1304_come_on_time, rows_of_a_s11639_come_on_time;
-    centres_are_right, centres_of_a_tcd1304_are_right, centres_of_a_s11639_are_right;
-    a_transfer_that_stops_is_noticed, a_tcd1304_that_stops_is_noticed, a_s11639_that_stops_is_noticed;
-    rows_are_computed_at_2000_a_second, a_tcd1304_at_2000_rows_a_second, a_s11639_at_2000_rows_a_second;
+    rows_come_on_time
+    centres_are_right
 }
 
 /// Without calibration a S11639 gives centres and no distances: the nominal one belongs to the TCD1304DG.
 #[test]
 fn a_new_s11639_has_no_calibration() {
-    let (mut board, banner) = boot_with(Sensor::S11639, crate::common::paper_for(Sensor::S11639));
+    let (mut board, banner) = boot_with(Sensor::S11639, paper_for(Sensor::S11639));
     assert!(banner.text.contains("S11639-01"), "{}", banner.text);
     assert_eq!(ask(&mut board, "calibration"), "calibration none");
     board.finish().expect("a clean run");

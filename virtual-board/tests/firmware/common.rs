@@ -6,8 +6,34 @@ use std::time::Duration;
 use rigless::soc::stm32f427::generated::spi1;
 use simulator::scene::{Scene, Spot};
 use slitrange::fault::Fault;
+use slitrange::row::Geometry;
+use slitrange::sensor_heads;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Exposure, Firmware, LightSource, Line, Sensor, VirtualBoard};
+
+/// Makes two tests of each of these functions, which take a sensor: one with each sensor head.
+macro_rules! with_both_heads {
+    ($($test:ident)*) => {
+        mod tcd1304 {
+            $(
+                #[test]
+                fn $test() {
+                    super::$test(virtual_board::Sensor::Tcd1304);
+                }
+            )*
+        }
+
+        mod s11639 {
+            $(
+                #[test]
+                fn $test() {
+                    super::$test(virtual_board::Sensor::S11639);
+                }
+            )*
+        }
+    };
+}
+pub(crate) use with_both_heads;
 
 /// The longest wait in virtual time: longer than any frame and any answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
@@ -82,14 +108,20 @@ pub fn paper_for(sensor: Sensor) -> LightSource {
 
 /// White paper whose spot is `height` counts high and lies at pixel `centre`.
 pub fn spot_at(centre: f64, height: f64) -> LightSource {
+    spot_for(Sensor::Tcd1304, centre, height)
+}
+
+/// The same on this sensor.
+pub fn spot_for(sensor: Sensor, centre: f64, height: f64) -> LightSource {
     // The scene's light is per second. With an exposure of one second it is the height, whatever the
     // firmware's exposure is.
+    let scene = scene_for(sensor);
     let scene = Scene {
-        spot: Some(Spot {
-            width: 8.6,
+        spot: scene.spot.map(|spot| Spot {
             counts_per_second: height,
+            ..spot
         }),
-        ..Scene::white_paper()
+        ..scene
     };
     let mut row = 0;
     Box::new(move |_: &Exposure| {
@@ -132,6 +164,30 @@ pub fn switching_output(board: &mut VirtualBoard) -> Option<bool> {
 /// Whether a line is a frame's result: a reading or a fault.
 pub fn is_result(line: &str) -> bool {
     is_reading(line) || line.starts_with("f ")
+}
+
+/// Whether a frame was measured. A new S11639 has no calibration, so its lines give centres.
+pub fn is_measured(sensor: Sensor, line: &str) -> bool {
+    match sensor {
+        Sensor::Tcd1304 => is_reading(line),
+        Sensor::S11639 => line.starts_with("f not calibrated: x "),
+    }
+}
+
+/// Where this sensor's rows begin and end.
+pub fn geometry_of(sensor: Sensor) -> Geometry {
+    match sensor {
+        Sensor::Tcd1304 => sensor_heads::tcd1304dg(),
+        Sensor::S11639 => sensor_heads::s11639(),
+    }
+}
+
+/// The longest exposure of this sensor head, us.
+pub fn longest_exposure(sensor: Sensor) -> u64 {
+    match sensor {
+        Sensor::Tcd1304 => 5600,
+        Sensor::S11639 => 3000,
+    }
 }
 
 /// Whether a line is a reading.

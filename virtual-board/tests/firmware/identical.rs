@@ -15,12 +15,13 @@ use slitrange::exposure::{self, ExposureMode};
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
+use slitrange::row::Geometry;
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::{sensor_heads, spot};
-use virtual_board::{Exposure, LightSource, Row};
+use virtual_board::{Exposure, LightSource, Row, Sensor};
 
-use crate::common::{PATIENCE, Status, boot, is_reading, is_result, set};
+use crate::common::{PATIENCE, Status, boot, geometry_of, is_reading, is_result, set};
 
 /// The numbers of pixels that an estimator may sum to one sample.
 const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;
@@ -128,6 +129,17 @@ pub fn on_this_pc(
     calibrated_on_this_pc(rows, settings, calibration, &CalibrationErrors::Nominal)
 }
 
+/// The line for each frame of the rows of this sensor, without a calibration.
+pub fn centres_on_this_pc(rows: &[Row], sensor: Sensor, settings: Settings) -> Vec<String> {
+    lines_on_this_pc(
+        rows,
+        geometry_of(sensor),
+        settings,
+        None,
+        &CalibrationErrors::Nominal,
+    )
+}
+
 /// The line for each frame of the rows, with a calibration's uncertainties.
 pub fn calibrated_on_this_pc(
     rows: &[Row],
@@ -135,7 +147,23 @@ pub fn calibrated_on_this_pc(
     calibration: Option<&Calibration>,
     errors: &CalibrationErrors,
 ) -> Vec<String> {
-    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+    lines_on_this_pc(
+        rows,
+        sensor_heads::tcd1304dg(),
+        settings,
+        calibration,
+        errors,
+    )
+}
+
+fn lines_on_this_pc(
+    rows: &[Row],
+    geometry: Geometry,
+    settings: Settings,
+    calibration: Option<&Calibration>,
+    errors: &CalibrationErrors,
+) -> Vec<String> {
+    let mut measurement = Measurement::new(geometry, settings);
     let subtracts = settings.ambient == AmbientMode::Subtract;
     rows.iter()
         // The laser is off until the firmware knows its settings.

@@ -9,10 +9,13 @@ use slitrange::measurement::Measurement;
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
-use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, VirtualBoard};
+use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, Sensor, VirtualBoard};
 
 use crate::comb::paper_behind_a_comb;
-use crate::common::{Status, boot, fresh_results, is_reading, is_result, number, paper, set};
+use crate::common::{
+    Status, boot, boot_with, fresh_results, geometry_of, is_measured, is_reading, is_result,
+    number, paper, paper_for, set, with_both_heads,
+};
 
 /// 114 lines of some 110 characters at 115,200 baud take 1.1 s.
 const SENDING: Duration = Duration::from_secs(3);
@@ -72,7 +75,7 @@ impl Answer {
     /// Finds the row among those that the sensor head gave, and what the core on this PC makes of its words.
     fn on_this_pc(&self, board: &mut VirtualBoard, settings: Settings) -> Vec<String> {
         let pixels = self.first..self.first + self.counts.len();
-        let geometry = sensor_heads::tcd1304dg();
+        let geometry = geometry_of(board.head(|head| head.sensor()));
         let is_this = |words: &[u16]| {
             let light = geometry.row(words).expect("a row").light();
             let sent = light.slice(pixels.clone()).expect("pixels");
@@ -106,25 +109,33 @@ fn boot_keeping(light: LightSource) -> VirtualBoard {
 }
 
 /// No row was lost while a row was sent, and readings stream again.
-fn assert_streaming(mut board: VirtualBoard) {
+fn assert_streaming(mut board: VirtualBoard, sensor: Sensor) {
     let lines = fresh_results(&mut board, 2);
-    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
+    assert!(
+        lines.iter().all(|line| is_measured(sensor, line)),
+        "{lines:#?}"
+    );
     Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
     board.finish().expect("a clean run");
 }
 
-#[test]
-fn a_whole_row_is_sent_with_what_the_core_makes_of_it() {
-    let mut board = boot_keeping(paper());
+with_both_heads! {
+    a_whole_row_is_sent_with_what_the_core_makes_of_it
+}
+
+fn a_whole_row_is_sent_with_what_the_core_makes_of_it(sensor: Sensor) {
+    let (mut board, _) = boot_with(sensor, paper_for(sensor));
+    board.head(|head| head.keep_all_rows(true));
     let answer = Answer::ask(&mut board, RowPart::Whole);
     println!("{:#?}", answer.head);
-    assert_eq!((answer.first, answer.counts.len()), (0, light_pixels()));
+    assert_eq!(answer.first, 0);
+    assert_eq!(answer.counts.len(), geometry_of(sensor).light.len());
     assert_eq!(
         answer.head,
         answer.on_this_pc(&mut board, Settings::default())
     );
     assert!(answer.head[1].starts_with("x "));
-    assert_streaming(board);
+    assert_streaming(board, sensor);
 }
 
 #[test]
@@ -146,7 +157,7 @@ fn a_window_holds_the_spot_and_nothing_else() {
     println!("window {ends:?} of a spot at {centre}, {width} wide");
     assert!((ends.0 - (centre - 6.0 * width)).abs() <= 1.0);
     assert!((ends.1 - (centre + 6.0 * width)).abs() <= 1.0);
-    assert_streaming(board);
+    assert_streaming(board, Sensor::Tcd1304);
 }
 
 #[test]
@@ -172,7 +183,7 @@ fn the_window_of_a_comb_holds_all_its_images() {
     assert!(places.len() >= 12);
     let window = answer.first as f64..(answer.first + answer.counts.len()) as f64;
     assert!(places.iter().all(|place| window.contains(place)));
-    assert_streaming(board);
+    assert_streaming(board, Sensor::Tcd1304);
 }
 
 /// Readings of single rows nearly fill the line. None of them waits behind the pixels, and none is dropped.
@@ -190,7 +201,7 @@ fn readings_of_single_rows_go_on_at_once() {
     assert!(waited < Duration::from_millis(50));
     fresh_results(&mut board, 50);
     assert!(board.head(|head| head.row_count()) - rows <= 65);
-    assert_streaming(board);
+    assert_streaming(board, Sensor::Tcd1304);
 }
 
 /// A range is sent with a spot, with a fault and without light. Each head states the row's own exposure.
