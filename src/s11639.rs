@@ -1,7 +1,8 @@
 //! Driver of the sensor Hamamatsu S11639-01 behind a converter ADC122S101.
 //!
-//! All pixels gather light while ST is high, and for 48 periods of CLK after ST fell. The sensor then puts out
-//! 2048 pixels, one in each period of CLK. CLK never stops. The next exposure may begin while pixels come out.
+//! All pixels gather light while ST is high, and for 48 periods of CLK after ST fell. The sensor then puts
+//! out 2048 pixels, one in each period of CLK. CLK never stops. The next exposure may begin while pixels come
+//! out.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
 //! from there on while chip select stays low. With CLK = SCLK / 16, both from one PLL, a word is a pixel.
@@ -20,10 +21,10 @@
 //! As with the TCD1304 the converter runs first, because the program cannot say when the first word will
 //! start, but can see it arrive. ST then falls while CLK is low, before the rise of CLK that makes word 92
 //! sample the first pixel ([`S11639_LEAD_IN`](slitrange::sensor_heads::S11639_LEAD_IN)). Unlike ICG, ST
-//! cannot move pixels against words by less than a period. So the transfer starts at a fixed time of CLK. From
-//! there to the first word, a slower core takes longer. So each row tells when in their time its pixels are
-//! sampled, and the next transfer starts at another time if that is far from the middle. A row that is sampled
-//! too early or too late is rejected.
+//! cannot move pixels against words by less than a period. So the transfer starts at a fixed time after CLK
+//! rose. A slower core takes longer from there to the first word. If pixels are sampled far from the middle
+//! of their time, the driver changes the start of the next transfer. It rejects a row that is sampled too
+//! early or too late.
 //!
 //! # Note
 //!

@@ -69,8 +69,8 @@ impl Firmware {
             .args(["--package", package, "--bin", package])
             .arg("--message-format=json-render-diagnostics");
         if sensor == Sensor::S11639 {
-            // Another folder than that of the TCD1304DG's build: another process may build that one meanwhile,
-            // and both have one name.
+            // Both builds have one name, and another process may build the other one meanwhile. So each has a
+            // folder of its own.
             let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
             command
                 .args(["--features", "s11639", "--target-dir"])
