@@ -271,7 +271,7 @@ impl Measured {
              ### The estimator alone\n\n\
              Only the step *estimate*, without conversion, search and check, from the second row of a frame \
              on. On the emulated chip, except *host ns*.\n\n{}\n\
-             The search for the spot takes {:.2} instructions a pixel if the row before gave a width of 6 \
+             The search for the spot takes {:.2} instructions a pixel if the row before gave a width of 4 \
              pixels or more. In the first row of a frame, and for narrower spots, it takes {:.2} \
              instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word.\n",
             table::markdown(&self.rows_table()),
