@@ -113,13 +113,9 @@ def draw(value, net):
     d.add(elm.Ground().at(store.end))
     node = (after.end[0] + 1.3, after.end[1])
     d.add(elm.Line().at(after.end).to(node))
-    d.add(elm.Dot().at(node))
-    up = d.add(elm.Schottky().at(node).up().length(1.5).label(f"D1 {value('D1')}", loc="bottom", fontsize=10))
-    tag("D1", "K2", up.end, "right")
-    low = d.add(elm.Schottky().at((node[0], node[1] - 1.8)).up().toy(node))
-    d.add(elm.Ground().at(low.start))
-    d.add(elm.Line().at(node).right().length(1.0))
-    tag("U4", "IN1", (node[0] + 1.0, node[1]), "right")
+    tag("U4", "IN1", node, "right")
+    supply = f"{value('U3')}: 8 at {net('U3', 'V+')}, 4 at {net('U3', 'V-')}"
+    d.add(elm.Label().at((9.6, 4.3)).label(supply, halign="left", fontsize=9))
 
     # The converter.
     adc = chip(
@@ -172,7 +168,7 @@ def draw(value, net):
         tag("U5", pin, getattr(regulator, pin), "left")
     for pin in ("OUT", "GND"):
         tag("U5", pin, getattr(regulator, pin), "right")
-    capacitors = [f"C{i}" for i in range(3, 11)] + [f"R{i}" for i in range(14, 18)]
+    capacitors = [f"C{i}" for i in range(3, 11)] + [f"R{i}" for i in range(14, 17)]
     for line, refs in enumerate((capacitors[:4], capacitors[4:8], capacitors[8:])):
         text = "; ".join(f"{ref} {value(ref)} from {net(ref, '1')} to {net(ref, '2')}" for ref in refs)
         d.add(elm.Label().at((0.2, -5.4 - 0.6 * line)).label(text, halign="left", fontsize=9))

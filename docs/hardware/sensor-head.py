@@ -143,15 +143,16 @@ for gate, before, after, wire, ref in (
 
 amplifier = part(
     "U3",
-    "ADA4807-2",
-    "Analog Devices ADA4807-2ARMZ",
-    "20 MHz, 20 V/us, rail to rail at 5 V, SO-8 pins: TI OPA2365",
-    "Package_SO:MSOP-8_3x3mm_P0.65mm",
+    "OPA2365",
+    "TI OPA2365AIDR",
+    "none known: see the amplifier",
+    "Package_SO:SOIC-8_3.9x4.9mm_P1.27mm",
     [(1, "OUT1", OUT), (2, "IN1-", IN), (3, "IN1+", IN), (4, "V-", SUPPLY)]
     + [(5, "IN2+", IN), (6, "IN2-", IN), (7, "OUT2", OUT), (8, "V+", SUPPLY)],
     "gain of 5, and the offset's buffer",
 )
-amplifier["V+"] += v5_sensor
+# The converter's own supply: so U3 cannot drive the converter's input beyond its limits.
+amplifier["V+"] += v33_analog
 amplifier["V-"] += gnd
 amplifier["IN1+"] += OS
 amplifier["IN1-"] += SUM
@@ -181,20 +182,8 @@ end[1, 2] += OFFSET_END, gnd
 quiet = capacitor("C1", "100n", "no noise on the offset", "any X7R, 16 V, 0603")
 quiet[1, 2] += WIPER, gnd
 
-limit = resistor("R8", "220R", "limits the current into D1")
-limit[1, 2] += AMPLIFIED, ADC_IN
-clamp = part(
-    "D1",
-    "BAT54S",
-    "Nexperia BAT54S,215",
-    "onsemi BAT54SLT1G",
-    "Package_TO_SOT_SMD:SOT-23",
-    [(1, "A1", PASSIVE), (2, "K2", PASSIVE), (3, "K1A2", PASSIVE)],
-    "the amplifier reaches 5 V, the converter takes 3.3 V",
-)
-clamp["A1"] += gnd
-clamp["K2"] += v33_analog
-clamp["K1A2"] += ADC_IN
+filter_ = resistor("R8", "220R", "keeps C2 and the converter's sampling away from U3")
+filter_[1, 2] += AMPLIFIED, ADC_IN
 store = capacitor("C2", "100p", "charge for the converter's sampling capacitor", "any C0G, 50 V, 0603")
 store[1, 2] += ADC_IN, gnd
 converter = part(
@@ -232,9 +221,7 @@ regulator = part(
 regulator["IN", "EN"] += v5_sensor
 regulator["GND"] += gnd
 regulator["OUT"] += v33_analog
-bleed = resistor("R14", "470R", "takes what D1 feeds into U5's output, which cannot sink: 6 mA")
-bleed[1, 2] += v33_analog, gnd
-for ref, net, rest in (("R15", FM, gnd), ("R16", ICG, v33), ("R17", SH, gnd)):
+for ref, net, rest in (("R14", FM, gnd), ("R15", ICG, v33), ("R16", SH, gnd)):
     at_rest = resistor(ref, "100k", "U2's inputs float in a reset")
     at_rest[1, 2] += net, rest
 for ref, net in (("FB1", v5_sensor), ("FB2", v5_laser)):
@@ -251,7 +238,7 @@ for ref, value, net, why in (
     ("C3", "10u", v5_sensor, "supply of the head"),
     ("C4", "100n", v5_sensor, "at U1, pins 1 and 2"),
     ("C5", "100n", v5_sensor, "at U2, pin 14"),
-    ("C6", "100n", v5_sensor, "at U3, pin 8"),
+    ("C6", "100n", v33_analog, "at U3, pin 8"),
     ("C7", "1u", v5_sensor, "at U5, pin 1"),
     ("C8", "1u", v33_analog, "at U5, pin 5"),
     ("C9", "100n", v33_analog, "at U4, pin 2"),
@@ -303,8 +290,8 @@ VOLTAGES = {
     "DOUT": ("3.3 V", "0 and 3.3 V", "U4; a pull-up within the chip"),
     "OS": ("2.5 V (1.5 to 3.5 V)", "0.6 V lower at a full well", "U1"),
     "SUM": ("as OS", "as OS", "R4, R5"),
-    "AMPLIFIED": ("3.06 V, trimmed", "0.05 V at a full well, or where U3 stops", "U3"),
-    "ADC_IN": ("3.06 V, trimmed", "as AMPLIFIED; D1 limits it", "R8"),
+    "AMPLIFIED": ("3.06 V, trimmed", "0.05 V at a full well; U3 stops 10 mV before 0 V and `+3V3A`", "U3"),
+    "ADC_IN": ("3.06 V, trimmed", "as AMPLIFIED", "R8"),
     "WIPER": ("2.36 V (1.1 to 3.3 V)", "", "RV1"),
     "OFFSET": ("as WIPER", "", "U3"),
     "OFFSET_TOP": ("3.27 V", "", "R6, RV1"),
@@ -412,6 +399,32 @@ def reaches(start, end):
     return end.net.name in ends
 
 
+def undefined_in_reset():
+    """Inputs on a processor's output, directly or through resistors, that no resistor holds in a reset.
+
+    The processor's pins float in a reset. A supply is where a search ends, and what it looks for.
+    """
+    found = []
+    for name, (start, kind) in BOARD.items():
+        if kind != OUT:
+            continue
+        nets, ends, held = [start], set(), False
+        for net in nets:
+            for pin in net.pins:
+                if pin.func == IN:
+                    ends.add(f"{pin.part.ref} {pin.name}")
+                if not pin.part.ref.startswith("R"):
+                    continue
+                for other in (other.net for other in pin.part.pins if other is not pin):
+                    if other.drive == POWER:
+                        held = True
+                    elif other.name not in [seen.name for seen in nets]:
+                        nets.append(other)
+        if ends and not held:
+            found.append(f"{', '.join(sorted(ends))} floats in a reset: no resistor holds the net of {name}")
+    return found
+
+
 def main():
     wrong = []
     ERC()
@@ -424,6 +437,9 @@ def main():
         device, name = SIGNALS[signal]
         if pin in BOARD and not reaches(BOARD[pin][0], device[name]):
             wrong.append(f"{pin} is {signal} in src/board.rs, but does not reach {device.ref} {name}")
+    wrong += undefined_in_reset()
+    if amplifier["V+"].net.name != converter["VA"].net.name:
+        wrong.append("U3 can exceed the limits of U4's input: its supply is not U4's")
     nets = [net.name for net in gnd.circuit.nets if net.pins]
     if set(nets) != set(VOLTAGES):
         wrong.append(f"VOLTAGES has other nets than the netlist: {set(nets) ^ set(VOLTAGES)}")
