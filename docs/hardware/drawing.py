@@ -7,8 +7,8 @@ from schemdraw import logic
 schemdraw.use("svg")
 
 
-def draw(value, net):
-    """The SVG. `value` gives a part's value by its name, `net` the net of a part's pin."""
+def draw(value, net, number):
+    """The SVG. `value` gives a part's value by its name, `net` a pin's net, `number` its number."""
     d = schemdraw.Drawing(show=False, fontsize=11, unit=2.2, lw=1.5)
     d.config(bgcolor="white")
 
@@ -49,7 +49,8 @@ def draw(value, net):
         tag("U2", f"{gate}A", (1.6, y), "left")
         d.add(elm.Line().at((1.6, y)).to((2.2, y)))
         buffer = d.add(logic.Buf().at((2.2, y)).right())
-        d.add(elm.Label().at((2.9, y + 0.75)).label(f"U2 {gate}A to {gate}Y", fontsize=9))
+        pins = f"U2 {number('U2', gate + 'A')} to {number('U2', gate + 'Y')}"
+        d.add(elm.Label().at((2.9, y + 0.75)).label(pins, fontsize=9))
         resistor = d.add(named(elm.Resistor().at(buffer.end).right().length(2.4), ref))
         tag("U1", pin, (resistor.end[0] + 0.0, y), "right")
     d.add(
@@ -78,8 +79,13 @@ def draw(value, net):
 
     # The amplifier.
     title("amplifier: gain of 5 about the offset", (0, 5.2))
+
+    def pins_of(half):
+        ends = ", ".join(number("U3", pin) for pin in (f"IN{half}+", f"IN{half}-"))
+        return f"U3\n{ends} to {number('U3', 'OUT' + half)}"
+
     gain = d.add(elm.Opamp(leads=True).at((9.0, 2.6)).anchor("out").right().flip())
-    d.add(elm.Label().at((gain.center[0] - 0.1, gain.center[1])).label("U3", fontsize=10))
+    d.add(elm.Label().at((gain.center[0] - 0.1, gain.center[1])).label(pins_of("1"), fontsize=8))
     d.add(elm.Line().at(gain.in2).left().length(0.8))
     tag("U3", "IN1+", (gain.in2[0] - 0.8, gain.in2[1]), "left")
     joint = (gain.in1[0] - 0.5, gain.in1[1])
@@ -91,7 +97,7 @@ def draw(value, net):
     d.add(elm.Line().at(feedback.end).to(gain.out))
     d.add(elm.Dot().at(gain.out))
     follower = d.add(elm.Opamp(leads=True).at((3.6, joint[1] - 0.0)).anchor("out").right().flip())
-    d.add(elm.Label().at((follower.center[0] - 0.1, follower.center[1])).label("U3", fontsize=10))
+    d.add(elm.Label().at((follower.center[0] - 0.1, follower.center[1])).label(pins_of("2"), fontsize=8))
     d.add(named(elm.Resistor().at(follower.out).right().tox(joint), "R5"))
     d.add(elm.Dot().at(follower.out))
     loop = follower.in1[1] - 0.9

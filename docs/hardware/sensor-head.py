@@ -47,7 +47,8 @@ def resistor(ref, value, why, order="any, 1 %, 0603"):
 
 
 def capacitor(ref, value, why, order):
-    return two(ref, value, order, "any", "Capacitor_SMD:C_0603_1608Metric", why)
+    size = "0805_2012Metric" if "0805" in order else "0603_1608Metric"
+    return two(ref, value, order, "any", f"Capacitor_SMD:C_{size}", why)
 
 
 # Nets. A net's voltages are in docs/hardware.md.
@@ -244,7 +245,8 @@ for ref, value, net, why in (
     ("C9", "100n", v33_analog, "at U4, pin 2"),
     ("C10", "10u", v5_laser, "supply of the laser"),
 ):
-    decoupling = capacitor(ref, value, why, "any X7R, 16 V, 0603 or 0805")
+    size = "0805" if value == "10u" else "0603"
+    decoupling = capacitor(ref, value, why, f"any X7R, 16 V, {size}")
     decoupling[1, 2] += net, gnd
 
 laser = part(
@@ -347,7 +349,11 @@ def with_blocks(page):
 def drawn():
     """The schematic as a picture."""
     found = {one.ref: one for one in gnd.circuit.parts}
-    return draw(lambda ref: found[ref].value, lambda ref, pin: found[ref][pin].net.name)
+    return draw(
+        lambda ref: found[ref].value,
+        lambda ref, pin: found[ref][pin].net.name,
+        lambda ref, pin: found[ref][pin].num,
+    )
 
 
 def netlist():
