@@ -366,11 +366,12 @@ def netlist():
 
 
 def firmware_pins():
-    """The pins of the sensor head in the table of src/board.rs: pin and signal."""
+    """The pins of the sensor head in the table of src/board.rs: pin and signal. What stands behind a semicolon
+    is of another sensor."""
     table = re.findall(r"^//! \| (P[^|]+) \|[^|]*\| ([^|]+) \|$", (ROOT / "src/board.rs").read_text(), re.M)
     head = {}
     for pins, signals in table:
-        device, *names = [word.strip() for word in signals.split(",")]
+        device, *names = [word.strip() for word in signals.split(";")[0].split(",")]
         if device in ("sensor", "converter"):
             head.update(zip([pin.strip() for pin in pins.split(",")], names))
         elif device == "laser":
