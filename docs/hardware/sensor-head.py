@@ -366,8 +366,10 @@ def netlist():
 
 
 def firmware_pins():
-    """The pins of the sensor head in the table of src/board.rs: pin and signal. What stands behind a semicolon
-    is of another sensor."""
+    """The pins of the sensor head in the table of src/board.rs: pin and signal.
+
+    What stands behind a semicolon is a signal of another sensor.
+    """
     table = re.findall(r"^//! \| (P[^|]+) \|[^|]*\| ([^|]+) \|$", (ROOT / "src/board.rs").read_text(), re.M)
     head = {}
     for pins, signals in table:

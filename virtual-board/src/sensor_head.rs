@@ -976,8 +976,8 @@ fn clock_faults(sensor: Sensor, clocks: Clocks) -> Vec<String> {
     let conversion = f64::from(limits::WORD_BITS) * 1e9 / serial_hz;
     if (pixel / conversion - 1.0).abs() > limits::RATE_MISMATCH {
         faults.push(format!(
-            "a pixel lasts {pixel:.3} ns ({periods} / {clock}) and a conversion {conversion:.3} ns (16 / SCLK); \
-             they may differ by {}",
+            "a pixel lasts {pixel:.3} ns ({periods} / {clock}) and a conversion {conversion:.3} ns \
+             (16 / SCLK); they may differ by {}",
             limits::RATE_MISMATCH
         ));
     }

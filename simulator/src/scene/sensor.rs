@@ -45,8 +45,8 @@ impl Sensor {
         }
     }
 
-    /// Time from row to row, or from frame to frame of a camera, in seconds: 175.4 or, of a S11639, 300 rows a
-    /// second, 41.6 frames a second (paper, section 3).
+    /// Time from row to row, or from frame to frame of a camera, in seconds. The TCD1304DG gives 175.4 rows a
+    /// second, the S11639 300. The camera gives 41.6 frames a second (paper, section 3).
     pub const fn period(self) -> f64 {
         match self {
             Self::Tcd1304dg | Self::Row(_) => 1.0 / 175.4,

@@ -1,4 +1,4 @@
-//! The Hamamatsu S11639-01: its limits, and what its pins do. PE9 is CLK, PF12 is ST.
+//! The Hamamatsu S11639-01: its limits, and what its pins do. Its CLK is at PE9, its ST at PF12.
 //!
 //! **Exposure.** The pixels gather light while ST is high and for 48 periods of CLK after its fall.
 //!

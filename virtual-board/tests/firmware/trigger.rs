@@ -103,7 +103,7 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge(sensor: Sensor) {
         let took = line.at - edge;
         println!("waited {waited} ns, answered after {took} ns: {line}");
         assert!(waited <= row_period);
-        // The S11639's exposure ends 73 us after its read-out began. The read-out takes 50 us less than a row.
+        // The S11639's exposure ends 73 us after its read-out began. A read-out takes 50 us less than a row.
         let words = rows[1].end + row_period - 2 * pulse;
         let sending = (line.text.len() + "\r\n".len()) as u64 * BYTE;
         assert!((words..words + COMPUTING).contains(&(line.at - sending)));
