@@ -71,8 +71,8 @@ const FEWEST: usize = 16;
 /// The most fits that each mask more pixels than the one before.
 const PIXEL_ROUNDS: usize = 4;
 
-/// The most fits that each mask the second light anew. If two rounds mask the same, the next ones would, too.
-const LIGHT_ROUNDS: usize = 3;
+/// The most fits that each mask the second light anew.
+const LIGHT_ROUNDS: usize = 2;
 
 /// The most steps of a fit before samples are masked anew. A fit that has not arrived goes on in the next
 /// round.
@@ -589,8 +589,8 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
 
 /// Masks the second spot that stands out most beside the spot's top, wherever it has more than a thousandth
 /// of the spot's height. A second spot has the spot's width, so two widths from its top less than half of it
-/// is left (of a gaussian 14 %). `None` where no light falls like that: a flare is wider, and a tail has no
-/// top of its own.
+/// is left (of a gaussian 14 %). `None` where no light falls like that: a flare is wider, a tail has no top of
+/// its own, and noise does not stand out.
 fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = [0.0; SAMPLES];
     gauss_newton::exponentials(at, &mut beside);
@@ -618,6 +618,11 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
         }
     }
     let top = most * per_sample;
+    let noise = dual_mac::square_root(window.samples().get(place)?.variance * per_sample);
+    let stands_out = top > OUTLIER * noise;
+    if !stands_out {
+        return None;
+    }
     let mean = |place: usize| {
         let from = place.checked_sub(reach)?;
         let end = sums.get(from.saturating_add(samples))?;
@@ -669,4 +674,49 @@ fn level(window: &Window, at: &Parameters) -> f32 {
         }
     }
     if unmasked > 0.0 { sum / unmasked } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether a repair masks the light of a second spot of this height, six widths from a spot of 2000
+    /// counts, in noise of 0 to 31 counts.
+    fn masks_second(height: f32, seed: u32) -> bool {
+        let geometry = crate::sensor_heads::tcd1304dg();
+        let light: std::vec::Vec<u16> = (0..1000u32)
+            .map(|i| {
+                let spot = |centre: f32| {
+                    let u = (i as f32 - centre) / 8.0;
+                    libm::expf(-0.5 * u * u)
+                };
+                let noise = (i + 1000 * seed).wrapping_mul(2_654_435_761) >> 27;
+                (300.0 + 2000.0 * spot(500.3) + height * spot(548.3)) as u16 + noise as u16
+            })
+            .collect();
+        let row = Row::new(&light, &[], 4095).expect("12 bits");
+        let spot = crate::spot::find(&row).expect("a spot");
+        let scene = Scene {
+            row: &row,
+            spot: &spot,
+            geometry: &geometry,
+            profile: None,
+            found: crate::check::tests::found_at(500.3, 8.0),
+            effort: Cell::new(Effort::WHOLE),
+        };
+        let start = Start::find(&row, &spot).expect("a start");
+        let mut window = Window::empty();
+        scene.fill_for_light(&start, &mut window).expect("effort");
+        let start = window.parameters(&start);
+        let fit = scene.fit(&window, start, STEPS_OF_ROUND).expect("a fit");
+        mask_second(&mut window, &fit.parameters, &scene).is_some()
+    }
+
+    #[test]
+    fn a_second_spot_stands_out_of_noise_and_noise_does_not() {
+        for seed in 0..20 {
+            assert!(!masks_second(0.0, seed), "{seed}");
+            assert!(masks_second(60.0, seed), "{seed}");
+        }
+    }
 }
