@@ -478,7 +478,8 @@ fn config(clock: Clock) -> Config {
 }
 
 /// Reads the reset flags and clears them for the next start. Every reset raises its own flag and the pin's,
-/// because the chip pulls its reset pin itself. So the pin is the cause only if no other flag is raised.
+/// because the chip pulls its reset pin itself. So the pin is the cause only if no other flag is raised. A
+/// power-on raises PORRSTF and BORRSTF, a dip of the supply BORRSTF only (RM0090 section 6.3.21).
 fn start_cause() -> StartCause {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -486,8 +487,10 @@ fn start_cause() -> StartCause {
         StartCause::Watchdog
     } else if flags.sftrstf() {
         StartCause::Software
-    } else if flags.porrstf() || flags.borrstf() {
+    } else if flags.porrstf() {
         StartCause::PowerOn
+    } else if flags.borrstf() {
+        StartCause::SupplyDip
     } else {
         StartCause::ResetPin
     }

@@ -182,6 +182,20 @@ impl SharedFlash {
         flash.violation_count = 0;
     }
 
+    /// The chip is reset: the operation that it is doing stays half done. `seed` decides how much of it is
+    /// done. A history begins with what is left.
+    pub(crate) fn reset(&self, now: Nanos, seed: u64) {
+        let mut flash = self.lock();
+        let is_busy = flash.interface.busy || now < flash.word_ends.0;
+        let last = flash.history.done.len().checked_sub(1);
+        if let Some(last) = last.filter(|_| is_busy) {
+            flash.contents = flash.history.torn_after(last, seed);
+            flash.history = History::since(flash.contents.clone());
+        }
+        flash.word_ends = (0, true);
+        flash.interface = Interface::RESET;
+    }
+
     /// Whether `address` is in one of the sectors.
     pub(crate) fn holds(address: u64) -> bool {
         (BASE..BASE + BYTES as u64).contains(&address)
@@ -424,6 +438,31 @@ mod tests {
         assert_eq!(sector(20), [0, 0, 0, 0], "another one of bank 2");
         assert_eq!(sector(0), [0, 0, 0, 0], "one of bank 1");
         assert_eq!(erased_by(1 << 15), [1, 1, 1, 1], "the whole bank");
+    }
+
+    /// A word that has ended is whole, whatever comes after it.
+    #[test]
+    fn a_reset_cuts_off_only_what_the_flash_is_doing() {
+        const WORD: Nanos = 16_000;
+        for (reset_at, is_whole) in [(42 + WORD - 1, false), (42 + WORD, true)] {
+            let flash = SharedFlash::default();
+            flash.power_on(WORD);
+            flash.lock().interface = READY;
+            store(&flash, BASE, Width::W32, 0);
+            flash.reset(reset_at, 3);
+            let word = flash.word(BASE).expect("a word");
+            assert_eq!(word == 0, is_whole, "{word:#x}");
+            assert!(flash.lock().interface.locked);
+        }
+        let flash = SharedFlash::holding(Contents::new(vec![0; BYTES]).expect("four sectors"));
+        // SER is bit 1, SNB begins at bit 3 (RM0090 section 3.9.8).
+        flash.lock().erase(1 << 1 | 16 << 3, 5);
+        flash.lock().interface.busy = true;
+        flash.reset(6, 3);
+        let contents = flash.contents();
+        let (sector, others) = contents.bytes().split_at(SECTOR_BYTES);
+        assert!(sector.contains(&0) && sector.contains(&0xFF));
+        assert!(others.iter().all(|&byte| byte == 0));
     }
 
     #[test]

@@ -13,12 +13,14 @@ use rigless::chip::uart::Rate;
 use rigless::emulator::{self, Driver, Finished, Host, Settled, Start, Stop};
 use rigless::session::{Reset, Session};
 use rigless::soc::Width;
+use rigless::soc::stm32f427::generated::rcc;
 use rigless::time::VirtualNanos;
 
 use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
 use crate::firmware::Firmware;
 use crate::flash::{self, SharedFlash};
 use crate::hang::{self, Detour, Detours};
+use crate::random::mixed;
 use crate::rtt::{self, Message};
 use crate::sensor_head::pins::SharedHead;
 use crate::sensor_head::{LightSource, OpenLine, SensorHead};
@@ -30,6 +32,9 @@ use crate::{Nanos, Violation};
 /// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as
 /// much.
 const STEP: Nanos = 1_000_000;
+
+/// The core-coupled RAM and the other RAM: where each begins and ends (RM0090 section 2.3.1).
+const RAM: [(u64, u64); 2] = [(0x1000_0000, 0x1001_0000), (0x2000_0000, 0x2003_0000)];
 
 /// A function to run on the emulator's thread, between two instructions.
 type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
@@ -622,19 +627,48 @@ impl VirtualBoard {
         })
     }
 
-    /// Presses the reset button.
+    /// Presses the reset button. The flash does not end what it is doing.
     ///
     /// # Errors
     ///
     /// The emulator failed.
     pub fn reset_pin(&mut self) -> Result<()> {
-        self.on_emulator(|session, host, stop| {
-            session.reset_by_pin(stop.at, stop.instruction_count, host)
+        let flash = self.flash().clone();
+        self.on_emulator(move |session, host, stop| {
+            flash.reset(stop.at.0, stop.at.0);
+            session.reset_by_pin(stop.at, stop.instruction_count, host);
         })
     }
 
-    /// All resets since power-on, each with its instant and cause: the pin, the firmware (`Core`) or the
-    /// watchdog (`Model("IWDG")`).
+    /// Lets the supply dip below the level of the brown-out reset, and come back at once. The level must be
+    /// above that of the power-down reset (1.7 V), which raises the flags of a power-on. The chip starts with
+    /// the flag of a brown-out only (RM0090 section 6.3.21), and with noise in all of its RAM. The flash does
+    /// not end what it is doing.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn dip_supply(&mut self) -> Result<()> {
+        let flash = self.flash().clone();
+        let done = self.on_emulator(move |session, host, stop| {
+            flash.reset(stop.at.0, stop.at.0);
+            // rigless knows no brown-out. Its reset by the pin keeps the flags that are raised.
+            let (_, clocks) = session.board_mut().processor.part.clocks();
+            let flags = clocks.get(rcc::Register::Csr);
+            clocks.set(rcc::Register::Csr, rcc::csr::BORRSTF.set(flags, 1));
+            session.reset_by_pin(stop.at, stop.instruction_count, host);
+            RAM.into_iter()
+                .flat_map(|(start, end)| (start..end).step_by(4))
+                .try_for_each(|address| {
+                    let noise = mixed(stop.at.0 ^ address) & u64::from(u32::MAX);
+                    host.write(address, Width::W32, noise)
+                })
+        })?;
+        done.context("filling RAM with noise")
+    }
+
+    /// All resets since power-on, each with its instant and cause: the pin (also for a dip of the supply),
+    /// the firmware (`Core`) or the watchdog (`Model("IWDG")`).
     ///
     /// # Errors
     ///

@@ -126,7 +126,10 @@ impl fmt::Display for Selftest<'_> {
                 Err(fault) => write!(f, "selftest light {} {fault}\r\n", word(false))?,
             }
         }
-        let start = word(self.started_by != StartCause::Watchdog);
+        let start = word(match self.started_by {
+            StartCause::PowerOn | StartCause::ResetPin | StartCause::Software => true,
+            StartCause::SupplyDip | StartCause::Watchdog => false,
+        });
         write!(f, "selftest start {start} {}\r\n", self.started_by)?;
         match failed {
             0 => f.write_str("selftest pass"),
@@ -239,14 +242,16 @@ mod tests {
             assert!(is_near(&failed[0], line), "{failed:#?}");
             assert_eq!(failed[1], "fail 1");
         }
-        let restarted = Selftest {
-            started_by: StartCause::Watchdog,
-            ..flash(FlashStatus::Damaged)
-        };
-        assert_eq!(
-            failed(&restarted),
-            ["flash fail damaged", "start fail watchdog", "fail 2"]
-        );
+        for (started_by, line) in [
+            (StartCause::Watchdog, "start fail watchdog"),
+            (StartCause::SupplyDip, "start fail supply dip"),
+        ] {
+            let restarted = Selftest {
+                started_by,
+                ..flash(FlashStatus::Damaged)
+            };
+            assert_eq!(failed(&restarted), ["flash fail damaged", line, "fail 2"]);
+        }
     }
 
     /// With a front end that was measured, the noise must be that of the measurement.

@@ -9,6 +9,8 @@ use crate::fault::Fault;
 pub enum StartCause {
     /// Power came, or came back.
     PowerOn,
+    /// The supply fell below the level of the brown-out reset, and came back.
+    SupplyDip,
     /// A signal at the reset pin: the button, or a debug probe.
     ResetPin,
     /// The command `reset`, or a debug probe after flashing.
@@ -21,6 +23,7 @@ impl fmt::Display for StartCause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::PowerOn => "power-on",
+            Self::SupplyDip => "supply dip",
             Self::ResetPin => "reset pin",
             Self::Software => "software",
             Self::Watchdog => "watchdog",

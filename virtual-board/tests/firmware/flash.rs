@@ -10,9 +10,9 @@ use slitrange::settings::Settings;
 use slitrange::store::Stored;
 use slitrange::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};
-use virtual_board::{SharedFlash, VirtualBoard};
+use virtual_board::{Line, SharedFlash, VirtualBoard};
 
-use crate::common::{PATIENCE, firmware, set, spot_at};
+use crate::common::{PATIENCE, Status, firmware, run_into_a_row, set, spot_at};
 use crate::kept;
 use crate::records::{CENTRE, longest, upload};
 
@@ -55,11 +55,11 @@ fn power_on(flash: &SharedFlash) -> VirtualBoard {
     board
 }
 
-fn await_banner(board: &mut VirtualBoard) {
+fn await_banner(board: &mut VirtualBoard) -> Line {
     board
         // The line may begin with text that the reset cut off.
         .run_until_line(|line| line.contains("slitrange "), PATIENCE)
-        .expect("a banner");
+        .expect("a banner")
 }
 
 fn save(board: &mut VirtualBoard) {
@@ -367,6 +367,51 @@ fn a_reset_during_an_erase_keeps_the_saved_configuration() {
     set(&mut board, "rows 21");
     save(&mut board);
     assert_eq!(kept::saved_in(&flash.contents()), saved(21));
+    board.finish().expect("a clean run");
+}
+
+/// The supply dips: in a row, in the erase of a save, and among the words of a save. Each time the board
+/// starts by itself, names the cause, and measures with the old configuration or the new one.
+#[test]
+fn after_a_supply_dip_the_board_measures_with_the_old_or_the_new_configuration() {
+    let flash = with_saves(IN_A_SECTOR);
+    let mut board = power_on(&flash);
+    run_into_a_row(&mut board);
+    for dip in ["in a row", "in an erase", "among the words"] {
+        if dip != "in a row" {
+            flash.take_history();
+            set(&mut board, "rows 20");
+            board.send("save\r\n");
+            let operations = if dip == "in an erase" { 1 } else { 200 };
+            let deadline = board.now() + SAVE.as_nanos() as u64;
+            while flash.operation_count() < operations {
+                assert!(
+                    board.now() < deadline,
+                    "{} operations",
+                    flash.operation_count()
+                );
+                board.run_for(Duration::from_micros(100)).expect("a run");
+            }
+        }
+        board.dip_supply().expect("the emulator");
+        board.take_lines();
+        let left = flash.contents();
+        let banner = await_banner(&mut board);
+        assert!(banner.text.ends_with(", started by supply dip"), "{banner}");
+        let status = Status::ask(&mut board).0;
+        assert_eq!(status[0], "status start supply dip");
+        kept::assert_in_use(&mut board, &kept::read(&left));
+        assert_eq!(flash.contents(), left, "a start only reads");
+        assert_eq!(kept::saved_in(&left), saved(IN_A_SECTOR), "{dip}");
+    }
+    set(&mut board, "rows 21");
+    save(&mut board);
+    assert_eq!(kept::saved_in(&flash.contents()), saved(21));
+    // The next reset names its own cause.
+    board.reset_pin().expect("the emulator");
+    let banner = await_banner(&mut board);
+    assert!(banner.text.ends_with(", started by reset pin"), "{banner}");
+    assert_eq!(board.resets().expect("resets").len(), 4);
     board.finish().expect("a clean run");
 }
 
