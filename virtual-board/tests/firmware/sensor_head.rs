@@ -174,12 +174,20 @@ fn words_in_batches_are_the_same_as_words_one_by_one() {
 /// Silicon executes fewer instructions than it has clocks, because it waits for flash: at 84 million a second
 /// each takes two clocks, at 56 million three. A row whose edges came too late must be rejected and counted;
 /// it must never move a centre.
+///
+/// A row is late if DMA has counted its first word before the program's first look. The word takes 256
+/// clocks, and DMA counts it 0 to 40 clocks later, at random. The program takes about 85 instructions from
+/// SPI's start to that look. At 56 million a second these are 255 clocks: the program is just in time, and
+/// the test expects nothing of the count. At 50 million they are 286 clocks, so three of four rows are late.
+/// Even with 80 instructions, which are 269 clocks, one of three is.
 fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
     let rates = match sensor {
-        Sensor::Tcd1304 => &[(168, false), (84, false), (56, true)][..],
-        Sensor::S11639 => &[(84, false), (56, true)],
+        Sensor::Tcd1304 => &[168, 84, 56, 50][..],
+        Sensor::S11639 => &[84, 56, 50],
     };
-    for &(millions, is_slow) in rates {
+    for &millions in rates {
+        let is_slow = millions < 84;
+        let time = Duration::from_millis(if is_slow { 500 } else { 1000 });
         let conditions = Conditions {
             instructions_per_second: millions * 1_000_000,
             ..Conditions::default()
@@ -198,7 +206,7 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
         }
         set(&mut board, "rows 4");
         board.head(|head| head.keep_all_rows(true));
-        board.run_for(Duration::from_secs(1)).expect("a run");
+        board.run_for(time).expect("a run");
         let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
         let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
         let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
@@ -216,7 +224,8 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
             100.0 * most
         );
         match sensor {
-            _ if is_slow => assert!(late > 0, "{late} late rows"),
+            _ if millions == 50 => assert!(late >= rows.len() as u64 / 5, "{late} late rows"),
+            _ if is_slow => {}
             Sensor::Tcd1304 => assert_eq!(late, 0),
             Sensor::S11639 => assert!(late <= 1, "{late} late rows"),
         }
@@ -231,14 +240,15 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
             );
         }
         board.take_lines();
-        board.run_for(Duration::from_secs(1)).expect("a run");
+        board.run_for(time).expect("a run");
         let centre = |line: &Line| number(&line.text, "x ", " ");
         let lines = board.take_lines();
         let readings = lines.iter().filter(|line| is_measured(sensor, &line.text));
         let errors: Vec<f64> = readings.map(|line| centre(line) - CENTRE).collect();
         println!("centres are wrong by {errors:.3?} px");
         assert!(errors.iter().all(|error| error.abs() < 0.1), "{errors:?}");
-        assert!(is_slow || errors.len() > 30, "{} readings", errors.len());
+        let least = if is_slow { 1 } else { 30 };
+        assert!(errors.len() >= least, "{} readings", errors.len());
         board.finish().expect("a clean run");
     }
 }
