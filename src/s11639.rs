@@ -35,14 +35,14 @@
 //!   look at both with an oscilloscope. Another count changes `S11639_LEAD_IN`, another phase
 //!   [`CLOCK_AFTER_WORD_0`].
 
-use core::future::{Future, poll_fn};
+use core::future::{Future as _, poll_fn};
 use core::ops::RangeInclusive;
 use core::pin::pin;
 use core::task::Poll;
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Timer};
 use slitrange::exposure::Exposure;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
@@ -51,8 +51,7 @@ use super::acquisition::set_alarm;
 use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::laser::Laser;
 use super::sensor_head::{
-    DMA_LATENCY, READ_OUT_TIMEOUT, ReadOutError, SCLK_HZ, cycles_in_ns, has_gap, poll_until,
-    wait_until,
+    DMA_LATENCY, ReadOutError, SCLK_HZ, cycles_in_ns, end_read_out, poll_until, wait_until,
 };
 use super::shared::{COUNTERS, WORDS};
 
@@ -221,27 +220,17 @@ impl SensorHead {
             // A transfer may fail at once.
             Timer::at(rise).await;
             pins.raise_st();
-            set_alarm(look).await;
-            if result.is_pending() {
-                result = poll_until(look, transfer.as_mut()).await;
-            }
-            if word_0.is_ok_and(|word_0| has_gap(word_0, CYCLES_A_MASTER_CLOCK)) {
-                word_0 = Err(ReadOutError::Late);
-            }
-            set_alarm(next).await;
-            if result.is_pending() {
-                result = poll_until(next, transfer.as_mut()).await;
-            }
-            match result {
-                Poll::Ready(result) => result.map_err(ReadOutError::Spi),
-                Poll::Pending => match with_timeout(READ_OUT_TIMEOUT, transfer).await {
-                    Ok(result) => result.map_err(ReadOutError::Spi),
-                    Err(_) => Err(ReadOutError::Timeout),
-                },
-            }
+            end_read_out(
+                transfer,
+                result,
+                word_0,
+                CYCLES_A_MASTER_CLOCK,
+                [look, next],
+            )
+            .await
         };
         self.pins.chip_select.set_high();
-        result.and(word_0).map(|_| exposed)
+        result.map(|()| exposed)
     }
 }
 

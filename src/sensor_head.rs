@@ -8,8 +8,9 @@ use core::pin::Pin;
 use core::task::Poll;
 
 use embassy_stm32::spi;
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, with_timeout};
 
+use super::acquisition::set_alarm;
 use super::board::{self, CORE_HZ};
 use super::shared::WORDS;
 
@@ -30,7 +31,7 @@ pub const SCLK_HZ: u32 = 10_500_000;
 pub const DMA_LATENCY: u32 = 20;
 
 /// A read-out that has not ended when the next row is due has this much time left.
-pub const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
+const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// Why a read-out brought no row.
 #[derive(Clone, Copy, Debug, defmt::Format)]
@@ -56,6 +57,42 @@ pub async fn poll_until<T>(
     .await
 }
 
+/// Ends a read-out. `result` is what the transfer's first polls gave, and `word_0` is when word 0 ended. A
+/// word takes `word` core cycles. At `look`, all pixels have come and some words have not: the program then
+/// looks for a gap. At `next`, the transfer should have ended, and the next exposure should end: the alarm is
+/// set for it.
+///
+/// # Errors
+/// That of the transfer, or else `word_0`'s or a gap's.
+#[inline]
+pub async fn end_read_out(
+    mut transfer: Pin<&mut impl Future<Output = Result<(), spi::Error>>>,
+    mut result: Poll<Result<(), spi::Error>>,
+    word_0: Result<u32, ReadOutError>,
+    word: u32,
+    [look, next]: [Instant; 2],
+) -> Result<(), ReadOutError> {
+    set_alarm(look).await;
+    if result.is_pending() {
+        result = poll_until(look, transfer.as_mut()).await;
+    }
+    let in_step = match word_0 {
+        Ok(word_0) if has_gap(word_0, word) => Err(ReadOutError::Late),
+        word_0 => word_0,
+    };
+    set_alarm(next).await;
+    if result.is_pending() {
+        result = poll_until(next, transfer.as_mut()).await;
+    }
+    let result = match result {
+        Poll::Ready(result) => Ok(result),
+        Poll::Pending => with_timeout(READ_OUT_TIMEOUT, transfer).await,
+    };
+    let result = result.map_err(|_| ReadOutError::Timeout)?;
+    result.map_err(ReadOutError::Spi)?;
+    in_step.map(|_| ())
+}
+
 /// Whether SCLK paused since word 0 ended. A word takes `word` core cycles. Waits for the end of a word, if
 /// one is still to come.
 ///
@@ -64,7 +101,7 @@ pub async fn poll_until<T>(
 /// 163 cycles is always seen. The rest is the slack for a slower core. Shorter gaps are not expected: SPI1
 /// only receives, and then SCLK does not wait for DMA (RM0090 section 28.3.5). If DMA is too late, a word is
 /// lost, and SPI1 reports it.
-pub fn has_gap(word_0_ended: u32, word: u32) -> bool {
+fn has_gap(word_0_ended: u32, word: u32) -> bool {
     cortex_m::interrupt::free(|_| {
         let (start, words) = (board::cycles(), board::words_to_come());
         let mut to_come = words;

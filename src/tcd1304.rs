@@ -32,7 +32,7 @@
 //! The pulses are given in a critical section: an interrupt would stretch them.
 //!
 //! If DMA fed SPI late, SCLK would pause and all pixels after it would be shifted. So the program looks at
-//! the time when the words of all light pixels have come ([`has_gap`]).
+//! the time when the words of all light pixels have come ([`end_read_out`]).
 //!
 //! # Note
 //!
@@ -48,23 +48,21 @@
 //! * On a real board, look with an oscilloscope at the phase at which a pixel is sampled. ICG_AFTER_WORD_1
 //!   sets it.
 
-use core::future::{Future, poll_fn};
+use core::future::{Future as _, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
-use embassy_time::{Duration, Instant, with_timeout};
+use embassy_time::{Duration, Instant};
 use slitrange::exposure::Exposure;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 
-use super::acquisition::set_alarm;
 use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::laser::Laser;
 use super::sensor_head::{
-    DMA_LATENCY, READ_OUT_TIMEOUT, ReadOutError, SCLK_HZ, cycles_in_ns, has_gap, poll_until,
-    wait_until,
+    DMA_LATENCY, ReadOutError, SCLK_HZ, cycles_in_ns, end_read_out, wait_until,
 };
 use super::shared::{COUNTERS, WORDS};
 
@@ -214,28 +212,11 @@ impl Tcd1304 {
                     started
                 }))
             });
-            let mut result = started.await;
-            set_alarm(look).await;
-            if result.is_pending() {
-                result = poll_until(look, transfer.as_mut()).await;
-            }
-            if word_0.is_ok_and(|word_0| has_gap(word_0, CYCLES_A_PIXEL)) {
-                word_0 = Err(ReadOutError::Late);
-            }
-            set_alarm(next).await;
-            if result.is_pending() {
-                result = poll_until(next, transfer.as_mut()).await;
-            }
-            match result {
-                Poll::Ready(result) => result.map_err(ReadOutError::Spi),
-                Poll::Pending => match with_timeout(READ_OUT_TIMEOUT, transfer).await {
-                    Ok(result) => result.map_err(ReadOutError::Spi),
-                    Err(_) => Err(ReadOutError::Timeout),
-                },
-            }
+            let result = started.await;
+            end_read_out(transfer, result, word_0, CYCLES_A_PIXEL, [look, next]).await
         };
         self.pins.chip_select.set_high();
-        result.and(word_0).map(|_| exposed)
+        result.map(|()| exposed)
     }
 }
 
