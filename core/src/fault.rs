@@ -191,7 +191,7 @@ impl Fault {
             }
             Self::SlitsUnclear { .. } => "cover other lights, and surfaces that reflect the laser",
             Self::NotCalibrated { .. } => {
-                "send `calibration on`; if there is no calibration, upload one or send `defaults`"
+                "send `calibration on`; without a calibration, upload one, or send `defaults` (TCD1304DG only)"
             }
         }
     }

@@ -665,7 +665,7 @@ impl Session {
             }),
             Command::Calibration(Some(on)) => {
                 if on && self.record.is_none() {
-                    return Err(Refusal::NoCalibration);
+                    return Err(self.no_calibration());
                 }
                 self.calibration_on = on;
                 self.output.clear();
@@ -702,7 +702,7 @@ impl Session {
 
     /// Refuses a `save`, or a `save nominal`, that has nothing to save or would lose a calibration.
     fn check_save(&self, command: Command) -> Result<(), Refusal> {
-        let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
+        let record = (self.record.as_ref()).ok_or_else(|| self.no_calibration())?;
         let (is_nominal, is_of_factory) = (
             record.record().is_nominal(),
             record.record().is_of_factory(),
@@ -714,6 +714,12 @@ impl Session {
             return Err(Refusal::NotNominal);
         }
         Ok(())
+    }
+
+    fn no_calibration(&self) -> Refusal {
+        Refusal::NoCalibration {
+            has_nominal: record_of_factory(&self.geometry).is_some(),
+        }
     }
 
     /// Refuses a region that has too few of this sensor's pixels.
@@ -740,7 +746,7 @@ impl Session {
     }
 
     fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
-        let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
+        let record = (self.record.as_ref()).ok_or_else(|| self.no_calibration())?;
         let bytes = record.bytes();
         Piece::of(bytes, offset).ok_or(Refusal::NoPiece {
             offset,

@@ -8,6 +8,8 @@ use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, Combined, MAX_SLITS, SlitMap, Slits};
 use slitrange::difference::Difference;
 use slitrange::distance::Calibration;
+use slitrange::distance::knots::Knot;
+use slitrange::distance::table::Table;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
@@ -28,7 +30,7 @@ use slitrange::reading::Measured;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::sensor_heads::tcd1304dg;
+use slitrange::sensor_heads::{s11639, tcd1304dg};
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Applied, Event, Session};
 use slitrange::settings::{Affects, Setting, Settings};
@@ -37,7 +39,7 @@ use slitrange::store::configuration::Configuration;
 use slitrange::store::pixel_map::StoredMap;
 use slitrange::store::{StoreError, Stored};
 use slitrange::uncertainty::{CalibrationErrors, PLACES, Surface};
-use slitrange::units::{Counts, Electrons, Pixels};
+use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
 
 const HARDWARE: Hardware = Hardware {
     board: "a board",
@@ -77,8 +79,13 @@ impl Sensor {
 
     /// The same of a sensor that may have a comb.
     fn comb_started(stored: Stored) -> Self {
+        Self::with_head(tcd1304dg(), stored)
+    }
+
+    /// The same of a sensor with this head.
+    fn with_head(geometry: Geometry, stored: Stored) -> Self {
         let mut sensor = Self {
-            session: Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn),
+            session: Session::new(HARDWARE, geometry, StartCause::PowerOn),
             actions: Actions::default(),
         };
         let banner = sensor.take(Event::Started(stored));
@@ -1546,6 +1553,38 @@ fn without_a_calibration_there_is_a_fault_and_no_distance() {
             .ask("calibration")
             .contains("\r\ncalibration stored same")
     );
+}
+
+/// `defaults` has no calibration for a S11639, so the refusals do not send the user there.
+#[test]
+fn a_new_s11639_takes_a_save_after_an_upload_only() {
+    let mut sensor = Sensor::with_head(s11639(), Stored::Nothing);
+    for line in [
+        "save",
+        "save nominal",
+        "calibration on",
+        "calibration data 0",
+    ] {
+        sensor.set("defaults");
+        assert_eq!(
+            sensor.ask(line),
+            "E15 there is no calibration: calibrate this sensor and upload the record; defaults has none",
+            "{line}"
+        );
+        assert!(!sensor.actions.save);
+    }
+    let knots = [(500, 1_000_000), (1000, 800_000), (1500, 700_000)].map(|(x, um)| Knot {
+        centre: Pixels::from_int(x),
+        value: Micrometres::from_int(um),
+    });
+    let own = Record {
+        geometry: s11639(),
+        calibration: Calibration::Table(Table::new(&knots).expect("a table")),
+        errors: CalibrationErrors::Unknown,
+        ..own_record().record().clone()
+    };
+    sensor.upload(&EncodedRecord::new(own).expect("a usable record"));
+    sensor.save();
 }
 
 #[test]

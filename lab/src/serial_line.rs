@@ -54,7 +54,7 @@ const SESSION: [&str; 31] = [
     "calibration off",
     "> distance",
     "f not calibrated: x 1770.97815 u 0.00197",
-    "(send `calibration on`; if there is no calibration, upload one or send `defaults`)",
+    "(send `calibration on`; without a calibration, upload one, or send `defaults` (TCD1304DG only))",
 ];
 
 /// The first lines of the session, which README.md shows.

@@ -46,7 +46,10 @@ pub enum Refusal {
         bytes: usize,
     },
     /// There is no calibration.
-    NoCalibration,
+    NoCalibration {
+        /// Whether `defaults` brings the nominal one.
+        has_nominal: bool,
+    },
     /// The configuration could not be saved.
     NotSaved(StoreError),
     /// Flash holds a calibration, and `save` would replace it by the nominal one.
@@ -94,9 +97,11 @@ impl fmt::Display for Refusal {
             Self::NoPiece { offset, bytes } => {
                 write!(f, "E14 offset {offset}, but the record has {bytes} bytes")
             }
-            Self::NoCalibration => {
-                f.write_str("E15 there is no calibration: upload one, or defaults")
-            }
+            Self::NoCalibration { has_nominal } => f.write_str(if *has_nominal {
+                "E15 there is no calibration: upload one, or defaults"
+            } else {
+                "E15 there is no calibration: calibrate this sensor and upload the record; defaults has none"
+            }),
             Self::NotSaved(error) => write!(f, "E16 not saved: {error}"),
             Self::WouldReplace => f.write_str(
                 "E17 save would replace the stored calibration by the nominal one: save nominal does so",
@@ -156,7 +161,7 @@ mod tests {
                 offset: 64,
                 bytes: 54,
             },
-            Refusal::NoCalibration,
+            Refusal::NoCalibration { has_nominal: true },
             Refusal::NotSaved(StoreError::Worn),
             Refusal::WouldReplace,
             Refusal::NotNominal,
@@ -170,7 +175,9 @@ mod tests {
             Refusal::MasterRange,
             Refusal::NotTriggered,
         ];
-        for (refusal, number) in refusals.into_iter().zip(8..) {
+        let of_another_head = Refusal::NoCalibration { has_nominal: false };
+        let numbered = refusals.into_iter().zip(8..);
+        for (refusal, number) in numbered.chain([(of_another_head, 15)]) {
             let text = refusal.to_string();
             println!("{text}");
             assert!(text.starts_with(&format!("E{number} ")), "{text}");

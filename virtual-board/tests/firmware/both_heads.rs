@@ -3,13 +3,14 @@
 
 use std::time::Duration;
 
+use slitrange::protocol::refusal::Refusal;
 use slitrange::sensor_heads::{S11639_LEAD_IN, TCD1304DG_LEAD_IN};
 use virtual_board::row_rate::highest;
 use virtual_board::{Row, Sensor};
 
 use crate::common::{
-    Status, ask, boot_with, firmware_for, is_result, measuring_with, number, paper_for, set,
-    spot_for, with_both_heads,
+    Status, ask, ask_for_lines, boot_with, firmware_for, is_result, measuring_with, number,
+    paper_for, set, spot_for, with_both_heads,
 };
 
 /// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
@@ -103,7 +104,13 @@ with_both_heads! {
 fn a_new_s11639_has_no_calibration() {
     let (mut board, banner) = boot_with(Sensor::S11639, paper_for(Sensor::S11639));
     assert!(banner.text.contains("S11639-01"), "{}", banner.text);
-    assert_eq!(ask(&mut board, "calibration"), "calibration none");
+    assert_eq!(
+        ask_for_lines(&mut board, "calibration", 2),
+        ["calibration none", "calibration stored none"]
+    );
+    set(&mut board, "defaults");
+    let refusal = Refusal::NoCalibration { has_nominal: false };
+    assert_eq!(ask(&mut board, "save"), refusal.to_string());
     board.finish().expect("a clean run");
 }
 

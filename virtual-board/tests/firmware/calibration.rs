@@ -356,8 +356,8 @@ fn a_centre_needs_no_calibration() {
         let lines = board.take_lines();
         let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
         assert!(
-            matches!(texts[..], [fault, "(send `calibration on`; if there is no calibration, \
-                                         upload one or send `defaults`)", centre]
+            matches!(texts[..], [fault, "(send `calibration on`; without a calibration, upload one, \
+                                         or send `defaults` (TCD1304DG only))", centre]
                 if fault.starts_with("f not calibrated: x ") && centre.starts_with("x ")),
             "{texts:#?}"
         );

@@ -340,7 +340,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
             "{centre}"
         );
         for command in ["calibration on", "calibration data 0", "save"] {
-            let refusal = Refusal::NoCalibration.to_string();
+            let refusal = Refusal::NoCalibration { has_nominal: true }.to_string();
             assert_eq!(ask(&mut board, command), refusal, "{command}");
         }
         assert_eq!(board.flash().operation_count(), 0);
