@@ -376,6 +376,60 @@ fn numbers_at_the_edges_are_taken_and_those_beyond_are_refused() {
     }
 }
 
+/// What the slit may be depends on its distance to the sensor, on the wavelength and on the target.
+#[test]
+fn slit_and_slit_to_sensor_are_taken_at_the_edges_of_their_ranges() {
+    let ends = "--slit-to-sensor must be between 1 and 1000";
+    let slit = "--slit must be between four wavelengths and a tenth of --slit-to-sensor";
+    let fresnel =
+        "--slit squared, over wavelength and --slit-to-sensor, must be between 0.01 and 16";
+    let near = options("").baseline.hypot(options("").near);
+    // The slit in micrometres at which Fresnel's number is this, with 650 nm, 50 mm behind the slit.
+    let with_fresnel = |number: f64| 1e3 * (number * 650e-6 / (1.0 / 50.0 + 1.0 / near)).sqrt();
+    let (least, most) = (with_fresnel(0.01), with_fresnel(16.0));
+    println!("{least:.2} to {most:.1} um");
+    for (others, name, edge, beyond, error) in [
+        (
+            "--wavelength 2000 --slit 80",
+            "--slit-to-sensor",
+            1.0,
+            0.999,
+            ends,
+        ),
+        ("", "--slit-to-sensor", 1000.0, 1000.1, ends),
+        (
+            "--wavelength 2000 --slit-to-sensor 3",
+            "--slit",
+            8.0,
+            7.99,
+            slit,
+        ),
+        (
+            "--wavelength 2000 --slit-to-sensor 1",
+            "--slit",
+            100.0,
+            100.1,
+            slit,
+        ),
+        ("", "--slit", 1.0001 * least, 0.9999 * least, fresnel),
+        ("", "--slit", 0.9999 * most, 1.0001 * most, fresnel),
+    ] {
+        let text = printed(&format!("{others} {name}={edge}"));
+        let is_clean =
+            |line: &str| line.len() <= 110 && !line.contains("NaN") && !line.contains("inf");
+        assert!(text.lines().all(is_clean), "{others} {name} {edge}: {text}");
+        for wrong in [beyond, -edge, f64::NAN, f64::INFINITY] {
+            let options = options(&format!("{others} {name}={wrong}"));
+            let refused = options.design().expect_err("a wrong number").to_string();
+            assert!(
+                refused.starts_with(name),
+                "{others} {name} {wrong}: {refused}"
+            );
+            assert!(wrong != beyond || refused.starts_with(error), "{refused}");
+        }
+    }
+}
+
 #[test]
 fn numbers_without_sense_are_refused() {
     for (wrong, expected) in [
