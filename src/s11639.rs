@@ -294,14 +294,14 @@ impl Pins {
         }
         let after = rise.wrapping_sub(word_0_ended);
         let sampled = CLOCK_AFTER_WORD_0.saturating_sub(after) * 100 / CYCLES_A_MASTER_CLOCK;
-        COUNTERS.sampled_earliest.set_if_smaller(sampled);
-        COUNTERS.sampled_latest.set_if_larger(sampled);
         if !NEAR_MIDDLE.contains(&sampled) {
             *transfer_start = next_start(*transfer_start, sampled.min(100));
         }
         if was_missed || !SAMPLED.contains(&sampled) {
             return Err(ReadOutError::Late);
         }
+        COUNTERS.sampled_earliest.set_if_smaller(sampled);
+        COUNTERS.sampled_latest.set_if_larger(sampled);
         Ok(word_0_ended)
     }
 

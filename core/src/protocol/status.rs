@@ -49,7 +49,8 @@ pub struct Vitals {
     pub rows_failed: u32,
     /// Rows not used, because the program was too late for one of the sensor's edges, or SCLK had a gap.
     pub rows_late: u32,
-    /// How far apart the rows since the start were sampled, in percent of a pixel's time.
+    /// How far apart the rows since the start were sampled, in percent of a pixel's time, with the delays of
+    /// the program's look at them. Rejected rows do not count.
     pub sampling_spread: u32,
     /// Core cycles from the words of the latest row in memory to its centre, with all interrupts meanwhile.
     /// The last row of a frame includes the frame's end.

@@ -208,8 +208,10 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
         board.head(|head| head.keep_all_rows(true));
         board.run_for(time).expect("a run");
         let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
-        let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
-        let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
+        // The spread is that of rows that were not rejected.
+        let used = rows.iter().filter(|row| !finds_start || row.phase.0 >= 0.3);
+        let least = used.clone().map(|row| row.phase.0).fold(1.0, f64::min);
+        let most = used.map(|row| row.phase.1).fold(0.0, f64::max);
         let status = Status::ask(&mut board);
         let (spread, late) = (status.0.iter())
             .find(|line| line.contains("spread"))
