@@ -104,11 +104,12 @@ def draw(value, net, number):
     d.add(elm.Line().at(follower.in1).to((follower.in1[0], loop)))
     d.add(elm.Line().at((follower.in1[0], loop)).to((follower.out[0], loop)))
     d.add(elm.Line().at((follower.out[0], loop)).to(follower.out))
-    d.add(
-        elm.Label()
-        .at((follower.out[0] + 0.15, loop - 0.1))
-        .label(net("U3", "OUT2"), color="#1f77b4", halign="left")
-    )
+    for pin, at in (
+        ("OUT2", (follower.out[0] + 0.15, loop - 0.1)),
+        ("IN1-", (joint[0] + 0.15, joint[1] - 0.8)),
+        ("OUT1", (gain.out[0] + 0.15, below[1])),
+    ):
+        d.add(elm.Label().at(at).label(net("U3", pin), color="#1f77b4", halign="left"))
     tag("U3", "IN2+", follower.in2, "left")
     # To the converter.
     after = d.add(named(elm.Resistor().at(gain.out).right().length(2.4), "R8"))
