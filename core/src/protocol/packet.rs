@@ -425,3 +425,38 @@ impl Decoder {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// For Miri, which takes too long for the properties in host-tests/tests/packets.rs.
+    #[test]
+    fn packets_are_read_as_they_are_written() {
+        let words = Packed::new((0..COUNTS_A_PACKET as u16).map(|word| 16 * word));
+        let messages = [
+            Message::Text(b"rows 16\r\n"),
+            Message::Text(&[0; TEXT_PART]),
+            Message::Result(FrameResult {
+                counter: 7,
+                time_us: u64::MAX,
+                is_difference: false,
+                result: Err(Fault::LaserOff),
+            }),
+            Message::Words {
+                number: 3,
+                first: 256,
+                words: words.bytes(),
+            },
+        ];
+        let mut packets = Packets::default();
+        let mut decoder = Decoder::new();
+        for (sequence, message) in (0..).zip(messages) {
+            let bytes = packets.encode(message).to_vec();
+            let (end, start) = bytes.split_last().expect("bytes");
+            assert!(start.iter().all(|&byte| decoder.take(byte).is_none()));
+            let expected = Packet { sequence, message };
+            assert_eq!(decoder.take(*end), Some(Ok(expected)));
+        }
+    }
+}

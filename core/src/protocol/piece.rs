@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn a_character_that_is_garbled_is_noticed() {
         /// One character in so many is tried: Miri is slow.
-        const STRIDE: usize = if cfg!(miri) { 97 } else { 1 };
+        const STRIDE: usize = if cfg!(miri) { 197 } else { 1 };
 
         let bytes = [7, 0, 255, 128, 1, 9, 0x5c, 0xa3, 77, 3, 250, 0, 0, 0, 0, 1];
         for (offset, count) in [
@@ -204,7 +204,10 @@ mod tests {
             (1360, 1),
             (1111, 7),
             (65_535, 16),
-        ] {
+        ]
+        .into_iter()
+        .take(if cfg!(miri) { 1 } else { 6 })
+        {
             let piece = Piece::new(offset, &bytes[..count]).expect("a piece");
             let line = piece.to_string();
             let same = Ok(Command::Upload(Step::Piece(piece)));

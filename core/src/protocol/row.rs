@@ -383,9 +383,10 @@ mod tests {
         for line in &lines {
             let text = line.to_string();
             assert_eq!(RowPixels::parse(&text).as_ref(), Some(line));
-            // Any other character is found.
+            // Any other character is found. Miri takes its time.
+            let bytes = (0..128).step_by(if cfg!(miri) { 127 } else { 1 });
             for place in 0..text.len() {
-                for byte in (0..128).filter(|&byte| byte != text.as_bytes()[place]) {
+                for byte in bytes.clone().filter(|&byte| byte != text.as_bytes()[place]) {
                     let mut other = text.clone().into_bytes();
                     other[place] = byte;
                     let other = String::from_utf8(other).expect("ASCII");
