@@ -396,10 +396,11 @@ pub type Converter = spi::Spi<'static, Async, Master>;
 /// The sensor's master clock.
 pub type MasterClock = SimplePwm<'static, peripherals::TIM1>;
 
-/// Core cycles since the master clock rose: TIM1 counts at the core's speed, and its output rises as it
-/// wraps.
-pub fn cycles_since_master_clock_rose() -> u32 {
-    pac::TIM1.cnt().read().0 & 0xFFFF
+/// When the master clock rose last, by the cycle counter. TIM1 counts at the core's speed, and its output
+/// rises as it wraps.
+pub fn master_clock_rose() -> u32 {
+    let since = pac::TIM1.cnt().read().0 & 0xFFFF;
+    cycles().wrapping_sub(since)
 }
 
 /// Waits until the cycle counter is `due`, and raises ICG: 3 to 6 instructions later, because ICG must rise

@@ -22,8 +22,9 @@
 //! start, but can see it arrive. ST then falls while CLK is low, before the rise of CLK that makes word 92
 //! sample the first pixel ([`S11639_LEAD_IN`](slitrange::sensor_heads::S11639_LEAD_IN)). Unlike ICG, ST
 //! cannot move pixels against words by less than a period. So the transfer starts at a fixed time after CLK
-//! rose. A slower core takes longer from there to the first word. If pixels are sampled far from the middle
-//! of their time, the driver changes the start of the next transfer. It rejects a row that is sampled too
+//! rose. A slower core takes longer from there to the first word. So the driver first reads a few words while
+//! ST is high, when no pixels come, and chooses the start of the next transfer by them. It does so again if
+//! the pixels of a row are sampled far from the middle of their time, and rejects a row that is sampled too
 //! early or too late.
 //!
 //! # Note
@@ -37,8 +38,8 @@
 
 use core::future::{Future as _, poll_fn};
 use core::ops::RangeInclusive;
-use core::pin::pin;
-use core::task::Poll;
+use core::pin::{Pin, pin};
+use core::task::{Context, Poll};
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
@@ -51,7 +52,8 @@ use super::acquisition::set_alarm;
 use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::laser::Laser;
 use super::sensor_head::{
-    DMA_LATENCY, ReadOutError, SCLK_HZ, cycles_in_ns, end_read_out, poll_until, wait_until,
+    READ_OUT_TIMEOUT, ReadOutError, SCLK_HZ, end_read_out, find_end_of_word_0, poll_until,
+    wait_until,
 };
 use super::shared::{COUNTERS, WORDS};
 
@@ -75,9 +77,11 @@ pub const LONGEST_EXPOSURE: Exposure = Exposure::from_us(3000).unwrap();
 /// ST stays low for at least 100 periods of CLK, 152.4 us. The alarm's clock counts microseconds.
 const ST_LOW: Duration = Duration::from_micros(154);
 
-/// From a rise of CLK to the start of the first transfer. On the virtual board, pixels are then sampled at 53
-/// to 56 % of their time.
-const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + 105;
+/// From a rise of CLK to the start of the first transfer, which reads no row.
+const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK;
+
+/// Words of that transfer: the program sees one of them end.
+const WORDS_OF_TRIAL: usize = 16;
 
 /// From the end of word 0 to the rise of CLK that follows the fall of ST, if pixels are sampled at once when
 /// they come out: `WORDS` and the lead-in fix it.
@@ -96,6 +100,21 @@ const NEAR_MIDDLE: RangeInclusive<u32> = 45..=75;
 /// The part of its time at which a pixel is to be sampled, in percent.
 const MIDDLE: u32 = 60;
 
+/// The last rise of CLK at which the pixels may begin to be counted, if word 0 ended then: word 92 still
+/// samples pixel 0.
+fn rise_after_word_0(word_0_ended: u32) -> u32 {
+    let clock_rose = board::master_clock_rose();
+    let periods_back = CLOCK_AFTER_WORD_0.wrapping_sub(clock_rose.wrapping_sub(word_0_ended));
+    // `clock_rose` is less than `CLOCK_AFTER_WORD_0` after the end of word 0, or the row is late.
+    let periods = (periods_back as i32).div_euclid(CYCLES_A_MASTER_CLOCK as i32);
+    clock_rose.wrapping_add((periods * CYCLES_A_MASTER_CLOCK as i32) as u32)
+}
+
+/// The part of its time at which a pixel is sampled, in percent, if CLK rises so long after the end of word 0.
+const fn part_sampled(after: u32) -> u32 {
+    CLOCK_AFTER_WORD_0.saturating_sub(after) * 100 / CYCLES_A_MASTER_CLOCK
+}
+
 /// When a transfer is to start, in cycles after a rise of CLK. The transfer before started at `start`, and
 /// its pixels were sampled when so many percent of their time had passed.
 const fn next_start(start: u32, sampled: u32) -> u32 {
@@ -112,9 +131,6 @@ const _: () = {
     assert!(next_start(2 * CYCLES_A_MASTER_CLOCK, 10) == 2 * CYCLES_A_MASTER_CLOCK + half);
     assert!(next_start(3 * CYCLES_A_MASTER_CLOCK - half, 10) == 2 * CYCLES_A_MASTER_CLOCK);
 };
-
-/// The first word takes 1.5 us. If it has not come after this time, it will not come.
-const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
 /// From the fall of ST, in word 3, to a look at the words that have come: all pixels have, and the last words
 /// have not. An alarm may be late by most of these, 13 us.
@@ -142,8 +158,8 @@ pub struct SensorHead {
     pins: Pins,
     /// For how long the laser is on in the row that is being exposed; `None` if it is off.
     exposing: Option<Exposure>,
-    /// From a rise of CLK to the start of the next transfer, in cycles.
-    transfer_start: u32,
+    /// From a rise of CLK to the start of the next transfer, in cycles; `None` before the first transfer.
+    transfer_start: Option<u32>,
     /// The clock runs as long as this is kept.
     _master_clock: MasterClock,
 }
@@ -155,7 +171,7 @@ impl SensorHead {
             converter,
             pins,
             exposing: None,
-            transfer_start: TRANSFER_START,
+            transfer_start: None,
             _master_clock: master_clock,
         }
     }
@@ -170,10 +186,42 @@ impl SensorHead {
     pub async fn pulse(&mut self, laser: Option<Exposure>) {
         self.exposing = laser;
         self.pins.laser.set_exposure(laser);
+        if self.transfer_start.is_none() {
+            self.transfer_start = self.find_transfer_start().await;
+        }
         // The pulse ends a row that nobody reads, so it matters little if CLK rises while ST falls.
-        let _ = cortex_m::interrupt::free(|_| self.pins.lower_st(board::cycles()));
+        let _ = cortex_m::interrupt::free(|_| {
+            let rise = board::master_clock_rose().wrapping_add(2 * CYCLES_A_MASTER_CLOCK);
+            self.pins.lower_st(rise)
+        });
         Timer::after(ST_LOW).await;
         self.pins.raise_st();
+    }
+
+    /// Reads a few words, of which none is a pixel, and gives the start of a transfer of which the pixels are
+    /// sampled in the middle of their time. `None` if no word came.
+    async fn find_transfer_start(&mut self) -> Option<u32> {
+        let Self {
+            converter, pins, ..
+        } = self;
+        let mut words = [0_u16; WORDS_OF_TRIAL];
+        let mut found = None;
+        {
+            let mut transfer = pin!(converter.read(&mut words[..]));
+            poll_fn(|context| {
+                Poll::Ready(cortex_m::interrupt::free(|_| {
+                    let _ = pins.start(TRANSFER_START, transfer.as_mut(), context);
+                    let word_0_ended = find_end_of_word_0(WORDS_OF_TRIAL, CYCLES_A_MASTER_CLOCK)?;
+                    let after = rise_after_word_0(word_0_ended).wrapping_sub(word_0_ended);
+                    found = Some(next_start(TRANSFER_START, part_sampled(after)));
+                    found
+                }))
+            })
+            .await;
+            let _ = with_timeout(READ_OUT_TIMEOUT, transfer).await;
+        }
+        self.pins.chip_select.set_high();
+        found
     }
 
     /// Ends an exposure and reads its row. Sets the alarm at `next`, when the next exposure should end: the
@@ -200,13 +248,9 @@ impl SensorHead {
             let mut transfer = pin!(converter.read(&mut row[..]));
             let started = poll_fn(|context| {
                 Poll::Ready(cortex_m::interrupt::free(|_| {
-                    let clock_rose =
-                        board::cycles().wrapping_sub(board::cycles_since_master_clock_rose());
-                    wait_until(clock_rose, *transfer_start);
-                    // SCLK floats until the transfer enables SPI, so the converter listens only now.
-                    pins.chip_select.set_low();
-                    let started = transfer.as_mut().poll(context);
-                    word_0 = pins.lower_st_after_word_0(transfer_start);
+                    let start = transfer_start.unwrap_or(TRANSFER_START);
+                    let started = pins.start(start, transfer.as_mut(), context);
+                    word_0 = pins.lower_st_after_word_0(start, transfer_start);
                     rise = Instant::now() + ST_LOW;
                     look = Instant::now() + LOOK;
                     started
@@ -249,55 +293,59 @@ impl Pins {
         }
     }
 
-    /// Lowers ST half a period before the first rise of CLK that comes so long after `since` that ST can be
-    /// lowered in time. Returns that rise, by the cycle counter.
+    /// Starts a transfer, so many cycles after a rise of CLK. The same code for each transfer, because its
+    /// instructions are a part of the time to the first word.
+    #[inline(never)]
+    fn start<T>(
+        &mut self,
+        start: u32,
+        transfer: Pin<&mut impl Future<Output = T>>,
+        context: &mut Context<'_>,
+    ) -> Poll<T> {
+        wait_until(board::master_clock_rose(), start);
+        // SCLK floats until the transfer enables SPI, so the converter listens only now.
+        self.chip_select.set_low();
+        transfer.poll(context)
+    }
+
+    /// Lowers ST half a period before this rise of CLK.
     ///
     /// # Errors
     /// [`ReadOutError::Late`] if ST fell too near to that rise.
-    fn lower_st(&mut self, since: u32) -> Result<u32, ReadOutError> {
+    fn lower_st(&mut self, rise: u32) -> Result<(), ReadOutError> {
         const HALF: u32 = CYCLES_A_MASTER_CLOCK / 2;
-        let clock_rose = board::cycles().wrapping_sub(board::cycles_since_master_clock_rose());
-        let passed = clock_rose.wrapping_sub(since) as i32;
-        let mut rise = clock_rose;
-        let mut after = passed;
-        while after < (CLOCK_AFTER_WORD_0 - CYCLES_A_MASTER_CLOCK) as i32 {
-            after += CYCLES_A_MASTER_CLOCK as i32;
-            rise = rise.wrapping_add(CYCLES_A_MASTER_CLOCK);
-        }
         let fall = rise.wrapping_sub(HALF);
         wait_until(fall, 0);
         self.st.set_low();
         if board::cycles().wrapping_sub(fall) >= HALF {
             return Err(ReadOutError::Late);
         }
-        Ok(rise)
+        Ok(())
     }
 
-    /// Waits for the end of word 0, and lowers ST before the rise of CLK that suits the words. If no word
+    /// Waits for the end of a word, and lowers ST before the rise of CLK that suits the words. If no word
     /// comes, ST falls all the same, and the transfer runs into its timeout. Changes the start of the next
-    /// transfer if the pixels are sampled far from their middle. Returns when word 0 ended, by the cycle
-    /// counter.
+    /// transfer if the pixels are sampled far from their middle; this one started at `start`. Returns when
+    /// word 0 ended, by the cycle counter.
     ///
     /// # Errors
-    /// [`ReadOutError::Late`] if word 0 had ended before the first look, if ST fell too late, or if the
-    /// pixels will not be sampled in the middle of their time.
-    fn lower_st_after_word_0(&mut self, transfer_start: &mut u32) -> Result<u32, ReadOutError> {
-        let has_word_0 = || (board::words_to_come() as usize) < WORDS;
-        let was_missed = has_word_0();
-        let start = board::cycles();
-        while !has_word_0() && board::cycles().wrapping_sub(start) < FIRST_WORD_TIMEOUT {}
-        let word_0_ended = board::cycles().wrapping_sub(DMA_LATENCY);
-        let rise = self.lower_st(word_0_ended)?;
-        if !has_word_0() {
-            // The transfer will run into its timeout.
-            return Ok(word_0_ended);
-        }
-        let after = rise.wrapping_sub(word_0_ended);
-        let sampled = CLOCK_AFTER_WORD_0.saturating_sub(after) * 100 / CYCLES_A_MASTER_CLOCK;
+    /// [`ReadOutError::Late`] if no word came, if ST fell too late, or if the pixels will not be sampled in
+    /// the middle of their time.
+    fn lower_st_after_word_0(
+        &mut self,
+        start: u32,
+        transfer_start: &mut Option<u32>,
+    ) -> Result<u32, ReadOutError> {
+        let word_0 = find_end_of_word_0(WORDS, CYCLES_A_MASTER_CLOCK);
+        let word_0_ended = word_0.unwrap_or_else(board::cycles);
+        let rise = rise_after_word_0(word_0_ended);
+        self.lower_st(rise)?;
+        let word_0_ended = word_0.ok_or(ReadOutError::Late)?;
+        let sampled = part_sampled(rise.wrapping_sub(word_0_ended));
         if !NEAR_MIDDLE.contains(&sampled) {
-            *transfer_start = next_start(*transfer_start, sampled.min(100));
+            *transfer_start = Some(next_start(start, sampled));
         }
-        if was_missed || !SAMPLED.contains(&sampled) {
+        if !SAMPLED.contains(&sampled) {
             return Err(ReadOutError::Late);
         }
         COUNTERS.sampled_earliest.set_if_smaller(sampled);

@@ -28,10 +28,13 @@ pub use super::tcd1304::{
 pub const SCLK_HZ: u32 = 10_500_000;
 
 /// From the end of a word until DMA has counted it: 0 to 40 cycles, for other accesses may come first.
-pub const DMA_LATENCY: u32 = 20;
+const DMA_LATENCY: u32 = 20;
+
+/// A word takes 1.5 us. If none has ended after this time, none will.
+const WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
 /// A read-out that has not ended when the next row is due has this much time left.
-const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
+pub const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// Why a read-out brought no row.
 #[derive(Clone, Copy, Debug, defmt::Format)]
@@ -93,24 +96,47 @@ pub async fn end_read_out(
     in_step.map(|_| ())
 }
 
+/// When word 0 of the transfer under way ended, by the cycle counter. Waits for the end of the next word, and
+/// subtracts the words before it: so it does not matter how many words a slow core missed. The transfer has
+/// `words` words of `word` core cycles. `None` if no word ends.
+///
+/// The program sees the end of a word at one look, and not at the look before. The middle of the two does not
+/// depend on the core's speed.
+pub fn find_end_of_word_0(words: usize, word: u32) -> Option<u32> {
+    let first = board::words_to_come();
+    let start = board::cycles();
+    let mut looked = start;
+    while looked.wrapping_sub(start) < WORD_TIMEOUT {
+        let looked_before = looked;
+        let to_come = board::words_to_come();
+        looked = board::cycles();
+        if to_come != first {
+            let seen = looked.wrapping_sub(looked.wrapping_sub(looked_before) / 2);
+            let words_before = (words as u32 - 1).saturating_sub(to_come);
+            return Some(seen.wrapping_sub(DMA_LATENCY + words_before * word));
+        }
+    }
+    None
+}
+
 /// Whether SCLK paused since word 0 ended. A word takes `word` core cycles. Waits for the end of a word, if
 /// one is still to come.
 ///
-/// A word must not end later than half a word after SCLK would bring it. The program sees the end of a word
-/// after up to 15 instructions, and DMA counts it after up to 40 cycles. So with words of 256 cycles a gap of
-/// 163 cycles is always seen. The rest is the slack for a slower core. Shorter gaps are not expected: SPI1
-/// only receives, and then SCLK does not wait for DMA (RM0090 section 28.3.5). If DMA is too late, a word is
-/// lost, and SPI1 reports it.
+/// A word must not end later than three eighths of a word after SCLK would bring it: 96 cycles of 256. DMA
+/// counts each of the two words after 0 to 40 cycles, and the program sees each end to half a turn of its
+/// loop: 8 instructions. So the two differ by 56 cycles at most without a gap, and by 88 if an instruction
+/// takes three cycles. A gap of 152 cycles is always seen. Shorter gaps are not expected: SPI1 only receives,
+/// and then SCLK does not wait for DMA (RM0090 section 28.3.5). If DMA is too late, a word is lost, and SPI1
+/// reports it.
 fn has_gap(word_0_ended: u32, word: u32) -> bool {
     cortex_m::interrupt::free(|_| {
-        let (start, words) = (board::cycles(), board::words_to_come());
-        let mut to_come = words;
-        while to_come == words && words > 0 && board::cycles().wrapping_sub(start) < 2 * word {
-            to_come = board::words_to_come();
-        }
-        let took = board::cycles().wrapping_sub(word_0_ended);
-        let words = (WORDS as u32 - 1).saturating_sub(to_come);
-        took > words * word + word / 2
+        let ended = if board::words_to_come() > 0 {
+            find_end_of_word_0(WORDS, word)
+        } else {
+            Some(board::cycles().wrapping_sub((WORDS as u32 - 1) * word))
+        };
+        let later = |ended: u32| ended.wrapping_sub(word_0_ended) as i32;
+        ended.is_none_or(|ended| later(ended) > (3 * word / 8) as i32)
     })
 }
 

@@ -57,12 +57,12 @@ use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use embassy_time::{Duration, Instant};
 use slitrange::exposure::Exposure;
 use slitrange::row::Geometry;
-use slitrange::sensor_heads;
+use slitrange::sensor_heads::{self, TCD1304DG_LEAD_IN};
 
 use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::laser::Laser;
 use super::sensor_head::{
-    DMA_LATENCY, ReadOutError, SCLK_HZ, cycles_in_ns, end_read_out, wait_until,
+    ReadOutError, SCLK_HZ, cycles_in_ns, end_read_out, find_end_of_word_0, wait_until,
 };
 use super::shared::{COUNTERS, WORDS};
 
@@ -93,13 +93,13 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 /// SH stays high for at least 1000 ns (data sheet, t3).
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell. With the eighth of a
+/// From a rise of fM to the start of the transfer: far enough ahead not to be missed. With the eighth of a
 /// period, the wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual
 /// board).
-const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 8;
+const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 8;
 
-/// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).
-const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
+/// From the fall of ICG to its rise, at least: SH fell at least 1000 ns before (data sheet, t1).
+const ICG_LOW: u32 = 9 * CYCLES_A_MASTER_CLOCK;
 
 /// A pixel stays at the output for four periods of fM.
 const CYCLES_A_PIXEL: u32 = 4 * CYCLES_A_MASTER_CLOCK;
@@ -107,22 +107,22 @@ const CYCLES_A_PIXEL: u32 = 4 * CYCLES_A_MASTER_CLOCK;
 /// The converter is to sample a pixel when 70 % of its time have passed: 1067 of 1524 ns.
 const SAMPLED: u32 = cycles_in_ns(1067);
 
-/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2,
-/// which is D0, when 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1.
-const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857) - SAMPLED;
+/// From the end of word 0 to the rise of ICG, to the nearest rise of fM. Word 4 is D0. It starts three words
+/// after the end of word 0, and the converter samples it when 3.5 SCLK of it have passed (333 ns).
+const ICG_AFTER_WORD_0: u32 =
+    (TCD1304DG_LEAD_IN as u32 - 1) * CYCLES_A_PIXEL + cycles_in_ns(333) - SAMPLED;
 
-/// The first word takes 1.5 us. If it has not come after this time, it will not come.
-const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
+/// ICG rises in the last word before D0.
+const _: () = assert!(TCD1304DG_LEAD_IN == 4);
 
-/// From the rise of ICG, in word 1, to a look at the words that have come: all light pixels have, and the
-/// last eleven words, 17 us, have not. An alarm may be late by most of them.
+/// From the rise of ICG, in word 3, to a look at the words that have come: all light pixels have, and the
+/// last eight words, 12 us, have not. An alarm may be late by most of them.
 const LOOK: Duration = Duration::from_micros(5611);
 
 /// The pulses are within the limits of the data sheet.
 const _: () = {
     assert!(ICG_TO_SH > cycles_in_ns(100) && ICG_TO_SH < cycles_in_ns(1000));
     assert!(SH_HIGH > cycles_in_ns(1000));
-    assert!(ICG_TO_SH + SH_HIGH < TRANSFER_START);
     assert!(ICG_LOW - ICG_TO_SH - SH_HIGH > cycles_in_ns(1000));
 };
 
@@ -202,12 +202,13 @@ impl Tcd1304 {
             let mut transfer = pin!(converter.read(&mut row[..]));
             let started = poll_fn(|context| {
                 Poll::Ready(cortex_m::interrupt::free(|_| {
-                    let icg_fell = pins.pulse_sh();
-                    wait_until(icg_fell, TRANSFER_START);
+                    let clock_rose = board::master_clock_rose();
+                    wait_until(clock_rose, TRANSFER_START);
                     // SCLK floats until the transfer enables SPI, so the converter listens only now.
                     pins.chip_select.set_low();
                     let started = transfer.as_mut().poll(context);
-                    word_0 = pins.raise_icg_after_word_0(icg_fell, icg_periods);
+                    let icg_fell = pins.pulse_sh();
+                    word_0 = pins.raise_icg_after_word_0(clock_rose, icg_fell, icg_periods);
                     look = Instant::now() + LOOK;
                     started
                 }))
@@ -240,10 +241,7 @@ impl Pins {
     /// after a rise of fM.
     fn pulse_sh(&mut self) -> u32 {
         // A rise of fM that is far enough ahead not to be missed.
-        let since_master_clock_rose = board::cycles_since_master_clock_rose();
-        let icg_falls = board::cycles()
-            .wrapping_sub(since_master_clock_rose)
-            .wrapping_add(2 * CYCLES_A_MASTER_CLOCK);
+        let icg_falls = board::master_clock_rose().wrapping_add(2 * CYCLES_A_MASTER_CLOCK);
         wait_until(icg_falls, 0);
         self.icg.set_low();
         wait_until(icg_falls, ICG_TO_SH);
@@ -254,25 +252,21 @@ impl Pins {
         icg_falls
     }
 
-    /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes, ICG
-    /// rises all the same, and the transfer runs into its timeout. Returns when word 0 ended, by the cycle
-    /// counter.
+    /// Waits for the end of a word, and raises ICG on the rise of fM in word 3 that suits the words. If no
+    /// word comes, ICG rises all the same, and the transfer runs into its timeout. `clock_rose` is the rise of
+    /// fM from which the transfer was started. Returns when word 0 ended, by the cycle counter.
     ///
     /// # Errors
-    /// [`ReadOutError::Late`] if word 0 had ended before the first look, or if ICG rose while fM was low.
+    /// [`ReadOutError::Late`] if no word came, or if ICG rose too late or while fM was low.
     fn raise_icg_after_word_0(
         &mut self,
+        clock_rose: u32,
         icg_fell: u32,
         icg_periods: &mut u32,
     ) -> Result<u32, ReadOutError> {
-        let has_word_0 = || (board::words_to_come() as usize) < WORDS;
-        let was_missed = has_word_0();
-        while !has_word_0()
-            && board::cycles().wrapping_sub(icg_fell) < TRANSFER_START + FIRST_WORD_TIMEOUT
-        {
-        }
-        let word_0_ended = board::cycles().wrapping_sub(DMA_LATENCY);
-        let wanted = word_0_ended.wrapping_sub(icg_fell) + ICG_AFTER_WORD_1;
+        let word_0 = find_end_of_word_0(WORDS, CYCLES_A_PIXEL);
+        let word_0_ended = word_0.unwrap_or_else(board::cycles);
+        let wanted = word_0_ended.wrapping_sub(clock_rose) + ICG_AFTER_WORD_0;
         // The program takes the same time to get here in every row, give or take some cycles. If this rounded
         // up in one row and down in the next, the image would shift by a quarter of a pixel between them. So
         // keep the last row's choice while it is nearly right.
@@ -281,17 +275,13 @@ impl Pins {
             periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
         }
         let rise = periods * CYCLES_A_MASTER_CLOCK;
-        let since_master_clock_rose = board::raise_icg_at(icg_fell.wrapping_add(rise));
-        let since_rise = board::cycles().wrapping_sub(icg_fell).wrapping_sub(rise);
-        if was_missed
-            || since_master_clock_rose >= MASTER_CLOCK_HIGH
-            || since_rise >= CYCLES_A_MASTER_CLOCK
-        {
+        let earliest = icg_fell.wrapping_sub(clock_rose) + ICG_LOW;
+        let since_master_clock_rose =
+            board::raise_icg_at(clock_rose.wrapping_add(rise.max(earliest)));
+        let since_rise = board::cycles().wrapping_sub(clock_rose).wrapping_sub(rise);
+        let word_0_ended = word_0.ok_or(ReadOutError::Late)?;
+        if since_master_clock_rose >= MASTER_CLOCK_HIGH || since_rise >= CYCLES_A_MASTER_CLOCK {
             return Err(ReadOutError::Late);
-        }
-        if !has_word_0() {
-            // The transfer will run into its timeout.
-            return Ok(word_0_ended);
         }
         *icg_periods = periods;
         let sampled = (SAMPLED + wanted).saturating_sub(rise) * 100 / CYCLES_A_PIXEL;

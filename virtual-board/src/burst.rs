@@ -19,7 +19,7 @@
 //!
 //! **A gap.** [`Timing::gap`] pauses SCLK after a word, as if DMA had fed SPI1 too late.
 //!
-//! **Without a rate limit.** The words after word 1 end with word 1 if the head has no rate limit
+//! **Without a rate limit.** The words after the lead-in end with its last word if the head has no rate limit
 //! ([`SensorHead::without_rate_limit`](crate::SensorHead::without_rate_limit)). Only the last [`LAST`] words
 //! still take their time on SPI1.
 //!

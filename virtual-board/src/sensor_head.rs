@@ -21,8 +21,8 @@
 //! input 3.5 SCLK after the start of each word. So the pixel that a word shows depends on when the firmware
 //! starts the burst.
 //!
-//! **Without a rate limit.** [`SensorHead::without_rate_limit`] makes a sensor head whose words after word 1
-//! come all at once. It tests which rate of rows the firmware sustains. Each word shows the pixel that it
+//! **Without a rate limit.** [`SensorHead::without_rate_limit`] makes a sensor head whose words after word 3
+//! come all at once (word 4 of a S11639). It tests which rate of rows the firmware sustains. Each word shows the pixel that it
 //! would show at the clocks' speed, and all limits stay.
 //!
 //! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
@@ -181,8 +181,8 @@ impl Sensor {
     /// The last word that the firmware waits for before the sensor puts out pixels.
     pub(crate) fn last_word_before_pixels(self) -> u64 {
         match self {
-            // ICG rises in word 1.
-            Self::Tcd1304 => 1,
+            // ICG rises in word 3.
+            Self::Tcd1304 => 3,
             // ST falls in word 2 or 3.
             Self::S11639 => 4,
         }
@@ -502,7 +502,8 @@ impl SensorHead {
             );
         }
         if let (Some(_), Some(burst)) = (&self.read_out, &self.burst)
-            && (1..PIXELS).contains(&burst.words.len())
+            && burst.first_pixel.is_some()
+            && burst.words.len() < PIXELS
         {
             let words = burst.words.len();
             self.violated(
@@ -843,6 +844,10 @@ impl SensorHead {
     }
 
     fn finish(&mut self, burst: Burst, now: Nanos) {
+        if self.sensor == Sensor::S11639 && self.icg.fell.is_none() {
+            // Words that come before ST ever fell are no row: the driver measures the program's speed by them.
+            return;
+        }
         let words = burst.words.len();
         let right = self.sensor.words();
         if words != right {

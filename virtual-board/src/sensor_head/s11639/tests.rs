@@ -222,13 +222,31 @@ fn rows_that_are_late_or_cut_short_are_found() {
     );
 }
 
+/// The driver measures the program's speed by words before the first pulse of ST.
 #[test]
-fn words_without_a_pulse_of_st_are_found() {
-    let never = Sequence {
+fn words_before_the_first_pulse_of_st_are_no_row_and_later_ones_without_a_pulse_are_found() {
+    let before = Sequence {
+        begin: 100_000,
         st_falls: 1e6,
+        words: 16,
         ..GOOD
     };
-    says(&never.fault(), "none showed a pixel");
+    let mut head = head();
+    before.run(&mut head);
+    assert_eq!(head.violations(), []);
+    assert_eq!(head.row_count(), 0);
+    GOOD.run(&mut head);
+    assert_eq!(head.violations(), []);
+    assert_eq!(head.row_count(), 1);
+
+    let begin = 10_000_000;
+    Sequence { begin, ..before }.run(&mut head);
+    let faults = format!("{:?}", head.violations());
+    says(
+        &faults,
+        "chip select was low for 16 words; a row is exactly 2152",
+    );
+    says(&faults, "none showed a pixel");
 }
 
 #[test]
