@@ -13,21 +13,22 @@
 //!
 //! ```text
 //! fM      ‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_
-//! ICG     ‾‾‾‾|_______________________________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾
-//! SH      _______|‾‾‾‾‾‾‾|______________________________________________________
-//! CS      ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾|______________________________________________________
-//! word                            |  0    |  1    |  2    |  3    |  4    |  ...
-//! output                                      |  D0   |  D1   |  D2   |  ...
-//! sampled                           ^       ^       ^       ^       ^       ^
+//! ICG     ‾‾‾‾|______________________________________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾
+//! SH      ______|‾‾‾‾‾‾‾‾‾‾|____________________________________________________
+//! CS      ‾‾‾‾‾‾‾‾|_____________________________________________________________
+//! word                    |  0    |  1    |  2    |  3    |  4    |  5    |  ...
+//! output                                             |  D0   |  D1   |  D2   |
+//! sampled                   ^       ^       ^       ^       ^       ^       ^
 //! ```
 //!
-//! The program cannot say to a fraction of a pixel when the first word will start, but it can see that word
+//! The program cannot say to a fraction of a pixel when the first word will start, but it can see words
 //! arrive. So the converter runs first, and ICG rises on the edge of fM that is nearest to
-//! [`ICG_AFTER_WORD_1`] into word 1. The converter then samples each pixel in its second half, when the
-//! output has settled, and word 2 is D0 ([`TCD1304DG_LEAD_IN`](slitrange::sensor_heads::TCD1304DG_LEAD_IN)).
-//! The two fM edges at which ICG falls and the transfer starts are fixed too, so that pixel and conversion
-//! keep their phase from row to row. All three come a little after fM's edge, because ICG has to rise while
-//! fM is high.
+//! [`ICG_AFTER_WORD_0`] after the end of word 0. The converter then samples each pixel in its second half, when
+//! the output has settled, and word 4 is D0 ([`TCD1304DG_LEAD_IN`]). A slow core may miss the first words: it
+//! waits for the end of the next one, and subtracts those before it. The two fM edges at which ICG falls and
+//! the transfer starts are fixed too, so that pixel and conversion keep their phase from row to row. All three
+//! come a little after fM's edge, because ICG has to rise while fM is high. The transfer starts while SH is
+//! high, so that the pulses take no more time than this needs.
 //!
 //! The pulses are given in a critical section: an interrupt would stretch them.
 //!
@@ -90,16 +91,20 @@ const MASTER_CLOCK_HIGH: u32 = CYCLES_A_MASTER_CLOCK / 2;
 /// From the fall of ICG to the rise of SH: 100 to 1000 ns (data sheet, t2).
 const ICG_TO_SH: u32 = cycles_in_ns(500);
 
-/// SH stays high for at least 1000 ns (data sheet, t3).
+/// SH stays high for at least 1000 ns (data sheet, t3). If a row is read, SH is high for longer: until the
+/// transfer runs.
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From a rise of fM to the start of the transfer: far enough ahead not to be missed. With the eighth of a
+/// From the fall of ICG to the start of the transfer: fixed to fM, after SH rose. With the eighth of a
 /// period, the wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual
 /// board).
 const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 8;
 
-/// From the fall of ICG to its rise, at least: SH fell at least 1000 ns before (data sheet, t1).
-const ICG_LOW: u32 = 9 * CYCLES_A_MASTER_CLOCK;
+/// From the fall of SH to the rise of ICG, at least (data sheet, t1).
+const SH_TO_ICG: u32 = cycles_in_ns(1000);
+
+/// From the fall of ICG to its rise if no row is read.
+const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
 
 /// A pixel stays at the output for four periods of fM.
 const CYCLES_A_PIXEL: u32 = 4 * CYCLES_A_MASTER_CLOCK;
@@ -123,7 +128,8 @@ const LOOK: Duration = Duration::from_micros(5611);
 const _: () = {
     assert!(ICG_TO_SH > cycles_in_ns(100) && ICG_TO_SH < cycles_in_ns(1000));
     assert!(SH_HIGH > cycles_in_ns(1000));
-    assert!(ICG_LOW - ICG_TO_SH - SH_HIGH > cycles_in_ns(1000));
+    assert!(ICG_LOW - ICG_TO_SH - SH_HIGH > SH_TO_ICG);
+    assert!(ICG_TO_SH < TRANSFER_START);
 };
 
 /// The wires to the sensor head beside clock and SPI.
@@ -173,7 +179,8 @@ impl Tcd1304 {
         self.exposing = laser;
         self.pins.laser.set_exposure(laser);
         cortex_m::interrupt::free(|_| {
-            let icg_fell = self.pins.pulse_sh();
+            let icg_fell = self.pins.raise_sh();
+            self.pins.lower_sh(icg_fell);
             board::raise_icg_at(icg_fell.wrapping_add(ICG_LOW));
         });
     }
@@ -202,13 +209,13 @@ impl Tcd1304 {
             let mut transfer = pin!(converter.read(&mut row[..]));
             let started = poll_fn(|context| {
                 Poll::Ready(cortex_m::interrupt::free(|_| {
-                    let clock_rose = board::master_clock_rose();
-                    wait_until(clock_rose, TRANSFER_START);
+                    let icg_fell = pins.raise_sh();
+                    wait_until(icg_fell, TRANSFER_START);
                     // SCLK floats until the transfer enables SPI, so the converter listens only now.
                     pins.chip_select.set_low();
                     let started = transfer.as_mut().poll(context);
-                    let icg_fell = pins.pulse_sh();
-                    word_0 = pins.raise_icg_after_word_0(clock_rose, icg_fell, icg_periods);
+                    let sh_fell = pins.lower_sh(icg_fell);
+                    word_0 = pins.raise_icg_after_word_0(icg_fell, sh_fell, icg_periods);
                     look = Instant::now() + LOOK;
                     started
                 }))
@@ -237,36 +244,42 @@ impl Pins {
         }
     }
 
-    /// Ends the exposure: pulses SH while ICG is low, and then starts the laser. Returns when ICG fell, just
-    /// after a rise of fM.
-    fn pulse_sh(&mut self) -> u32 {
+    /// Lowers ICG and raises SH. Returns when ICG fell, just after a rise of fM.
+    fn raise_sh(&mut self) -> u32 {
         // A rise of fM that is far enough ahead not to be missed.
         let icg_falls = board::master_clock_rose().wrapping_add(2 * CYCLES_A_MASTER_CLOCK);
         wait_until(icg_falls, 0);
         self.icg.set_low();
         wait_until(icg_falls, ICG_TO_SH);
         self.sh.set_high();
-        wait_until(icg_falls, ICG_TO_SH + SH_HIGH);
-        self.sh.set_low();
-        self.laser.start();
         icg_falls
     }
 
+    /// Ends the exposure: lowers SH, and starts the laser. Returns when SH fell.
+    fn lower_sh(&mut self, icg_fell: u32) -> u32 {
+        wait_until(icg_fell, ICG_TO_SH + SH_HIGH);
+        self.sh.set_low();
+        let sh_fell = board::cycles();
+        self.laser.start();
+        sh_fell
+    }
+
     /// Waits for the end of a word, and raises ICG on the rise of fM in word 3 that suits the words. If no
-    /// word comes, ICG rises all the same, and the transfer runs into its timeout. `clock_rose` is the rise of
-    /// fM from which the transfer was started. Returns when word 0 ended, by the cycle counter.
+    /// word comes, ICG rises all the same, and the transfer runs into its timeout. Returns when word 0 ended,
+    /// by the cycle counter.
     ///
     /// # Errors
-    /// [`ReadOutError::Late`] if no word came, or if ICG rose too late or while fM was low.
+    /// [`ReadOutError::Late`] if no word came, or if ICG rose too late, too soon after SH fell, or while fM was
+    /// low.
     fn raise_icg_after_word_0(
         &mut self,
-        clock_rose: u32,
         icg_fell: u32,
+        sh_fell: u32,
         icg_periods: &mut u32,
     ) -> Result<u32, ReadOutError> {
         let word_0 = find_end_of_word_0(WORDS, CYCLES_A_PIXEL);
         let word_0_ended = word_0.unwrap_or_else(board::cycles);
-        let wanted = word_0_ended.wrapping_sub(clock_rose) + ICG_AFTER_WORD_0;
+        let wanted = word_0_ended.wrapping_sub(icg_fell) + ICG_AFTER_WORD_0;
         // The program takes the same time to get here in every row, give or take some cycles. If this rounded
         // up in one row and down in the next, the image would shift by a quarter of a pixel between them. So
         // keep the last row's choice while it is nearly right.
@@ -275,12 +288,14 @@ impl Pins {
             periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
         }
         let rise = periods * CYCLES_A_MASTER_CLOCK;
-        let earliest = icg_fell.wrapping_sub(clock_rose) + ICG_LOW;
-        let since_master_clock_rose =
-            board::raise_icg_at(clock_rose.wrapping_add(rise.max(earliest)));
-        let since_rise = board::cycles().wrapping_sub(clock_rose).wrapping_sub(rise);
+        let icg_rises = icg_fell.wrapping_add(rise);
+        let since_master_clock_rose = board::raise_icg_at(icg_rises);
+        let since_rise = board::cycles().wrapping_sub(icg_rises);
         let word_0_ended = word_0.ok_or(ReadOutError::Late)?;
-        if since_master_clock_rose >= MASTER_CLOCK_HIGH || since_rise >= CYCLES_A_MASTER_CLOCK {
+        if since_master_clock_rose >= MASTER_CLOCK_HIGH
+            || since_rise >= CYCLES_A_MASTER_CLOCK
+            || (icg_rises.wrapping_sub(sh_fell) as i32) < SH_TO_ICG as i32
+        {
             return Err(ReadOutError::Late);
         }
         *icg_periods = periods;
