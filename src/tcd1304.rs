@@ -132,6 +132,44 @@ const _: () = {
     assert!(ICG_TO_SH < TRANSFER_START);
 };
 
+/// From the fall of ICG to its rise.
+#[derive(Default)]
+struct IcgRise {
+    /// The time that suits the words, in core cycles: a mean over some rows.
+    wanted: u32,
+    /// The choice by this mean: periods of fM.
+    periods: u32,
+}
+
+impl IcgRise {
+    /// The rise of fM, in cycles after the fall of ICG, for a row that wants ICG to rise after so many cycles.
+    ///
+    /// The program takes the same time to get here in every row, give or take some cycles. If this rounded up
+    /// in one row and down in the next, pixels would be sampled a quarter of their time earlier or later. So
+    /// the mean decides, and the last choice stays while it is nearly right. A row that is far from the mean
+    /// decides for itself: the first row takes some instructions more.
+    fn choose(&mut self, wanted: u32) -> u32 {
+        const PERIOD: u32 = CYCLES_A_MASTER_CLOCK;
+        let nearest = |wanted: u32| (wanted + PERIOD / 2) / PERIOD;
+        let off = wanted as i32 - self.wanted as i32;
+        if off.unsigned_abs() > PERIOD / 2 {
+            self.wanted = wanted;
+        } else {
+            self.wanted = self.wanted.saturating_add_signed(off / 4);
+        }
+        if self.wanted.abs_diff(self.periods * PERIOD) > PERIOD * 5 / 8 {
+            self.periods = nearest(self.wanted);
+        }
+        match wanted.abs_diff(self.periods * PERIOD) {
+            ..=MOST_OFF => self.periods * PERIOD,
+            _ => nearest(wanted) * PERIOD,
+        }
+    }
+}
+
+/// ICG rises at most so many cycles before or after the wanted time: 22 % of a pixel.
+const MOST_OFF: u32 = CYCLES_A_MASTER_CLOCK * 7 / 8;
+
 /// The wires to the sensor head beside clock and SPI.
 pub struct Pins {
     /// Integration clear gate, idle high.
@@ -150,8 +188,8 @@ pub struct Tcd1304 {
     pins: Pins,
     /// For how long the laser is on in the row that is being exposed; `None` if it is off.
     exposing: Option<Exposure>,
-    /// Periods of fM from the fall of ICG to its rise in the last read-out.
-    icg_periods: u32,
+    /// When ICG rises.
+    icg_rise: IcgRise,
     /// The clock runs as long as this is kept.
     _master_clock: MasterClock,
 }
@@ -163,7 +201,7 @@ impl Tcd1304 {
             converter,
             pins,
             exposing: None,
-            icg_periods: 0,
+            icg_rise: IcgRise::default(),
             _master_clock: master_clock,
         }
     }
@@ -198,7 +236,7 @@ impl Tcd1304 {
             converter,
             pins,
             exposing,
-            icg_periods,
+            icg_rise,
             ..
         } = self;
         let exposed = core::mem::replace(exposing, laser);
@@ -215,7 +253,7 @@ impl Tcd1304 {
                     pins.chip_select.set_low();
                     let started = transfer.as_mut().poll(context);
                     let sh_fell = pins.lower_sh(icg_fell);
-                    word_0 = pins.raise_icg_after_word_0(icg_fell, sh_fell, icg_periods);
+                    word_0 = pins.raise_icg_after_word_0(icg_fell, sh_fell, icg_rise);
                     look = Instant::now() + LOOK;
                     started
                 }))
@@ -275,19 +313,12 @@ impl Pins {
         &mut self,
         icg_fell: u32,
         sh_fell: u32,
-        icg_periods: &mut u32,
+        icg_rise: &mut IcgRise,
     ) -> Result<u32, ReadOutError> {
         let word_0 = find_end_of_word_0(WORDS, CYCLES_A_PIXEL);
         let word_0_ended = word_0.unwrap_or_else(board::cycles);
         let wanted = word_0_ended.wrapping_sub(icg_fell) + ICG_AFTER_WORD_0;
-        // The program takes the same time to get here in every row, give or take some cycles. If this rounded
-        // up in one row and down in the next, the image would shift by a quarter of a pixel between them. So
-        // keep the last row's choice while it is nearly right.
-        let mut periods = *icg_periods;
-        if wanted.abs_diff(periods * CYCLES_A_MASTER_CLOCK) > CYCLES_A_MASTER_CLOCK * 3 / 4 {
-            periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
-        }
-        let rise = periods * CYCLES_A_MASTER_CLOCK;
+        let rise = icg_rise.choose(wanted);
         let icg_rises = icg_fell.wrapping_add(rise);
         let since_master_clock_rose = board::raise_icg_at(icg_rises);
         let since_rise = board::cycles().wrapping_sub(icg_rises);
@@ -298,7 +329,6 @@ impl Pins {
         {
             return Err(ReadOutError::Late);
         }
-        *icg_periods = periods;
         let sampled = (SAMPLED + wanted).saturating_sub(rise) * 100 / CYCLES_A_PIXEL;
         COUNTERS.sampled_earliest.set_if_smaller(sampled);
         COUNTERS.sampled_latest.set_if_larger(sampled);

@@ -139,7 +139,9 @@ impl VirtualBoard {
         rows_per_second: f64,
     ) -> Result<Self> {
         let head = SensorHead::with(firmware.sensor(), light).without_rate_limit();
+        // The rates that the pages state are those of one instruction a cycle.
         let conditions = Conditions {
+            instructions_per_second: INSTRUCTIONS_PER_SECOND,
             row_timer_speed: rows_per_second * firmware.sensor().row_period(),
             ..Conditions::default()
         };

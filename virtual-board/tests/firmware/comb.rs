@@ -16,15 +16,15 @@ use slitrange::record::encoded::EncodedRecord;
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres};
-use virtual_board::board::INSTRUCTIONS_PER_SECOND;
+use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::trace::Call;
 use virtual_board::upload::upload;
-use virtual_board::{Exposure, LightSource, VirtualBoard};
+use virtual_board::{Exposure, LightSource, Sensor, VirtualBoard};
 
 use crate::common::{
-    DISTANCE, PATIENCE, Status, boot, firmware, fresh_results, is_reading, number, paper, results,
-    set,
+    DISTANCE, PATIENCE, Status, boot, boot_under, firmware, fresh_results, full_speed, is_reading,
+    number, paper, results, set,
 };
 use crate::faults::{assert_all_are, assert_distance_gives_advice};
 use crate::identical::{
@@ -70,7 +70,12 @@ fn settings(rows: u16) -> Settings {
 
 /// Starts a board, and sends it `slits comb`.
 fn measuring(light: LightSource, rows: u16) -> VirtualBoard {
-    let (mut board, _) = boot(light);
+    measuring_under(light, rows, Conditions::default())
+}
+
+/// The same under these conditions.
+fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> VirtualBoard {
+    let (mut board, _) = boot_under(Sensor::Tcd1304, light, conditions);
     set(&mut board, "slits comb");
     set(&mut board, &format!("rows {rows}"));
     board
@@ -166,7 +171,7 @@ fn recurring() -> LightSource {
 /// Runs the firmware with a comb at the sensor's rate. No row is lost, all frames give readings, and the
 /// core sleeps at least half of the time.
 fn assert_rate(frame: u16, seconds: u64) {
-    let mut board = measuring(recurring(), frame);
+    let mut board = measuring_under(recurring(), frame, full_speed());
     let before = Status::ask(&mut board);
     board.run_for(Duration::from_millis(300)).expect("a run");
     let (began, rows) = (board.statistics(), board.head(|head| head.row_count()));
@@ -217,7 +222,7 @@ fn a_comb_keeps_the_sensors_rate_with_half_of_the_time_free() {
 /// frame, and of those that do.
 #[test]
 fn a_row_of_a_comb_costs_less_than_half_of_its_time() {
-    let mut board = measuring(recurring(), 16);
+    let mut board = measuring_under(recurring(), 16, full_speed());
     fresh_results(&mut board, 2);
     board.take_calls();
     board.trace_calls_of(firmware().address_of("measure_row").expect("a function"));

@@ -8,6 +8,7 @@ use simulator::scene::{Scene, Spot};
 use slitrange::fault::Fault;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
+use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Exposure, Firmware, LightSource, Line, Sensor, VirtualBoard};
 
@@ -37,6 +38,20 @@ pub(crate) use with_both_heads;
 
 /// The longest wait in virtual time: longer than any frame and any answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Core cycles that an instruction takes on these boards: 1, or 2 with `SLITRANGE_MIPS=84`.
+pub fn cycles_an_instruction() -> f64 {
+    INSTRUCTIONS_PER_SECOND as f64 / Conditions::default().instructions_per_second as f64
+}
+
+/// A board with one instruction a cycle, whatever `SLITRANGE_MIPS` says: for tests of figures that hold at this
+/// speed only.
+pub fn full_speed() -> Conditions {
+    Conditions {
+        instructions_per_second: INSTRUCTIONS_PER_SECOND,
+        ..Conditions::default()
+    }
+}
 
 /// SPI1, which serves the converter.
 pub const CONVERTER_BUS: usize = 0;
@@ -68,8 +83,18 @@ pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
 
 /// Boots a board with this sensor. Gives the board and its banner.
 pub fn boot_with(sensor: Sensor, light: LightSource) -> (VirtualBoard, Line) {
+    boot_under(sensor, light, Conditions::default())
+}
+
+/// The same under these conditions.
+pub fn boot_under(
+    sensor: Sensor,
+    light: LightSource,
+    conditions: Conditions,
+) -> (VirtualBoard, Line) {
     let firmware = firmware_for(sensor);
-    let mut board = VirtualBoard::power_on(firmware, light).expect("the board starts");
+    let mut board =
+        VirtualBoard::power_on_under(firmware, light, conditions).expect("the board starts");
     let banner = board
         .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
         .expect("a banner");
@@ -84,6 +109,13 @@ pub fn measuring(rows: u16) -> VirtualBoard {
 /// The same with this sensor.
 pub fn measuring_with(sensor: Sensor, rows: u16) -> VirtualBoard {
     let (mut board, _) = boot_with(sensor, paper_for(sensor));
+    set(&mut board, &format!("rows {rows}"));
+    board
+}
+
+/// As [`measuring`], on a board with one instruction a cycle.
+pub fn measuring_at_full_speed(rows: u16) -> VirtualBoard {
+    let (mut board, _) = boot_under(Sensor::Tcd1304, paper(), full_speed());
     set(&mut board, &format!("rows {rows}"));
     board
 }
