@@ -40,7 +40,7 @@ pub struct Pulses {
 }
 
 /// The words of which the ends are kept.
-const WORDS: usize = 5;
+const WORDS: usize = 7;
 
 /// fM's period, SCLK's period, and the time of a pixel, which is that of a word, in nanoseconds.
 const MASTER_CLOCK: f64 = 1e9 / 2.625e6;
@@ -156,7 +156,7 @@ impl Pulses {
             (
                 "from the fall of ICG to that of chip select",
                 us(self.chip_select_fell),
-                "after SH".to_owned(),
+                "while SH is high".to_owned(),
             ),
             (
                 "chip select is low",

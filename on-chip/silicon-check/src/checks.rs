@@ -31,7 +31,7 @@ const EDGES: u32 = 16 * WORDS as u32;
 /// The results that mean nothing on the virtual board.
 const VIRTUAL: [&str; 4] = [
     "note: an instruction takes one cycle, so this is the virtual board. There,",
-    "note: t1 and t4 are those of a faster core; SCLK time, erase, program and",
+    "note: t1, t3, t4 are those of a faster core; SCLK time, erase, program and",
     "note: watchdog are assumed times; cycles are instructions; MISO and the wires",
     "note: have no capacitance.",
 ];

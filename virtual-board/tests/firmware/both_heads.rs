@@ -9,8 +9,8 @@ use virtual_board::row_rate::highest;
 use virtual_board::{Row, Sensor};
 
 use crate::common::{
-    Status, ask, ask_for_lines, boot_with, cycles_an_instruction, firmware_for, is_result,
-    measuring_with, number, paper_for, set, spot_for, with_both_heads,
+    Status, ask, ask_for_lines, boot_with, firmware_for, is_result, measuring_with, number,
+    paper_for, set, slower_sampling, spot_for, with_both_heads,
 };
 
 /// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
@@ -42,11 +42,9 @@ fn rows_come_on_time(sensor: Sensor) {
         100.0 * busy
     );
     assert!(rows.iter().all(|row| row.lead_in == lead_in as i64));
-    // A loop that waits for an edge takes up to 10 instructions a turn, and three of them move a row: the rise
-    // of the clock, the start of the transfer, and the end of a word. A pixel lasts 256 cycles.
-    let turns = 30.0 * (cycles_an_instruction() - 1.0) / 256.0;
-    assert!(least > 0.5 - turns && most < 0.9, "{least} to {most}");
-    assert!(most - least < 0.1 + turns, "{least} to {most}");
+    let slower = slower_sampling();
+    assert!(least > 0.5 - slower && most < 0.9, "{least} to {most}");
+    assert!(most - least < 0.1 + slower, "{least} to {most}");
     assert!((count as f64 - 0.5e9 / period).abs() <= 1.5, "{count} rows");
     for pair in rows.windows(2) {
         let apart = (pair[1].read_out - pair[0].read_out) as f64;

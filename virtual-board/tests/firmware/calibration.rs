@@ -251,7 +251,7 @@ fn a_refused_upload_changes_nothing() {
 
     let another_head = slitrange::record::Record {
         geometry: Geometry {
-            light: 34..3681,
+            light: 36..3683,
             ..sensor_heads::tcd1304dg()
         },
         ..eq1().record().clone()

