@@ -36,14 +36,14 @@
 //!   look at both with an oscilloscope. Another count changes `S11639_LEAD_IN`, another phase
 //!   [`CLOCK_AFTER_WORD_0`].
 
-use core::future::{Future as _, poll_fn};
+use core::future::{Future, poll_fn};
 use core::ops::RangeInclusive;
 use core::pin::{Pin, pin};
 use core::task::{Context, Poll};
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 use slitrange::exposure::Exposure;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
