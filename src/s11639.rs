@@ -110,7 +110,7 @@ fn rise_after_word_0(word_0_ended: u32) -> u32 {
     clock_rose.wrapping_add((periods * CYCLES_A_MASTER_CLOCK as i32) as u32)
 }
 
-/// The part of its time at which a pixel is sampled, in percent, if CLK rises so long after the end of word 0.
+/// The part of its time at which a pixel is sampled, in percent, if CLK rises so long after word 0 ended.
 const fn part_sampled(after: u32) -> u32 {
     CLOCK_AFTER_WORD_0.saturating_sub(after) * 100 / CYCLES_A_MASTER_CLOCK
 }

@@ -125,9 +125,9 @@ pub fn find_end_of_word_0(words: usize, word: u32) -> Option<u32> {
 /// A word must not end later than three eighths of a word after SCLK would bring it: 96 cycles of 256. DMA
 /// counts each of the two words after 0 to 40 cycles, and the program sees each end to half a turn of its
 /// loop of at most 16 instructions. So without a gap the two differ by 56 cycles at most, and by 88 if an
-/// instruction takes three cycles. A gap of 152 cycles, and of 184 on that slow core, is always seen. Shorter gaps are not expected: SPI1 only receives,
-/// and then SCLK does not wait for DMA (RM0090 section 28.3.5). If DMA is too late, a word is lost, and SPI1
-/// reports it.
+/// instruction takes three cycles. A gap of 152 cycles, and of 184 on that slow core, is always seen.
+/// Shorter gaps are not expected: SPI1 only receives, and then SCLK does not wait for DMA (RM0090 section
+/// 28.3.5). If DMA is too late, a word is lost, and SPI1 reports it.
 fn has_gap(word_0_ended: u32, word: u32) -> bool {
     cortex_m::interrupt::free(|_| {
         let ended = if board::words_to_come() > 0 {

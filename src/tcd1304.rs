@@ -23,12 +23,12 @@
 //!
 //! The program cannot say to a fraction of a pixel when the first word will start, but it can see words
 //! arrive. So the converter runs first, and ICG rises on the edge of fM that is nearest to
-//! [`ICG_AFTER_WORD_0`] after the end of word 0. The converter then samples each pixel in its second half, when
-//! the output has settled, and word 4 is D0 ([`TCD1304DG_LEAD_IN`]). A slow core may miss the first words: it
-//! waits for the end of the next one, and subtracts those before it. The two fM edges at which ICG falls and
-//! the transfer starts are fixed too, so that pixel and conversion keep their phase from row to row. All three
-//! come a little after fM's edge, because ICG has to rise while fM is high. The transfer starts while SH is
-//! high, so that the pulses take no more time than this needs.
+//! [`ICG_AFTER_WORD_0`] after the end of word 0. The converter then samples each pixel in its second half,
+//! when the output has settled, and word 4 is D0 ([`TCD1304DG_LEAD_IN`]). A slow core may miss the first
+//! words: it waits for the end of the next one, and subtracts those before it. The two fM edges at which ICG
+//! falls and the transfer starts are fixed too, so that pixel and conversion keep their phase from row to
+//! row. All three come a little after fM's edge, because ICG has to rise while fM is high. The transfer
+//! starts while SH is high, so that both take no more time than the longer of them.
 //!
 //! The pulses are given in a critical section: an interrupt would stretch them.
 //!
@@ -46,7 +46,7 @@
 //! * SPI mode 3, as in the converter's timing diagram: SCLK idles high, DOUT changes as it falls, is read as
 //!   it rises. The converter's DIN is at ground, which selects channel 1. PA7, SPI1's output, is not used:
 //!   the board's Ethernet drives it.
-//! * On a real board, look with an oscilloscope at the phase at which a pixel is sampled. ICG_AFTER_WORD_1
+//! * On a real board, look with an oscilloscope at the phase at which a pixel is sampled. ICG_AFTER_WORD_0
 //!   sets it.
 
 use core::future::{Future as _, poll_fn};
@@ -142,7 +142,7 @@ struct IcgRise {
 }
 
 impl IcgRise {
-    /// The rise of fM, in cycles after the fall of ICG, for a row that wants ICG to rise after so many cycles.
+    /// The rise of fM, in cycles after the fall of ICG, for a row that wants ICG to rise after `wanted` cycles.
     ///
     /// The program takes the same time to get here in every row, give or take some cycles. If this rounded up
     /// in one row and down in the next, pixels would be sampled a quarter of their time earlier or later. So
@@ -307,8 +307,8 @@ impl Pins {
     /// by the cycle counter.
     ///
     /// # Errors
-    /// [`ReadOutError::Late`] if no word came, or if ICG rose too late, too soon after SH fell, or while fM was
-    /// low.
+    /// [`ReadOutError::Late`] if no word came, or if ICG rose too late, too soon after SH fell, or while fM
+    /// was low.
     fn raise_icg_after_word_0(
         &mut self,
         icg_fell: u32,

@@ -22,8 +22,8 @@
 //! starts the burst.
 //!
 //! **Without a rate limit.** [`SensorHead::without_rate_limit`] makes a sensor head whose words after word 3
-//! come all at once (word 4 of a S11639). It tests which rate of rows the firmware sustains. Each word shows the pixel that it
-//! would show at the clocks' speed, and all limits stay.
+//! come all at once (word 4 of a S11639). It tests which rate of rows the firmware sustains. Each word shows
+//! the pixel that it would show at the clocks' speed, and all limits stay.
 //!
 //! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
 
@@ -845,7 +845,7 @@ impl SensorHead {
 
     fn finish(&mut self, burst: Burst, now: Nanos) {
         if self.sensor == Sensor::S11639 && self.icg.fell.is_none() {
-            // Words that come before ST ever fell are no row: the driver measures the program's speed by them.
+            // Words before ST ever fell are no row: the driver measures the program's speed by them.
             return;
         }
         let words = burst.words.len();

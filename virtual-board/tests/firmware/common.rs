@@ -44,15 +44,16 @@ pub fn cycles_an_instruction() -> f64 {
     INSTRUCTIONS_PER_SECOND as f64 / Conditions::default().instructions_per_second as f64
 }
 
-/// How much further apart the times are at which pixels are sampled, in parts of a pixel's time, than with one
-/// instruction a cycle. A loop that waits for an edge takes up to 10 instructions a turn, and three of them move
-/// a row: the rise of the clock, the start of the transfer, and the end of a word. A pixel lasts 256 cycles.
+/// How much further apart the times are at which pixels are sampled, in parts of a pixel's time, than with
+/// one instruction a cycle. A loop that waits for an edge takes up to 10 instructions a turn, and three of
+/// them move a row: the rise of the clock, the start of the transfer, and the end of a word. A pixel lasts
+/// 256 cycles.
 pub fn slower_sampling() -> f64 {
     30.0 * (cycles_an_instruction() - 1.0) / 256.0
 }
 
-/// A board with one instruction a cycle, whatever `SLITRANGE_MIPS` says: for tests of figures that hold at this
-/// speed only.
+/// A board with one instruction a cycle, whatever `SLITRANGE_MIPS` says: for tests of figures that hold at
+/// this speed only.
 pub fn full_speed() -> Conditions {
     Conditions {
         instructions_per_second: INSTRUCTIONS_PER_SECOND,
