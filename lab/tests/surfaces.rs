@@ -32,15 +32,16 @@ fn u_of_a_difference_is_true_on_white_paper() {
     }
 }
 
-/// Ten sensors on each material, a hundred surfaces each.
+/// Five sensors on each material, a hundred surfaces each. Of 500 normal errors 95.4 +- 0.9 % are within 2u, so
+/// the limits find a u that is a tenth too small or too large. `cargo surfaces` takes more sensors.
 #[test]
-#[ignore = "10,000 frames with speckle; takes 210 CPU s; run by .ci/run"]
+#[ignore = "5000 frames with speckle; takes 100 CPU s; run by .ci/run"]
 fn u_is_true_on_six_materials() {
-    let studies = MATERIALS.map(|(name, scene)| Study::run(name, scene, 10, 105).expect("a study"));
+    let studies = MATERIALS.map(|(name, scene)| Study::run(name, scene, 5, 105).expect("a study"));
     println!("{}", report(&studies));
     for study in &studies {
         assert!(
-            study.own.count >= 1000,
+            study.own.count >= 500,
             "{}: {}",
             study.name,
             study.own.count
