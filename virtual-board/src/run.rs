@@ -173,7 +173,8 @@ impl VirtualBoard {
         flash: SharedFlash,
         conditions: Conditions,
     ) -> Result<Self> {
-        Self::start(firmware, SensorHead::new(light), flash, conditions)
+        let head = SensorHead::with(firmware.sensor(), light);
+        Self::start(firmware, head, flash, conditions)
     }
 
     fn start(

@@ -3,15 +3,21 @@
 
 use std::time::Duration;
 
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::protocol::refusal::Refusal;
-use slitrange::sensor_heads::{S11639_LEAD_IN, TCD1304DG_LEAD_IN};
+use slitrange::record::Record;
+use slitrange::sensor_heads::{self, S11639_LEAD_IN, TCD1304DG_LEAD_IN};
+use slitrange::units::Pixels;
+use virtual_board::board::Conditions;
 use virtual_board::row_rate::highest;
-use virtual_board::{Row, Sensor};
+use virtual_board::{Row, Sensor, SharedFlash, VirtualBoard};
 
 use crate::common::{
-    Status, ask, ask_for_lines, boot_with, firmware_for, is_result, measuring_with, number,
-    paper_for, set, slower_sampling, spot_for, with_both_heads,
+    PATIENCE, Status, ask, ask_for_lines, boot_with, firmware_for, fresh_results, is_result,
+    measuring_with, number, paper_for, set, slower_sampling, spot_for, with_both_heads,
 };
+use crate::records::{eq1, upload, written};
 
 /// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
 /// time. The laser is on as long as the row says.
@@ -112,6 +118,63 @@ fn a_new_s11639_has_no_calibration() {
     set(&mut board, "defaults");
     let refusal = Refusal::NoCalibration { has_nominal: false };
     assert_eq!(ask(&mut board, "save"), refusal.to_string());
+    board.finish().expect("a clean run");
+}
+
+/// A S11639 saves its calibration with the slowest flash (data sheet), loses no row meanwhile, and has the
+/// calibration after a power cycle.
+#[test]
+fn a_s11639_saves_its_calibration_and_loses_no_row() {
+    let centre = 1500.3;
+    let nominal = NOMINAL.expect("a curve");
+    let range = nominal.valid().0..=Pixels::from_int(2000);
+    let curve = Eq1::new(nominal.d(), nominal.k(), nominal.pole(), range);
+    let record = written(Record {
+        geometry: sensor_heads::s11639(),
+        calibration: Calibration::Eq1(curve.expect("a curve")),
+        profile: None,
+        ..eq1().record().clone()
+    });
+    let flash = SharedFlash::default();
+    let power_on = || {
+        let conditions = Conditions {
+            flash_word: 100_000,
+            flash_erase: 800_000_000,
+            ..Conditions::default()
+        };
+        let light = spot_for(Sensor::S11639, centre, 2000.0);
+        let firmware = firmware_for(Sensor::S11639);
+        VirtualBoard::power_on_with_flash_under(firmware, light, flash.clone(), conditions)
+            .expect("the board starts")
+    };
+    let mut board = power_on();
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    upload(&mut board, &record);
+    // 9 saves fill a sector.
+    for rows in 1..=10 {
+        set(&mut board, &format!("rows {rows}"));
+        board.send("save\r\n");
+        let saved = board.run_until_line(|line| line == "save", 2 * PATIENCE);
+        saved.expect("an answer");
+    }
+    fresh_results(&mut board, 1);
+    assert_eq!(board.resets().expect("resets"), []);
+    Status::ask(&mut board).assert_none(&[
+        "rows lost",
+        "rows failed",
+        "rows late",
+        "lines dropped",
+    ]);
+    board.finish().expect("a clean run");
+    let mut board = power_on();
+    let line = board.run_until_line(|line| line.starts_with("d "), PATIENCE);
+    let line = line.expect("a reading");
+    println!("{line}");
+    let distance = nominal.distance_at(Pixels::from_f32(centre as f32));
+    let off = number(&line.text, "d ", " mm") - distance.expect("in range").0.to_f64() / 1000.0;
+    assert!(off.abs() < 1.0, "{line} {off}");
     board.finish().expect("a clean run");
 }
 

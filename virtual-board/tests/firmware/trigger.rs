@@ -12,6 +12,7 @@ use crate::common::{
 
 with_both_heads! {
     a_frame_has_the_first_rows_that_began_after_the_edge
+    measure_gives_one_result_of_rows_that_began_after_it
 }
 
 /// The time of ten bits at 115200 baud, ns.
@@ -128,10 +129,9 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge(sensor: Sensor) {
     board.finish().expect("a clean run");
 }
 
-#[test]
-fn measure_gives_one_result_of_rows_that_began_after_it() {
-    let (light, jump, _) = jumping_spot(Sensor::Tcd1304);
-    let (mut board, _) = boot_with(Sensor::Tcd1304, light);
+fn measure_gives_one_result_of_rows_that_began_after_it(sensor: Sensor) {
+    let (light, jump, _) = jumping_spot(sensor);
+    let (mut board, _) = boot_with(sensor, light);
     for command in [
         "calibration off",
         "rows 2",
