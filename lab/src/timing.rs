@@ -217,7 +217,7 @@ impl Pulses {
             (0..=10).map(|us| (1000.0 * f64::from(us), format!("{us}"))),
             "us",
         );
-        let fm: Vec<f64> = (-40..60)
+        let fm: Vec<f64> = (-60..60)
             .map(|half| self.master_clock_rose + 0.5 * MASTER_CLOCK * f64::from(half))
             .filter(|at| (panel.from..panel.to).contains(at))
             .collect();
