@@ -260,9 +260,9 @@ fn missing_pulses_fail() {
 
 #[test]
 fn a_slow_core_fails() {
-    // Three clocks an instruction.
+    // Nearly five clocks an instruction.
     let conditions = Conditions {
-        instructions_per_second: 56_000_000,
+        instructions_per_second: 36_000_000,
         ..Conditions::default()
     };
     let mut board = board(Jumpers::default(), conditions, ROWS);

@@ -165,7 +165,7 @@ mod tests {
         let lines = "calibration on\r\n\
              calibration source default\r\n\
              calibration kind eq1\r\n\
-             calibration record 49 0743c902\r\n\
+             calibration record 49 18a59177\r\n\
              calibration serial 0\r\n\
              calibration date 0001-01-01\r\n\
              calibration estimator adaptive\r\n\
