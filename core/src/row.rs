@@ -160,6 +160,25 @@ impl Geometry {
             && *bits == other.bits
     }
 
+    /// This geometry with the words of another one that has as many light pixels, polarity and bits alike.
+    /// Other firmware may read the same pixels in other words: then a calibration stays right, because pixel 0
+    /// is the first light pixel in both. `None` if the pixels differ.
+    pub(crate) fn in_words_of(self, other: &Self) -> Option<Self> {
+        let moved = Self {
+            words: other.words,
+            light: other.light.clone(),
+            shielded: other.shielded.clone(),
+            ..self.clone()
+        };
+        if self.is_compatible_with(other) {
+            Some(self)
+        } else if self.light.len() == other.light.len() && moved.is_compatible_with(other) {
+            Some(moved)
+        } else {
+            None
+        }
+    }
+
     /// Electrons that make a count, by the shot noise. The largest that there can be without shot noise.
     pub fn electrons_per_count(&self) -> Electrons {
         // Electrons have 12 bits after the point: 2^12 * 2^16 / variance.
@@ -432,6 +451,34 @@ mod tests {
             assert!(!here.is_compatible_with(&other), "{other:?}");
             assert!(!other.is_compatible_with(&here), "{other:?}");
         }
+    }
+
+    #[test]
+    fn a_geometry_goes_with_its_pixels_into_other_words() {
+        let here = geometry();
+        let noisier = Geometry {
+            shot_variance_per_count_q16: 1,
+            ..geometry()
+        };
+        assert_eq!(noisier.clone().in_words_of(&here), Some(noisier.clone()));
+        let there = Geometry {
+            words: here.words + 2,
+            shielded: 0..1,
+            light: here.light.start + 1..here.light.end + 1,
+            ..noisier.clone()
+        };
+        let moved = Geometry {
+            shielded: here.shielded.clone(),
+            ..noisier
+        };
+        assert_eq!(there.clone().in_words_of(&here), Some(moved));
+        let more_pixels = Geometry {
+            light: there.light.start..there.light.end + 1,
+            ..there.clone()
+        };
+        let fewer_bits = Geometry { bits: 10, ..there };
+        assert_eq!(more_pixels.in_words_of(&here), None);
+        assert_eq!(fewer_bits.in_words_of(&here), None);
     }
 
     #[test]

@@ -408,14 +408,14 @@ impl Session {
     #[inline(never)]
     fn load_configuration(&mut self, Configuration { settings, record }: Configuration) {
         self.settings = settings;
-        match record {
-            Some(record) if !record.geometry.is_compatible_with(&self.geometry) => {
+        if let Some(mut record) = record {
+            let Some(geometry) = record.geometry.clone().in_words_of(&self.geometry) else {
                 self.record = None;
                 self.flash = FlashStatus::OtherSensor;
                 return;
-            }
-            Some(record) => self.set_record(record),
-            None => {}
+            };
+            record.geometry = geometry;
+            self.set_record(record);
         }
         self.note_saved();
     }

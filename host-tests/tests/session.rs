@@ -156,10 +156,7 @@ fn vitals() -> Vitals {
 /// A record of a sensor head with longer rows.
 fn of_another_head() -> Record {
     let mut record = own_record().record().clone();
-    record.geometry = Geometry {
-        words: record.geometry.words + 2,
-        ..record.geometry
-    };
+    record.geometry.light.end -= 1;
     record
 }
 
@@ -1829,6 +1826,21 @@ fn a_save_comes_back_after_a_power_cycle() {
         "{shown}"
     );
     assert!(shown.ends_with("\r\ncalibration stored same"), "{shown}");
+
+    // Older firmware read the same pixels two words earlier.
+    let mut moved = own_record().record().clone();
+    let Geometry {
+        light, shielded, ..
+    } = &mut moved.geometry;
+    for words in [light, shielded] {
+        *words = words.start - 2..words.end - 2;
+    }
+    let moved = Configuration {
+        record: Some(moved),
+        ..saved.clone()
+    };
+    let moved = Sensor::started(Stored::Newest(moved));
+    assert_eq!(moved.session.record(), Some(own_record().record()));
 
     let other = Configuration {
         record: Some(of_another_head()),

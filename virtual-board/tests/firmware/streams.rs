@@ -153,7 +153,7 @@ fn assert_windows_arrive(time: Duration) {
     say(&mut board, "pixels window");
     reader.read(&mut board);
     let (mut last, mut last_window, mut last_packet) = (None, None, None::<u16>);
-    let (mut count, mut pixels, mut slowest, mut late) = (0, 0, Duration::ZERO, 0);
+    let (mut count, mut pixels, mut slowest) = (0, 0, Duration::ZERO);
     let mut look = |board: &mut VirtualBoard| {
         let received = reader.read(board);
         // Some bytes of packets are those of line ends.
@@ -178,7 +178,6 @@ fn assert_windows_arrive(time: Duration) {
             let latency = began - last_word.expect("the result's row");
             let latency = Duration::from_nanos(latency);
             slowest = slowest.max(latency);
-            late += usize::from(latency > Duration::from_millis(1));
             last = Some(now);
             count += 1;
         }
@@ -196,13 +195,10 @@ fn assert_windows_arrive(time: Duration) {
     run(&mut board, time, "binary", &mut look);
     println!(
         "binary: {count} results with {} pixels each; the slowest began {slowest:?} after its row's last \
-         word, {late} more than 1 ms",
+         word",
         pixels / count
     );
-    // Less than one of 100,000 rows may be computed by a longer way, of at most the 1.5 ms of the slowest row
-    // that `cargo slowest` knows.
-    assert!(late * 100_000 <= count, "{late} of {count}");
-    assert!(slowest <= Duration::from_micros(1600), "{slowest:?}");
+    assert!(slowest <= Duration::from_millis(1), "{slowest:?}");
     let fewest = (time.as_nanos() / ROW.as_nanos()) as usize - 2;
     assert!(count >= fewest, "{count} of {fewest}");
     // The results up to the answer.
