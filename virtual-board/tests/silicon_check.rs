@@ -272,6 +272,7 @@ fn a_slow_core_fails() {
         board,
         &[
             "rows",
+            "t4",
             "cycles centroid",
             "cycles phase-table",
             "cycles adaptive",
