@@ -1835,12 +1835,16 @@ fn a_save_comes_back_after_a_power_cycle() {
     for words in [light, shielded] {
         *words = words.start - 2..words.end - 2;
     }
+    let mut uploaded = Sensor::new();
+    uploaded.upload(&EncodedRecord::new(moved.clone()).expect("a record"));
     let moved = Configuration {
         record: Some(moved),
         ..saved.clone()
     };
-    let moved = Sensor::started(Stored::Newest(moved));
-    assert_eq!(moved.session.record(), Some(own_record().record()));
+    let loaded = Sensor::started(Stored::Newest(moved));
+    for sensor in [uploaded, loaded] {
+        assert_eq!(sensor.session.record(), Some(own_record().record()));
+    }
 
     let other = Configuration {
         record: Some(of_another_head()),
