@@ -23,7 +23,7 @@
 //!    pulses.
 //! 3. USART3, a character every 87 us, or every 11 us at 921600 baud. It may wait 10 us for the pulses,
 //!    because the hardware holds one character until the next has come. A slow core takes longer for the
-//!    pulses, and then loses characters at 921600 baud (docs/hardware.md).
+//!    pulses, and may then lose characters at 921600 baud (docs/hardware.md).
 //! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline. EXTI3, the
 //!    trigger's edge, which notes how many pulses were given before it.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.

@@ -80,7 +80,7 @@ const ST_LOW: Duration = Duration::from_micros(154);
 /// From a rise of CLK to the start of the first transfer, which reads no row.
 const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK;
 
-/// Words of that transfer: the program sees one of them end.
+/// The words of that transfer. The program measures when one of them ends; a slow core misses the first ones.
 const WORDS_OF_TRIAL: usize = 16;
 
 /// From the end of word 0 to the rise of CLK that follows the fall of ST, if pixels are sampled at once when
@@ -94,9 +94,10 @@ const CLOCK_AFTER_WORD_0: u32 =
 /// The parts of a pixel's time at which it may be sampled, in percent.
 const SAMPLED: RangeInclusive<u32> = 30..=90;
 
-/// Within these parts, in percent, the next transfer starts at the same time as this one. DMA and the
-/// program's looks make a row seem to be sampled up to 8 % too early or too late, and 11 % at 84 million
-/// instructions a second. The choice of a start has this error too.
+/// Within these parts, in percent, the next transfer starts at the same time as this one. DMA's
+/// 20 cycles and half a turn of the program's loop, 5 instructions, make a row seem to be sampled up to 10 %
+/// too early or too late, and 12 % at 84 million instructions a second. The choice of a start has this error
+/// too, so the limits lie nearly twice as far from the middle.
 const NEAR_MIDDLE: RangeInclusive<u32> = 38..=82;
 
 /// The part of its time at which a pixel is to be sampled, in percent.

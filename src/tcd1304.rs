@@ -142,7 +142,8 @@ struct IcgRise {
 }
 
 impl IcgRise {
-    /// The rise of fM, in cycles after the fall of ICG, for a row that wants ICG to rise after `wanted` cycles.
+    /// When ICG is to rise, with fM, in a row whose words want it to rise after `wanted` cycles. Both in
+    /// cycles after the fall of ICG.
     ///
     /// The program takes the same time to get here in every row, give or take some cycles. If this rounded up
     /// in one row and down in the next, pixels would be sampled a quarter of their time earlier or later. So

@@ -191,7 +191,8 @@ impl Fault {
             }
             Self::SlitsUnclear { .. } => "cover other lights, and surfaces that reflect the laser",
             Self::NotCalibrated { .. } => {
-                "send `calibration on`; without a calibration, upload one, or send `defaults` (TCD1304DG only)"
+                "send `calibration on`; without a calibration, upload one, or send `defaults` \
+                 (TCD1304DG only)"
             }
         }
     }

@@ -160,23 +160,21 @@ impl Geometry {
             && *bits == other.bits
     }
 
-    /// This geometry with the words of another one that has as many light pixels, polarity and bits alike.
-    /// Other firmware may read the same pixels in other words: then a calibration stays right, because pixel 0
-    /// is the first light pixel in both. `None` if the pixels differ.
+    /// This geometry, with its pixels in the words of another one. Older firmware may have read the same
+    /// pixels in other words. A calibration stays right then, because pixel 0 is the first light pixel in
+    /// both. `None` if the numbers of light pixels, the polarities or the bits differ.
     pub(crate) fn in_words_of(self, other: &Self) -> Option<Self> {
+        if self.is_compatible_with(other) {
+            return Some(self);
+        }
+        let pixels = self.light.len();
         let moved = Self {
             words: other.words,
             light: other.light.clone(),
             shielded: other.shielded.clone(),
-            ..self.clone()
+            ..self
         };
-        if self.is_compatible_with(other) {
-            Some(self)
-        } else if self.light.len() == other.light.len() && moved.is_compatible_with(other) {
-            Some(moved)
-        } else {
-            None
-        }
+        (pixels == other.light.len() && moved.is_compatible_with(other)).then_some(moved)
     }
 
     /// Electrons that make a count, by the shot noise. The largest that there can be without shot noise.

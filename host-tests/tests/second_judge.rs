@@ -36,9 +36,9 @@ fn clean_rows_have_the_errors_that_they_claim_and_no_flag() {
 }
 
 /// A spot without a flaw has no shape but noise. The limits of noise are exceeded by 2 % of such spots; their
-/// u grows, that of the others does not. A few rows grow by large factors, 57 in one of 60,000, so a mean needs
-/// many rows: of 60,000 rows of a calibrated sensor it is 6.2 %, and that of 10,000 differs from it by 0.5 %
-/// (one standard deviation).
+/// u grows, that of the others does not. In a few rows u grows by a large factor, 57 in one of 60,000. So a
+/// mean needs many rows: it is 6.2 % of 60,000 rows of a calibrated sensor, and the mean of 10,000 has a
+/// standard deviation of 0.5 %.
 #[test]
 fn the_shape_hardly_adds_to_the_uncertainty_of_clean_rows() {
     let clean = Kind::named("clean").expect("a kind");

@@ -32,8 +32,8 @@ fn u_of_a_difference_is_true_on_white_paper() {
     }
 }
 
-/// Five sensors on each material, a hundred surfaces each. Of 500 normal errors 95.4 +- 0.9 % are within 2u, so
-/// the limits find a u that is a tenth too small or too large. `cargo surfaces` takes more sensors.
+/// Five sensors on each material, a hundred surfaces each. Of 500 normal errors 95.4 +- 0.9 % are within 2u,
+/// so the limits find a u that is a tenth too small or too large. `cargo surfaces` takes more sensors.
 #[test]
 #[ignore = "5000 frames with speckle; takes 100 CPU s; run by .ci/run"]
 fn u_is_true_on_six_materials() {

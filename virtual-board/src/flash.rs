@@ -182,8 +182,8 @@ impl SharedFlash {
         flash.violation_count = 0;
     }
 
-    /// The chip is reset: the operation that it is doing stays half done. `seed` decides how much of it is
-    /// done. A history begins with what is left.
+    /// Resets the chip: the operation under way stays half done. `seed` decides how much of it is done. Then
+    /// the history starts again with these contents.
     pub(crate) fn reset(&self, now: Nanos, seed: u64) {
         let mut flash = self.lock();
         let is_busy = flash.interface.busy || now < flash.word_ends.0;

@@ -589,8 +589,8 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
 
 /// Masks the second spot that stands out most beside the spot's top, wherever it has more than a thousandth
 /// of the spot's height. A second spot has the spot's width, so two widths from its top less than half of it
-/// is left (of a gaussian 14 %). `None` where no light falls like that: a flare is wider, a tail has no top of
-/// its own, and noise does not stand out.
+/// is left (of a gaussian 14 %). `None` where no light falls like that: a flare is wider, a tail has no top
+/// of its own, and noise does not stand out.
 fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = [0.0; SAMPLES];
     gauss_newton::exponentials(at, &mut beside);

@@ -177,8 +177,8 @@ fn words_in_batches_are_the_same_as_words_one_by_one(sensor: Sensor) {
 }
 
 /// Silicon executes fewer instructions than it has clocks, because it waits for flash: at 84 million a second
-/// each takes two clocks, at 56 million three. There no row is late. On a still slower core the edges of a row
-/// come too late: such a row must be rejected and counted, and must never move a centre.
+/// each takes two clocks, at 56 million three. There no row is late. On a still slower core the edges of a
+/// row come too late: such a row must be rejected and counted, and must never move a centre.
 fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
     for (millions, is_too_slow) in [(168, false), (84, false), (56, false), (36, true)] {
         let conditions = Conditions {
@@ -218,8 +218,8 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
             assert!(late >= 10, "{late} late rows");
         } else {
             status.assert_none(&["rows late", "rows lost", "rows failed"]);
-            // Each end is rounded down to 1 %, and known to half a turn of a loop of up to 10 instructions, and
-            // to 20 cycles of DMA.
+            // Each end is rounded down to 1 %. It is known to half a turn of a loop of up to 10 instructions,
+            // and to 20 cycles of DMA.
             let turn = 100.0 * (40.0 + 10.0 * 168.0 / millions as f64) / 256.0;
             assert!(
                 (spread - 100.0 * (most - least)).abs() < 1.0 + turn,
