@@ -1,4 +1,4 @@
-//! What the programs of this package share: the paper's experiment, a scene's error budget, tables, progress
+//! The programs that write the docs' figures, and what they share: the paper's experiment, a scene's error budget, tables, progress
 //! bars, the blocks of Markdown pages that programs write, the reference of the serial line, the search for
 //! the slowest row, and the pulses of a row.
 
@@ -6,6 +6,7 @@ pub mod budget;
 pub mod comb;
 pub mod docs;
 pub mod paper;
+pub mod programs;
 pub mod progress;
 pub mod serial_line;
 pub mod slowest;

@@ -11,6 +11,7 @@ use rigless::image::Image;
 use rigless::symbols::Symbols;
 
 use crate::sensor_head::Sensor;
+use crate::warm_cores::WarmCores;
 
 /// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage,
 /// `target-cpu=native`). If the nested build inherited them, it would rebuild the firmware, or fail.
@@ -31,6 +32,8 @@ pub struct Firmware {
     pub(crate) image: Image,
     pub(crate) symbols: Symbols,
     pub(crate) log_table: Arc<defmt_decoder::Table>,
+    /// Cores that have run it, for its next board.
+    pub(crate) warm_cores: WarmCores,
 }
 
 impl Firmware {
@@ -128,6 +131,7 @@ impl Firmware {
             image,
             symbols,
             log_table: Arc::new(log_table),
+            warm_cores: WarmCores::default(),
         })
     }
 

@@ -51,6 +51,7 @@ pub mod stm32f429;
 pub mod trace;
 mod trigger;
 pub mod upload;
+mod warm_cores;
 mod watched_core;
 
 pub use firmware::Firmware;

@@ -201,6 +201,7 @@ impl VirtualBoard {
         let watched = Watched {
             flash,
             has_no_clock: !conditions.has_clock,
+            warm_cores: firmware.warm_cores.clone(),
             code: Code::new(segments.map(|(at, bytes)| (at, bytes.to_vec())).collect()),
             ..Watched::default()
         };

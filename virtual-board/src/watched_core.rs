@@ -18,6 +18,7 @@ use crate::flash::{self, SharedFlash};
 use crate::hang::{Detour, Detours};
 use crate::loads;
 use crate::trace::{self, Executed, Recorder, Traces};
+use crate::warm_cores::{BoardCore, WarmCores};
 
 /// The core's registers, as GDB numbers those of ARMv7-M.
 const STACK_POINTER: usize = 13;
@@ -45,6 +46,8 @@ pub(crate) struct Watched {
     pub(crate) flash: SharedFlash,
     /// Whether the external clock never gets ready. rigless's does, at any frequency.
     pub(crate) has_no_clock: bool,
+    /// Cores that have run the same program.
+    pub(crate) warm_cores: WarmCores,
 }
 
 /// What a program has in flash: addresses, and the bytes from there on.
@@ -72,7 +75,7 @@ pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
         Ok(Box::new(Core {
-            inner: make(endian)?,
+            inner: BoardCore::new(Arc::clone(&make), endian, watched.warm_cores.clone())?,
             watched: watched.clone(),
             detours: Detours::new(),
             traced: BTreeSet::new(),
@@ -84,7 +87,7 @@ pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
 /// The wrapped core.
 #[derive(Debug)]
 struct Core {
-    inner: Box<dyn Processor>,
+    inner: BoardCore,
     watched: Watched,
     /// The addresses at which `inner` stops, and where it continues.
     detours: Detours,
@@ -95,7 +98,7 @@ struct Core {
 
 impl Core {
     /// Sets the breakpoints of `inner` to `wanted`, and removes all others of `armed`.
-    fn arm(inner: &mut dyn Processor, armed: &mut BTreeSet<u64>, wanted: &BTreeSet<u64>) {
+    fn arm(inner: &mut BoardCore, armed: &mut BTreeSet<u64>, wanted: &BTreeSet<u64>) {
         if armed == wanted {
             return;
         }
@@ -142,7 +145,7 @@ impl Core {
         }
         let addresses = |detours: &Detours| detours.keys().copied().collect();
         let mut armed = addresses(&self.detours);
-        Self::arm(&mut *self.inner, &mut armed, &addresses(&wanted));
+        Self::arm(&mut self.inner, &mut armed, &addresses(&wanted));
         self.detours.clone_from(&wanted);
     }
 
@@ -296,11 +299,12 @@ impl Processor for Core {
             has_no_clock: self.watched.has_no_clock,
             steps: false,
         };
+        self.inner.settle();
         self.serve_the_probe();
         self.arm_detours();
         let everything = {
             let traces = trace::lock(&self.watched.traces);
-            Self::arm(&mut *self.inner, &mut self.traced, &traces.functions);
+            Self::arm(&mut self.inner, &mut self.traced, &traces.functions);
             traces.everything.is_some()
         };
         let (exit, ran) = if self.traced.is_empty() && !everything {

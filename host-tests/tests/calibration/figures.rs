@@ -9,8 +9,8 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::units::{Micrometres, Pixels};
 
-use crate::common::STEP;
-use crate::reference::pchip;
+use super::common::STEP;
+use super::reference::pchip;
 
 /// The paper's shortest and longest distance in metres.
 const RANGE: (f64, f64) = (0.60, 1.02);

@@ -18,7 +18,7 @@ use slitrange::sensor_heads;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
-use crate::common::{STEP, holds_what_it_promises, largest_rise};
+use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};
 
 /// CRC-32 from its definition (the reflected polynomial of IEEE 802.3), bit by bit.

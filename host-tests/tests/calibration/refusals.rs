@@ -7,7 +7,7 @@ use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::{Table, TableError};
 use slitrange::units::{Micrometres, Pixels};
 
-use crate::common::knot;
+use super::common::knot;
 use crate::records::cases;
 
 #[test]

@@ -7,7 +7,7 @@ use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::units::{Micrometres, Pixels};
 
-use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, places};
+use super::common::{STEP, holds_what_it_promises, knot, largest_rise, places};
 use crate::records::{cases, chain};
 
 /// Takes every centre of some intervals, one by one: two roundings can move the distance the wrong way.

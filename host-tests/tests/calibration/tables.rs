@@ -5,9 +5,9 @@ use slitrange::distance::Calibration;
 use slitrange::distance::table::Table;
 use slitrange::units::Pixels;
 
-use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
+use super::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
+use super::reference::pchip;
 use crate::records::cases;
-use crate::reference::pchip;
 
 /// Takes every centre of some intervals, one by one. From one centre to the next, the distance never goes the
 /// wrong way, and it changes by no more than the slope and a rounding.

@@ -10,8 +10,8 @@ use slitrange::store::configuration::{
 };
 use slitrange::units::Pixels;
 
+use super::samples::{Size, sample};
 use crate::records::{cases, records};
-use crate::samples::{Size, sample};
 
 fn encoded(configuration: &Configuration) -> Vec<u8> {
     encode(configuration, &mut [0; MAX_ENCODED])

@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use slitrange::store::Stored;
 use slitrange::store::configuration::Configuration;
 
-use crate::flash::{BYTES, Flash, SECTOR};
-use crate::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
+use super::flash::{BYTES, Flash, SECTOR};
+use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
 
 /// How often each result was read.
 #[derive(Debug, Default, PartialEq, Eq)]

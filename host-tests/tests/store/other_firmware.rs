@@ -9,8 +9,8 @@ use slitrange::store::Stored;
 use slitrange::store::configuration::VERSION;
 use slitrange::units::Counts;
 
-use crate::flash::Flash;
-use crate::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_check};
+use super::flash::Flash;
+use super::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_check};
 
 /// The library's checksum of an item, from its definition: CRC-32C from another start.
 fn sum(bytes: &[u8]) -> u32 {

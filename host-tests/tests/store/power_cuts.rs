@@ -4,8 +4,8 @@
 use slitrange::store::Stored;
 use slitrange::store::configuration::Configuration;
 
-use crate::flash::{BYTES, Flash, SECTOR};
-use crate::samples::{Size, read, sample, save, save_and_check};
+use super::flash::{BYTES, Flash, SECTOR};
+use super::samples::{Size, read, sample, save, save_and_check};
 
 /// How often each result was read after a cut.
 #[derive(Debug, Default, PartialEq, Eq)]

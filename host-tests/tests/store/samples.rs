@@ -10,7 +10,7 @@ use slitrange::store::configuration::{Configuration, MAX_ENCODED, encode};
 use slitrange::store::{Store, StoreError, Stored};
 use slitrange::units::Counts;
 
-use crate::flash::Flash;
+use super::flash::Flash;
 use crate::records::{longest, nominal};
 
 /// How long a configuration is.

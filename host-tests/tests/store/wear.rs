@@ -3,8 +3,8 @@
 
 use slitrange::store::Stored;
 
-use crate::flash::Flash;
-use crate::samples::{Size, read, sample, save, save_and_check};
+use super::flash::Flash;
+use super::samples::{Size, read, sample, save, save_and_check};
 
 fn wear(what: &str, saves: u32, sizes: &[Size]) {
     let mut flash = Flash::erased();

@@ -3,7 +3,7 @@
 use slitrange_tool::fit::solve::{Form, Solved, solve};
 use slitrange_tool::points::Point;
 
-use crate::truth::{Truth, rms, seeded, throw_off};
+use super::truth::{Truth, rms, seeded, throw_off};
 
 /// Noise of a centre in pixels, unless a test says otherwise.
 const NOISE: f64 = 0.02;

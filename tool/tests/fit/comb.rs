@@ -20,7 +20,7 @@ use slitrange_tool::fit::solve::{Solved, solve};
 use slitrange_tool::fit::{calibration, errors, figure};
 use slitrange_tool::points::{Point, SlitImage, SlitImages, slit_images};
 
-use crate::truth::{rms, seeded};
+use super::truth::{rms, seeded};
 
 /// The range of the comb in metres.
 const NEAR: f64 = 0.55;

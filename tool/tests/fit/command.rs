@@ -10,7 +10,7 @@ use slitrange::units::Pixels;
 use slitrange_tool::points::Point;
 use slitrange_tool::record_file;
 
-use crate::truth::{Truth, seeded, throw_off};
+use super::truth::{Truth, seeded, throw_off};
 
 fn slitrange(directory: &Path, options: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_slitrange"))

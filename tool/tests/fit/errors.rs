@@ -11,7 +11,7 @@ use slitrange_tool::fit::solve::{Form, solve};
 use slitrange_tool::fit::{calibration, errors};
 use slitrange_tool::points::Point;
 
-use crate::truth::{Truth, rms, seeded};
+use super::truth::{Truth, rms, seeded};
 
 /// What a fit of points says.
 fn fitted(points: &[Point], form: Form) -> (slitrange::Calibration, FittedErrors) {

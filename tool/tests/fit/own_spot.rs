@@ -23,7 +23,7 @@ use slitrange_tool::sensor::run::taken;
 use slitrange_tool::sensor::session::Before;
 use slitrange_tool::sensor::taken::PointsFile;
 
-use crate::truth::{FAR, NEAR, Truth, rms, seeded};
+use super::truth::{FAR, NEAR, Truth, rms, seeded};
 
 /// A sensor in front of a smooth target.
 struct Sensor {

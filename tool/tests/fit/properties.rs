@@ -141,7 +141,7 @@ proptest! {
 /// Checks that the test above has an effect: the tool accepts many such points.
 #[test]
 fn random_points_on_a_curve_are_accepted() {
-    use crate::truth::{Truth, seeded};
+    use super::truth::{Truth, seeded};
     for (seed, distortion) in (0..10).flat_map(|seed| [(seed, 0.0), (seed, 0.03)]) {
         let points = Truth::distorted(distortion).points(40, 0.01, &mut seeded(seed));
         let lines = points

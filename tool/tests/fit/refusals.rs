@@ -3,7 +3,7 @@
 use slitrange_tool::fit::solve::solve;
 use slitrange_tool::points::{Point, Points};
 
-use crate::truth::{Truth, seeded};
+use super::truth::{Truth, seeded};
 
 /// `count` points at even distances on the nominal curve, without noise.
 fn exact(count: usize) -> Vec<Point> {

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use slitrange_tool::demo::{DemoOptions, serve};
 use slitrange_tool::screen::Key;
 
-use crate::screen::Person;
-use crate::stand_in::{StandIn, Trouble};
+use super::screen::Person;
+use super::stand_in::{StandIn, Trouble};
 
 /// A program that notes its process and its options, says a few lines, and goes on as `rest` says.
 fn board(sensor: &StandIn, rest: &str) -> PathBuf {

@@ -1,6 +1,6 @@
 //! `slitrange head flat` takes a map of the pixels and saves it.
 
-use crate::stand_in::{StandIn, Trouble};
+use super::stand_in::{StandIn, Trouble};
 
 #[test]
 fn a_person_darkens_and_lights_the_sensor() {

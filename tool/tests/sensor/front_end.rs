@@ -18,7 +18,7 @@ use slitrange::row::{Geometry, Polarity};
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 
-use crate::stand_in::{SimulatedHead, StandIn, Trouble};
+use super::stand_in::{SimulatedHead, StandIn, Trouble};
 
 /// How the pixels of the heads that are not clean differ in the dark, in counts.
 const PATTERN: f64 = 5.0;

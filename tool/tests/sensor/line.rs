@@ -14,7 +14,7 @@ use slitrange_tool::pc::{Pc, Port, RealPc};
 use slitrange_tool::sensor::line::{ANSWER, LineError};
 use slitrange_tool::sensor::session::Session;
 
-use crate::stand_in::{StandIn, Trouble};
+use super::stand_in::{StandIn, Trouble};
 
 /// The PC's own ports with a clock that stands still while they are read: an answer may take as long as the
 /// machine needs.

@@ -6,8 +6,8 @@ use slitrange_tool::pc::Pc;
 use slitrange_tool::screen::Key;
 use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
 
-use crate::screen::Person;
-use crate::stand_in::{StandIn, Trouble};
+use super::screen::Person;
+use super::stand_in::{StandIn, Trouble};
 
 fn recorded(sensor: &StandIn, name: &str) -> Vec<Recorded> {
     let file = csv::Reader::from_path(sensor.path(name)).expect("the file");

@@ -3,7 +3,7 @@
 use slitrange_tool::plot::Series;
 use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
 
-use crate::stand_in::{NOISE_PX, StandIn, Trouble};
+use super::stand_in::{NOISE_PX, StandIn, Trouble};
 
 #[test]
 fn a_recording_is_drawn() {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::sensor::port::PortOption;
 
-use crate::stand_in::{StandIn, Trouble};
+use super::stand_in::{StandIn, Trouble};
 
 /// A PC with a sensor at each of its ports.
 struct Ports(Vec<StandIn>);

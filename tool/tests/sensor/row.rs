@@ -7,7 +7,7 @@ use slitrange::protocol::row::{ROW_END, RowExposure, RowPart};
 use slitrange_tool::sensor::line::TRIES;
 use slitrange_tool::sensor::row::RowAnswer;
 
-use crate::stand_in::{StandIn, Trouble};
+use super::stand_in::{StandIn, Trouble};
 
 /// Runs `slitrange row` with further options.
 fn row(sensor: &StandIn, options: &[&str]) -> (Result<(), String>, String) {

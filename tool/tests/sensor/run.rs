@@ -17,7 +17,7 @@ use slitrange_tool::pc::Pc as _;
 use slitrange_tool::points::Points;
 use slitrange_tool::sensor::line::RECONNECT;
 
-use crate::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};
+use super::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};
 
 /// `slitrange calibrate run` with further arguments, and what a person types.
 fn run(sensor: &StandIn, arguments: &[&str], typed: &str) -> (Result<ExitCode, String>, String) {

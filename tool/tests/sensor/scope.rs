@@ -5,8 +5,8 @@ use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::region::Region;
 use slitrange_tool::screen::Key;
 
-use crate::screen::Person;
-use crate::stand_in::{StandIn, Trouble};
+use super::screen::Person;
+use super::stand_in::{StandIn, Trouble};
 
 /// What is seen at each key, without the port's name.
 fn scope(sensor: &StandIn, keys: &[(usize, Key)]) -> (Vec<String>, String) {

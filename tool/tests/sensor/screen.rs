@@ -12,7 +12,7 @@ use slitrange_tool::Command;
 use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::screen::{Key, Screen};
 
-use crate::stand_in::StandIn;
+use super::stand_in::StandIn;
 
 /// A person at a terminal of 80 columns and 24 lines, with a sensor.
 pub struct Person<'a> {

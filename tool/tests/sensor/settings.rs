@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use slitrange::settings::{Setting, Settings};
 use slitrange_tool::pc::Pc;
 
-use crate::stand_in::{StandIn, Trouble};
+use super::stand_in::{StandIn, Trouble};
 
 fn sensor(seed: u64) -> StandIn {
     StandIn::new(seed, Trouble::default())

@@ -23,7 +23,7 @@ use slitrange::units::{Counts, Micrometres, Pixels};
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::record_file;
 
-use crate::stand_in::{StandIn, Trouble};
+use super::stand_in::{StandIn, Trouble};
 
 /// The spot of a laser with the skewness 0.1.
 const PROFILE: Profile = Profile {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use virtual_board::VirtualBoard;
 
-use crate::common::{PATIENCE, boot, is_reading, paper, set};
+use super::common::{PATIENCE, boot, is_reading, paper, set};
 
 /// A bit at 115200 baud, ns.
 const BIT: u64 = 8681;

@@ -11,11 +11,11 @@ use slitrange::settings::Settings;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, Sensor};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, boot, boot_with, cycles_an_instruction, fresh_results, is_measured,
     is_reading, is_result, number, results, set,
 };
-use crate::identical::{aligned, assert_same, on_this_pc, run, with_fixed_exposure};
+use super::identical::{aligned, assert_same, on_this_pc, run, with_fixed_exposure};
 
 fn beside_a_window() -> LightSource {
     let scene = Scene::load("sunlit").expect("a scene");

@@ -10,7 +10,7 @@ use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::Settings;
 use virtual_board::{Nanos, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, cycles_an_instruction, is_reading, measuring, measuring_at_full_speed,
     number, set,
 };

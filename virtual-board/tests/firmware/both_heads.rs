@@ -13,11 +13,11 @@ use virtual_board::board::Conditions;
 use virtual_board::row_rate::highest;
 use virtual_board::{Row, Sensor, SharedFlash, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, ask, ask_for_lines, boot_with, firmware_for, fresh_results, is_result,
     measuring_with, number, paper_for, set, slower_sampling, spot_for, with_both_heads,
 };
-use crate::records::{eq1, upload, written};
+use super::records::{eq1, upload, written};
 
 /// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
 /// time. The laser is on as long as the row says.

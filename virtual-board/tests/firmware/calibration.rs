@@ -16,11 +16,11 @@ use slitrange::{frame, sensor_heads};
 use virtual_board::VirtualBoard;
 use virtual_board::light::{Target, of_scene};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, measuring, number, set,
     spot_at,
 };
-use crate::records::{
+use super::records::{
     CENTRE, assert_shown, eq1, every_kind, longest, of_comb, pieces, read_back, record, send,
     shown, upload, written,
 };
@@ -130,7 +130,7 @@ fn readings_use_the_slits_of_a_saved_comb() {
         comb: Some(Comb::nominal()),
         ..written.record().clone()
     };
-    assert!(!agrees(&crate::records::written(drawn)));
+    assert!(!agrees(&super::records::written(drawn)));
 
     // The centre of each slit, in a second line.
     set(&mut board, "stream off");

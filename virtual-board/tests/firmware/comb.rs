@@ -22,15 +22,15 @@ use virtual_board::trace::Call;
 use virtual_board::upload::upload;
 use virtual_board::{Exposure, LightSource, Sensor, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     DISTANCE, PATIENCE, Status, boot, boot_under, firmware, fresh_results, full_speed, is_reading,
     number, paper, results, set,
 };
-use crate::faults::{assert_all_are, assert_distance_gives_advice};
-use crate::identical::{
+use super::faults::{assert_all_are, assert_distance_gives_advice};
+use super::identical::{
     aligned, assert_same, calibrated_on_this_pc, logarithmic, on_this_pc, run, with_fixed_exposure,
 };
-use crate::records;
+use super::records;
 
 /// The sensor's rows in a second: one in 5.7 ms.
 const ROWS_PER_SECOND: f64 = 1.0 / 5.7e-3;

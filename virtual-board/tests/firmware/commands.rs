@@ -17,7 +17,7 @@ use slitrange::units::Pixels;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     DISTANCE, PATIENCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, is_result,
     measuring, number, paper, set,
 };

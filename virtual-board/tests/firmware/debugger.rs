@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{Status, fresh_results, is_reading, measuring};
+use super::common::{Status, fresh_results, is_reading, measuring};
 
 /// The auxiliary control register (ARMv7-M manual, B3.2.2) and its bit that switches the write buffer off.
 const ACTLR: u64 = 0xE000_E008;

@@ -9,7 +9,7 @@ use slitrange::fault::Fault;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, OpenLine, Sensor, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     DISTANCE, PATIENCE, Status, ask, boot, boot_with, fresh_results, is_measured, is_reading,
     is_result, longest_exposure, measuring, measuring_with, number, results, run_into_a_row,
     scene_for, set, spot_at, spot_for, stop_the_transfer, with_both_heads,

@@ -12,9 +12,9 @@ use slitrange::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};
 use virtual_board::{Line, SharedFlash, VirtualBoard};
 
-use crate::common::{PATIENCE, Status, firmware, run_into_a_row, set, spot_at};
-use crate::kept;
-use crate::records::{CENTRE, longest, upload};
+use super::common::{PATIENCE, Status, firmware, run_into_a_row, set, spot_at};
+use super::kept;
+use super::records::{CENTRE, longest, upload};
 
 /// The longest time of a save: an erase of 800 ms (DS9405 table 48), and the words of the longest record.
 const SAVE: Duration = Duration::from_secs(2);

@@ -9,10 +9,10 @@ use virtual_board::flash::SharedFlash;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, ask, ask_for_lines, boot, firmware, fresh_results, is_result, number, set,
 };
-use crate::kept;
+use super::kept;
 
 /// Longer than 256 rows or an erase take.
 const TAKING: Duration = Duration::from_secs(3);

@@ -21,7 +21,7 @@ use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::{sensor_heads, spot};
 use virtual_board::{Exposure, LightSource, Row, Sensor};
 
-use crate::common::{PATIENCE, Status, boot, geometry_of, is_reading, is_result, set};
+use super::common::{PATIENCE, Status, boot, geometry_of, is_reading, is_result, set};
 
 /// The numbers of pixels that an estimator may sum to one sample.
 const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;

@@ -14,8 +14,8 @@ use slitrange::store::{Store, Stored};
 use virtual_board::VirtualBoard;
 use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
 
-use crate::common::{ask, fresh_results, is_reading};
-use crate::records::assert_shown;
+use super::common::{ask, fresh_results, is_reading};
+use super::records::assert_shown;
 
 /// Saves to `contents` as the firmware does.
 pub fn save(contents: &mut Contents, saved: &Configuration) {

@@ -11,11 +11,11 @@ use slitrange::Calibration;
 use slitrange::settings::Settings;
 use virtual_board::{Exposure, LightSource, Nanos, Sensor, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     DISTANCE, PATIENCE, cycles_an_instruction, is_reading, longest_exposure, measuring,
     measuring_with, number, results, set, with_both_heads,
 };
-use crate::identical::{aligned, assert_same, logarithmic, on_this_pc, run};
+use super::identical::{aligned, assert_same, logarithmic, on_this_pc, run};
 
 /// For how long the laser was on since power-on.
 fn laser_time(board: &mut VirtualBoard) -> Nanos {

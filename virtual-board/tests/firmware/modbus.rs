@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use virtual_board::VirtualBoard;
 
-use crate::common::{PATIENCE, ask, boot, fresh_results, is_reading, number, paper, set};
+use super::common::{PATIENCE, ask, boot, fresh_results, is_reading, number, paper, set};
 
 const NOTHING: [u8; 0] = [];
 

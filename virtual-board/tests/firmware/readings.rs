@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{
+use super::common::{
     DISTANCE, PATIENCE, Status, fresh_results, measuring, number, paper, spot_at, switching_output,
 };
 use simulator::scene::Scene;

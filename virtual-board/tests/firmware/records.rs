@@ -22,7 +22,7 @@ use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLA
 use slitrange::units::{Counts, Micrometres, Pixels};
 use virtual_board::{VirtualBoard, upload};
 
-use crate::common::{PATIENCE, ask, is_result, number};
+use super::common::{PATIENCE, ask, is_result, number};
 
 /// A pixel inside the range of each of [`every_kind`].
 pub const CENTRE: f64 = 2300.4;

@@ -11,8 +11,8 @@ use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, Sensor, VirtualBoard};
 
-use crate::comb::paper_behind_a_comb;
-use crate::common::{
+use super::comb::paper_behind_a_comb;
+use super::common::{
     Status, boot, boot_with, fresh_results, geometry_of, is_measured, is_reading, is_result,
     number, paper, paper_for, set, with_both_heads,
 };

@@ -6,8 +6,8 @@ use slitrange::settings::Settings;
 use virtual_board::row_rate::{lost_rows, start};
 use virtual_board::{Row, Sensor};
 
-use crate::common::{Status, firmware_for, is_result};
-use crate::identical::{centres_on_this_pc, on_this_pc, with_fixed_exposure};
+use super::common::{Status, firmware_for, is_result};
+use super::identical::{centres_on_this_pc, on_this_pc, with_fixed_exposure};
 
 /// Runs the firmware with the default estimator for `count` rows. Every row must be read, and every line must
 /// be that of the core on a PC.

@@ -16,12 +16,12 @@ use virtual_board::board::Conditions;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
 use virtual_board::{LightSource, Line, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, ask, boot, firmware, fresh_results, is_reading, is_result, measuring, number,
     paper, set, spot_at,
 };
-use crate::kept;
-use crate::records::{assert_shown, eq1, longest, read_back, shown, upload};
+use super::kept;
+use super::records::{assert_shown, eq1, longest, read_back, shown, upload};
 
 /// A time longer than an erase, which takes 400 ms here.
 const SAVING: Duration = Duration::from_millis(900);

@@ -5,7 +5,7 @@ use simulator::scene::{Scene, Sensor, file};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Line, VirtualBoard};
 
-use crate::common::{PATIENCE, boot, is_reading, is_result, number, paper, set};
+use super::common::{PATIENCE, boot, is_reading, is_result, number, paper, set};
 
 /// The largest allowed error of a reading in pixels: four standard deviations of the strongest speckle.
 const GROSS: f64 = 3.5;

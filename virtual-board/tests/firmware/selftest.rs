@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use virtual_board::{OpenLine, VirtualBoard};
 
-use crate::common::{PATIENCE, boot, fresh_results, is_result, paper, set, spot_at};
+use super::common::{PATIENCE, boot, fresh_results, is_result, paper, set, spot_at};
 
 /// The answer, without the first word of its lines.
 fn selftest(board: &mut VirtualBoard) -> Vec<String> {

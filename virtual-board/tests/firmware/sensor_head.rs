@@ -7,7 +7,7 @@ use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
 use virtual_board::{Line, Row, Sensor, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, boot_with, cycles_an_instruction, firmware_for, fresh_results, full_speed,
     is_measured, is_reading, is_result, measuring, number, run_into_a_row, set, slower_sampling,
     spot_for, stop_the_transfer, with_both_heads,

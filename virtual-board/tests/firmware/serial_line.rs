@@ -10,7 +10,7 @@ use slitrange::protocol::command::Command;
 use slitrange::protocol::input::Input;
 use virtual_board::{Arrival, Line, Nanos, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, ask, fresh_results, is_reading, is_result, measuring, number, set,
 };
 

@@ -7,9 +7,9 @@ use rigless::soc::Width;
 use slitrange::centre::Estimator;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
-use crate::comb::{any_combs, paper_behind_a_comb};
-use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};
-use crate::records::{longest_of_comb, upload};
+use super::comb::{any_combs, paper_behind_a_comb};
+use super::common::{PATIENCE, firmware, paper, results, set, spot_at};
+use super::records::{longest_of_comb, upload};
 
 /// The pattern in unused stack.
 const PATTERN: u32 = 0xA5C3_5A3C;

@@ -6,8 +6,8 @@ use std::time::Duration;
 use slitrange::fault::Fault;
 use virtual_board::{Nanos, VirtualBoard};
 
-use crate::binary::{Reader, say};
-use crate::common::{PATIENCE, Status, measuring, measuring_at_full_speed, number, set};
+use super::binary::{Reader, say};
+use super::common::{PATIENCE, Status, measuring, measuring_at_full_speed, number, set};
 
 /// The length of the long runs in seconds of virtual time. `SLITRANGE_SECONDS` sets another one.
 const AN_HOUR: u64 = 3600;

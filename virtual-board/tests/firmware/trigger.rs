@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use virtual_board::{Exposure, LightSource, OpenLine, Sensor, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, Status, boot_with, is_result, number, set, spot_for, with_both_heads,
 };
 

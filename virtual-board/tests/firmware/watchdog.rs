@@ -6,7 +6,7 @@ use rigless::soc::stm32f427::generated::usart6;
 use virtual_board::board::Conditions;
 use virtual_board::{OpenLine, VirtualBoard};
 
-use crate::common::{
+use super::common::{
     PATIENCE, ask, ask_for_lines, boot, firmware, fresh_results, is_reading, measuring, paper,
     run_into_a_row,
 };

@@ -1,0 +1,10 @@
+//! Calibrations: tables of distances and of residuals in integers against f64, what holds for all of them,
+//! and their record.
+
+mod common;
+mod figures;
+mod record;
+mod reference;
+mod refusals;
+mod residuals;
+mod tables;

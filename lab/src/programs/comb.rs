@@ -1,0 +1,323 @@
+//! What a comb of slits does on rough surfaces, and the drawing of its mask: `cargo comb`.
+
+mod design;
+mod drawing;
+mod dxf;
+mod figure;
+mod theory;
+mod tolerances;
+
+use std::collections::BTreeMap;
+
+use crate::comb::{At, Mask, Sensor, with_speckle};
+use crate::surfaces::{Judged, MATERIALS, POINTS, Summary, TABLE};
+use crate::table::{cells, markdown};
+use crate::{docs, progress};
+use anyhow::{Context as _, Result};
+use clap::Args;
+use indicatif::ProgressBar;
+use simulator::scene::Scene;
+use slitrange::fault::Fault;
+
+use self::tolerances::Tolerances;
+
+/// Reads rough surfaces through the default comb, and compares what the readings claim with the truth. Takes
+/// about fifteen minutes.
+#[derive(Args)]
+pub struct Options {
+    /// Surfaces of each kind
+    #[arg(
+        long,
+        default_value_t = 1000,
+        value_parser = clap::value_parser!(u64).range(1..=SURFACES_OF_A_SENSOR)
+    )]
+    surfaces: u64,
+    /// Rows of a frame
+    #[arg(long, default_value_t = 4)]
+    rows: u16,
+    /// Also rewrite the tables of docs/physics.md, and what --drawing writes
+    #[arg(long)]
+    write: bool,
+    /// Measure nothing: write the drawing of the mask, docs/hardware/comb.svg and .dxf, its tolerances in
+    /// docs/physics.md, and docs/figures/comb.svg
+    #[arg(long, conflicts_with = "design")]
+    drawing: bool,
+    /// Measure other masks and laser spots instead, on a fifth of the surfaces of each. With --write, rewrite
+    /// their table in docs/physics.md, and docs/figures/comb-design.svg
+    #[arg(long)]
+    design: bool,
+}
+
+const PAGE: &str = "docs/physics.md";
+const SVG: &str = "docs/hardware/comb.svg";
+const DXF: &str = "docs/hardware/comb.dxf";
+const FIGURE: &str = "docs/figures/comb.svg";
+
+/// The scene whose optics and noise all kinds at one distance share.
+const BASE: &str = "speckle-at-rest";
+
+/// The first surface. Those from [`SURFACES_OF_A_SENSOR`] further on belong to sensors that are calibrated.
+const FIRST: u64 = 1_000_000;
+
+/// The material that is also read in the light of a single wavelength: it shows what the line of 1 nm does.
+const SINGLE_WAVELENGTH: &str = "brushed metal";
+
+/// Sensors that are calibrated on each material.
+const SENSORS: u64 = 5;
+
+/// Numbers of surfaces that are set aside for each of them: one half for its calibration.
+const SURFACES_OF_A_SENSOR: u64 = 100_000;
+
+/// Surfaces that are read.
+struct Kind {
+    name: String,
+    scene: Scene,
+    at: At,
+    /// The spot's diameter in metres and the number of speckle patterns, if all surfaces are at
+    /// [`tolerances::DISTANCE`].
+    theory: Option<(f64, u8)>,
+}
+
+fn kinds(base: &Scene) -> Result<Vec<Kind>> {
+    let mut kinds = vec![];
+    for (name, patterns) in [("paper", 2), ("metal", 1)] {
+        for spot in [1e-3, 0.5e-3] {
+            kinds.push(Kind {
+                name: format!("{name}, {} mm", 1e3 * spot),
+                scene: with_speckle(base, spot, patterns),
+                at: At::One(tolerances::DISTANCE),
+                theory: Some((spot, patterns)),
+            });
+        }
+    }
+    let [first, last] = tolerances::RANGE;
+    for (name, scene) in MATERIALS {
+        let scene = Scene::load(scene)?;
+        let mut add = |name: String, scene: Scene| {
+            let at = At::Between(first, last);
+            kinds.push(Kind {
+                name,
+                scene,
+                at,
+                theory: None,
+            });
+        };
+        add(name.into(), scene.clone());
+        if scene.texture.is_none() {
+            continue;
+        }
+        let mut scene = Scene {
+            texture: None,
+            ..scene
+        };
+        add(format!("{name}, no texture"), scene.clone());
+        if name == SINGLE_WAVELENGTH
+            && let Some(speckle) = &mut scene.speckle
+        {
+            speckle.linewidth = 0.0;
+            add(format!("{name}, no texture, single wavelength"), scene);
+        }
+    }
+    Ok(kinds)
+}
+
+/// What the readings of a kind came to.
+struct Outcome {
+    summary: Summary,
+    /// How often each fault was.
+    faults: BTreeMap<&'static str, usize>,
+    /// Mean number of slits that went into a reading.
+    used: f64,
+    /// Mean height in counts.
+    height: f64,
+}
+
+impl Outcome {
+    fn measure(kind: &Kind, mask: &Mask, rows: u16, surfaces: u64) -> Self {
+        let sensor = Sensor::nominal(Some(mask.clone()));
+        Self::of(sensor.read(&kind.scene, kind.at, rows, FIRST, surfaces))
+    }
+
+    fn of(all: Vec<Result<Judged, Fault>>) -> Self {
+        let mut faults = BTreeMap::new();
+        for fault in all.iter().filter_map(|it| it.as_ref().err()) {
+            *faults.entry(fault.name()).or_default() += 1;
+        }
+        let judged: Vec<_> = all.into_iter().flatten().collect();
+        let slits = judged.iter().map(|it| f64::from(it.reading.slits_used));
+        let heights = judged.iter().map(|it| it.reading.amplitude.to_f64());
+        Self {
+            summary: Summary::of(&judged),
+            faults,
+            used: slits.sum::<f64>() / judged.len() as f64,
+            height: heights.sum::<f64>() / judged.len() as f64,
+        }
+    }
+
+    fn faults(&self) -> String {
+        let total: usize = self.faults.values().sum();
+        let names: Vec<_> = self
+            .faults
+            .iter()
+            .map(|(name, count)| format!("{count} {name}"))
+            .collect();
+        match names.as_slice() {
+            [] => "0".into(),
+            _ => format!("{total} ({})", names.join(", ")),
+        }
+    }
+
+    /// Readings and faults, error, claims and slits: the columns after the name.
+    fn cells(&self) -> Vec<String> {
+        let it = &self.summary;
+        let mut cells = vec![it.count.to_string(), self.faults()];
+        cells.extend([it.rms, it.median_u].map(|um| format!("{um:.0}")));
+        cells.extend(it.within.map(|share| format!("{:.1} %", 100.0 * share)));
+        cells.push(format!("{:.1}", self.used));
+        cells
+    }
+}
+
+const HEAD: [&str; 9] = [
+    "kind",
+    "readings",
+    "faults",
+    "RMS error",
+    "median u",
+    "within u",
+    "2u",
+    "3u",
+    "slits used",
+];
+
+fn measure(base: &Scene, options: &Options) -> Result<String> {
+    let (kinds, mask) = (kinds(base)?, Mask::nominal());
+    let progress = bar(kinds.len() as u64 * options.surfaces)?;
+    let mut rows = vec![cells(&HEAD)];
+    let mut beside_theory = vec![];
+    for kind in &kinds {
+        progress.set_message(kind.name.clone());
+        let outcome = Outcome::measure(kind, &mask, options.rows, options.surfaces);
+        progress.inc(options.surfaces);
+        let mut row = vec![kind.name.clone()];
+        row.extend(outcome.cells());
+        rows.push(row);
+        if let Some((spot, patterns)) = kind.theory {
+            beside_theory.push(theory::Kind {
+                name: kind.name.clone(),
+                spot,
+                patterns,
+                rms: outcome.summary.rms,
+            });
+        }
+    }
+    progress.finish_and_clear();
+    let [near, far] = tolerances::RANGE;
+    Ok(format!(
+        "Simulated on a PC: the default comb, {} surfaces of each kind, frames of {} rows, the nominal \
+         calibration without the tolerances of an unadjusted head. Lengths in um; within 2u: the share of \
+         errors that are at most twice u, which is 95.4 % for normal errors. The first four kinds: at {} \
+         m, a laser of a single wavelength, and the 1/e² diameter of its spot. The others: scenes of \
+         `scenes/`, at {near} to {far:.2} m.\n\n{}\nTheory and measurement at {} m, in um unless another \
+         unit is given:\n\n{}",
+        options.surfaces,
+        options.rows,
+        tolerances::DISTANCE,
+        markdown(&rows),
+        tolerances::DISTANCE,
+        theory::report(tolerances::DISTANCE, &beside_theory),
+    ))
+}
+
+/// Reads the materials with sensors that are calibrated on them, each by surfaces of its own.
+fn measure_calibrated(options: &Options) -> Result<String> {
+    let each = options.surfaces.div_ceil(SENSORS);
+    let progress = bar(MATERIALS.len() as u64 * SENSORS * each)?;
+    let mut rows = vec![cells(&HEAD)];
+    for (name, scene) in MATERIALS {
+        progress.set_message(format!("{name}, calibrated"));
+        let scene = Scene::load(scene)?;
+        let at = At::Between(TABLE.start, TABLE.end);
+        let mut all = vec![];
+        for number in 1..=SENSORS {
+            let first = FIRST + SURFACES_OF_A_SENSOR * number;
+            let sensor = Sensor::calibrated(&scene, first)?;
+            let first = first + SURFACES_OF_A_SENSOR / 2;
+            all.extend(sensor.read(&scene, at, options.rows, first, each));
+            progress.inc(each);
+        }
+        let mut row = vec![name.to_owned()];
+        row.extend(Outcome::of(all).cells());
+        rows.push(row);
+    }
+    progress.finish_and_clear();
+    Ok(format!(
+        "Simulated on a PC: {SENSORS} sensors for each material, calibrated on it with {POINTS} points; each \
+         then reads {each} other places of it at {} to {} m, in frames of {} rows. Lengths in um.\n\n{}",
+        TABLE.start,
+        TABLE.end,
+        options.rows,
+        markdown(&rows),
+    ))
+}
+
+/// A bar over surfaces.
+fn bar(surfaces: u64) -> Result<ProgressBar> {
+    progress::bar(surfaces, "{msg:28} {wide_bar} {pos}/{len}, {eta} left")
+}
+
+fn write_drawing(base: &Scene) -> Result<()> {
+    let tolerances = Tolerances::nominal();
+    let write = |name: &str, text: String| {
+        let path = docs::path(name);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        std::fs::write(path, text).with_context(|| name.to_owned())
+    };
+    write(SVG, drawing::svg(&tolerances))?;
+    write(DXF, dxf::write(&tolerances))?;
+    write(FIGURE, figure::svg(base))?;
+    docs::write_block(PAGE, "cargo comb, mask", &tolerances::report(&tolerances))
+}
+
+/// Runs the program.
+///
+/// # Errors
+/// A measurement fails, or a file cannot be read or written.
+pub fn main(options: &Options) -> Result<()> {
+    let base = Scene::load(BASE)?;
+    if options.drawing {
+        write_drawing(&base)?;
+        println!("{}", tolerances::report(&Tolerances::nominal()));
+        println!("Written: {SVG}, {DXF}, {FIGURE}, and the tolerances in {PAGE}.");
+        return Ok(());
+    }
+    if options.design {
+        let variants = design::measure(&base, options.rows, options.surfaces.div_ceil(5))?;
+        let report = design::report(&variants);
+        println!("{report}");
+        if options.write {
+            docs::write_block(PAGE, "cargo comb, design", &report)?;
+            design::draw(&variants, &docs::path(design::FIGURE))?;
+        } else {
+            docs::print_hint(
+                "cargo comb --design",
+                &format!("{PAGE} and {}", design::FIGURE),
+            );
+        }
+        return Ok(());
+    }
+    let report = measure(&base, &options)?;
+    println!("{report}");
+    let calibrated = measure_calibrated(&options)?;
+    println!("{calibrated}");
+    if options.write {
+        docs::write_block(PAGE, "cargo comb", &report)?;
+        docs::write_block(PAGE, "cargo comb, calibrated", &calibrated)?;
+        write_drawing(&base)?;
+    } else {
+        docs::print_hint("cargo comb", &format!("{PAGE}, {SVG}, {DXF} and {FIGURE}"));
+    }
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! Running the program on the emulated board.
+
+use std::time::Duration;
+
+use crate::slowest::{self, Frame};
+use anyhow::{Context as _, Result, bail};
+use cost_on_chip::whole_rows::Order;
+use slitrange::centre::Estimator;
+use virtual_board::trace::Call;
+use virtual_board::{Firmware, PIXELS, VirtualBoard};
+
+use super::lines::Line;
+use super::program::Program;
+use super::steps;
+
+/// The program is done in less than half of this virtual time.
+const AT_MOST: Duration = Duration::from_secs(60);
+
+/// What came of a run.
+pub struct Run {
+    /// The program's ELF file.
+    pub firmware: Firmware,
+    /// What it printed.
+    pub lines: Vec<Line>,
+    /// Every call of a method, of one iteration of `gauss-newton`, of a calibration, and of a whole row: the
+    /// instructions that were executed.
+    pub calls: Vec<Call>,
+    /// The slowest row of each estimator.
+    pub slowest: Vec<Slow>,
+}
+
+/// The slowest row of an estimator.
+pub struct Slow {
+    /// The estimator.
+    pub estimator: Estimator,
+    /// What the row shows.
+    pub name: String,
+    /// The instructions that were executed.
+    pub call: Call,
+}
+
+impl Run {
+    /// Builds the package's program and runs it to its end.
+    pub fn of(package: &str) -> Result<Self> {
+        let firmware = Firmware::build_package(package)?;
+        let program = Program::of(&firmware)?;
+        let mut board = VirtualBoard::power_on(&firmware, Box::new(|_| vec![0.0; PIXELS]))?;
+        for function in program.traced() {
+            board.trace_calls_of(function);
+        }
+        let (mut lines, mut calls) = (Vec::new(), Vec::new());
+        loop {
+            // The program waits long enough after each line.
+            board.run_for(Duration::from_millis(10))?;
+            calls.extend(board.take_calls());
+            for message in board.take_log() {
+                if message.text == "end" {
+                    for function in program.traced() {
+                        board.stop_tracing(function);
+                    }
+                    let slowest = slowest(&mut board, &firmware)?;
+                    board.finish()?;
+                    return Ok(Self {
+                        firmware,
+                        lines,
+                        calls,
+                        slowest,
+                    });
+                }
+                if message.level.is_some() {
+                    bail!("the chip's program ended with: {message}");
+                }
+                lines.push(Line::parse(&message.text)?);
+            }
+            if u128::from(board.now()) > AT_MOST.as_nanos() {
+                bail!("the chip's program did not end within {AT_MOST:?}");
+            }
+        }
+    }
+}
+
+/// The slowest row of each estimator. The program waits for rows.
+fn slowest(board: &mut VirtualBoard, firmware: &Firmware) -> Result<Vec<Slow>> {
+    let mut chip = Serving {
+        asked: firmware.address_of("ASKED")?,
+        row: firmware.address_of("ROW")?,
+        cycles: firmware.address_of("CYCLES")?,
+        board,
+    };
+    let frames = slowest::frames();
+    let function = firmware.address_of(steps::ROW)?;
+    let slowest_of = |estimator| {
+        let mut most = (0, &frames[0], 0);
+        for frame in &frames {
+            for (place, cycles) in (0..).zip(chip.measure(estimator, frame, frame.rows.len())?) {
+                if cycles > most.0 {
+                    most = (cycles, frame, place);
+                }
+            }
+        }
+        let (_, frame, place) = most;
+        // Once more, with a trace.
+        chip.measure(estimator, frame, place)?;
+        chip.board.trace_calls_of(function);
+        chip.put(estimator, &frame.rows[place], place == 0)?;
+        chip.board.stop_tracing(function);
+        let call = chip.board.take_calls().pop();
+        Ok(Slow {
+            estimator,
+            name: frame.name.clone(),
+            call: call.context("the slowest row was not traced")?,
+        })
+    };
+    Estimator::ALL.into_iter().map(slowest_of).collect()
+}
+
+/// The program while it waits for rows.
+struct Serving<'a> {
+    board: &'a mut VirtualBoard,
+    asked: u64,
+    row: u64,
+    cycles: u64,
+}
+
+impl Serving<'_> {
+    /// Measures the first so many rows of a frame, and gives the cycles of each.
+    fn measure(&mut self, estimator: Estimator, frame: &Frame, rows: usize) -> Result<Vec<u32>> {
+        let rows = frame.rows.iter().take(rows).enumerate();
+        rows.map(|(place, row)| self.put(estimator, row, place == 0))
+            .collect()
+    }
+
+    /// Measures a row, and gives its cycles.
+    fn put(&mut self, estimator: Estimator, row: &[u16], is_first: bool) -> Result<u32> {
+        let words: Vec<u32> = (row.chunks(2))
+            .map(|two| {
+                two.iter()
+                    .rev()
+                    .fold(0, |word, &half| word << 16 | u32::from(half))
+            })
+            .collect();
+        self.board.write_words(self.row, words)?;
+        let order = Order {
+            estimator,
+            is_first,
+        };
+        self.board.write_word(self.asked, order.to_word())?;
+        let asked_at = self.board.now();
+        while self.board.read_word(self.asked)? != 0 {
+            self.board.run_for(Duration::from_micros(250))?;
+            if u128::from(self.board.now() - asked_at) > AT_MOST.as_nanos() {
+                bail!("the chip's program did not measure a row within {AT_MOST:?}");
+            }
+        }
+        self.board.read_word(self.cycles)
+    }
+}

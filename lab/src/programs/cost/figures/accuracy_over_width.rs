@@ -1,0 +1,46 @@
+//! How the methods' accuracy depends on the spot's width, in two kinds of noise.
+
+use std::path::Path;
+
+use slitrange_tool::axes;
+
+use super::curves::{Curve, axis_of_ratios, axis_of_widths, draw_curves};
+use crate::programs::cost::accuracy::{MOST_FAULTS, Noise, WIDTHS};
+use crate::programs::cost::report::Measured;
+
+const PANELS: [(&str, Noise); 2] = [
+    ("White noise, SNR 100", Noise::White { snr: 100.0 }),
+    (
+        "Shot noise: 1000 counts, 5 electrons a count, read noise 2 counts",
+        Noise::Shot {
+            amplitude: 1000.0,
+            electrons_per_count: 5.0,
+            read_noise: 2.0,
+        },
+    ),
+];
+
+/// Draws the figure.
+pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
+    let root = axes::figure(path, 1120)?;
+    let x = axis_of_widths();
+    let y = axis_of_ratios(60.0);
+    for (area, (title, noise)) in root.split_evenly((2, 1)).iter().zip(PANELS) {
+        let curves: Vec<Curve> = measured
+            .methods
+            .iter()
+            .map(|&method| {
+                let cells = measured.accuracy.cells.iter();
+                let points = cells
+                    .filter(|cell| cell.method == method && cell.noise == noise)
+                    .filter(|cell| measured.accuracy.faults(&cell.outcome) <= MOST_FAULTS)
+                    .map(|cell| (cell.width, cell.outcome.ratio()));
+                Curve::of(method, points)
+            })
+            .collect();
+        let bound = Curve::bound("bound", WIDTHS.map(|width| (width, 1.0)).to_vec());
+        draw_curves(area, title, &x, &y, &[&[bound], &curves[..]].concat())?;
+    }
+    root.present()?;
+    Ok(())
+}

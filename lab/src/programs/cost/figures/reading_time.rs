@@ -1,0 +1,180 @@
+//! What a user decides by: the time for a reading against the error of its distance, by each estimator and
+//! number of rows, on a surface without speckle and on a rough one.
+
+use std::path::Path;
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use slitrange::centre::Estimator;
+use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, text};
+
+use super::curves::{Curve, Kind, draw_curves};
+use super::style::{self, bold};
+use crate::programs::cost::reading_time::{self, Light, Point, ROWS_PER_SECOND};
+use crate::programs::cost::report::Measured;
+use cost_on_chip::methods::Method;
+
+const MILLISECONDS: [f64; 13] = [
+    0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0,
+];
+
+const MICROMETRES: [f64; 13] = [
+    0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0,
+];
+
+/// Numbers of rows that are written at their points.
+const NUMBERED: [u64; 4] = [1, 4, 16, 64];
+
+/// Draws the figure.
+pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
+    let root = axes::figure(path, 1200)?;
+    let root = root.titled(
+        "A reading of 1 to 64 rows, target at 0.8 m: its time and its error",
+        bold(TITLE, BLACK),
+    )?;
+    let [quiet, rough] = &root.split_evenly((2, 1))[..] else {
+        unreachable!("two halves");
+    };
+    let points = &measured.readings;
+    let title = "Without speckle: four times as many rows halve the error";
+    draw_panel(quiet, title, points, Light::NoiseAlone, &[], None)?;
+    let title = "White paper: more rows help only if the target moves";
+    draw_panel(
+        rough,
+        title,
+        points,
+        Light::SpeckleAtRest,
+        &[
+            ("receding", Light::SpeckleReceding),
+            ("sliding", Light::SpeckleSliding),
+            ("comb of 16 slits", Light::SpeckleBehindComb),
+        ],
+        Some(reading_time::speckle_limit()?),
+    )?;
+    root.present()?;
+    Ok(())
+}
+
+/// Which time of a point.
+type Time = fn(&Point) -> f64;
+const WITH_SENSOR: Time = |point| point.milliseconds;
+const COMPUTING: Time = |point| point.computing_milliseconds;
+
+fn draw_panel(
+    area: &Area<'_>,
+    title: &str,
+    all: &[Point],
+    light: Light,
+    moving: &[(&str, Light)],
+    limit: Option<f64>,
+) -> anyhow::Result<()> {
+    let of = |light: Light, estimator: Estimator| {
+        all.iter()
+            .filter(move |point| point.light == light && point.estimator == estimator)
+    };
+    let default = Estimator::default();
+    let line = |points: Vec<&Point>, time: Time, error: fn(&Point) -> f64| {
+        let places = points.into_iter().map(|point| (time(point), error(point)));
+        places
+            .filter(|(time, error)| time.is_finite() && error.is_finite())
+            .collect::<Vec<_>>()
+    };
+    let bound = |name, time| {
+        let points = of(Light::NoiseAlone, default).collect();
+        Curve::bound(name, line(points, time, |point| point.bound_micrometres))
+    };
+    let mut curves = vec![bound("noise bound", WITH_SENSOR), bound("", COMPUTING)];
+    let first = of(light, default).next();
+    let last = of(light, default).next_back();
+    if let Some((limit, (first, last))) = limit.zip(first.zip(last)) {
+        let ends = [first.computing_milliseconds, last.milliseconds];
+        curves.push(Curve::bound(
+            "speckle's limit",
+            ends.map(|time| (time, limit)).into(),
+        ));
+    }
+    for (name, light) in moving {
+        curves.push(Curve {
+            name: (*name).into(),
+            colour: style::BOUND,
+            kind: Kind::Measured,
+            points: line(of(*light, default).collect(), WITH_SENSOR, |point| {
+                point.micrometres
+            }),
+        });
+    }
+    // The default estimator lies on top.
+    let mut estimators = Estimator::ALL;
+    estimators.sort_by_key(|&estimator| estimator == default);
+    for estimator in estimators {
+        let method = Method::Estimator(estimator);
+        for (time, kind) in [(COMPUTING, Kind::Hollow), (WITH_SENSOR, Kind::Measured)] {
+            let points = line(of(light, estimator).collect(), time, |point| {
+                point.micrometres
+            });
+            let curve = Curve::of(method, points.into_iter());
+            curves.push(match kind {
+                Kind::Hollow => Curve {
+                    name: String::new(),
+                    kind,
+                    ..curve
+                },
+                _ => curve,
+            });
+        }
+    }
+
+    let places = || curves.iter().flat_map(|curve| &curve.points);
+    let range = |of: fn(&(f64, f64)) -> f64, above: f64| {
+        let least = places().map(of).fold(f64::INFINITY, f64::min);
+        (least * 0.8, places().map(of).fold(0.0, f64::max) * above)
+    };
+    let digits = |value: f64| value.to_string();
+    let x = Axis::new(
+        Scale::Log,
+        range(|at| at.0, 1.35),
+        "time for a reading, ms",
+        &MILLISECONDS,
+        digits,
+    );
+    let y = Axis::new(
+        Scale::Log,
+        range(|at| at.1, if limit.is_some() { 3.0 } else { 1.8 }),
+        "RMS error of the distance, um",
+        &MICROMETRES,
+        digits,
+    );
+    let panel = draw_curves(area, title, &x, &y, &curves)?;
+
+    // What each group of points is, and the numbers of rows above the default estimator's points.
+    let (left, top) = area.get_base_pixel();
+    let (_, rows) = panel.plotting_area().get_pixel_range();
+    let groups: [(Time, String); 2] = [
+        (COMPUTING, "the chip alone".into()),
+        (
+            WITH_SENSOR,
+            format!("with the sensor, {ROWS_PER_SECOND:.0} rows a second"),
+        ),
+    ];
+    for (i, (time, what)) in groups.into_iter().enumerate() {
+        let points = || of(light, default).filter(|point| time(point).is_finite());
+        // Where the points of both groups lie on one line, only the sensor's are numbered.
+        let is_numbered =
+            |point: &&Point| NUMBERED.contains(&point.rows) && (i == 1 || limit.is_none());
+        for point in points().filter(is_numbered) {
+            let (x, y) = panel.backend_coord(&(time(point), point.micrometres));
+            let style = text(TEXT, BLACK).pos(Pos::new(HPos::Center, VPos::Bottom));
+            let number = match point.rows {
+                1 => "1 row".to_owned(),
+                rows => rows.to_string(),
+            };
+            area.draw(&Text::new(number, (x - left, y - top - 9), style))?;
+        }
+        if let Some(first) = points().next() {
+            let (x, _) = panel.backend_coord(&(time(first), first.micrometres));
+            let place = (x - left - 8, rows.start - top + 4);
+            area.draw(&Text::new(what, place, text(TEXT, style::BOUND)))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,139 @@
+//! The steps of whole rows: a bar an estimator, in a panel each for following, first and slowest rows.
+
+use std::path::Path;
+
+use cost_on_chip::methods::Method;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use slitrange::centre::Estimator;
+use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
+
+use super::style::{CHARACTER, bold, is_default};
+use crate::programs::cost::chip::steps::Steps;
+use crate::programs::cost::chip::whole_rows::WholeRow;
+use crate::programs::cost::report::{CLOCK_MHZ, Measured};
+
+/// Gives the instructions of a step.
+type Instructions = fn(&Steps) -> u64;
+
+/// The steps in their order, with their colours. `other` is for instructions of no known step.
+const STEPS: [(&str, RGBColor, Instructions); 6] = [
+    ("convert", RGBColor(0x9e, 0xb9, 0xd9), |steps| steps.convert),
+    ("search", RGBColor(0x3b, 0x75, 0xaf), |steps| steps.search),
+    ("estimate", RGBColor(0xd6, 0x5a, 0x31), |steps| {
+        steps.estimate
+    }),
+    ("check", RGBColor(0xf0, 0xb7, 0x4f), |steps| steps.check),
+    ("frame", RGBColor(0x7a, 0x9a, 0x60), |steps| steps.frame),
+    ("other", RGBColor(0x80, 0x80, 0x80), |steps| {
+        steps.distance + steps.other
+    }),
+];
+
+/// The panels.
+const TITLES: [&str; 3] = [
+    "A row that follows another of its frame",
+    "The first row of a frame",
+    "The slowest row that we know",
+];
+
+/// Pixels for the estimators' names, and for the figures beside the bars.
+const NAMES: u32 = 70;
+const FIGURES: i32 = 240;
+
+/// Draws the figure.
+pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
+    let root = axes::figure(path, 900)?;
+    let root = root.titled(
+        "From a row's words to its centre with its check: instructions by step",
+        bold(TITLE, BLACK),
+    )?;
+    let (legend, root) = root.split_vertically(2 * TEXT + 14);
+    let rows = &measured.chip.whole_rows;
+    draw_legend(&legend, measured)?;
+    for (i, area) in root.split_evenly((TITLES.len(), 1)).iter().enumerate() {
+        let bars: Vec<(Estimator, &WholeRow)> = Estimator::ALL
+            .into_iter()
+            .filter_map(|estimator| Some((estimator, rows.kinds(estimator)[i]?)))
+            .collect();
+        draw_bars(area, TITLES[i], &bars)?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+/// The colours, and what comes once a frame.
+fn draw_legend(area: &Area<'_>, measured: &Measured) -> anyhow::Result<()> {
+    let (mut x, y) = (24, 4);
+    for (name, colour, _) in &STEPS[..STEPS.len() - 1] {
+        area.draw(&Rectangle::new(
+            [(x, y), (x + TEXT, y + TEXT - 2)],
+            colour.filled(),
+        ))?;
+        area.draw(&Text::new(*name, (x + TEXT + 6, y), text(TEXT, BLACK)))?;
+        let characters = name.len() as f64;
+        x += TEXT + 34 + (characters * CHARACTER * f64::from(TEXT)) as i32;
+    }
+    let rows = &measured.chip.whole_rows;
+    let default = Estimator::default();
+    if let Some((mean, once)) = rows.mean(default).zip(rows.once_a_frame(default)) {
+        let distance = once.distance.steps.total();
+        let label = format!("once a frame: mean {mean}, distance {distance}");
+        area.draw(&Text::new(label, (24, y + TEXT + 6), text(TEXT, BLACK)))?;
+    }
+    Ok(())
+}
+
+fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &WholeRow)]) -> anyhow::Result<()> {
+    let most = bars.iter().map(|(_, row)| row.steps.total()).max();
+    let most = most.unwrap_or(1) as f64;
+    let x = Axis::linear((0.0, most * 1.02), "instructions", 6, 0);
+    let y = Axis::new(
+        Scale::Linear,
+        (0.0, bars.len().max(1) as f64),
+        "",
+        &[],
+        |_| String::new(),
+    );
+    let inside = area.margin(0, 0, NAMES, 0);
+    let mut panel = panel(&inside, title, FIGURES, &x, &y)?;
+    for (place, (_, row)) in bars.iter().enumerate() {
+        let (top, bottom) = (
+            bars.len() as f64 - place as f64 - 0.15,
+            bars.len() as f64 - place as f64 - 0.85,
+        );
+        let mut from = 0.0;
+        for (_, colour, of) in STEPS {
+            let to = from + of(&row.steps) as f64;
+            panel.draw_series([Rectangle::new([(from, top), (to, bottom)], colour.filled())])?;
+            from = to;
+        }
+    }
+    let (left, top) = area.get_base_pixel();
+    for (place, (estimator, row)) in bars.iter().enumerate() {
+        let middle = bars.len() as f64 - place as f64 - 0.5;
+        let total = row.steps.total();
+        let ends = [0.0, most * 1.02].map(|x| panel.backend_coord(&(x, middle)));
+        let microseconds = row.cycles.likely as f64 / CLOCK_MHZ;
+        let style = match is_default(Method::Estimator(*estimator)) {
+            true => bold(TEXT, BLACK),
+            false => text(TEXT, BLACK),
+        };
+        for ((x, y), side, label) in [
+            (
+                (ends[0].0 - 8, ends[0].1),
+                HPos::Right,
+                estimator.name().to_owned(),
+            ),
+            (
+                (ends[1].0 + 8, ends[1].1),
+                HPos::Left,
+                format!("{total} ({microseconds:.0} us)"),
+            ),
+        ] {
+            let style = style.clone().pos(Pos::new(side, VPos::Center));
+            area.draw(&Text::new(label, (x - left, y - top), style))?;
+        }
+    }
+    Ok(())
+}

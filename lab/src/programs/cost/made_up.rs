@@ -1,0 +1,227 @@
+//! Made-up measurements, for tests of the report and for a look at the figures.
+
+use cost_on_chip::methods::Method;
+use host_tests::accuracy::Outcome;
+use slitrange::centre::Estimator;
+
+use crate::programs::cost::accuracy::{
+    Accuracy, Bias, InSituation, MethodOnCell, NOISES, Noise, SITUATIONS, WIDTHS,
+};
+use crate::programs::cost::chip::cycles::Range;
+use crate::programs::cost::chip::steps::Steps;
+use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRow, WholeRows};
+use crate::programs::cost::chip::{Chip, MethodOnChip};
+use crate::programs::cost::distances::Distance;
+use crate::programs::cost::float_functions::FloatFunctions;
+use crate::programs::cost::reading_time::{self, Light, Point};
+use crate::programs::cost::report::Measured;
+
+/// Name, RMSE over the bound in white and shot noise, bias at a width of a pixel, instructions, code and
+/// tables in bytes.
+const METHODS: [(f64, f64, f64, u64, u64, u64); 10] = [
+    (1.9, 1.3, 0.02, 520, 420, 0),
+    (1.06, 1.09, 0.0003, 354, 1100, 9400),
+    (1.01, 1.02, 0.0001, 653, 2300, 18_800),
+    (1.0, 1.0, 0.00002, 37_600, 4100, 0),
+    (1.08, 1.12, 0.004, 354, 1100, 9400),
+    (9.0, 12.0, 0.05, 95, 300, 0),
+    (8.0, 11.0, 0.01, 190, 700, 0),
+    (1.15, 1.55, 0.02, 204, 380, 0),
+    (1.07, 1.1, 0.0005, 299, 900, 9400),
+    (1.03, 1.04, 0.0002, 1420, 3400, 28_200),
+];
+
+/// All of it.
+pub fn measured() -> Measured {
+    let methods = || Method::ALL.into_iter().zip(METHODS);
+    let outcome = |ratio: f64| Outcome {
+        rmse: 0.02 * ratio,
+        bound: 0.02,
+        pull: 1.0,
+        faults: 0,
+        gross: 0,
+    };
+    let mut accuracy = Accuracy {
+        rows: 100,
+        cells: vec![],
+        situations: vec![],
+        biases: vec![],
+    };
+    for (method, (white, shot, bias, ..)) in methods() {
+        for width in WIDTHS {
+            for noise in NOISES {
+                let ratio = if noise.is_white() { white } else { shot };
+                let ripple = 0.3 * (ratio - 1.0) * (width * 1.3).sin();
+                let snr = match noise {
+                    Noise::White { snr } => snr,
+                    Noise::Shot { amplitude, .. } => amplitude,
+                };
+                accuracy.cells.push(MethodOnCell {
+                    method,
+                    width,
+                    noise,
+                    outcome: outcome(ratio + ripple + 1e-6 * snr),
+                });
+            }
+            accuracy.biases.push(Bias {
+                method,
+                width,
+                pixels: Some(bias * width.powf(-0.5)),
+            });
+        }
+        for (situation, hot) in SITUATIONS.iter().enumerate().map(|(i, _)| (i, i == 3)) {
+            let spared = matches!(
+                method,
+                Method::Repair | Method::Estimator(Estimator::GaussNewton)
+            );
+            let ratio = if situation == 0 { white } else { shot };
+            accuracy.situations.push(InSituation {
+                situation,
+                method,
+                outcome: outcome(if hot && !spared { ratio * 9.0 } else { ratio }),
+            });
+        }
+    }
+    Measured {
+        methods: Method::ALL.to_vec(),
+        accuracy,
+        chip: chip(),
+        distances: vec![Distance {
+            form: "eq. (1)",
+            knots: 0,
+            error_max_um: 0.01,
+            instructions: 60,
+            instructions_most: 60,
+            cycles_likely: 100,
+            ram_bytes: 64,
+            record_bytes: 50,
+        }],
+        floats: FloatFunctions::default(),
+        host_ns: METHODS.iter().map(|it| Some(it.3 as f64 / 5.0)).collect(),
+        readings: readings(),
+        peers: None,
+    }
+}
+
+fn chip() -> Chip {
+    let mut methods = vec![];
+    for (method, (.., instructions, code_bytes, table_bytes)) in
+        Method::ALL.into_iter().zip(METHODS)
+    {
+        for (width, part) in [(1.5, 4), (4.5, 6), (10.5, 10), (11.3, 10), (25.0, 7)] {
+            let instructions = instructions * part / 10;
+            methods.push(MethodOnChip {
+                name: method.name().into(),
+                width,
+                instructions,
+                instructions_most: instructions,
+                cycles: cycles(instructions),
+                code_bytes,
+                table_bytes,
+                stack_bytes: 200,
+                fault: None,
+            });
+        }
+    }
+    Chip {
+        methods,
+        sweep_instructions_per_pixel: 2.6,
+        gauss_newton_instructions_per_iteration: Some(12_500.0),
+        peers: vec![],
+        floats: vec![],
+        kernels_compared: 0,
+        search_instructions_per_pixel: 27.0,
+        geometry_instructions_per_word: 0.0,
+        whole_rows: whole_rows(),
+        forms: vec![],
+    }
+}
+
+fn cycles(instructions: u64) -> Range {
+    Range {
+        low: instructions,
+        likely: instructions * 14 / 10,
+        high: instructions * 3,
+    }
+}
+
+fn whole_rows() -> WholeRows {
+    let mut rows = WholeRows::default();
+    for (estimator, (.., estimate, _, _)) in Estimator::ALL.into_iter().zip(METHODS) {
+        let row = |parts: u64| {
+            let steps = Steps {
+                convert: 3000,
+                search: 4000 * parts,
+                estimate,
+                check: 5000 * parts,
+                frame: 460,
+                ..Steps::default()
+            };
+            WholeRow {
+                steps,
+                cycles: cycles(steps.total()),
+            }
+        };
+        for width in [1.5, 4.5, 10.5, 11.3, 25.0] {
+            let parts = if width < 6.0 { 3 } else { 1 };
+            rows.at_widths.push(AtWidth {
+                estimator,
+                width,
+                first: row(4),
+                following: row(parts),
+            });
+        }
+        let mut last = row(1);
+        last.steps.frame += 30_000;
+        rows.once_a_frame.push(OnceAFrame {
+            estimator,
+            last,
+            distance: WholeRow {
+                steps: Steps {
+                    distance: 600,
+                    ..Steps::default()
+                },
+                cycles: cycles(600),
+            },
+        });
+        rows.slowest.push(Slowest {
+            estimator,
+            name: "a made-up row".into(),
+            row: row(25),
+        });
+    }
+    rows
+}
+
+fn readings() -> Vec<Point> {
+    let mut points = vec![];
+    let cases = Light::ALL
+        .into_iter()
+        .flat_map(|light| Estimator::ALL.map(|estimator| (light, estimator)));
+    for (light, estimator) in cases {
+        for rows in reading_time::ROWS {
+            let n = rows as f64;
+            let micrometres = match light {
+                Light::NoiseAlone if estimator == Estimator::Centroid => 9.5 / n.sqrt(),
+                Light::NoiseAlone => 6.5 / n.sqrt(),
+                Light::SpeckleAtRest => 590.0,
+                Light::SpeckleBehindComb => 110.0,
+                Light::SpeckleReceding => 580.0 / (1.0 + 0.005 * n),
+                Light::SpeckleSliding => 580.0 / (1.0 + 0.2 * n).sqrt(),
+            };
+            points.push(Point {
+                light,
+                estimator,
+                rows,
+                computing_milliseconds: n * 0.1 + 0.3,
+                milliseconds: n / reading_time::ROWS_PER_SECOND * 1e3,
+                micrometres,
+                bound_micrometres: 6.0 / n.sqrt(),
+                u_micrometres: micrometres,
+                r_micrometres: micrometres,
+                faults: 0,
+            });
+        }
+    }
+    points
+}

@@ -1,0 +1,120 @@
+//! The crate `varpro`: variable projection, which solves for A and b exactly at each step and searches for x0
+//! and s only.
+//!
+//! The model is written out and remembers its gaussian, as the crate's documentation advises "for maximum
+//! performance".
+
+use std::convert::Infallible;
+
+use nalgebra::{DMatrix, DVector, dvector};
+use varpro::model::SeparableNonlinearModel;
+use varpro::problem::SeparableProblemBuilder;
+use varpro::solvers::levmar::LevMarSolver;
+
+use super::gaussian::{Parameters, WINDOW, derivatives, light};
+
+/// Fits with the crate's defaults.
+pub fn fit(pixels: &[f64; WINDOW], start: Parameters) -> Option<Parameters> {
+    let model = Model::new(start.centre, start.scale);
+    let problem = SeparableProblemBuilder::new(model)
+        .observations(DVector::from_column_slice(pixels))
+        .build()
+        .ok()?;
+    let fit = LevMarSolver::default().solve(problem).ok()?;
+    let (nonlinear, linear) = (fit.nonlinear_parameters(), fit.linear_coefficients()?);
+    Some(Parameters {
+        amplitude: linear[0],
+        centre: nonlinear[0],
+        scale: nonlinear[1],
+        level: linear[1],
+    })
+}
+
+/// Two columns: the gaussian of x0 and s, and ones.
+struct Model {
+    centre: f64,
+    scale: f64,
+    light: [f64; WINDOW],
+}
+
+impl Model {
+    fn new(centre: f64, scale: f64) -> Self {
+        Self {
+            centre,
+            scale,
+            light: light(centre, scale),
+        }
+    }
+}
+
+impl SeparableNonlinearModel for Model {
+    type ScalarType = f64;
+    type Error = Infallible;
+
+    fn parameter_count(&self) -> usize {
+        2
+    }
+
+    fn base_function_count(&self) -> usize {
+        2
+    }
+
+    fn output_len(&self) -> usize {
+        WINDOW
+    }
+
+    fn set_params(&mut self, parameters: DVector<f64>) -> Result<(), Infallible> {
+        *self = Self::new(parameters[0], parameters[1]);
+        Ok(())
+    }
+
+    fn params(&self) -> DVector<f64> {
+        dvector![self.centre, self.scale]
+    }
+
+    fn eval(&self) -> Result<DMatrix<f64>, Infallible> {
+        let mut columns = DMatrix::from_element(WINDOW, 2, 1.0);
+        columns.column_mut(0).copy_from_slice(&self.light);
+        Ok(columns)
+    }
+
+    fn eval_partial_deriv(&self, parameter: usize) -> Result<DMatrix<f64>, Infallible> {
+        let mut columns = DMatrix::zeros(WINDOW, 2);
+        let unit = [1.0, self.centre, self.scale, 0.0].into();
+        for (pixel, (value, &light)) in columns
+            .column_mut(0)
+            .iter_mut()
+            .zip(&self.light)
+            .enumerate()
+        {
+            *value = derivatives(pixel, light, &unit)[1 + parameter];
+        }
+        Ok(columns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::programs::cost::peers::gaussian::examples;
+
+    #[test]
+    fn finds_a_noiseless_gaussian() {
+        let (truth, pixels) = examples::noiseless();
+        let off = fit(&pixels, examples::start()).expect("a fit").centre - truth.centre;
+        println!("{off:.1e} px off");
+        assert!(off.abs() < 1e-6);
+    }
+
+    #[test]
+    fn agrees_with_levenberg_marquardt() {
+        for (window, bound) in examples::noisy(100) {
+            let pixels = window.pixels.map(f64::from);
+            let other =
+                crate::programs::cost::peers::levenberg_marquardt::fit_f64(&pixels, window.start)
+                    .expect("a fit");
+            let off = (fit(&pixels, window.start).expect("a fit").centre - other.centre) / bound;
+            assert!(off.abs() < 1e-3, "{off} of the bound");
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Error over the number of points.
+
+use std::path::Path;
+
+use anyhow::Result;
+use plotters::prelude::*;
+use slitrange_tool::axes::{self, Axis, Scale, TEXT, panel, text};
+
+use crate::programs::points::{COUNTS, Cell, MEANS};
+
+/// Dark enough for text on white, one for each of [`MEANS`].
+const COLOURS: [RGBColor; 4] = [
+    RGBColor(0x15, 0x55, 0xd0),
+    RGBColor(0x2a, 0x78, 0x2e),
+    RGBColor(0x7a, 0x1b, 0xaa),
+    RGBColor(0xb3, 0x59, 0x00),
+];
+
+/// Draws it. Full lines are for sensors that follow eq. (1), broken ones for those that depart from it.
+pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
+    let root = axes::figure(path, 620)?;
+    let ticks = [3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 100.0, 200.0];
+    let x = Axis::new(Scale::Log, (3.0, 200.0), "points", &ticks, |count| {
+        count.to_string()
+    });
+    let ticks = [0.1, 1.0, 10.0, 100.0, 1000.0];
+    let name = "RMS error of the curve, um";
+    let y = Axis::new(Scale::Log, (0.1, 1000.0), name, &ticks, |error| {
+        error.to_string()
+    });
+    let mut chart = panel(&root, "", 340, &x, &y)?;
+    for (departs, sensors) in cells.iter().enumerate() {
+        for (column, colour) in sensors.iter().zip(COLOURS) {
+            let points: Vec<(f64, f64)> = (COUNTS.iter().zip(column))
+                .filter_map(|(&count, cell)| Some((count as f64, cell.error? * 1e6)))
+                .collect();
+            if departs == 0 {
+                axes::draw_line(&mut chart, points.clone(), colour.stroke_width(2))?;
+                axes::draw_dots(&mut chart, points, 4, colour.filled())?;
+            } else {
+                axes::draw_broken_line(&mut chart, points.clone(), (8, 6), colour.stroke_width(2))?;
+                axes::draw_dots(&mut chart, points, 4, colour.stroke_width(2))?;
+            }
+        }
+    }
+    // Beside the last points of the full lines, where there is room for all.
+    let (x, _) = chart.backend_coord(&(200.0, 1.0));
+    for ((means, column), colour) in MEANS.iter().zip(&cells[0]).zip(COLOURS) {
+        let Some(error) = column.last().and_then(|cell| cell.error) else {
+            continue;
+        };
+        let (_, y) = chart.backend_coord(&(200.0, error * 1e6));
+        root.draw(&Text::new(
+            means.name,
+            (x + 14, y - TEXT / 2),
+            text(TEXT, colour),
+        ))?;
+    }
+    for (line, words) in [
+        "full: sensors that follow eq. (1)",
+        "broken: departing by up to 300 um",
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        root.draw(&Text::new(
+            words,
+            (x + 14, 24 + 26 * line as i32),
+            text(TEXT, BLACK),
+        ))?;
+    }
+    root.present()?;
+    Ok(())
+}

@@ -1,0 +1,183 @@
+//! What the rows of a scene cost to simulate on one core, and how much of it each effect.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use crate::budget;
+use serde::Serialize;
+use simulator::scene::{Scene, Simulation, quantise};
+use simulator::statistics;
+
+/// What a scene costs.
+#[derive(Serialize)]
+pub struct Timing {
+    /// Nanoseconds a row, the median.
+    pub nanoseconds_a_row: f64,
+    /// Nanoseconds of the first row, the median: what stays for as long as the target does is computed there.
+    pub nanoseconds_of_the_first_row: f64,
+    /// Pixels a second on one core.
+    pub pixels_a_second: f64,
+    /// What each effect costs, in the order of the scene's effects.
+    pub effects: Vec<EffectTiming>,
+}
+
+/// What an effect costs: none where the scene's other effects need this one.
+#[derive(Serialize)]
+pub struct EffectTiming {
+    /// Its name.
+    pub effect: &'static str,
+    /// By how much a row takes longer with it than without.
+    pub a_row: Option<Difference>,
+    /// By how much the first row does.
+    pub first_row: Option<Difference>,
+}
+
+/// A difference of times.
+#[derive(Clone, Copy, Serialize)]
+pub struct Difference {
+    /// The median, in nanoseconds.
+    pub nanoseconds: f64,
+    /// Its standard uncertainty, from the scatter of the repetitions.
+    pub uncertainty: f64,
+}
+
+/// Time for a repetition of a scene, but two rows or frames at least: so short that most of them nothing
+/// interrupts.
+const REPETITION: Duration = Duration::from_micros(250);
+
+/// Repetitions, in which the scenes take turns so that all meet the same disturbances.
+const REPETITIONS: usize = 151;
+
+/// Where that takes longer in all, there are fewer.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// The fewest.
+const FEWEST: usize = 5;
+
+impl Timing {
+    /// Times a scene, and the scene without each of its effects.
+    pub fn of(scene: &Scene) -> Self {
+        let whole = Rows::of(scene);
+        let without: Vec<Option<Rows>> = budget::effects(scene)
+            .map(|effect| budget::without(scene, effect).as_ref().map(Rows::of))
+            .collect();
+        let (a_row, rows) = compare(&whole, &without, Rows::nanoseconds_a_row);
+        let (first_row, first_rows) = compare(&whole, &without, Rows::nanoseconds_of_the_first_row);
+        Self {
+            nanoseconds_a_row: a_row,
+            nanoseconds_of_the_first_row: first_row,
+            pixels_a_second: scene.geometry().words as f64 / a_row * 1e9,
+            effects: (budget::effects(scene).zip(rows).zip(first_rows))
+                .map(|((effect, a_row), first_row)| EffectTiming {
+                    effect: effect.name(),
+                    a_row,
+                    first_row,
+                })
+                .collect(),
+        }
+    }
+}
+
+/// The median time of a scene, and by how much it is above that of each of the others.
+fn compare(
+    whole: &Rows,
+    others: &[Option<Rows>],
+    time: impl Fn(&Rows) -> f64,
+) -> (f64, Vec<Option<Difference>>) {
+    let mut times = vec![];
+    let mut differences = vec![vec![]; others.len()];
+    let start = Instant::now();
+    while times.len() < FEWEST || times.len() < REPETITIONS && start.elapsed() < PATIENCE {
+        let whole = time(whole);
+        for (other, differences) in others.iter().zip(&mut differences) {
+            differences.extend(other.as_ref().map(|other| whole - time(other)));
+        }
+        times.push(whole);
+    }
+    let differences = differences.into_iter().map(Difference::of).collect();
+    (median(&times), differences)
+}
+
+impl Difference {
+    fn of(repetitions: Vec<f64>) -> Option<Self> {
+        if repetitions.is_empty() {
+            return None;
+        }
+        let nanoseconds = median(&repetitions);
+        let off: Vec<f64> = (repetitions.iter())
+            .map(|difference| (difference - nanoseconds).abs())
+            .collect();
+        // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them
+        // 1.253/sqrt(n) of it.
+        let deviation = 1.483 * median(&off);
+        Some(Self {
+            nanoseconds,
+            uncertainty: 1.253 * deviation / (off.len() as f64).sqrt(),
+        })
+    }
+}
+
+/// A scene, and how many of its first rows make a repetition.
+struct Rows {
+    simulation: Simulation,
+    count: u64,
+}
+
+impl Rows {
+    fn of(scene: &Scene) -> Self {
+        let a_frame = scene.sensor.rows();
+        // Two frames at least: what is kept for a target at rest must not serve for one that moves.
+        let mut rows = Self {
+            simulation: Simulation::new(scene.clone()),
+            count: 2 * a_frame,
+        };
+        // The first time, what is kept is computed.
+        rows.nanoseconds_a_row();
+        let frame = rows.nanoseconds_a_row() * a_frame as f64;
+        let frames = (REPETITION.as_nanos() as f64 / frame).clamp(2.0, 1000.0) as u64;
+        rows.count = frames * a_frame;
+        rows
+    }
+
+    fn nanoseconds_a_row(&self) -> f64 {
+        let start = Instant::now();
+        for row in 0..self.count {
+            make(&self.simulation, row);
+        }
+        start.elapsed().as_nanos() as f64 / self.count as f64
+    }
+
+    /// With all that is prepared for it.
+    fn nanoseconds_of_the_first_row(&self) -> f64 {
+        let scene = self.simulation.scene().clone();
+        let start = Instant::now();
+        make(&Simulation::new(scene), 0);
+        start.elapsed().as_nanos() as f64
+    }
+}
+
+/// A row as the core gets it, in whole counts.
+fn make(simulation: &Simulation, row: u64) {
+    let scene = simulation.scene();
+    let counts = simulation.row(row, scene.distance, scene.exposure);
+    black_box(quantise(&counts, scene.sensor.geometry().full_scale()));
+}
+
+/// Zero of nothing.
+fn median(values: &[f64]) -> f64 {
+    statistics::median(values.iter().copied()).unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_repetition_that_was_interrupted_does_not_count() {
+        let difference = Difference::of(vec![4.0, 1.0, 100.0, 3.0, 2.0]).expect("five");
+        // Deviations from 3: 0, 1, 1, 2, 97.
+        assert_eq!(difference.nanoseconds, 3.0);
+        assert!((difference.uncertainty - 1.253 * 1.483 / 5f64.sqrt()).abs() < 1e-12);
+        assert!(Difference::of(vec![]).is_none());
+    }
+}

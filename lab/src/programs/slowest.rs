@@ -1,0 +1,121 @@
+//! `cargo slowest`: searches the row that takes the chip the most instructions.
+
+use std::fmt::Write as _;
+
+use crate::slowest::{self, Chip, Chips, LIMIT, Search, Slow};
+use crate::{docs, progress};
+use clap::Args;
+use slitrange::centre::Estimator;
+use slowest_on_chip::mailbox::Question;
+
+/// How many rows are counted.
+const ROWS: u64 = 1_000_000;
+
+/// The page of the table, and the file of the rows.
+const PAGE: &str = "docs/hard-cases.md";
+const CORPUS: &str = "on-chip/slowest/src/corpus.rs";
+
+/// Searches the slowest row by evolution: rows are made from shapes, counted on the emulated chip, and the
+/// slowest of them changed again.
+#[derive(Args)]
+pub struct Options {
+    /// How many rows to count; each estimator's is a row
+    #[arg(long, value_name = "N", default_value_t = ROWS)]
+    rows: u64,
+    /// Another seed, another search
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Start from nothing, not from the rows that are known
+    #[arg(long)]
+    fresh: bool,
+    /// Also write the rows to on-chip/slowest/src/corpus.rs, and the table to docs/hard-cases.md
+    #[arg(long)]
+    write: bool,
+}
+
+/// Runs the program.
+///
+/// # Errors
+/// A measurement fails, or a file cannot be read or written.
+pub fn main(options: &Options) -> anyhow::Result<()> {
+    let chip = Chip::power_on()?;
+    let mut chips = Chips::like(&chip);
+    let mut search = Search::new(options.seed);
+    if !options.fresh {
+        let known: Vec<Question> = slowest::known().map(|slow| slow.question).collect();
+        search.add(&mut chips, &known)?;
+    }
+    let progress = progress::bar(options.rows, "{wide_bar} {pos}/{len}, {eta} left")?;
+    let start = std::time::Instant::now();
+    while search.rows < options.rows {
+        search.step(&mut chips)?;
+        progress.set_position(search.rows);
+    }
+    progress.finish_and_clear();
+    let seconds = start.elapsed().as_secs_f64();
+    let found: Vec<Slow> = [false, true]
+        .into_iter()
+        .flat_map(|follows| Estimator::ALL.map(|estimator| (estimator, follows)))
+        .filter_map(|(estimator, follows)| search.slowest(estimator, follows))
+        .collect();
+    let mut traced = vec![];
+    for slow in &found {
+        let call = chip.trace(&slow.question)?;
+        let parts = slowest::attribution(chip.program(), &call)?;
+        let row = if slow.question.follows {
+            "following"
+        } else {
+            "first"
+        };
+        println!(
+            "{}, {row} row: {} instructions",
+            slow.question.estimator.name(),
+            slow.instructions
+        );
+        println!("    {}", slowest::story(&slow.question));
+        for (name, count) in parts.iter().take(12) {
+            println!("{count:>12} {name}");
+        }
+        traced.push((*slow, parts));
+    }
+    let table = slowest::markdown(search.rows, &traced);
+    println!("\n{table}\n{} rows in {:.0} s", search.rows, seconds);
+    chip.finish()?;
+    if found.iter().any(|slow| slow.instructions > LIMIT) {
+        println!("A row takes more than the goal of {LIMIT} instructions.");
+    }
+    if !options.write {
+        docs::print_hint("cargo slowest", &format!("{CORPUS} and {PAGE}"));
+        return Ok(());
+    }
+    std::fs::write(docs::path(CORPUS), corpus(&found))?;
+    docs::write_block(PAGE, "cargo slowest", &table)
+}
+
+/// The file of the slowest rows.
+fn corpus(found: &[Slow]) -> String {
+    let mut text = String::from(
+        "//! The slowest rows that `cargo slowest` found. `cargo slowest --write` writes this file.\n\n\
+         use self::description::WORDS;\nuse self::mailbox::ESTIMATORS;\n\n\
+         /// A slow row: instructions on the chip, and the description's words.\n\
+         pub type Slow = (u32, [u32; WORDS]);\n",
+    );
+    for (name, of, follows) in [("FIRST", "first", false), ("FOLLOWING", "following", true)] {
+        write!(
+            text,
+            "\n/// The slowest {of} row of each estimator.\n#[rustfmt::skip]\n\
+             pub const {name}: [Slow; ESTIMATORS] = [\n"
+        )
+        .expect("a string takes all text");
+        for slow in found.iter().filter(|slow| slow.question.follows == follows) {
+            write!(text, "    ({}, [", slow.instructions).expect("a string takes all text");
+            for (i, word) in slow.question.description.to_words().iter().enumerate() {
+                let before = if i % 8 == 0 { "\n        " } else { " " };
+                write!(text, "{before}0x{word:08x},").expect("a string takes all text");
+            }
+            text += "\n    ]),\n";
+        }
+        text += "];\n";
+    }
+    text
+}

@@ -1,0 +1,85 @@
+//! How true u is on rough surfaces: `cargo surfaces`.
+
+use crate::docs;
+use crate::surfaces::steps;
+use crate::surfaces::{MATERIALS, Study, calibrate, report};
+use anyhow::{Context as _, Result, bail};
+use clap::Args;
+use simulator::scene::Scene;
+use slitrange::record::Record;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
+
+/// Calibrates simulated sensors on rough materials, and compares what their readings claim with the truth.
+/// Takes about ten minutes.
+#[derive(Args)]
+pub struct Options {
+    /// Sensors that are calibrated on each material
+    #[arg(long, default_value_t = 10)]
+    sensors: u64,
+    /// Surfaces that each of them reads
+    #[arg(long, default_value_t = 105)]
+    surfaces: u64,
+    /// Also rewrite the tables of docs/uncertainty.md, and the record of the demo's sensor
+    #[arg(long)]
+    write: bool,
+}
+
+/// The demo's record, from the workspace's root.
+const RECORD: &str = "virtual-board/src/bin/demo/paper.record";
+
+/// Points of the demo's calibration on white paper.
+const POINTS: usize = 240;
+
+/// The first surface of the demo's calibration. No other sensor sees these.
+const FIRST: u64 = 50_000_000;
+
+/// The demo's sensor: its curve is from a target without speckle, so that the demo shows what the core can do
+/// there; what it says of the surface is from white paper.
+fn record_of_demo() -> Result<Record> {
+    let [quiet, paper] = [("quiet-paper", 60), (MATERIALS[0].1, POINTS)]
+        .map(|(scene, points)| calibrate(&Scene::load(scene)?, points, FIRST));
+    let (quiet, paper) = (quiet?, paper?);
+    let (CalibrationErrors::Fitted(curve), CalibrationErrors::Fitted(surface)) =
+        (&quiet.errors, &paper.errors)
+    else {
+        bail!("a fit of many points says nothing of its errors");
+    };
+    Ok(Record {
+        errors: CalibrationErrors::Fitted(FittedErrors {
+            curve: curve.curve,
+            surface: surface.surface,
+        }),
+        // The spots on white paper scatter as those of the demo do.
+        profile: paper.profile,
+        ..quiet
+    })
+}
+
+/// Runs the program.
+///
+/// # Errors
+/// A measurement fails, or a file cannot be read or written.
+pub fn main(options: &Options) -> Result<()> {
+    if options.write {
+        let record = EncodedRecord::new(record_of_demo()?)?;
+        std::fs::write(docs::path(RECORD), record.bytes()).context(RECORD)?;
+    }
+    let studies: Vec<Study> = (MATERIALS.into_iter())
+        .map(|(name, scene)| Study::run(name, scene, options.sensors, options.surfaces))
+        .collect::<Result<_>>()?;
+    let surfaces = report(&studies);
+    println!("{surfaces}");
+    let steps = steps::report(&steps::measure(steps::SURFACES)?);
+    println!("{steps}");
+    if options.write {
+        docs::write_block("docs/uncertainty.md", "cargo surfaces", &surfaces)?;
+        docs::write_block("docs/uncertainty.md", "cargo surfaces, steps", &steps)?;
+    } else {
+        docs::print_hint(
+            "cargo surfaces",
+            "docs/uncertainty.md and the demo's record",
+        );
+    }
+    Ok(())
+}

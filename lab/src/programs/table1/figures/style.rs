@@ -1,0 +1,18 @@
+//! The colours of the methods, and the space beside a panel.
+
+use crate::paper::apparatus::Aperture;
+use crate::paper::methods::Method;
+use plotters::prelude::*;
+
+/// Pixels beside a panel.
+pub const RIGHT: i32 = 24;
+
+/// A method's colour: those of the paper's fig. 13, dark enough for text on white, and another for ours.
+pub fn colour(aperture: Aperture, method: &Method) -> RGBColor {
+    match (aperture, method) {
+        (Aperture::Lens, _) => RGBColor(0x4f, 0x5d, 0x75),
+        (Aperture::Slit, &Method::PAPERS_GAUSSIAN) => RGBColor(0xa8, 0x70, 0x20),
+        (Aperture::Slit, &Method::PAPERS_FRAUNHOFER) => RGBColor(0xc8, 0x3a, 0x6a),
+        (Aperture::Slit, _) => RGBColor(0x15, 0x55, 0xd0),
+    }
+}

@@ -1,0 +1,153 @@
+//! The paper's fig. 13: how the errors of each material are distributed, through the lens and through the
+//! slit.
+
+use std::path::Path;
+
+use crate::paper::apparatus::Aperture;
+use crate::paper::materials::MATERIALS;
+use crate::paper::methods::Method;
+use anyhow::Context as _;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use slitrange_tool::axes::{self, Area, Axis, GRID, TEXT, TITLE, panel, text};
+
+use super::style::{RIGHT, colour};
+use crate::programs::table1::report::{Report, find};
+
+/// The errors that are shown, in micrometres to either side.
+const RANGE: f64 = 900.0;
+
+/// The lower end of the axis: below the errors there is room for figures.
+const LOWEST: f64 = -1100.0;
+
+/// Bins over the range.
+const BINS: usize = 180;
+
+/// Standard deviation of the kernel that smooths the distribution, in bins: 30 um.
+const KERNEL: f64 = 3.0;
+
+/// Draws the figure.
+pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
+    let best = report.best.context("the slit was not run")?;
+    let methods = [
+        (Aperture::Lens, Method::PAPERS_LENS, "lens".to_string()),
+        (
+            Aperture::Slit,
+            Method::PAPERS_GAUSSIAN,
+            "slit, gaussian".into(),
+        ),
+        (
+            Aperture::Slit,
+            Method::PAPERS_FRAUNHOFER,
+            "slit, Fraunhofer".into(),
+        ),
+        (Aperture::Slit, best, format!("slit, {}", best.name())),
+    ];
+    let root = axes::figure(path, 1060)?;
+    let (legend, rest) = root.split_vertically(44);
+    let mut left = 30;
+    for (aperture, method, name) in &methods {
+        let colour = colour(*aperture, method);
+        legend.draw(&Rectangle::new(
+            [(left, 14), (left + 22, 32)],
+            colour.filled(),
+        ))?;
+        let style = text(TITLE, colour).pos(Pos::new(HPos::Left, VPos::Center));
+        legend.draw(&Text::new(name.clone(), (left + 30, 23), style))?;
+        left += 58 + (name.chars().count() as f64 * 0.58 * f64::from(TITLE)) as i32;
+    }
+    let style = text(TITLE, BLACK).pos(Pos::new(HPos::Right, VPos::Center));
+    legend.draw(&Text::new("figures: MAE, um", (980, 23), style))?;
+    for (material, area) in rest.split_evenly((3, 2)).iter().enumerate() {
+        draw_material(report, material, &methods, area)
+            .with_context(|| MATERIALS[material].name)?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+fn draw_material(
+    report: &Report,
+    material: usize,
+    methods: &[(Aperture, Method, String)],
+    area: &Area<'_>,
+) -> anyhow::Result<()> {
+    let places = (-0.6, methods.len() as f64 - 0.4);
+    let name = if material.is_multiple_of(2) {
+        "error, um"
+    } else {
+        ""
+    };
+    let x = Axis::linear(places, "", 0, 0);
+    let y = Axis::linear((LOWEST, RANGE), name, 7, 0);
+    let mut panel = panel(area, MATERIALS[material].name, RIGHT, &x, &y)?;
+    panel.draw_series([PathElement::new(
+        vec![(places.0, 0.0), (places.1, 0.0)],
+        GRID.stroke_width(2),
+    )])?;
+    for (place, (aperture, method, _)) in (0..).zip(methods) {
+        let place = f64::from(place);
+        let outcome = report.outcome(material, *aperture).context("was not run")?;
+        let judged = find(&outcome.judged, method).context("a method was not run")?;
+        let colour = colour(*aperture, method);
+        let density = density(&judged.errors);
+        let widest = density
+            .iter()
+            .fold(0.0f64, |widest, &(_, value)| widest.max(value));
+        let side = |sign: f64| {
+            density
+                .iter()
+                .map(move |&(error, value)| (place + sign * 0.45 * value / widest, error))
+        };
+        let outline: Vec<(f64, f64)> = side(-1.0).chain(side(1.0).rev()).collect();
+        panel.draw_series([Polygon::new(outline, colour.mix(0.55).filled())])?;
+        // Quartiles, and the median broader.
+        for (quantile, width, length) in [(0.25, 2, 0.16), (0.5, 4, 0.24), (0.75, 2, 0.16)] {
+            let error = at_quantile(&judged.errors, quantile);
+            panel.draw_series([PathElement::new(
+                vec![(place - length, error), (place + length, error)],
+                BLACK.stroke_width(width),
+            )])?;
+        }
+        let mae = format!("{:.0}", judged.mae * 1e6);
+        let style = text(TEXT, colour).pos(Pos::new(HPos::Center, VPos::Bottom));
+        panel.draw_series([Text::new(mae, (place, LOWEST * 0.99), style)])?;
+    }
+    Ok(())
+}
+
+/// The errors' distribution, smoothed: places in micrometres and densities in any unit, where there are
+/// errors.
+fn density(errors: &[f32]) -> Vec<(f64, f64)> {
+    let bin = 2.0 * RANGE / BINS as f64;
+    let mut counts = [0.0f64; BINS];
+    for error in errors.iter().filter(|error| error.is_finite()) {
+        let place = (f64::from(*error) * 1e6 + RANGE) / bin;
+        if (0.0..BINS as f64).contains(&place) {
+            counts[place as usize] += 1.0;
+        }
+    }
+    let smooth = |i: usize| -> f64 {
+        let weight = |j: usize| (-0.5 * ((j as f64 - i as f64) / KERNEL).powi(2)).exp();
+        (0..BINS).map(|j| counts[j] * weight(j)).sum()
+    };
+    let total: f64 = counts.iter().sum();
+    (0..BINS)
+        .map(|i| ((i as f64 + 0.5) * bin - RANGE, smooth(i)))
+        .filter(|&(_, value)| value > 1e-4 * total)
+        .collect()
+}
+
+/// The error in micrometres below which this share of them lies.
+fn at_quantile(errors: &[f32], share: f64) -> f64 {
+    let mut finite: Vec<f32> = errors
+        .iter()
+        .copied()
+        .filter(|error| error.is_finite())
+        .collect();
+    finite.sort_by(f32::total_cmp);
+    let index = (share * (finite.len().max(1) - 1) as f64).round() as usize;
+    finite
+        .get(index)
+        .map_or(f64::NAN, |&error| f64::from(error) * 1e6)
+}

@@ -1,0 +1,8 @@
+//! Tests of the owner's tool: one test program, so that it links only once.
+
+mod design;
+mod end_to_end;
+mod fit;
+mod recording;
+mod replay;
+mod sensor;
