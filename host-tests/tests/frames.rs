@@ -518,7 +518,7 @@ fn both_means_hold_in_the_middle_of_the_frame_of_a_moving_target() {
 /// Without the first third of the rows, the line through the others takes most of the shift with it.
 #[test]
 fn the_motion_says_how_far_an_acceleration_shifts_the_mean() {
-    const FRAMES: u64 = 2000;
+    const FRAMES: u64 = 500;
     for shift_in_claims in [10.0, 30.0, 100.0] {
         for rows in [16usize, 64] {
             let n = rows as f64;

@@ -13,3 +13,6 @@ pub mod slowest;
 pub mod surfaces;
 pub mod table;
 pub mod timing;
+
+#[cfg(test)]
+mod tests;

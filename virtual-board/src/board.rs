@@ -56,7 +56,7 @@ store!(Nucleo {
 pub struct Conditions {
     /// Instructions that the core executes in a second. Silicon executes fewer than it has clocks, because
     /// it waits for flash. The environment variable `SLITRANGE_MIPS` changes the default, in millions:
-    /// `SLITRANGE_MIPS=84 cargo test --test firmware` runs all tests on a slower core.
+    /// `SLITRANGE_MIPS=84 cargo test firmware::` runs all tests on a slower core.
     pub instructions_per_second: u64,
     /// Whether the ST-LINK gives its clock.
     pub has_clock: bool,

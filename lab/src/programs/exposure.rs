@@ -207,7 +207,7 @@ mod tests {
         }
     }
 
-    /// Only the middle of the range counts for the ratio. `cargo test --bin exposure` keeps the figure, so
+    /// Only the middle of the range counts for the ratio. `cargo test programs::exposure` keeps the figure, so
     /// that you can look at it.
     #[test]
     fn the_summary_and_the_figure_show_the_targets() {

@@ -7,8 +7,6 @@ mod chip;
 
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
-    eprintln!(
-        "This waits on the chip for a test's rows: `cargo test --package virtual-board --test answers`."
-    );
+    eprintln!("This waits on the chip for a test's rows: `cargo test answers::`.");
     std::process::ExitCode::FAILURE
 }

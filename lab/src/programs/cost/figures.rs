@@ -33,7 +33,7 @@ mod tests {
     use cost_on_chip::methods::Method;
     use slitrange::centre::Estimator;
 
-    /// Every figure of the methods names each method. `cargo test -p lab --bin cost figures` keeps the
+    /// Every figure of the methods names each method. `cargo test cost::figures` keeps the
     /// figures, so that you can look at them.
     #[test]
     fn figures_name_every_method() {

@@ -48,33 +48,49 @@ impl Run {
         for function in program.traced() {
             board.trace_calls_of(function);
         }
-        let (mut lines, mut calls) = (Vec::new(), Vec::new());
-        loop {
-            // The program waits long enough after each line.
-            board.run_for(Duration::from_millis(10))?;
-            calls.extend(board.take_calls());
-            for message in board.take_log() {
-                if message.text == "end" {
-                    for function in program.traced() {
-                        board.stop_tracing(function);
-                    }
-                    let slowest = slowest(&mut board, &firmware)?;
-                    board.finish()?;
-                    return Ok(Self {
-                        firmware,
-                        lines,
-                        calls,
-                        slowest,
-                    });
-                }
-                if message.level.is_some() {
-                    bail!("the chip's program ended with: {message}");
-                }
-                lines.push(Line::parse(&message.text)?);
+        let (lines, calls) = run_to_the_end(&mut board)?;
+        for function in program.traced() {
+            board.stop_tracing(function);
+        }
+        let slowest = slowest(&mut board, &firmware)?;
+        board.finish()?;
+        Ok(Self {
+            firmware,
+            lines,
+            calls,
+            slowest,
+        })
+    }
+}
+
+/// Builds the package's program, runs it without a trace, and gives what it printed. A trace takes a minute.
+#[cfg(test)]
+pub fn lines_of(package: &str) -> Result<Vec<Line>> {
+    let firmware = Firmware::build_package(package)?;
+    let mut board = VirtualBoard::power_on(&firmware, Box::new(|_| vec![0.0; PIXELS]))?;
+    let (lines, _) = run_to_the_end(&mut board)?;
+    board.finish()?;
+    Ok(lines)
+}
+
+/// Runs the program to its end, and gives what it printed and the calls of the traced functions.
+fn run_to_the_end(board: &mut VirtualBoard) -> Result<(Vec<Line>, Vec<Call>)> {
+    let (mut lines, mut calls) = (Vec::new(), Vec::new());
+    loop {
+        // The program waits long enough after each line.
+        board.run_for(Duration::from_millis(10))?;
+        calls.extend(board.take_calls());
+        for message in board.take_log() {
+            if message.text == "end" {
+                return Ok((lines, calls));
             }
-            if u128::from(board.now()) > AT_MOST.as_nanos() {
-                bail!("the chip's program did not end within {AT_MOST:?}");
+            if message.level.is_some() {
+                bail!("the chip's program ended with: {message}");
             }
+            lines.push(Line::parse(&message.text)?);
+        }
+        if u128::from(board.now()) > AT_MOST.as_nanos() {
+            bail!("the chip's program did not end within {AT_MOST:?}");
         }
     }
 }

@@ -13,11 +13,11 @@ use super::rows::Window;
 
 const SCRIPT: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
-    "/src/bin/cost/peers/scipy_fits.py"
+    "/src/programs/cost/peers/scipy_fits.py"
 );
 const REQUIREMENTS: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
-    "/src/bin/cost/peers/requirements.txt"
+    "/src/programs/cost/peers/requirements.txt"
 );
 /// Beside cargo's own files, which are not in the repository either.
 const DIRECTORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../target/peers");

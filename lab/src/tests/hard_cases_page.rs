@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use crate::docs;
 use host_tests::hard_cases::report::{self, Catalogue};
-use lab::docs;
 
 #[test]
 fn the_page_agrees_with_the_catalogue() {

@@ -1,6 +1,6 @@
 //! The slowest rows that are known, on the emulated chip.
 
-use lab::slowest::{self, Chip};
+use crate::slowest::{self, Chip};
 use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
 

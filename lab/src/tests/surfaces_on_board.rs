@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use lab::surfaces::{MATERIALS, calibrate};
+use crate::surfaces::{MATERIALS, calibrate};
 use rayon::prelude::*;
 use simulator::scene::{Scene, Sensor, file};
 use slitrange::record;
@@ -15,7 +15,8 @@ use virtual_board::{Firmware, VirtualBoard};
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The demo's record: a sensor that was calibrated on white paper.
-const CALIBRATED_ON_PAPER: &[u8] = include_bytes!("../../virtual-board/src/bin/demo/paper.record");
+const CALIBRATED_ON_PAPER: &[u8] =
+    include_bytes!("../../../virtual-board/src/bin/demo/paper.record");
 
 /// The number between two words of a line.
 fn number(line: &str, before: &str, after: &str) -> f64 {

@@ -1,11 +1,11 @@
 //! The paper's Table 1, on few positions: what `cargo table1` shows on all of them.
 
-use lab::paper::apparatus::Aperture;
-use lab::paper::experiment::Experiment;
-use lab::paper::materials::MATERIALS;
-use lab::paper::methods::{Calibration, CentreMethod, Method, RowEstimator};
-use lab::paper::published::TABLE_1;
-use lab::paper::row_mean::RowMean;
+use crate::paper::apparatus::Aperture;
+use crate::paper::experiment::Experiment;
+use crate::paper::materials::MATERIALS;
+use crate::paper::methods::{Calibration, CentreMethod, Method, RowEstimator};
+use crate::paper::published::TABLE_1;
+use crate::paper::row_mean::RowMean;
 use rayon::prelude::*;
 use simulator::field::{Laser, Scattering, SlitAperture, Surface, View, slit_image};
 use simulator::scene::{Sensor, quantise};

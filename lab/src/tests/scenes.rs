@@ -1,8 +1,8 @@
 //! The scenes in the folder, as far as the paper's experiment and the error budget go by them.
 
-use lab::budget::Plan;
-use lab::paper::apparatus::{LASER, WANDER};
-use lab::paper::materials::MATERIALS;
+use crate::budget::Plan;
+use crate::paper::apparatus::{LASER, WANDER};
+use crate::paper::materials::MATERIALS;
 use simulator::scene::{LaserSpot, Scene, Sensor, Speckle};
 
 /// The scenes of the paper's materials have the same surfaces and the same laser as the simulated experiment

@@ -1,6 +1,6 @@
 //! Whether u is true on rough surfaces.
 
-use lab::surfaces::{MATERIALS, Study, Summary, calibrate, judge_steps, report};
+use crate::surfaces::{MATERIALS, Study, Summary, calibrate, judge_steps, report};
 use simulator::scene::Scene;
 
 /// One sensor on white paper. Of 150 normal errors 95.4 +- 1.7 % are within 2u; the calibration's 60 points

@@ -1,0 +1,8 @@
+//! Tests of pages, scenes and studies. They are in the library, so that `cargo test` compiles it only once.
+
+mod hard_cases_page;
+mod scenes;
+mod slowest;
+mod surfaces;
+mod surfaces_on_board;
+mod table1;
