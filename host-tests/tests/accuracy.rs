@@ -247,6 +247,7 @@ fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise_on_the_whole_grid
 /// leaves out; the bound is 0.0025 there. The standard error of a ratio is 1 % over 5000 rows, and 0.5 % over
 /// 20,000.
 #[test]
+#[ignore = "takes 6 CPU s; run by .ci/run"]
 fn centroid_and_fit_stay_within_their_limits_and_their_claims() {
     const WIDTHS: [f64; 4] = [1.2, 2.0, 4.0, 10.5];
     let noises = [

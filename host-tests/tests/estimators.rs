@@ -54,6 +54,7 @@ fn a_tilted_background_does_not_move_the_centre() {
 /// background. Its weights fit the noise, so its error must be at most that of the default estimator. When it
 /// took side lobes for a tilt, its error was 4 % larger.
 #[test]
+#[ignore = "takes 6 CPU s; run by .ci/run"]
 fn side_lobes_do_not_count_as_a_tilt() {
     let curves = [
         ("sinc^2", profiles::slit()),

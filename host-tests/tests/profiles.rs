@@ -56,6 +56,7 @@ fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
 /// Measures the bias without noise (see [`bias`]). On the gaussian, the bias is at most 0.0005 px for widths
 /// from 1 px on. On the patterns of a slit, the bias is at most 0.001 px for widths from 1.5 px on.
 #[test]
+#[ignore = "takes 6 CPU s; run by .ci/run"]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const WIDTHS: [f64; 12] = [
         1.0, 1.2, 1.5, 1.75, 2.0, 2.6, 3.0, 4.0, 6.5, 8.0, 10.5, 18.0,
@@ -301,6 +302,7 @@ fn with_flaw(light: &[u16], flaw: Flaw) -> Vec<u16> {
 /// in 30 of an estimator. The error is at most 1.15 of the default estimator's. The error is up to 1.4 times
 /// the claimed uncertainty, because the claim does not hold the shot noise of the side lobes.
 #[test]
+#[ignore = "takes 5 CPU s; run by .ci/run"]
 fn wide_slits_are_read_without_fault_or_flag() {
     const ESTIMATORS: [Estimator; 4] = [
         Estimator::PhaseTable,

@@ -169,7 +169,7 @@ fn pair(number: u64, width: f64, strength: f64, apart: f64) -> (Vec<u16>, f64) {
 /// to 120 % is a fault, in the first row and also if it appears in a later row.
 #[test]
 fn two_spots_are_told_apart() {
-    const ROWS: u64 = 4000;
+    const ROWS: u64 = 2000;
     for width in [1.5, 4.0, 4.9, 10.5, 30.0] {
         for apart in [5.0, 6.0, 8.0, 12.0, 20.0] {
             let found = (0..ROWS).into_par_iter().map(|number| {

@@ -141,6 +141,12 @@ impl Firmware {
         self.sensor
     }
 
+    /// How many cores wait that have run it. Its next board continues in one of them.
+    #[must_use]
+    pub fn warm_cores(&self) -> usize {
+        self.warm_cores.count()
+    }
+
     /// Where the ELF file is.
     #[must_use]
     pub fn path(&self) -> &Path {

@@ -41,6 +41,11 @@ impl WarmCores {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// How many cores wait.
+    pub(crate) fn count(&self) -> usize {
+        self.lock().len()
+    }
+
     /// Takes a core with memory at these places.
     fn take(&self, places: &[Place]) -> Option<Box<dyn Processor>> {
         let mut waiting = self.lock();

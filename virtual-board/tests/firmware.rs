@@ -33,4 +33,5 @@ mod serial_line;
 mod stack;
 mod streams;
 mod trigger;
+mod warm_cores;
 mod watchdog;

@@ -126,6 +126,7 @@ fn compare_with_documentation(lines: &[String]) {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn all_checks_pass_on_a_board_without_faults() {
     let lines = passes(ROWS);
     println!("{}", lines.join("\n"));
@@ -141,6 +142,7 @@ fn all_checks_pass_with_ten_thousand_rows() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn missing_wires_and_a_missing_clock_fail() {
     let jumpers = Jumpers {
         fm: false,
@@ -160,6 +162,7 @@ fn missing_wires_and_a_missing_clock_fail() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_late_fall_of_sh_and_an_sclk_with_gaps_fail() {
     // t1 is 4.9 us or less, and at least 1 us is right. MISO is low while it is high or open.
     let jumpers = Jumpers {
@@ -179,6 +182,7 @@ fn a_late_fall_of_sh_and_an_sclk_with_gaps_fail() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_late_fall_of_icg_and_lost_edges_fail() {
     // t2 is 500 ns, and 100 ns or more are right.
     let jumpers = Jumpers {
@@ -198,6 +202,7 @@ fn a_late_fall_of_icg_and_lost_edges_fail() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_short_pulse_of_sh_and_a_missing_chip_select_fail() {
     // t3 is 3000 ns, and 1000 ns or more are right. t2 is 500 ns and gains 100 ns.
     let jumpers = Jumpers {
@@ -218,6 +223,7 @@ fn a_short_pulse_of_sh_and_a_missing_chip_select_fail() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_late_rise_of_icg_and_a_slow_flash_fail() {
     // t4 is below 50 ns, and fM is high for 190 ns. An erase takes at most 800 ms, a word 100 us.
     let jumpers = Jumpers {
@@ -240,6 +246,7 @@ fn a_late_rise_of_icg_and_a_slow_flash_fail() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn missing_pulses_fail() {
     let all = ["t1", "t2", "t3", "t4"];
     let no_icg = Jumpers {
@@ -259,6 +266,7 @@ fn missing_pulses_fail() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_slow_core_fails() {
     // Nearly five clocks an instruction.
     let conditions = Conditions {
@@ -284,6 +292,7 @@ fn a_slow_core_fails() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_protected_and_a_worn_sector_fail() {
     let mut board = board(Jumpers::default(), Conditions::default(), ROWS);
     lines_up_to(&mut board, "MISO high", Duration::from_secs(10));
@@ -309,6 +318,7 @@ fn a_protected_and_a_worn_sector_fail() {
 }
 
 #[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_watchdog_that_does_not_bite_fails() {
     let mut board = board(Jumpers::default(), Conditions::default(), ROWS);
     lines_up_to(&mut board, BEFORE_WATCHDOG, Duration::from_secs(10));

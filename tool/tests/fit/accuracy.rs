@@ -33,6 +33,7 @@ fn rejected(solved: &Solved) -> Vec<u64> {
 /// At even steps of the distance, which give more weight to the far end: 0.740 and 1.010 um. 400 fits give
 /// the root mean square to 2 % (three freedoms each).
 #[test]
+#[ignore = "takes 6 CPU s; run by .ci/run"]
 fn two_hundred_points_give_the_curve_to_0_7_um() {
     const SEEDS: u64 = 400;
     let paper = plain_error(&Truth::paper(), SEEDS, |_, _| {});
@@ -45,6 +46,7 @@ fn two_hundred_points_give_the_curve_to_0_7_um() {
 /// One point in twenty is off by 25 to 5000 standard deviations. If the fit gave these points any weight, the
 /// result would show it.
 #[test]
+#[ignore = "takes 5 CPU s; run by .ci/run"]
 fn gross_outliers_change_little() {
     const SEEDS: u64 = 60;
     let truth = Truth::paper();
@@ -143,6 +145,7 @@ fn a_distorted_row_is_corrected() {
 /// freedoms, and the scatter comes from n - 3 residuals, so the mean is 3 (n - 3)/(n - 5). 300 sets give the
 /// mean to 5 %.
 #[test]
+#[ignore = "takes 4 CPU s; run by .ci/run"]
 fn covariance_and_uncertainty_are_honest() {
     const SETS: u64 = 300;
     for (count, sigma, position) in [

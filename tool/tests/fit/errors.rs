@@ -90,6 +90,7 @@ fn steps_over_claim(step: f64) -> f64 {
 /// that was found for steps of 0.2 m. 300 sensors tell an RMS to 4.1 %; the bounds are three of these wider.
 /// A memory of half the length, or of twice, would claim twice or half as much for short steps.
 #[test]
+#[ignore = "takes 6 CPU s; run by .ci/run"]
 fn curves_make_steps_wrong_as_far_as_claimed() {
     const THREE_DEVIATIONS: f64 = 3.0 * 0.041;
     for step in [0.003, 0.03, 0.1, 0.2, 0.4] {

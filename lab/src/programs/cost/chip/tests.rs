@@ -68,6 +68,7 @@ fn on_this_pc(method: Method, width: f32, row: usize) -> Result<(i32, i32), Stri
 
 /// The chip's inner products are assembly. Its floating point is the core's own or the compiler's library.
 #[test]
+#[ignore = "runs its program for 25 s; `answers::` compares chip and PC too; .ci/run runs it"]
 fn the_chip_and_a_pc_find_the_same_bits() {
     let mut found = on_the_chip().into_iter();
     let (mut centres, mut faults) = (0, 0);
@@ -95,6 +96,7 @@ fn the_chip_and_a_pc_find_the_same_bits() {
 
 /// The program compares the assembly with the portable function.
 #[test]
+#[ignore = "runs its program for 25 s; `answers::` compares chip and PC too; .ci/run runs it"]
 fn the_assembly_and_its_twin_agree() {
     let kernels = lines::find(&LINES, Kind::Kernels, "dual-mac").expect("a line");
     let [compared, different] = ["compared", "different"].map(|key| kernels.whole(key).unwrap());
@@ -105,6 +107,7 @@ fn the_assembly_and_its_twin_agree() {
 /// The peers fit the same spot as the estimators. The same noise moves both, so their centres differ by less
 /// than three standard uncertainties.
 #[test]
+#[ignore = "runs its program for 25 s; `answers::` compares chip and PC too; .ci/run runs it"]
 fn the_peers_fit_the_same_spot() {
     let default = Method::default().name();
     let mut compared = 0;
@@ -152,6 +155,7 @@ fn every_method_is_there_at_every_width() {
 
 /// Distances are integers. Slopes are single operations of f32, which the chip has in hardware.
 #[test]
+#[ignore = "runs its program for 25 s; `answers::` compares chip and PC too; .ci/run runs it"]
 fn the_chip_and_a_pc_make_the_same_distances() {
     let mut on_the_chip = lines::all(&LINES, Kind::Distance);
     for form in Form::ALL {
