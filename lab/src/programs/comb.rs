@@ -308,9 +308,9 @@ pub fn main(options: &Options) -> Result<()> {
         }
         return Ok(());
     }
-    let report = measure(&base, &options)?;
+    let report = measure(&base, options)?;
     println!("{report}");
-    let calibrated = measure_calibrated(&options)?;
+    let calibrated = measure_calibrated(options)?;
     println!("{calibrated}");
     if options.write {
         docs::write_block(PAGE, "cargo comb", &report)?;

@@ -88,7 +88,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     if options.row_rates {
         return print_row_rates(options.write);
     }
-    let measured = measure(&options)?;
+    let measured = measure(options)?;
     if options.json {
         println!("{}", serde_json::to_string_pretty(&measured.json())?);
         return Ok(());

@@ -86,11 +86,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
         seed: options.seed,
         pieces: PIECES,
     };
-    let report = Report::new(
-        run(&options, &experiment)?,
-        run_combs(&options)?,
-        &experiment,
-    );
+    let report = Report::new(run(options, &experiment)?, run_combs(options)?, &experiment);
     if options.json {
         println!("{}", serde_json::to_string_pretty(&report.json())?);
         return Ok(());
