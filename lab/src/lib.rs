@@ -1,6 +1,6 @@
-//! The programs that write the docs' figures, and what they share: the paper's experiment, a scene's error budget, tables, progress
-//! bars, the blocks of Markdown pages that programs write, the reference of the serial line, the search for
-//! the slowest row, and the pulses of a row.
+//! The programs that write the figures of the docs ([`programs`]). The other modules are what several
+//! programs share: the paper's experiment, a scene's error budget, tables, progress bars, and the blocks of
+//! Markdown pages that programs write.
 
 pub mod budget;
 pub mod comb;

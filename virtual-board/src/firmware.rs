@@ -14,11 +14,13 @@ use crate::sensor_head::Sensor;
 use crate::warm_cores::WarmCores;
 
 /// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage,
-/// `target-cpu=native`). If the nested build inherited them, it would rebuild the firmware, or fail.
-const NOT_FOR_THE_CHIP: [&str; 6] = [
+/// `target-cpu=native`, the time of each test). If the nested build inherited them, it would rebuild the
+/// firmware, or fail.
+const NOT_FOR_THE_CHIP: [&str; 7] = [
     "RUSTFLAGS",
     "CARGO_ENCODED_RUSTFLAGS",
     "CARGO_BUILD_TARGET",
+    "RUSTC_BOOTSTRAP",
     "RUSTC_WORKSPACE_WRAPPER",
     "CARGO_MANIFEST_DIR",
     "CARGO_MANIFEST_PATH",

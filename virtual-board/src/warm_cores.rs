@@ -29,7 +29,7 @@ const MOST: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct WarmCores(Arc<Mutex<Vec<Warm>>>);
 
-/// A core that waits, and where memory was in it.
+/// A core that waits, and where its memory was.
 #[derive(Debug)]
 struct Warm {
     core: Box<dyn Processor>,
@@ -148,8 +148,8 @@ impl BoardCore {
         let Some(warm) = self.pool.take(&self.places()) else {
             return;
         };
-        if let Ok(left) = self.move_to(warm) {
-            self.reset_is_asked |= { left }.take_reset_request();
+        if let Ok(mut left) = self.move_to(warm) {
+            self.reset_is_asked |= left.take_reset_request();
         }
     }
 

@@ -1,5 +1,5 @@
-//! Programs for the chip on the virtual board: the firmware, and those that answer about rows and check silicon.
-//! One test program, so that the firmware is built and loaded only once.
+//! Tests of programs for the chip on the virtual board: the firmware, `answers-on-chip` and `silicon-check`.
+//! They are one test program, so the firmware is built and loaded only once.
 
 mod answers;
 mod firmware;

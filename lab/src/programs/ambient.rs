@@ -1,13 +1,14 @@
 //! What `ambient subtract` takes away, and the noise that it costs: `cargo ambient`.
 
-use crate::docs;
-use crate::table::{cells, markdown};
 use anyhow::Result;
 use clap::Args;
 use host_tests::changing_light::ambient::{CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, noise_of_mean};
 use host_tests::changing_light::range::Frames;
 use rayon::prelude::*;
 use slitrange::ambient::AmbientMode::{Off, Subtract};
+
+use crate::docs;
+use crate::table::{cells, markdown};
 
 /// Measures white paper in ambient light, with and without `ambient subtract`. Takes a minute.
 #[derive(Args)]

@@ -9,10 +9,6 @@ mod tolerances;
 
 use std::collections::BTreeMap;
 
-use crate::comb::{At, Mask, Sensor, with_speckle};
-use crate::surfaces::{Judged, MATERIALS, POINTS, Summary, TABLE};
-use crate::table::{cells, markdown};
-use crate::{docs, progress};
 use anyhow::{Context as _, Result};
 use clap::Args;
 use indicatif::ProgressBar;
@@ -20,6 +16,10 @@ use simulator::scene::Scene;
 use slitrange::fault::Fault;
 
 use self::tolerances::Tolerances;
+use crate::comb::{At, Mask, Sensor, with_speckle};
+use crate::surfaces::{Judged, MATERIALS, POINTS, Summary, TABLE};
+use crate::table::{cells, markdown};
+use crate::{docs, progress};
 
 /// Reads rough surfaces through the default comb, and compares what the readings claim with the truth. Takes
 /// about fifteen minutes.

@@ -19,13 +19,13 @@ mod reading_time;
 mod report;
 mod row_rates;
 
-use crate::docs;
 use anyhow::Context as _;
 use clap::Args;
 use cost_on_chip::methods::Method;
 use slitrange::centre::Estimator;
 
 use self::report::Measured;
+use crate::docs;
 
 /// Rows in a cell that give a ratio to 0.5 %.
 const FULL: u64 = 20_000;

@@ -2,12 +2,13 @@
 
 mod figure;
 
-use crate::table::{cells, markdown};
-use crate::{docs, progress};
 use anyhow::Result;
 use clap::Args;
 use host_tests::changing_light::jumps::{Jumps, named};
 use host_tests::changing_light::range::{self, Frames, Target, is_in_middle};
+
+use crate::table::{cells, markdown};
+use crate::{docs, progress};
 
 /// Compares auto exposure with the best fixed exposure for targets from bright metal to black tape, and lets
 /// the brightness jump at random. Takes about ten minutes on two cores.
@@ -207,8 +208,8 @@ mod tests {
         }
     }
 
-    /// Only the middle of the range counts for the ratio. `cargo test programs::exposure` keeps the figure, so
-    /// that you can look at it.
+    /// Only the middle of the range counts for the ratio. `cargo test programs::exposure` keeps the figure
+    /// for you to look at.
     #[test]
     fn the_summary_and_the_figure_show_the_targets() {
         let targets = [(1.0, 9.0), (0.1, 2.4), (5e-4, 2.2)].map(|(at, rms)| made_up(at, rms));

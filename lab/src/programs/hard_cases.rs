@@ -7,13 +7,14 @@ mod story;
 
 use std::time::Instant;
 
-use crate::{docs, progress};
 use clap::Args;
 use host_tests::hard_cases::mixtures::{self, RandomRow};
 use host_tests::hard_cases::report::{self, Catalogue};
 use host_tests::hard_cases::tally::Tally;
 use host_tests::second_judge::{self, Kind, Report};
 use slitrange::centre::Estimator;
+
+use crate::{docs, progress};
 
 /// The random rows of each kind that docs/hard-cases.md shows.
 const ROWS: u64 = 1_000_000;

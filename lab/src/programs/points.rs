@@ -2,7 +2,6 @@
 
 mod figure;
 
-use crate::docs;
 use anyhow::{Context as _, Result};
 use clap::Args;
 use rand::SeedableRng as _;
@@ -14,6 +13,8 @@ use slitrange_tool::fit::figure::draw as draw_fit;
 use slitrange_tool::fit::solve::{Form, Solved, solve};
 use slitrange_tool::points::Point;
 use slitrange_tool::sensor::positions::{Spacing, Which};
+
+use crate::docs;
 
 /// Calibrates simulated sensors with few points and many, and says how far the curves are from the truth.
 #[derive(Args)]

@@ -8,8 +8,6 @@ mod words;
 
 use std::path::{Path, PathBuf};
 
-use crate::budget::{Budget, Plan};
-use crate::{docs, progress};
 use anyhow::{Context as _, Result};
 use clap::Args;
 use serde::Serialize;
@@ -17,6 +15,8 @@ use simulator::scene::{Scene, file};
 use slitrange::centre::Estimator;
 
 use self::timing::Timing;
+use crate::budget::{Budget, Plan};
+use crate::{docs, progress};
 
 /// The scenes whose pictures docs/physics.md shows.
 const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "lens"];

@@ -1,7 +1,8 @@
 //! `cargo serial-line`: the reference of commands, settings and faults.
 
-use crate::{docs, serial_line};
 use clap::Args;
+
+use crate::{docs, serial_line};
 
 /// Prints the reference of commands, settings, estimators and faults, and a session.
 #[derive(Args)]

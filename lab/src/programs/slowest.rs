@@ -2,11 +2,12 @@
 
 use std::fmt::Write as _;
 
-use crate::slowest::{self, Chip, Chips, LIMIT, Search, Slow};
-use crate::{docs, progress};
 use clap::Args;
 use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
+
+use crate::slowest::{self, Chip, Chips, LIMIT, Search, Slow};
+use crate::{docs, progress};
 
 /// How many rows are counted.
 const ROWS: u64 = 1_000_000;

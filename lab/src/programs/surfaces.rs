@@ -1,14 +1,15 @@
 //! How true u is on rough surfaces: `cargo surfaces`.
 
-use crate::docs;
-use crate::surfaces::steps;
-use crate::surfaces::{MATERIALS, Study, calibrate, report};
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use simulator::scene::Scene;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
+
+use crate::docs;
+use crate::surfaces::steps;
+use crate::surfaces::{MATERIALS, Study, calibrate, report};
 
 /// Calibrates simulated sensors on rough materials, and compares what their readings claim with the truth.
 /// Takes about ten minutes.

@@ -3,15 +3,15 @@
 mod figures;
 mod report;
 
+use clap::Args;
+
+use self::report::Report;
 use crate::paper::apparatus::{Aperture, POSITIONS};
 use crate::paper::comb_path;
 use crate::paper::experiment::{Experiment, Outcome};
 use crate::paper::materials::MATERIALS;
 use crate::paper::training::PIECES;
 use crate::{docs, progress};
-use clap::Args;
-
-use self::report::Report;
 
 /// The seed of what docs/physics.md shows.
 const SEED: u64 = 1;

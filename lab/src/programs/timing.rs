@@ -1,7 +1,8 @@
 //! `cargo timing`: the pulses of a row, drawn from a row on the virtual board.
 
-use crate::{docs, timing};
 use clap::Args;
+
+use crate::{docs, timing};
 
 /// Runs the firmware on the virtual board and draws the pulses of a row.
 #[derive(Args)]

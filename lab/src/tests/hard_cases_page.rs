@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use crate::docs;
 use host_tests::hard_cases::report::{self, Catalogue};
+
+use crate::docs;
 
 #[test]
 fn the_page_agrees_with_the_catalogue() {

@@ -1,9 +1,10 @@
 //! The scenes in the folder, as far as the paper's experiment and the error budget go by them.
 
+use simulator::scene::{LaserSpot, Scene, Sensor, Speckle};
+
 use crate::budget::Plan;
 use crate::paper::apparatus::{LASER, WANDER};
 use crate::paper::materials::MATERIALS;
-use simulator::scene::{LaserSpot, Scene, Sensor, Speckle};
 
 /// The scenes of the paper's materials have the same surfaces and the same laser as the simulated experiment
 /// of the paper.

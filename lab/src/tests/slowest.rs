@@ -1,8 +1,9 @@
 //! The slowest rows that are known, on the emulated chip.
 
-use crate::slowest::{self, Chip};
 use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
+
+use crate::slowest::{self, Chip};
 
 /// The rows that `cargo slowest` found take no more instructions than when they were found, but for one in a
 /// hundred: the compiler places code in another way when other code changes. A counted row is a row that the

@@ -1,7 +1,8 @@
 //! Whether u is true on rough surfaces.
 
-use crate::surfaces::{MATERIALS, Study, Summary, calibrate, judge_steps, report};
 use simulator::scene::Scene;
+
+use crate::surfaces::{MATERIALS, Study, Summary, calibrate, judge_steps, report};
 
 /// One sensor on white paper. Of 150 normal errors 95.4 +- 1.7 % are within 2u; the calibration's 60 points
 /// know the surface's part to 9 %, which is 2 % of the errors.

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use crate::surfaces::{MATERIALS, calibrate};
 use rayon::prelude::*;
 use simulator::scene::{Scene, Sensor, file};
 use slitrange::record;
@@ -10,6 +9,8 @@ use slitrange::record::encoded::EncodedRecord;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
 use virtual_board::{Firmware, VirtualBoard};
+
+use crate::surfaces::{MATERIALS, calibrate};
 
 /// Longer than any frame and any answer.
 const PATIENCE: Duration = Duration::from_secs(2);

@@ -1,17 +1,18 @@
 //! The paper's Table 1, on few positions: what `cargo table1` shows on all of them.
 
-use crate::paper::apparatus::Aperture;
-use crate::paper::experiment::Experiment;
-use crate::paper::materials::MATERIALS;
-use crate::paper::methods::{Calibration, CentreMethod, Method, RowEstimator};
-use crate::paper::published::TABLE_1;
-use crate::paper::row_mean::RowMean;
 use rayon::prelude::*;
 use simulator::field::{Laser, Scattering, SlitAperture, Surface, View, slit_image};
 use simulator::scene::{Sensor, quantise};
 use slitrange::centre::{self, Estimator};
 use slitrange::row::Row;
 use slitrange::spot;
+
+use crate::paper::apparatus::Aperture;
+use crate::paper::experiment::Experiment;
+use crate::paper::materials::MATERIALS;
+use crate::paper::methods::{Calibration, CentreMethod, Method, RowEstimator};
+use crate::paper::published::TABLE_1;
+use crate::paper::row_mean::RowMean;
 
 /// For each material, the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
 /// fit. The two fits differ by less than 15 %. Weights of the rows that suit speckle give smaller errors than

@@ -3,9 +3,6 @@
 
 use std::path::Path;
 
-use crate::comb::{At, Mask, with_speckle, with_width};
-use crate::surfaces::Summary;
-use crate::table::{cells, markdown};
 use anyhow::{Context as _, Result};
 use plotters::prelude::*;
 use rand::seq::SliceRandom as _;
@@ -20,8 +17,11 @@ use slitrange::sensor_heads;
 use slitrange::units::{Counts, Pixels};
 use slitrange_tool::axes::{self, Axis, Scale, panel};
 
+use crate::comb::{At, Mask, with_speckle, with_width};
 use crate::programs::comb::tolerances::DISTANCE;
 use crate::programs::comb::{Kind, Outcome, bar, theory};
+use crate::surfaces::Summary;
+use crate::table::{cells, markdown};
 
 /// The figure, from the workspace's root.
 pub const FIGURE: &str = "docs/figures/comb-design.svg";

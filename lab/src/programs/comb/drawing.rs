@@ -1,4 +1,4 @@
-//! The drawing of the nominal mask: `docs/hardware/comb.svg` for people. [`crate::programs::comb::dxf`] writes the same
+//! The drawing of the nominal mask: `docs/hardware/comb.svg` for people. [`dxf`](super::dxf) writes the same
 //! shapes for machines.
 //!
 //! Both show the mask as the sensor sees it. There the laser is to the left, the target is behind the sheet,

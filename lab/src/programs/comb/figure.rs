@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
-use crate::comb::with_speckle;
 use simulator::comb::Comb;
 use simulator::scene::{Scene, Simulation};
 use slitrange::comb::NOMINAL_PLACES_UM;
+
+use crate::comb::with_speckle;
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 800.0;

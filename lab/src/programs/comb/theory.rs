@@ -22,9 +22,10 @@
 
 use core::f64::consts::PI;
 
-use crate::table::{cells, markdown};
 use simulator::optics::Optics;
 use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+
+use crate::table::{cells, markdown};
 
 /// Standard deviation of a distance by speckle through one slit, for an image of the mean light.
 pub fn one_slit(distance: f64, spot: f64, patterns: f64) -> f64 {

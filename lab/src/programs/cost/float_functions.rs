@@ -1,12 +1,12 @@
 //! The exponential, the logarithm and the square root by each library: instructions, errors, and what the
 //! errors do to a centre and to the check.
 
-use crate::table::{self, cells};
 use anyhow::Context as _;
 use cost_on_chip::float_functions::{self, Function, Library};
 use host_tests::float_functions::{Exp, WIDTHS, cell, change_of_centre, errors_in_the_check};
 
 use crate::programs::cost::chip::Chip;
+use crate::table::{self, cells};
 
 /// Exponentials that the check of a row computes, and a step of `gauss-newton`.
 const IN_THE_CHECK: f64 = 3.0;

@@ -5,7 +5,6 @@ mod whole_rows;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::table::{self, cells};
 use anyhow::Context as _;
 use cost_on_chip::methods::Method;
 use cost_on_chip::rows::WORDS;
@@ -13,13 +12,15 @@ use cost_on_chip::whole_rows::WIDTH;
 use serde::Serialize;
 use slitrange::centre::Estimator;
 
+use whole_rows::{CombInstructions, RowInstructions};
+
 use crate::programs::cost::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
 use crate::programs::cost::chip::{Chip, MethodOnChip};
 use crate::programs::cost::distances::Distance;
 use crate::programs::cost::float_functions::FloatFunctions;
 use crate::programs::cost::peers::{Peer, Peers};
 use crate::programs::cost::reading_time;
-use whole_rows::{CombInstructions, RowInstructions};
+use crate::table::{self, cells};
 
 /// The chip's clock in MHz.
 pub const CLOCK_MHZ: f64 = 168.0;

@@ -4,7 +4,6 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::budget::row_centre;
 use anyhow::{Context as _, Result};
 use phase_tables::gaussian;
 use plotters::coord::Shift;
@@ -15,6 +14,7 @@ use slitrange::centre::{Estimator, RowCentre};
 use slitrange::fault::Fault;
 use slitrange_tool::axes::{self, GRID};
 
+use crate::budget::row_centre;
 use crate::programs::scene::embedded::Grey;
 use crate::programs::scene::words;
 

@@ -3,10 +3,11 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use crate::budget;
 use serde::Serialize;
 use simulator::scene::{Scene, Simulation, quantise};
 use simulator::statistics;
+
+use crate::budget;
 
 /// What a scene costs.
 #[derive(Serialize)]

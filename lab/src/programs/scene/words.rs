@@ -2,14 +2,14 @@
 
 use std::fmt::Write as _;
 
-use crate::budget::{self, Errors};
-use crate::table;
 use anyhow::{Context as _, Result};
 use simulator::optics::Aperture;
 use simulator::scene::{Effect, Scene, Sensor};
 
+use crate::budget::{self, Errors};
 use crate::programs::scene::Shown;
 use crate::programs::scene::timing::Difference;
+use crate::table;
 
 /// All of it.
 ///

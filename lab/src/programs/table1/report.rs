@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use serde::Serialize;
+
 use crate::paper::apparatus::{self, Aperture, LASER, POSITIONS, TAN_ANGLE, WANDER};
 use crate::paper::camera::{FULL_SCALE, PEAK};
 use crate::paper::comb_path;
@@ -11,7 +13,6 @@ use crate::paper::lens_effects::{DISTORTION, Flare};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
 use crate::paper::published::{Errors, Published, TABLE_1};
-use serde::Serialize;
 
 /// All that was found.
 pub struct Report {

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use crate::slowest::{self, Frame};
 use anyhow::{Context as _, Result, bail};
 use cost_on_chip::whole_rows::Order;
 use slitrange::centre::Estimator;
@@ -12,6 +11,7 @@ use virtual_board::{Firmware, PIXELS, VirtualBoard};
 use super::lines::Line;
 use super::program::Program;
 use super::steps;
+use crate::slowest::{self, Frame};
 
 /// The program is done in less than half of this virtual time.
 const AT_MOST: Duration = Duration::from_secs(60);

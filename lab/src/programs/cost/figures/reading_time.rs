@@ -8,11 +8,12 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange::centre::Estimator;
 use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, text};
 
+use cost_on_chip::methods::Method;
+
 use super::curves::{Curve, Kind, draw_curves};
 use super::style::{self, bold};
 use crate::programs::cost::reading_time::{self, Light, Point, ROWS_PER_SECOND};
 use crate::programs::cost::report::Measured;
-use cost_on_chip::methods::Method;
 
 const MILLISECONDS: [f64; 13] = [
     0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0,

@@ -1,6 +1,5 @@
 //! What whole rows take, as JSON, as tables to read and as CSV.
 
-use crate::table::cells;
 use cost_on_chip::methods::Method;
 use cost_on_chip::whole_rows::{COMB, FRAME, WIDTH};
 use serde::Serialize;
@@ -10,6 +9,7 @@ use super::{CLOCK_MHZ, Measured, ratio};
 use crate::programs::cost::chip::cycles::Range;
 use crate::programs::cost::chip::steps::Steps;
 use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRow, WholeRows};
+use crate::table::cells;
 
 /// What rows take by one estimator, from their words to their centre with its check.
 #[derive(Clone, Debug, Serialize)]

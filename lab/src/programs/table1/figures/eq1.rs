@@ -3,15 +3,15 @@
 
 use std::path::Path;
 
-use crate::paper::apparatus::{Aperture, TABLE};
-use crate::paper::materials::MATERIALS;
-use crate::paper::methods::Method;
 use anyhow::Context as _;
 use plotters::prelude::*;
 
 use slitrange_tool::axes::{self, Axis, GRID, TEXT, panel, text};
 
 use super::style::{RIGHT, colour};
+use crate::paper::apparatus::{Aperture, TABLE};
+use crate::paper::materials::MATERIALS;
+use crate::paper::methods::Method;
 use crate::programs::table1::report::{Report, find};
 
 /// Index of printer paper in the table of materials.

@@ -3,11 +3,6 @@
 
 use std::path::Path;
 
-use crate::paper::apparatus::{Aperture, TABLE};
-use crate::paper::lens_effects::Flare;
-use crate::paper::lens_path::{centre_without_speckle, centroid_without_speckle};
-use crate::paper::materials::MATERIALS;
-use crate::paper::methods::Method;
 use anyhow::Context as _;
 use plotters::prelude::*;
 use rayon::prelude::*;
@@ -15,6 +10,11 @@ use slitrange_tool::axes::{self, Area, Axis, GRID, Panel, panel};
 use slitrange_tool::fit::eq1;
 
 use super::style::{RIGHT, colour};
+use crate::paper::apparatus::{Aperture, TABLE};
+use crate::paper::lens_effects::Flare;
+use crate::paper::lens_path::{centre_without_speckle, centroid_without_speckle};
+use crate::paper::materials::MATERIALS;
+use crate::paper::methods::Method;
 use crate::programs::table1::report::{Report, find};
 
 /// Index of brushed metal in the table of materials.

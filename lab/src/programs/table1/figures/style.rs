@@ -1,8 +1,9 @@
 //! The colours of the methods, and the space beside a panel.
 
+use plotters::prelude::*;
+
 use crate::paper::apparatus::Aperture;
 use crate::paper::methods::Method;
-use plotters::prelude::*;
 
 /// Pixels beside a panel.
 pub const RIGHT: i32 = 24;

@@ -3,15 +3,15 @@
 
 use std::path::Path;
 
-use crate::paper::apparatus::Aperture;
-use crate::paper::materials::MATERIALS;
-use crate::paper::methods::Method;
 use anyhow::Context as _;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange_tool::axes::{self, Area, Axis, GRID, TEXT, TITLE, panel, text};
 
 use super::style::{RIGHT, colour};
+use crate::paper::apparatus::Aperture;
+use crate::paper::materials::MATERIALS;
+use crate::paper::methods::Method;
 use crate::programs::table1::report::{Report, find};
 
 /// The errors that are shown, in micrometres to either side.
