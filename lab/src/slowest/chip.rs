@@ -4,8 +4,13 @@ use std::time::Duration;
 
 use anyhow::{Result, bail, ensure};
 use slowest_on_chip::mailbox::{QUESTIONS, Question, READY};
+use virtual_board::board::Conditions;
 use virtual_board::trace::Call;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
+
+/// The chip's clock after a reset, which the program leaves as it is: with one instruction a cycle, the
+/// program's cycle counter counts instructions.
+const RC_OSCILLATOR_HZ: u64 = 16_000_000;
 
 /// A board whose program waits for rows.
 pub struct Chip {
@@ -27,7 +32,12 @@ impl Chip {
 
     /// A board that traces the calls of some functions.
     pub(super) fn with(program: Firmware, traced: &[u64]) -> Result<Self> {
-        let mut board = VirtualBoard::power_on(&program, Box::new(|_| vec![0.0; PIXELS]))?;
+        let conditions = Conditions {
+            instructions_per_second: RC_OSCILLATOR_HZ,
+            ..Conditions::default()
+        };
+        let mut board =
+            VirtualBoard::power_on_under(&program, Box::new(|_| vec![0.0; PIXELS]), conditions)?;
         for function in traced {
             board.trace_calls_of(*function);
         }

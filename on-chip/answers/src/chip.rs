@@ -7,8 +7,8 @@ use answers_on_chip::answers::Estimators;
 use answers_on_chip::mailbox;
 use cortex_m::interrupt::{self, Mutex};
 
-// Linked for what they define: where the log goes, the chip's interrupts, and what a panic does.
-use {defmt_rtt as _, embassy_stm32 as _, panic_probe as _};
+// Linked for what they define: where the log goes, and what a panic does.
+use {defmt_rtt as _, panic_probe as _};
 
 // Under names that they keep in the ELF file, by which the test finds them.
 

@@ -9,11 +9,25 @@ use std::sync::Mutex;
 use places::places;
 use virtual_board::firmware::{cargo, executable};
 
-/// As the firmware is built.
-const RELEASE: &str = "release";
+/// How the program is built: cargo's options beside `--release`.
+type Build = &'static [&'static str];
 
-/// The same with a panic wherever the compiler cannot exclude an overflow.
-const OVERFLOW_CHECKED: &str = "overflow-checked";
+/// As the firmware is built.
+const RELEASE: Build = &[];
+
+/// The same with checks for overflow: a panic for each operation that may overflow for all that the compiler
+/// can prove. If the program links, no checked operation overflows (docs/proofs.md). Three crates are compiled
+/// as published. They and what runs on the PC, a build for the firmware has compiled too.
+const OVERFLOW_CHECKED: Build = &[
+    "--config=profile.release.overflow-checks=true",
+    "--config=profile.release.build-override.overflow-checks=false",
+    "--config=profile.release.package.heapless.overflow-checks=false",
+    "--config=profile.release.package.libm.overflow-checks=false",
+    "--config=profile.release.package.postcard.overflow-checks=false",
+];
+
+/// All these programs are the same file: one at a time.
+static PROGRAM: Mutex<()> = Mutex::new(());
 
 /// What the panic handler calls.
 const NOWHERE: &str = "a_panic_is_reachable";
@@ -31,14 +45,15 @@ fn nothing_overflows() {
     check(OVERFLOW_CHECKED);
 }
 
-fn check(profile: &str) {
-    let Err(messages) = link(profile, &[], &[]) else {
+fn check(build: Build) {
+    let _turn = PROGRAM.lock();
+    let Err(messages) = link(build, &[], &[]) else {
         return;
     };
     assert!(messages.contains(NOWHERE), "{messages}");
-    let places = places_of(profile, &[]);
+    let places = places_of(build, &[]);
     panic!(
-        "the core can panic on the chip ({profile}), where it cannot be excluded that this does:\n{places:#?}"
+        "the core can panic on the chip ({build:?}), where it cannot be excluded that this does:\n{places:#?}"
     );
 }
 
@@ -47,11 +62,12 @@ fn check(profile: &str) {
 #[test]
 #[ignore = "links the program four times, 30 s; .ci/run runs it"]
 fn a_panic_that_is_put_in_is_found() {
+    let _turn = PROGRAM.lock();
     let feature = ["--features", "put-panics-in"];
-    for profile in [RELEASE, OVERFLOW_CHECKED] {
-        let messages = link(profile, &feature, &[]).expect_err("it must not link");
+    for build in [RELEASE, OVERFLOW_CHECKED] {
+        let messages = link(build, &feature, &[]).expect_err("it must not link");
         assert!(messages.contains(NOWHERE), "{messages}");
-        let places = places_of(profile, &feature);
+        let places = places_of(build, &feature);
         let put_in = places
             .iter()
             .filter(|place| place.contains("whole_core.rs"));
@@ -62,6 +78,7 @@ fn a_panic_that_is_put_in_is_found() {
 #[test]
 #[ignore = "links the program four times, 30 s; .ci/run runs it"]
 fn an_overflow_that_is_put_in_is_found() {
+    let _turn = PROGRAM.lock();
     let feature = ["--features", "put-an-overflow-in"];
     let places = places_of(OVERFLOW_CHECKED, &feature);
     let put_in = places
@@ -76,10 +93,11 @@ fn an_overflow_that_is_put_in_is_found() {
 }
 
 /// Builds the program, and gives where it is, or what the compiler and the linker said.
-fn link(profile: &str, features: &[&str], linker: &[&str]) -> Result<PathBuf, String> {
+fn link(build: Build, features: &[&str], linker: &[&str]) -> Result<PathBuf, String> {
     let output = cargo()
         .args(["rustc", "--package", "panic-free", "--bin", "panic-free"])
-        .args(["--target", "thumbv7em-none-eabihf", "--profile", profile])
+        .args(["--target", "thumbv7em-none-eabihf", "--release"])
+        .args(build)
         .args(features)
         .arg("--message-format=json-render-diagnostics")
         .arg("--")
@@ -93,14 +111,10 @@ fn link(profile: &str, features: &[&str], linker: &[&str]) -> Result<PathBuf, St
     }
 }
 
-/// Programs that differ in their features are the same file: one at a time.
-static PROGRAM: Mutex<()> = Mutex::new(());
-
 /// Where the program can panic: it is linked all the same, and searched.
-fn places_of(profile: &str, features: &[&str]) -> Vec<String> {
-    let _turn = PROGRAM.lock();
+fn places_of(build: Build, features: &[&str]) -> Vec<String> {
     let program = link(
-        profile,
+        build,
         features,
         &["-Clink-arg=--unresolved-symbols=ignore-all"],
     )
