@@ -10,10 +10,15 @@ pub type Profile<'a> = &'a dyn Fn(f64, f64) -> f64;
 
 /// The gaussian of eq. (5), exp(-x^2 / (2 width^2)), integrated over the pixel.
 pub fn gaussian(offset: f64, width: f64) -> f64 {
+    /// From here on, `libm::erf` is 1 to the last bit.
+    const ERF_IS_ONE: f64 = 6.0;
+
     let scale = 1.0 / (std::f64::consts::SQRT_2 * width);
-    width
-        * (std::f64::consts::PI / 2.0).sqrt()
-        * (libm::erf((offset + 0.5) * scale) - libm::erf((offset - 0.5) * scale))
+    let (from, to) = ((offset - 0.5) * scale, (offset + 0.5) * scale);
+    if from >= ERF_IS_ONE || to <= -ERF_IS_ONE {
+        return 0.0;
+    }
+    width * (std::f64::consts::PI / 2.0).sqrt() * (libm::erf(to) - libm::erf(from))
 }
 
 /// The diffraction pattern of a slit, eq. (6), sinc^2(x / (zero)), integrated over the pixel. Its first zero

@@ -34,6 +34,7 @@ pub fn quantise(counts: &[f32], full_scale: u16) -> Vec<u16> {
     let largest = f32::from(full_scale);
     counts
         .iter()
-        .map(|count| (count.clamp(0.0, largest) + 0.5) as i32 as u16)
+        // `clamp` would compare its bounds for each pixel, and the compiler compute one at a time.
+        .map(|count| (count.max(0.0).min(largest) + 0.5) as i32 as u16)
         .collect()
 }
