@@ -1,6 +1,7 @@
 //! Builds or loads the firmware's ELF file, with the symbols and the log table that the emulator and the log
 //! decoder need.
 
+use std::fs::File;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -74,13 +75,10 @@ impl Firmware {
             .args(["--package", package, "--bin", package])
             .arg("--message-format=json-render-diagnostics");
         if sensor == Sensor::S11639 {
-            // Both builds have one name, and another process may build the other one meanwhile. So each has a
-            // folder of its own.
-            let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
-            command
-                .args(["--features", "s11639", "--target-dir"])
-                .arg(Path::new(&target).join("s11639"));
+            command.args(["--features", "s11639"]);
         }
+        // The builds for both sensors have one name. One is built and loaded at a time, in all processes.
+        let _turn = turn()?;
         // A person sees the build's progress; a test's output stays clean unless the build fails.
         if std::io::stderr().is_terminal() {
             command.stderr(Stdio::inherit());
@@ -171,6 +169,19 @@ impl Firmware {
             .get(symbol)
             .with_context(|| format!("looking up {symbol} in {}", self.path.display()))
     }
+}
+
+/// Waits until no other process builds and loads firmware, and keeps others from it until it is dropped.
+fn turn() -> Result<File> {
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+    let target = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("..")
+        .join(target);
+    let path = target.join("firmware.lock");
+    std::fs::create_dir_all(target)
+        .and_then(|()| File::create(&path))
+        .and_then(|file| file.lock().map(|()| file))
+        .with_context(|| format!("locking {}", path.display()))
 }
 
 /// A cargo command in this workspace, without the variables for a build on the PC.

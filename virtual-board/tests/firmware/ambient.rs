@@ -57,7 +57,7 @@ fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
 /// A S11639 has no shielded pixels. Daylight that rises along the row moves no centre, with and without
 /// `ambient subtract`.
 #[test]
-#[ignore = "its firmware is a build of its own, 90 CPU s; .ci/run runs it"]
+#[ignore = "its firmware is a build of its own; .ci/run runs it"]
 fn ambient_light_moves_no_centre_of_a_s11639() {
     let sunlit = Scene::load("sunlit").expect("a scene");
     // A pixel of the S11639 takes 1.75 times as much light. A count has 2.44 times as many electrons.

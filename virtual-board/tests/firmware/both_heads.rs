@@ -108,7 +108,7 @@ with_both_heads! {
 
 /// Without calibration a S11639 gives centres and no distances: the nominal one belongs to the TCD1304DG.
 #[test]
-#[ignore = "its firmware is a build of its own, 90 CPU s; .ci/run runs it"]
+#[ignore = "its firmware is a build of its own; .ci/run runs it"]
 fn a_new_s11639_has_no_calibration() {
     let (mut board, banner) = boot_with(Sensor::S11639, paper_for(Sensor::S11639));
     assert!(banner.text.contains("S11639-01"), "{}", banner.text);
@@ -125,7 +125,7 @@ fn a_new_s11639_has_no_calibration() {
 /// A S11639 saves its calibration with the slowest flash (data sheet), loses no row meanwhile, and has the
 /// calibration after a power cycle.
 #[test]
-#[ignore = "its firmware is a build of its own, 90 CPU s; .ci/run runs it"]
+#[ignore = "its firmware is a build of its own; .ci/run runs it"]
 fn a_s11639_saves_its_calibration_and_loses_no_row() {
     let centre = 1500.3;
     let nominal = NOMINAL.expect("a curve");

@@ -27,7 +27,7 @@ macro_rules! with_both_heads {
         mod s11639 {
             $(
                 #[test]
-                #[ignore = "its firmware is a build of its own, 90 CPU s; .ci/run runs it"]
+                #[ignore = "its firmware is a build of its own; .ci/run runs it"]
                 fn $test() {
                     super::$test(virtual_board::Sensor::S11639);
                 }

@@ -87,7 +87,7 @@ fn seven_thousand_five_hundred_rows_a_second_are_sustained() {
 
 /// The S11639 gives at most 4,670 rows a second.
 #[test]
-#[ignore = "its firmware is a build of its own, 90 CPU s; .ci/run runs it"]
+#[ignore = "its firmware is a build of its own; .ci/run runs it"]
 fn a_s11639_at_its_highest_rate_of_rows_loses_none() {
     assert_sustained(Sensor::S11639, 4670.0, 16, 1000);
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use virtual_board::{Firmware, VirtualBoard};
 
-use super::common::{firmware, paper};
+use super::common::paper;
 
 /// The lines with their times, the log, and the statistics of a run with commands, a hang and a reset.
 fn run(firmware: &Firmware) -> String {
@@ -17,12 +17,12 @@ fn run(firmware: &Firmware) -> String {
     run_for(60, &mut board);
     assert_eq!(firmware.warm_cores(), 0, "the board's core waits, too");
     board.send("rows 4\r\nestimator gauss-newton\r\nstatus\r\n");
-    run_for(100, &mut board);
+    run_for(60, &mut board);
     board.hang_at("measure_row").expect("a function");
-    run_for(20, &mut board);
+    run_for(10, &mut board);
     board.unhang("measure_row").expect("a function");
     board.reset_pin().expect("a reset");
-    run_for(100, &mut board);
+    run_for(50, &mut board);
     let (lines, log) = (board.take_lines(), board.take_log());
     assert!(lines.len() > 30 && !log.is_empty(), "{lines:#?} {log:#?}");
     let statistics = board.finish().expect("a clean run");
@@ -32,7 +32,7 @@ fn run(firmware: &Firmware) -> String {
 #[test]
 fn a_board_in_a_warm_core_does_the_same() {
     // No other test shares its cores.
-    let firmware = Firmware::load(firmware().path()).expect("the firmware");
+    let firmware = Firmware::build().expect("the firmware");
     let cold = run(&firmware);
     for _ in 0..2 {
         assert_eq!(firmware.warm_cores(), 1);
