@@ -11,7 +11,7 @@ use simulator::scene::quantise;
 use slitrange::centre::Estimator;
 
 /// Rows of a cell.
-const ROWS: u64 = 8000;
+const ROWS: u64 = 2000;
 
 /// A row of [`PIXELS`] with its spot's centre there.
 fn light_of(cell: &Cell, row: u64, centre: f64) -> Vec<u16> {

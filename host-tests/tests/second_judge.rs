@@ -116,7 +116,7 @@ const OF_ALL: f64 = 0.003;
 fn confident_errors_are_rare() {
     let (mut wrong, mut errors, mut frames) = (vec![], 0, 0);
     for kind in Kind::all() {
-        let tally = judge_frames(kind, 1000);
+        let tally = judge_frames(kind, 600);
         println!(
             "{}: {} errors of {} frames, errors over claims {:.2}; {:?}",
             kind.name,
@@ -139,10 +139,10 @@ fn confident_errors_are_rare() {
 #[test]
 #[ignore = "takes minutes"]
 fn a_faint_wide_light_hides_no_spot_and_is_none() {
-    let report = judge(kinds("faint wide light"), 20_000, 0);
+    let report = judge(kinds("faint wide light"), 10_000, 0);
     let rows = &report.kinds[0].rows[0];
     println!("{} of {} lost", rows.faults, rows.count);
-    let alone = judge(kinds("faint wide light alone"), 100_000, 0);
+    let alone = judge(kinds("faint wide light alone"), 50_000, 0);
     let [default, phase_table, _] = &alone.kinds[0].rows;
     for (name, rows) in [("default", default), ("phase-table", phase_table)] {
         let centres = rows.count - rows.faults;

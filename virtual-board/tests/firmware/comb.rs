@@ -221,6 +221,7 @@ fn a_comb_keeps_the_sensors_rate_with_half_of_the_time_free() {
 /// Instructions from a row's words to its centre: the middle one and the most, of rows that do not end a
 /// frame, and of those that do.
 #[test]
+#[ignore = "a trace takes 8 s; .ci/run runs it"]
 fn a_row_of_a_comb_costs_less_than_half_of_its_time() {
     let mut board = measuring_under(recurring(), 16, full_speed());
     fresh_results(&mut board, 2);
@@ -329,7 +330,7 @@ fn frames_of_combs(seed: u64) -> LightSource {
 
 #[test]
 fn every_row_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
-    const ROWS: u64 = 420;
+    const ROWS: u64 = 250;
     for (calibration, command) in [
         (Calibration::nominal(), "calibration on"),
         (None, "calibration off"),
@@ -342,7 +343,7 @@ fn every_row_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
         let pc = aligned(&pc, chip);
         let missing = pc.len().abs_diff(chip.len());
         assert!(
-            chip.len() >= 300 && missing <= 2,
+            chip.len() >= 180 && missing <= 2,
             "{} and {}",
             chip.len(),
             pc.len()
