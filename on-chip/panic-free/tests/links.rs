@@ -35,12 +35,13 @@ const NOWHERE: &str = "a_panic_is_reachable";
 /// Without the checks for overflow the optimiser knows less, so the program for the chip has a check of its
 /// own.
 #[test]
-#[ignore = "`nothing_overflows` excludes panics too, and a second link takes 35 CPU s; .ci/run runs it"]
+#[ignore = "links the whole core for the chip, 40 CPU s; .ci/run runs it"]
 fn no_panic_is_reachable() {
     check(RELEASE);
 }
 
 #[test]
+#[ignore = "links the whole core for the chip, 40 CPU s; .ci/run runs it"]
 fn nothing_overflows() {
     check(OVERFLOW_CHECKED);
 }

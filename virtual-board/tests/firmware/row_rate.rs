@@ -73,7 +73,7 @@ fn assert_same_lines(sensor: Sensor, shown: &[Row], rows: u16, chip: &[String]) 
 #[test]
 fn two_thousand_rows_a_second_are_sustained() {
     for rows in [16, 64] {
-        assert_sustained(Sensor::Tcd1304, 2000.0, rows, 1000);
+        assert_sustained(Sensor::Tcd1304, 2000.0, rows, 600);
     }
 }
 

@@ -225,8 +225,8 @@ fn assert_windows_arrive(time: Duration) {
 
 #[test]
 fn readings_as_text_and_windows_in_binary_all_arrive() {
-    assert_text_arrives(Duration::from_secs(4));
-    assert_windows_arrive(Duration::from_secs(4));
+    assert_text_arrives(Duration::from_secs(2));
+    assert_windows_arrive(Duration::from_secs(2));
 }
 
 #[test]
