@@ -116,7 +116,7 @@ const OF_ALL: f64 = 0.003;
 fn confident_errors_are_rare() {
     let (mut wrong, mut errors, mut frames) = (vec![], 0, 0);
     for kind in Kind::all() {
-        let tally = judge_frames(kind, 600);
+        let tally = judge_frames(kind, 1000);
         println!(
             "{}: {} errors of {} frames, errors over claims {:.2}; {:?}",
             kind.name,
