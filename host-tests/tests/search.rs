@@ -107,7 +107,7 @@ fn dim_spots_of_any_width_are_found_or_no_centre_is() {
         (30.0, 2048, 0.001),
         (100.0, 3648, 0.001),
     ];
-    check_dim_spots(&cells, &[3.0, 4.0, 5.0, 6.0, 8.0]);
+    check_dim_spots(&cells, &[3.0, 5.0, 8.0]);
 }
 
 /// In noise alone, the search finds a spot in one row of forty, but no row gives a centre, not even with the
@@ -625,9 +625,9 @@ fn light_that_changes_slowly_has_no_centre() {
 }
 
 #[test]
-#[ignore = "a million rows; takes 80 CPU s; run by .ci/run"]
-fn light_that_changes_slowly_has_no_centre_in_a_million_rows() {
-    check_rows_without_spot(250_000);
+#[ignore = "400,000 rows take 30 CPU s; run by .ci/run"]
+fn light_that_changes_slowly_has_no_centre_in_many_rows() {
+    check_rows_without_spot(100_000);
 }
 
 /// A lamp lights most of the row, so that the row's level is that of the lit part. The search finds a spot in
