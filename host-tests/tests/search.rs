@@ -581,9 +581,9 @@ fn check_rows_without_spot(rows: u64) {
     let geometry = slitrange::sensor_heads::tcd1304dg();
     for (light, most_flagged) in [
         (SlowLight::None, [0, 0]),
-        (SlowLight::Wide, [0, 20]),
-        (SlowLight::Rising, [20, 20]),
-        (SlowLight::Part, [20, 20]),
+        (SlowLight::Wide, [0, 10]),
+        (SlowLight::Rising, [10, 10]),
+        (SlowLight::Part, [10, 10]),
     ] {
         let found = (0..rows).into_par_iter().map(|seed| {
             let counts = light.row(seed);
