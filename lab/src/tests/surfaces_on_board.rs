@@ -104,9 +104,10 @@ fn u_holds_in_every_scene() {
     assert!(judged.count() >= 12);
 }
 
-/// Sensors that were calibrated on each material read a hundred surfaces of it.
+/// Sensors that were calibrated on each material read fifty surfaces of it. `u_is_true_on_six_materials` takes
+/// five hundred on the PC.
 #[test]
-#[ignore = "100 surfaces of six materials; takes 150 s; run by .ci/run"]
+#[ignore = "50 surfaces of six materials; takes 75 s; run by .ci/run"]
 fn u_is_true_on_six_materials_through_the_firmware() {
     let firmware = Firmware::build().expect("the firmware");
     // A board keeps one processor of the PC busy.
@@ -117,15 +118,15 @@ fn u_is_true_on_six_materials_through_the_firmware() {
         let record = EncodedRecord::new(record).expect("a record");
         // Additive recurrence with the golden ratio, over the paper's table.
         let place = |i: i32| 0.60 + 0.42 * (f64::from(i) * 0.618_033_988_749_895).fract();
-        let distances: Vec<f64> = (0..100).map(place).collect();
+        let distances: Vec<f64> = (0..50).map(place).collect();
         let found = errors(&firmware, &scene, record.bytes(), &distances);
         println!(
             "{name}: {} readings, {:.3} within 2u",
             found.len(),
             within_2u(&found)
         );
-        // Of 100 normal errors 95.4 +- 2.1 % are within 2u; a calibration's 60 points add 2 %.
-        assert!(found.len() > 85 && within_2u(&found) >= 0.88, "{name}");
+        // Of 50 normal errors 95.4 +- 3.0 % are within 2u; a calibration's 60 points add 2 %.
+        assert!(found.len() > 42 && within_2u(&found) >= 0.85, "{name}");
         found
     });
     let all: Vec<f64> = of_material.collect();
@@ -134,5 +135,6 @@ fn u_is_true_on_six_materials_through_the_firmware() {
         all.len(),
         within_2u(&all)
     );
-    assert!((0.93..=0.97).contains(&within_2u(&all)));
+    // Of 300, +- 1.2 %.
+    assert!((0.92..=0.98).contains(&within_2u(&all)));
 }
