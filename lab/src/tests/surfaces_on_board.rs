@@ -104,8 +104,8 @@ fn u_holds_in_every_scene() {
     assert!(judged.count() >= 12);
 }
 
-/// Sensors that were calibrated on each material read fifty surfaces of it. `u_is_true_on_six_materials` takes
-/// five hundred on the PC.
+/// Sensors that were calibrated on each material read fifty surfaces of it. `u_is_true_on_six_materials`
+/// takes five hundred on the PC.
 #[test]
 #[ignore = "50 surfaces of six materials; takes 75 s; run by .ci/run"]
 fn u_is_true_on_six_materials_through_the_firmware() {

@@ -16,8 +16,8 @@ type Build = &'static [&'static str];
 const RELEASE: Build = &[];
 
 /// The same with checks for overflow: a panic for each operation that may overflow for all that the compiler
-/// can prove. If the program links, no checked operation overflows (docs/proofs.md). Three crates are compiled
-/// as published. These three, and the crates that run on the PC, are those of the firmware's build.
+/// can prove. If the program links, no checked operation overflows (docs/proofs.md). Three crates are
+/// compiled as published. These three, and the crates that run on the PC, are those of the firmware's build.
 const OVERFLOW_CHECKED: Build = &[
     "--config=profile.release.overflow-checks=true",
     "--config=profile.release.build-override.overflow-checks=false",

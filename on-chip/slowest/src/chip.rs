@@ -30,7 +30,7 @@ static COUNTED: [AtomicU32; QUESTIONS] = [const { AtomicU32::new(0) }; QUESTIONS
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    // The clock stays as a reset leaves it: the emulator counts instructions at any.
+    // The clock stays as a reset leaves it: lab/src/slowest/chip.rs lets the emulator run at that speed.
     // SAFETY: called once, before anything else could use these registers.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.DCB.enable_trace();
