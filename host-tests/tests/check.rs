@@ -65,7 +65,7 @@ fn clean_rows_pass_the_check() {
             let mut cells = vec![];
             for (amplitude, read_noise, electrons_per_count) in NOISES {
                 let recipe = Recipe {
-                    pixels: 1024,
+                    pixels: 512,
                     read_noise,
                     electrons_per_count,
                     ..Recipe::clean(width)

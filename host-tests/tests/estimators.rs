@@ -28,7 +28,8 @@ fn a_tilted_background_does_not_move_the_centre() {
     for slope in [0.3, 2.0] {
         for width in [2.0, 4.0, 10.5] {
             let cell = Cell {
-                rows: 20_000,
+                // The mean error of a wide spot is known to 0.00016 px, of others to 0.0002 px.
+                rows: if width > 5.0 { 20_000 } else { 5000 },
                 seed: 23,
                 ..cell(width, 2000.0, 2.0, Some(5.0))
             };

@@ -15,4 +15,6 @@ pub mod table;
 pub mod timing;
 
 #[cfg(test)]
+mod pages;
+#[cfg(test)]
 mod tests;

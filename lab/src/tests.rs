@@ -1,6 +1,5 @@
-//! Tests of pages, scenes and studies. They are in the library, so that `cargo test` compiles it only once.
+//! Tests of scenes and studies. They are in the library, so that `cargo test` compiles it only once.
 
-mod hard_cases_page;
 mod scenes;
 mod slowest;
 mod surfaces;

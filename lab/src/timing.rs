@@ -22,13 +22,13 @@ const ROWS_BEFORE: u64 = 20;
 /// The pulses of a row in nanoseconds, from the fall of ICG.
 #[derive(Clone, Debug)]
 pub struct Pulses {
-    sh_rose: f64,
-    sh_fell: f64,
+    pub(crate) sh_rose: f64,
+    pub(crate) sh_fell: f64,
     chip_select_fell: f64,
     chip_select_rose: f64,
-    icg_rose: f64,
+    pub(crate) icg_rose: f64,
     /// The rise of fM before the rise of ICG.
-    master_clock_rose: f64,
+    pub(crate) master_clock_rose: f64,
     /// The ends of the first words.
     words: Vec<f64>,
     /// When the laser goes on and off.
@@ -43,12 +43,12 @@ pub struct Pulses {
 const WORDS: usize = 7;
 
 /// fM's period, SCLK's period, and the time of a pixel, which is that of a word, in nanoseconds.
-const MASTER_CLOCK: f64 = 1e9 / 2.625e6;
+pub(crate) const MASTER_CLOCK: f64 = 1e9 / 2.625e6;
 const SERIAL_CLOCK: f64 = 1e9 / 10.5e6;
 const PIXEL: f64 = 4.0 * MASTER_CLOCK;
 
 /// The start tag of the lower picture.
-const WHOLE_ROW: &str = r#"<g id="whole-row">"#;
+pub(crate) const WHOLE_ROW: &str = r#"<g id="whole-row">"#;
 
 /// When the converter holds its input for a word that ends at `end`, in nanoseconds.
 fn held(end: f64) -> f64 {
@@ -441,56 +441,7 @@ impl Panel {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::docs;
-
-    /// A quarter of a second of the firmware. The limits are those of the data sheets, and the texts on the
-    /// page are those of this row.
-    #[test]
-    fn the_page_states_the_pulses_that_the_firmware_gives() {
-        let pulses = Pulses::of_a_row().expect("a row");
-        println!("{pulses:?}");
-        let t1 = pulses.icg_rose - pulses.sh_fell;
-        assert!(limits::SH_AFTER_ICG.contains(&(pulses.sh_rose as Nanos)));
-        assert!(pulses.sh_fell - pulses.sh_rose >= limits::SH_HIGH as f64);
-        assert!(t1 >= limits::ICG_AFTER_SH as f64);
-        let t4 = pulses.icg_rose - pulses.master_clock_rose;
-        assert!((0.0..0.5 * MASTER_CLOCK).contains(&t4));
-        let page = std::fs::read_to_string(docs::path(PAGE)).expect(PAGE);
-        let due = docs::with_block(&page, TOOL, &pulses.markdown()).expect("marks");
-        assert!(
-            page == due,
-            "{PAGE} is not what `cargo timing --write` writes"
-        );
-        // A pixel of the upper picture is 14 ns. The program sees the time after a turn of a loop, up to 15
-        // instructions or 90 ns, which are 6.3 pixels. Three more are for a program of another layout.
-        //
-        // A pixel of the lower picture is 7.4 us. A row comes at its time within 2 us (`rows_come_on_time` of
-        // the firmware's tests), which are 0.3 pixels, and two numbers are rounded by 0.05 pixels each.
-        let figure = std::fs::read_to_string(docs::path(FIGURE)).expect(FIGURE);
-        let due = pulses.svg();
-        let [is, due] = [&figure, &due].map(|svg| svg.split_once(WHOLE_ROW));
-        let (is, due) = is.zip(due).expect("two pictures");
-        for (is, due, most) in [(is.0, due.0, 10.0), (is.1, due.1, 0.4)] {
-            let (is, due) = (numbers(is), numbers(due));
-            assert!(is.len() == due.len(), "cargo timing --write");
-            let moved = (is.iter().zip(&due))
-                .map(|(is, due)| (is - due).abs())
-                .fold(0.0, f64::max);
-            println!("edges have moved by up to {moved:.1} pixels, of {most} allowed");
-            assert!(
-                moved <= most,
-                "an edge has moved by {moved} pixels: cargo timing --write"
-            );
-        }
-    }
-
-    /// The numbers in a drawing.
-    fn numbers(svg: &str) -> Vec<f64> {
-        svg.split(|c: char| !c.is_ascii_digit() && c != '.')
-            .filter_map(|number| number.parse().ok())
-            .collect()
-    }
+    use super::ten_percent_around;
 
     #[test]
     fn a_part_lies_in_ten_percent() {

@@ -148,9 +148,8 @@ impl BoardCore {
         let Some(warm) = self.pool.take(&self.places()) else {
             return;
         };
-        if let Ok(mut left) = self.move_to(warm) {
-            self.reset_is_asked |= left.take_reset_request();
-        }
+        // On an error the board stays where it is.
+        let _ = self.move_to(warm);
     }
 
     fn places(&self) -> Vec<Place> {
@@ -182,6 +181,7 @@ impl BoardCore {
             self.core.ask(Queued::Unroute(page));
         }
         debug_assert_eq!(core.retired(), self.core.retired());
+        self.reset_is_asked |= self.core.take_reset_request();
         Ok(std::mem::replace(&mut self.core, core))
     }
 
@@ -258,6 +258,14 @@ impl BoardCore {
             }
         }
         self.core.remove_breakpoint(address);
+    }
+
+    /// As [`Processor::set_gdb_register`], which drops the translations: so it writes to a new core. The board
+    /// then settles again.
+    pub(crate) fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
+        self.leave();
+        self.is_settled = false;
+        self.core.set_gdb_register(number, bytes)
     }
 
     pub(crate) fn pass_breakpoint(&mut self, address: u64) {

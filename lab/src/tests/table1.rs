@@ -18,9 +18,10 @@ use crate::paper::row_mean::RowMean;
 /// fit. The two fits differ by less than 15 %. Weights of the rows that suit speckle give smaller errors than
 /// the paper's plain mean. The test takes 210 positions, 2 mm apart, which is about a speckle.
 #[test]
-#[ignore = "all six materials take 54 s of processor time; .ci/run runs it"]
+#[ignore = "five more materials take 45 s of processor time; .ci/run runs it"]
 fn the_slits_errors_are_near_the_papers_and_ours_are_smaller() {
-    for material in 0..TABLE_1.len() {
+    // The first is the next test's.
+    for material in 1..TABLE_1.len() {
         check(material);
     }
 }

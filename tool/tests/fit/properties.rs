@@ -101,7 +101,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(cases(400))]
+    #![proptest_config(cases(200))]
 
     /// Takes points on any curve of the kind, with any noise; some lines and numbers are spoilt.
     #[test]
