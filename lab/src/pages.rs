@@ -1,7 +1,5 @@
-//! Tests that pages of docs/ are what programs write. Tests run in the order of their names: so the firmware's
-//! build, for the pulses, begins among the first and has the others beside it.
-
-use std::path::Path;
+//! Tests that pages of docs/ are what programs write. Tests start in the order of their names. So the
+//! firmware's build, for the pulses, begins among the first and has the others beside it.
 
 use host_tests::hard_cases::report::{self, Catalogue};
 use virtual_board::Nanos;
@@ -12,14 +10,14 @@ use crate::timing::{FIGURE, MASTER_CLOCK, PAGE, Pulses, TOOL, WHOLE_ROW};
 
 #[test]
 fn hard_cases_agree_with_the_catalogue() {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard-cases.md");
-    let text = std::fs::read_to_string(page).expect("docs/hard-cases.md");
+    let page = "docs/hard-cases.md";
+    let text = std::fs::read_to_string(docs::path(page)).expect(page);
     let tables = Catalogue::run().markdown();
     let due = docs::with_block(&text, report::CATALOGUE, &tables).expect("marks");
     let differing = text.lines().zip(due.lines()).find(|(is, due)| is != due);
     assert!(
         text == due,
-        "docs/hard-cases.md is not what `cargo hard-cases --write` writes. (is, due): {differing:#?}"
+        "{page} is not what `cargo hard-cases --write` writes. (is, due): {differing:#?}"
     );
 }
 

@@ -85,7 +85,8 @@ pub(crate) struct BoardCore {
     breakpoints: BTreeMap<u64, u32>,
     /// The pages whose accesses go to the bus.
     routes: Vec<u64>,
-    /// Whether the MPU is on, and the board continues in this core until its next reset.
+    /// Whether the MPU is on, and the board continues in this core until a reset or a register that is set
+    /// from outside.
     is_settled: bool,
     /// Whether the core has something that neither its saved state nor this struct holds.
     is_spoilt: bool,
@@ -260,8 +261,8 @@ impl BoardCore {
         self.core.remove_breakpoint(address);
     }
 
-    /// As [`Processor::set_gdb_register`], which drops the translations: so it writes to a new core. The board
-    /// then settles again.
+    /// As [`Processor::set_gdb_register`], which drops the translations. So the board moves to a new core for
+    /// it, and settles again after it.
     pub(crate) fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
         self.leave();
         self.is_settled = false;

@@ -20,7 +20,7 @@ use crate::paper::row_mean::RowMean;
 #[test]
 #[ignore = "five more materials take 45 s of processor time; .ci/run runs it"]
 fn the_slits_errors_are_near_the_papers_and_ours_are_smaller() {
-    // The first is the next test's.
+    // The next test takes the first.
     for material in 1..TABLE_1.len() {
         check(material);
     }
