@@ -48,10 +48,10 @@ use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, peripherals, rcc, spi};
-use slitrange::protocol::MAX_ANSWER;
-use slitrange::protocol::info::{BrownOut, Clock, Hardware};
-use slitrange::protocol::status::StartCause;
-use slitrange::sending::Baud;
+use slitrange_device::protocol::MAX_ANSWER;
+use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
+use slitrange_device::protocol::status::StartCause;
+use slitrange_device::settings::sending::Baud;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;

@@ -12,13 +12,12 @@ use slitrange::ambient::AmbientMode;
 use slitrange::comb::Comb;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
-use slitrange::measurement::Measurement;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::PixelMap;
-use slitrange::protocol::packet::Window;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
-use slitrange::settings::Settings;
+use slitrange_device::protocol::packet::Window;
 use static_cell::StaticCell;
 
 use super::sensor_head::LONGEST_EXPOSURE;
@@ -40,7 +39,7 @@ static MEASUREMENT: StaticCell<Measurement> = StaticCell::new();
 #[embassy_executor::task]
 pub async fn measure() {
     let measurement = MEASUREMENT
-        .init_with(|| Measurement::new(sensor_head::geometry(), for_head(Settings::default())));
+        .init_with(|| Measurement::new(sensor_head::geometry(), for_head(Options::default())));
     let mut flat: Option<Flat> = None;
     let mut is_corrected = false;
     let mut silence = Silence::new();
@@ -48,7 +47,7 @@ pub async fn measure() {
         // Settings and requests first, so that they hold for every row that comes after them.
         if let Some(applied) = SETTINGS.try_take() {
             measurement.set_geometry(applied.geometry);
-            measurement.set(for_head(applied.settings), applied.profile);
+            measurement.set(for_head(applied.settings.options()), applied.profile);
             measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
             order_light(measurement);
             // The frame starts again, so this counts as a result. Otherwise a user who changes settings
@@ -198,29 +197,29 @@ async fn next_row_alone(
 }
 
 /// The settings with the longest exposure of this sensor head. Auto exposure has to know this limit.
-fn for_head(settings: Settings) -> Settings {
-    Settings {
-        exposure_limit: settings.exposure_limit.min(LONGEST_EXPOSURE),
-        ..settings
+fn for_head(options: Options) -> Options {
+    Options {
+        exposure_limit: options.exposure_limit.min(LONGEST_EXPOSURE),
+        ..options
     }
 }
 
 /// Orders the laser's light for the rows to come.
 fn order_light(measurement: &Measurement) {
-    let settings = measurement.settings();
-    let exposure = settings.laser.then(|| measurement.next_exposure());
-    LASER.set(exposure, settings.ambient);
+    let options = measurement.options();
+    let exposure = options.laser.then(|| measurement.next_exposure());
+    LASER.set(exposure, options.ambient);
 }
 
 /// Returns whether a row was exposed with the laser off although the setting `laser` is on. Such a row has no
 /// spot and must not be measured. With `ambient subtract` the row counts in the mean of the ambient light.
 /// With `ambient off` the row was exposed before the settings changed, and is dropped.
 fn is_dark_row(measurement: &mut Measurement, words: &[u16], exposure: Option<Exposure>) -> bool {
-    let settings = measurement.settings();
-    if !settings.laser || exposure.is_some() {
+    let options = measurement.options();
+    if !options.laser || exposure.is_some() {
         return false;
     }
-    if settings.ambient == AmbientMode::Subtract {
+    if options.ambient == AmbientMode::Subtract {
         measurement.ambient_row(words);
     }
     true

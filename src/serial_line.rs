@@ -8,10 +8,10 @@ use embassy_stm32::gpio::Output;
 use embassy_stm32::usart::{BufferedUart, BufferedUartRx};
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Read as _;
-use slitrange::protocol::info::Hardware;
-use slitrange::protocol::input::{Echo, Input};
-use slitrange::protocol::status::StartCause;
-use slitrange::session::Event;
+use slitrange_device::protocol::info::Hardware;
+use slitrange_device::protocol::input::{Echo, Input};
+use slitrange_device::protocol::status::StartCause;
+use slitrange_device::session::Event;
 
 use super::board;
 use super::flash::CalibrationFlash;

@@ -7,18 +7,18 @@ use core::sync::atomic::Ordering;
 use embassy_stm32::gpio::Output;
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
-use slitrange::protocol::info::Hardware;
-use slitrange::protocol::packet::{
+use slitrange_device::protocol::info::Hardware;
+use slitrange_device::protocol::packet::{
     Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
 };
-use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
-use slitrange::protocol::selftest::RowTest;
-use slitrange::protocol::status::{StartCause, Vitals};
-use slitrange::session::flat::{Job, Outcome};
-use slitrange::session::{Actions, AddressPrefix, Event, Session};
-use slitrange::store::{Store, pixel_map};
-use slitrange::text::Text;
-use slitrange::trigger::Trigger;
+use slitrange_device::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange_device::protocol::selftest::RowTest;
+use slitrange_device::protocol::status::{StartCause, Vitals};
+use slitrange_device::session::flat::{Job, Outcome};
+use slitrange_device::session::{Actions, AddressPrefix, Event, Session};
+use slitrange_device::settings::trigger::Trigger;
+use slitrange_device::store::{Store, pixel_map};
+use slitrange_device::text::Text;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;

@@ -13,11 +13,11 @@ use slitrange::ambient::AmbientMode;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
-use slitrange::protocol::packet::Window;
-use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
-use slitrange::session::Applied;
-use slitrange::trigger::Trigger;
+use slitrange_device::protocol::packet::Window;
+use slitrange_device::protocol::status::{SerialErrors, Vitals};
+use slitrange_device::session::Applied;
+use slitrange_device::settings::trigger::Trigger;
 
 use super::sensor_head;
 

@@ -3,7 +3,7 @@
 //!     cargo run --package slitrange --example frame_to_distance
 
 use slitrange::{
-    Calibration, CalibrationErrors, Fault, Measurement, Reading, Settings, Surface, sensor_heads,
+    Calibration, CalibrationErrors, Fault, Measurement, Options, Reading, Surface, sensor_heads,
 };
 
 /// The words of a read-out, which fall with light: a spot of some height at a place in pixels, and noise that
@@ -23,11 +23,11 @@ fn words(number: u32, centre: f64, height: f64) -> Vec<u16> {
 fn measure(centre: f64, height: f64) -> Result<Reading, Fault> {
     // A sensor without a calibration of its own has that of the nominal geometry.
     let calibration = Calibration::nominal();
-    let settings = Settings {
+    let options = Options {
         rows: 16,
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
     let frame = (0..).find_map(|number| measurement.row(&mut words(number, centre, height)));
     frame.expect("16 rows are a frame")?.reading(
         calibration.as_ref(),
@@ -47,8 +47,8 @@ pub fn main() {
     let readings = frames.map(|(centre, height)| measure(centre, height));
     for reading in &readings {
         match reading {
-            Ok(reading) => println!("{reading}"),
-            Err(fault) => println!("{}: {}", fault.name(), fault.advice()),
+            Ok(reading) => println!("{:.1} um", reading.distance),
+            Err(fault) => println!("{fault}"),
         }
     }
     let [good, dim, bright, outside] = readings;

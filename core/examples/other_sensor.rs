@@ -4,8 +4,8 @@
 
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::{
-    BlackLevel, Calibration, CalibrationErrors, Geometry, Measurement, Micrometres, Pixels,
-    Polarity, Settings, Surface,
+    BlackLevel, Calibration, CalibrationErrors, Geometry, Measurement, Micrometres, Options,
+    Pixels, Polarity, Surface,
 };
 
 /// The sensor behind a 12-bit converter. It has no shielded pixels, and its driver reads 16 words before the
@@ -47,12 +47,12 @@ fn words(number: u32) -> Vec<u16> {
 /// Measures a frame of four rows. Without shielded pixels the black level comes from the pixels away from the
 /// spot.
 pub fn main() {
-    let settings = Settings {
+    let options = Options {
         rows: 4,
         black_level: BlackLevel::Frame,
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(s11639(), settings);
+    let mut measurement = Measurement::new(s11639(), options);
     let frame = (0..).find_map(|number| measurement.row(&mut words(number)));
     let measured = frame.expect("four rows are a frame").expect("a centre");
     let calibration = calibration().expect("a curve over these centres");
@@ -61,7 +61,7 @@ pub fn main() {
     let reading = measured
         .reading(Some(&calibration), &errors, Surface::Off)
         .expect("a distance");
-    println!("{reading}");
+    println!("{:.1} um", reading.distance);
     assert!((reading.centre.to_f64() - 1100.4).abs() < 0.01);
     assert!((reading.black_level.to_f64() - 253.5).abs() < 0.5);
     // -115.385 mm + 1.22993e6 mm px / 1450.53 px.

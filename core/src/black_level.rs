@@ -99,6 +99,14 @@ impl BlackPixels {
     }
 }
 
+/// The mean of a row's shielded pixels, if there are any.
+#[inline(never)]
+pub fn of_shielded(row: &Row<'_>) -> Option<Counts> {
+    let mut black = BlackPixels::default();
+    black.add(BlackLevel::Shielded, row, None);
+    black.level(BlackLevel::Shielded)
+}
+
 // A frame's rows of the largest counts fit the sum of black pixels.
 const _: () =
     assert!(LARGEST_COUNT as u64 * MAX_PIXELS as u64 * MAX_ROWS as u64 <= u32::MAX as u64);

@@ -1,5 +1,7 @@
 //! Why a frame gives no distance.
 
+use core::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::exposure::Exposure;
@@ -85,9 +87,9 @@ pub enum Fault {
         /// The exposure.
         exposure: Exposure,
     },
-    /// The setting `laser off` holds.
+    /// The option `laser` is off.
     LaserOff,
-    /// The reading is farther from the last good one than the setting `spike-filter` allows.
+    /// The reading is farther from the last good one than the filter for spikes allows.
     Spike {
         /// How far.
         step: Micrometres,
@@ -157,43 +159,40 @@ impl Fault {
             fault => fault,
         }
     }
+}
 
-    /// What to do about it.
-    pub const fn advice(&self) -> &'static str {
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
         match self {
-            Self::SensorSilent => "check the sensor head's supply and wires",
-            Self::NoSpot { .. } => {
-                "check that the laser is on and hits a target, and that the exposure is long enough"
+            Self::SensorSilent | Self::LaserOff => Ok(()),
+            Self::NoSpot { amplitude } => write!(f, ": {amplitude:.1} counts at most"),
+            Self::TooDim { amplitude, needed } => {
+                write!(f, ": {amplitude:.1} counts, needs {needed:.1}")
             }
-            Self::LaserOff => "send `laser on`",
-            Self::Spike { .. } => {
-                "look for what disturbs the light; if the target moves as fast, a larger `spike-filter`"
+            Self::Saturated { pixels } => write!(f, ": {pixels} pixels"),
+            Self::SpotAtEdge { centre } => write!(f, ": x {centre:.1}"),
+            Self::TwoSpots { centre, other } => write!(f, ": x {centre:.1} and {other:.1}"),
+            Self::Unsteady { scatter } => write!(f, ": rows scatter by {scatter:.2} px"),
+            Self::OutOfRange { centre } => write!(f, ": x {centre:.5}"),
+            Self::NotCalibrated {
+                centre,
+                uncertainty,
+            } => write!(f, ": x {centre:.5} u {uncertainty:.5}"),
+            Self::FewSlits { found, needed } => write!(f, ": {found}, needs {needed}"),
+            Self::SlitsUnclear { images, other } => {
+                write!(f, ": {images} images fit one place, {other} another")
             }
-            Self::TooDim { .. } => {
-                "a longer exposure, more laser power, a brighter target or less ambient light"
+            Self::DimAtLongest {
+                amplitude,
+                exposure,
+            } => write!(f, ": {amplitude:.1} counts in {} us", exposure.us()),
+            Self::SaturatedAtShortest { pixels, exposure } => {
+                write!(f, ": {pixels} pixels in {} us", exposure.us())
             }
-            Self::Saturated { .. } => "a shorter exposure, less laser power or a darker target",
-            Self::DimAtLongest { .. } => {
-                "a longer `exposure limit`, more laser power, a brighter target or less ambient light"
-            }
-            Self::SaturatedAtShortest { .. } => {
-                "less laser power or a darker target, or cover other lights"
-            }
-            Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
-                "move the target into the range that `info` names"
-            }
-            Self::TwoSpots { .. } => {
-                "cover other lights, and surfaces that reflect the laser, or set `region` or `peak`"
-            }
-            Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
-            Self::FewSlits { .. } => {
-                "clean the slits, take more light, or send `slits one` if there is no comb"
-            }
-            Self::SlitsUnclear { .. } => "cover other lights, and surfaces that reflect the laser",
-            Self::NotCalibrated { .. } => {
-                "send `calibration on`; without a calibration, upload one, or send `defaults` \
-                 (TCD1304DG only)"
-            }
+            Self::Spike { step } => write!(f, ": {step:.1} um from the last good reading"),
         }
     }
 }
+
+impl core::error::Error for Fault {}

@@ -87,7 +87,7 @@ impl FrontEnd {
     }
 
     /// Whether all values and uncertainties are within their ranges.
-    pub(crate) fn is_sensible(&self) -> bool {
+    pub fn is_sensible(&self) -> bool {
         let largest = Counts::from_int(LARGEST_COUNT.into());
         let is_count = |it: &Estimate<Counts>| {
             let range = Counts::default()..=largest;

@@ -16,7 +16,7 @@
 //! distance:
 //!
 //! ```
-//! use slitrange::{Calibration, CalibrationErrors, Measurement, Settings, Surface, sensor_heads};
+//! use slitrange::{Calibration, CalibrationErrors, Measurement, Options, Surface, sensor_heads};
 //!
 //! let head = sensor_heads::tcd1304dg();
 //! // A row as the converter delivers it: words fall with light. A spot of 2000 counts is on pixel 1800 of
@@ -27,14 +27,14 @@
 //! };
 //! let mut words: Vec<u16> = (0..head.words).map(|i| (3800.0 - spot(i)) as u16).collect();
 //!
-//! let mut measurement = Measurement::new(head, Settings { rows: 1, ..Settings::default() });
+//! let mut measurement = Measurement::new(head, Options { rows: 1, ..Options::default() });
 //! let measured = measurement.row(&mut words).expect("a frame of one row is complete").expect("a centre");
 //! // Nobody calibrated this head: u holds its tolerances, and speckle at its worst, on bare metal.
 //! let nominal = Calibration::nominal();
 //! let errors = CalibrationErrors::Nominal;
 //! let reading = measured.reading(nominal.as_ref(), &errors, Surface::Auto).expect("a distance");
 //! assert!((reading.centre.to_f64() - 1800.0).abs() < 0.02);
-//! println!("{reading}");
+//! println!("{:.3} um, u {:.3} um", reading.distance, reading.uncertainty);
 //! ```
 //!
 //! The folder `examples` starts from here: a row to a centre, a frame to a distance with its faults, a sensor
@@ -49,11 +49,9 @@
 //! |---|---|
 //! | [`Measurement`], with the frame under way, the sums over blocks, and the mean ambient light | 17,030 |
 //! | [`Calibration`] | 2144 |
-//! | [`record::Record`], a calibration with the sensor that it belongs to | 2912 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
-//! | [`session::Session`], the serial line with its copies of both and the readings of `average` | 10,210 |
 //! | [`Measured`], with the centre of each slit of a comb | 236 |
-//! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
+//! | [`Reading`], [`Geometry`], [`Options`] | 92 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
 //! that rises along the row is removed first. A row of a comb takes 24 KB. At most 55,228 bytes were measured
@@ -102,40 +100,25 @@ pub mod reading;
 
 pub mod difference;
 
-pub mod output;
-
 pub mod fault;
 
-pub mod record;
 pub mod region;
 
-pub mod settings;
-
-pub mod session;
-
-pub mod protocol;
-
-pub mod store;
-
-pub mod sending;
 pub mod sensor_heads;
 
-pub mod text;
-pub mod trigger;
 pub mod units;
 
 mod effort;
 mod numeric;
-mod rank;
+pub mod rank;
 
 pub use black_level::BlackLevel;
 pub use centre::{Estimator, RowCentre};
 pub use distance::Calibration;
 pub use fault::Fault;
 pub use frame::Mean;
-pub use measurement::Measurement;
+pub use measurement::{Measurement, Options};
 pub use reading::{Measured, Reading};
 pub use row::{Geometry, Polarity, Row};
-pub use settings::Settings;
 pub use uncertainty::{CalibrationErrors, Surface};
 pub use units::{Counts, Micrometres, Pixels};

@@ -1,40 +1,85 @@
 //! Measures rows: takes the words of rows and gives the centres of frames. The whole pipeline up to the
 //! calibration, pure.
 //!
-//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
+//! Words of a read-out -> [`Row`](crate::row::Row) -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
 //! A [`Calibration`](crate::distance::Calibration) turns that into a distance: [`Measured::reading`].
 
 use core::ops::Range;
 
 use crate::ambient::{AmbientMean, AmbientMode};
 use crate::auto_exposure::{AutoExposure, Brightness};
-use crate::black_level::{BlackLevel, BlackPixels};
-use crate::centre::{self, RowCentre};
+use crate::black_level::{self, BlackLevel, BlackPixels};
+use crate::centre::{self, Estimator, RowCentre};
 use crate::check;
 use crate::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::exposure::{Exposure, ExposureMode};
 use crate::fault::Fault;
-use crate::frame::{Frame, FrameCentre};
+use crate::frame::{Frame, FrameCentre, Mean};
 use crate::numeric;
 use crate::peak::Peak;
 use crate::pixels::PixelErrors;
 use crate::pixels::map::{self, Correction, PixelMap};
 use crate::profile::Profile;
 use crate::reading::Measured;
-use crate::row::{BLOCK, Blocks, Geometry, MAX_PIXELS, Row};
-use crate::settings::Settings;
+use crate::region::Region;
+use crate::row::{BLOCK, Blocks, Geometry, MAX_PIXELS};
 use crate::spot::{self, Background, Coarse, Spot};
 use crate::units::{Counts, Pixels};
+
+/// How rows are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The rows of a frame, 1 to [`frame::MAX_ROWS`](crate::frame::MAX_ROWS).
+    pub rows: u16,
+    /// How the centres of the rows are averaged.
+    pub mean: Mean,
+    /// For how long the laser is on in a row.
+    pub exposure: ExposureMode,
+    /// The longest exposure, whatever `exposure` is.
+    pub exposure_limit: Exposure,
+    /// Whether the laser may be on.
+    pub laser: bool,
+    /// What is done about ambient light.
+    pub ambient: AmbientMode,
+    /// How the black level is found.
+    pub black_level: BlackLevel,
+    /// How the centre of a row is found.
+    pub estimator: Estimator,
+    /// What is before the sensor.
+    pub slits: Slits,
+    /// The pixels in which the spot is searched, with one slit.
+    pub region: Region,
+    /// Which of several spots is measured, with one slit.
+    pub peak: Peak,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            rows: 16,
+            mean: Mean::Weighted,
+            exposure: ExposureMode::Auto,
+            exposure_limit: Exposure::LONGEST,
+            laser: true,
+            ambient: AmbientMode::Off,
+            black_level: BlackLevel::Shielded,
+            estimator: Estimator::Adaptive,
+            slits: Slits::One,
+            region: Region::ALL,
+            peak: Peak::Strongest,
+        }
+    }
+}
 
 /// The pipeline with the state of the frame that is under way.
 #[derive(Clone, Debug)]
 pub struct Measurement {
     geometry: Geometry,
-    /// The geometry with fewer light pixels: those of the setting `region`, or of these a part that has the
-    /// spot that the setting `peak` chooses. Pixel 0 of [`Spot`] and of `before` is the first of them.
+    /// The geometry with fewer light pixels: those of the option `region`, or of these a part that has the
+    /// spot that the option `peak` chooses. Pixel 0 of [`Spot`] and of `before` is the first of them.
     view: Geometry,
-    settings: Settings,
-    /// Whether the setting `peak` has chosen a spot in the frame under way.
+    options: Options,
+    /// Whether the option `peak` has chosen a spot in the frame under way.
     is_chosen: bool,
     /// The sensor's own spot. Pixel 0 is that of `view`.
     profile: Option<Profile>,
@@ -68,14 +113,14 @@ pub struct Measurement {
 
 impl Measurement {
     /// Makes a pipeline for a sensor's rows.
-    pub fn new(geometry: Geometry, settings: Settings) -> Self {
+    pub fn new(geometry: Geometry, options: Options) -> Self {
         Self {
             view: Geometry {
-                light: settings.region.part_of(&geometry.light),
+                light: options.region.part_of(&geometry.light),
                 ..geometry.clone()
             },
             geometry,
-            settings,
+            options,
             is_chosen: false,
             profile: None,
             blocks: Blocks::NONE,
@@ -95,7 +140,7 @@ impl Measurement {
         }
     }
 
-    /// Changes the slits that rows are measured by if the setting is [`Slits::Comb`], and starts the frame
+    /// Changes the slits that rows are measured by if the option is [`Slits::Comb`], and starts the frame
     /// under way again. They are those of [`Comb::nominal`] until then.
     pub fn set_comb(&mut self, comb: Comb) {
         self.comb = CombMeasurement::new(comb);
@@ -120,37 +165,37 @@ impl Measurement {
         self.start_frame();
     }
 
-    /// The settings in use.
-    pub fn settings(&self) -> &Settings {
-        &self.settings
+    /// The options in use.
+    pub fn options(&self) -> &Options {
+        &self.options
     }
 
-    /// Changes the settings and the sensor's own spot, and starts the frame under way again. Another
+    /// Changes the options and the sensor's own spot, and starts the frame under way again. Another
     /// `ambient` or `laser` also starts the mean of the ambient light again: rows of an old mean may be hours
     /// old.
-    pub fn set(&mut self, settings: Settings, profile: Option<Profile>) {
-        let of_mean = |settings: &Settings| (settings.ambient, settings.laser);
-        if of_mean(&settings) != of_mean(&self.settings) {
+    pub fn set(&mut self, options: Options, profile: Option<Profile>) {
+        let of_mean = |options: &Options| (options.ambient, options.laser);
+        if of_mean(&options) != of_mean(&self.options) {
             self.ambient_mean.clear();
         }
-        self.settings = settings;
+        self.options = options;
         self.see(self.geometry.light.clone());
         self.profile = profile;
         self.start_frame();
     }
 
-    /// The exposure to use from now on: that of the setting, or the one that auto exposure chooses by the
+    /// The exposure to use from now on: that of the option, or the one that auto exposure chooses by the
     /// rows so far.
     pub fn next_exposure(&self) -> Exposure {
-        let limit = self.settings.exposure_limit;
-        match self.settings.exposure {
+        let limit = self.options.exposure_limit;
+        match self.options.exposure {
             ExposureMode::Auto => self.auto_exposure.next(limit),
             ExposureMode::Fixed(exposure) => exposure.min(limit),
         }
     }
 
     /// Takes the words of a read-out that was exposed with the laser off. Their mean is subtracted from the
-    /// rows with the laser on if the setting is [`AmbientMode::Subtract`]. Until the first of these rows
+    /// rows with the laser on if the option is [`AmbientMode::Subtract`]. Until the first of these rows
     /// comes, nothing is subtracted. Words that are no row are left out.
     pub fn ambient_row(&mut self, words: &[u16]) {
         if let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) {
@@ -181,7 +226,7 @@ impl Measurement {
             self.before = None;
             self.exposure = exposure;
         }
-        self.subtracted = match self.settings.ambient {
+        self.subtracted = match self.options.ambient {
             AmbientMode::Off => None,
             AmbientMode::Subtract => self.ambient_mean.subtract(words, &self.geometry),
         };
@@ -190,9 +235,9 @@ impl Measurement {
         {
             self.largest_share = share;
         }
-        match self.settings.slits {
+        match self.options.slits {
             // The two kinds of result do not meet: they would be copied.
-            _ if !self.settings.laser => self.frame.add(Err(Fault::LaserOff)),
+            _ if !self.options.laser => self.frame.add(Err(Fault::LaserOff)),
             Slits::One => {
                 let mut centre = self.centre(words, map);
                 self.follow_light(&centre);
@@ -202,7 +247,7 @@ impl Measurement {
             }
             Slits::Comb => self.add_row_of_comb(words, map),
         }
-        let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);
+        let rows = self.options.rows.clamp(1, crate::frame::MAX_ROWS as u16);
         if self.frame.rows() < rows {
             return None;
         }
@@ -218,10 +263,10 @@ impl Measurement {
         exposure: Option<Exposure>,
         map: Option<&PixelMap>,
     ) -> Result<Measured, Fault> {
-        let rows = core::mem::replace(&mut self.settings.rows, 1);
+        let rows = core::mem::replace(&mut self.options.rows, 1);
         self.start_frame();
         let measured = self.row_with(words, exposure, map);
-        self.settings.rows = rows;
+        self.options.rows = rows;
         // A frame of one row is complete with it.
         measured.unwrap_or(Err(Fault::SensorSilent))
     }
@@ -240,7 +285,7 @@ impl Measurement {
         self.before = None;
         self.largest_share = 0.0;
         self.is_chosen = false;
-        self.see(self.settings.region.part_of(&self.geometry.light));
+        self.see(self.options.region.part_of(&self.geometry.light));
     }
 
     /// Changes the light pixels of the view.
@@ -273,12 +318,12 @@ impl Measurement {
         }
     }
 
-    /// Narrows the view to the spot that the setting `peak` chooses.
+    /// Narrows the view to the spot that the option `peak` chooses.
     #[cold]
     #[inline(never)]
     fn choose_spot(&mut self, words: &[u16]) {
         let (blocks, coarse) = (&mut self.blocks, &mut self.coarse);
-        let part = (self.settings.peak).part_with_spot(words, &self.view, blocks, coarse);
+        let part = (self.options.peak).part_with_spot(words, &self.view, blocks, coarse);
         self.is_chosen = part.is_some();
         if let Some(part) = part {
             self.see(part);
@@ -290,7 +335,7 @@ impl Measurement {
     #[inline(always)]
     fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
-        if self.settings.peak != Peak::Strongest && !self.is_chosen {
+        if self.options.peak != Peak::Strongest && !self.is_chosen {
             self.choose_spot(words);
         }
         let Ok(row) = self.view.row_and_blocks(words, &mut self.blocks) else {
@@ -304,7 +349,7 @@ impl Measurement {
             }
             None => spot::find_in(&row, row.blocks(), &mut self.coarse),
         };
-        let how = self.settings.black_level;
+        let how = self.options.black_level;
         let mut black = BlackPixels::default();
         black.add(how, &row, spot.ok().map(|spot| spot.background));
         self.black.merge(black);
@@ -317,7 +362,7 @@ impl Measurement {
         let (row, spot) = match map {
             None => (row, spot),
             Some(map) => {
-                let black = black_level(&row).unwrap_or(spot.background.level);
+                let black = black_level::of_shielded(&row).unwrap_or(spot.background.level);
                 let width = before.as_ref().map(|(_, centre)| centre.width);
                 let window = map::window(&spot, width);
                 let first = self.first();
@@ -338,7 +383,7 @@ impl Measurement {
         let above_black = spot.above_black(Counts::default()).to_bits();
         self.ambient = Counts::from_bits(above_black.max(0));
         let centre = check::centre(
-            self.settings.estimator,
+            self.options.estimator,
             &row,
             &spot,
             before.as_ref().map(|(_, centre)| centre),
@@ -347,7 +392,7 @@ impl Measurement {
         )?;
         self.before = Some((found, centre));
         self.height = centre.amplitude;
-        centre::above_black(self.settings.estimator, &spot, centre)
+        centre::above_black(self.options.estimator, &spot, centre)
     }
 
     /// Finds the centre that a slit on the axis would show, from all images of a comb.
@@ -361,7 +406,7 @@ impl Measurement {
             return Err(Fault::SensorSilent);
         };
         let mut found = self.comb.find(&row)?;
-        let how = self.settings.black_level;
+        let how = self.options.black_level;
         let mut black = BlackPixels::default();
         match how {
             BlackLevel::Frame => black.add_outside(&row, found.span()),
@@ -373,7 +418,7 @@ impl Measurement {
         let row = match map {
             None => row,
             Some(map) => {
-                let black = self::black_level(&row).unwrap_or(level);
+                let black = black_level::of_shielded(&row).unwrap_or(level);
                 // Windows overlap, and no pixel is corrected twice.
                 let mut done = 0;
                 for centre in found.images() {
@@ -389,7 +434,7 @@ impl Measurement {
         self.background = level;
         let above_black = level.to_bits().saturating_sub(black_level.to_bits());
         self.ambient = Counts::from_bits(above_black.max(0));
-        let estimator = self.settings.estimator;
+        let estimator = self.options.estimator;
         self.comb
             .measure(&row, &found, black_level, estimator, &self.geometry)
     }
@@ -405,9 +450,9 @@ impl Measurement {
     /// Tells auto exposure about a row.
     #[inline]
     fn follow_light(&mut self, centre: &Result<RowCentre, Fault>) {
-        if let (ExposureMode::Auto, Some(exposure)) = (self.settings.exposure, self.exposure) {
+        if let (ExposureMode::Auto, Some(exposure)) = (self.options.exposure, self.exposure) {
             let brightness = self.brightness(centre);
-            let limit = self.settings.exposure_limit;
+            let limit = self.options.exposure_limit;
             self.auto_exposure.follow_row(exposure, brightness, limit);
         }
     }
@@ -419,7 +464,7 @@ impl Measurement {
         let room = (self.geometry).height_limit(Counts::from_bits(background));
         match centre {
             Ok(_) => {
-                let height = match self.settings.slits {
+                let height = match self.options.slits {
                     Slits::One => self.height,
                     // The centre's height is the mean of all images.
                     Slits::Comb => self.highest_block(),
@@ -455,10 +500,10 @@ impl Measurement {
 
     /// The fault of a row, with what auto exposure knows of it.
     fn with_exposure(&self, fault: Fault) -> Fault {
-        let (ExposureMode::Auto, Some(exposure)) = (self.settings.exposure, self.exposure) else {
+        let (ExposureMode::Auto, Some(exposure)) = (self.options.exposure, self.exposure) else {
             return fault;
         };
-        let is_longest = exposure >= self.settings.exposure_limit;
+        let is_longest = exposure >= self.options.exposure_limit;
         match fault {
             Fault::TooDim { amplitude, .. } if is_longest => Fault::DimAtLongest {
                 amplitude,
@@ -507,8 +552,8 @@ impl Measurement {
     }
 
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
-        let frame = self.frame.centre(self.settings.mean)?;
-        let comb = match self.settings.slits {
+        let frame = self.frame.centre(self.options.mean)?;
+        let comb = match self.options.slits {
             Slits::One => None,
             Slits::Comb => Some(self.comb.combine()?),
         };
@@ -526,21 +571,13 @@ impl Measurement {
             frame,
             black_level: self
                 .black
-                .level(self.settings.black_level)
+                .level(self.options.black_level)
                 .unwrap_or_default(),
             ambient: self.ambient,
-            estimator: self.settings.estimator,
-            by_shape: (self.settings.estimator).by_shape(&frame.shape, own.as_ref()),
+            estimator: self.options.estimator,
+            by_shape: (self.options.estimator).by_shape(&frame.shape, own.as_ref()),
             pixels: map.map_or(PixelErrors::TCD1304DG, PixelMap::errors),
             comb,
         })
     }
-}
-
-/// The mean of a row's shielded pixels, if there are any.
-#[inline(never)]
-pub(crate) fn black_level(row: &Row<'_>) -> Option<Counts> {
-    let mut black = BlackPixels::default();
-    black.add(BlackLevel::Shielded, row, None);
-    black.level(BlackLevel::Shielded)
 }

@@ -3,7 +3,6 @@
 //! The rows of a frame share these errors, so more rows do not reduce what they do to a centre. A [`map`] of
 //! the pixels, taken once, corrects them.
 
-pub mod encoded;
 pub mod flat_field;
 pub mod map;
 pub mod scatter;

@@ -7,7 +7,7 @@
 /// Bisection finds it: each pass halves the range from `low` to `high` in which it lies. It ends early if
 /// exactly `rank` or `rank + 1` keys are at or below the middle: the value is then the lowest key above it,
 /// or the highest key at or below it.
-pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
+pub fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
     if rank >= keys.len() {
         return None;
     }
@@ -44,12 +44,12 @@ pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
 }
 
 /// Maps integers to keys for [`ranked`], in the same order.
-pub(crate) const fn ordered(value: i32) -> u32 {
+pub const fn ordered(value: i32) -> u32 {
     value.cast_unsigned() ^ (1 << 31)
 }
 
 /// The integer of a key.
-pub(crate) const fn from_ordered(key: u32) -> i32 {
+pub const fn from_ordered(key: u32) -> i32 {
     (key ^ (1 << 31)).cast_signed()
 }
 

@@ -163,7 +163,7 @@ impl Geometry {
     /// This geometry, with its pixels in the words of another one. Older firmware may have read the same
     /// pixels in other words. A calibration stays right then, because pixel 0 is the first light pixel in
     /// both. `None` if the numbers of light pixels, the polarities or the bits differ.
-    pub(crate) fn in_words_of(self, other: &Self) -> Option<Self> {
+    pub fn in_words_of(self, other: &Self) -> Option<Self> {
         if self.is_compatible_with(other) {
             return Some(self);
         }
@@ -266,7 +266,7 @@ impl Geometry {
 
     /// Makes a row of words that are not above full scale. `None` where the row has more or fewer words than
     /// the geometry says.
-    pub(crate) fn row_of_valid<'a>(&self, words: &'a [u16]) -> Option<Row<'a>> {
+    pub fn row_of_valid<'a>(&self, words: &'a [u16]) -> Option<Row<'a>> {
         let part = |range: &Range<usize>| {
             let words = words.get(range.clone())?;
             (words.len() <= MAX_PIXELS).then_some(Light::new(words, self.inverted()))

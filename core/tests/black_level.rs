@@ -5,10 +5,10 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::{Estimator, half_width};
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 use slitrange::row::{Geometry, Row};
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::settings::Settings;
 use slitrange::spot;
 use slitrange::units::Counts;
 
@@ -38,14 +38,14 @@ fn measured(
     estimator: Estimator,
     black_level: BlackLevel,
 ) -> Result<Measured, Fault> {
-    let settings = Settings {
+    let options = Options {
         rows: 1,
         estimator,
         black_level,
-        ..Settings::default()
+        ..Options::default()
     };
     let mut words: Vec<u16> = counts.iter().map(|count| 4095 - count).collect();
-    let mut measurement = Measurement::new(tcd1304dg(), settings);
+    let mut measurement = Measurement::new(tcd1304dg(), options);
     measurement
         .row(&mut words)
         .expect("a frame of one row is complete")
@@ -228,12 +228,12 @@ fn a_sensor_without_shielded_pixels_takes_the_background() {
     };
     let counts = counts(1800.3, 9.0, 1000.0);
     let mut words: Vec<u16> = counts.iter().map(|count| 4095 - count).collect();
-    let settings = Settings {
+    let options = Options {
         rows: 1,
         estimator: Estimator::Centroid,
-        ..Settings::default()
+        ..Options::default()
     };
-    let found = Measurement::new(head, settings)
+    let found = Measurement::new(head, options)
         .row(&mut words)
         .expect("a frame");
     let height = found.expect("a centre").frame.amplitude.to_f64();

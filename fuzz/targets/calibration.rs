@@ -6,7 +6,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use libfuzzer_sys::fuzz_target;
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
-use slitrange::record::{MAX_ENCODED, Record, decode, encode};
+use slitrange_device::record::{MAX_ENCODED, Record, decode, encode};
 use slitrange::units::Pixels;
 
 /// No mutation would meet it: each input is also tried with the sum that it should have.

@@ -17,7 +17,7 @@ use slitrange::measurement::Measurement;
 use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
@@ -76,7 +76,7 @@ fn geometry(first: u8) -> Geometry {
 struct Bench {
     geometry: Geometry,
     light: Vec<f64>,
-    settings: Settings,
+    options: Options,
     calibration: Option<Calibration>,
     measurement: Measurement,
     /// Rows of the frame that is under way.
@@ -86,18 +86,18 @@ struct Bench {
 
 impl Bench {
     fn new(geometry: Geometry) -> Self {
-        let settings = Settings {
+        let options = Options {
             rows: 1,
             mean: Mean::Weighted,
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,
-            ..Settings::default()
+            ..Options::default()
         };
         Self {
             light: vec![300.0; geometry.light.len().min(5000)],
-            measurement: Measurement::new(geometry.clone(), settings),
+            measurement: Measurement::new(geometry.clone(), options),
             geometry,
-            settings,
+            options,
             calibration: None,
             rows: 0,
             left: MAX_ROWS_OF_INPUT,
@@ -177,7 +177,7 @@ impl Bench {
 
     fn set(&mut self, a: u8, [b, c, d]: [u16; 3]) {
         let estimators = Estimator::ALL;
-        self.settings = Settings {
+        self.options = Options {
             rows: if b & 0x8000 != 0 { b } else { b % 20 },
             mean: if a & 1 == 0 {
                 Mean::Weighted
@@ -195,10 +195,10 @@ impl Bench {
             } else {
                 Slits::Comb
             },
-            ..Settings::default()
+            ..Options::default()
         };
         self.calibration = Calibration::nominal().filter(|_| a & 0x80 != 0);
-        self.measurement.set(self.settings, None);
+        self.measurement.set(self.options, None);
         self.rows = 0;
     }
 
@@ -243,7 +243,7 @@ impl Bench {
             .collect();
         self.rows += 1;
         let result = self.measurement.row(&mut row);
-        let due = self.rows >= self.settings.rows.clamp(1, MAX_ROWS as u16);
+        let due = self.rows >= self.options.rows.clamp(1, MAX_ROWS as u16);
         assert_eq!(result.is_some(), due, "after {} rows", self.rows);
         if let Some(result) = result {
             self.rows = 0;
@@ -286,7 +286,7 @@ impl Bench {
         assert!(reading.width > Pixels::from_int(0), "{reading:?}");
         assert!(reading.amplitude > Counts::from_int(0), "{reading:?}");
         assert!(
-            reading.rows == self.settings.rows.clamp(1, MAX_ROWS as u16),
+            reading.rows == self.options.rows.clamp(1, MAX_ROWS as u16),
             "{reading:?}"
         );
         // More than half of the rows have a centre, two thirds of those fit, and two thirds of those agree.
@@ -299,8 +299,8 @@ impl Bench {
                 .is_none_or(|worth| (1..FEWEST_INDEPENDENT).contains(&worth)),
             "{reading:?}"
         );
-        assert_eq!(reading.estimator, self.settings.estimator);
-        match self.settings.slits {
+        assert_eq!(reading.estimator, self.options.estimator);
+        match self.options.slits {
             Slits::One => assert_eq!(reading.slits_used, 1),
             Slits::Comb => assert!(usize::from(reading.slits_used) >= FEWEST, "{reading:?}"),
         }
@@ -310,7 +310,7 @@ impl Bench {
     fn check_centre(&self, centre: Pixels, uncertainty: Pixels) {
         let pixels = self.geometry.light.len() as f64;
         let place = centre.to_f64();
-        if self.settings.slits == Slits::Comb {
+        if self.options.slits == Slits::Comb {
             // Where a slit on the axis would show the spot: it may lie beyond the row.
             assert!(place.abs() < 5000.0, "{centre}");
             assert!(uncertainty > Pixels::from_int(0), "{centre}: {uncertainty}");
@@ -339,12 +339,12 @@ impl Bench {
             Fault::Unsteady { scatter } => assert!(scatter > Pixels::from_int(0)),
             Fault::TwoSpots { centre, other } => assert_ne!(centre, other),
             Fault::FewSlits { found, needed } => assert!(found < needed),
-            Fault::SlitsUnclear { .. } => assert_eq!(self.settings.slits, Slits::Comb),
+            Fault::SlitsUnclear { .. } => assert_eq!(self.options.slits, Slits::Comb),
             Fault::SensorSilent
             | Fault::NoSpot { .. }
             | Fault::TooDim { .. }
             | Fault::SpotAtEdge { .. } => {}
-            Fault::LaserOff => assert!(!self.settings.laser),
+            Fault::LaserOff => assert!(!self.options.laser),
             // Rows come here without their exposure.
             Fault::DimAtLongest { .. } | Fault::SaturatedAtShortest { .. } => {
                 panic!("{fault}: nothing chose an exposure")

@@ -17,12 +17,12 @@ use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::table::Table;
 use slitrange::frame::Mean;
-use slitrange::record::Record;
-use slitrange::record::date::Date;
+use slitrange_device::record::Record;
+use slitrange_device::record::date::Date;
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
-use slitrange::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
-use slitrange::store::{Store, Stored};
+use slitrange_device::settings::Settings;
+use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
+use slitrange_device::store::{Store, Stored};
 use slitrange::uncertainty::CalibrationErrors;
 use slitrange::units::{Counts, Micrometres, Pixels};
 

@@ -13,8 +13,8 @@ use slitrange::ambient::AmbientMode;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 use crate::frames::words;
@@ -49,13 +49,13 @@ pub struct Sensor {
 
 impl Sensor {
     /// A sensor that sees this scene, in which the spot has [`BRIGHTEST`] for a reflectivity of 1.
-    pub fn new(scene: Scene, settings: Settings) -> Self {
+    pub fn new(scene: Scene, options: Options) -> Self {
         let spot = scene.spot.map(|spot| Spot {
             counts_per_second: BRIGHTEST,
             ..spot
         });
         let scene = Scene { spot, ..scene };
-        let measurement = Measurement::new(scene.geometry(), settings);
+        let measurement = Measurement::new(scene.geometry(), options);
         let first = measurement.next_exposure();
         Self {
             distance: scene.distance,
@@ -81,7 +81,7 @@ impl Sensor {
     /// Shows a row of a target of this reflectivity, 0 to 1, after a row with the laser off if the ambient
     /// light is subtracted. Gives the exposure, and the frame's result if the row ends a frame.
     pub fn row(&mut self, reflectivity: f64) -> (Exposure, Option<Result<Measured, Fault>>) {
-        if self.measurement.settings().ambient == AmbientMode::Subtract {
+        if self.measurement.options().ambient == AmbientMode::Subtract {
             let words = self.words(0.0);
             self.measurement.ambient_row(&words);
         }

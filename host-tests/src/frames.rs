@@ -6,11 +6,11 @@ use slitrange::centre::Estimator;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::pixels::PixelErrors;
 use slitrange::pixels::map::PixelMap;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
-use slitrange::settings::Settings;
 use slitrange::shape::SpotShape;
 use slitrange::units::{Counts, Pixels};
 
@@ -31,15 +31,15 @@ pub fn words(light: &[f32], geometry: &Geometry) -> Vec<u16> {
 /// The fault of the frame.
 pub fn measure(
     simulation: &Simulation,
-    settings: Settings,
+    options: Options,
     distance: f64,
     first: u64,
     map: Option<&PixelMap>,
 ) -> Result<Measured, Fault> {
     let scene = simulation.scene();
     let geometry = scene.geometry();
-    let mut measurement = Measurement::new(geometry.clone(), settings);
-    (first..first + u64::from(settings.rows))
+    let mut measurement = Measurement::new(geometry.clone(), options);
+    (first..first + u64::from(options.rows))
         .find_map(|row| {
             let light = simulation.row(row, distance, scene.exposure);
             measurement.row_with(&mut words(&light, &geometry), None, map)

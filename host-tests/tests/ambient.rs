@@ -10,8 +10,8 @@ use slitrange::ambient::AmbientMode::{Off, Subtract};
 use slitrange::black_level::BlackLevel;
 use slitrange::comb::Slits;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::row::Geometry;
-use slitrange::settings::Settings;
 
 const FRAMES: usize = 400;
 
@@ -112,11 +112,11 @@ fn lit_and_dark_words() -> (Vec<u16>, Vec<u16>) {
     (lit, dark)
 }
 
-fn subtracting(rows: u16) -> Settings {
-    Settings {
+fn subtracting(rows: u16) -> Options {
+    Options {
         ambient: Subtract,
         rows,
-        ..Settings::default()
+        ..Options::default()
     }
 }
 
@@ -163,7 +163,7 @@ fn r_contains_all_noise_of_a_mean_that_has_just_begun() {
     }
 }
 
-/// Settings that the mean does not depend on leave the mean as it is. With `ambient` or `laser` the mean
+/// Options that the mean does not depend on leave the mean as it is. With `ambient` or `laser` the mean
 /// begins again.
 #[test]
 fn the_mean_outlasts_other_settings() {
@@ -185,20 +185,20 @@ fn the_mean_outlasts_other_settings() {
     // The shielded pixels have noise too.
     assert!(expected.0 < 60.0);
     let mut measurement = settled();
-    let other = Settings {
+    let other = Options {
         black_level: BlackLevel::Frame,
         ..one
     };
-    for settings in [other, one] {
-        measurement.set(settings, None);
+    for options in [other, one] {
+        measurement.set(options, None);
         measurement.set_geometry(geometry.clone());
     }
     assert_eq!(measure(&mut measurement), expected);
-    let off = Settings {
+    let off = Options {
         ambient: Off,
         ..one
     };
-    let laser_off = Settings {
+    let laser_off = Options {
         laser: false,
         ..one
     };
@@ -281,12 +281,12 @@ fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
 fn auto_exposure_leaves_room_for_the_light_that_is_subtracted() {
     // The well holds 4000 counts, of which 300 are no charge. Daylight takes 1710 in the middle of the row.
     const ROOM: f64 = 3795.0 - 1710.0;
-    let settings = Settings {
+    let options = Options {
         ambient: Subtract,
-        ..Settings::default()
+        ..Options::default()
     };
     for reflectivity in [0.3, 0.1, 1e-2, 3e-3] {
-        let mut sensor = named("beside a window, three times as bright").sensor(settings);
+        let mut sensor = named("beside a window, three times as bright").sensor(options);
         sensor.frames(reflectivity, 3);
         for result in sensor.frames(reflectivity, 10) {
             let measured = result.expect("a reading");
@@ -357,14 +357,14 @@ fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
     };
     const ROWS: usize = 200;
     let measure = |scene: &Scene, ambient| {
-        let settings = Settings {
+        let options = Options {
             slits: Slits::Comb,
             ambient,
             rows: 1,
-            ..Settings::default()
+            ..Options::default()
         };
         let geometry = scene.geometry();
-        let mut measurement = Measurement::new(geometry.clone(), settings);
+        let mut measurement = Measurement::new(geometry.clone(), options);
         let dark = Scene {
             spot: None,
             ..scene.clone()

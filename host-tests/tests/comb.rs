@@ -13,8 +13,8 @@ use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, MAX_SLITS, Peak, Slits, assign};
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::settings::Settings;
 use slitrange::units::{Counts, Pixels};
 
 /// What random peaks came to.
@@ -118,18 +118,18 @@ fn quiet() -> Scene {
     }
 }
 
-fn settings(rows: u16) -> Settings {
-    Settings {
+fn options(rows: u16) -> Options {
+    Options {
         rows,
         slits: Slits::Comb,
-        ..Settings::default()
+        ..Options::default()
     }
 }
 
 fn measure(scene: &Scene, distance: f64, rows: u16) -> Result<Measured, Fault> {
     frames::measure(
         &Simulation::new(scene.clone()),
-        settings(rows),
+        options(rows),
         distance,
         0,
         None,
@@ -194,7 +194,7 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
             0.0,
             random.random_range(50.0..1500.0),
         );
-        let mut measurement = Measurement::new(geometry.clone(), settings(1));
+        let mut measurement = Measurement::new(geometry.clone(), options(1));
         let measured = measurement.row(&mut frames::words(&light, &geometry));
         match measured.expect("a frame of one row") {
             Ok(measured) => {
@@ -286,7 +286,7 @@ fn errors_of_slits(waist: f64, linewidth: f64, surfaces: u64) -> Vec<[Option<f64
         .filter_map(|surface| {
             let simulation = Simulation::on_surface(scene.clone(), surface);
             let distance = 0.6 + 0.42 * (surface as f64 * 0.618_033_988_749_895).fract();
-            let found = frames::measure(&simulation, settings(1), distance, surface, None).ok()?;
+            let found = frames::measure(&simulation, options(1), distance, surface, None).ok()?;
             let truth = scene.optics.centre(distance);
             let mut errors = [None; MAX_SLITS];
             let images = found.comb?.centres;
@@ -339,12 +339,12 @@ fn neighbours_share_as_much_speckle_as_the_core_says() {
 fn every_estimator_measures_a_comb() {
     let scene = quiet();
     for estimator in Estimator::ALL {
-        let settings = Settings {
+        let options = Options {
             estimator,
-            ..settings(8)
+            ..options(8)
         };
         let simulation = Simulation::new(scene.clone());
-        let measured = frames::measure(&simulation, settings, 0.8, 0, None).expect("a centre");
+        let measured = frames::measure(&simulation, options, 0.8, 0, None).expect("a centre");
         let off = measured.frame.centre.to_f64() - scene.optics.centre(0.8);
         let r = measured.frame.uncertainty.to_f64();
         println!("{}: off by {off:.5} px, r {r:.5}", estimator.name());

@@ -9,7 +9,7 @@ use simulator::scene::{Ambient, Saturation, Scene};
 use slitrange::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
 use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::fault::Fault;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use slitrange::{Counts, Estimator};
 
 fn us(us: u16) -> Exposure {
@@ -117,7 +117,7 @@ fn a_spot_that_is_lost_is_looked_for_in_the_longest_exposure() {
 #[test]
 fn a_lamp_does_not_hide_the_target_for_ever() {
     let lamp = |light: &mut [f32]| light[300..303].fill(1e5);
-    let mut sensor = Sensor::new(scene(), Settings::default()).with_lamp(lamp);
+    let mut sensor = Sensor::new(scene(), Options::default()).with_lamp(lamp);
     assert!(sensor.frames(0.0, 6).iter().all(Result::is_err));
     let found = sensor.frames(2e-3, 4);
     println!("{found:?}");
@@ -129,11 +129,11 @@ fn a_lamp_does_not_hide_the_target_for_ever() {
 #[test]
 fn a_fault_names_the_exposure_of_its_rows() {
     for rows in [2, 4, 8] {
-        let settings = Settings {
+        let options = Options {
             rows,
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut sensor = Sensor::new(scene(), settings);
+        let mut sensor = Sensor::new(scene(), options);
         for reflectivity in [1.0, 1e-3, 1.0, 1e-4, 3e-2, 1.0] {
             for result in sensor.frames(reflectivity, 24 / usize::from(rows)) {
                 let is_at_the_end = matches!(
@@ -168,11 +168,11 @@ fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
         (shallow, "a well of 2200"),
     ] {
         for estimator in Estimator::ALL {
-            let settings = Settings {
+            let options = Options {
                 estimator,
-                ..Settings::default()
+                ..Options::default()
             };
-            let mut sensor = Sensor::new(scene.clone(), settings);
+            let mut sensor = Sensor::new(scene.clone(), options);
             sensor.frames(0.03, 3);
             let exposures: BTreeSet<u16> = (0..320).map(|_| sensor.row(0.03).0.us()).collect();
             let results = sensor.frames(0.03, 10);
@@ -188,7 +188,7 @@ fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
 #[test]
 fn the_exposure_does_not_hunt() {
     for reflectivity in [1.0, 0.3, 0.03, 3e-3, 1e-3, 3e-4, 1e-4] {
-        let mut sensor = Sensor::new(scene(), Settings::default());
+        let mut sensor = Sensor::new(scene(), Options::default());
         sensor.frames(reflectivity, 2);
         let mut seen = std::collections::BTreeMap::new();
         for _ in 0..320 {
@@ -278,20 +278,20 @@ fn one_setting_measures_all_of_the_range() {
 /// Short exposures make the same spot of a brighter target.
 #[test]
 fn exposures_are_those_of_the_settings() {
-    let fixed = Settings {
+    let fixed = Options {
         exposure: ExposureMode::Fixed(us(300)),
-        ..Settings::default()
+        ..Options::default()
     };
-    let limited = Settings {
+    let limited = Options {
         exposure_limit: us(200),
         ..fixed
     };
-    let auto = Settings {
+    let auto = Options {
         exposure: ExposureMode::Auto,
         ..limited
     };
-    for (settings, expected) in [(fixed, 300), (limited, 200), (auto, 200)] {
-        let mut sensor = Sensor::new(scene(), settings);
+    for (options, expected) in [(fixed, 300), (limited, 200), (auto, 200)] {
+        let mut sensor = Sensor::new(scene(), options);
         let measured = sensor
             .frames(3e-3, 3)
             .pop()
@@ -309,7 +309,7 @@ fn exposures_are_those_of_the_settings() {
 /// With auto exposure, a fault says that no exposure helps.
 #[test]
 fn faults_name_the_end_of_the_exposures() {
-    let mut sensor = Sensor::new(scene(), Settings::default());
+    let mut sensor = Sensor::new(scene(), Options::default());
     let dim = sensor.frames(6e-6, 3).pop().expect("three");
     println!("{dim:?}");
     assert!(

@@ -14,7 +14,7 @@ use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::{Frame, FrameCentre, Mean};
 use slitrange::measurement::Measurement;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
 
@@ -728,12 +728,12 @@ fn a_swinging_target_widens_the_uncertainty() {
 /// Readings of a scene, each on a surface of its own: their errors and claims in micrometres.
 fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
     let scene = Scene::load(name).expect("a scene of this repository");
-    let settings = Settings {
+    let options = Options {
         rows,
         mean: Mean::Weighted,
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
-        ..Settings::default()
+        ..Options::default()
     };
     let calibration = Calibration::nominal();
     let full_scale = scene.geometry().full_scale();
@@ -744,7 +744,7 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
                 seed: scene.seed + reading,
                 ..scene.clone()
             });
-            let mut measurement = Measurement::new(scene.geometry(), settings);
+            let mut measurement = Measurement::new(scene.geometry(), options);
             let mut truth = 0.0;
             let mut result = None;
             for row in 0..u64::from(rows) {

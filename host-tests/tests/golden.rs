@@ -48,7 +48,7 @@ fn answer_text(answer: &Result<RowCentre, Fault>) -> String {
             row.class.block,
             if row.misfit { " misfit" } else { "" }
         ),
-        Err(fault) => fault.to_string(),
+        Err(fault) => format!("f {fault}"),
     }
 }
 
@@ -178,7 +178,7 @@ fn centres_of_frames_stay_the_same() {
                         centre.misfits,
                         centre.correlated
                     ),
-                    Err(fault) => fault.to_string(),
+                    Err(fault) => format!("f {fault}"),
                 };
                 writeln!(text, "{rows:?} {count} {}: {answer}", how.name()).expect("text");
             }

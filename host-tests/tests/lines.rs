@@ -9,22 +9,22 @@ use rand::seq::IndexedRandom as _;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::fault::Fault;
-use slitrange::output::zero::MasterValue;
 use slitrange::pixels::flat_field::TakeError;
-use slitrange::protocol::command::{Command, Error, MAX_LINE, parse};
-use slitrange::protocol::flat::Flat;
-use slitrange::protocol::info::{BrownOut, Clock, Hardware};
-use slitrange::protocol::input::Input;
-use slitrange::protocol::status::{StartCause, Vitals};
-use slitrange::protocol::upload::Step;
-use slitrange::sending::{Format, PixelStream};
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::session::flat::{Job, Outcome};
-use slitrange::session::{Actions, Event, Session};
-use slitrange::settings::{Affects, Form, Setting, Settings, Value};
-use slitrange::store::pixel_map::StoredMap;
-use slitrange::store::{StoreError, Stored};
 use slitrange::units::Counts;
+use slitrange_device::output::zero::MasterValue;
+use slitrange_device::protocol::command::{Command, Error, MAX_LINE, parse};
+use slitrange_device::protocol::flat::Flat;
+use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
+use slitrange_device::protocol::input::Input;
+use slitrange_device::protocol::status::{StartCause, Vitals};
+use slitrange_device::protocol::upload::Step;
+use slitrange_device::session::flat::{Job, Outcome};
+use slitrange_device::session::{Actions, Event, Session};
+use slitrange_device::settings::sending::{Format, PixelStream};
+use slitrange_device::settings::{Affects, Form, Setting, Settings, Value};
+use slitrange_device::store::pixel_map::StoredMap;
+use slitrange_device::store::{StoreError, Stored};
 
 /// The kinds of lines that are sent.
 const KINDS: [&str; 9] = [

@@ -8,12 +8,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
-use slitrange::output::average::{Average, Filter};
-use slitrange::output::limits::Limits;
-use slitrange::output::spike::{SpikeFilter, Spikes};
 use slitrange::reading::Reading;
 use slitrange::uncertainty::{CalibrationErrors, Parts, Surface};
 use slitrange::units::{Counts, Micrometres};
+use slitrange_device::output::average::{Average, Filter};
+use slitrange_device::output::limits::Limits;
+use slitrange_device::output::spike::{SpikeFilter, Spikes};
 
 /// A reading at a distance, whose parts are all 3 um but for the noise.
 fn reading(distance: Micrometres, noise: Micrometres) -> Reading {
@@ -166,7 +166,7 @@ fn a_filter_shows_the_flags_of_its_window_and_forgets_over_faults() {
         assert_eq!((out.misfits, out.correlated), flags, "{average:?}");
         assert_eq!(take(Err(FAULT)), Err(FAULT));
         let out = take(Ok(near)).expect("a distance");
-        assert!(out.distance > near.distance, "{average:?}: {out}");
+        assert!(out.distance > near.distance, "{average:?}: {out:?}");
         for _ in 0..3 {
             assert_eq!(take(Err(FAULT)), Err(FAULT));
         }

@@ -9,14 +9,14 @@ use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::pixels::PixelErrors;
-use slitrange::protocol::packet::{
-    COUNTS_A_PACKET, Decoder, FrameResult, MAX_PACKET, Message, Packed, Packet, PacketError,
-    Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,
-};
 use slitrange::reading::{Measured, Reading};
 use slitrange::shape::SpotShape;
 use slitrange::uncertainty::Parts;
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange_device::protocol::packet::{
+    COUNTS_A_PACKET, Decoder, FrameResult, MAX_PACKET, Message, Packed, Packet, PacketError,
+    Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,
+};
 
 /// What a test compares: a packet that owns its text.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,15 +7,15 @@ use rayon::prelude::*;
 use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
 use slitrange::ambient::AmbientMode;
 use slitrange::measurement::Measurement;
-use slitrange::pixels::encoded::{Read, Reader, Word, Words};
+use slitrange::measurement::Options;
 use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
 use slitrange::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
 use slitrange::reading::Measured;
 use slitrange::region::Region;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::settings::Settings;
 use slitrange::units::Counts;
+use slitrange_device::store::encoded_map::{Read, Reader, Word, Words};
 
 /// Counts of light in the lit rows.
 const LIGHT: f64 = 2000.0;
@@ -90,12 +90,12 @@ struct Frame {
 
 fn frame(paper: &Scene, centre: f64, rows: u16, map: Option<&PixelMap>) -> Frame {
     let simulation = Simulation::new(paper.clone());
-    let settings = Settings {
+    let options = Options {
         rows,
-        ..Settings::default()
+        ..Options::default()
     };
     let distance = paper.optics.distance(centre);
-    let measured = frames::measure(&simulation, settings, distance, 0, map).expect("a centre");
+    let measured = frames::measure(&simulation, options, distance, 0, map).expect("a centre");
     let Measured {
         frame,
         ambient,
@@ -181,13 +181,13 @@ fn subtracted_frame(paper: &Scene, centre: f64, map: Option<&PixelMap>) -> Frame
         ..lit.clone()
     });
     let lit = Simulation::new(lit);
-    let settings = Settings {
+    let options = Options {
         ambient: AmbientMode::Subtract,
-        ..Settings::default()
+        ..Options::default()
     };
     let geometry = paper.geometry();
     let distance = paper.optics.distance(centre);
-    let mut measurement = Measurement::new(geometry.clone(), settings);
+    let mut measurement = Measurement::new(geometry.clone(), options);
     let mut row = 0;
     let mut next = |simulation: &Simulation| {
         row += 1;
@@ -414,12 +414,12 @@ fn a_map_corrects_each_pixel_of_a_comb_once() {
         .collect();
     let map = map_with(&entries);
     let read = |row: &[f32], map: Option<&PixelMap>| {
-        let settings = Settings {
+        let options = Options {
             rows: 1,
             slits: slitrange::comb::Slits::Comb,
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut measurement = Measurement::new(geometry.clone(), settings);
+        let mut measurement = Measurement::new(geometry.clone(), options);
         let measured = measurement.row_with(&mut frames::words(row, &geometry), None, map);
         let measured = measured.expect("a frame of one row").expect("a centre");
         measured.frame.centre.to_f64()
@@ -443,17 +443,17 @@ fn a_map_corrects_the_pixels_of_a_region() {
     let geometry = scene.geometry();
     let light = scene.row(0, 0.8, scene.exposure);
     let black = scene.black_level.expect("a level").counts;
-    let settings = Settings {
+    let options = Options {
         rows: 1,
-        ..Settings::default()
+        ..Options::default()
     };
-    let read = |row: &[f32], settings: &Settings, map: Option<&PixelMap>| {
-        let mut measurement = Measurement::new(geometry.clone(), *settings);
+    let read = |row: &[f32], options: &Options, map: Option<&PixelMap>| {
+        let mut measurement = Measurement::new(geometry.clone(), *options);
         let measured = measurement.row_with(&mut frames::words(row, &geometry), None, map);
         let measured = measured.expect("a frame of one row").expect("a centre");
         measured.frame.centre.to_f64()
     };
-    let even = read(&light, &settings, None);
+    let even = read(&light, &options, None);
     let gain = |pixel: usize| if pixel as f64 > even { 0.8 } else { 1.0 };
     let mut uneven = light.clone();
     for (count, pixel) in uneven[geometry.light.clone()].iter_mut().zip(0..) {
@@ -463,9 +463,9 @@ fn a_map_corrects_the_pixels_of_a_region() {
         .map(|pixel| Entry::new(0, ((1.0 / gain(pixel) - 1.0) * 32768.0) as i16).expect("small"))
         .collect();
     let map = map_with(&entries);
-    let region = Settings {
+    let region = Options {
         region: Region::new(1433, 2100).expect("a region"),
-        ..settings
+        ..options
     };
     let bare = read(&uneven, &region, None) - even;
     let corrected = read(&uneven, &region, Some(&map)) - even;
@@ -545,8 +545,8 @@ proptest! {
         rows in 1u16..4,
     ) {
         let map = map_with(&entries);
-        let settings = Settings { rows, ..Settings::default() };
-        let mut measurement = Measurement::new(tcd1304dg(), settings);
+        let options = Options { rows, ..Options::default() };
+        let mut measurement = Measurement::new(tcd1304dg(), options);
         let noise = tcd1304dg().words;
         for _ in 0..4 {
             let mut words: Vec<u16> = row.iter().copied().take(noise).collect();

@@ -11,25 +11,25 @@ use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
-use slitrange::protocol::command::{self, MAX_LINE};
-use slitrange::protocol::input::{Echo, Input};
+use slitrange::measurement::Options;
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
 use slitrange::spot::{Background, Effort, Spot};
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
+use slitrange_device::protocol::command::{self, MAX_LINE};
+use slitrange_device::protocol::input::{Echo, Input};
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
     Measurement::new(
         geometry,
-        Settings {
+        Options {
             estimator: Estimator::default(),
             rows,
             mean: Mean::default(),
             black_level,
-            ..Settings::default()
+            ..Options::default()
         },
     )
 }
@@ -235,8 +235,8 @@ proptest! {
             saturation: slitrange::row::LARGEST_COUNT,
         };
         for estimator in Estimator::ALL {
-            let settings = Settings { estimator, rows: 2, slits: Slits::Comb, ..Settings::default() };
-            let mut measurement = Measurement::new(geometry.clone(), settings);
+            let options = Options { estimator, rows: 2, slits: Slits::Comb, ..Options::default() };
+            let mut measurement = Measurement::new(geometry.clone(), options);
             prop_assert!(measurement.row(&mut light.clone()).is_none());
             let result = measurement.row(&mut light.clone()).expect("a frame of two rows");
             if let Ok(measured) = result {
@@ -380,7 +380,7 @@ fn every_fault_is_reachable() {
     ];
     for estimator in Estimator::ALL {
         for (name, rows, calibrated) in &cases {
-            let settings = Settings {
+            let options = Options {
                 estimator,
                 rows: rows.len() as u16,
                 mean: Mean::default(),
@@ -391,9 +391,9 @@ fn every_fault_is_reachable() {
                     Slits::One
                 },
                 laser: *name != "laser off",
-                ..Settings::default()
+                ..Options::default()
             };
-            let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+            let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
             let exposure = match *name {
                 "too dim at the longest exposure" => Some(Exposure::LONGEST),
                 "saturated at the shortest exposure" => Some(Exposure::SHORTEST),

@@ -12,13 +12,13 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
 use slitrange::profile::Profile;
-use slitrange::record::Record;
-use slitrange::record::date::Date;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
 use slitrange::shape::COMPONENTS;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
+use slitrange_device::record::Record;
+use slitrange_device::record::date::Date;
 
 /// Thousands of cases, the same in every run.
 pub fn cases(cases: u32) -> ProptestConfig {

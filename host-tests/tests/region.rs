@@ -7,11 +7,11 @@ use rand_distr::{Distribution as _, Normal};
 use slitrange::centre::Estimator;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::peak::Peak;
 use slitrange::reading::Measured;
 use slitrange::region::Region;
 use slitrange::row::{Geometry, LARGEST_COUNT, Polarity};
-use slitrange::settings::Settings;
 use slitrange::units::Pixels;
 
 const PIXELS: usize = 3648;
@@ -57,12 +57,12 @@ fn row(random: &mut ChaCha8Rng, spots: &[Light]) -> Vec<u16> {
 }
 
 /// Measures rows as one frame.
-fn measure(geometry: Geometry, settings: Settings, rows: &[Vec<u16>]) -> Result<Measured, Fault> {
-    let settings = Settings {
+fn measure(geometry: Geometry, options: Options, rows: &[Vec<u16>]) -> Result<Measured, Fault> {
+    let options = Options {
         rows: rows.len() as u16,
-        ..settings
+        ..options
     };
-    let mut measurement = Measurement::new(geometry, settings);
+    let mut measurement = Measurement::new(geometry, options);
     let mut measured = None;
     for row in rows {
         measured = measurement.row(&mut row.clone());
@@ -70,17 +70,17 @@ fn measure(geometry: Geometry, settings: Settings, rows: &[Vec<u16>]) -> Result<
     measured.expect("the frame is complete")
 }
 
-fn with_region(first: u16, last: u16) -> Settings {
-    Settings {
+fn with_region(first: u16, last: u16) -> Options {
+    Options {
         region: Region::new(first, last).expect("a region"),
-        ..Settings::default()
+        ..Options::default()
     }
 }
 
-fn with_peak(peak: Peak) -> Settings {
-    Settings {
+fn with_peak(peak: Peak) -> Options {
+    Options {
         peak,
-        ..Settings::default()
+        ..Options::default()
     }
 }
 
@@ -109,14 +109,14 @@ fn a_region_is_measured_as_a_row_of_these_pixels() {
             ..geometry()
         };
         let estimator = Estimator::ALL[number % Estimator::ALL.len()];
-        let settings = Settings {
+        let options = Options {
             estimator,
             ..with_region(first, last)
         };
-        let in_region = measure(geometry(), settings, &rows);
-        let whole = Settings {
+        let in_region = measure(geometry(), options, &rows);
+        let whole = Options {
             region: Region::ALL,
-            ..settings
+            ..options
         };
         match (in_region, measure(narrow, whole, &rows)) {
             (Ok(found), Ok(expected)) => {
@@ -163,7 +163,7 @@ fn a_lamp_outside_the_region_does_no_harm() {
         ..spot
     };
     let rows = [row(&mut random, &[spot, lamp])];
-    let whole = measure(geometry(), Settings::default(), &rows);
+    let whole = measure(geometry(), Options::default(), &rows);
     assert!(matches!(whole, Err(Fault::TwoSpots { .. })), "{whole:?}");
     let found = measure(geometry(), with_region(1500, 2100), &rows).expect("a centre");
     let error = found.frame.centre.to_f64() - spot.centre;
@@ -231,7 +231,7 @@ fn one_spot_is_the_first_and_the_last() {
             height: random.random_range(20.0..3500.0),
         };
         let rows = [row(&mut random, &[spot]), row(&mut random, &[spot])];
-        let strongest = measure(geometry(), Settings::default(), &rows);
+        let strongest = measure(geometry(), Options::default(), &rows);
         for peak in [Peak::First, Peak::Last] {
             let found = measure(geometry(), with_peak(peak), &rows);
             assert_eq!(
@@ -272,7 +272,7 @@ fn close_spots_give_no_confident_error() {
                 if error(&first).min(error(&second)) > 5.0 * u {
                     wrong += 1;
                     // They look like one spot.
-                    let strongest = measure(geometry(), Settings::default(), &rows);
+                    let strongest = measure(geometry(), Options::default(), &rows);
                     assert_eq!(
                         format!("{:?}", Ok::<_, Fault>(found)),
                         format!("{strongest:?}")

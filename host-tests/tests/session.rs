@@ -6,7 +6,6 @@ use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, Combined, MAX_SLITS, SlitMap, Slits};
-use slitrange::difference::Difference;
 use slitrange::distance::Calibration;
 use slitrange::distance::knots::Knot;
 use slitrange::distance::table::Table;
@@ -18,28 +17,30 @@ use slitrange::pixels::PixelErrors;
 use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::pixels::map::MapSummary;
 use slitrange::profile::Profile;
-use slitrange::protocol::command::{Command, parse};
-use slitrange::protocol::help::{Estimators, Help};
-use slitrange::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
-use slitrange::protocol::piece::{PIECE, Piece};
-use slitrange::protocol::refusal::Refusal;
-use slitrange::protocol::selftest::RowTest;
-use slitrange::protocol::status::{StartCause, Status, Vitals};
-use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
-use slitrange::record::Record;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads::{s11639, tcd1304dg};
-use slitrange::session::flat::{Job, Outcome};
-use slitrange::session::{Actions, Applied, Event, Session};
-use slitrange::settings::{Affects, Setting, Settings};
 use slitrange::shape::COMPONENTS;
-use slitrange::store::configuration::Configuration;
-use slitrange::store::pixel_map::StoredMap;
-use slitrange::store::{StoreError, Stored};
 use slitrange::uncertainty::{CalibrationErrors, PLACES, Surface};
 use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
+use slitrange_device::protocol::advice::advice;
+use slitrange_device::protocol::command::{Command, parse};
+use slitrange_device::protocol::help::{Estimators, Help};
+use slitrange_device::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
+use slitrange_device::protocol::line::{CentreLine, FaultLine, ReadingLine};
+use slitrange_device::protocol::piece::{PIECE, Piece};
+use slitrange_device::protocol::refusal::Refusal;
+use slitrange_device::protocol::selftest::RowTest;
+use slitrange_device::protocol::status::{StartCause, Status, Vitals};
+use slitrange_device::protocol::upload::Step;
+use slitrange_device::record::Record;
+use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::session::flat::{Job, Outcome};
+use slitrange_device::session::{Actions, Applied, Event, Session};
+use slitrange_device::settings::{Affects, Setting, Settings};
+use slitrange_device::store::configuration::Configuration;
+use slitrange_device::store::pixel_map::StoredMap;
+use slitrange_device::store::{StoreError, Stored};
 
 const HARDWARE: Hardware = Hardware {
     board: "a board",
@@ -598,7 +599,10 @@ fn in_binary_results_are_packets_and_answers_stay_text() {
     } = vitals();
     assert_eq!((result.counter, result.time_us), (results, result_us));
     assert!(!result.is_difference);
-    assert_eq!(result.result.expect("a reading").to_string(), as_text);
+    assert_eq!(
+        ReadingLine(&result.result.expect("a reading")).to_string(),
+        as_text
+    );
     assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), "");
     let fault = sensor.actions.result.expect("a result");
     assert_eq!((fault.counter, fault.result), (results, Err(TOO_DIM)));
@@ -607,7 +611,8 @@ fn in_binary_results_are_packets_and_answers_stay_text() {
     sensor.take(Event::Frame(Ok(frame(1801.0))));
     let difference = sensor.actions.result.expect("a result");
     assert!(difference.is_difference);
-    let of_the_core = Difference(difference.result.expect("a reading")).to_string();
+    let line = ReadingLine(&difference.result.expect("a reading")).to_string();
+    let of_the_core = line.replacen("d ", "z ", 1);
     // Rows have results of their own, and wait while a command waits for a frame.
     assert!(!sensor.session.streams_windows());
     sensor.set("pixels window");
@@ -647,30 +652,37 @@ fn frames_stream_and_may_be_dropped_answers_may_not() {
         .expect("a distance");
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1800.0)))),
-        reading.to_string()
+        ReadingLine(&reading).to_string()
     );
     assert!(sensor.actions.may_drop);
-    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), TOO_DIM.to_string());
+    assert_eq!(
+        sensor.take(Event::Frame(Err(TOO_DIM))),
+        FaultLine(&TOO_DIM).to_string()
+    );
     assert!(sensor.actions.may_drop);
 
     // Asked for, a frame is an answer, and a fault comes with advice.
     assert_eq!(sensor.ask("distance"), "");
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1800.0)))),
-        reading.to_string()
+        ReadingLine(&reading).to_string()
     );
     assert!(!sensor.actions.may_drop);
     assert_eq!(sensor.ask("centre"), "");
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1.0)))),
-        frame(1.0).to_string()
+        CentreLine(&frame(1.0)).to_string()
     );
     assert_eq!(sensor.ask("distance"), "");
     assert_eq!(sensor.ask("centre"), "");
-    let both = format!("{reading}\r\n{}", frame(1800.0));
+    let both = format!(
+        "{}\r\n{}",
+        ReadingLine(&reading),
+        CentreLine(&frame(1800.0))
+    );
     assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), both);
     assert_eq!(sensor.ask("distance"), "");
-    let advised = format!("{TOO_DIM}\r\n({})", TOO_DIM.advice());
+    let advised = format!("{}\r\n({})", FaultLine(&TOO_DIM), advice(&TOO_DIM));
     assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
     assert!(!sensor.actions.may_drop);
 
@@ -679,7 +691,7 @@ fn frames_stream_and_may_be_dropped_answers_may_not() {
     assert_eq!(sensor.ask("distance"), "");
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1800.0)))),
-        reading.to_string()
+        ReadingLine(&reading).to_string()
     );
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1800.0)))),
@@ -706,7 +718,7 @@ fn a_line_has_the_columns_that_output_sets() {
     assert!(usual.ends_with(" n 16/16 t 187 g"), "{usual}");
     let width = exposed.frame.width;
     let with_width = usual.replace(" t 187", &format!(" w {width} t 187"));
-    let fault = TOO_DIM.to_string();
+    let fault = FaultLine(&TOO_DIM).to_string();
     for (typed, answer, line, fault) in [
         (
             "output flags exposure width rows height centre r u distance time counter",
@@ -754,7 +766,7 @@ fn a_line_has_the_columns_that_output_sets() {
             assert_eq!(sensor.take(Event::Frame(Ok(exposed))), line);
             sensor.ask("centre");
             let centre = sensor.take(Event::Frame(Ok(exposed)));
-            assert_eq!(centre, exposed.to_string());
+            assert_eq!(centre, CentreLine(&exposed).to_string());
         }
     }
     let listed = "E2 expected output NAMES, some of counter time distance u r centre height rows width \
@@ -927,7 +939,10 @@ fn readings_are_averaged_until_something_that_they_share_changes() {
         assert!(is_near(r, alone / f64::from(count.min(4)).sqrt()), "{r}");
     }
     // A fault is put out, and takes a place.
-    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), TOO_DIM.to_string());
+    assert_eq!(
+        sensor.take(Event::Frame(Err(TOO_DIM))),
+        FaultLine(&TOO_DIM).to_string()
+    );
     assert!(is_near(repeatability(&mut sensor), alone / 3f64.sqrt()));
     for end in [
         "estimator adaptive",
@@ -958,7 +973,7 @@ fn readings_are_averaged_until_something_that_they_share_changes() {
 #[test]
 fn the_last_reading_is_held_after_faults_and_flagged() {
     let mut sensor = Sensor::new();
-    let fault = TOO_DIM.to_string();
+    let fault = FaultLine(&TOO_DIM).to_string();
     for line in ["hold 1001", "hold 99999999999"] {
         let error = "E3 out of range, expected hold 0..1000";
         assert_eq!(sensor.ask(line), error);
@@ -983,7 +998,7 @@ fn the_last_reading_is_held_after_faults_and_flagged() {
         assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), reading);
     }
     sensor.ask("distance");
-    let advised = format!("{TOO_DIM}\r\n({})", TOO_DIM.advice());
+    let advised = format!("{}\r\n({})", FaultLine(&TOO_DIM), advice(&TOO_DIM));
     assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
     sensor.ask("zero");
     assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
@@ -1181,7 +1196,7 @@ fn distances_are_relative_to_zero() {
     );
     // A fault leaves the zero as it was.
     sensor.ask("zero");
-    let advised = format!("{TOO_DIM}\r\n({})", TOO_DIM.advice());
+    let advised = format!("{}\r\n({})", FaultLine(&TOO_DIM), advice(&TOO_DIM));
     assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
     assert_eq!(sensor.take(Event::Frame(Ok(frame(1700.0)))), far);
     for end in ["zero off", "defaults", "estimator adaptive"] {
@@ -1313,7 +1328,10 @@ fn a_reading_that_jumps_is_a_fault_until_three_agree() {
     assert!(says(&mut sensor, near).starts_with(spike));
     // A fault is no reading, and ends the succession.
     assert!(says(&mut sensor, near).starts_with(spike));
-    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), TOO_DIM.to_string());
+    assert_eq!(
+        sensor.take(Event::Frame(Err(TOO_DIM))),
+        FaultLine(&TOO_DIM).to_string()
+    );
     for _ in 0..2 {
         assert!(says(&mut sensor, near).starts_with(spike));
     }
@@ -1521,13 +1539,13 @@ fn without_a_calibration_there_is_a_fault_and_no_distance() {
     };
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1800.0)))),
-        fault.to_string()
+        FaultLine(&fault).to_string()
     );
 
     let mut sensor = Sensor::started(Stored::Unusable);
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1800.0)))),
-        fault.to_string()
+        FaultLine(&fault).to_string()
     );
     assert!(
         sensor

@@ -12,10 +12,10 @@ use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
 use slitrange::spot::{self, Spot};
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
@@ -210,14 +210,14 @@ fn after(
 #[test]
 fn the_tracker_agrees_with_a_measurement() {
     for estimator in Estimator::ALL {
-        let settings = Settings {
+        let options = Options {
             rows: 16,
             mean: Mean::Plain,
             estimator,
             black_level: BlackLevel::Frame,
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut measurement = Measurement::new(geometry(), settings);
+        let mut measurement = Measurement::new(geometry(), options);
         let mut tracker = Tracker::new(estimator);
         let shown = any_spot(&mut ChaCha8Rng::seed_from_u64(4));
         let (mut sum, mut measured) = (0.0, None);
@@ -618,14 +618,14 @@ proptest! {
         estimator in prop::sample::select(&Estimator::ALL[..]),
         black_level in black_levels(),
     ) {
-        let settings = Settings {
+        let options = Options {
             rows: in_a_frame,
             estimator,
             black_level,
             mean: Mean::default(),
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+        let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
         let calibration = NOMINAL.expect("a curve");
         let (from, to) = calibration.valid();
         let ends = [from, to].map(|end| calibration.distance_at(end).expect("valid").0);
@@ -639,12 +639,12 @@ proptest! {
                 measured.reading(nominal.as_ref(), &errors, Surface::Off)
             };
             if let Some(Ok(reading)) = result.map(|result| result.and_then(reading)) {
-                prop_assert!(reading.centre >= from && reading.centre <= to, "{}", reading);
+                prop_assert!(reading.centre >= from && reading.centre <= to, "{:?}", reading);
                 let within = ends[0].min(ends[1])..=ends[0].max(ends[1]);
-                prop_assert!(within.contains(&reading.distance), "{}", reading);
-                prop_assert!(reading.centre_uncertainty.to_bits() > 0, "{}", reading);
-                prop_assert!(reading.uncertainty.to_bits() > 0, "{}", reading);
-                prop_assert!(2 * reading.rows_used > reading.rows, "{}", reading);
+                prop_assert!(within.contains(&reading.distance), "{:?}", reading);
+                prop_assert!(reading.centre_uncertainty.to_bits() > 0, "{:?}", reading);
+                prop_assert!(reading.uncertainty.to_bits() > 0, "{:?}", reading);
+                prop_assert!(2 * reading.rows_used > reading.rows, "{:?}", reading);
             }
         }
     }

@@ -14,11 +14,12 @@ use slitrange::centre::Estimator;
 use slitrange::difference::Difference;
 use slitrange::distance::Calibration;
 use slitrange::frame::FrameCentre;
+use slitrange::measurement::Options;
 use slitrange::pixels::PixelErrors;
 use slitrange::reading::{Measured, Reading};
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Surface};
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange_device::protocol::line::ReadingLine;
 
 fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
@@ -30,8 +31,8 @@ fn within(values: &[f64], limit: f64) -> f64 {
 }
 
 /// A frame of a scene at a distance in metres.
-fn frame(scene: &Scene, settings: Settings, distance: f64) -> Option<Measured> {
-    frames::measure(&Simulation::new(scene.clone()), settings, distance, 0, None).ok()
+fn frame(scene: &Scene, options: Options, distance: f64) -> Option<Measured> {
+    frames::measure(&Simulation::new(scene.clone()), options, distance, 0, None).ok()
 }
 
 /// Errors of frames of 16 rows over the pixels' part of u alone, on sensors whose pixels differ.
@@ -42,10 +43,10 @@ fn pixels_over_claim(
     response: f64,
     offset: f64,
 ) -> Vec<f64> {
-    let settings = Settings {
+    let options = Options {
         rows: 16,
         estimator,
-        ..Settings::default()
+        ..Options::default()
     };
     let errors = PixelErrors {
         response_q16: (response * 65536.0) as u16,
@@ -73,7 +74,7 @@ fn pixels_over_claim(
                 }),
                 ..Scene::dark(Sensor::Row(2048))
             };
-            let measured = frame(&scene, settings, scene.optics.distance(centre))?.frame;
+            let measured = frame(&scene, options, scene.optics.distance(centre))?.frame;
             let pixels = errors.of_centre(
                 estimator,
                 measured.width,
@@ -164,9 +165,9 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         }),
         ..scene
     };
-    let settings = Settings {
+    let options = Options {
         rows: 1,
-        ..Settings::default()
+        ..Options::default()
     };
     let found: Vec<f64> = (0..400_u32)
         .into_par_iter()
@@ -176,7 +177,7 @@ fn speckle_moves_distances_as_far_as_physics_says() {
                 seed: 1000 + u64::from(seed),
                 ..metal.clone()
             };
-            let measured = frame(&scene, settings, distance)?;
+            let measured = frame(&scene, options, distance)?;
             let calibration = Calibration::nominal();
             let errors = CalibrationErrors::Unknown;
             let reading = measured
@@ -285,7 +286,7 @@ proptest! {
             for (name, part) in reading.parts.named() {
                 prop_assert!(part.to_f64() <= least, "{} {:?}", name, reading);
             }
-            prop_assert!(reading.to_string().starts_with("d "));
+            prop_assert!(ReadingLine(&reading).to_string().starts_with("d "));
         }
     }
 }

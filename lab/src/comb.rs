@@ -9,8 +9,8 @@ use slitrange::comb::{self, SlitMap, Slits};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::Reading;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 use host_tests::frames;
@@ -172,12 +172,12 @@ impl Sensor {
             Some(_) => Slits::Comb,
             None => Slits::One,
         };
-        let settings = Settings {
+        let options = Options {
             rows,
             slits,
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut measurement = Measurement::new(geometry.clone(), settings);
+        let mut measurement = Measurement::new(geometry.clone(), options);
         if let Some(mask) = &self.mask {
             measurement.set_comb(mask.maps.clone());
         }

@@ -5,9 +5,11 @@ use anyhow::Context as _;
 use slitrange::centre::Estimator;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
-use slitrange::protocol::help::{AFTER_SETTINGS, BEFORE_SETTINGS, purpose};
-use slitrange::settings::{Affects, Setting, Settings};
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange_device::protocol::advice::advice;
+use slitrange_device::protocol::help::{AFTER_SETTINGS, BEFORE_SETTINGS, purpose};
+use slitrange_device::protocol::line::FaultLine;
+use slitrange_device::settings::{Affects, Setting, Settings};
 use std::fmt::Write as _;
 
 use crate::docs;
@@ -123,7 +125,7 @@ pub fn reference() -> String {
     }
     text.push_str("\n| fault, an example | what to do |\n|---|---|\n");
     for fault in faults() {
-        row(&mut text, &[&fault.to_string(), fault.advice()]);
+        row(&mut text, &[&FaultLine(&fault).to_string(), advice(&fault)]);
     }
     text
 }

@@ -13,13 +13,13 @@ use slitrange::centre::Estimator;
 use slitrange::comb::Slits;
 use slitrange::difference::Difference;
 use slitrange::fault::Fault;
+use slitrange::measurement::Options;
 use slitrange::reading::{Measured, Reading};
-use slitrange::record::Record;
-use slitrange::record::date::Date;
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::Pixels;
+use slitrange_device::record::Record;
+use slitrange_device::record::date::Date;
 use slitrange_tool::fit::{calibration, comb, errors, profile, solve};
 use slitrange_tool::points::{KnownShape, Point, Shape, slit_images};
 use slitrange_tool::sensor::positions::{Spacing, Which};
@@ -52,12 +52,12 @@ fn frame_from(scene: &Scene, surface: u64, distance: f64, first: u64) -> Result<
         Some(_) => Slits::Comb,
         None => Slits::One,
     };
-    let settings = Settings {
+    let options = Options {
         rows: ROWS,
         slits,
-        ..Settings::default()
+        ..Options::default()
     };
-    frames::measure(&simulation, settings, distance, first, None)
+    frames::measure(&simulation, options, distance, first, None)
 }
 
 /// The same with other noise for each surface.

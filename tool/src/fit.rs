@@ -32,11 +32,11 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::Comb;
 use slitrange::profile::Profile;
-use slitrange::record::Record;
-use slitrange::record::date::Date;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::uncertainty::CalibrationErrors;
+use slitrange_device::record::Record;
+use slitrange_device::record::date::Date;
+use slitrange_device::record::encoded::EncodedRecord;
 
 use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};

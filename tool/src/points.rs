@@ -31,9 +31,9 @@ use slitrange::peak::Peak;
 use slitrange::region::Region;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::settings::{Setting, Value};
 use slitrange::shape::COMPONENTS;
 use slitrange::units::{Micrometres, Pixels};
+use slitrange_device::settings::{Setting, Value};
 
 use crate::sensor::taken::TITLE;
 

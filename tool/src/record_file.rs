@@ -1,4 +1,4 @@
-//! A calibration record as a file: the bytes that the sensor keeps in its flash ([`slitrange::record`]).
+//! A calibration record as a file: the bytes that the sensor keeps in its flash ([`slitrange_device::record`]).
 
 use std::fmt;
 use std::path::Path;
@@ -11,11 +11,11 @@ use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Knot, Knots};
 use slitrange::front_end::{Estimate, FrontEnd};
 use slitrange::profile::Profile;
-use slitrange::record::encoded::EncodedRecord;
-use slitrange::record::{MAX_ENCODED, decode};
 use slitrange::row::Polarity;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::record::{MAX_ENCODED, decode};
 
 use crate::fit::profile;
 use crate::points::black_level_words;

@@ -1,6 +1,6 @@
 //! A recording: rows as the sensor sent them, in a file that has all that their measurement needs.
 //!
-//! The file is packets of the serial line (`slitrange::protocol::packet`). The first ones are text, in these
+//! The file is packets of the serial line (`slitrange_device::protocol::packet`). The first ones are text, in these
 //! lines:
 //!
 //! ```text
@@ -21,12 +21,12 @@ use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use slitrange::protocol::command::{Command, parse};
-use slitrange::protocol::packet::{
+use slitrange_device::protocol::command::{Command, parse};
+use slitrange_device::protocol::packet::{
     Decoder, Message, Packets, RowHead, RowWords, parts_of_text, unpack,
 };
-use slitrange::record::{self, encoded::EncodedRecord};
-use slitrange::settings::{Settings, Value};
+use slitrange_device::record::{self, encoded::EncodedRecord};
+use slitrange_device::settings::{Settings, Value};
 
 /// The first line of every recording. The number changes if older programs cannot read the file.
 const FIRST_LINE: &str = "slitrange recording 1";
@@ -102,7 +102,7 @@ impl Writer {
     /// The first bytes of the file.
     pub fn head(&mut self, sensor: &Sensor) -> Vec<u8> {
         let mut text = format!("{FIRST_LINE}\r\nhead {}\r\n", sensor.head);
-        for &setting in slitrange::settings::Setting::ALL {
+        for &setting in slitrange_device::settings::Setting::ALL {
             // Writing to a String cannot fail.
             let _ = write!(text, "{}\r\n", sensor.settings.get(setting));
         }

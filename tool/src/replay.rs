@@ -8,16 +8,16 @@ use anyhow::{Context, Result, ensure};
 use slitrange::comb::Comb;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
-use slitrange::output::average::Average;
-use slitrange::protocol::command::Command;
-use slitrange::protocol::info::{BrownOut, Clock, Hardware};
-use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::reading::{Measured, Reading};
-use slitrange::sending::{Format, PixelStream};
 use slitrange::sensor_heads;
-use slitrange::session::{Actions, Event, Session};
-use slitrange::settings::Value;
-use slitrange::store::{Stored, configuration::Configuration};
+use slitrange_device::output::average::Average;
+use slitrange_device::protocol::command::Command;
+use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
+use slitrange_device::protocol::status::{StartCause, Vitals};
+use slitrange_device::session::{Actions, Event, Session};
+use slitrange_device::settings::Value;
+use slitrange_device::settings::sending::{Format, PixelStream};
+use slitrange_device::store::{Stored, configuration::Configuration};
 
 use crate::recording::{self, Row, Sensor};
 use crate::whole_file::NewFile;
@@ -76,7 +76,7 @@ impl Core {
         (settings.stream, settings.format) = (true, Format::Binary);
         settings.pixels = PixelStream::None;
         let mut core = Self {
-            measurement: Measurement::new(geometry.clone(), settings),
+            measurement: Measurement::new(geometry.clone(), settings.options()),
             session: Session::new(hardware, geometry, StartCause::PowerOn),
             actions: Actions::default(),
         };
@@ -96,7 +96,8 @@ impl Core {
             .take(event, &Vitals::default(), &mut self.actions);
         if let Some(applied) = self.actions.apply.take() {
             self.measurement.set_geometry(applied.geometry);
-            self.measurement.set(applied.settings, applied.profile);
+            self.measurement
+                .set(applied.settings.options(), applied.profile);
             let comb = applied.comb.unwrap_or_else(Comb::nominal);
             self.measurement.set_comb(comb);
         }

@@ -12,7 +12,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Scene, Sensor, Spot, file};
 use slitrange::ambient::AmbientMode;
-use slitrange::settings::Settings;
+use slitrange_device::settings::Settings;
 use slitrange_tool::Command;
 use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::recording;

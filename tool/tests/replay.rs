@@ -18,15 +18,15 @@ use slitrange::exposure::Exposure;
 use slitrange::measurement::Measurement;
 use slitrange::peak::Peak;
 use slitrange::profile::Profile;
-use slitrange::protocol::packet::RowHead;
-use slitrange::record::Record;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::region::Region;
 use slitrange::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
-use slitrange::settings::Settings;
 use slitrange::shape::COMPONENTS;
 use slitrange::uncertainty::PLACES;
 use slitrange::units::Pixels;
+use slitrange_device::protocol::packet::RowHead;
+use slitrange_device::record::Record;
+use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::settings::Settings;
 use slitrange_tool::Command;
 use slitrange_tool::pc::RealPc;
 use slitrange_tool::recording::{Reader, Row, Sensor, Writer};
@@ -135,8 +135,8 @@ fn recorded(
         profile,
         ..Record::nominal().expect("a record")
     };
-    let mut measurement = Measurement::new(tcd1304dg(), settings);
-    measurement.set(settings, profile);
+    let mut measurement = Measurement::new(tcd1304dg(), settings.options());
+    measurement.set(settings.options(), profile);
     measurement.set_comb(Comb::nominal());
     let row = |(place, (exposure, words)): (usize, (Option<Exposure>, Vec<u16>))| Row {
         head: RowHead {

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use slitrange::protocol::command::Command;
-use slitrange::protocol::piece::{PIECE, Piece};
-use slitrange::protocol::upload::Step;
+use slitrange_device::protocol::command::Command;
+use slitrange_device::protocol::piece::{PIECE, Piece};
+use slitrange_device::protocol::upload::Step;
 
 use crate::VirtualBoard;
 

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::units::{Counts, Electrons};
-use slitrange::{BlackLevel, Estimator, Fault, Geometry, Polarity, Settings, sensor_heads};
+use slitrange::{BlackLevel, Estimator, Fault, Geometry, Polarity, Options, sensor_heads};
 
 /// A sensor's geometry, as Python holds it: words, light, shielded, falling, bits, electrons per count, and
 /// the count from which a pixel is saturated.
@@ -73,16 +73,16 @@ fn centres<'py>(
 ) -> PyResult<Arrays<'py>> {
     let estimator = Estimator::named(estimator)
         .ok_or_else(|| PyValueError::new_err(format!("there is no estimator {estimator}")))?;
-    let settings = Settings {
+    let options = Options {
         rows: frame,
         estimator,
         black_level: black_level_of(black_level)?,
-        ..Settings::default()
+        ..Options::default()
     };
     let geometry = geometry_of(layout);
     let rows = rows.as_array();
     let columns = py.detach(|| {
-        let mut measurement = Measurement::new(geometry, settings);
+        let mut measurement = Measurement::new(geometry, options);
         let mut words = Vec::new();
         let mut columns = Columns::default();
         for row in rows.rows() {

@@ -128,6 +128,25 @@ impl PixelMap {
         self.pixels = 0;
     }
 
+    /// Sets the entry of a pixel. The map is not whole from then on.
+    pub fn set_entry(&mut self, pixel: usize, entry: Entry) {
+        self.clear();
+        if let Some(place) = self.entries.get_mut(pixel) {
+            *place = entry;
+        }
+    }
+
+    /// Makes the map whole: all entries of `pixels` pixels are set.
+    pub fn complete(&mut self, pixels: u16, summary: MapSummary) {
+        self.pixels = pixels;
+        self.summary = summary;
+    }
+
+    /// The number of pixels. Zero: there is no map.
+    pub const fn pixels(&self) -> u16 {
+        self.pixels
+    }
+
     /// Whether this is the map of a sensor with that many light pixels.
     pub fn fits(&self, geometry: &Geometry) -> bool {
         self.is_whole() && geometry.light.len() == usize::from(self.pixels)

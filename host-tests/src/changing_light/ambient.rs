@@ -4,7 +4,7 @@ use simulator::bound::Spot;
 use simulator::scene::{Ambient, FixedPattern, Lag, MainsLight, Scene};
 use slitrange::ambient::{AmbientMode, LONGEST_LOG2};
 use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 
 use super::range::Frames;
 use super::{BRIGHTEST, ROW_PERIOD, Sensor, scene};
@@ -120,20 +120,20 @@ impl Light {
     }
 
     /// A sensor in this light.
-    pub fn sensor(&self, settings: Settings) -> Sensor {
-        Sensor::new(self.scene(), settings).with_lamp(self.lamp)
+    pub fn sensor(&self, options: Options) -> Sensor {
+        Sensor::new(self.scene(), options).with_lamp(self.lamp)
     }
 
     /// A sensor with the fixed exposure, whose mean of the ambient light is at its longest.
     pub fn settled(&self, ambient: AmbientMode, rows: u16) -> Sensor {
         let exposure = Exposure::from_us(EXPOSURE_US).expect("an exposure");
-        let settings = Settings {
+        let options = Options {
             ambient,
             rows,
             exposure: ExposureMode::Fixed(exposure),
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut sensor = self.sensor(settings);
+        let mut sensor = self.sensor(options);
         for _ in 0..ROWS_TO_SETTLE {
             sensor.row(WHITE_PAPER);
         }

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 use simulator::scene::Scene;
 use slitrange::fault::Fault;
+use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::settings::Settings;
 
 use super::{Sensor, scene};
 
@@ -87,7 +87,7 @@ impl Jumps {
             seed: random.random(),
             ..scene()
         };
-        let mut sensor = Sensor::new(scene, Settings::default());
+        let mut sensor = Sensor::new(scene, Options::default());
         let mut found = Self::default();
         let mut before = 1.0;
         for _ in 0..jumps {
@@ -108,7 +108,7 @@ impl Jumps {
                 }
             }
             // The next jump comes anywhere in a frame: these rows do not end it.
-            for _ in 0..random.random_range(0..Settings::default().rows) {
+            for _ in 0..random.random_range(0..Options::default().rows) {
                 sensor.row(reflectivity);
             }
             before = reflectivity;

@@ -5,7 +5,7 @@ use serde::Serialize;
 use simulator::scene::Scene;
 use slitrange::auto_exposure::{LEAST_PERCENT, TARGET_PERCENT};
 use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 
 use super::jumps::LEAST_POWER;
 use super::{BRIGHTEST, Sensor, scene};
@@ -106,11 +106,11 @@ impl Target {
     /// and each `seed` has other noise.
     pub fn measure(reflectivity: f64, frames: usize, seed: u64) -> Self {
         let sensor = |exposure| {
-            let settings = Settings {
+            let options = Options {
                 exposure,
-                ..Settings::default()
+                ..Options::default()
             };
-            Sensor::new(Scene { seed, ..scene() }, settings)
+            Sensor::new(Scene { seed, ..scene() }, options)
         };
         let auto = Frames::measure(&mut sensor(ExposureMode::Auto), reflectivity, frames);
         let fixed = |exposure| {

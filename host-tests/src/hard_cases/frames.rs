@@ -10,9 +10,9 @@ use slitrange::distance::eq1::Eq1;
 use slitrange::fault::Fault;
 use slitrange::frame::{MAX_ROWS, Mean};
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::Reading;
 use slitrange::row::Geometry;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Micrometres, Pixels};
 
@@ -83,15 +83,15 @@ pub fn calibration() -> Eq1 {
 impl HardFrame {
     /// What the whole measurement makes of it with an estimator.
     pub fn reading(&self, estimator: Estimator) -> Result<Reading, Fault> {
-        let settings = Settings {
+        let options = Options {
             rows: self.rows.len() as u16,
             mean: Mean::Weighted,
             estimator,
             black_level: BlackLevel::Shielded,
-            ..Settings::default()
+            ..Options::default()
         };
         let calibration = Calibration::Eq1(calibration());
-        let mut measurement = Measurement::new(self.geometry.clone(), settings);
+        let mut measurement = Measurement::new(self.geometry.clone(), options);
         let mut reading = Err(Fault::SensorSilent);
         for row in &self.rows {
             if let Some(complete) = measurement.row(&mut row.clone()) {

@@ -5,10 +5,10 @@ use slitrange::centre::Estimator;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::profile::Profile;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::PLACES;
 use slitrange::units::Pixels;
 
@@ -132,13 +132,13 @@ fn measure(
     estimator: Estimator,
     profile: Option<Profile>,
 ) -> Result<Measured, Fault> {
-    let settings = Settings {
+    let options = Options {
         rows: rows.len() as u16,
         estimator,
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(geometry.clone(), settings);
-    measurement.set(settings, profile);
+    let mut measurement = Measurement::new(geometry.clone(), options);
+    measurement.set(options, profile);
     let complete = rows
         .iter()
         .filter_map(|row| measurement.row(&mut row.clone()));

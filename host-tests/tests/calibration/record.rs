@@ -9,14 +9,14 @@ use slitrange::comb::{Comb, CombError};
 use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, Knots};
 use slitrange::distance::table::Table;
-use slitrange::record::{
-    MAX_ENCODED, Record, RecordError, VERSION, VERSION_OF_COMB, VERSION_OF_FRONT_END, decode,
-    encode,
-};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange_device::record::{
+    MAX_ENCODED, Record, RecordError, VERSION, VERSION_OF_COMB, VERSION_OF_FRONT_END, decode,
+    encode,
+};
 
 use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};

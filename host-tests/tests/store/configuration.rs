@@ -2,13 +2,13 @@
 //! are refused.
 
 use proptest::prelude::*;
-use slitrange::record::{self, Record, RecordError};
-use slitrange::settings::{Setting, Settings};
-use slitrange::store::StoreError;
-use slitrange::store::configuration::{
+use slitrange::units::Pixels;
+use slitrange_device::record::{self, Record, RecordError};
+use slitrange_device::settings::{Setting, Settings};
+use slitrange_device::store::StoreError;
+use slitrange_device::store::configuration::{
     Configuration, ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
 };
-use slitrange::units::Pixels;
 
 use super::samples::{Size, sample};
 use crate::records::{cases, records};

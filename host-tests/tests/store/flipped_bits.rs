@@ -3,8 +3,8 @@
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use slitrange::store::Stored;
-use slitrange::store::configuration::Configuration;
+use slitrange_device::store::Stored;
+use slitrange_device::store::configuration::Configuration;
 
 use super::flash::{BYTES, Flash, SECTOR};
 use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};

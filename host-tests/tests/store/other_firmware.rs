@@ -4,10 +4,10 @@
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::settings::Settings;
-use slitrange::store::Stored;
-use slitrange::store::configuration::VERSION;
 use slitrange::units::Counts;
+use slitrange_device::settings::Settings;
+use slitrange_device::store::Stored;
+use slitrange_device::store::configuration::VERSION;
 
 use super::flash::Flash;
 use super::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_check};

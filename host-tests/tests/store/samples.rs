@@ -4,11 +4,11 @@ use embassy_futures::block_on;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::record::Record;
-use slitrange::settings::Settings;
-use slitrange::store::configuration::{Configuration, MAX_ENCODED, encode};
-use slitrange::store::{Store, StoreError, Stored};
 use slitrange::units::Counts;
+use slitrange_device::record::Record;
+use slitrange_device::settings::Settings;
+use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, encode};
+use slitrange_device::store::{Store, StoreError, Stored};
 
 use super::flash::Flash;
 use crate::records::{longest, nominal};

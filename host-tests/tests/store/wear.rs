@@ -1,7 +1,7 @@
 //! Up to ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already
 //! there is not written again.
 
-use slitrange::store::Stored;
+use slitrange_device::store::Stored;
 
 use super::flash::Flash;
 use super::samples::{Size, read, sample, save, save_and_check};

@@ -12,9 +12,9 @@ use simulator::optics::Optics;
 use simulator::scene::{Sensor, quantise};
 use slitrange::comb::Slits;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::row::Polarity;
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
 use slitrange_tool::fit::eq1;
 
 use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};
@@ -129,12 +129,12 @@ impl Target {
     fn centre(&self, distance: f64, position: u64) -> anyhow::Result<Option<(f64, u8)>> {
         let light = self.light(distance)?;
         let geometry = sensor_heads::tcd1304dg();
-        let settings = Settings {
+        let options = Options {
             rows: CAPTURES as u16,
             slits: Slits::Comb,
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut measurement = Measurement::new(geometry.clone(), settings);
+        let mut measurement = Measurement::new(geometry.clone(), options);
         let mut random = ChaCha8Rng::seed_from_u64(!self.seed);
         random.set_stream(position);
         let measured = (0..CAPTURES).find_map(|_| {

@@ -3,9 +3,9 @@
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use simulator::scene::Scene;
-use slitrange::record::Record;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
+use slitrange_device::record::Record;
+use slitrange_device::record::encoded::EncodedRecord;
 
 use crate::docs;
 use crate::surfaces::steps;

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use rayon::prelude::*;
 use simulator::scene::{Scene, Sensor, file};
-use slitrange::record;
-use slitrange::record::encoded::EncodedRecord;
+use slitrange_device::record;
+use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
 use virtual_board::{Firmware, VirtualBoard};

@@ -9,9 +9,9 @@ use slitrange::distance::eq1::Eq1;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity};
-use slitrange::settings::Settings;
 use slitrange::shape::SpotShape;
 use slitrange::spot;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
@@ -55,14 +55,14 @@ impl Estimators {
         };
         self.geometry = geometry(pixels, bits, shot_variance_per_count_q16, polarity);
         for (estimator, place) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
-            let settings = Settings {
+            let options = Options {
                 rows: ROWS,
                 mean: Mean::Weighted,
                 estimator,
                 black_level,
-                ..Settings::default()
+                ..Options::default()
             };
-            start_one(place, &self.geometry, settings);
+            start_one(place, &self.geometry, options);
         }
     }
 
@@ -110,8 +110,8 @@ impl Default for Estimators {
 
 /// Makes a measurement. Inlined, it would leave a copy of 17 KB on the chip's stack for each estimator.
 #[inline(never)]
-fn start_one(place: &mut Option<Measurement>, geometry: &Geometry, settings: Settings) {
-    *place = Some(Measurement::new(geometry.clone(), settings));
+fn start_one(place: &mut Option<Measurement>, geometry: &Geometry, options: Options) {
+    *place = Some(Measurement::new(geometry.clone(), options));
 }
 
 /// Rows whose pixels all see light.

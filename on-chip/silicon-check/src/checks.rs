@@ -9,8 +9,8 @@ use embassy_stm32::usart::BufferedUart;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::{NorFlash as _, ReadNorFlash as _};
 use slitrange::centre::Estimator;
-use slitrange::protocol::info::{Clock, Hardware};
-use slitrange::protocol::status::StartCause;
+use slitrange_device::protocol::info::{Clock, Hardware};
+use slitrange_device::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
 use super::board::{CORE_HZ, CYCLES_A_MASTER_CLOCK};

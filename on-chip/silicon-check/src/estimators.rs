@@ -6,7 +6,7 @@ use cost_on_chip::rows::{self, PIXELS, Turn, WORDS};
 use cost_on_chip::whole_rows::{FRAME, WIDTH};
 use slitrange::centre::Estimator;
 use slitrange::measurement::Measurement;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use static_cell::ConstStaticCell;
 
 use super::board;
@@ -53,12 +53,12 @@ impl Load {
     /// interrupts included.
     #[inline(never)]
     pub fn compute(&mut self, estimator: Estimator) -> u32 {
-        let settings = Settings {
+        let options = Options {
             estimator,
             rows: FRAME,
-            ..Settings::default()
+            ..Options::default()
         };
-        let mut measurement = Measurement::new(rows::geometry(), settings);
+        let mut measurement = Measurement::new(rows::geometry(), options);
         let words = &mut self.words.0;
         words.copy_from_slice(self.before);
         let _ = measurement.row(words);

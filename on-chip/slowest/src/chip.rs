@@ -6,8 +6,8 @@ use cortex_m::peripheral::DWT;
 use slitrange::centre::Estimator;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::settings::Settings;
 use slowest_on_chip::mailbox::{QUESTION, QUESTIONS, Question, READY};
 use slowest_on_chip::row::{Maker, Turn, WORDS, geometry};
 
@@ -63,11 +63,11 @@ fn main() -> ! {
 /// Counts the instructions for a row, after the row before if there is one.
 #[inline(never)]
 fn count(estimator: Estimator, before: Option<&[u16; WORDS]>, now: &[u16; WORDS]) -> u32 {
-    let settings = Settings {
+    let options = Options {
         estimator,
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(geometry(), settings);
+    let mut measurement = Measurement::new(geometry(), options);
     // The measurement may turn the words over.
     let mut words = *before.unwrap_or(now);
     if before.is_some() {

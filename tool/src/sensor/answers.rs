@@ -268,8 +268,8 @@ pub fn head(lines: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::protocol::calibration::{CalibrationAnswer, FlashStatus};
-    use slitrange::record::encoded::EncodedRecord;
+    use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
+    use slitrange_device::record::encoded::EncodedRecord;
 
     fn lines(text: &str) -> Vec<String> {
         text.lines().map(str::to_owned).collect()

@@ -4,7 +4,7 @@ use std::io::{BufRead, Write};
 
 use anyhow::{Context, Result, ensure};
 use slitrange::pixels::flat_field::Kind;
-use slitrange::protocol::flat::Flat;
+use slitrange_device::protocol::flat::Flat;
 
 use super::answers;
 use super::line::{ANSWER, FRAME, LineError, SAVE};

@@ -9,11 +9,11 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail, ensure};
 use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
-use slitrange::record::Record;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::settings::{Setting, Value};
 use slitrange::units::{Counts, Electrons};
+use slitrange_device::record::Record;
+use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::settings::{Setting, Value};
 
 use self::bench::{Bench, Taken};
 use super::line::LineError;

@@ -8,9 +8,9 @@ use std::fmt;
 use std::io;
 use std::time::Duration;
 
-use slitrange::protocol::command::{Command, parse};
-use slitrange::sending::{Baud, Format};
-use slitrange::settings::{Setting, Value};
+use slitrange_device::protocol::command::{Command, parse};
+use slitrange_device::settings::sending::{Baud, Format};
+use slitrange_device::settings::{Setting, Value};
 
 use crate::pc::{Pc, Port};
 
@@ -459,7 +459,7 @@ fn is_error(line: &str) -> bool {
 }
 
 /// Whether an error is about what was asked, and not about words that noise may have changed: those are the
-/// errors up to E7, of [`Error`](slitrange::protocol::command::Error).
+/// errors up to E7, of [`Error`](slitrange_device::protocol::command::Error).
 fn is_understood(error: &str) -> bool {
     let digits = error
         .strip_prefix('E')

@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use slitrange::output::columns::Column;
-use slitrange::settings::{Setting, Value};
+use slitrange_device::output::columns::Column;
+use slitrange_device::settings::{Setting, Value};
 
 use self::recording::Recording;
 use self::statistics::Statistics;

@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use slitrange::ambient::AmbientMode;
-use slitrange::protocol::packet::Decoder;
-use slitrange::sending::{Baud, PixelStream};
-use slitrange::settings::{Setting, Settings, Value};
-use slitrange::trigger::Trigger;
+use slitrange_device::protocol::packet::Decoder;
+use slitrange_device::settings::sending::{Baud, PixelStream};
+use slitrange_device::settings::trigger::Trigger;
+use slitrange_device::settings::{Setting, Settings, Value};
 
 use super::answers;
 use super::line::ANSWER;

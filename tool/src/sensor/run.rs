@@ -10,9 +10,9 @@ use slitrange::comb::Slits;
 use slitrange::exposure::Exposure;
 use slitrange::frame::MAX_ROWS;
 use slitrange::peak::Peak;
-use slitrange::protocol::command::Command;
 use slitrange::region::Region;
-use slitrange::settings::{Setting, Value};
+use slitrange_device::protocol::command::Command;
+use slitrange_device::settings::{Setting, Value};
 use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use slitrange::protocol::command::{Command, parse};
-use slitrange::protocol::flat::Flat;
-use slitrange::sending::{Baud, Format};
-use slitrange::settings::{Setting, Value};
+use slitrange_device::protocol::command::{Command, parse};
+use slitrange_device::protocol::flat::Flat;
+use slitrange_device::settings::sending::{Baud, Format};
+use slitrange_device::settings::{Setting, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
 use super::line::{ANSWER, FRAME, Line, LineError, RECONNECT, TRIES};

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
-use slitrange::protocol::command::{Command, Error, parse};
-use slitrange::sending::Format;
-use slitrange::settings::{Affects, Setting, Settings, Value};
+use slitrange_device::protocol::command::{Command, Error, parse};
+use slitrange_device::settings::sending::Format;
+use slitrange_device::settings::{Affects, Setting, Settings, Value};
 
 use super::line::SAVE;
 use super::port::PortOption;

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use slitrange::comb::{MAX_SLITS, Slits};
-use slitrange::protocol::command::{Command, parse};
-use slitrange::settings::Value;
+use slitrange_device::protocol::command::{Command, parse};
+use slitrange_device::settings::Value;
 
 use super::session::Before;
 use crate::points::{Setup, Shape, SlitImage, SlitImages, slit_columns};

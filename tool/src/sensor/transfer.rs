@@ -6,12 +6,12 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
 use slitrange::comb::Slits;
-use slitrange::protocol::command::{Command, parse};
-use slitrange::protocol::piece::{PIECE, Piece};
-use slitrange::protocol::upload::Step;
-use slitrange::record::encoded::EncodedRecord;
-use slitrange::record::{Record, decode};
-use slitrange::settings::Value;
+use slitrange_device::protocol::command::{Command, parse};
+use slitrange_device::protocol::piece::{PIECE, Piece};
+use slitrange_device::protocol::upload::Step;
+use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::record::{Record, decode};
+use slitrange_device::settings::Value;
 
 use super::answers::{InUse, RecordInUse};
 use super::line::{ANSWER, LineError, SAVE};

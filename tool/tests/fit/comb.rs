@@ -8,12 +8,12 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::{MAX_SLITS, NOMINAL_PLACES_UM, Slits};
 use slitrange::measurement::Measurement;
-use slitrange::record::date::Date;
-use slitrange::record::{MAX_ENCODED, Record, decode, encode};
+use slitrange::measurement::Options;
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::Pixels;
+use slitrange_device::record::date::Date;
+use slitrange_device::record::{MAX_ENCODED, Record, decode, encode};
 use slitrange_tool::fit::comb::{self, FittedComb};
 use slitrange_tool::fit::report::{Report, ShownComb};
 use slitrange_tool::fit::solve::{Solved, solve};
@@ -422,16 +422,16 @@ fn row(sensor: &Sensor, distance: f64, noise: Option<&mut ChaCha8Rng>) -> Vec<u1
 /// measures exact rows with the record, and gives distances.
 #[test]
 fn whole_rows_are_calibrated() {
-    let settings = |rows| Settings {
+    let options = |rows| Options {
         rows,
         slits: Slits::Comb,
-        ..Settings::default()
+        ..Options::default()
     };
     let mut all = vec![];
     for seed in 0..3 {
         let sensor = Sensor::unknown(seed, 300e-6, Flaw::Window);
         let mut random = seeded(900 + seed);
-        let mut measurement = Measurement::new(tcd1304dg(), settings(64));
+        let mut measurement = Measurement::new(tcd1304dg(), options(64));
         let mut measured = |distance: f64| {
             (0..64)
                 .find_map(|_| measurement.row(&mut row(&sensor, distance, Some(&mut random))))
@@ -452,7 +452,7 @@ fn whole_rows_are_calibrated() {
             })
             .collect();
         let (comb, solved, record) = calibrated(&points);
-        let mut measurement = Measurement::new(tcd1304dg(), settings(1));
+        let mut measurement = Measurement::new(tcd1304dg(), options(1));
         measurement.set_comb(comb.comb.clone());
         let errors: Vec<f64> = (0..200)
             .map(|i| NEAR + (FAR - NEAR) * (f64::from(i) + 0.37) / 200.0)

@@ -8,14 +8,15 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::check;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, PLACES, Surface};
 use slitrange::units::Counts;
 use slitrange::{Calibration, centre, spot};
+use slitrange_device::protocol::line::CentreLine;
 use slitrange_tool::fit::{calibration, errors, profile, solve::solve};
 use slitrange_tool::points::{KnownShape, Point, Points, Setup, Shape};
 use slitrange_tool::sensor::answers;
@@ -69,11 +70,11 @@ impl Sensor {
         words
     }
 
-    fn settings(&self, rows: u16) -> Settings {
-        Settings {
+    fn options(&self, rows: u16) -> Options {
+        Options {
             rows,
             estimator: self.estimator,
-            ..Settings::default()
+            ..Options::default()
         }
     }
 
@@ -102,7 +103,7 @@ impl Sensor {
     /// Calibrates the sensor: points as `calibrate run` takes them, and the fit.
     fn calibrate(&self, seed: u64) -> Calibrated {
         let mut random = seeded(seed);
-        let mut measurement = Measurement::new(tcd1304dg(), self.settings(64));
+        let mut measurement = Measurement::new(tcd1304dg(), self.options(64));
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("points.csv");
         let setup = Setup {
@@ -124,7 +125,7 @@ impl Sensor {
             let centres: Vec<answers::Centre> = (0..8)
                 .map(|_| {
                     let measured = self.frame(&mut measurement, distance, height, &mut random);
-                    let line = measured.to_string();
+                    let line = CentreLine(&measured).to_string();
                     answers::centre(&[line])
                         .expect("an answer")
                         .expect("a centre")
@@ -192,8 +193,8 @@ impl Calibrated {
     fn judge(&self, sensor: &Sensor, profile: Option<Profile>, count: usize, seed: u64) -> Judged {
         const ROWS: u16 = 16;
         let mut random = seeded(seed);
-        let mut measurement = Measurement::new(tcd1304dg(), sensor.settings(ROWS));
-        measurement.set(sensor.settings(ROWS), profile);
+        let mut measurement = Measurement::new(tcd1304dg(), sensor.options(ROWS));
+        measurement.set(sensor.options(ROWS), profile);
         let readings: Vec<(f64, Reading)> = (0..count)
             .map(|_| {
                 let (distance, height) = anywhere(&mut random);

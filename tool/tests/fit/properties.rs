@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use slitrange::record::decode;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::uncertainty::CalibrationErrors;
+use slitrange_device::record::decode;
+use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_tool::fit::calibration::make;
 use slitrange_tool::fit::figure;
 use slitrange_tool::fit::report::Report;
@@ -40,9 +40,9 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
         let Ok(made) = make(&solved, form) else {
             continue;
         };
-        let record = slitrange::record::Record {
+        let record = slitrange_device::record::Record {
             serial_number: 1,
-            date: slitrange::record::date::Date::new(2026, 1, 2).expect("a day"),
+            date: slitrange_device::record::date::Date::new(2026, 1, 2).expect("a day"),
             geometry: slitrange::sensor_heads::tcd1304dg(),
             estimator: Default::default(),
             black_level: slitrange::black_level::BlackLevel::Shielded,

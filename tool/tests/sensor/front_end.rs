@@ -11,12 +11,11 @@ use simulator::scene::{
 };
 use slitrange::distance::Calibration;
 use slitrange::front_end::FrontEnd;
-use slitrange::measurement::Measurement;
-use slitrange::record::Record;
-use slitrange::record::encoded::EncodedRecord;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::row::{Geometry, Polarity};
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
+use slitrange_device::record::Record;
+use slitrange_device::record::encoded::EncodedRecord;
 
 use super::stand_in::{SimulatedHead, StandIn, Trouble};
 
@@ -167,11 +166,11 @@ fn unknown_heads_are_measured_to_five_percent() {
 /// half of its room.
 fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -> f64 {
     const FRAMES: u64 = 1500;
-    let settings = Settings {
+    let options = Options {
         rows: 4,
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(geometry.clone(), settings);
+    let mut measurement = Measurement::new(geometry.clone(), options);
     let simulation = Simulation::new(scene.clone());
     let spot = scene.spot.expect("a spot");
     let amplification = scene.front_end.expect("a front end").gain;

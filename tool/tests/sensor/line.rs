@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use nix::pty::openpty;
 use nix::unistd::ttyname;
-use slitrange::protocol::command::Command;
-use slitrange::settings::{Setting, Value};
-use slitrange::trigger::Trigger;
+use slitrange_device::protocol::command::Command;
+use slitrange_device::settings::trigger::Trigger;
+use slitrange_device::settings::{Setting, Value};
 use slitrange_tool::pc::{Pc, Port, RealPc};
 use slitrange_tool::sensor::line::{ANSWER, LineError};
 use slitrange_tool::sensor::session::Session;

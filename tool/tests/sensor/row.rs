@@ -3,7 +3,7 @@
 use std::fs;
 
 use slitrange::exposure::Exposure;
-use slitrange::protocol::row::{ROW_END, RowExposure, RowPart};
+use slitrange_device::protocol::row::{ROW_END, RowExposure, RowPart};
 use slitrange_tool::sensor::line::TRIES;
 use slitrange_tool::sensor::row::RowAnswer;
 

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use slitrange::settings::{Setting, Settings};
+use slitrange_device::settings::{Setting, Settings};
 use slitrange_tool::pc::Pc;
 
 use super::stand_in::{StandIn, Trouble};

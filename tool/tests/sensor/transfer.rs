@@ -12,14 +12,14 @@ use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::profile::Profile;
-use slitrange::protocol::piece::PIECE;
-use slitrange::record::Record;
-use slitrange::record::date::Date;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::uncertainty::{CalibrationErrors, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange_device::protocol::piece::PIECE;
+use slitrange_device::record::Record;
+use slitrange_device::record::date::Date;
+use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::record_file;
 

@@ -6,8 +6,8 @@ use std::time::Duration;
 use simulator::scene::{Ambient, Scene};
 use slitrange::Calibration;
 use slitrange::ambient::AmbientMode;
-use slitrange::protocol::row::{ROW_END, RowPixels};
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
+use slitrange_device::protocol::row::{ROW_END, RowPixels};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, Sensor};
 
@@ -30,7 +30,7 @@ fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
     let on: Vec<bool> = shown.iter().map(|row| row.exposure.laser > 0).collect();
     let alternate = on.iter().rev().take(200).collect::<Vec<_>>();
     assert!(alternate.windows(2).all(|pair| pair[0] != pair[1]));
-    let settings = Settings {
+    let settings = Options {
         ambient: AmbientMode::Subtract,
         ..with_fixed_exposure()
     };

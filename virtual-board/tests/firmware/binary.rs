@@ -3,11 +3,13 @@
 use std::time::Duration;
 
 use slitrange::measurement::Measurement;
-use slitrange::protocol::packet::{Decoder, FrameResult, Message, PacketError, RowHead, unpack};
+use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::sending::Baud;
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::settings::Settings;
+use slitrange_device::protocol::packet::{
+    Decoder, FrameResult, Message, PacketError, RowHead, unpack,
+};
+use slitrange_device::settings::sending::Baud;
 use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::{
@@ -210,11 +212,11 @@ fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
     );
     assert!(number(&received.text, " n ", "/16") == 16.0);
     assert_eq!(received.results, []);
-    let settings = Settings {
+    let options = Options {
         rows: 16,
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(tcd1304dg(), settings);
+    let mut measurement = Measurement::new(tcd1304dg(), options);
     // The last row is not whole.
     let whole = &received.rows[..received.rows.len() - 1];
     for (head, words) in whole {

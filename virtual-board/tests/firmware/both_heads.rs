@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::protocol::refusal::Refusal;
-use slitrange::record::Record;
 use slitrange::sensor_heads::{self, S11639_LEAD_IN, TCD1304DG_LEAD_IN};
 use slitrange::units::Pixels;
+use slitrange_device::protocol::refusal::Refusal;
+use slitrange_device::record::Record;
 use virtual_board::board::Conditions;
 use virtual_board::row_rate::highest;
 use virtual_board::{Row, Sensor, SharedFlash, VirtualBoard};

@@ -4,15 +4,16 @@
 use simulator::scene::Scene;
 use slitrange::comb::Comb;
 use slitrange::measurement::Measurement;
-use slitrange::protocol::calibration::FlashStatus;
-use slitrange::protocol::piece::Piece;
-use slitrange::protocol::refusal::Refusal;
-use slitrange::record::RecordError;
-use slitrange::record::encoded::EncodedRecord;
+use slitrange::measurement::Options;
 use slitrange::row::Geometry;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::Surface;
 use slitrange::{frame, sensor_heads};
+use slitrange_device::protocol::calibration::FlashStatus;
+use slitrange_device::protocol::line::ReadingLine;
+use slitrange_device::protocol::piece::Piece;
+use slitrange_device::protocol::refusal::Refusal;
+use slitrange_device::record::RecordError;
+use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::VirtualBoard;
 use virtual_board::light::{Target, of_scene};
 
@@ -126,7 +127,7 @@ fn readings_use_the_slits_of_a_saved_comb() {
     };
     assert!(agrees(&written), "the PC nowhere says {lines:#?}");
     // With the mask's drawing, the distances are others.
-    let drawn = slitrange::record::Record {
+    let drawn = slitrange_device::record::Record {
         comb: Some(Comb::nominal()),
         ..written.record().clone()
     };
@@ -148,15 +149,15 @@ fn readings_use_the_slits_of_a_saved_comb() {
 /// The lines of frames of six rows, of which the first frame begins with the first row.
 fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<String> {
     let record = written.record();
-    let settings = Settings {
+    let options = Options {
         rows: 6,
         mean: frame::Mean::default(),
         estimator: record.estimator,
         black_level: record.black_level,
         slits: record.slits(),
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
     if let Some(comb) = &record.comb {
         measurement.set_comb(comb.clone());
     }
@@ -166,7 +167,7 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
             let measured = measured.expect("a centre");
             let reading =
                 measured.reading(Some(&record.calibration), &record.errors, Surface::Auto);
-            reading.expect("a distance").to_string()
+            ReadingLine(&reading.expect("a distance")).to_string()
         })
         .collect()
 }
@@ -249,7 +250,7 @@ fn a_refused_upload_changes_nothing() {
         Refusal::Record(RecordError::Short { bytes: 3 }),
     );
 
-    let another_head = slitrange::record::Record {
+    let another_head = slitrange_device::record::Record {
         geometry: Geometry {
             light: 36..3683,
             ..sensor_heads::tcd1304dg()

@@ -11,11 +11,11 @@ use simulator::scene::{Scene, Simulation, Spot};
 use slitrange::comb::Slits;
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
-use slitrange::record::Record;
-use slitrange::record::encoded::EncodedRecord;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres};
+use slitrange_device::record::Record;
+use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::trace::Call;
@@ -59,9 +59,9 @@ fn even(pitch: f64) -> Comb {
     }
 }
 
-/// Settings for a comb with `rows` rows in a frame.
-fn settings(rows: u16) -> Settings {
-    Settings {
+/// Options for a comb with `rows` rows in a frame.
+fn settings(rows: u16) -> Options {
+    Options {
         rows,
         slits: Slits::Comb,
         ..with_fixed_exposure()
@@ -406,8 +406,8 @@ fn record() -> Record {
                 height: [Counts::from_int(1000); PLACES],
             }),
         }),
-        estimator: Settings::default().estimator,
-        black_level: Settings::default().black_level,
+        estimator: Options::default().estimator,
+        black_level: Options::default().black_level,
         profile: None,
         comb: Some(slitrange::comb::Comb::nominal()),
         ..records::record(Calibration::nominal().expect("a curve"))

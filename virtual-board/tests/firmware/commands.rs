@@ -7,13 +7,13 @@ use slitrange::centre::Estimator;
 use slitrange::distance::eq1;
 use slitrange::fault::Fault;
 use slitrange::pixels::PixelErrors;
-use slitrange::protocol::help::{Estimators, Help};
-use slitrange::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
-use slitrange::protocol::status::StartCause;
-use slitrange::record::Record;
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
 use slitrange::units::Pixels;
+use slitrange_device::protocol::help::{Estimators, Help};
+use slitrange_device::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
+use slitrange_device::protocol::status::StartCause;
+use slitrange_device::record::Record;
+use slitrange_device::settings::Settings;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 

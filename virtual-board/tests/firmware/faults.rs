@@ -6,6 +6,7 @@ use simulator::optics::Optics;
 use simulator::scene::{Scene, Spot};
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
+use slitrange_device::protocol::advice::advice;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, OpenLine, Sensor, VirtualBoard};
 
@@ -88,7 +89,7 @@ pub fn assert_all_are(lines: &[String], name: &str) {
 fn advice_for(name: &str) -> &'static str {
     let zero = slitrange::units::Counts::from_int(0);
     let centre = slitrange::units::Pixels::from_int(0);
-    [
+    let faults = [
         Fault::SensorSilent,
         Fault::NoSpot { amplitude: zero },
         Fault::TooDim {
@@ -127,11 +128,9 @@ fn advice_for(name: &str) -> &'static str {
         Fault::Spike {
             step: slitrange::units::Micrometres::from_int(0),
         },
-    ]
-    .iter()
-    .find(|fault| fault.name() == name)
-    .expect("the name of a fault")
-    .advice()
+    ];
+    let fault = faults.iter().find(|fault| fault.name() == name);
+    advice(fault.expect("the name of a fault"))
 }
 
 with_both_heads! {

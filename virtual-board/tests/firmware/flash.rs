@@ -6,9 +6,9 @@ use std::time::Duration;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::frame::Mean;
-use slitrange::settings::Settings;
-use slitrange::store::Stored;
-use slitrange::store::configuration::Configuration;
+use slitrange_device::settings::Settings;
+use slitrange_device::store::Stored;
+use slitrange_device::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};
 use virtual_board::{Line, SharedFlash, VirtualBoard};
 

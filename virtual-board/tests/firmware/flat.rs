@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
-use slitrange::store::pixel_map::StoredMap;
+use slitrange_device::store::pixel_map::StoredMap;
 use virtual_board::flash::SharedFlash;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, VirtualBoard};

@@ -15,10 +15,11 @@ use slitrange::exposure::{self, ExposureMode};
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::row::Geometry;
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::{sensor_heads, spot};
+use slitrange_device::protocol::line::{FaultLine, ReadingLine};
 use virtual_board::{Exposure, LightSource, Row, Sensor};
 
 use super::common::{PATIENCE, Status, boot, geometry_of, is_reading, is_result, set};
@@ -104,16 +105,16 @@ pub fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<S
 }
 
 /// The settings on the PC that go with [`run`].
-pub fn with_fixed_exposure() -> Settings {
-    Settings {
+pub fn with_fixed_exposure() -> Options {
+    Options {
         exposure: ExposureMode::Fixed(exposure::Exposure::LONGEST),
-        ..Settings::default()
+        ..Options::default()
     }
 }
 
 /// For how long the laser was on in a row, if the setting does not say so.
-fn exposure(row: &Row, settings: &Settings) -> Option<exposure::Exposure> {
-    if let ExposureMode::Fixed(exposure) = settings.exposure {
+fn exposure(row: &Row, options: &Options) -> Option<exposure::Exposure> {
+    if let ExposureMode::Fixed(exposure) = options.exposure {
         return Some(exposure);
     }
     let us = u16::try_from(row.exposure.laser / 1000).expect("shorter than a row");
@@ -123,18 +124,18 @@ fn exposure(row: &Row, settings: &Settings) -> Option<exposure::Exposure> {
 /// The line for each frame of the rows, of a sensor that nobody calibrated.
 pub fn on_this_pc(
     rows: &[Row],
-    settings: Settings,
+    options: Options,
     calibration: Option<&Calibration>,
 ) -> Vec<String> {
-    calibrated_on_this_pc(rows, settings, calibration, &CalibrationErrors::Nominal)
+    calibrated_on_this_pc(rows, options, calibration, &CalibrationErrors::Nominal)
 }
 
 /// The line for each frame of the rows of this sensor, without a calibration.
-pub fn centres_on_this_pc(rows: &[Row], sensor: Sensor, settings: Settings) -> Vec<String> {
+pub fn centres_on_this_pc(rows: &[Row], sensor: Sensor, options: Options) -> Vec<String> {
     lines_on_this_pc(
         rows,
         geometry_of(sensor),
-        settings,
+        options,
         None,
         &CalibrationErrors::Nominal,
     )
@@ -143,14 +144,14 @@ pub fn centres_on_this_pc(rows: &[Row], sensor: Sensor, settings: Settings) -> V
 /// The line for each frame of the rows, with a calibration's uncertainties.
 pub fn calibrated_on_this_pc(
     rows: &[Row],
-    settings: Settings,
+    options: Options,
     calibration: Option<&Calibration>,
     errors: &CalibrationErrors,
 ) -> Vec<String> {
     lines_on_this_pc(
         rows,
         sensor_heads::tcd1304dg(),
-        settings,
+        options,
         calibration,
         errors,
     )
@@ -159,12 +160,12 @@ pub fn calibrated_on_this_pc(
 fn lines_on_this_pc(
     rows: &[Row],
     geometry: Geometry,
-    settings: Settings,
+    options: Options,
     calibration: Option<&Calibration>,
     errors: &CalibrationErrors,
 ) -> Vec<String> {
-    let mut measurement = Measurement::new(geometry, settings);
-    let subtracts = settings.ambient == AmbientMode::Subtract;
+    let mut measurement = Measurement::new(geometry, options);
+    let subtracts = options.ambient == AmbientMode::Subtract;
     rows.iter()
         // The laser is off until the firmware knows its settings.
         .skip_while(|row| subtracts && row.exposure.laser == 0)
@@ -173,12 +174,12 @@ fn lines_on_this_pc(
                 measurement.ambient_row(&row.words);
                 return None;
             }
-            measurement.row_with(&mut row.words.clone(), exposure(row, &settings), None)
+            measurement.row_with(&mut row.words.clone(), exposure(row, &options), None)
         })
         .map(|result| {
             match result.and_then(|measured| measured.reading(calibration, errors, Surface::Auto)) {
-                Ok(reading) => reading.to_string(),
-                Err(fault) => fault.to_string(),
+                Ok(reading) => ReadingLine(&reading).to_string(),
+                Err(fault) => FaultLine(&fault).to_string(),
             }
         })
         .collect()
@@ -228,14 +229,14 @@ fn every_row_gives_the_same_line_on_the_chip_and_on_a_pc() {
         (None, "calibration off"),
     ] {
         let (rows, chip) = run(any_spots(5), &[command, "rows 1"], ROWS);
-        let settings = Settings {
+        let options = Options {
             estimator: Estimator::default(),
             rows: 1,
             mean: Mean::default(),
             black_level: BlackLevel::Shielded,
             ..with_fixed_exposure()
         };
-        let pc = on_this_pc(&rows, settings, calibration.as_ref());
+        let pc = on_this_pc(&rows, options, calibration.as_ref());
         // The first line may still belong to a frame of 16 rows.
         let chip = &chip[1..];
         let pc = aligned(&pc, chip);
@@ -291,7 +292,7 @@ fn every_frame_gives_the_same_line_on_the_chip_and_on_a_pc() {
             &format!("rows {rows}"),
         ];
         let (shown, chip) = run(spots_nearby(6), &commands, of_all);
-        let settings = Settings {
+        let options = Options {
             estimator: Estimator::default(),
             rows,
             mean,
@@ -302,7 +303,7 @@ fn every_frame_gives_the_same_line_on_the_chip_and_on_a_pc() {
         let chip = &chip[1..];
         // The first frame begins with the first row after the settings took effect.
         let pc: Vec<Vec<String>> = (0..usize::from(rows))
-            .map(|first| on_this_pc(&shown[first..], settings, calibration.as_ref()))
+            .map(|first| on_this_pc(&shown[first..], options, calibration.as_ref()))
             .collect();
         let pc = pc
             .iter()
@@ -349,14 +350,14 @@ fn assert_same_lines(estimators: &[Estimator]) {
             (None, "calibration off", "not calibrated"),
         ] {
             let (rows, chip) = run(any_spots(7), &[switch, "rows 1", &command], ROWS);
-            let settings = Settings {
+            let options = Options {
                 estimator,
                 rows: 1,
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
                 ..with_fixed_exposure()
             };
-            let pc = on_this_pc(&rows, settings, calibration.as_ref());
+            let pc = on_this_pc(&rows, options, calibration.as_ref());
             // The first two lines may still be from the estimator before.
             let chip = &chip[2..];
             let pc = aligned(&pc, chip);

@@ -6,11 +6,11 @@ use std::convert::Infallible;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use slitrange::pixels::map::{MAX_MAP_PIXELS, PixelMap};
-use slitrange::protocol::calibration::FlashStatus;
-use slitrange::record::encoded::EncodedRecord;
-use slitrange::store::configuration::Configuration;
-use slitrange::store::pixel_map::{self, StoredMap};
-use slitrange::store::{Store, Stored};
+use slitrange_device::protocol::calibration::FlashStatus;
+use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::store::configuration::Configuration;
+use slitrange_device::store::pixel_map::{self, StoredMap};
+use slitrange_device::store::{Store, Stored};
 use virtual_board::VirtualBoard;
 use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
 

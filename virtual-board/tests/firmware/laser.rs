@@ -8,7 +8,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
 use slitrange::Calibration;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use virtual_board::{Exposure, LightSource, Nanos, Sensor, VirtualBoard};
 
 use super::common::{
@@ -174,7 +174,7 @@ fn assert_jumps_are_followed(jumps: u64) {
     let chip = &chip[1..];
     let calibration = Calibration::nominal();
     let pc: Vec<Vec<String>> = (0..16)
-        .map(|first| on_this_pc(&shown[first..], Settings::default(), calibration.as_ref()))
+        .map(|first| on_this_pc(&shown[first..], Options::default(), calibration.as_ref()))
         .collect();
     let pc = pc.iter().find(|pc| pc.contains(&chip[0]));
     let pc = aligned(pc.expect("the PC has the first line too"), chip);

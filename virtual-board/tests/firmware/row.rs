@@ -6,9 +6,9 @@ use std::time::Duration;
 use slitrange::comb::Slits;
 use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::measurement::Measurement;
-use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
+use slitrange_device::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange_device::settings::Settings;
 use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, Sensor, VirtualBoard};
 
 use super::comb::paper_behind_a_comb;
@@ -93,8 +93,8 @@ impl Answer {
         println!("{exposure:?}, the laser was on for {on_us} us");
         assert!((f64::from(exposure.map_or(0, Exposure::us)) - on_us).abs() < 2.0);
         let mut words = row.words;
-        let measured =
-            Measurement::new(geometry.clone(), settings).measure_alone(&mut words, exposure, None);
+        let measured = Measurement::new(geometry.clone(), settings.options())
+            .measure_alone(&mut words, exposure, None);
         let row = geometry.row(&words).expect("a row");
         let head = RowHead::new(self.part, &row, self.exposure(), &measured);
         head.to_string().split("\r\n").map(String::from).collect()

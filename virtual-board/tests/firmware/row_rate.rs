@@ -2,7 +2,7 @@
 //! its own: the words of a row are in memory about 10 us after the row is due.
 
 use slitrange::distance::Calibration;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use virtual_board::row_rate::{lost_rows, start};
 use virtual_board::{Row, Sensor};
 
@@ -46,7 +46,7 @@ fn assert_sustained(sensor: Sensor, rows_per_second: f64, rows: u16, count: u64)
 
 /// The chip's lines are the PC's, in order. The serial line may be too slow for all of them.
 fn assert_same_lines(sensor: Sensor, shown: &[Row], rows: u16, chip: &[String]) {
-    let settings = Settings {
+    let settings = Options {
         rows,
         ..with_fixed_exposure()
     };

@@ -3,15 +3,15 @@
 
 use std::time::Duration;
 
-use slitrange::protocol::calibration::FlashStatus;
-use slitrange::protocol::refusal::Refusal;
-use slitrange::record::Record;
-use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
-use slitrange::store::StoreError;
-use slitrange::store::configuration::Configuration;
+use slitrange_device::protocol::calibration::FlashStatus;
+use slitrange_device::protocol::refusal::Refusal;
+use slitrange_device::record::Record;
+use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::settings::Settings;
+use slitrange_device::store::StoreError;
+use slitrange_device::store::configuration::Configuration;
 use virtual_board::board::Conditions;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
 use virtual_board::{LightSource, Line, VirtualBoard};

@@ -6,8 +6,8 @@ use std::time::Duration;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rigless::soc::stm32f427::generated::usart6::{Register, cr1};
-use slitrange::protocol::command::Command;
-use slitrange::protocol::input::Input;
+use slitrange_device::protocol::command::Command;
+use slitrange_device::protocol::input::Input;
 use virtual_board::{Arrival, Line, Nanos, VirtualBoard};
 
 use super::common::{

@@ -8,11 +8,11 @@ use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knot;
-use slitrange::record::date::Date;
-use slitrange::record::{MAX_ENCODED, Record, encode};
 use slitrange::sensor_heads;
 use slitrange::uncertainty::CalibrationErrors;
 use slitrange::units::Pixels;
+use slitrange_device::record::date::Date;
+use slitrange_device::record::{MAX_ENCODED, Record, encode};
 
 use crate::programs::cost::chip::Chip;
 

@@ -10,9 +10,9 @@ use simulator::statistics::median;
 use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::row::{LARGEST_COUNT, Row};
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
 use slitrange::spot;
 
 const ROWS: u64 = 256;
@@ -59,15 +59,15 @@ pub fn row_nanoseconds(estimator: Estimator) -> Option<f64> {
             words
         })
         .collect();
-    let settings = Settings {
+    let options = Options {
         estimator,
         rows: MOST as u16,
-        ..Settings::default()
+        ..Options::default()
     };
     let mut times = vec![];
     for _ in 0..REPETITIONS / 8 {
         for rows in rows.chunks(MOST) {
-            let mut measurement = Measurement::new(geometry.clone(), settings);
+            let mut measurement = Measurement::new(geometry.clone(), options);
             for (place, words) in rows.iter().enumerate().take(MOST - 1) {
                 let mut words = words.clone();
                 let start = Instant::now();

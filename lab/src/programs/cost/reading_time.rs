@@ -24,9 +24,9 @@ use slitrange::comb::Slits;
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
-use slitrange::record;
-use slitrange::settings::Settings;
+use slitrange::measurement::Options;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
+use slitrange_device::record;
 
 use crate::programs::cost::chip::whole_rows::WholeRows;
 
@@ -240,8 +240,8 @@ fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Fou
         seed: scene.seed + reading,
         ..scene.clone()
     });
-    let settings = estimators.iter().flat_map(|&estimator| {
-        ROWS.map(|rows| Settings {
+    let options = estimators.iter().flat_map(|&estimator| {
+        ROWS.map(|rows| Options {
             rows: rows as u16,
             mean: Mean::default(),
             estimator,
@@ -250,14 +250,14 @@ fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Fou
                 Some(_) => Slits::Comb,
                 None => Slits::One,
             },
-            ..Settings::default()
+            ..Options::default()
         })
     });
-    let mut measurements: Vec<(u64, Measurement)> = settings
-        .map(|settings| {
+    let mut measurements: Vec<(u64, Measurement)> = options
+        .map(|options| {
             (
-                settings.rows.into(),
-                Measurement::new(scene.geometry(), settings),
+                options.rows.into(),
+                Measurement::new(scene.geometry(), options),
             )
         })
         .collect();

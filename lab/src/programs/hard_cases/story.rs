@@ -80,7 +80,7 @@ fn words(truth: Truth, answer: &Answer) -> String {
                 ""
             },
         ),
-        Err(fault) => fault.to_string(),
+        Err(fault) => format!("f {fault}"),
     }
 }
 

@@ -11,8 +11,8 @@ use slitrange::comb::Slits;
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::measurement::Options;
 use slitrange::reading::{Measured, Reading};
-use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 use super::board::let_the_log_out;
@@ -39,12 +39,12 @@ pub fn measure() {
 fn measure_comb() {
     let mut words = [0; WORDS];
     let mut pixels = [0; PIXELS];
-    let settings = Settings {
+    let options = Options {
         rows: FRAME,
         slits: Slits::Comb,
-        ..Settings::default()
+        ..Options::default()
     };
-    let mut measurement = Measurement::new(rows::geometry(), settings);
+    let mut measurement = Measurement::new(rows::geometry(), options);
     for place in 1..=FRAME {
         rows::comb_light(Turn::OfFrame(place), &mut pixels);
         rows::words(&pixels, &mut words);
@@ -102,12 +102,12 @@ fn measure_the_last(estimator: Estimator) {
 
 /// As the firmware starts with.
 fn measurement(estimator: Estimator) -> Measurement {
-    let settings = Settings {
+    let options = Options {
         estimator,
         rows: FRAME,
-        ..Settings::default()
+        ..Options::default()
     };
-    Measurement::new(rows::geometry(), settings)
+    Measurement::new(rows::geometry(), options)
 }
 
 fn write_words(width: f32, number: usize, turn: Turn, words: &mut [u16; WORDS]) {

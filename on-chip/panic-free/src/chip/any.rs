@@ -13,24 +13,24 @@ use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
 use slitrange::front_end::{Estimate, FrontEnd};
-use slitrange::output::average::Average;
-use slitrange::output::columns::Columns;
-use slitrange::output::limits::Limits;
-use slitrange::output::spike::SpikeFilter;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
-use slitrange::record::Record;
-use slitrange::record::date::Date;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::sending::Format;
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
 use slitrange::shape::COMPONENTS;
 use slitrange::spot::{Background, Effort, Spot};
-use slitrange::trigger::Trigger;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
 use slitrange::units::{Counts, Electrons, Micrometres, Pixels, Units};
+use slitrange_device::output::average::Average;
+use slitrange_device::output::columns::Columns;
+use slitrange_device::output::limits::Limits;
+use slitrange_device::output::spike::SpikeFilter;
+use slitrange_device::record::Record;
+use slitrange_device::record::date::Date;
+use slitrange_device::settings::Settings;
+use slitrange_device::settings::sending::Format;
+use slitrange_device::settings::trigger::Trigger;
 
 /// What might be any value of its type, though it is the one given.
 pub fn any<T: Copy>(value: T) -> T {

@@ -9,32 +9,32 @@ use slitrange::check::{self, repair};
 use slitrange::difference::Difference;
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
-use slitrange::pixels::encoded::{Read, Reader, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::{Correction, Entry, PixelMap, window};
-use slitrange::protocol::command::Command;
-use slitrange::protocol::info::{BrownOut, Clock, Hardware};
-use slitrange::protocol::input::{Echo, Input};
-use slitrange::protocol::line::PartsOf;
-use slitrange::protocol::modbus::{self, Shown};
-use slitrange::protocol::packet::{
+use slitrange::row::Row;
+use slitrange::spot;
+use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
+use slitrange_device::protocol::command::Command;
+use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
+use slitrange_device::protocol::input::{Echo, Input};
+use slitrange_device::protocol::line::PartsOf;
+use slitrange_device::protocol::modbus::{self, Shown};
+use slitrange_device::protocol::packet::{
     Decoder, Message, Packed, Packets, RowHead as RowPacket, RowWords, Window, parts_of_text,
     unpack,
 };
-use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
-use slitrange::protocol::selftest::RowTest;
-use slitrange::protocol::status::{StartCause, Vitals};
-use slitrange::protocol::upload::Step;
-use slitrange::record;
-use slitrange::row::Row;
-use slitrange::sending::Format;
-use slitrange::session::flat::Outcome;
-use slitrange::session::{Actions, AddressPrefix, Event, Session};
-use slitrange::spot;
-use slitrange::store::configuration::{self, Configuration};
-use slitrange::store::pixel_map::StoredMap;
-use slitrange::store::{StoreError, Stored};
-use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
+use slitrange_device::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange_device::protocol::selftest::RowTest;
+use slitrange_device::protocol::status::{StartCause, Vitals};
+use slitrange_device::protocol::upload::Step;
+use slitrange_device::record;
+use slitrange_device::session::flat::Outcome;
+use slitrange_device::session::{Actions, AddressPrefix, Event, Session};
+use slitrange_device::settings::sending::Format;
+use slitrange_device::store::configuration::{self, Configuration};
+use slitrange_device::store::encoded_map::{Read, Reader, Words};
+use slitrange_device::store::pixel_map::StoredMap;
+use slitrange_device::store::{StoreError, Stored};
 
 use super::any::{self, any};
 

@@ -6,9 +6,9 @@ use std::ops::Range;
 use anyhow::{Result, bail, ensure};
 use slitrange::ambient::AmbientMode;
 use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::protocol::row::{RowExposure, RowPart};
 use slitrange::row::Geometry;
-use slitrange::settings::Value;
+use slitrange_device::protocol::row::{RowExposure, RowPart};
+use slitrange_device::settings::Value;
 
 use super::super::answers::NoCentre;
 use super::super::row::{RowAnswer, ask_row};

@@ -13,9 +13,9 @@ use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use slitrange::centre::Estimator;
 use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::protocol::row::{RowExposure, RowPart};
 use slitrange::region::Region;
-use slitrange::settings::{Setting, Value};
+use slitrange_device::protocol::row::{RowExposure, RowPart};
+use slitrange_device::settings::{Setting, Value};
 
 use super::RowAnswer;
 use super::figure::window;

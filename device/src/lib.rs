@@ -1,0 +1,28 @@
+//! What a slitrange sensor is told, says and keeps, without hardware: settings, the session on its serial
+//! line, the protocols, filters and limits of its readings, calibration records and their store in flash.
+//!
+//! ```text
+//! line -> command -> Session -> actions: text, settings for the measurement, what flash is to hold
+//! result of a frame -> spike filter -> average -> hold -> limits -> columns -> line, packet or registers
+//! ```
+//!
+//! The core, [`slitrange`], makes the results. The owner of the serial line brings events to
+//! [`session::Session`] and carries out its actions: the firmware, or a test on a PC.
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+
+pub mod settings;
+
+pub mod session;
+
+pub mod protocol;
+
+pub mod output;
+
+pub mod record;
+
+pub mod store;
+
+pub mod text;
+
+pub use settings::Settings;

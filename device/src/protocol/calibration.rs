@@ -1,0 +1,288 @@
+//! The answer to `calibration`: the calibration in use, and what flash holds.
+
+use core::fmt;
+
+use super::command::Command;
+use crate::record::encoded::EncodedRecord;
+use crate::settings::Value;
+use slitrange::distance::Calibration;
+use slitrange::units::AsMillimetres;
+
+/// The calibration that flash keeps over a power cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlashStatus {
+    /// Nothing was ever saved.
+    Nothing,
+    /// The saved configuration is damaged.
+    Damaged,
+    /// The saved calibration is of another sensor head.
+    OtherSensor,
+    /// The record with this CRC-32.
+    Record(u32),
+    /// The record with this CRC-32, of an earlier save: the last save was interrupted, or is damaged.
+    Older(u32),
+}
+
+impl FlashStatus {
+    /// Whether flash holds a calibration other than the one with this CRC-32.
+    pub fn holds_other(self, sum: u32) -> bool {
+        match self {
+            Self::Nothing | Self::Damaged => false,
+            Self::OtherSensor => true,
+            Self::Record(stored) | Self::Older(stored) => stored != sum,
+        }
+    }
+}
+
+/// The answer to `calibration`, lines parted by CR LF. The first is `calibration on`, `calibration off` or,
+/// without a calibration, `calibration none`. The others are `calibration`, a name and a value, and the last
+/// of them is `stored`.
+#[derive(Clone, Copy, Debug)]
+pub struct CalibrationAnswer<'a> {
+    /// The calibration in use, if there is one.
+    pub record: Option<&'a EncodedRecord>,
+    /// Whether frames become distances.
+    pub is_on: bool,
+    /// What flash holds.
+    pub stored: FlashStatus,
+}
+
+impl fmt::Display for CalibrationAnswer<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.record {
+            None => f.write_str("calibration none")?,
+            Some(record) => self.write_record(record, f)?,
+        }
+        if let Some(fault) = self.fault() {
+            write!(f, "\r\ncalibration fault {fault}")?;
+        }
+        write!(f, "\r\ncalibration stored {}", self.stored_word())
+    }
+}
+
+impl CalibrationAnswer<'_> {
+    fn write_record(&self, encoded: &EncodedRecord, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let record = encoded.record();
+        let kind = match record.calibration {
+            Calibration::Eq1(_) => "eq1",
+            Calibration::Table(_) => "table",
+            Calibration::Corrected(_) => "corrected",
+        };
+        write!(f, "{}", Command::Calibration(Some(self.is_on)))?;
+        write!(f, "\r\ncalibration source {}", self.source(encoded))?;
+        write!(f, "\r\ncalibration kind {kind}")?;
+        let (bytes, sum) = (encoded.bytes().len(), encoded.sum());
+        write!(f, "\r\ncalibration record {bytes} {sum:08x}")?;
+        write!(f, "\r\ncalibration serial {}", record.serial_number)?;
+        write!(f, "\r\ncalibration date {}", record.date)?;
+        write!(f, "\r\ncalibration estimator {}", record.estimator.name())?;
+        let black = Value::Black(record.black_level);
+        write!(f, "\r\ncalibration {black}")?;
+        if let Some(comb) = &record.comb {
+            write!(f, "\r\ncalibration slits {}", comb.slits().len())?;
+        }
+        let front_end = match record.front_end {
+            Some(_) => "measured",
+            None => "assumed",
+        };
+        write!(f, "\r\ncalibration front-end {front_end}")?;
+        let (first, last) = record.calibration.valid();
+        write!(f, "\r\ncalibration centres {first} {last} px")?;
+        if let Ok(distances) = record.calibration.distances() {
+            let [least, most] = [*distances.start(), *distances.end()].map(AsMillimetres);
+            write!(f, "\r\ncalibration distances {least} {most} mm")?;
+        }
+        Ok(())
+    }
+
+    fn source(&self, encoded: &EncodedRecord) -> &'static str {
+        if encoded.record().is_nominal() {
+            "default"
+        } else if self.stored_word() == "same" {
+            "stored"
+        } else {
+            "uploaded"
+        }
+    }
+
+    /// What is wrong with the contents of the flash.
+    const fn fault(&self) -> Option<&'static str> {
+        match self.stored {
+            FlashStatus::Nothing | FlashStatus::Record(_) => None,
+            FlashStatus::Damaged => {
+                Some("what was saved cannot be used: upload it again, or defaults, then save")
+            }
+            FlashStatus::Older(_) => Some(
+                "the last save is unusable, flash holds an earlier one: upload the calibration again, or \
+                save",
+            ),
+            FlashStatus::OtherSensor => Some(
+                "what was saved is of another sensor head: upload this one's calibration, then save",
+            ),
+        }
+    }
+
+    /// The last line's value: how the record in flash compares with the record in use.
+    fn stored_word(&self) -> &'static str {
+        match self.stored {
+            FlashStatus::Nothing => "none",
+            FlashStatus::Damaged | FlashStatus::OtherSensor => "unusable",
+            FlashStatus::Record(sum) | FlashStatus::Older(sum) => {
+                if self.record.map(EncodedRecord::sum) == Some(sum) {
+                    "same"
+                } else {
+                    "other"
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Record;
+    use crate::record::date::Date;
+    use slitrange::black_level::BlackLevel;
+    use slitrange::units::Counts;
+
+    fn nominal() -> Record {
+        Record::nominal().expect("a record")
+    }
+
+    fn written(record: Record) -> EncodedRecord {
+        EncodedRecord::new(record).expect("a record")
+    }
+
+    #[test]
+    fn the_nominal_calibration_is_shown() {
+        let written = written(nominal());
+        let shown = CalibrationAnswer {
+            record: Some(&written),
+            is_on: true,
+            stored: FlashStatus::Nothing,
+        };
+        let lines = "calibration on\r\n\
+             calibration source default\r\n\
+             calibration kind eq1\r\n\
+             calibration record 49 18a59177\r\n\
+             calibration serial 0\r\n\
+             calibration date 0001-01-01\r\n\
+             calibration estimator adaptive\r\n\
+             calibration black shielded\r\n\
+             calibration front-end assumed\r\n\
+             calibration centres 1191.00000 2654.00000 px\r\n\
+             calibration distances 550.0874 1099.7177 mm\r\n\
+             calibration stored none";
+        assert_eq!(shown.to_string(), lines);
+        let same = CalibrationAnswer {
+            is_on: false,
+            stored: FlashStatus::Record(written.sum()),
+            ..shown
+        };
+        let lines = lines
+            .replace("calibration on\r", "calibration off\r")
+            .replace("stored none", "stored same");
+        assert_eq!(same.to_string(), lines);
+    }
+
+    #[test]
+    fn source_and_contents_of_flash_are_shown() {
+        let own = written(Record {
+            serial_number: u32::MAX,
+            date: Date::new(2026, 11, 21).expect("a day"),
+            black_level: BlackLevel::Fixed(Counts::from_int(4095)),
+            ..nominal()
+        });
+        for (stored, lines) in [
+            (
+                FlashStatus::Nothing,
+                &["source uploaded", "stored none"] as &[&str],
+            ),
+            (
+                FlashStatus::Record(!own.sum()),
+                &["source uploaded", "stored other"],
+            ),
+            (
+                FlashStatus::Record(own.sum()),
+                &["source stored", "stored same"],
+            ),
+            (
+                FlashStatus::Damaged,
+                &[
+                    "source uploaded",
+                    "fault what was saved cannot be used: upload it again, or defaults, then save",
+                    "stored unusable",
+                ],
+            ),
+            (
+                FlashStatus::Older(own.sum()),
+                &[
+                    "source stored",
+                    "fault the last save is unusable, flash holds an earlier one: upload the calibration \
+                    again, or save",
+                    "stored same",
+                ],
+            ),
+            (
+                FlashStatus::OtherSensor,
+                &[
+                    "source uploaded",
+                    "fault what was saved is of another sensor head: upload this one's calibration, then \
+                    save",
+                    "stored unusable",
+                ],
+            ),
+        ] {
+            let shown = CalibrationAnswer {
+                record: Some(&own),
+                is_on: true,
+                stored,
+            }
+            .to_string();
+            for line in lines {
+                let line = format!("\r\ncalibration {line}");
+                assert!(
+                    format!("{shown}\r").contains(&format!("{line}\r")),
+                    "{shown}"
+                );
+            }
+            assert!(shown.contains("\r\ncalibration serial 4294967295\r\n"));
+            assert!(shown.contains("\r\ncalibration black fixed 4095\r\n"));
+            assert_eq!(shown.contains(" fault "), lines.len() == 3);
+            assert!(shown.lines().all(|line| line.len() <= 110), "{shown}");
+            assert!(shown.len() + 2 <= crate::protocol::MAX_ANSWER);
+        }
+    }
+
+    #[test]
+    fn the_slits_of_a_comb_are_counted() {
+        let own = written(Record {
+            comb: Some(slitrange::comb::Comb::nominal()),
+            ..nominal()
+        });
+        let shown = CalibrationAnswer {
+            record: Some(&own),
+            is_on: true,
+            stored: FlashStatus::Nothing,
+        };
+        let lines = "\r\ncalibration black shielded\r\ncalibration slits 16\r\n\
+                     calibration front-end assumed\r\n";
+        assert!(shown.to_string().contains(lines), "{shown}");
+    }
+
+    #[test]
+    fn without_a_calibration_only_flash_is_shown() {
+        let shown = CalibrationAnswer {
+            record: None,
+            is_on: true,
+            stored: FlashStatus::Damaged,
+        };
+        assert_eq!(
+            shown.to_string(),
+            "calibration none\r\n\
+             calibration fault what was saved cannot be used: upload it again, or defaults, then save\r\n\
+             calibration stored unusable"
+        );
+    }
+}

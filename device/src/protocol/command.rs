@@ -1,0 +1,511 @@
+//! Reads commands from lines that a person or a program typed, and writes them as such lines.
+//!
+//! `NAME` shows a setting, `NAME VALUE` sets it. Upper case counts as lower case. Words are separated by
+//! blanks or tabs.
+
+use core::fmt;
+
+use super::flat::Flat;
+use super::help;
+use super::nearest::nearest;
+use super::piece::{Piece, PieceError};
+use super::row::RowPart;
+use super::upload::Step;
+use crate::output::zero::MasterValue;
+use crate::record::MAX_ENCODED;
+use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
+
+/// The longest line that is read, in bytes, without its end.
+pub const MAX_LINE: usize = 80;
+
+/// What the sensor is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Nothing: an empty line.
+    Nothing,
+    /// The list of commands.
+    Help,
+    /// The list of estimators, with what each is for.
+    HelpEstimator,
+    /// What this sensor is.
+    Info,
+    /// What has been counted since the start.
+    Status,
+    /// The errors among these counts.
+    Errors,
+    /// The time since the start.
+    Uptime,
+    /// Start again, as if the power came back.
+    Reset,
+    /// Check what the sensor can check by itself.
+    Selftest,
+    /// One reading.
+    Distance,
+    /// A frame, and its result as one of the stream.
+    Measure,
+    /// One centre, calibrated or not.
+    Centre,
+    /// One reading with the parts of its uncertainty.
+    Uncertainty,
+    /// One row, as the sensor sees it.
+    Row(RowPart),
+    /// Make the next reading the zero of distances, or give distances from the laser again.
+    Zero(bool),
+    /// Show the distance that the zero has, or give the next reading's place this one, in the unit that
+    /// `units` sets.
+    Master(Option<MasterValue>),
+    /// Show a setting.
+    Show(Setting),
+    /// Set a setting.
+    Set(Value),
+    /// Show the calibration in use, or switch between distances and centres only.
+    Calibration(Option<bool>),
+    /// Show the piece of the calibration's record that begins at an offset.
+    Data(u16),
+    /// A step of an upload of another record.
+    Upload(Step),
+    /// Write settings and calibration to flash, unless that would replace a calibration by the nominal one.
+    Save,
+    /// Write settings and the nominal calibration to flash, over the calibration that flash holds.
+    SaveNominal,
+    /// Settings and calibration as they left the factory.
+    Defaults,
+    /// Take, use, save or erase the map of the pixels.
+    Flat(Flat),
+}
+
+impl Command {
+    /// Whether the command may be sent to all sensors of a line. Its answer, which nobody sends, needs no
+    /// frame and no row.
+    pub const fn is_for_all(self) -> bool {
+        matches!(
+            self,
+            Self::Set(_)
+                | Self::Zero(false)
+                | Self::Calibration(Some(_))
+                | Self::Save
+                | Self::Defaults
+                | Self::Reset
+        )
+    }
+}
+
+/// Why a line is not a command. `Display` is the answer, without its line end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error {
+    /// The first word is no command. Holds the command or the setting whose name is nearest, if one is near.
+    Unknown(Option<&'static str>),
+    /// A value is missing, is not understood, or is one too many. Holds the expected form.
+    Form(&'static str),
+    /// The value of a setting is not understood, out of range, or not in its list.
+    Value(Setting, ValueError),
+    /// The pixels of a row that are asked for are not understood, or are no pixels of a row.
+    Row(ValueError),
+    /// An offset or a length that no record has.
+    Record(RecordForm, ValueError),
+    /// The line is longer than [`MAX_LINE`].
+    TooLong,
+    /// The line has bytes that are not printable ASCII.
+    NotText,
+    /// A piece of a record does not have the checksum that was sent with it.
+    Checksum {
+        /// The checksum that was sent.
+        written: u16,
+        /// The checksum of what came.
+        computed: u16,
+    },
+}
+
+/// The commands whose form contains the length of the longest record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecordForm {
+    /// `calibration begin`
+    Begin,
+    /// `calibration data`
+    Data,
+}
+
+impl fmt::Display for RecordForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Begin => write!(f, "calibration begin 1..{MAX_ENCODED}"),
+            Self::Data => write!(f, "calibration data 0..{} [HEX CRC16]", MAX_ENCODED - 1),
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown(None) => f.write_str("E1 unknown command, try help"),
+            Self::Unknown(Some(nearest)) => {
+                write!(f, "E1 unknown command, try {nearest} or help")
+            }
+            Self::Form(form) => write!(f, "E2 expected {form}"),
+            Self::Value(setting, error) => {
+                let (name, form) = (setting.name(), setting.form());
+                match error {
+                    ValueError::Form => write!(f, "E2 expected {name} {form}")?,
+                    ValueError::Range => write!(f, "E3 out of range, expected {name} {form}")?,
+                    ValueError::Unlisted => write!(f, "E6 unknown {name}")?,
+                }
+                match form {
+                    Form::Listed => write!(f, ", try help {name}"),
+                    Form::Several(names) => write!(f, ", some of {names}"),
+                    Form::Number { .. } | Form::Words(_) => Ok(()),
+                }
+            }
+            Self::Row(ValueError::Range) => {
+                write!(f, "E3 out of range, expected {}", RowPart::FORM)
+            }
+            Self::Row(_) => write!(f, "E2 expected {}", RowPart::FORM),
+            Self::Record(form, ValueError::Range) => write!(f, "E3 out of range, expected {form}"),
+            Self::Record(form, _) => write!(f, "E2 expected {form}"),
+            Self::TooLong => write!(f, "E4 line longer than {MAX_LINE} characters"),
+            Self::NotText => f.write_str("E5 not ASCII text"),
+            Self::Checksum { written, computed } => {
+                write!(
+                    f,
+                    "E7 checksum {written:04x}, of what came {computed:04x}: send it again"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for Error {}
+
+const HELP: &str = "help [estimator]";
+const ZERO: &str = "zero [off]";
+const MASTER: &str = "master [VALUE], with four decimals at most";
+const SAVE: &str = "save [nominal]";
+const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
+
+/// Reads a line (without its end).
+///
+/// # Errors
+/// The line is no command; [`Error`] says why.
+pub fn parse(line: &[u8]) -> Result<Command, Error> {
+    if line.len() > MAX_LINE {
+        return Err(Error::TooLong);
+    }
+    if !line.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\t')) {
+        return Err(Error::NotText);
+    }
+    // All names and words are lower case.
+    let mut lower = [0; MAX_LINE];
+    for (place, byte) in lower.iter_mut().zip(line) {
+        *place = byte.to_ascii_lowercase();
+    }
+    let line = lower.get(..line.len()).unwrap_or_default();
+    let words = split_words(core::str::from_utf8(line).unwrap_or_default());
+    let Some((&name, values)) = words.split_first() else {
+        return Ok(Command::Nothing);
+    };
+    if let Some((setting, values)) = Setting::of_words(&words) {
+        return match values {
+            [] => Ok(Command::Show(setting)),
+            _ => match setting.read(values) {
+                Ok(value) => Ok(Command::Set(value)),
+                Err(error) => Err(Error::Value(setting, error)),
+            },
+        };
+    }
+    match name {
+        "help" | "?" => match values {
+            [] => Ok(Command::Help),
+            ["estimator"] => Ok(Command::HelpEstimator),
+            _ => Err(Error::Form(HELP)),
+        },
+        "info" => expect_no_value(values, Command::Info, "info"),
+        "status" => expect_no_value(values, Command::Status, "status"),
+        "errors" => expect_no_value(values, Command::Errors, "errors"),
+        "uptime" => expect_no_value(values, Command::Uptime, "uptime"),
+        "selftest" => expect_no_value(values, Command::Selftest, "selftest"),
+        "reset" => expect_no_value(values, Command::Reset, "reset"),
+        "distance" => expect_no_value(values, Command::Distance, "distance"),
+        "measure" => expect_no_value(values, Command::Measure, "measure"),
+        "centre" => expect_no_value(values, Command::Centre, "centre"),
+        "row" => match RowPart::parse(values) {
+            Ok(part) => Ok(Command::Row(part)),
+            Err(error) => Err(Error::Row(error)),
+        },
+        "zero" => match values {
+            [] => Ok(Command::Zero(true)),
+            ["off"] => Ok(Command::Zero(false)),
+            _ => Err(Error::Form(ZERO)),
+        },
+        "master" => match *values {
+            [] => Ok(Command::Master(None)),
+            [value] => match MasterValue::read(value) {
+                Some(value) => Ok(Command::Master(Some(value))),
+                None => Err(Error::Form(MASTER)),
+            },
+            _ => Err(Error::Form(MASTER)),
+        },
+        "uncertainty" => expect_no_value(values, Command::Uncertainty, "uncertainty"),
+        "save" => match values {
+            [] => Ok(Command::Save),
+            ["nominal"] => Ok(Command::SaveNominal),
+            _ => Err(Error::Form(SAVE)),
+        },
+        "defaults" => expect_no_value(values, Command::Defaults, "defaults"),
+        "calibration" => calibration(values),
+        "flat" => match Flat::parse(values) {
+            Some(flat) => Ok(Command::Flat(flat)),
+            None => Err(Error::Form(Flat::FORM)),
+        },
+        name => Err(Error::Unknown(nearest(name, help::names()))),
+    }
+}
+
+/// Returns a command that takes no value, or an error if values follow it.
+fn expect_no_value(
+    values: &[&str],
+    command: Command,
+    form: &'static str,
+) -> Result<Command, Error> {
+    match values {
+        [] => Ok(command),
+        _ => Err(Error::Form(form)),
+    }
+}
+
+fn calibration(values: &[&str]) -> Result<Command, Error> {
+    const MOST: u32 = MAX_ENCODED as u32;
+    match *values {
+        [] => Ok(Command::Calibration(None)),
+        ["on"] => Ok(Command::Calibration(Some(true))),
+        ["off"] => Ok(Command::Calibration(Some(false))),
+        ["commit"] => Ok(Command::Upload(Step::Commit)),
+        ["abort"] => Ok(Command::Upload(Step::Abort)),
+        ["begin", bytes] => match read_number(bytes, 1, MOST) {
+            Ok(bytes) => Ok(Command::Upload(Step::Begin(bytes as u16))),
+            Err(error) => Err(Error::Record(RecordForm::Begin, error)),
+        },
+        ["begin", ..] => Err(Error::Record(RecordForm::Begin, ValueError::Form)),
+        ["data", offset] => match read_number(offset, 0, MOST - 1) {
+            Ok(offset) => Ok(Command::Data(offset as u16)),
+            Err(error) => Err(Error::Record(RecordForm::Data, error)),
+        },
+        ["data", offset, digits, checksum] => match Piece::parse(offset, digits, checksum) {
+            Ok(piece) => Ok(Command::Upload(Step::Piece(piece))),
+            Err(PieceError::Form) => Err(Error::Record(RecordForm::Data, ValueError::Form)),
+            Err(PieceError::Checksum { written, computed }) => {
+                Err(Error::Checksum { written, computed })
+            }
+        },
+        ["data", ..] => Err(Error::Record(RecordForm::Data, ValueError::Form)),
+        _ => Err(Error::Form(CALIBRATION)),
+    }
+}
+
+impl fmt::Display for Command {
+    /// The line that [`parse`] reads as this command.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => Ok(()),
+            Self::Help => f.write_str("help"),
+            Self::HelpEstimator => f.write_str("help estimator"),
+            Self::Info => f.write_str("info"),
+            Self::Status => f.write_str("status"),
+            Self::Errors => f.write_str("errors"),
+            Self::Uptime => f.write_str("uptime"),
+            Self::Selftest => f.write_str("selftest"),
+            Self::Reset => f.write_str("reset"),
+            Self::Distance => f.write_str("distance"),
+            Self::Measure => f.write_str("measure"),
+            Self::Centre => f.write_str("centre"),
+            Self::Uncertainty => f.write_str("uncertainty"),
+            Self::Row(part) => part.fmt(f),
+            Self::Zero(true) => f.write_str("zero"),
+            Self::Zero(false) => f.write_str("zero off"),
+            Self::Master(None) => f.write_str("master"),
+            Self::Master(Some(value)) => write!(f, "master {value}"),
+            Self::Show(setting) => f.write_str(setting.name()),
+            Self::Set(value) => value.fmt(f),
+            Self::Calibration(None) => f.write_str("calibration"),
+            Self::Calibration(Some(true)) => f.write_str("calibration on"),
+            Self::Calibration(Some(false)) => f.write_str("calibration off"),
+            Self::Data(offset) => write!(f, "calibration data {offset}"),
+            Self::Upload(step) => step.fmt(f),
+            Self::Save => f.write_str("save"),
+            Self::SaveNominal => f.write_str("save nominal"),
+            Self::Defaults => f.write_str("defaults"),
+            Self::Flat(flat) => flat.fmt(f),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slitrange::black_level::BlackLevel;
+    use slitrange::pixels::flat_field::Kind;
+    use slitrange::units::Counts;
+
+    #[test]
+    fn a_command_is_read_as_it_is_written() {
+        let mut commands = std::vec![
+            Command::Nothing,
+            Command::Help,
+            Command::HelpEstimator,
+            Command::Info,
+            Command::Status,
+            Command::Errors,
+            Command::Uptime,
+            Command::Reset,
+            Command::Selftest,
+            Command::Distance,
+            Command::Measure,
+            Command::Centre,
+            Command::Uncertainty,
+            Command::Row(RowPart::Whole),
+            Command::Row(RowPart::Window),
+            Command::Row(RowPart::Range {
+                first: 1700,
+                last: 1839,
+            }),
+            Command::Row(RowPart::Range { first: 0, last: 0 }),
+            Command::Zero(true),
+            Command::Zero(false),
+            Command::Master(None),
+            Command::Master(Some(MasterValue::default())),
+            Command::Master(MasterValue::read("-512.0625")),
+            Command::Calibration(None),
+            Command::Calibration(Some(true)),
+            Command::Calibration(Some(false)),
+            Command::Data(MAX_ENCODED as u16 - 1),
+            Command::Upload(Step::Begin(MAX_ENCODED as u16)),
+            Command::Upload(Step::Piece(Piece::new(2640, &[0xE5]).expect("a piece"))),
+            Command::Upload(Step::Commit),
+            Command::Upload(Step::Abort),
+            Command::Save,
+            Command::SaveNominal,
+            Command::Defaults,
+            Command::Flat(Flat::Show),
+            Command::Flat(Flat::Take(Kind::Dark)),
+            Command::Flat(Flat::Take(Kind::Lit)),
+            Command::Flat(Flat::Save),
+            Command::Flat(Flat::Use(true)),
+            Command::Flat(Flat::Use(false)),
+            Command::Flat(Flat::Erase),
+        ];
+        for &setting in Setting::ALL {
+            commands.push(Command::Show(setting));
+            let default = crate::settings::Settings::default().get(setting);
+            commands.push(Command::Set(default));
+        }
+        for command in commands {
+            assert_eq!(parse(command.to_string().as_bytes()), Ok(command));
+        }
+    }
+
+    #[test]
+    fn blanks_and_upper_case_do_not_matter() {
+        assert_eq!(parse(b"  help "), Ok(Command::Help));
+        assert_eq!(parse(b"?"), Ok(Command::Help));
+        assert_eq!(parse(b"STREAM Off"), Ok(Command::Set(Value::Stream(false))));
+        let fixed = Value::Black(BlackLevel::Fixed(Counts::from_int(300)));
+        assert_eq!(parse(b"black\tfixed  300"), Ok(Command::Set(fixed)));
+        let commit = Command::Upload(Step::Commit);
+        assert_eq!(parse(b" calibration  commit"), Ok(commit));
+    }
+
+    #[test]
+    fn malformed_lines_are_errors_that_say_what_is_expected() {
+        const MASTER_FORM: &str = "E2 expected master [VALUE], with four decimals at most";
+        let begin = format!("E2 expected calibration begin 1..{MAX_ENCODED}");
+        let begin_range = format!("E3 out of range, expected calibration begin 1..{MAX_ENCODED}");
+        let last = MAX_ENCODED - 1;
+        let data = format!("E2 expected calibration data 0..{last} [HEX CRC16]");
+        let data_range =
+            format!("E3 out of range, expected calibration data 0..{last} [HEX CRC16]");
+        let calibration = "E2 expected calibration on|off|begin|data|commit|abort";
+        let beyond = format!("calibration data {MAX_ENCODED}");
+        let too_many = format!("calibration begin {}", MAX_ENCODED + 1);
+        for (line, error) in [
+            ("frobnicate", "E1 unknown command, try help"),
+            ("distanse", "E1 unknown command, try distance or help"),
+            ("straem on", "E1 unknown command, try stream or help"),
+            ("help me", "E2 expected help [estimator]"),
+            ("help estimator adaptive", "E2 expected help [estimator]"),
+            ("rows 0", "E3 out of range, expected rows 1..64"),
+            ("rows many", "E2 expected rows 1..64"),
+            ("rows 1 1 1 1 1 1 1 1 1 1 1 1 1 1", "E2 expected rows 1..64"),
+            ("rows 1 1 1 1 1 1 1", "E2 expected rows 1..64"),
+            ("mean simple", "E2 expected mean plain|weighted"),
+            (
+                "black fixed",
+                "E2 expected black fixed 0..4095|shielded|frame",
+            ),
+            (
+                "black fixed 4096",
+                "E3 out of range, expected black fixed 0..4095|shielded|frame",
+            ),
+            (
+                "output ?",
+                "E2 expected output NAMES, some of counter time distance u r centre height rows width \
+                 exposure flags",
+            ),
+            ("stream on off", "E2 expected stream on|off"),
+            ("estimator t", "E6 unknown estimator, try help estimator"),
+            (
+                "estimator gauss newton",
+                "E2 expected estimator NAME, try help estimator",
+            ),
+            ("calibration begin", &begin),
+            ("calibration begin 0", &begin_range),
+            (&too_many, &begin_range),
+            ("calibration begin 10 10", &begin),
+            ("calibration data", &data),
+            ("calibration data -1", &data),
+            (&beyond, &data_range),
+            ("calibration data 0 00", &data),
+            ("calibration data 0 00 1d0f 0", &data),
+            ("calibration data 0 00 1d0f 0 0", &data),
+            ("calibration commit now", calibration),
+            ("calibration abort 1", calibration),
+            ("calibration on off", calibration),
+            ("calibration start", calibration),
+            ("row windows", "E2 expected row [window|FIRST LAST]"),
+            ("row 1700", "E2 expected row [window|FIRST LAST]"),
+            ("row 1700 end", "E2 expected row [window|FIRST LAST]"),
+            ("row -1 70000", "E2 expected row [window|FIRST LAST]"),
+            ("row 70000 -1", "E2 expected row [window|FIRST LAST]"),
+            ("row 1 2 3", "E2 expected row [window|FIRST LAST]"),
+            (
+                "row 1840 1839",
+                "E3 out of range, expected row [window|FIRST LAST]",
+            ),
+            (
+                "row 0 65536",
+                "E3 out of range, expected row [window|FIRST LAST]",
+            ),
+            ("zero 100", "E2 expected zero [off]"),
+            ("master off", MASTER_FORM),
+            ("master 1 2", MASTER_FORM),
+            ("master 1.00000", MASTER_FORM),
+            ("save it", "E2 expected save [nominal]"),
+            ("defaults on", "E2 expected defaults"),
+            ("flat field", "E2 expected flat [dark|lit|save|on|off|none]"),
+            (
+                "flat dark 3",
+                "E2 expected flat [dark|lit|save|on|off|none]",
+            ),
+            ("centre 3", "E2 expected centre"),
+            ("rows\u{0}1", "E5 not ASCII text"),
+            ("rows \u{ff}", "E5 not ASCII text"),
+        ] {
+            let found = parse(line.as_bytes()).expect_err(line);
+            assert_eq!(found.to_string(), error, "{line}");
+        }
+        assert_eq!(parse(&[b'a'; MAX_LINE + 1]), Err(Error::TooLong));
+        let checksum = Error::Checksum {
+            written: 0x1d0f,
+            computed: 0xe,
+        };
+        let expected = "E7 checksum 1d0f, of what came 000e: send it again";
+        assert_eq!(checksum.to_string(), expected);
+    }
+}

@@ -1,0 +1,174 @@
+//! The command `flat`, which takes and uses the map of the pixels, and its answer.
+
+use core::fmt;
+
+use crate::store::pixel_map::StoredMap;
+use slitrange::pixels::PixelErrors;
+use slitrange::pixels::flat_field::Kind;
+use slitrange::pixels::map::MapSummary;
+
+/// The forms of `flat`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flat {
+    /// Show the map.
+    Show,
+    /// Take dark or lit rows.
+    Take(Kind),
+    /// Write the map to flash.
+    Save,
+    /// Use the map, or do not.
+    Use(bool),
+    /// Erase the map, in flash too.
+    Erase,
+}
+
+impl Flat {
+    /// What may follow `flat`.
+    pub const FORM: &str = "flat [dark|lit|save|on|off|none]";
+
+    /// Reads what follows `flat`.
+    pub fn parse(values: &[&str]) -> Option<Self> {
+        match *values {
+            [] => Some(Self::Show),
+            ["dark"] => Some(Self::Take(Kind::Dark)),
+            ["lit"] => Some(Self::Take(Kind::Lit)),
+            ["save"] => Some(Self::Save),
+            ["on"] => Some(Self::Use(true)),
+            ["off"] => Some(Self::Use(false)),
+            ["none"] => Some(Self::Erase),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Flat {
+    /// The line that is read as this command.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Show => "flat",
+            Self::Take(Kind::Dark) => "flat dark",
+            Self::Take(Kind::Lit) => "flat lit",
+            Self::Save => "flat save",
+            Self::Use(true) => "flat on",
+            Self::Use(false) => "flat off",
+            Self::Erase => "flat none",
+        })
+    }
+}
+
+/// The answer to `flat`, lines parted by CR LF. The first is `flat on`, `flat off` or, without a map,
+/// `flat none`. The last is `flat stored`.
+#[derive(Clone, Copy, Debug)]
+pub struct FlatAnswer<'a> {
+    /// The map, if there is one.
+    pub map: Option<&'a MapSummary>,
+    /// Whether rows are corrected with the map.
+    pub is_on: bool,
+    /// Whether the next step is `flat lit`.
+    pub has_dark_rows: bool,
+    /// What flash holds.
+    pub stored: StoredMap,
+    /// Whether the map is the one in flash.
+    pub is_stored: bool,
+}
+
+impl fmt::Display for FlatAnswer<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.map {
+            None => f.write_str("flat none")?,
+            Some(map) => {
+                write!(f, "{}", Flat::Use(self.is_on))?;
+                write!(f, "\r\nflat remaining {}", Remaining(map.errors))?;
+                write!(f, "\r\nflat outside {} pixels", map.outside)?;
+            }
+        }
+        if self.has_dark_rows {
+            f.write_str("\r\nflat taking: light the sensor evenly, then flat lit")?;
+        }
+        if let Some(fault) = self.fault() {
+            write!(f, "\r\nflat fault {fault}")?;
+        }
+        write!(f, "\r\nflat stored {}", self.stored_word())
+    }
+}
+
+impl FlatAnswer<'_> {
+    const fn fault(&self) -> Option<&'static str> {
+        match self.stored {
+            StoredMap::Nothing | StoredMap::Newest => None,
+            StoredMap::Older => Some(
+                "the last save is unusable, flash holds an earlier map: take a map again, or flat save",
+            ),
+            StoredMap::Unusable => {
+                Some("the saved map cannot be used: take a map again and flat save, or flat none")
+            }
+        }
+    }
+
+    const fn stored_word(&self) -> &'static str {
+        match self.stored {
+            StoredMap::Nothing => "none",
+            StoredMap::Unusable => "unusable",
+            StoredMap::Newest | StoredMap::Older if self.is_stored => "same",
+            StoredMap::Newest | StoredMap::Older => "other",
+        }
+    }
+}
+
+/// How far pixels differ, with a map or without one: `response 0.058 % offset 0.26 counts`.
+#[derive(Clone, Copy, Debug)]
+pub struct Remaining(pub PixelErrors);
+
+impl fmt::Display for Remaining {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Thousandths of a per cent, rounded: below 2^16 * 10^5 < 2^33.
+        let response = (u64::from(self.0.response_q16) * 100_000 + 0x8000) >> 16;
+        let (whole, decimals) = (response / 1000, response % 1000);
+        let offset = self.0.offset;
+        write!(
+            f,
+            "response {whole}.{decimals:03} % offset {offset:.2} counts"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slitrange::units::Counts;
+
+    #[test]
+    fn the_answer_says_what_the_map_leaves() {
+        let map = MapSummary {
+            errors: PixelErrors {
+                response_q16: 38,
+                offset: Counts::from_bits(66),
+            },
+            pattern: Counts::from_int(5),
+            outside: 3,
+        };
+        let answer = FlatAnswer {
+            map: Some(&map),
+            is_on: true,
+            has_dark_rows: false,
+            stored: StoredMap::Newest,
+            is_stored: true,
+        };
+        let lines = "flat on\r\n\
+             flat remaining response 0.058 % offset 0.26 counts\r\n\
+             flat outside 3 pixels\r\n\
+             flat stored same";
+        assert_eq!(answer.to_string(), lines);
+        let none = FlatAnswer {
+            map: None,
+            has_dark_rows: true,
+            stored: StoredMap::Unusable,
+            ..answer
+        };
+        let lines = "flat none\r\n\
+             flat taking: light the sensor evenly, then flat lit\r\n\
+             flat fault the saved map cannot be used: take a map again and flat save, or flat none\r\n\
+             flat stored unusable";
+        assert_eq!(none.to_string(), lines);
+    }
+}

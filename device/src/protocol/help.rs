@@ -1,0 +1,230 @@
+//! The answers to `help` and `help estimator`.
+
+use core::fmt::{self, Write as _};
+
+use crate::settings::{Setting, split_words};
+use crate::text::Text;
+use slitrange::centre::Estimator;
+
+/// A command as `help` shows it: what is typed, and what it does.
+pub type Line = (&'static str, &'static str);
+
+/// The commands that `help` shows before the settings.
+pub const BEFORE_SETTINGS: [Line; 13] = [
+    (
+        "help [estimator]",
+        "this list, or what each estimator is for",
+    ),
+    ("info", "what this sensor is, its calibration and its range"),
+    (
+        "status",
+        "rows, the slowest row, readings, faults, errors, and why it started",
+    ),
+    ("errors", "the errors in `status` alone"),
+    ("uptime", "the time since the start"),
+    (
+        "selftest",
+        "check flash, a row and its light, and the start",
+    ),
+    (
+        "distance",
+        "the next frame's reading, or its fault and what to do about it",
+    ),
+    ("measure", "start a frame, unless `trigger` is continuous"),
+    (
+        "centre",
+        "the next frame's centre and the spot's shape, or its fault",
+    ),
+    (
+        "uncertainty",
+        "the next frame's reading with the parts of its uncertainty",
+    ),
+    (
+        "row [window|FIRST LAST]",
+        "one row's pixels and centre: all, the spot's, or FIRST to LAST; pauses",
+    ),
+    (
+        "zero [off]",
+        "give distances relative to the next frame's; off: from the laser again",
+    ),
+    (
+        "master [VALUE]",
+        "as zero, with the distance VALUE in place of 0; alone: show it",
+    ),
+];
+
+/// The commands that `help` shows after the settings.
+pub const AFTER_SETTINGS: [Line; 11] = [
+    (
+        "calibration [on|off]",
+        "show the calibration; on: give distances, off: centres only",
+    ),
+    (
+        "calibration begin BYTES",
+        "start the upload of a record of so many bytes, to RAM only",
+    ),
+    (
+        "calibration data OFFSET [HEX CRC16]",
+        "read a piece of the record in use, or send a piece of a new one",
+    ),
+    (
+        "calibration commit|abort",
+        "use the uploaded record, or drop it",
+    ),
+    (
+        "save",
+        "write settings and calibration to flash; pauses the stream",
+    ),
+    (
+        "save nominal",
+        "the same with the nominal calibration, over the stored one",
+    ),
+    (
+        "defaults",
+        "use the factory's settings and the nominal calibration, in RAM only",
+    ),
+    (
+        "flat [on|off]",
+        "show the map of the pixels that differ; correct rows with it, or not",
+    ),
+    (
+        "flat dark|lit",
+        "take dark rows, then evenly lit rows for a map, in RAM only; pauses",
+    ),
+    (
+        "flat save|none",
+        "write the map to flash, or erase it; pauses the stream",
+    ),
+    (
+        "reset",
+        "start the sensor again; it loses what was not saved",
+    ),
+];
+
+/// The last lines of `help`.
+const LAST: [&str; 4] = [
+    "a name alone shows its value; f is a fault; d is a reading, z one relative to zero:",
+    "u uncertainty, r repeatability, x centre, a height, n rows used,",
+    "# number of the result, @ its time in us, w width, t exposure in us, k slits used; and flags:",
+    "m rows misfit, c rows correlated, g never calibrated, s not as calibrated, h held",
+];
+
+/// The width of what is typed. Longer forms move their explanation: padding costs bytes of the answer.
+const COLUMN: usize = 24;
+
+/// The first words of all commands and settings.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    let before = BEFORE_SETTINGS.iter().map(|&(typed, _)| typed);
+    let after = AFTER_SETTINGS.iter().map(|&(typed, _)| typed);
+    let settings = Setting::ALL.iter().map(|it| it.name());
+    (before.chain(settings).chain(after)).filter_map(|typed| split_words(typed).first().copied())
+}
+
+/// The answer to `help`: a line for each command, parted by CR LF.
+#[derive(Clone, Copy, Debug)]
+pub struct Help;
+
+impl fmt::Display for Help {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (typed, help) in BEFORE_SETTINGS {
+            write!(f, "{typed:COLUMN$} {help}\r\n")?;
+        }
+        for &setting in Setting::ALL {
+            let mut typed = Text::<64>::default();
+            // A test checks that all fit.
+            let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
+            write!(f, "{:COLUMN$} {}\r\n", typed.as_str(), setting.help())?;
+        }
+        for (typed, help) in AFTER_SETTINGS {
+            write!(f, "{typed:COLUMN$} {help}\r\n")?;
+        }
+        let [first, second, third, fourth] = LAST;
+        write!(f, "{first}\r\n{second}\r\n{third}\r\n{fourth}")
+    }
+}
+
+/// The answer to `help estimator`: a line for each estimator, parted by CR LF. A line begins with `e` and the
+/// letter, as the line of a reading ends. So nobody takes it for a fault, as could happen with
+/// `f fraunhofer`. docs/accuracy.md says what each costs and gives.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimators;
+
+impl fmt::Display for Estimators {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut end = "";
+        for estimator in Estimator::ALL {
+            let (letter, name) = (estimator.letter(), estimator.name());
+            write!(f, "{end}e {letter} {name:13} {}", purpose(estimator))?;
+            end = "\r\n";
+        }
+        Ok(())
+    }
+}
+
+/// What an estimator is for.
+pub const fn purpose(estimator: Estimator) -> &'static str {
+    match estimator {
+        Estimator::Centroid => "eq. (2), for comparison; subtracts the black level",
+        Estimator::PhaseTable => "one set of weights for every row; for skewed lasers",
+        Estimator::Adaptive => "the default: weights that follow width, noise and tilt",
+        Estimator::GaussNewton => "the paper's fit, eq. (5); reads spots that are cut off",
+        Estimator::Fraunhofer => "eq. (6), for laser spots below 1 mm",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::MAX_ANSWER;
+    use crate::protocol::command::{Command, parse};
+
+    #[test]
+    fn help_has_a_line_for_every_command_and_fits_a_terminal() {
+        let help = Help.to_string();
+        println!("{help}");
+        let lines: std::vec::Vec<&str> = help.split("\r\n").collect();
+        let commands = BEFORE_SETTINGS.len() + AFTER_SETTINGS.len();
+        let (lines, last) = lines.split_at(lines.len() - LAST.len());
+        assert_eq!(lines.len(), commands + Setting::ALL.len());
+        assert_eq!(last, LAST);
+        for line in lines.iter().chain(last) {
+            assert!(line.len() <= 110 && line.is_ascii(), "{line}");
+        }
+        for line in lines {
+            // The column of the explanations. A long form moves it.
+            let form = match line.find("] ") {
+                Some(end) => end + 1,
+                None if line.starts_with("calibration commit|abort") => 24,
+                None => 0,
+            };
+            let column = form.max(COLUMN) + 1;
+            assert_eq!(line.as_bytes().get(column - 1), Some(&b' '), "{line}");
+            assert!(
+                (line.as_bytes().get(column)).is_some_and(|&byte| byte != b' '),
+                "{line}"
+            );
+        }
+        for line in lines {
+            let name = line.split(' ').next().expect("a name");
+            assert!(parse(name.as_bytes()).is_ok(), "{name}");
+        }
+        for &setting in Setting::ALL {
+            let start = format!("{} [", setting.name());
+            assert!(lines.iter().any(|line| line.starts_with(&start)), "{start}");
+        }
+        assert!(help.len() + 2 <= MAX_ANSWER, "{}", help.len());
+    }
+
+    #[test]
+    fn every_estimator_has_its_line() {
+        let text = Estimators.to_string();
+        for (line, estimator) in text.split("\r\n").zip(Estimator::ALL) {
+            println!("{line}");
+            let start = format!("e {} {} ", estimator.letter(), estimator.name());
+            assert!(line.starts_with(&start) && line.len() <= 80, "{line}");
+            assert!(parse(line.as_bytes()) != Ok(Command::Help));
+        }
+        assert_eq!(text.split("\r\n").count(), Estimator::ALL.len());
+        assert!(text.len() + 2 <= MAX_ANSWER);
+    }
+}

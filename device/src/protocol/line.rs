@@ -1,0 +1,521 @@
+//! Readings and faults as lines, without their line ends.
+//!
+//! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`: distance, its combined standard
+//! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows
+//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. ` t 187` is the mean
+//! exposure of the rows used, in microseconds; without it they had the longest exposure, 5600 us. A comb adds
+//! ` k 16`: the slits used. Flags may follow:
+//!
+//! * `m 3`: three of the rows used did not fit their spot.
+//! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent
+//!   ones. This flag comes only below eight ([`Reading::correlated`]).
+//! * `g`: the geometry is the nominal one, because the head was never calibrated.
+//! * `s`: estimator, black level or slits are not those of the calibration.
+//!
+//! A fault is `f too dim: 35.2 counts, needs 60.1`. The centre of a frame, calibrated or not, is
+//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t w 7.62131 o 0.00012 -0.00310 0.01203 0.00010 -0.00020`:
+//! centre and its repeatability in pixels, to all their digits, then the black level in counts, the
+//! estimator's [`letter`](slitrange::centre::Estimator::letter), and the spot's shape
+//! ([`SpotShape`](slitrange::shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
+//! light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the check too little
+//! of the spot. The exposure and the flags of a reading may follow.
+//!
+//! With a comb, `x` is the centre that a slit on the optical axis would show. ` k 16` follows the shape: the
+//! slits used. A second line has the images, in the order of the slits: `slits 912.12345/1830 - ...`. Each is
+//! the centre of the slit's image in pixels and its height in counts. `-` is a slit without an image in at
+//! least half of the frame's rows.
+//!
+//! This is the line of the factory's settings. `output` chooses the columns
+//! ([`Columns`]): all that follow the unit may be left out, and the number
+//! of the distance, too. Three more may come: ` w 7.62131` after `n`, the spot's width in pixels (its width
+//! at half of the height, as a gaussian's sigma), and in front of readings and faults `# 1234 `, the number
+//! of the result, and `@ 12345678 `, its time in microseconds, both since the start. The number also counts
+//! the results whose lines were dropped. `units um` writes distance, u and r in micrometres. The last flag is
+//! ` h 3`: `hold` gives a reading of three results ago in place of a fault.
+//!
+//! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
+//! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are
+//! positive and below 10 m, u below 1 m and r below 10 mm. To fit, the centre has four decimals, which are
+//! 0.02 to 0.07 um of distance and so as fine as the distance's own, and u has two from 10 mm on. The flag
+//! `c` comes only with frames of eight rows or more, whose line has eight times the room. A comb's line is
+//! five bytes longer, and so is a line with an exposure, by up to seven bytes. With frames of one row the
+//! longest of these lines do not fit, and the firmware drops some.
+
+use core::fmt;
+
+use crate::output::columns::{Column, Columns};
+use slitrange::exposure::Exposure;
+use slitrange::fault::Fault;
+use slitrange::reading::{Measured, Reading};
+use slitrange::uncertainty::Parts;
+use slitrange::units::{InUnits, Micrometres, Units};
+
+/// The line of a reading by the factory's settings.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadingLine<'a>(pub &'a Reading);
+
+impl fmt::Display for ReadingLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_reading(f, "d", self.0, Columns::default(), Units::default())
+    }
+}
+
+/// The line of a fault.
+#[derive(Clone, Copy, Debug)]
+pub struct FaultLine<'a>(pub &'a Fault);
+
+impl fmt::Display for FaultLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "f {}", self.0)
+    }
+}
+
+/// The line of a frame's result, with the columns that `output` sets.
+#[derive(Clone, Copy, Debug)]
+pub struct ResultLine<'a> {
+    /// The number of the result since the start.
+    pub number: u32,
+    /// The time of the result since the start, in microseconds.
+    pub us: u64,
+    /// The reading, or why there is none.
+    pub result: &'a Result<Reading, Fault>,
+    /// Whether the reading is relative to `zero`.
+    pub is_difference: bool,
+    /// The results for which the reading has been held after faults; 0 for the reading of this frame.
+    pub held: u16,
+    /// The columns.
+    pub columns: Columns,
+    /// The unit of distance, u and r.
+    pub units: Units,
+}
+
+impl fmt::Display for ResultLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.columns.has(Column::Counter) {
+            write!(f, "# {} ", self.number)?;
+        }
+        if self.columns.has(Column::Time) {
+            write!(f, "@ {} ", self.us)?;
+        }
+        match self.result {
+            Ok(reading) => {
+                let letter = if self.is_difference { "z" } else { "d" };
+                write_reading(f, letter, reading, self.columns, self.units)?;
+                match self.held {
+                    0 => Ok(()),
+                    // Whatever the columns are: nobody may take it for a new reading.
+                    results => write!(f, " h {results}"),
+                }
+            }
+            Err(fault) => FaultLine(fault).fmt(f),
+        }
+    }
+}
+
+/// Writes the columns of a reading that follow number and time. The letter and the unit come always.
+fn write_reading(
+    f: &mut fmt::Formatter<'_>,
+    letter: &str,
+    reading: &Reading,
+    columns: Columns,
+    units: Units,
+) -> fmt::Result {
+    f.write_str(letter)?;
+    if columns.has(Column::Distance) {
+        write!(f, " {}", InUnits(reading.distance, units))?;
+    }
+    write!(f, " {}", units.name())?;
+    if columns.has(Column::Uncertainty) {
+        write!(f, " u {}", Short(reading.uncertainty, units))?;
+    }
+    if columns.has(Column::Repeatability) {
+        write!(f, " r {}", Short(reading.parts.noise, units))?;
+    }
+    if columns.has(Column::Centre) {
+        write!(f, " x {:.4}", reading.centre)?;
+    }
+    if columns.has(Column::Height) {
+        write!(f, " a {:.0}", reading.amplitude)?;
+    }
+    if columns.has(Column::Rows) {
+        write!(f, " n {}/{}", reading.rows_used, reading.rows)?;
+    }
+    if columns.has(Column::Width) {
+        write!(f, " w {:.5}", reading.width)?;
+    }
+    if columns.has(Column::Exposure) {
+        write_exposure(f, reading.exposure)?;
+    }
+    if columns.has(Column::Rows) && reading.slits_used > 1 {
+        write!(f, " k {}", reading.slits_used)?;
+    }
+    if columns.has(Column::Flags) {
+        flags(f, reading.misfits, reading.correlated)?;
+        if reading.is_nominal {
+            f.write_str(" g")?;
+        }
+        if reading.has_other_settings {
+            f.write_str(" s")?;
+        }
+    }
+    Ok(())
+}
+
+/// An uncertainty to a tenth of a micrometre below 10 mm. From there on in millimetres with two decimals, or
+/// in whole micrometres.
+pub(super) struct Short(pub Micrometres, pub Units);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Nearer to 10 mm than to 9.9999 mm.
+        if self.0 < Micrometres::from_bits((9_999_950_i64 * 256 / 1000) as i32) {
+            return InUnits(self.0, self.1).fmt(f);
+        }
+        if self.1 == Units::Micrometres {
+            return write!(f, "{:.0}", self.0);
+        }
+        let hundredths = (i64::from(self.0.to_bits()) + 5 * 256) / (10 * 256);
+        write!(f, "{}.{:02}", hundredths / 100, hundredths % 100)
+    }
+}
+
+/// The parts of an uncertainty, a line for each, parted by CR LF.
+#[derive(Clone, Copy, Debug)]
+pub struct PartsOf<'a>(pub &'a Parts, pub Units);
+
+impl fmt::Display for PartsOf<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut end = "";
+        for (name, part) in self.0.named() {
+            let part = InUnits(part, self.1);
+            write!(f, "{end}uncertainty {name} {part} {}", self.1.name())?;
+            end = "\r\n";
+        }
+        Ok(())
+    }
+}
+
+/// The line of a frame's centre, and a second one for the images of a comb.
+#[derive(Clone, Copy, Debug)]
+pub struct CentreLine<'a>(pub &'a Measured);
+
+impl fmt::Display for CentreLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Measured {
+            frame,
+            black_level,
+            estimator,
+            comb,
+            ..
+        } = self.0;
+        write!(
+            f,
+            "x {:.5} u {:.5} a {:.0} n {}/{} b {black_level:.0} e {}",
+            frame.centre,
+            frame.uncertainty,
+            frame.amplitude,
+            frame.rows_used,
+            frame.rows,
+            estimator.letter()
+        )?;
+        write!(f, " w {:.5} o", frame.shape.width)?;
+        for component in frame.shape.components {
+            write!(f, " {component:.5}")?;
+        }
+        write_exposure(f, frame.exposure)?;
+        if let Some(comb) = comb {
+            write!(f, " k {}", comb.used)?;
+        }
+        flags(f, frame.misfits, frame.correlated)?;
+        let Some(comb) = comb else {
+            return Ok(());
+        };
+        f.write_str("\r\nslits")?;
+        for slit in &comb.centres {
+            match slit {
+                Some(slit) if slit.rows.get() >= frame.rows_used.div_ceil(2) => {
+                    write!(f, " {:.5}/{}", slit.centre, slit.height)?;
+                }
+                _ => f.write_str(" -")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes the exposure, unless it is the longest or not known.
+fn write_exposure(f: &mut fmt::Formatter<'_>, exposure: Option<Exposure>) -> fmt::Result {
+    match exposure {
+        Some(exposure) if exposure != Exposure::LONGEST => write!(f, " t {}", exposure.us()),
+        _ => Ok(()),
+    }
+}
+
+/// Writes the flags that end a frame's line.
+fn flags(f: &mut fmt::Formatter<'_>, misfits: u16, correlated: Option<u16>) -> fmt::Result {
+    if misfits > 0 {
+        write!(f, " m {misfits}")?;
+    }
+    match correlated {
+        Some(rows) => write!(f, " c {rows}"),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::num::NonZeroU16;
+
+    use super::*;
+    use slitrange::centre::Estimator;
+    use slitrange::comb::{Combined, MAX_SLITS, SlitCentre, SlitCentres};
+    use slitrange::frame::{FEWEST_INDEPENDENT, FrameCentre};
+    use slitrange::pixels::PixelErrors;
+    use slitrange::shape::SpotShape;
+    use slitrange::units::{Counts, Micrometres, Pixels};
+
+    #[test]
+    fn lines_are_as_documented() {
+        let reading = Reading {
+            distance: Micrometres::from_int(800_123),
+            uncertainty: Micrometres::from_int(437),
+            parts: Parts {
+                noise: Micrometres::from_int(35),
+                shape: Micrometres::default(),
+                surface: Micrometres::from_int(436),
+                ..Parts::default()
+            },
+            centre: Pixels::from_f32(1823.125),
+            centre_uncertainty: Pixels::from_f32(0.001),
+            amplitude: Counts::from_f32(1830.25),
+            exposure: None,
+            width: Pixels::from_int(9),
+            rows_used: 16,
+            rows: 16,
+            slits_used: 1,
+            black_level: Counts::from_f32(312.25),
+            estimator: Estimator::PhaseTable,
+            misfits: 0,
+            correlated: None,
+            is_nominal: false,
+            has_other_settings: false,
+        };
+        assert_eq!(
+            ReadingLine(&reading).to_string(),
+            "d 800.1230 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 16/16"
+        );
+        let misfit = Reading {
+            rows_used: 15,
+            estimator: Estimator::Adaptive,
+            misfits: 3,
+            ..reading
+        };
+        assert_eq!(
+            ReadingLine(&misfit).to_string(),
+            "d 800.1230 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 15/16 m 3"
+        );
+        let correlated = Reading {
+            correlated: Some(3),
+            ..reading
+        };
+        assert_eq!(
+            ReadingLine(&correlated).to_string(),
+            "d 800.1230 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 16/16 c 3"
+        );
+        let both = Reading {
+            misfits: 2,
+            ..correlated
+        };
+        assert!(ReadingLine(&both).to_string().ends_with(" n 16/16 m 2 c 3"));
+        let marked = Reading {
+            uncertainty: Micrometres::from_int(13_456),
+            is_nominal: true,
+            has_other_settings: true,
+            ..both
+        };
+        assert_eq!(
+            ReadingLine(&marked).to_string(),
+            "d 800.1230 mm u 13.46 r 0.0350 x 1823.1250 a 1830 n 16/16 m 2 c 3 g s"
+        );
+        let of_parts = PartsOf(&reading.parts, Units::Millimetres).to_string();
+        let lines: std::vec::Vec<&str> = of_parts.split("\r\n").collect();
+        assert_eq!(lines[0], "uncertainty noise 0.0350 mm");
+        assert_eq!(lines[4], "uncertainty surface 0.4360 mm");
+        assert_eq!(lines.len(), 7);
+        let of_comb = Reading {
+            slits_used: 13,
+            ..both
+        };
+        assert!(
+            ReadingLine(&of_comb)
+                .to_string()
+                .ends_with(" n 16/16 k 13 m 2 c 3")
+        );
+        let difference = ResultLine {
+            number: 1,
+            us: 1,
+            result: &Ok(Reading {
+                distance: Micrometres::from_int(-1234),
+                ..reading
+            }),
+            is_difference: true,
+            held: 0,
+            columns: Columns::default(),
+            units: Units::default(),
+        };
+        assert_eq!(
+            difference.to_string(),
+            "z -1.2340 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 16/16"
+        );
+        let two = Fault::TwoSpots {
+            centre: Pixels::from_f32(1200.25),
+            other: Pixels::from_f32(1810.5),
+        };
+        assert_eq!(
+            FaultLine(&two).to_string(),
+            "f two spots: x 1200.3 and 1810.5"
+        );
+        let dim = Fault::TooDim {
+            amplitude: Counts::from_f32(35.2),
+            needed: Counts::from_f32(60.1),
+        };
+        assert_eq!(
+            FaultLine(&dim).to_string(),
+            "f too dim: 35.2 counts, needs 60.1"
+        );
+        let few = Fault::FewSlits {
+            found: 3,
+            needed: 4,
+        };
+        assert_eq!(FaultLine(&few).to_string(), "f too few slits: 3, needs 4");
+        let unclear = Fault::SlitsUnclear {
+            images: 6,
+            other: 5,
+        };
+        assert_eq!(
+            FaultLine(&unclear).to_string(),
+            "f slits unclear: 6 images fit one place, 5 another"
+        );
+    }
+
+    #[test]
+    fn a_centre_is_as_documented() {
+        let measured = Measured {
+            frame: FrameCentre {
+                centre: Pixels::from_f32(1770.9877),
+                uncertainty: Pixels::from_f32(0.00195),
+                amplitude: Counts::from_f32(1993.25),
+                exposure: None,
+                width: Pixels::from_int(9),
+                rows_used: 16,
+                rows: 16,
+                shape: SpotShape {
+                    components: [0.0001, -0.0031, 0.0123, 0.0, -12.5].map(Pixels::from_f32),
+                    width: Pixels::from_f32(7.625),
+                    ..SpotShape::default()
+                },
+                misfits: 0,
+                correlated: None,
+                spread: Pixels::default(),
+                motion: Pixels::default(),
+            },
+            black_level: Counts::from_f32(300.25),
+            ambient: Counts::default(),
+            estimator: Estimator::PhaseTable,
+            by_shape: Default::default(),
+            pixels: PixelErrors::TCD1304DG,
+            comb: None,
+        };
+        let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62500 o 0.00011 -0.00310 0.01230 \
+                    0.00000 -12.50000";
+        assert_eq!(CentreLine(&measured).to_string(), line);
+        let flagged = Measured {
+            frame: FrameCentre {
+                misfits: 3,
+                correlated: Some(2),
+                ..measured.frame
+            },
+            ..measured
+        };
+        assert_eq!(CentreLine(&flagged).to_string(), format!("{line} m 3 c 2"));
+
+        // A comb: the second slit has an image in 7 of 16 rows, and the others in none.
+        let image = |rows| SlitCentre {
+            centre: Pixels::from_f32(912.125),
+            height: 1830,
+            rows: NonZeroU16::new(rows).expect("rows"),
+        };
+        let mut centres = SlitCentres::default();
+        (centres[0], centres[1], centres[15]) = (Some(image(16)), Some(image(7)), Some(image(8)));
+        let combined = Combined {
+            shift: Pixels::default(),
+            surface: Pixels::default(),
+            used: 14,
+            centres,
+        };
+        let of_comb = Measured {
+            comb: Some(combined),
+            ..flagged
+        };
+        let dashes = " -".repeat(14);
+        assert_eq!(
+            CentreLine(&of_comb).to_string(),
+            format!("{line} k 14 m 3 c 2\r\nslits 912.12500/1830{dashes} 912.12500/1830")
+        );
+        let longest = SlitCentre {
+            centre: Pixels::from_bits((3647 << 16) + 12_345),
+            height: 4095,
+            rows: NonZeroU16::MAX,
+        };
+        let longest = Measured {
+            comb: Some(Combined {
+                centres: [Some(longest); MAX_SLITS],
+                ..combined
+            }),
+            ..flagged
+        };
+        let text = CentreLine(&longest).to_string();
+        println!("{} bytes", text.len());
+        assert!(text.len() + 2 <= crate::protocol::MAX_ANSWER);
+    }
+
+    /// The longest line of a frame, in bytes with its end.
+    fn longest(rows: u16) -> usize {
+        let longest = Reading {
+            distance: Micrometres::from_f32(8_388_000.0),
+            uncertainty: Micrometres::from_int(999_994),
+            parts: Parts {
+                noise: Micrometres::from_int(9_999),
+                shape: Micrometres::default(),
+                ..Parts::default()
+            },
+            centre: Pixels::from_f32(3646.9),
+            centre_uncertainty: Pixels::from_int(16),
+            amplitude: Counts::from_int(4095),
+            exposure: None,
+            width: Pixels::from_int(130),
+            rows_used: rows,
+            rows,
+            slits_used: 1,
+            black_level: Counts::from_int(4095),
+            estimator: Estimator::GaussNewton,
+            misfits: rows,
+            correlated: (rows >= FEWEST_INDEPENDENT).then_some(FEWEST_INDEPENDENT - 1),
+            is_nominal: true,
+            has_other_settings: false,
+        };
+        let line = ReadingLine(&longest).to_string();
+        println!("{line}");
+        line.len() + 2
+    }
+
+    #[test]
+    fn the_line_carries_every_frame() {
+        assert_eq!((longest(1), longest(64)), (65, 72));
+        // 115200 baud, ten bits a byte, a row in 5.7 ms.
+        let bytes_a_row = 11_520.0 * 5.7e-3;
+        for rows in [1, 2, 7, 8, 64] {
+            assert!(longest(rows) as f64 <= f64::from(rows) * bytes_a_row);
+        }
+    }
+}

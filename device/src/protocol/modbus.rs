@@ -1,0 +1,641 @@
+//! Modbus RTU: a request's bytes in, the answer's bytes out. Pure; the firmware brings the bytes, and parts
+//! them by the silence between requests.
+//!
+//! The sensor answers the functions 3 (read holding registers), 4 (read input registers), 6 (write a
+//! register) and 16 (write registers). A register has 16 bits. A number of 32 bits takes two registers, the
+//! high half first. All registers of one answer are of the same result.
+//!
+//! | input register | what it holds |
+//! |---|---|
+//! | 0 | 0 for a reading; for a fault its number, [`Fault::kind`] + 1; 65535 before the first result |
+//! | 1 | flags, a bit for each from the lowest: `m`, `c`, `g`, `s` |
+//! | 2, 3 | the number of results since the start |
+//! | 4, 5 | distance, signed, in 0.1 um |
+//! | 6, 7 | u, in 0.1 um |
+//! | 8, 9 | r, in 0.1 um |
+//! | 10, 11 | centre, signed, in 0.0001 px |
+//! | 12 | height in counts |
+//! | 13, 14 | rows used, rows of the frame |
+//! | 15 | exposure in us; 0 if it is not known |
+//!
+//! Without a reading, each pair of the registers 4 to 11 holds 0x8000_0000, which is no distance, and the
+//! registers 1 and 12 to 15 hold zero.
+//!
+//! | holding register | setting | values |
+//! |---|---|---|
+//! | 0 | `rows` | as on the serial line |
+//! | 1 | `exposure` | as on the serial line; 0 is `auto` |
+//! | 2 | `exposure limit` | as on the serial line |
+//! | 3 | `laser` | 0 is `off`, 1 is `on` |
+//! | 4 | `format` | 0 is `text`, 1 is `binary`, 2 is `modbus`, 3 is `csv`: the way back to lines |
+//! | 5 | `address` | as on the serial line; the answer comes from the old one |
+//! | 6 | none | 1 does what the command `save` does, after the answer; reads 0 |
+//!
+//! A request that writes several registers changes all of them or none. A request with a wrong checksum, or
+//! for another station, changes nothing and has no answer. One for station 0 is for all stations: it is
+//! carried out without an answer.
+//!
+//! The crate rmodbus reads requests too, but panics on some of them: rmodbus 0.13.0 trusts the byte count of
+//! a request with function 16, although fewer bytes came.
+
+use core::fmt::Write as _;
+
+use heapless::Vec;
+
+use crate::settings::sending::Format;
+use crate::settings::{Setting, Settings, Value};
+use crate::text::Text;
+use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::fault::Fault;
+use slitrange::reading::Reading;
+use slitrange::units::{Micrometres, Pixels};
+
+/// The longest request and the longest answer, in bytes (Modbus over serial line V1.02, section 2.3).
+pub const MAX_BYTES: usize = 256;
+
+/// The station that a request is for: this one, or 0 for all.
+const ALL_STATIONS: u8 = 0;
+
+/// The number of input registers.
+pub const INPUTS: usize = 16;
+
+/// The settings in holding registers, in the order of the registers. An address never changes its meaning:
+/// new settings follow at the end.
+pub const HOLDINGS: [Setting; 6] = [
+    Setting::Rows,
+    Setting::Exposure,
+    Setting::ExposureLimit,
+    Setting::Laser,
+    Setting::Format,
+    Setting::Address,
+];
+
+/// The holding register that saves, behind those of the settings.
+const SAVE: usize = HOLDINGS.len();
+
+/// The number of holding registers.
+const ALL_HOLDINGS: usize = SAVE + 1;
+
+/// What a pair of registers holds instead of a number.
+const NO_VALUE: i32 = i32::MIN;
+
+/// Why a request is not carried out, by the numbers of the Modbus application protocol V1.1b3, section 7.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Exception {
+    Function = 1,
+    Address = 2,
+    Value = 3,
+    /// The sensor has nothing to save, or would lose a calibration.
+    Failure = 4,
+}
+
+/// What the registers show.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown<'a> {
+    /// The input registers, as [`inputs`] makes them.
+    pub inputs: &'a [u16; INPUTS],
+    /// The settings in use.
+    pub settings: &'a Settings,
+    /// Whether a `save` would be carried out.
+    pub can_save: bool,
+}
+
+/// What a request leads to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Answer {
+    /// The bytes to send. Empty if nobody expects an answer.
+    pub bytes: Vec<u8, MAX_BYTES>,
+    /// The settings to change.
+    pub changes: Vec<Value, { HOLDINGS.len() }>,
+    /// Whether to save then.
+    pub save: bool,
+}
+
+/// Answers a request to a station.
+pub fn answer(request: &[u8], station: u8, shown: &Shown<'_>) -> Answer {
+    carry_out(request, station, shown).unwrap_or_default()
+}
+
+/// `None` if the request is not for this station, or is no request.
+fn carry_out(request: &[u8], station: u8, shown: &Shown<'_>) -> Option<Answer> {
+    let (body, sum) = request.split_last_chunk()?;
+    if request.len() > MAX_BYTES || checksum(body) != u16::from_le_bytes(*sum) {
+        return None;
+    }
+    let (&[to, function], data) = body.split_first_chunk()?;
+    if to != station && to != ALL_STATIONS {
+        return None;
+    }
+    let mut answer = Answer::default();
+    let mut bytes = Vec::new();
+    add(&mut bytes, &[station, function])?;
+    match execute(function, data, shown, &mut answer) {
+        Ok(Content::Registers(registers)) => {
+            // At most 16 registers.
+            bytes.push((registers.len() as u8).saturating_mul(2)).ok()?;
+            for register in registers {
+                add(&mut bytes, &register.to_be_bytes())?;
+            }
+        }
+        Ok(Content::Written(what)) => add(&mut bytes, &what)?,
+        Err(exception) => {
+            answer = Answer::default();
+            bytes.clear();
+            let exception = [station, function | 0x80, exception as u8];
+            add(&mut bytes, &exception)?;
+        }
+    }
+    if to != ALL_STATIONS {
+        let sum = checksum(&bytes).to_le_bytes();
+        add(&mut bytes, &sum)?;
+        answer.bytes = bytes;
+    }
+    Some(answer)
+}
+
+/// Adds bytes. `None` if there is no room.
+fn add(to: &mut Vec<u8, MAX_BYTES>, bytes: &[u8]) -> Option<()> {
+    bytes.iter().try_for_each(|&byte| to.push(byte).ok())
+}
+
+/// The checksum at the end of a request and of an answer, the low byte first (Modbus over serial line V1.02,
+/// section 6.2.2). The crate crc has it too, but with two of its CRC-16 in a program the compiler cannot
+/// exclude an overflow in either.
+fn checksum(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xFFFF, |sum, &byte| {
+        (0..8).fold(sum ^ u16::from(byte), |sum, _| match sum & 1 {
+            0 => sum >> 1,
+            _ => (sum >> 1) ^ 0xA001,
+        })
+    })
+}
+
+/// What an answer says after the function.
+enum Content {
+    /// The registers that were read.
+    Registers(Vec<u16, INPUTS>),
+    /// The first four bytes of a request that wrote.
+    Written([u8; 4]),
+}
+
+fn execute(
+    function: u8,
+    data: &[u8],
+    shown: &Shown<'_>,
+    answer: &mut Answer,
+) -> Result<Content, Exception> {
+    if !matches!(function, 3 | 4 | 6 | 16) {
+        return Err(Exception::Function);
+    }
+    let (&head, rest) = data.split_first_chunk::<4>().ok_or(Exception::Value)?;
+    let [a, b, c, d] = head;
+    let (first, count) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+    match (function, rest) {
+        (3, []) => registers(&holdings(shown.settings), first, count),
+        (4, []) => registers(shown.inputs, first, count),
+        (6, []) => {
+            let value = count;
+            write(first, &[value.to_be_bytes()], shown, answer)?;
+            Ok(Content::Written(head))
+        }
+        (16, [length, bytes @ ..]) => {
+            let (values, odd) = bytes.as_chunks();
+            let is_whole = odd.is_empty() && usize::from(*length) == bytes.len();
+            if !is_whole || values.is_empty() || values.len() != usize::from(count) {
+                return Err(Exception::Value);
+            }
+            write(first, values, shown, answer)?;
+            Ok(Content::Written(head))
+        }
+        _ => Err(Exception::Value),
+    }
+}
+
+/// Some of the registers.
+fn registers(all: &[u16], first: u16, count: u16) -> Result<Content, Exception> {
+    // The most that fit in an answer (Modbus application protocol V1.1b3, sections 6.3 and 6.4).
+    if !(1..=125).contains(&count) {
+        return Err(Exception::Value);
+    }
+    let first = usize::from(first);
+    let end = first.saturating_add(count.into());
+    let some = all.get(first..end).ok_or(Exception::Address)?;
+    let mut registers = Vec::new();
+    for &register in some {
+        // There is room for all.
+        let _ = registers.push(register);
+    }
+    Ok(Content::Registers(registers))
+}
+
+/// Reads the values of some holding registers, as the words of the serial line are read.
+fn write(
+    first: u16,
+    values: &[[u8; 2]],
+    shown: &Shown<'_>,
+    answer: &mut Answer,
+) -> Result<(), Exception> {
+    let first = usize::from(first);
+    let end = first.saturating_add(values.len());
+    if end > ALL_HOLDINGS {
+        return Err(Exception::Address);
+    }
+    for (register, &value) in (first..end).zip(values) {
+        let value = u16::from_be_bytes(value);
+        let Some(&setting) = HOLDINGS.get(register) else {
+            answer.save = match value {
+                0 => false,
+                1 if shown.can_save => true,
+                1 => return Err(Exception::Failure),
+                _ => return Err(Exception::Value),
+            };
+            continue;
+        };
+        let mut number = Text::<5>::default();
+        let word = match (setting, value) {
+            (Setting::Laser, 0) => "off",
+            (Setting::Laser, 1) => "on",
+            (Setting::Exposure, 0) => "auto",
+            (Setting::Format, value) => {
+                let format = Format::ALL.get(usize::from(value));
+                format.ok_or(Exception::Value)?.name()
+            }
+            (_, value) => {
+                // A u16 has at most five digits.
+                let _ = write!(number, "{value}");
+                number.as_str()
+            }
+        };
+        let value = setting.read(&[word]).map_err(|_| Exception::Value)?;
+        // There is room for all.
+        let _ = answer.changes.push(value);
+    }
+    Ok(())
+}
+
+/// The holding registers.
+fn holdings(settings: &Settings) -> [u16; ALL_HOLDINGS] {
+    let values = HOLDINGS.map(|setting| match settings.get(setting) {
+        Value::Rows(rows) => rows,
+        Value::Exposure(ExposureMode::Fixed(exposure)) | Value::ExposureLimit(exposure) => {
+            exposure.us()
+        }
+        Value::Laser(is_on) => is_on.into(),
+        Value::Format(format) => format as u16,
+        Value::Address(address) => address,
+        // The exposure `auto`. No other setting is in the list.
+        _ => 0,
+    });
+    let mut all = [0; ALL_HOLDINGS];
+    for (place, value) in all.iter_mut().zip(values) {
+        *place = value;
+    }
+    all
+}
+
+/// The input registers after the latest result, `None` before the first one. `counter` is the number of
+/// results since the start.
+pub fn inputs(result: Option<&Result<Reading, Fault>>, counter: u32) -> [u16; INPUTS] {
+    let [count_high, count_low] = halves(counter);
+    let none = halves(NO_VALUE.cast_unsigned());
+    let (status, flags, pairs, rest) = match result {
+        Some(Ok(reading)) => (
+            0,
+            flags(reading),
+            [
+                tenths(reading.distance),
+                tenths(reading.uncertainty),
+                tenths(reading.parts.noise),
+                ten_thousandths(reading.centre),
+            ]
+            .map(|number| halves(number.cast_unsigned())),
+            [
+                // At most full scale.
+                rounded(reading.amplitude.to_f32()),
+                reading.rows_used,
+                reading.rows,
+                reading.exposure.map_or(0, Exposure::us),
+            ],
+        ),
+        Some(Err(fault)) => (number(fault), 0, [none; 4], [0; 4]),
+        None => (u16::MAX, 0, [none; 4], [0; 4]),
+    };
+    let [[d0, d1], [u0, u1], [r0, r1], [x0, x1]] = pairs;
+    let [height, rows_used, rows, exposure] = rest;
+    [
+        status, flags, count_high, count_low, d0, d1, u0, u1, r0, r1, x0, x1, height, rows_used,
+        rows, exposure,
+    ]
+}
+
+/// The number of a fault, from 1.
+fn number(fault: &Fault) -> u16 {
+    // Below `Fault::KINDS`, which is far below 2^16.
+    (fault.kind() as u16).saturating_add(1)
+}
+
+/// A number of counts, rounded.
+fn rounded(counts: f32) -> u16 {
+    // `as` takes the whole part, saturates, and maps NaN to zero.
+    (counts + 0.5) as u16
+}
+
+fn flags(reading: &Reading) -> u16 {
+    u16::from(reading.misfits > 0)
+        | (u16::from(reading.correlated.is_some()) * 2)
+        | (u16::from(reading.is_nominal) * 4)
+        | (u16::from(reading.has_other_settings) * 8)
+}
+
+/// A distance in 0.1 um, rounded to the nearest.
+fn tenths(distance: Micrometres) -> i32 {
+    // Q24.8 times 10 fits an i64, and the result is below 2^27.
+    ((i64::from(distance.to_bits()) * 10 + (1 << 7)) >> Micrometres::FRACTION) as i32
+}
+
+/// A place in 0.0001 px, rounded to the nearest.
+fn ten_thousandths(place: Pixels) -> i32 {
+    // Q16.16 times 10,000 fits an i64, and the result is below 2^29.
+    ((i64::from(place.to_bits()) * 10_000 + (1 << 15)) >> Pixels::FRACTION) as i32
+}
+
+/// The two registers of a number.
+fn halves(number: u32) -> [u16; 2] {
+    let [a, b, c, d] = number.to_be_bytes();
+    [u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d])]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slitrange::{Calibration, CalibrationErrors, Measurement, Options, Surface, sensor_heads};
+
+    /// The station of the tests.
+    const STATION: u8 = 17;
+
+    /// A reading of a row whose spot is on pixel 1800.
+    fn reading() -> Reading {
+        let head = sensor_heads::tcd1304dg();
+        let spot = |i: usize| {
+            let u = (i as f64 - head.light.start as f64 - 1800.0) / 9.0;
+            2000.0 * (-0.5 * u * u).exp() + (i * 7 % 5 / 2) as f64
+        };
+        let mut words: std::vec::Vec<u16> =
+            (0..head.words).map(|i| (3800.0 - spot(i)) as u16).collect();
+        let options = Options {
+            rows: 1,
+            ..Options::default()
+        };
+        let mut measurement = Measurement::new(head, options);
+        let measured = measurement
+            .row(&mut words)
+            .expect("a frame")
+            .expect("a centre");
+        let nominal = Calibration::nominal();
+        let errors = CalibrationErrors::Nominal;
+        measured
+            .reading(nominal.as_ref(), &errors, Surface::Auto)
+            .expect("a distance")
+    }
+
+    /// A request with its checksum.
+    fn with_checksum(body: &[u8]) -> std::vec::Vec<u8> {
+        [body, &checksum(body).to_le_bytes()].concat()
+    }
+
+    /// The answer to a request, without its checksum, which is right.
+    fn ask(body: &[u8], shown: &Shown<'_>) -> (std::vec::Vec<u8>, std::vec::Vec<Value>) {
+        let Answer { bytes, changes, .. } = answer(&with_checksum(body), STATION, shown);
+        let (body, sum) = bytes.split_last_chunk().expect("an answer");
+        assert_eq!(checksum(body).to_le_bytes(), *sum);
+        (body.to_vec(), changes.to_vec())
+    }
+
+    /// The registers that an answer to function 3 or 4 has.
+    fn read(function: u8, first: u8, count: u8, shown: &Shown<'_>) -> std::vec::Vec<u16> {
+        let (body, changes) = ask(&[STATION, function, 0, first, 0, count], shown);
+        assert_eq!(body[..3], [STATION, function, 2 * count]);
+        assert!(changes.is_empty());
+        let (pairs, _) = body[3..].as_chunks();
+        pairs.iter().map(|&pair| u16::from_be_bytes(pair)).collect()
+    }
+
+    fn number(registers: &[u16]) -> i32 {
+        (u32::from(registers[0]) * 0x1_0000 + u32::from(registers[1])).cast_signed()
+    }
+
+    #[test]
+    fn the_checksum_is_that_of_modbus() {
+        // https://reveng.sourceforge.io/crc-catalogue/16.htm#crc.cat.crc-16-modbus
+        assert_eq!(checksum(b"123456789"), 0x4B37);
+        let of_crate = crc::Crc::<u16>::new(&crc::CRC_16_MODBUS);
+        for byte in 0..=255 {
+            let bytes = [byte, 0, !byte, byte];
+            assert_eq!(checksum(&bytes), of_crate.checksum(&bytes));
+        }
+    }
+
+    #[test]
+    fn a_reading_is_in_the_input_registers() {
+        let (reading, settings) = (reading(), Settings::default());
+        let result = Ok(reading);
+        let shown = Shown {
+            inputs: &inputs(Some(&result), 0x0001_0002),
+            ..nothing(&settings)
+        };
+        let registers = read(4, 0, 16, &shown);
+        println!("{reading:?}\n{registers:?}");
+        assert_eq!(registers[..4], [0, 0b0100, 1, 2]);
+        let near = |found: i32, expected: f64| assert!((f64::from(found) - expected).abs() <= 0.5);
+        near(number(&registers[4..]), reading.distance.to_f64() * 10.0);
+        near(number(&registers[6..]), reading.uncertainty.to_f64() * 10.0);
+        near(number(&registers[8..]), reading.parts.noise.to_f64() * 10.0);
+        near(number(&registers[10..]), reading.centre.to_f64() * 1e4);
+        near(registers[12].into(), reading.amplitude.to_f64());
+        assert_eq!(registers[13..], [1, 1, 0]);
+        // A part of them is the same.
+        assert_eq!(read(4, 4, 2, &shown), registers[4..6]);
+        // A distance may be negative, as a difference is.
+        let negative = Ok(Reading {
+            distance: Micrometres::from_int(-1234),
+            ..reading
+        });
+        let shown = Shown {
+            inputs: &inputs(Some(&negative), 0x0001_0002),
+            ..shown
+        };
+        assert_eq!(number(&read(4, 4, 2, &shown)), -12_340);
+    }
+
+    #[test]
+    fn a_fault_has_a_number_and_no_distance() {
+        let settings = Settings::default();
+        let fault = Err(Fault::Saturated { pixels: 12 });
+        for (result, status) in [(Some(&fault), 4), (None, 65535)] {
+            let shown = Shown {
+                inputs: &inputs(result, 7),
+                ..nothing(&settings)
+            };
+            let none = [0x8000, 0];
+            let expected = [[status, 0], [0, 7], none, none, none, none, [0, 0], [0, 0]];
+            assert_eq!(read(4, 0, 16, &shown), expected.concat());
+        }
+    }
+
+    fn nothing(settings: &Settings) -> Shown<'_> {
+        Shown {
+            inputs: &[0; INPUTS],
+            settings,
+            can_save: true,
+        }
+    }
+
+    #[test]
+    fn every_setting_is_read_as_it_was_written() {
+        let mut settings = Settings::default();
+        assert_eq!(
+            read(3, 0, 7, &nothing(&settings)),
+            [16, 0, 5600, 1, 0, 0, 0]
+        );
+        let written = [
+            (0, [1, 64, 33]),
+            (1, [0, 10, 5600]),
+            (2, [10, 5600, 187]),
+            (3, [0, 1, 0]),
+            (4, [3, 2, 0]),
+            (5, [1, 247, 0]),
+        ];
+        for (register, values) in written {
+            for value in values {
+                let [high, low] = u16::to_be_bytes(value);
+                let request = [STATION, 6, 0, register, high, low];
+                let (answer, changes) = ask(&request, &nothing(&settings));
+                assert_eq!(answer, request);
+                for change in changes {
+                    assert_eq!(change.setting(), HOLDINGS[usize::from(register)]);
+                    settings.set(change);
+                }
+                assert_eq!(read(3, register, 1, &nothing(&settings)), [value]);
+            }
+        }
+        let request = [STATION, 16, 0, 0, 0, 3, 6, 0, 4, 0, 187, 0x03, 0xE8];
+        let (answer, changes) = ask(&request, &nothing(&settings));
+        assert_eq!(answer, request[..6]);
+        changes.into_iter().for_each(|change| settings.set(change));
+        assert_eq!(read(3, 0, 4, &nothing(&settings)), [4, 187, 1000, 0]);
+    }
+
+    #[test]
+    fn what_cannot_be_done_is_an_exception_and_changes_nothing() {
+        let settings = Settings::default();
+        let cases: &[(&[u8], u8)] = &[
+            // A function that the sensor does not have.
+            (&[1, 0, 0, 0, 1], 1),
+            (&[43, 14, 1, 0], 1),
+            // Registers that it does not have.
+            (&[3, 0, 7, 0, 1], 2),
+            (&[3, 0, 6, 0, 2], 2),
+            (&[4, 0, 0, 0, 17], 2),
+            (&[4, 0xFF, 0xFF, 0, 1], 2),
+            (&[6, 0, 7, 0, 1], 2),
+            (&[16, 0, 6, 0, 2, 4, 0, 1, 0, 1], 2),
+            // Too few registers, too many, and counts that do not fit what came.
+            (&[4, 0, 0, 0, 0], 3),
+            (&[4, 0, 0, 0, 126], 3),
+            (&[3, 0, 0, 0xFF, 0xFF], 3),
+            (&[3, 0, 0], 3),
+            (&[3], 3),
+            (&[6, 0, 0, 0, 4, 0], 3),
+            (&[16, 0, 0, 0, 0, 0], 3),
+            (&[16, 0, 0, 0, 1, 200, 0, 5], 3),
+            (&[16, 0, 0, 0, 2, 2, 0, 5], 3),
+            (&[16, 0, 0, 0, 1, 3, 0, 5, 0], 3),
+            (&[16, 0, 0, 0, 1], 3),
+            // Values beside the range of their settings.
+            (&[6, 0, 0, 0, 0], 3),
+            (&[6, 0, 0, 0, 65], 3),
+            (&[6, 0, 1, 0, 9], 3),
+            (&[6, 0, 1, 0x15, 0xE1], 3),
+            (&[6, 0, 2, 0, 0], 3),
+            (&[6, 0, 3, 0, 2], 3),
+            (&[6, 0, 4, 0, 4], 3),
+            (&[6, 0, 5, 0, 248], 3),
+            (&[6, 0, 6, 0, 2], 3),
+            // A save that would be refused changes no setting either.
+            (&[16, 0, 5, 0, 2, 4, 0, 1, 0, 1], 4),
+            // The second value is wrong, so the first one is not set either.
+            (&[16, 0, 0, 0, 2, 4, 0, 8, 0, 9], 3),
+        ];
+        for &(data, exception) in cases {
+            let shown = Shown {
+                can_save: false,
+                ..nothing(&settings)
+            };
+            let (answer, changes) = ask(&[&[STATION], data].concat(), &shown);
+            let expected = [STATION, data[0] | 0x80, exception];
+            assert_eq!(answer, expected, "{data:?}");
+            assert!(changes.is_empty(), "{data:?}");
+        }
+    }
+
+    #[test]
+    fn a_register_saves() {
+        let settings = Settings::default();
+        for (value, save) in [(0, false), (1, true)] {
+            let request = with_checksum(&[STATION, 6, 0, 6, 0, value]);
+            let answer = answer(&request, STATION, &nothing(&settings));
+            assert_eq!(answer.bytes[..], request);
+            assert_eq!((answer.save, answer.changes.len()), (save, 0));
+        }
+    }
+
+    #[test]
+    fn a_request_to_all_stations_has_no_answer() {
+        let settings = Settings::default();
+        let request = with_checksum(&[0, 6, 0, 0, 0, 4]);
+        let Answer { bytes, changes, .. } = answer(&request, STATION, &nothing(&settings));
+        assert_eq!((bytes.len(), &changes[..]), (0, &[Value::Rows(4)][..]));
+    }
+
+    /// Each bit of a request wrong, each beginning of it alone, and 100,000 random requests.
+    #[test]
+    fn what_is_no_request_has_no_answer_and_changes_nothing() {
+        let settings = Settings::default();
+        let shown = nothing(&settings);
+        let request = with_checksum(&[STATION, 6, 0, 0, 0, 4]);
+        assert_eq!(answer(&request, STATION, &shown).changes.len(), 1);
+        let none = Answer::default();
+        assert_eq!(answer(&request, STATION + 1, &shown), none);
+        for end in 0..request.len() {
+            assert_eq!(answer(&request[..end], STATION, &shown), none);
+        }
+        for bit in 0..8 * request.len() {
+            let mut wrong = request.clone();
+            wrong[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(answer(&wrong, STATION, &shown), none);
+        }
+        let longest = with_checksum(&[STATION; 255]);
+        assert_eq!(answer(&longest, STATION, &shown), none);
+        // Random bytes behind the right start and before the right checksum: no panic, and no change without
+        // its answer. A generator of Numerical Recipes.
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        let mut changed = 0;
+        // Miri takes its time.
+        let requests = if cfg!(miri) { 100 } else { 100_000 };
+        for _ in 0..requests {
+            let function = [3, 4, 6, 16][usize::from(random() % 4)];
+            let mut body = std::vec![STATION, function, 0, random() % 6, 0];
+            body.extend((0..random() % 10).map(|_| random() % 8));
+            let Answer { bytes, changes, .. } = answer(&with_checksum(&body), STATION, &shown);
+            assert!((5..=MAX_BYTES).contains(&bytes.len()));
+            assert!(changes.is_empty() || bytes[1] == function);
+            changed += usize::from(!changes.is_empty());
+        }
+        println!("{changed} of {requests} change a setting");
+        assert!(cfg!(miri) || changed > 100);
+    }
+}

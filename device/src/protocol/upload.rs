@@ -1,0 +1,366 @@
+//! Uploads a calibration's record over the serial line in pieces. The record is used when all of it has come,
+//! or not at all.
+//!
+//! ```text
+//! calibration begin 47
+//! calibration data 0 0100010101ee1c121f22e21c010c9a33 9559      a piece a line, in order
+//! ...
+//! calibration commit
+//! ```
+//!
+//! The sensor answers each line. A piece whose answer was lost may be sent again.
+
+use core::fmt;
+
+use super::piece::Piece;
+use super::refusal::Refusal;
+use crate::record::{MAX_ENCODED, Record, decode};
+use slitrange::row::Geometry;
+
+/// A step of an upload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Begins the upload of a record of so many bytes, 1 to [`MAX_ENCODED`].
+    Begin(u16),
+    /// Adds some of the bytes.
+    Piece(Piece),
+    /// Ends the upload: the record is to be used.
+    Commit,
+    /// Drops the upload.
+    Abort,
+}
+
+impl fmt::Display for Step {
+    /// The line without its end.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Begin(bytes) => write!(f, "calibration begin {bytes}"),
+            Self::Piece(piece) => piece.fmt(f),
+            Self::Commit => f.write_str("calibration commit"),
+            Self::Abort => f.write_str("calibration abort"),
+        }
+    }
+}
+
+/// An upload that is under way, or none.
+#[derive(Clone, Debug)]
+pub struct Upload {
+    bytes: [u8; MAX_ENCODED],
+    /// How many bytes have come, from the first on.
+    came: usize,
+    /// How many bytes the record has; 0 if no upload is under way.
+    announced: usize,
+}
+
+impl Default for Upload {
+    fn default() -> Self {
+        Self::none()
+    }
+}
+
+impl Upload {
+    /// No upload is under way.
+    pub const fn none() -> Self {
+        Self {
+            bytes: [0; MAX_ENCODED],
+            came: 0,
+            announced: 0,
+        }
+    }
+
+    /// Takes a step. Returns the record if the step completes it.
+    ///
+    /// # Errors
+    /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces, or got a wrong one, goes
+    /// on as if that step had not come. An upload whose record is refused is over.
+    pub fn take(&mut self, step: Step, sensor: &Geometry) -> Result<Option<Record>, Refusal> {
+        match step {
+            Step::Begin(bytes) => {
+                self.begin(bytes);
+                Ok(None)
+            }
+            Step::Piece(piece) => self.add(&piece).map(|()| None),
+            Step::Commit => self.commit(sensor).map(Some),
+            Step::Abort => {
+                self.announced = 0;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Begins an upload, and drops the one before.
+    fn begin(&mut self, bytes: u16) {
+        self.came = 0;
+        self.announced = usize::from(bytes);
+    }
+
+    fn add(&mut self, piece: &Piece) -> Result<(), Refusal> {
+        if self.announced == 0 {
+            return Err(Refusal::NoUpload);
+        }
+        let offset = usize::from(piece.offset());
+        let end = offset.saturating_add(piece.bytes().len());
+        if end > self.announced {
+            return Err(Refusal::TooLong {
+                end,
+                announced: self.announced,
+            });
+        }
+        let wrong = Refusal::WrongOffset {
+            offset,
+            expected: self.came,
+        };
+        let place = self.bytes.get_mut(offset..end).ok_or(wrong)?;
+        if offset == self.came {
+            place.copy_from_slice(piece.bytes());
+            self.came = end;
+            Ok(())
+        } else if end == self.came && place == piece.bytes() {
+            // The latest piece again.
+            Ok(())
+        } else {
+            Err(wrong)
+        }
+    }
+
+    fn commit(&mut self, sensor: &Geometry) -> Result<Record, Refusal> {
+        if self.announced == 0 {
+            return Err(Refusal::NoUpload);
+        }
+        if self.came < self.announced {
+            return Err(Refusal::Incomplete {
+                came: self.came,
+                announced: self.announced,
+            });
+        }
+        self.announced = 0;
+        let bytes = self.bytes.get(..self.came).unwrap_or_default();
+        let mut record = decode(bytes).map_err(Refusal::Record)?;
+        let geometry = record.geometry.in_words_of(sensor);
+        record.geometry = geometry.ok_or(Refusal::OtherSensor)?;
+        Ok(record)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::piece::PIECE;
+    use crate::record::RecordError;
+    use crate::record::encoded::EncodedRecord;
+    use slitrange::distance::Calibration;
+    use slitrange::distance::eq1::NOMINAL;
+    use slitrange::distance::knots::{Knot, MAX_KNOTS};
+    use slitrange::distance::residuals::Corrected;
+    use slitrange::row::Polarity;
+    use slitrange::sensor_heads::tcd1304dg;
+    use slitrange::uncertainty::CalibrationErrors;
+    use slitrange::units::{Micrometres, Pixels};
+
+    /// A record of several pieces, the last of which is shorter.
+    fn nominal() -> EncodedRecord {
+        EncodedRecord::nominal().expect("a record")
+    }
+
+    /// A record with as many knots as there may be.
+    fn long() -> EncodedRecord {
+        let knots: Vec<Knot> = (0..MAX_KNOTS as i32)
+            .map(|i| Knot {
+                centre: Pixels::from_bits(78_053_377 + 744_002 * i),
+                value: Micrometres::from_bits(-50_000 + 782 * i),
+            })
+            .collect();
+        let curve = NOMINAL.expect("a curve");
+        let corrected = Corrected::new(curve, &knots).expect("usable");
+        EncodedRecord::new(Record {
+            calibration: Calibration::Corrected(corrected),
+            errors: CalibrationErrors::Unknown,
+            ..Record::nominal().expect("a record")
+        })
+        .expect("a record")
+    }
+
+    fn pieces(bytes: &[u8]) -> impl Iterator<Item = Piece> {
+        (0..bytes.len())
+            .step_by(PIECE)
+            .map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
+    }
+
+    /// Takes a step that completes nothing.
+    fn go(upload: &mut Upload, step: Step) {
+        assert_eq!(upload.take(step, &tcd1304dg()), Ok(None), "{step}");
+    }
+
+    fn refused(upload: &mut Upload, step: Step) -> Refusal {
+        upload.take(step, &tcd1304dg()).expect_err("a refusal")
+    }
+
+    /// Takes all steps of an upload but the last.
+    fn send(upload: &mut Upload, bytes: &[u8]) {
+        go(upload, Step::Begin(bytes.len() as u16));
+        for piece in pieces(bytes) {
+            go(upload, Step::Piece(piece));
+        }
+    }
+
+    fn commit(upload: &mut Upload) -> Record {
+        let taken = upload.take(Step::Commit, &tcd1304dg());
+        taken.expect("no refusal").expect("a record")
+    }
+
+    #[test]
+    fn the_record_that_is_sent_is_the_one_that_comes() {
+        let mut upload = Upload::none();
+        for written in [nominal(), long(), nominal()] {
+            println!(
+                "{} bytes: {}",
+                written.bytes().len(),
+                Piece::of(written.bytes(), 0).expect("a piece")
+            );
+            send(&mut upload, written.bytes());
+            assert_eq!(commit(&mut upload), *written.record());
+            assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
+        }
+    }
+
+    #[test]
+    fn a_line_may_come_again() {
+        let written = nominal();
+        let mut upload = Upload::none();
+        go(&mut upload, Step::Begin(written.bytes().len() as u16));
+        go(&mut upload, Step::Begin(written.bytes().len() as u16));
+        for piece in pieces(written.bytes()) {
+            for _ in 0..3 {
+                go(&mut upload, Step::Piece(piece));
+            }
+        }
+        assert_eq!(commit(&mut upload), *written.record());
+    }
+
+    #[test]
+    fn a_piece_that_is_not_the_next_one_is_refused_and_changes_nothing() {
+        let written = nominal();
+        let all: Vec<Piece> = pieces(written.bytes()).collect();
+        let mut upload = Upload::none();
+        go(&mut upload, Step::Begin(written.bytes().len() as u16));
+        for (index, &piece) in all.iter().enumerate() {
+            for &other in &all {
+                let (offset, expected) = (usize::from(other.offset()), PIECE * index);
+                // The next one, and the one before again.
+                if offset == expected || offset + PIECE == expected {
+                    continue;
+                }
+                assert_eq!(
+                    refused(&mut upload, Step::Piece(other)),
+                    Refusal::WrongOffset { offset, expected }
+                );
+            }
+            go(&mut upload, Step::Piece(piece));
+            // A piece with the latest one's offset and other bytes.
+            let bytes: Vec<u8> = piece.bytes().iter().map(|byte| !byte).collect();
+            let other = Piece::new(piece.offset(), &bytes).expect("a piece");
+            assert_eq!(
+                refused(&mut upload, Step::Piece(other)),
+                Refusal::WrongOffset {
+                    offset: usize::from(piece.offset()),
+                    expected: usize::from(piece.offset()) + bytes.len()
+                }
+            );
+        }
+        assert_eq!(commit(&mut upload), *written.record());
+    }
+
+    #[test]
+    fn an_upload_goes_on_after_a_refusal_and_not_beyond_its_announced_length() {
+        let written = nominal();
+        let announced = written.bytes().len();
+        let mut upload = Upload::none();
+        go(&mut upload, Step::Begin(announced as u16));
+        for (piece, came) in pieces(written.bytes()).zip((0..).step_by(PIECE)) {
+            assert_eq!(
+                refused(&mut upload, Step::Commit),
+                Refusal::Incomplete { came, announced }
+            );
+            let beyond = Piece::new(came as u16, &[0; PIECE]).expect("a piece");
+            if came + PIECE > announced {
+                assert_eq!(
+                    refused(&mut upload, Step::Piece(beyond)),
+                    Refusal::TooLong {
+                        end: came + PIECE,
+                        announced
+                    }
+                );
+            }
+            go(&mut upload, Step::Piece(piece));
+        }
+        let beyond = Piece::new(u16::MAX, &[0; PIECE]).expect("a piece");
+        assert_eq!(
+            refused(&mut upload, Step::Piece(beyond)),
+            Refusal::TooLong {
+                end: 65_535 + PIECE,
+                announced
+            }
+        );
+        assert_eq!(commit(&mut upload), *written.record());
+    }
+
+    #[test]
+    fn steps_without_a_begin_are_refused() {
+        let written = nominal();
+        let first = Step::Piece(Piece::of(written.bytes(), 0).expect("a piece"));
+        let mut upload = Upload::none();
+        assert_eq!(refused(&mut upload, first), Refusal::NoUpload);
+        assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
+        go(&mut upload, Step::Abort);
+        // An upload that is dropped, by a step and by a new beginning.
+        send(&mut upload, written.bytes());
+        go(&mut upload, Step::Abort);
+        assert_eq!(refused(&mut upload, first), Refusal::NoUpload);
+        assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
+        send(&mut upload, written.bytes());
+        go(&mut upload, Step::Begin(2));
+        let incomplete = Refusal::Incomplete {
+            came: 0,
+            announced: 2,
+        };
+        assert_eq!(refused(&mut upload, Step::Commit), incomplete);
+    }
+
+    #[test]
+    fn a_record_that_is_damaged_or_of_another_sensor_is_refused_and_ends_the_upload() {
+        let written = nominal();
+        let mut damaged = written.bytes().to_vec();
+        damaged[7] ^= 1;
+        let mut upload = Upload::none();
+        send(&mut upload, &damaged);
+        let refusal = refused(&mut upload, Step::Commit);
+        let checksum = matches!(refusal, Refusal::Record(RecordError::Checksum { .. }));
+        assert!(checksum, "{refusal}");
+        assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
+
+        send(&mut upload, &written.bytes()[..3]);
+        assert_eq!(
+            refused(&mut upload, Step::Commit),
+            Refusal::Record(RecordError::Short { bytes: 3 })
+        );
+
+        let other = Geometry {
+            polarity: Polarity::Rising,
+            ..tcd1304dg()
+        };
+        send(&mut upload, written.bytes());
+        assert_eq!(upload.take(Step::Commit, &other), Err(Refusal::OtherSensor));
+        assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
+        send(&mut upload, written.bytes());
+        assert_eq!(commit(&mut upload), *written.record());
+
+        // A better estimate of the sensor's noise leaves its calibration as it is.
+        let noisier = Geometry {
+            shot_variance_per_count_q16: 1,
+            ..tcd1304dg()
+        };
+        send(&mut upload, written.bytes());
+        let taken = upload.take(Step::Commit, &noisier);
+        assert_eq!(taken, Ok(Some(written.record().clone())));
+    }
+}

@@ -1,0 +1,636 @@
+//! Encodes a calibration, with all that belongs to it, as bytes: for flash, for a file, for the serial line.
+//!
+//! ```text
+//! format version | the record, by postcard | CRC-32 of all before it, little endian
+//! 1 byte: 3 to 5 | up to 2134 bytes        | 4 bytes
+//! ```
+//!
+//! A record has the oldest version that can hold it, so that earlier firmware reads it. Version 3 holds a
+//! sensor with one slit, and version 4 one with a comb: its slits follow the rest. Version 5 also holds the
+//! front end: the slits follow the rest or not, and then the front end.
+//!
+//! The CRC-32 is ISO-HDLC, as in zip and PNG.
+//!
+//! [`decode`] also reads the versions that earlier firmware wrote. Version 1 has no uncertainties, and
+//! neither version 1 nor 2 has the sensor's own spot.
+//!
+//! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
+//! distances is not in the bytes: it follows from the calibration and the range of its centres.
+
+pub mod date;
+pub mod encoded;
+
+use core::fmt;
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use date::Date;
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::comb::{Comb, CombError, Slits};
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::{Eq1, Eq1Error};
+use slitrange::distance::knots::{Knot, Knots, MAX_KNOTS};
+use slitrange::distance::residuals::{Corrected, CorrectedError};
+use slitrange::distance::table::{Table, TableError};
+use slitrange::front_end::FrontEnd;
+use slitrange::profile::Profile;
+use slitrange::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
+use slitrange::sensor_heads;
+use slitrange::uncertainty::CalibrationErrors;
+use slitrange::units::{Counts, Micrometres, Pixels};
+
+/// A sensor's calibration, and the sensor, day and settings that it belongs to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// The sensor's serial number.
+    pub serial_number: u32,
+    /// The day on which it was calibrated.
+    pub date: Date,
+    /// The rows of the sensor. Other sensors may use the record if their geometry
+    /// [is compatible](Geometry::is_compatible_with).
+    pub geometry: Geometry,
+    /// How centres were found. On a spot that is no gaussian, two estimators may find two centres.
+    pub estimator: Estimator,
+    /// How the black level was found; if it was fixed, at which level.
+    pub black_level: BlackLevel,
+    /// The distance for each centre.
+    pub calibration: Calibration,
+    /// The uncertainties of the calibration, if a fit found them.
+    pub errors: CalibrationErrors,
+    /// The sensor's own spot, if the calibration learned it.
+    pub profile: Option<Profile>,
+    /// The slits, if the sensor has a comb.
+    pub comb: Option<Comb>,
+    /// The front end, if it was measured.
+    pub front_end: Option<FrontEnd>,
+}
+
+/// The format that this firmware writes for a sensor with one slit.
+pub const VERSION: u8 = 3;
+
+/// The format that this firmware writes for a sensor with a comb: the same, and [`Record::comb`].
+pub const VERSION_OF_COMB: u8 = 4;
+
+/// The format that this firmware writes for a sensor whose front end was measured: [`Record::comb`] as one
+/// that may be there, and [`Record::front_end`].
+pub const VERSION_OF_FRONT_END: u8 = 5;
+
+/// The first format: the same without [`Record::errors`] and [`Record::profile`].
+const VERSION_1: u8 = 1;
+
+/// The second format: the same without [`Record::profile`].
+const VERSION_2: u8 = 2;
+
+/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, the
+/// sensor's own spot, 16 slits and the front end, each number at its longest.
+pub const MAX_ENCODED: usize = 2139;
+
+/// Computed bit by bit, without a table: a record is read once at the start.
+const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
+
+/// Writes a record to the front of a buffer and gives the bytes written. [`MAX_ENCODED`] bytes are enough for
+/// any record.
+///
+/// # Errors
+/// [`RecordError::NoRoom`], or the error with which [`decode`] would refuse the record.
+pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], RecordError> {
+    record.check()?;
+    let fields = Fields::of(record)?;
+    let no_room = RecordError::NoRoom {
+        bytes: buffer.len(),
+    };
+    let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
+    *version = match (&record.comb, &record.front_end) {
+        (_, Some(_)) => VERSION_OF_FRONT_END,
+        (Some(_), None) => VERSION_OF_COMB,
+        (None, None) => VERSION,
+    };
+    let fields = postcard::to_slice(&fields, rest)
+        .map_err(|_| no_room)?
+        .len();
+    let rest = rest.get_mut(fields..).ok_or(no_room)?;
+    let after = (&record.errors, &record.profile);
+    let errors = postcard::to_slice(&after, rest).map_err(|_| no_room)?.len();
+    let rest = rest.get_mut(errors..).ok_or(no_room)?;
+    let head = match (&record.comb, &record.front_end) {
+        (comb, Some(front_end)) => postcard::to_slice(&(comb, front_end), rest),
+        (Some(comb), None) => postcard::to_slice(comb, rest),
+        (None, None) => Ok(Default::default()),
+    };
+    let head = head.map_err(|_| no_room)?.len();
+    let summed = fields
+        .saturating_add(errors)
+        .saturating_add(head)
+        .saturating_add(1);
+    let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
+    let sum = after.first_chunk_mut().ok_or(no_room)?;
+    *sum = CRC.checksum(before).to_le_bytes();
+    buffer.get(..summed.saturating_add(SUM)).ok_or(no_room)
+}
+
+/// Bytes of the CRC.
+const SUM: usize = size_of::<u32>();
+
+/// Reads a record.
+///
+/// # Errors
+/// [`RecordError`] says why the bytes cannot be used.
+pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
+    let (before, sum) = bytes
+        .split_last_chunk()
+        .ok_or(RecordError::Short { bytes: bytes.len() })?;
+    let (written, computed) = (u32::from_le_bytes(*sum), CRC.checksum(before));
+    if written != computed {
+        return Err(RecordError::Checksum { written, computed });
+    }
+    let (&version, body) = before
+        .split_first()
+        .ok_or(RecordError::Short { bytes: bytes.len() })?;
+    if !(VERSION_1..=VERSION_OF_FRONT_END).contains(&version) {
+        return Err(RecordError::Version { version });
+    }
+    match &Fields::read(body) {
+        Ok((fields, rest)) => {
+            let (errors, profile, rest) = read_errors(version, rest)?;
+            let (comb, front_end) = read_head(version, rest)?;
+            fields.record(errors, profile, comb, front_end)
+        }
+        Err(error) => Err(*error),
+    }
+}
+
+/// Reads the uncertainties and the sensor's own spot, which follow the fields. Returns them with the bytes
+/// after them.
+fn read_errors(
+    version: u8,
+    rest: &[u8],
+) -> Result<(CalibrationErrors, Option<Profile>, &[u8]), RecordError> {
+    let read = match version {
+        VERSION_1 => Ok(((CalibrationErrors::Unknown, None), rest)),
+        VERSION_2 => postcard::take_from_bytes(rest).map(|(errors, rest)| ((errors, None), rest)),
+        _ => postcard::take_from_bytes(rest),
+    };
+    match read {
+        Ok(((errors, profile), rest)) => Ok((errors, profile, rest)),
+        Err(_) => Err(RecordError::Shape),
+    }
+}
+
+/// Reads the slits and the front end, which are the last bytes of a record.
+#[inline(never)]
+fn read_head(version: u8, rest: &[u8]) -> Result<(Option<Comb>, Option<FrontEnd>), RecordError> {
+    let read = match version {
+        VERSION_OF_FRONT_END => postcard::take_from_bytes(rest)
+            .map(|((comb, front_end), rest)| ((comb, Some(front_end)), rest)),
+        VERSION_OF_COMB => {
+            postcard::take_from_bytes(rest).map(|(comb, rest)| ((Some(comb), None), rest))
+        }
+        _ => Ok(((None, None), rest)),
+    };
+    match read {
+        Ok((head, [])) => Ok(head),
+        _ => Err(RecordError::Shape),
+    }
+}
+
+impl Record {
+    /// The record of the nominal calibration, which holds until a sensor has its own. Its serial number is 0,
+    /// its day the first of the calendar.
+    pub fn nominal() -> Option<Self> {
+        Some(Self {
+            serial_number: 0,
+            date: Date::new(1, 1, 1)?,
+            geometry: sensor_heads::tcd1304dg(),
+            estimator: Estimator::default(),
+            black_level: BlackLevel::Shielded,
+            calibration: Calibration::nominal()?,
+            errors: CalibrationErrors::Nominal,
+            profile: None,
+            comb: None,
+            front_end: None,
+        })
+    }
+
+    /// What is before the sensor.
+    pub const fn slits(&self) -> Slits {
+        match self.comb {
+            None => Slits::One,
+            Some(_) => Slits::Comb,
+        }
+    }
+
+    /// Whether the calibration is the nominal one. The front end may be measured or not.
+    pub fn is_nominal(&self) -> bool {
+        let nominal = Self::nominal().map(|nominal| Self {
+            front_end: self.front_end,
+            ..nominal
+        });
+        nominal.as_ref() == Some(self)
+    }
+
+    /// Whether the calibration is the nominal one and nobody measured the front end.
+    pub fn is_of_factory(&self) -> bool {
+        self.front_end.is_none() && self.is_nominal()
+    }
+
+    /// Checks what the types of the parts do not ensure.
+    fn check(&self) -> Result<(), RecordError> {
+        let Geometry {
+            words,
+            shielded,
+            light,
+            bits,
+            ..
+        } = &self.geometry;
+        let sensible = |part: &core::ops::Range<usize>| {
+            part.start <= part.end && part.end <= *words && part.len() <= MAX_PIXELS
+        };
+        if !sensible(shielded) || !sensible(light) || light.is_empty() || !matches!(bits, 1..=12) {
+            return Err(RecordError::Geometry);
+        }
+        if let BlackLevel::Fixed(level) = self.black_level
+            && !(0..=i32::from(LARGEST_COUNT) * (1 << Counts::FRACTION)).contains(&level.to_bits())
+        {
+            return Err(RecordError::BlackLevel { level });
+        }
+        // Pixel 0 begins half a pixel before 0.
+        const HALF: i32 = 1 << (Pixels::FRACTION - 1);
+        let end = Pixels::from_int(light.len() as i32)
+            .to_bits()
+            .saturating_sub(HALF);
+        let (first, last) = self.calibration.valid();
+        if first.to_bits() < -HALF || last.to_bits() > end {
+            return Err(RecordError::OffTheSensor { first, last });
+        }
+        let is_sensible = self.profile.as_ref().is_none_or(Profile::is_sensible);
+        if !self.errors.are_sensible() || !is_sensible {
+            return Err(RecordError::Errors);
+        }
+        if (self.front_end.as_ref()).is_some_and(|front_end| !front_end.is_sensible()) {
+            return Err(RecordError::FrontEnd);
+        }
+        match &self.comb {
+            None => Ok(()),
+            Some(comb) => comb.check().map_err(RecordError::Comb),
+        }
+    }
+}
+
+/// The fields of a record in the order of its bytes; [`Record::errors`] follows. A change of this type
+/// changes the format: it needs a new [`VERSION`].
+#[derive(Serialize, Deserialize)]
+struct Fields {
+    serial_number: u32,
+    year: u16,
+    month: u8,
+    day: u8,
+    words: u16,
+    shielded: (u16, u16),
+    light: (u16, u16),
+    falling: bool,
+    bits: u8,
+    shot_variance_per_count_q16: u16,
+    /// The estimator's letter.
+    estimator: u8,
+    black_level: BlackLevelFields,
+    calibration: CalibrationFields,
+}
+
+#[derive(Serialize, Deserialize)]
+enum BlackLevelFields {
+    Fixed(Counts),
+    Shielded,
+    Frame,
+}
+
+#[derive(Serialize, Deserialize)]
+enum CalibrationFields {
+    Eq1(Eq1Fields),
+    Table(KnotsFields),
+    Corrected(Eq1Fields, KnotsFields),
+}
+
+#[derive(Serialize, Deserialize)]
+struct Eq1Fields {
+    d: Micrometres,
+    k: i64,
+    pole: Pixels,
+    first: Pixels,
+    last: Pixels,
+}
+
+#[derive(Serialize, Deserialize)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no allocation to put the knots into"
+)]
+enum KnotsFields {
+    /// Straight lines between knots, which an earlier firmware had. The knots follow in the bytes, and are
+    /// not read.
+    StraightLines,
+    Cubics(Vec<Knot, MAX_KNOTS>),
+}
+
+impl Fields {
+    fn of(record: &Record) -> Result<Self, RecordError> {
+        let Record {
+            serial_number,
+            geometry,
+            ..
+        } = record;
+        let (year, month, day) = record.date.parts();
+        let word = |index: usize| u16::try_from(index).map_err(|_| RecordError::Geometry);
+        Ok(Self {
+            serial_number: *serial_number,
+            year,
+            month,
+            day,
+            words: word(geometry.words)?,
+            shielded: (word(geometry.shielded.start)?, word(geometry.shielded.end)?),
+            light: (word(geometry.light.start)?, word(geometry.light.end)?),
+            falling: geometry.polarity == Polarity::Falling,
+            bits: geometry.bits,
+            shot_variance_per_count_q16: geometry.shot_variance_per_count_q16,
+            // An ASCII letter.
+            estimator: record.estimator.letter() as u8,
+            black_level: match record.black_level {
+                BlackLevel::Fixed(level) => BlackLevelFields::Fixed(level),
+                BlackLevel::Shielded => BlackLevelFields::Shielded,
+                BlackLevel::Frame => BlackLevelFields::Frame,
+            },
+            calibration: match &record.calibration {
+                Calibration::Eq1(curve) => CalibrationFields::Eq1(Eq1Fields::of(curve)),
+                Calibration::Table(table) => {
+                    CalibrationFields::Table(KnotsFields::of(table.knots()))
+                }
+                Calibration::Corrected(corrected) => CalibrationFields::Corrected(
+                    Eq1Fields::of(corrected.curve()),
+                    KnotsFields::of(corrected.residuals()),
+                ),
+            },
+        })
+    }
+
+    /// Reads the fields. This function and those that make a calibration of the fields each move kilobytes.
+    /// They are not inlined, so that their copies are not all on the chip's stack at once.
+    #[inline(never)]
+    fn read(body: &[u8]) -> Result<(Self, &[u8]), RecordError> {
+        match postcard::take_from_bytes::<Self>(body) {
+            Ok((fields, _)) if fields.calibration.has_straight_lines() => {
+                Err(RecordError::StraightLines)
+            }
+            Ok(read) => Ok(read),
+            Err(_) => Err(RecordError::Shape),
+        }
+    }
+
+    /// Makes the record with the constructors of its parts.
+    #[inline(never)]
+    fn record(
+        &self,
+        errors: CalibrationErrors,
+        profile: Option<Profile>,
+        comb: Option<Comb>,
+        front_end: Option<FrontEnd>,
+    ) -> Result<Record, RecordError> {
+        let estimator = Estimator::from_stored_letter(char::from(self.estimator)).ok_or(
+            RecordError::Estimator {
+                letter: self.estimator,
+            },
+        )?;
+        let range = |(start, end): (u16, u16)| usize::from(start)..usize::from(end);
+        let record = Record {
+            serial_number: self.serial_number,
+            date: Date::new(self.year, self.month, self.day).ok_or(RecordError::Date)?,
+            geometry: Geometry {
+                words: usize::from(self.words),
+                shielded: range(self.shielded),
+                light: range(self.light),
+                polarity: if self.falling {
+                    Polarity::Falling
+                } else {
+                    Polarity::Rising
+                },
+                bits: self.bits,
+                shot_variance_per_count_q16: self.shot_variance_per_count_q16,
+                // The record does not hold the saturation. This means full scale.
+                saturation: LARGEST_COUNT,
+            },
+            estimator,
+            black_level: match self.black_level {
+                BlackLevelFields::Fixed(level) => BlackLevel::Fixed(level),
+                BlackLevelFields::Shielded => BlackLevel::Shielded,
+                BlackLevelFields::Frame => BlackLevel::Frame,
+            },
+            calibration: self.calibration.calibration()?,
+            errors,
+            profile,
+            comb,
+            front_end,
+        };
+        record.check()?;
+        Ok(record)
+    }
+}
+
+impl CalibrationFields {
+    const fn has_straight_lines(&self) -> bool {
+        matches!(
+            self,
+            Self::Table(KnotsFields::StraightLines)
+                | Self::Corrected(_, KnotsFields::StraightLines)
+        )
+    }
+
+    #[inline(never)]
+    fn calibration(&self) -> Result<Calibration, RecordError> {
+        match self {
+            Self::Eq1(curve) => Ok(Calibration::Eq1(curve.eq1()?)),
+            Self::Table(knots) => knots.table(),
+            Self::Corrected(curve, residuals) => residuals.corrected(curve),
+        }
+    }
+}
+
+impl Eq1Fields {
+    fn of(curve: &Eq1) -> Self {
+        let (first, last) = curve.valid();
+        Self {
+            d: curve.d(),
+            k: curve.k(),
+            pole: curve.pole(),
+            first,
+            last,
+        }
+    }
+
+    fn eq1(&self) -> Result<Eq1, RecordError> {
+        Eq1::new(self.d, self.k, self.pole, self.first..=self.last).map_err(RecordError::Eq1)
+    }
+}
+
+impl KnotsFields {
+    fn of(knots: &Knots) -> Self {
+        let mut fields = Vec::new();
+        for knot in knots.iter() {
+            // There is room for all. Collecting would bring a panic for the case that there is not.
+            let _ = fields.push(knot);
+        }
+        Self::Cubics(fields)
+    }
+
+    #[inline(never)]
+    fn table(&self) -> Result<Calibration, RecordError> {
+        match Table::new(self.knots()?) {
+            Ok(table) => Ok(Calibration::Table(table)),
+            Err(error) => Err(RecordError::Table(error)),
+        }
+    }
+
+    #[inline(never)]
+    fn corrected(&self, curve: &Eq1Fields) -> Result<Calibration, RecordError> {
+        match Corrected::new(curve.eq1()?, self.knots()?) {
+            Ok(corrected) => Ok(Calibration::Corrected(corrected)),
+            Err(error) => Err(RecordError::Corrected(error)),
+        }
+    }
+
+    fn knots(&self) -> Result<&[Knot], RecordError> {
+        match self {
+            Self::StraightLines => Err(RecordError::StraightLines),
+            Self::Cubics(knots) => Ok(knots),
+        }
+    }
+}
+
+/// Why bytes are not a record, or why a record cannot be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecordError {
+    /// The buffer is too short for the record.
+    NoRoom {
+        /// The length of the buffer.
+        bytes: usize,
+    },
+    /// Fewer bytes than any record has.
+    Short {
+        /// How many there are.
+        bytes: usize,
+    },
+    /// The CRC at the end does not fit the bytes before it.
+    Checksum {
+        /// The CRC at the end.
+        written: u32,
+        /// The CRC of the bytes before it.
+        computed: u32,
+    },
+    /// The CRC is right, but this firmware does not know the format.
+    Version {
+        /// The format, which is the first byte.
+        version: u8,
+    },
+    /// The CRC is right, but the bytes are not those of a record.
+    Shape,
+    /// A table with straight lines between its knots. Earlier firmware had such tables.
+    StraightLines,
+    /// The calendar has no such day.
+    Date,
+    /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter does not
+    /// have 1 to 12 bits.
+    Geometry,
+    /// This firmware has no such estimator.
+    Estimator {
+        /// Its letter.
+        letter: u8,
+    },
+    /// A black level outside a pixel's range.
+    BlackLevel {
+        /// That level.
+        level: Counts,
+    },
+    /// The numbers of eq. (1) cannot be used.
+    Eq1(Eq1Error),
+    /// The knots of a table cannot be used.
+    Table(TableError),
+    /// The residuals, or the curve below them, cannot be used.
+    Corrected(CorrectedError),
+    /// An uncertainty below zero, or a usual height of the spot that is not above zero.
+    Errors,
+    /// The comb cannot be used.
+    Comb(CombError),
+    /// A number of the front end is outside its range.
+    FrontEnd,
+    /// The range of centres reaches beyond the sensor's pixels.
+    OffTheSensor {
+        /// The first centre.
+        first: Pixels,
+        /// The last centre.
+        last: Pixels,
+    },
+}
+
+impl fmt::Display for RecordError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoRoom { bytes } => write!(
+                f,
+                "a buffer of {bytes} bytes is too short for the record: {MAX_ENCODED} are enough for any"
+            ),
+            Self::Short { bytes } => {
+                write!(f, "{bytes} bytes are too few for a record: write the calibration again")
+            }
+            Self::Checksum { written, computed } => write!(
+                f,
+                "the record is damaged, its CRC is {written:08x} and not {computed:08x}: write the \
+                calibration again"
+            ),
+            Self::Version { version } => write!(
+                f,
+                "the record has format {version}, and this firmware knows {VERSION_1} to \
+                {VERSION_OF_FRONT_END}: write it with the tool of this firmware"
+            ),
+            Self::Shape => f.write_str(
+                "the CRC is right, but the bytes are not a record: write the calibration with the tool of \
+                this firmware",
+            ),
+            Self::StraightLines => f.write_str(
+                "the record is a table with straight lines between its knots, which this firmware no longer \
+                has: fit again from the points file",
+            ),
+            Self::Date => f.write_str("the record's date is not a day of the calendar: set the date"),
+            Self::Geometry => f.write_str(
+                "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels \
+                of 1 to 12 bits",
+            ),
+            Self::Estimator { letter } => write!(
+                f,
+                "the record was made with estimator '{}', which this firmware does not know: calibrate anew",
+                letter.escape_ascii()
+            ),
+            Self::BlackLevel { level } => write!(
+                f,
+                "the record's black level of {level} counts is outside a pixel's range: set it to 0 to \
+                {LARGEST_COUNT}"
+            ),
+            Self::Eq1(error) => error.fmt(f),
+            Self::Table(error) => error.fmt(f),
+            Self::Corrected(error) => error.fmt(f),
+            Self::Errors => f.write_str(
+                "the record's uncertainties are impossible: fit again from the points file",
+            ),
+            Self::Comb(error) => error.fmt(f),
+            Self::FrontEnd => f.write_str(
+                "the record's front end is impossible: measure it again (slitrange head measure)",
+            ),
+            Self::OffTheSensor { first, last } => write!(
+                f,
+                "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller \
+                range"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for RecordError {}

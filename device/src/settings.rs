@@ -1,0 +1,903 @@
+//! All that a person can set. Each setting is declared once, in [the list](#the-list) below.
+//!
+//! The struct [`Settings`], the commands that show and set a value, their answers, `help`, the error
+//! messages, what flash holds and the table in docs/serial-line.md follow from the declaration. To add a
+//! setting, add its lines to the list. A value of a new type also implements [`ValueText`].
+//!
+//! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they
+//! know no ranges, units or help, so they would not make this file smaller.
+
+pub mod sending;
+pub mod trigger;
+
+use core::fmt;
+
+use heapless::Vec;
+
+use crate::output::average::{self, Average};
+use crate::output::columns::{Column, Columns};
+use crate::output::limits::Limits;
+use crate::output::spike::SpikeFilter;
+use crate::settings::sending::{Baud, Format, PixelStream};
+use crate::settings::trigger::Trigger;
+use slitrange::ambient::AmbientMode;
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::comb::Slits;
+use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::frame::{MAX_ROWS, Mean};
+use slitrange::measurement::Options;
+use slitrange::peak::Peak;
+use slitrange::region::Region;
+use slitrange::uncertainty::Surface;
+use slitrange::units::{Counts, Micrometres, Units};
+
+/// # The list
+///
+/// For each setting: its help, a name for Rust, the name that a person types, the field, its type and
+/// default; then how its value is typed, and what a change affects.
+macro_rules! list {
+    ($declare:ident) => {
+        $declare! {
+            /// a line for every frame
+            Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
+
+            /// how the sensor writes what it sends; commands stay lines, but for modbus
+            Format "format" format: Format = Format::Text,
+                Form::Words("text|csv|binary|modbus"), Affects::Session;
+
+            /// bits a second on the serial line; the answer is at the old rate
+            Baud "baud" baud: Baud = Baud::B115200,
+                Form::Words("115200|230400|460800|921600"), Affects::Session;
+
+            /// with `format binary`, the pixels sent too: the spot's, or whole rows
+            Pixels "pixels" pixels: PixelStream = PixelStream::None,
+                Form::Words("none|window|rows"), Affects::Session;
+
+            /// this sensor's number on a line with others; 0 if it is alone
+            Address "address" address: u16 = 0,
+                Form::Number { least: 0, most: 247, unit: "" }, Affects::Connection;
+
+            /// show what is typed, and let it be corrected; readings wait
+            Echo "echo" echo: bool = false, Form::Words("on|off"), Affects::Session;
+
+            /// what starts a frame: the end of the last one, `measure`, or an edge too
+            Trigger "trigger" trigger: Trigger = Trigger::Continuous,
+                Form::Words("continuous|serial|pin"), Affects::Measurement;
+
+            /// rows in a frame
+            Rows "rows" rows: u16 = 16,
+                Form::Number { least: 1, most: MAX_ROWS, unit: "" }, Affects::Measurement;
+
+            /// how the rows' centres are averaged
+            Mean "mean" mean: Mean = Mean::Weighted, Form::Words("plain|weighted"), Affects::Measurement;
+
+            /// for how long the laser is on in a row, in us
+            Exposure "exposure" exposure: ExposureMode = ExposureMode::Auto,
+                Form::Words("auto|10..5600"), Affects::Measurement;
+
+            /// the longest exposure, whatever `exposure` says
+            ExposureLimit "exposure limit" exposure_limit: Exposure = Exposure::LONGEST,
+                Form::Number {
+                    least: Exposure::SHORTEST.us() as u32,
+                    most: Exposure::LONGEST.us() as u32,
+                    unit: "us",
+                },
+                Affects::Measurement;
+
+            /// whether the laser may be on
+            Laser "laser" laser: bool = true, Form::Words("on|off"), Affects::Measurement;
+
+            /// what is done about ambient light
+            Ambient "ambient" ambient: AmbientMode = AmbientMode::Off,
+                Form::Words("subtract|off"), Affects::Measurement;
+
+            /// how the black level is found
+            Black "black" black_level: BlackLevel = BlackLevel::Shielded,
+                Form::Words("fixed 0..4095|shielded|frame"), Affects::Measurement;
+
+            /// how the centre of a row is found
+            Estimator "estimator" estimator: Estimator = Estimator::Adaptive,
+                Form::Listed, Affects::Measurement;
+
+            /// what is before the sensor
+            Slits "slits" slits: Slits = Slits::One, Form::Words("one|comb"), Affects::Measurement;
+
+            /// the pixels in which the spot is searched, with one slit
+            Region "region" region: Region = Region::ALL,
+                Form::Words("all|0..4095 0..4095"), Affects::Measurement;
+
+            /// which of several spots is measured, with one slit
+            Peak "peak" peak: Peak = Peak::Strongest,
+                Form::Words("strongest|first|last"), Affects::Measurement;
+
+            /// how far speckle moves a distance, in um
+            Surface "surface" surface: Surface = Surface::Auto,
+                Form::Words("auto|off|0..50000"), Affects::Measurement;
+
+            /// a reading that jumps by more um is a fault until three agree
+            SpikeFilter "spike-filter" spike_filter: SpikeFilter = SpikeFilter::Off,
+                Form::Words("off|1..100000"), Affects::Lines;
+
+            /// what is made of the last N results
+            Average "average" average: Average = Average::None,
+                Form::Words("none|moving 2..64|median 2..64|recursive 2..64"), Affects::Lines;
+
+            /// after a fault, give the last reading for so many results, flagged h
+            Hold "hold" hold: u16 = 0, Form::Number { least: 0, most: 1000, unit: "" }, Affects::Lines;
+
+            /// switch an output on from LOW to HIGH in um, -8000000..8000000
+            Limits "limits" limits: Limits = Limits::Off,
+                Form::Words("off|LOW HIGH [HYSTERESIS]"), Affects::Lines;
+
+            /// the most lines a second, whatever the frames are; 0 is a line for each
+            Rate "rate" rate: u16 = 0, Form::Number { least: 0, most: 1000, unit: "Hz" }, Affects::Lines;
+
+            /// the unit of distance, u and r in lines
+            Units "units" units: Units = Units::Millimetres, Form::Words("mm|um"), Affects::Lines;
+
+            /// the columns of a line; `output ?` lists them
+            Output "output" output: Columns = Columns::default(),
+                Form::Several(Columns::NAMES), Affects::Lines;
+        }
+    };
+}
+
+/// How a value is typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A whole number.
+    Number {
+        /// The smallest.
+        least: u32,
+        /// The largest.
+        most: u32,
+        /// Its unit, empty for a count.
+        unit: &'static str,
+    },
+    /// One of these words, separated by `|`.
+    Words(&'static str),
+    /// One of the names that `help` with the setting's name lists.
+    Listed,
+    /// Some of these words, separated by blanks.
+    Several(&'static str),
+}
+
+/// What a change of a setting affects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Affects {
+    /// The measurement: the frame under way starts again. `save` writes the setting to flash, `defaults` sets
+    /// it back.
+    Measurement,
+    /// The lines of readings, and not the measurement. `save` and `defaults` as above.
+    Lines,
+    /// By whom the sensor is found on its line. `save` as above; `defaults` leaves the setting, so that the
+    /// sensor does not begin to talk on a line that it shares.
+    Connection,
+    /// What this session sends. The setting holds until the next start; see [`Value::is_saved`].
+    Session,
+}
+
+/// Why words do not give a value of a setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValueError {
+    /// The words are not understood, or are too many.
+    Form,
+    /// The number is too small or too large.
+    Range,
+    /// The list has no such name.
+    Unlisted,
+}
+
+/// A type that a setting's value can have: how it is read and written.
+pub trait ValueText: Copy {
+    /// Reads a value from its words.
+    ///
+    /// # Errors
+    /// [`ValueError`] says what is wrong with them.
+    fn read(words: &[&str], form: Form) -> Result<Self, ValueError>;
+
+    /// Writes it as [`ValueText::read`] reads it.
+    ///
+    /// # Errors
+    /// The formatter's.
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result;
+}
+
+macro_rules! declare {
+    ($(
+        $(#[doc = $help:literal])+
+        $variant:ident $name:literal $field:ident: $type:ty = $default:expr, $form:expr, $affects:expr;
+    )+) => {
+        /// The value of every setting.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Settings {
+            $($(#[doc = $help])+ pub $field: $type,)+
+        }
+
+        impl Default for Settings {
+            /// The settings of the factory.
+            fn default() -> Self {
+                Self { $($field: $default,)+ }
+            }
+        }
+
+        /// Which setting.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Setting {
+            $($(#[doc = $help])+ $variant,)+
+        }
+
+        /// A value, and of which setting. `Display` is the line that sets it.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Value {
+            $($(#[doc = $help])+ $variant($type),)+
+        }
+
+        impl Settings {
+            /// The value of a setting.
+            pub const fn get(&self, setting: Setting) -> Value {
+                match setting {
+                    $(Setting::$variant => Value::$variant(self.$field),)+
+                }
+            }
+
+            /// Sets a value.
+            pub const fn set(&mut self, value: Value) {
+                match value {
+                    $(Value::$variant(value) => self.$field = value,)+
+                }
+            }
+        }
+
+        impl Setting {
+            /// All settings, in the order in which `help` shows them.
+            pub const ALL: &'static [Self] = &[$(Self::$variant,)+];
+
+            /// The name that a person types.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)+
+                }
+            }
+
+            /// What the setting does, in a few words.
+            pub const fn help(self) -> &'static str {
+                match self {
+                    $(Self::$variant => concat!($($help),+).trim_ascii(),)+
+                }
+            }
+
+            /// How its value is typed.
+            pub const fn form(self) -> Form {
+                match self {
+                    $(Self::$variant => $form,)+
+                }
+            }
+
+            /// What a change affects.
+            pub const fn affects(self) -> Affects {
+                match self {
+                    $(Self::$variant => $affects,)+
+                }
+            }
+
+            /// Reads a value of this setting.
+            ///
+            /// # Errors
+            /// [`ValueError`] says what is wrong with the words.
+            pub fn read(self, words: &[&str]) -> Result<Value, ValueError> {
+                match self {
+                    $(Self::$variant => ValueText::read(words, $form).map(Value::$variant),)+
+                }
+            }
+        }
+
+        impl Value {
+            /// Of which setting it is.
+            pub const fn setting(self) -> Setting {
+                match self {
+                    $(Self::$variant(_) => Setting::$variant,)+
+                }
+            }
+        }
+
+        impl fmt::Display for Value {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match *self {
+                    $(Self::$variant(value) => {
+                        f.write_str(concat!($name, " "))?;
+                        value.write(f)
+                    })+
+                }
+            }
+        }
+    };
+}
+
+list!(declare);
+
+impl Settings {
+    /// The settings that the core measures by.
+    pub const fn options(&self) -> Options {
+        Options {
+            rows: self.rows,
+            mean: self.mean,
+            exposure: self.exposure,
+            exposure_limit: self.exposure_limit,
+            laser: self.laser,
+            ambient: self.ambient,
+            black_level: self.black_level,
+            estimator: self.estimator,
+            slits: self.slits,
+            region: self.region,
+            peak: self.peak,
+        }
+    }
+}
+
+impl Setting {
+    /// Finds a setting by the words of its [`name`](Self::name), at the front of a line. Returns it with the
+    /// words that follow. A longer name goes first: `exposure limit` is not `exposure` with the value
+    /// `limit`.
+    pub fn of_words<'a, 'b>(words: &'a [&'b str]) -> Option<(Self, &'a [&'b str])> {
+        let named = |length: usize| {
+            let (name, values) = words.split_at_checked(length)?;
+            let is_name = |it: &Self| it.name().split(' ').eq(name.iter().copied());
+            let setting = Self::ALL.iter().copied().find(is_name)?;
+            Some((setting, values))
+        };
+        named(2).or_else(|| named(1))
+    }
+}
+
+impl Value {
+    /// Whether `save` writes it to flash. Of what affects the session, that is `format modbus` alone: a
+    /// master that speaks Modbus could not ask for it after each start.
+    pub fn is_saved(self) -> bool {
+        self.setting().affects() != Affects::Session || self == Self::Format(Format::Modbus)
+    }
+}
+
+impl fmt::Display for Form {
+    /// What may be typed: `1..64`, `on|off`, or `NAME`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number { least, most, unit } => {
+                let blank = if unit.is_empty() { "" } else { " " };
+                write!(f, "{least}..{most}{blank}{unit}")
+            }
+            Self::Words(words) => f.write_str(words),
+            Self::Listed => f.write_str("NAME"),
+            Self::Several(_) => f.write_str("NAMES"),
+        }
+    }
+}
+
+/// The most words of a line: those of the longest command, `output` with all columns, and one more to notice
+/// that there are too many.
+const MOST_WORDS: usize = 13;
+
+/// The words of a line, separated by blanks.
+pub fn split_words(line: &str) -> Vec<&str, MOST_WORDS> {
+    let mut words = Vec::new();
+    for word in line.split_ascii_whitespace() {
+        // Words beyond the last place are dropped: the words before them are already too many.
+        let _ = words.push(word);
+    }
+    words
+}
+
+/// Reads a whole number.
+///
+/// # Errors
+/// [`ValueError::Form`] where the word has anything but digits, [`ValueError::Range`] beyond the range.
+pub fn read_number(word: &str, least: u32, most: u32) -> Result<u32, ValueError> {
+    if word.is_empty() || !word.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Err(ValueError::Form);
+    }
+    let number = word.parse().ok();
+    number
+        .filter(|number| (least..=most).contains(number))
+        .ok_or(ValueError::Range)
+}
+
+impl ValueText for u16 {
+    fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
+        match (words, form) {
+            (&[word], Form::Number { least, most, .. }) => {
+                let number = read_number(word, least, most)?;
+                Self::try_from(number).map_err(|_| ValueError::Range)
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self, f)
+    }
+}
+
+impl ValueText for bool {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["on"] => Ok(true),
+            ["off"] => Ok(false),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self { "on" } else { "off" })
+    }
+}
+
+impl ValueText for Units {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["mm"] => Ok(Self::Millimetres),
+            ["um"] => Ok(Self::Micrometres),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl ValueText for Average {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let (kind, length): (fn(u8) -> Self, _) = match *words {
+            ["none"] => return Ok(Self::None),
+            ["moving", length] => (Self::Moving, length),
+            ["median", length] => (Self::Median, length),
+            ["recursive", length] => (Self::Recursive, length),
+            _ => return Err(ValueError::Form),
+        };
+        let length = read_number(length, 2, average::LONGEST.into())?;
+        Ok(kind(length as u8))
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::Moving(length) => write!(f, "moving {length}"),
+            Self::Median(length) => write!(f, "median {length}"),
+            Self::Recursive(length) => write!(f, "recursive {length}"),
+        }
+    }
+}
+
+impl ValueText for Columns {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        if words.is_empty() || words.len() > Column::ALL.len() {
+            return Err(ValueError::Form);
+        }
+        words.iter().try_fold(Self::NONE, |columns, name| {
+            let column = Column::named(name).ok_or(ValueError::Form)?;
+            Ok(columns.with(column))
+        })
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut blank = "";
+        for column in Column::ALL {
+            if self.has(column) {
+                write!(f, "{blank}{}", column.name())?;
+                blank = " ";
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ValueText for SpikeFilter {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match *words {
+            ["off"] => Ok(Self::Off),
+            [um] => {
+                let um = read_number(um, 1, Self::MOST_UM)?;
+                Ok(Self::Beyond(Micrometres::from_int(um as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Beyond(um) => write!(f, "{um:.0}"),
+        }
+    }
+}
+
+impl ValueText for Limits {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let (low, high, hysteresis) = match *words {
+            ["off"] => return Ok(Self::Off),
+            [low, high] => (low, high, "0"),
+            [low, high, hysteresis] => (low, high, hysteresis),
+            _ => return Err(ValueError::Form),
+        };
+        let limit = |word: &str| {
+            let size = word.strip_prefix('-').unwrap_or(word);
+            let um = read_number(size, 0, Self::MOST_UM)? as i32;
+            let is_negative = size.len() < word.len();
+            Ok(Micrometres::from_int(if is_negative { -um } else { um }))
+        };
+        let (low, high) = (limit(low)?, limit(high)?);
+        let hysteresis = read_number(hysteresis, 0, Self::MOST_HYSTERESIS_UM)?;
+        if low > high {
+            return Err(ValueError::Range);
+        }
+        Ok(Self::Within {
+            low,
+            high,
+            hysteresis: Micrometres::from_int(hysteresis as i32),
+        })
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Within {
+                low,
+                high,
+                hysteresis,
+            } => {
+                write!(f, "{low:.0} {high:.0}")?;
+                match hysteresis.to_bits() {
+                    0 => Ok(()),
+                    _ => write!(f, " {hysteresis:.0}"),
+                }
+            }
+        }
+    }
+}
+
+impl ValueText for ExposureMode {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["auto"] => Ok(Self::Auto),
+            [us] => read_exposure(us).map(Self::Fixed),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(exposure) => exposure.write(f),
+        }
+    }
+}
+
+impl ValueText for Exposure {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [us] => read_exposure(us),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.us(), f)
+    }
+}
+
+/// Reads an exposure in microseconds.
+fn read_exposure(word: &str) -> Result<Exposure, ValueError> {
+    let us = read_number(word, 0, u16::MAX.into())?;
+    let exposure = u16::try_from(us).ok().and_then(Exposure::from_us);
+    exposure.ok_or(ValueError::Range)
+}
+
+/// The values of these types are one word each: `name` writes it, `named` reads it. Another word is the error
+/// beside the type.
+macro_rules! one_word {
+    ($($value:ty: $error:ident,)+) => {
+        $(impl ValueText for $value {
+            fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+                match words {
+                    [name] => Self::named(name).ok_or(ValueError::$error),
+                    _ => Err(ValueError::Form),
+                }
+            }
+
+            fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        })+
+    };
+}
+
+one_word! {
+    Mean: Form,
+    AmbientMode: Form,
+    Format: Form,
+    PixelStream: Form,
+    Trigger: Form,
+    Slits: Form,
+    Peak: Form,
+    Estimator: Unlisted,
+}
+
+impl ValueText for Baud {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let &[word] = words else {
+            return Err(ValueError::Form);
+        };
+        let rate = read_number(word, 0, u32::MAX)?;
+        let found = Self::ALL
+            .into_iter()
+            .find(|baud| baud.bits_a_second() == rate);
+        found.ok_or(ValueError::Range)
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.bits_a_second(), f)
+    }
+}
+
+impl ValueText for Region {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let pixel = |word| {
+            let pixel = read_number(word, 0, Self::ALL.last().into())?;
+            u16::try_from(pixel).map_err(|_| ValueError::Range)
+        };
+        match *words {
+            ["all"] => Ok(Self::ALL),
+            [first, last] => Self::new(pixel(first)?, pixel(last)?).ok_or(ValueError::Range),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ALL => f.write_str("all"),
+            _ => write!(f, "{} {}", self.first(), self.last()),
+        }
+    }
+}
+
+/// The largest black level that can be fixed, in counts: that of a 12-bit converter.
+const MAX_BLACK: u32 = 4095;
+
+impl ValueText for BlackLevel {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["shielded"] => Ok(Self::Shielded),
+            ["frame"] => Ok(Self::Frame),
+            ["fixed", counts] => {
+                let counts = read_number(counts, 0, MAX_BLACK)?;
+                Ok(Self::Fixed(Counts::from_int(counts as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Shielded => f.write_str("shielded"),
+            Self::Frame => f.write_str("frame"),
+            Self::Fixed(counts) => write!(f, "fixed {counts:.0}"),
+        }
+    }
+}
+
+/// The largest displacement by a surface that can be set, in micrometres: that of a laser spot of some
+/// decimetres.
+const MAX_SURFACE: u32 = 50_000;
+
+impl ValueText for Surface {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match *words {
+            ["auto"] => Ok(Self::Auto),
+            ["off"] => Ok(Self::Off),
+            [deviation] => {
+                let deviation = read_number(deviation, 0, MAX_SURFACE)?;
+                Ok(Self::Fixed(Micrometres::from_int(deviation as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Off => f.write_str("off"),
+            Self::Fixed(deviation) => write!(f, "{deviation:.0}"),
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Some values of each setting, the extremes among them.
+    pub fn values() -> std::vec::Vec<Value> {
+        let black = [0, 300, 4095].map(|counts| BlackLevel::Fixed(Counts::from_int(counts)));
+        let black = black
+            .into_iter()
+            .chain([BlackLevel::Shielded, BlackLevel::Frame]);
+        let exposures = [10, 187, 5600].map(|us| Exposure::from_us(us).expect("an exposure"));
+        [1, 16, 64]
+            .map(Value::Rows)
+            .into_iter()
+            .chain([true, false].map(Value::Stream))
+            .chain([true, false].map(Value::Echo))
+            .chain([0, 1, 247].map(Value::Address))
+            .chain([0, 1, 1000].map(Value::Hold))
+            .chain([0, 1, 1000].map(Value::Rate))
+            .chain([Units::Millimetres, Units::Micrometres].map(Value::Units))
+            .chain([Value::SpikeFilter(SpikeFilter::Off)])
+            .chain(
+                [1, 100_000]
+                    .map(|um| Value::SpikeFilter(SpikeFilter::Beyond(Micrometres::from_int(um)))),
+            )
+            .chain([Value::Limits(Limits::Off)])
+            .chain(
+                [
+                    (-8_000_000, 8_000_000, 1_000_000),
+                    (8_000_000, 8_000_000, 0),
+                    (-8_000_000, -8_000_000, 1),
+                    (0, 0, 0),
+                ]
+                .map(|(low, high, hysteresis)| {
+                    let [low, high, hysteresis] =
+                        [low, high, hysteresis].map(Micrometres::from_int);
+                    Value::Limits(Limits::Within {
+                        low,
+                        high,
+                        hysteresis,
+                    })
+                }),
+            )
+            .chain([Value::Average(Average::None)])
+            .chain([2, 64].map(|it| Value::Average(Average::Moving(it))))
+            .chain([2, 63].map(|it| Value::Average(Average::Median(it))))
+            .chain([2, 64].map(|it| Value::Average(Average::Recursive(it))))
+            .chain(Column::ALL.map(|it| Value::Output(Columns::NONE.with(it))))
+            .chain([Value::Output(
+                Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
+            )])
+            .chain([true, false].map(Value::Laser))
+            .chain(Format::ALL.map(Value::Format))
+            .chain(Baud::ALL.map(Value::Baud))
+            .chain([PixelStream::None, PixelStream::Window, PixelStream::Rows].map(Value::Pixels))
+            .chain(AmbientMode::ALL.map(Value::Ambient))
+            .chain(exposures.map(Value::ExposureLimit))
+            .chain([Value::Exposure(ExposureMode::Auto)])
+            .chain(exposures.map(|it| Value::Exposure(ExposureMode::Fixed(it))))
+            .chain(Mean::ALL.map(Value::Mean))
+            .chain(Trigger::ALL.map(Value::Trigger))
+            .chain(Slits::ALL.map(Value::Slits))
+            .chain(Peak::ALL.map(Value::Peak))
+            .chain([Value::Region(Region::ALL)])
+            .chain(
+                [(0, 63), (1700, 1839), (4032, 4095)].map(|(first, last)| {
+                    Value::Region(Region::new(first, last).expect("a region"))
+                }),
+            )
+            .chain(Estimator::ALL.map(Value::Estimator))
+            .chain(black.map(Value::Black))
+            .chain([Surface::Auto, Surface::Off].map(Value::Surface))
+            .chain(
+                [0, 437, 50_000]
+                    .map(|um| Value::Surface(Surface::Fixed(Micrometres::from_int(um)))),
+            )
+            .collect()
+    }
+
+    #[test]
+    fn a_value_is_read_as_it_is_written() {
+        for value in values() {
+            let line = value.to_string();
+            let words: std::vec::Vec<&str> = line.split(' ').collect();
+            let (setting, values) = Setting::of_words(&words).expect("a setting");
+            assert_eq!(setting, value.setting());
+            assert_eq!(setting.read(values), Ok(value), "{line}");
+            let mut settings = Settings::default();
+            settings.set(value);
+            assert_eq!(settings.get(setting), value);
+        }
+    }
+
+    #[test]
+    fn every_setting_has_values_here_and_a_form_that_names_its_words() {
+        for &setting in Setting::ALL {
+            let of_setting = || {
+                values()
+                    .into_iter()
+                    .filter(|value| value.setting() == setting)
+            };
+            assert!(of_setting().count() > 1, "{setting:?}");
+            if let Form::Words(words) = setting.form() {
+                for value in of_setting() {
+                    let line = value.to_string();
+                    let word = line.split(' ').nth(1).expect("a value");
+                    let is_number = |known: &str| {
+                        word.parse::<u32>().is_ok() && known.contains("..")
+                            || word.parse::<i32>().is_ok() && known.starts_with("LOW ")
+                    };
+                    let is_named =
+                        |known: &str| known.split(' ').next() == Some(word) || is_number(known);
+                    assert!(words.split('|').any(is_named), "{line}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wrong_values_are_told_apart() {
+        for (setting, words, error) in [
+            (Setting::Rows, &["0"] as &[&str], ValueError::Range),
+            (Setting::Rows, &["65"], ValueError::Range),
+            (Setting::Rows, &["99999999999"], ValueError::Range),
+            (Setting::Rows, &["-1"], ValueError::Form),
+            (Setting::Rows, &["4", "4"], ValueError::Form),
+            (Setting::Rows, &[""], ValueError::Form),
+            (Setting::Mean, &["Plain"], ValueError::Form),
+            (Setting::Mean, &["plain", "weighted"], ValueError::Form),
+            (Setting::Trigger, &["edge"], ValueError::Form),
+            (Setting::Trigger, &["pin", "1"], ValueError::Form),
+            (Setting::Black, &["fixed"], ValueError::Form),
+            (Setting::Black, &["fixed", "-1"], ValueError::Form),
+            (Setting::Black, &["fixed", "4096"], ValueError::Range),
+            (Setting::Stream, &["on", "off"], ValueError::Form),
+            (Setting::Region, &["0", "62"], ValueError::Range),
+            (Setting::Region, &["0", "4096"], ValueError::Range),
+            (Setting::Region, &["900", "100"], ValueError::Range),
+            (Setting::Region, &["900"], ValueError::Form),
+            (Setting::Region, &["all", "900"], ValueError::Form),
+            (Setting::Peak, &["second"], ValueError::Form),
+            (
+                Setting::Average,
+                &["none", "2"] as &[&str],
+                ValueError::Form,
+            ),
+            (Setting::Average, &["moving"], ValueError::Form),
+            (Setting::Average, &["moving", "1"], ValueError::Range),
+            (Setting::Average, &["median", "65"], ValueError::Range),
+            (Setting::Average, &["recursive", "0"], ValueError::Range),
+            (Setting::Output, &[] as &[&str], ValueError::Form),
+            (Setting::Output, &["distance", "n"], ValueError::Form),
+            (Setting::Output, &["distance,u"], ValueError::Form),
+            (Setting::Address, &["248"], ValueError::Range),
+            (Setting::Address, &["@5"], ValueError::Form),
+            (Setting::Hold, &["1001"], ValueError::Range),
+            (Setting::Hold, &["-1"], ValueError::Form),
+            (Setting::SpikeFilter, &["0"], ValueError::Range),
+            (Setting::SpikeFilter, &["100001"], ValueError::Range),
+            (Setting::SpikeFilter, &["-1"], ValueError::Form),
+            (Setting::SpikeFilter, &["on"], ValueError::Form),
+            (Setting::SpikeFilter, &["off", "1"], ValueError::Form),
+            (Setting::Limits, &["on"], ValueError::Form),
+            (Setting::Limits, &["off", "1"], ValueError::Form),
+            (Setting::Limits, &["1"], ValueError::Form),
+            (Setting::Limits, &["1", "2", "3", "4"], ValueError::Form),
+            (Setting::Limits, &["1", "2.5"], ValueError::Form),
+            (Setting::Limits, &["-", "2"], ValueError::Form),
+            (Setting::Limits, &["--1", "2"], ValueError::Form),
+            (Setting::Limits, &["1", "2", "-3"], ValueError::Form),
+            (Setting::Limits, &["2", "1"], ValueError::Range),
+            (Setting::Limits, &["-1", "-2"], ValueError::Range),
+            (Setting::Limits, &["0", "8000001"], ValueError::Range),
+            (Setting::Limits, &["-8000001", "0"], ValueError::Range),
+            (Setting::Limits, &["0", "1", "1000001"], ValueError::Range),
+            (Setting::Rate, &["1001"], ValueError::Range),
+            (Setting::Rate, &["2.5"], ValueError::Form),
+            (Setting::Units, &["m"], ValueError::Form),
+            (Setting::Surface, &["50001"], ValueError::Range),
+            (Setting::Surface, &["-1"], ValueError::Form),
+            (Setting::Surface, &["auto", "1"], ValueError::Form),
+            (Setting::Estimator, &["Adaptive"], ValueError::Unlisted),
+            (Setting::Estimator, &["robust"], ValueError::Unlisted),
+            (Setting::Estimator, &["gauss", "newton"], ValueError::Form),
+        ] {
+            assert_eq!(setting.read(words), Err(error), "{setting:?} {words:?}");
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! A configuration, settings and calibration, as the bytes that flash holds:
+//!
+//! ```text
+//! format version | length of the lines | lines that set the settings | the record's own bytes, or none
+//! 1 byte: 2      | 2, little endian    | up to 512                    | up to record::MAX_ENCODED
+//! ```
+//!
+//! The lines are those that a person would type, each with a line feed behind it: `rows 16`. So a setting has
+//! one text form, and a firmware that knows more or fewer settings reads the ones that it knows. The store
+//! adds a CRC-32.
+//!
+//! Version 1, which earlier firmware wrote, is read too.
+
+use core::fmt::{self, Write as _};
+
+use crate::record::{self, Record, RecordError};
+use crate::settings::{Setting, Settings, Value, split_words};
+use crate::text::Text;
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::frame::Mean;
+use slitrange::units::Counts;
+
+/// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Configuration {
+    /// The settings. Those that affect the session only are not written.
+    pub settings: Settings,
+    /// The sensor's own calibration. Without it the nominal one holds.
+    pub record: Option<Record>,
+}
+
+/// The format that this firmware writes.
+pub const VERSION: u8 = 2;
+
+/// The format of earlier firmware: rows (2 bytes), letters of mean, estimator and black level, and the black
+/// level's value (4 bytes).
+const VERSION_1: u8 = 1;
+
+/// Bytes of the settings in [`VERSION_1`], version included.
+const SETTINGS_1: usize = 10;
+
+/// The most bytes of the settings' lines.
+const MAX_LINES: usize = 512;
+
+/// The most bytes of a configuration.
+pub const MAX_ENCODED: usize = 3 + MAX_LINES + record::MAX_ENCODED;
+
+/// Writes a configuration to the front of a buffer, and returns the bytes written. [`MAX_ENCODED`] bytes are
+/// always enough.
+///
+/// # Errors
+/// [`ConfigurationError::NoRoom`], or the record's error.
+pub fn encode<'a>(
+    configuration: &Configuration,
+    buffer: &'a mut [u8],
+) -> Result<&'a [u8], ConfigurationError> {
+    let no_room = ConfigurationError::NoRoom {
+        bytes: buffer.len(),
+    };
+    let lines = lines(&configuration.settings).ok_or(no_room)?;
+    let lines = lines.as_bytes();
+    let (head, rest) = buffer.split_first_chunk_mut().ok_or(no_room)?;
+    // At most MAX_LINES.
+    let [low, high] = (lines.len() as u16).to_le_bytes();
+    *head = [VERSION, low, high];
+    let (place, rest) = rest.split_at_mut_checked(lines.len()).ok_or(no_room)?;
+    place.copy_from_slice(lines);
+    let record = match &configuration.record {
+        Some(record) => record::encode(record, rest)?.len(),
+        None => 0,
+    };
+    let written = head
+        .len()
+        .saturating_add(lines.len())
+        .saturating_add(record);
+    buffer.get(..written).ok_or(no_room)
+}
+
+/// The lines that set the settings. `None` if they do not fit; a test ensures that they do.
+fn lines(settings: &Settings) -> Option<Text<MAX_LINES>> {
+    let mut lines = Text::default();
+    for &setting in Setting::ALL {
+        let value = settings.get(setting);
+        if value.is_saved() {
+            writeln!(lines, "{value}").ok()?;
+        }
+    }
+    Some(lines)
+}
+
+/// Reads settings and calibration. A setting that the bytes do not name has its default.
+///
+/// # Errors
+/// [`ConfigurationError`] says why the bytes cannot be used.
+pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
+    let short = ConfigurationError::Short { bytes: bytes.len() };
+    let (settings, record) = match *bytes {
+        [VERSION, low, high, ref rest @ ..] => {
+            let length = u16::from_le_bytes([low, high]);
+            let (lines, record) = rest.split_at_checked(length.into()).ok_or(short)?;
+            (read_lines(lines)?, record)
+        }
+        [VERSION_1, ..] => {
+            let (settings, record) = bytes.split_first_chunk().ok_or(short)?;
+            (read_version_1(*settings)?, record)
+        }
+        [] | [VERSION] | [VERSION, _] => return Err(short),
+        [version, ..] => return Err(ConfigurationError::Version { version }),
+    };
+    let record = match record {
+        [] => None,
+        record => Some(record::decode(record)?),
+    };
+    Ok(Configuration { settings, record })
+}
+
+/// Whether [`decode`] takes these bytes. Not inlined, so that it uses the stack only while it runs.
+///
+/// # Errors
+/// Those of [`decode`].
+#[inline(never)]
+pub fn check(bytes: &[u8]) -> Result<(), ConfigurationError> {
+    decode(bytes).map(drop)
+}
+
+/// Skips the lines of settings that this firmware does not know: later firmware has more.
+fn read_lines(lines: &[u8]) -> Result<Settings, ConfigurationError> {
+    let lines = core::str::from_utf8(lines).map_err(|_| ConfigurationError::NotText)?;
+    let mut settings = Settings::default();
+    for line in lines.lines() {
+        let words = split_words(line);
+        let Some((setting, values)) = Setting::of_words(&words) else {
+            continue;
+        };
+        match setting.read(values) {
+            Ok(value) => settings.set(value),
+            Err(_) => return Err(ConfigurationError::Setting(setting)),
+        }
+    }
+    Ok(settings)
+}
+
+fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationError> {
+    let [_, low, high, mean, estimator, black, value @ ..] = bytes;
+    let mut settings = Settings {
+        rows: u16::from_le_bytes([low, high]),
+        mean: match mean {
+            b'w' => Mean::Weighted,
+            b'p' => Mean::Plain,
+            _ => return Err(ConfigurationError::Setting(Setting::Mean)),
+        },
+        estimator: Estimator::from_stored_letter(char::from(estimator))
+            .ok_or(ConfigurationError::Setting(Setting::Estimator))?,
+        ..Settings::default()
+    };
+    settings.black_level = match (black, i32::from_le_bytes(value)) {
+        (b's', 0) => BlackLevel::Shielded,
+        (b'f', 0) => BlackLevel::Frame,
+        (b'x', level) => BlackLevel::Fixed(Counts::from_bits(level)),
+        _ => return Err(ConfigurationError::Setting(Setting::Black)),
+    };
+    // A value is valid if a person could type it.
+    for value in [
+        Value::Rows(settings.rows),
+        Value::Black(settings.black_level),
+    ] {
+        let mut line = Text::<32>::default();
+        let _ = write!(line, "{value}");
+        let words = split_words(line.as_str());
+        let Some((setting, values)) = Setting::of_words(&words) else {
+            continue;
+        };
+        match setting.read(values) {
+            // A black level between two counts is rounded.
+            Ok(value) => settings.set(value),
+            Err(_) => return Err(ConfigurationError::Setting(value.setting())),
+        }
+    }
+    Ok(settings)
+}
+
+/// Why bytes are not a configuration, or why a configuration cannot be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConfigurationError {
+    /// The buffer is too short.
+    NoRoom {
+        /// Its length.
+        bytes: usize,
+    },
+    /// Fewer bytes than the settings have.
+    Short {
+        /// How many there are.
+        bytes: usize,
+    },
+    /// The format is one that this firmware does not know.
+    Version {
+        /// The first byte.
+        version: u8,
+    },
+    /// The settings' lines are not text.
+    NotText,
+    /// A setting has a value that this firmware does not know.
+    Setting(Setting),
+    /// The record cannot be used.
+    Record(RecordError),
+}
+
+impl From<RecordError> for ConfigurationError {
+    fn from(error: RecordError) -> Self {
+        Self::Record(error)
+    }
+}
+
+impl fmt::Display for ConfigurationError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoRoom { bytes } => write!(
+                f,
+                "a buffer of {bytes} bytes is too short for settings and record: {MAX_ENCODED} are enough \
+                for any"
+            ),
+            Self::Short { bytes } => {
+                write!(f, "{bytes} bytes are too few for settings: save again")
+            }
+            Self::Version { version } => write!(
+                f,
+                "what was saved has format {version}, and this firmware knows {VERSION}: save again"
+            ),
+            Self::NotText => f.write_str("the saved settings are not text: save again"),
+            Self::Setting(setting) => {
+                let (name, form) = (setting.name(), setting.form());
+                write!(
+                    f,
+                    "the saved value of {name} is not {form}: set it and save again"
+                )
+            }
+            Self::Record(error) => error.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for ConfigurationError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn encoded(settings: Settings) -> std::vec::Vec<u8> {
+        let mut buffer = [0; MAX_ENCODED];
+        let configuration = Configuration {
+            settings,
+            record: None,
+        };
+        encode(&configuration, &mut buffer).expect("room").to_vec()
+    }
+
+    #[test]
+    fn flash_holds_the_lines_that_a_person_would_type() {
+        let bytes = encoded(Settings::default());
+        let [version, low, high, lines @ ..] = &bytes[..] else {
+            panic!("{bytes:?}");
+        };
+        assert_eq!(*version, VERSION);
+        assert_eq!(usize::from(u16::from_le_bytes([*low, *high])), lines.len());
+        let lines = std::str::from_utf8(lines).expect("text");
+        for line in [
+            "rows 16\n",
+            "mean weighted\n",
+            "black shielded\n",
+            "estimator adaptive\n",
+        ] {
+            assert!(lines.contains(line), "{lines}");
+        }
+        assert!(!lines.contains("stream"), "{lines}");
+    }
+
+    #[test]
+    fn settings_come_back_but_for_those_of_the_session() {
+        for value in crate::settings::tests::values() {
+            let mut settings = Settings::default();
+            settings.set(value);
+            let found = decode(&encoded(settings)).expect("settings").settings;
+            let expected = match value.is_saved() {
+                true => settings,
+                false => Settings::default(),
+            };
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn lines_of_later_firmware_are_skipped_and_missing_ones_are_defaults() {
+        let lines = b"\x02\x19\x00of-later 200\nrows 7\nlamp\n";
+        let found = decode(lines).expect("settings");
+        assert_eq!(
+            found.settings,
+            Settings {
+                rows: 7,
+                ..Settings::default()
+            }
+        );
+        assert_eq!(found.record, None);
+    }
+
+    #[test]
+    fn version_1_is_read() {
+        let bytes = [1, 7, 0, b'p', b'r', b'x', 0, 44, 1, 0];
+        let expected = Settings {
+            rows: 7,
+            mean: Mean::Plain,
+            // The letter r was `robust`, which `adaptive` replaces.
+            estimator: Estimator::Adaptive,
+            black_level: BlackLevel::Fixed(Counts::from_int(300)),
+            ..Settings::default()
+        };
+        assert_eq!(decode(&bytes).map(|found| found.settings), Ok(expected));
+    }
+
+    #[test]
+    fn wrong_bytes_are_refused() {
+        let setting = ConfigurationError::Setting;
+        for (bytes, error) in [
+            (&b""[..], ConfigurationError::Short { bytes: 0 }),
+            (b"\x02", ConfigurationError::Short { bytes: 1 }),
+            (b"\x02\x07", ConfigurationError::Short { bytes: 2 }),
+            (
+                b"\x02\x08\x00rows 1\n",
+                ConfigurationError::Short { bytes: 10 },
+            ),
+            (b"\x02\x01\x00\xff", ConfigurationError::NotText),
+            (b"\x02\x07\x00rows 0\n", setting(Setting::Rows)),
+            (b"\x02\x09\x00rows 1 2\n", setting(Setting::Rows)),
+            (b"\x02\x08\x00mean on\n", setting(Setting::Mean)),
+            (b"\x03", ConfigurationError::Version { version: 3 }),
+            (b"\x01\x07\x00", ConfigurationError::Short { bytes: 3 }),
+            (b"\x01\x00\x00wts\x00\x00\x00\x00", setting(Setting::Rows)),
+            (b"\x01\x10\x00wts\x01\x00\x00\x00", setting(Setting::Black)),
+            (b"\x01\x10\x00wtx\x00\x00\x10\x00", setting(Setting::Black)),
+            (b"\x01\x10\x00qts\x00\x00\x00\x00", setting(Setting::Mean)),
+            (
+                b"\x01\x10\x00wqs\x00\x00\x00\x00",
+                setting(Setting::Estimator),
+            ),
+        ] {
+            assert_eq!(decode(bytes), Err(error), "{bytes:?}");
+        }
+    }
+}

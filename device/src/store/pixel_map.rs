@@ -1,0 +1,198 @@
+//! Keeps the map of the pixels in two sectors of flash, over a power cycle. They follow the two sectors of
+//! the configuration.
+//!
+//! A save erases the sector that does not hold the newest whole map, and writes the map there. So a power cut
+//! at any moment leaves the old map or the new one.
+
+use embedded_storage_async::nor_flash::NorFlash;
+
+use super::StoreError;
+use super::sector::BYTES;
+use crate::store::encoded_map::{MAX_WORDS, Read, Reader, Words};
+use slitrange::pixels::map::PixelMap;
+
+/// The two sectors of the map.
+const SECTORS: [u32; 2] = [2 * BYTES, 3 * BYTES];
+
+/// Words that are read or written together.
+const PART: usize = 16;
+
+// A map fits a sector.
+const _: () = assert!(4 * MAX_WORDS <= BYTES as usize);
+
+/// What flash holds of a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StoredMap {
+    /// Nothing: both sectors are erased.
+    Nothing,
+    /// The map of the last save.
+    Newest,
+    /// The map of an earlier save. The last save was interrupted, or is damaged.
+    Older,
+    /// Contents that are not a map of this sensor.
+    Unusable,
+}
+
+/// What a sector holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Contents {
+    Erased,
+    /// A whole map: the number of its save.
+    Map(u32),
+    Damaged,
+}
+
+/// Reads the map with the highest number into `map`, if it is of a sensor with that many pixels. Otherwise
+/// `map` is empty.
+///
+/// # Errors
+/// The flash refuses to read.
+pub async fn load<F: NorFlash>(
+    flash: &mut F,
+    pixels: usize,
+    map: &mut PixelMap,
+) -> Result<StoredMap, StoreError> {
+    map.clear();
+    let [first, second] = look(flash, pixels).await?;
+    let [start, other] = match newest(first, second) {
+        Some(Place::First) => [SECTORS[0], SECTORS[1]],
+        Some(Place::Second) => [SECTORS[1], SECTORS[0]],
+        None if first == Contents::Erased && second == Contents::Erased => {
+            return Ok(StoredMap::Nothing);
+        }
+        None => return Ok(StoredMap::Unusable),
+    };
+    let other = if other == SECTORS[0] { first } else { second };
+    match read(flash, start, pixels, Some(&mut *map)).await? {
+        Contents::Map(_) if other == Contents::Damaged => Ok(StoredMap::Older),
+        Contents::Map(_) => Ok(StoredMap::Newest),
+        Contents::Erased | Contents::Damaged => {
+            map.clear();
+            Ok(StoredMap::Unusable)
+        }
+    }
+}
+
+/// Writes a map. If that fails or is interrupted, the map that was there before is still there. Takes up to 2
+/// s.
+///
+/// # Errors
+/// [`StoreError`] says why it failed.
+pub async fn save<F: NorFlash>(flash: &mut F, map: &PixelMap) -> Result<(), StoreError> {
+    let pixels = map.entries().len();
+    let [first, second] = look(flash, pixels).await?;
+    let (start, before) = match (newest(first, second), first, second) {
+        (Some(Place::First), Contents::Map(number), _) => (SECTORS[1], number),
+        (Some(Place::Second), _, Contents::Map(number)) => (SECTORS[0], number),
+        _ => (SECTORS[0], 0),
+    };
+    // The number ends only after 2^32 saves, which no flash endures.
+    let number = before.checked_add(1).ok_or(StoreError::Worn)?;
+    erase_sector(flash, start).await?;
+    let mut words = Words::new(map, number);
+    let mut at = start;
+    loop {
+        let mut part = [0xff; 4 * PART];
+        let mut is_last = false;
+        for place in part.as_chunks_mut::<4>().0 {
+            match words.next() {
+                Some(word) => *place = word,
+                None => is_last = true,
+            }
+        }
+        let written = flash.write(at, &part).await;
+        written.map_err(|_| StoreError::Flash)?;
+        if is_last {
+            break;
+        }
+        at = at.saturating_add(part.len() as u32);
+    }
+    match read(flash, start, pixels, None).await? {
+        Contents::Map(found) if found == number => Ok(()),
+        _ => Err(StoreError::Worn),
+    }
+}
+
+/// Erases both sectors, the one with the newest map last.
+///
+/// # Errors
+/// The flash refuses to erase.
+pub async fn erase<F: NorFlash>(flash: &mut F, pixels: usize) -> Result<(), StoreError> {
+    let [first, second] = look(flash, pixels).await?;
+    let mut order = [(SECTORS[0], first), (SECTORS[1], second)];
+    if matches!(newest(first, second), Some(Place::First)) {
+        order.reverse();
+    }
+    for (start, contents) in order {
+        if contents != Contents::Erased {
+            erase_sector(flash, start).await?;
+        }
+    }
+    Ok(())
+}
+
+async fn erase_sector<F: NorFlash>(flash: &mut F, start: u32) -> Result<(), StoreError> {
+    let erased = flash.erase(start, start.saturating_add(BYTES)).await;
+    erased.map_err(|_| StoreError::Flash)
+}
+
+enum Place {
+    First,
+    Second,
+}
+
+/// Which sector has the newest whole map.
+fn newest(first: Contents, second: Contents) -> Option<Place> {
+    match (first, second) {
+        (Contents::Map(first), Contents::Map(second)) if second > first => Some(Place::Second),
+        (Contents::Map(_), _) => Some(Place::First),
+        (_, Contents::Map(_)) => Some(Place::Second),
+        _ => None,
+    }
+}
+
+async fn look<F: NorFlash>(flash: &mut F, pixels: usize) -> Result<[Contents; 2], StoreError> {
+    let [first, second] = SECTORS;
+    Ok([
+        read(flash, first, pixels, None).await?,
+        read(flash, second, pixels, None).await?,
+    ])
+}
+
+/// Reads a sector, and writes its map into `map`, if there is a place for it.
+async fn read<F: NorFlash>(
+    flash: &mut F,
+    start: u32,
+    pixels: usize,
+    mut map: Option<&mut PixelMap>,
+) -> Result<Contents, StoreError> {
+    let mut reader = Reader::default();
+    let (mut is_map, mut is_erased) = (true, true);
+    let (mut at, end) = (start, start.saturating_add(BYTES));
+    while at < end {
+        let mut part = [0; 4 * PART];
+        let got = flash.read(at, &mut part).await;
+        got.map_err(|_| StoreError::Flash)?;
+        for &word in part.as_chunks::<4>().0 {
+            if is_map {
+                match reader.take(word, map.as_deref_mut()) {
+                    Read::More => {}
+                    Read::Whole(number) if reader.pixels() == pixels => {
+                        return Ok(Contents::Map(number));
+                    }
+                    Read::Whole(_) | Read::NoMap => is_map = false,
+                }
+            }
+            is_erased &= word == [0xff; 4];
+            if !is_map && !is_erased {
+                return Ok(Contents::Damaged);
+            }
+        }
+        at = at.saturating_add(part.len() as u32);
+    }
+    Ok(if is_erased {
+        Contents::Erased
+    } else {
+        Contents::Damaged
+    })
+}

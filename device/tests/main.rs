@@ -1,0 +1,3 @@
+//! What the crate promises of its types.
+
+mod memory;
