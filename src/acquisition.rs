@@ -5,7 +5,7 @@ use core::pin::pin;
 use core::task::Poll;
 
 use embassy_time::{Instant, Timer};
-use slitrange::exposure::Exposure;
+use slitrange::base::exposure::Exposure;
 use static_cell::ConstStaticCell;
 
 use super::sensor_head::{ROW_PERIOD, ReadOutError, SensorHead};

@@ -51,7 +51,7 @@ use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, peripher
 use slitrange_device::protocol::MAX_ANSWER;
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::status::StartCause;
-use slitrange_device::settings::sending::Baud;
+use slitrange_device::settings::serial_line::Baud;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;

@@ -14,7 +14,7 @@ use embassy_stm32::timer::Ch4;
 use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{Peri, pac, peripherals};
-use slitrange::exposure::Exposure;
+use slitrange::base::exposure::Exposure;
 
 use super::sensor_head::{LONGEST_EXPOSURE, ROW_PERIOD};
 

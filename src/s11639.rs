@@ -20,7 +20,7 @@
 //!
 //! As with the TCD1304 the converter runs first, because the program cannot say when the first word will
 //! start, but can see it arrive. ST then falls while CLK is low, before the rise of CLK that makes word 92
-//! sample the first pixel ([`S11639_LEAD_IN`](slitrange::sensor_heads::S11639_LEAD_IN)). Unlike ICG, ST
+//! sample the first pixel ([`S11639_LEAD_IN`](slitrange::row::sensor_heads::S11639_LEAD_IN)). Unlike ICG, ST
 //! cannot move pixels against words by less than a period. So the transfer starts at a fixed time after CLK
 //! rose. A slower core takes longer from there to the first word. So the driver first reads a few words while
 //! ST is high, when no pixels come, and chooses the start of the next transfer by them. It does so again if
@@ -44,9 +44,9 @@ use core::task::{Context, Poll};
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
-use slitrange::exposure::Exposure;
+use slitrange::base::exposure::Exposure;
 use slitrange::row::Geometry;
-use slitrange::sensor_heads;
+use slitrange::row::sensor_heads;
 
 use super::acquisition::set_alarm;
 use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};

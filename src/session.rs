@@ -6,7 +6,7 @@ use core::sync::atomic::Ordering;
 
 use embassy_stm32::gpio::Output;
 use embassy_time::{Duration, Instant, Timer};
-use slitrange::pixels::flat_field::FlatField;
+use slitrange::row::pixels::flat_field::FlatField;
 use slitrange_device::protocol::info::Hardware;
 use slitrange_device::protocol::packet::{
     Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,

@@ -56,9 +56,9 @@ use core::task::Poll;
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use embassy_time::{Duration, Instant};
-use slitrange::exposure::Exposure;
+use slitrange::base::exposure::Exposure;
 use slitrange::row::Geometry;
-use slitrange::sensor_heads::{self, TCD1304DG_LEAD_IN};
+use slitrange::row::sensor_heads::{self, TCD1304DG_LEAD_IN};
 
 use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::laser::Laser;

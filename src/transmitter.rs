@@ -13,7 +13,7 @@ use embassy_futures::poll_once;
 use embassy_stm32::usart::BufferedUartTx;
 use embassy_time::Timer;
 use embedded_io_async::Write as _;
-use slitrange_device::settings::sending::Baud;
+use slitrange_device::settings::serial_line::Baud;
 
 use super::board;
 use super::shared::COUNTERS;

@@ -49,7 +49,7 @@
 //! |---|---|
 //! | [`Measurement`], with the frame under way, the sums over blocks, and the mean ambient light | 17,030 |
 //! | [`Calibration`] | 2144 |
-//! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
+//! | [`row::pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
 //! | [`Measured`], with the centre of each slit of a comb | 236 |
 //! | [`Reading`], [`Geometry`], [`Options`] | 92 or less, each |
 //!
@@ -59,15 +59,14 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-// In the order of the pipeline. The blank lines keep rustfmt from sorting them.
+// In the order of the pipeline: a module uses those before it (tests/floors.rs). The blank lines keep rustfmt
+// from sorting them.
+
+pub mod base;
 
 pub mod row;
 
-pub mod front_end;
-
-pub mod ambient;
-
-pub mod black_level;
+pub mod light;
 
 pub mod spot;
 
@@ -75,50 +74,21 @@ pub mod centre;
 
 pub mod check;
 
-pub mod shape;
-
-pub mod profile;
-
-pub mod comb;
-
 pub mod frame;
 
 pub mod distance;
 
-pub mod peak;
-pub mod pixels;
+pub mod reading;
 
 pub mod measurement;
 
-pub mod exposure;
-
-pub mod auto_exposure;
-
-pub mod uncertainty;
-
-pub mod reading;
-
-pub mod difference;
-
-pub mod fault;
-
-pub mod region;
-
-pub mod sensor_heads;
-
-pub mod units;
-
-mod effort;
-mod numeric;
-pub mod rank;
-
-pub use black_level::BlackLevel;
+pub use base::fault::Fault;
+pub use base::units::{Counts, Micrometres, Pixels};
 pub use centre::{Estimator, RowCentre};
 pub use distance::Calibration;
-pub use fault::Fault;
 pub use frame::Mean;
+pub use light::black_level::BlackLevel;
 pub use measurement::{Measurement, Options};
+pub use reading::uncertainty::{CalibrationErrors, Surface};
 pub use reading::{Measured, Reading};
-pub use row::{Geometry, Polarity, Row};
-pub use uncertainty::{CalibrationErrors, Surface};
-pub use units::{Counts, Micrometres, Pixels};
+pub use row::{Geometry, Polarity, Row, sensor_heads};

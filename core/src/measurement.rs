@@ -6,25 +6,26 @@
 
 use core::ops::Range;
 
-use crate::ambient::{AmbientMean, AmbientMode};
-use crate::auto_exposure::{AutoExposure, Brightness};
-use crate::black_level::{self, BlackLevel, BlackPixels};
+use crate::base::exposure::{Exposure, ExposureMode};
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::{self, Estimator, RowCentre};
 use crate::check;
-use crate::comb::{Comb, CombMeasurement, Combined, Slits};
-use crate::exposure::{Exposure, ExposureMode};
-use crate::fault::Fault;
+use crate::check::own_spot::Profile;
+use crate::frame::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::frame::{Frame, FrameCentre, Mean};
-use crate::numeric;
-use crate::peak::Peak;
-use crate::pixels::PixelErrors;
-use crate::pixels::map::{self, Correction, PixelMap};
-use crate::profile::Profile;
+use crate::light::ambient::{AmbientMean, AmbientMode};
+use crate::light::auto_exposure::{AutoExposure, Brightness};
+use crate::light::black_level::{self, BlackLevel, BlackPixels};
 use crate::reading::Measured;
-use crate::region::Region;
-use crate::row::{BLOCK, Blocks, Geometry, MAX_PIXELS};
-use crate::spot::{self, Background, Coarse, Spot};
-use crate::units::{Counts, Pixels};
+use crate::row::background::Background;
+use crate::row::pixels::PixelErrors;
+use crate::row::pixels::map::{self, Correction, PixelMap};
+use crate::row::{BLOCK, BLOCK_LOG2, Blocks, Geometry, MAX_PIXELS};
+use crate::spot::choice::SpotChoice;
+use crate::spot::region::Region;
+use crate::spot::{self, Coarse, Spot};
 
 /// How rows are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +51,7 @@ pub struct Options {
     /// The pixels in which the spot is searched, with one slit.
     pub region: Region,
     /// Which of several spots is measured, with one slit.
-    pub peak: Peak,
+    pub peak: SpotChoice,
 }
 
 impl Default for Options {
@@ -66,7 +67,7 @@ impl Default for Options {
             estimator: Estimator::Adaptive,
             slits: Slits::One,
             region: Region::ALL,
-            peak: Peak::Strongest,
+            peak: SpotChoice::Strongest,
         }
     }
 }
@@ -335,7 +336,7 @@ impl Measurement {
     #[inline(always)]
     fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
-        if self.options.peak != Peak::Strongest && !self.is_chosen {
+        if self.options.peak != SpotChoice::Strongest && !self.is_chosen {
             self.choose_spot(words);
         }
         let Ok(row) = self.view.row_and_blocks(words, &mut self.blocks) else {
@@ -364,7 +365,7 @@ impl Measurement {
             Some(map) => {
                 let black = black_level::of_shielded(&row).unwrap_or(spot.background.level);
                 let width = before.as_ref().map(|(_, centre)| centre.width);
-                let window = map::window(&spot, width);
+                let window = map::window(spot.centre, spot.block_log2, width);
                 let first = self.first();
                 let window = window.start.saturating_add(first)..window.end.saturating_add(first);
                 self.correct(words, map, window, black);
@@ -422,7 +423,7 @@ impl Measurement {
                 // Windows overlap, and no pixel is corrected twice.
                 let mut done = 0;
                 for centre in found.images() {
-                    let window = map::window(&found.spot(centre), None);
+                    let window = map::window(centre, BLOCK_LOG2, None);
                     let window = window.start.max(done)..window.end.max(done);
                     done = window.end;
                     self.correct(words, map, window, black);

@@ -1,16 +1,16 @@
 //! What the setting `black` changes: the centroid, its height and the greatest height that can be measured;
 //! no bit of any other estimator.
 
-use slitrange::black_level::BlackLevel;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Counts;
 use slitrange::centre::{Estimator, half_width};
-use slitrange::fault::Fault;
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
+use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange::row::{Geometry, Row};
-use slitrange::sensor_heads::tcd1304dg;
 use slitrange::spot;
-use slitrange::units::Counts;
 
 /// What a shielded pixel reads, and what a light pixel reads besides it where no spot is.
 const DARK: f64 = 200.0;

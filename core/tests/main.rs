@@ -1,6 +1,6 @@
 //! What the core promises of all its files, and its examples.
 
 mod black_level;
-mod circles;
 mod examples;
+mod floors;
 mod memory;

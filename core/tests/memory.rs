@@ -11,7 +11,7 @@ fn types_fit_the_memory_that_the_crate_page_states() {
         ("Calibration", size_of::<Calibration>(), 2144),
         (
             "FlatField",
-            size_of::<slitrange::pixels::flat_field::FlatField>(),
+            size_of::<slitrange::row::pixels::flat_field::FlatField>(),
             29_500,
         ),
         ("Measured", size_of::<Measured>(), 236),

@@ -27,20 +27,20 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use date::Date;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{Comb, CombError, Slits};
+use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::distance::knots::{Knot, Knots, MAX_KNOTS};
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::{Table, TableError};
-use slitrange::front_end::FrontEnd;
-use slitrange::profile::Profile;
+use slitrange::frame::comb::{Comb, CombError, Slits};
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::CalibrationErrors;
+use slitrange::row::front_end::FrontEnd;
+use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
-use slitrange::sensor_heads;
-use slitrange::uncertainty::CalibrationErrors;
-use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// A sensor's calibration, and the sensor, day and settings that it belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]

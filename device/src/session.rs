@@ -14,8 +14,8 @@ pub mod flat;
 use core::fmt::{self, Write as _};
 use core::mem;
 
-use crate::output::Output;
-use crate::output::zero::Zero;
+use crate::filters::Filters;
+use crate::filters::zero::Zero;
 use crate::protocol::MAX_ANSWER;
 use crate::protocol::advice::advice;
 use crate::protocol::calibration::{CalibrationAnswer, FlashStatus};
@@ -34,22 +34,22 @@ use crate::protocol::status::{Errors, StartCause, Status, Uptime, Vitals};
 use crate::protocol::upload::{Step, Upload};
 use crate::record::Record;
 use crate::record::encoded::EncodedRecord;
-use crate::settings::sending::{Format, PixelStream};
+use crate::settings::serial_line::{Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use crate::settings::{Affects, Setting, Settings, Value};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
 use crate::text::Text;
-use slitrange::comb::{Comb, Slits};
-use slitrange::fault::Fault;
-use slitrange::front_end::FrontEnd;
-use slitrange::pixels::PixelErrors;
-use slitrange::profile::Profile;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{InUnits, Micrometres};
+use slitrange::check::own_spot::Profile;
+use slitrange::frame::comb::{Comb, Slits};
+use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange::reading::{Measured, Reading};
-use slitrange::region::Region;
 use slitrange::row::Geometry;
-use slitrange::uncertainty::CalibrationErrors;
-use slitrange::units::{InUnits, Micrometres};
+use slitrange::row::front_end::FrontEnd;
+use slitrange::row::pixels::PixelErrors;
+use slitrange::spot::region::Region;
 
 /// What happens to the sensor.
 #[derive(Debug)]
@@ -152,7 +152,7 @@ pub struct Session {
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Zero>,
-    output: Output,
+    filters: Filters,
     /// The latest result, for [`Format::Modbus`].
     inputs: [u16; INPUTS],
     /// As the latest frame says.
@@ -182,7 +182,7 @@ impl Session {
             result_wanted: false,
             saves_silently: false,
             zero: None,
-            output: Output::default(),
+            filters: Filters::default(),
             inputs: modbus::inputs(None, 0),
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
@@ -259,7 +259,7 @@ impl Session {
     /// Whether the switching output is on: the latest distance is within the setting `limits`. While whole
     /// rows are sent there are no results, and the output is off.
     pub fn is_within_limits(&self) -> bool {
-        self.output.is_within && !self.streams_rows()
+        self.filters.is_within && !self.streams_rows()
     }
 
     /// Whether rows are to be corrected with the map of the pixels.
@@ -432,7 +432,7 @@ impl Session {
     /// compared.
     fn forget_readings(&mut self) {
         self.zero = None;
-        self.output.clear();
+        self.filters.clear();
     }
 
     fn note_saved(&mut self) {
@@ -457,7 +457,7 @@ impl Session {
             self.pixels = measured.pixels;
         }
         let result = measured.and_then(|measured| self.reading(&measured));
-        let result = self.output.spikes.take(self.settings.spike_filter, result);
+        let result = self.filters.spikes.take(self.settings.spike_filter, result);
         let count = match &result {
             Ok(_) => Some(&mut self.readings),
             Err(fault) => self.faults.get_mut(fault.kind()),
@@ -471,8 +471,8 @@ impl Session {
             hold,
             ..
         } = self.settings;
-        let result = self.output.take(average, ambient, result);
-        let held = self.output.hold(hold, result);
+        let result = self.filters.take(average, ambient, result);
+        let held = self.filters.hold(hold, result);
         let value = self.zero_wanted.take();
         let is_zero = value.is_some();
         if let (Some(value), Ok(reading)) = (value, result) {
@@ -484,8 +484,8 @@ impl Session {
             Some(zero) => zero.distance(&held.reading),
             None => held.reading.distance,
         });
-        let was_within = self.output.is_within;
-        self.output.is_within = self.settings.limits.is_on(was_within, distance);
+        let was_within = self.filters.is_within;
+        self.filters.is_within = self.settings.limits.is_on(was_within, distance);
         let zero = self.zero.filter(|_| !is_zero);
         let relative = |now: Reading| match &zero {
             Some(zero) => zero.relative(&now),
@@ -525,7 +525,7 @@ impl Session {
             || self.settings.stream
                 && self.is_alone()
                 && (self.settings.trigger != Trigger::Continuous
-                    || (self.output.rate).is_due(self.settings.rate, vitals.result_us));
+                    || (self.filters.rate).is_due(self.settings.rate, vitals.result_us));
         if actions.text.as_str().is_empty() && is_due {
             // The answer to `measure` at an address must arrive.
             actions.may_drop = self.is_alone();
@@ -648,10 +648,10 @@ impl Session {
                     self.forget_readings();
                 }
                 if matches!(value, Value::Limits(_)) {
-                    self.output.is_within = false;
+                    self.filters.is_within = false;
                 }
                 if value.setting().affects() == Affects::Measurement {
-                    self.output.clear();
+                    self.filters.clear();
                     actions.apply = Some(self.applied());
                 }
                 actions.add_line(&value);
@@ -669,7 +669,7 @@ impl Session {
                     return Err(self.no_calibration());
                 }
                 self.calibration_on = on;
-                self.output.clear();
+                self.filters.clear();
                 actions.apply = Some(self.applied());
                 actions.add_line(&command);
             }

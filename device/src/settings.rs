@@ -7,30 +7,31 @@
 //! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they
 //! know no ranges, units or help, so they would not make this file smaller.
 
-pub mod sending;
+pub mod columns;
+pub mod serial_line;
 pub mod trigger;
 
 use core::fmt;
 
 use heapless::Vec;
 
-use crate::output::average::{self, Average};
-use crate::output::columns::{Column, Columns};
-use crate::output::limits::Limits;
-use crate::output::spike::SpikeFilter;
-use crate::settings::sending::{Baud, Format, PixelStream};
+use crate::filters::average::{self, Average};
+use crate::filters::limits::Limits;
+use crate::filters::spike::SpikeFilter;
+use crate::settings::columns::{Column, Columns};
+use crate::settings::serial_line::{Baud, Format, PixelStream};
 use crate::settings::trigger::Trigger;
-use slitrange::ambient::AmbientMode;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::base::units::{Counts, Micrometres, Units};
 use slitrange::centre::Estimator;
-use slitrange::comb::Slits;
-use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::frame::comb::Slits;
 use slitrange::frame::{MAX_ROWS, Mean};
+use slitrange::light::ambient::AmbientMode;
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Options;
-use slitrange::peak::Peak;
-use slitrange::region::Region;
-use slitrange::uncertainty::Surface;
-use slitrange::units::{Counts, Micrometres, Units};
+use slitrange::reading::uncertainty::Surface;
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
 
 /// # The list
 ///
@@ -108,7 +109,7 @@ macro_rules! list {
                 Form::Words("all|0..4095 0..4095"), Affects::Measurement;
 
             /// which of several spots is measured, with one slit
-            Peak "peak" peak: Peak = Peak::Strongest,
+            SpotChoice "peak" peak: SpotChoice = SpotChoice::Strongest,
                 Form::Words("strongest|first|last"), Affects::Measurement;
 
             /// how far speckle moves a distance, in um
@@ -619,7 +620,7 @@ one_word! {
     PixelStream: Form,
     Trigger: Form,
     Slits: Form,
-    Peak: Form,
+    SpotChoice: Form,
     Estimator: Unlisted,
 }
 
@@ -774,7 +775,7 @@ pub(crate) mod tests {
             .chain(Mean::ALL.map(Value::Mean))
             .chain(Trigger::ALL.map(Value::Trigger))
             .chain(Slits::ALL.map(Value::Slits))
-            .chain(Peak::ALL.map(Value::Peak))
+            .chain(SpotChoice::ALL.map(Value::SpotChoice))
             .chain([Value::Region(Region::ALL)])
             .chain(
                 [(0, 63), (1700, 1839), (4032, 4095)].map(|(first, last)| {
@@ -852,7 +853,7 @@ pub(crate) mod tests {
             (Setting::Region, &["900", "100"], ValueError::Range),
             (Setting::Region, &["900"], ValueError::Form),
             (Setting::Region, &["all", "900"], ValueError::Form),
-            (Setting::Peak, &["second"], ValueError::Form),
+            (Setting::SpotChoice, &["second"], ValueError::Form),
             (
                 Setting::Average,
                 &["none", "2"] as &[&str],

@@ -4,10 +4,10 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use libfuzzer_sys::fuzz_target;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Pixels;
 use slitrange::distance::Calibration;
-use slitrange::fault::Fault;
 use slitrange_device::record::{MAX_ENCODED, Record, decode, encode};
-use slitrange::units::Pixels;
 
 /// No mutation would meet it: each input is also tried with the sum that it should have.
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);

@@ -4,13 +4,13 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::command::{Command, Error, MAX_LINE, parse};
 use slitrange_device::protocol::input::{Echo, Input};
 use slitrange_device::protocol::piece::{PIECE, Piece};
 use slitrange_device::protocol::upload::{Step, Upload};
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::record::{MAX_ENCODED, Record, decode};
-use slitrange::sensor_heads::tcd1304dg;
 
 fuzz_target!(|bytes: &[u8]| {
     let mut input = Input::new();

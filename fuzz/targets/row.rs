@@ -7,19 +7,21 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{Comb, FEWEST, Slits};
 use slitrange::distance::Calibration;
-use slitrange::fault::Fault;
+use slitrange::frame::comb::{Comb, FEWEST, Slits};
 use slitrange::frame::{FEWEST_INDEPENDENT, MAX_ROWS, Mean};
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
-use slitrange::reading::Reading;
-use slitrange::row::{Geometry, Polarity};
-use slitrange::sensor_heads;
 use slitrange::measurement::Options;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::reading::Reading;
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::row::sensor_heads;
+use slitrange::row::{Geometry, Polarity};
+use slitrange_device::protocol::advice::advice;
+use slitrange_device::protocol::line::{FaultLine, ReadingLine};
 
 /// Rows at most, so that an input takes a few milliseconds.
 const MAX_ROWS_OF_INPUT: usize = 24;
@@ -270,7 +272,7 @@ impl Bench {
     }
 
     fn check(&self, reading: &Reading) {
-        let said = format!("{reading}");
+        let said = ReadingLine(reading).to_string();
         assert!(said.starts_with("d ") && said.is_ascii(), "{said}");
         let calibration = self
             .calibration
@@ -324,7 +326,7 @@ impl Bench {
     }
 
     fn check_fault(&self, fault: Fault) {
-        let said = format!("{fault} {}", fault.advice());
+        let said = format!("{} {}", FaultLine(&fault), advice(&fault));
         assert!(said.starts_with("f ") && said.is_ascii(), "{said}");
         match fault {
             Fault::NotCalibrated {

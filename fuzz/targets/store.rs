@@ -11,20 +11,20 @@ mod flash;
 use crc::{Algorithm, Crc};
 use embassy_futures::block_on;
 use libfuzzer_sys::fuzz_target;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::table::Table;
 use slitrange::frame::Mean;
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::CalibrationErrors;
+use slitrange::row::sensor_heads;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
-use slitrange::sensor_heads;
 use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
 use slitrange_device::store::{Store, Stored};
-use slitrange::uncertainty::CalibrationErrors;
-use slitrange::units::{Counts, Micrometres, Pixels};
 
 use flash::{BYTES, Flash, SECTOR};
 

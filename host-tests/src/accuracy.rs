@@ -7,10 +7,10 @@
 
 use phase_tables::gaussian;
 use rayon::prelude::*;
+use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
 use slitrange::check;
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 

@@ -9,13 +9,13 @@ use std::collections::VecDeque;
 
 use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
 use slitrange::Calibration;
-use slitrange::ambient::AmbientMode;
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::light::ambient::AmbientMode;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
 use crate::frames::words;
 

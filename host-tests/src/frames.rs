@@ -2,17 +2,17 @@
 
 use simulator::scene::{Simulation, quantise};
 use slitrange::Polarity;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::fault::Fault;
+use slitrange::centre::spot_shape::SpotShape;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::pixels::PixelErrors;
-use slitrange::pixels::map::PixelMap;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
-use slitrange::shape::SpotShape;
-use slitrange::units::{Counts, Pixels};
+use slitrange::row::pixels::PixelErrors;
+use slitrange::row::pixels::map::PixelMap;
 
 /// The words that a sensor's converter gives for light in counts.
 pub fn words(light: &[f32], geometry: &Geometry) -> Vec<u16> {

@@ -88,7 +88,7 @@ pub enum Due {
     Unknowable,
     /// A fault or a flag: no centre without one.
     NoCentre,
-    /// A fault of one of these kinds ([`slitrange::fault::Fault::name`]).
+    /// A fault of one of these kinds ([`slitrange::base::fault::Fault::name`]).
     Fault(&'static [&'static str]),
 }
 

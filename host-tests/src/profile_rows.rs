@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use simulator::profiles::Curve;
 use simulator::scene::{Scene, ShotNoise, quantise};
+use slitrange::base::fault::Fault;
 use slitrange::centre::RowCentre;
-use slitrange::fault::Fault;
 use slitrange::row::Geometry;
 
 use crate::accuracy::{Cell, Phases};

@@ -6,9 +6,9 @@ use host_tests::changing_light::ambient::{
 use host_tests::frames::words;
 use simulator::comb::Comb as Mask;
 use simulator::scene::{Ambient, ReadNoise, Scene, Simulation};
-use slitrange::ambient::AmbientMode::{Off, Subtract};
-use slitrange::black_level::BlackLevel;
-use slitrange::comb::Slits;
+use slitrange::frame::comb::Slits;
+use slitrange::light::ambient::AmbientMode::{Off, Subtract};
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::row::Geometry;

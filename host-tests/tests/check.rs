@@ -8,8 +8,8 @@ use host_tests::hard_cases::{HardRow, Shape};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use slitrange::centre::spot_shape::SpotShape;
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::shape::SpotShape;
 
 /// An estimator's answer to a row, alone and as the measurement takes it.
 fn answers_to(row: &HardRow, estimator: Estimator) -> [Answer; 2] {

@@ -9,13 +9,13 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use simulator::comb::Comb as Mask;
 use simulator::scene::{LaserSpot, Scene, SecondReflection, Simulation, Speckle};
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{Comb, MAX_SLITS, Peak, Slits, assign};
-use slitrange::fault::Fault;
+use slitrange::frame::comb::{Comb, MAX_SLITS, Maximum, Slits, assign};
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::units::{Counts, Pixels};
 
 /// What random peaks came to.
 #[derive(Clone, Copy, Default)]
@@ -38,7 +38,7 @@ impl Assigned {
     }
 }
 
-/// Peaks of the nominal comb for spots anywhere in the nominal range. Up to half of the slits have no peak,
+/// Maxima of the nominal comb for spots anywhere in the nominal range. Up to half of the slits have no peak,
 /// and one peak anywhere on the row is false. Speckle moves each peak by 2.2 pixels RMS (a 1 mm spot on metal
 /// at 0.8 m), and the search is off by a pixel.
 fn random_peaks(rows: u64, seed: u64) -> Assigned {
@@ -50,7 +50,7 @@ fn random_peaks(rows: u64, seed: u64) -> Assigned {
         let mut slits: Vec<usize> = (0..MAX_SLITS).collect();
         slits.shuffle(&mut random);
         let missing = random.random_range(0..=MAX_SLITS / 2);
-        let mut peaks: Vec<Peak> = (slits[missing..].iter())
+        let mut peaks: Vec<Maximum> = (slits[missing..].iter())
             .map(|&slit| {
                 let normal: f64 = random.sample(StandardNormal);
                 let place = comb.slits()[slit].from_axis(Pixels::from_f32(x0)).to_f64();
@@ -80,8 +80,8 @@ fn random_peaks(rows: u64, seed: u64) -> Assigned {
         .reduce(Assigned::default, Assigned::add)
 }
 
-fn peak(place: f64) -> Peak {
-    Peak {
+fn peak(place: f64) -> Maximum {
+    Maximum {
         place: place as f32,
         height: Counts::from_int(1000),
     }

@@ -17,10 +17,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use simulator::optics::Optics;
 use simulator::scene::{Scene, Sensor};
+use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::check;
-use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
-use slitrange::fault::Fault;
+use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 use slitrange::row::Row;
 use slitrange::spot;
 

@@ -10,12 +10,12 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use simulator::least_squares::{Gaussian, fit_weighted};
 use simulator::scene::quantise;
+use slitrange::base::units::Pixels;
 use slitrange::centre::tables::{self, Sampling};
 use slitrange::centre::{self, Estimator, RowCentre, half_width};
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
-use slitrange::units::Pixels;
 
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;

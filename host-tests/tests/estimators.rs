@@ -6,8 +6,8 @@ use host_tests::profile_rows;
 use phase_tables::gaussian;
 use simulator::profiles::{self, Curve, Slit};
 use simulator::scene::quantise;
+use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
-use slitrange::fault::Fault;
 
 fn cell(width: f64, amplitude: f64, read_noise: f64, electrons_per_count: Option<f64>) -> Cell {
     Cell {

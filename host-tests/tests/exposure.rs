@@ -6,9 +6,9 @@ use host_tests::changing_light::jumps::{Jumps, named};
 use host_tests::changing_light::range::{self, is_in_middle};
 use host_tests::changing_light::{DELAY, Sensor, scene};
 use simulator::scene::{Ambient, Saturation, Scene};
-use slitrange::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
-use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::fault::Fault;
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::base::fault::Fault;
+use slitrange::light::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
 use slitrange::measurement::Options;
 use slitrange::{Counts, Estimator};
 

@@ -10,8 +10,8 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation, quantise};
+use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
-use slitrange::fault::Fault;
 use slitrange::row::Geometry;
 
 /// Whether the check finds a top to be flat that the estimator takes for a spot. No fit is among the

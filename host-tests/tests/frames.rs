@@ -8,15 +8,15 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Gamma, StandardNormal};
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation, quantise};
-use slitrange::black_level::BlackLevel;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::distance::Calibration;
-use slitrange::fault::Fault;
 use slitrange::frame::{Frame, FrameCentre, Mean};
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{Counts, Pixels};
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
 /// Where the spot is, in pixels.
 const TRUTH: f64 = 1800.3;

@@ -9,13 +9,13 @@ use host_tests::hard_cases::{self, HardRow, Recipe, Shape};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::check;
-use slitrange::fault::Fault;
 use slitrange::frame::{Frame, Mean};
 use slitrange::row::Row;
 use slitrange::spot;
-use slitrange::units::{Counts, Pixels};
 
 /// The checked centre of a row.
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {

@@ -8,11 +8,11 @@ use host_tests::frames::at_centre;
 use rand::seq::IndexedRandom as _;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use slitrange::fault::Fault;
-use slitrange::pixels::flat_field::TakeError;
-use slitrange::sensor_heads::tcd1304dg;
-use slitrange::units::Counts;
-use slitrange_device::output::zero::MasterValue;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Counts;
+use slitrange::row::pixels::flat_field::TakeError;
+use slitrange::row::sensor_heads::tcd1304dg;
+use slitrange_device::filters::zero::MasterValue;
 use slitrange_device::protocol::command::{Command, Error, MAX_LINE, parse};
 use slitrange_device::protocol::flat::Flat;
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
@@ -21,7 +21,7 @@ use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::protocol::upload::Step;
 use slitrange_device::session::flat::{Job, Outcome};
 use slitrange_device::session::{Actions, Event, Session};
-use slitrange_device::settings::sending::{Format, PixelStream};
+use slitrange_device::settings::serial_line::{Format, PixelStream};
 use slitrange_device::settings::{Affects, Form, Setting, Settings, Value};
 use slitrange_device::store::pixel_map::StoredMap;
 use slitrange_device::store::{StoreError, Stored};
@@ -291,7 +291,7 @@ impl Sensor {
             board: "a board",
             head: "TCD1304DG",
             row_us: 5700,
-            longest_exposure: slitrange::exposure::Exposure::LONGEST,
+            longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
             clock: Clock::External,
             brown_out: BrownOut::Off,
         };

@@ -3,16 +3,16 @@
 use std::num::NonZeroU16;
 
 use proptest::prelude::*;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{Combined, MAX_SLITS, SlitCentre};
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
+use slitrange::centre::spot_shape::SpotShape;
 use slitrange::frame::FrameCentre;
-use slitrange::pixels::PixelErrors;
+use slitrange::frame::comb::{Combined, MAX_SLITS, SlitCentre};
+use slitrange::reading::uncertainty::Parts;
 use slitrange::reading::{Measured, Reading};
-use slitrange::shape::SpotShape;
-use slitrange::uncertainty::Parts;
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::row::pixels::PixelErrors;
 use slitrange_device::protocol::packet::{
     COUNTS_A_PACKET, Decoder, FrameResult, MAX_PACKET, Message, Packed, Packet, PacketError,
     Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,

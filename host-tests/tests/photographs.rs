@@ -14,7 +14,7 @@ use simulator::photograph::Photograph;
 use simulator::scene::quantise;
 use slitrange::centre::tables::TableSet;
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::sensor_heads;
+use slitrange::row::sensor_heads;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
 const BRIGHT: f64 = 4095.0 / 20.0;

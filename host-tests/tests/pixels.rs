@@ -5,16 +5,16 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayon::prelude::*;
 use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
-use slitrange::ambient::AmbientMode;
+use slitrange::base::units::Counts;
+use slitrange::light::ambient::AmbientMode;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
-use slitrange::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
 use slitrange::reading::Measured;
-use slitrange::region::Region;
+use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
+use slitrange::row::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
+use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::sensor_heads::tcd1304dg;
-use slitrange::units::Counts;
+use slitrange::spot::region::Region;
 use slitrange_device::store::encoded_map::{Read, Reader, Word, Words};
 
 /// Counts of light in the lit rows.
@@ -416,7 +416,7 @@ fn a_map_corrects_each_pixel_of_a_comb_once() {
     let read = |row: &[f32], map: Option<&PixelMap>| {
         let options = Options {
             rows: 1,
-            slits: slitrange::comb::Slits::Comb,
+            slits: slitrange::frame::comb::Slits::Comb,
             ..Options::default()
         };
         let mut measurement = Measurement::new(geometry.clone(), options);

@@ -11,9 +11,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use simulator::profiles::{self, Blur, Curve, Slit};
 use simulator::sinc_fit::{Sinc, fit_from};
+use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{MIXES, TableSet};
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Polarity};
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1

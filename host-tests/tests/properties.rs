@@ -1,23 +1,25 @@
 //! Properties that hold for all inputs.
 
 use proptest::prelude::*;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
+use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::tables::BLOCKS;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
 use slitrange::check;
-use slitrange::comb::{Comb, FEWEST, Slits};
 use slitrange::distance::Calibration;
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
 use slitrange::frame::Mean;
+use slitrange::frame::comb::{Comb, FEWEST, Slits};
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
+use slitrange::row::background::Background;
+use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, Polarity, Row};
-use slitrange::sensor_heads;
-use slitrange::spot::{Background, Effort, Spot};
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{Counts, Pixels};
+use slitrange::spot::Spot;
 use slitrange_device::protocol::command::{self, MAX_LINE};
 use slitrange_device::protocol::input::{Echo, Input};
 
@@ -60,7 +62,7 @@ fn spots() -> impl Strategy<Value = Spot> {
             height,
             background: Background { level, noise },
             black_level: level,
-            effort: Effort::WHOLE,
+            effort: WorkBudget::WHOLE,
         },
     )
 }

@@ -2,21 +2,22 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{CORRECTIONS, Comb, FEWEST, LARGEST_CORRECTION, MAX_SLITS, SlitMap};
+use slitrange::centre::spot_shape::COMPONENTS;
+use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
-use slitrange::profile::Profile;
+use slitrange::frame::comb::{CORRECTIONS, Comb, FEWEST, LARGEST_CORRECTION, MAX_SLITS, SlitMap};
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
+use slitrange::row::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
+use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::sensor_heads;
-use slitrange::shape::COMPONENTS;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
-use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
 

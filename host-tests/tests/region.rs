@@ -4,15 +4,15 @@
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
-use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::peak::Peak;
 use slitrange::reading::Measured;
-use slitrange::region::Region;
 use slitrange::row::{Geometry, LARGEST_COUNT, Polarity};
-use slitrange::units::Pixels;
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
 
 const PIXELS: usize = 3648;
 const ELECTRONS_PER_COUNT: f64 = 10.0;
@@ -77,7 +77,7 @@ fn with_region(first: u16, last: u16) -> Options {
     }
 }
 
-fn with_peak(peak: Peak) -> Options {
+fn with_peak(peak: SpotChoice) -> Options {
     Options {
         peak,
         ..Options::default()
@@ -177,7 +177,7 @@ fn a_lamp_outside_the_region_does_no_harm() {
 #[test]
 fn peak_measures_the_first_or_the_last_spot() {
     let mut random = ChaCha8Rng::seed_from_u64(4);
-    for peak in [Peak::First, Peak::Last] {
+    for peak in [SpotChoice::First, SpotChoice::Last] {
         let (mut squares, mut number, mut faults, mut flagged) = (0.0, 0, 0, 0);
         for _ in 0..1000 {
             let width = random.random_range(3.0..12.0);
@@ -196,7 +196,7 @@ fn peak_measures_the_first_or_the_last_spot() {
             let spots: Vec<_> = spots.into_iter().filter(|it| it.centre < 3400.0).collect();
             let rows: Vec<_> = (0..2).map(|_| row(&mut random, &spots)).collect();
             let wanted = match peak {
-                Peak::Last => spots.last(),
+                SpotChoice::Last => spots.last(),
                 _ => spots.first(),
             };
             match measure(geometry(), with_peak(peak), &rows) {
@@ -232,7 +232,7 @@ fn one_spot_is_the_first_and_the_last() {
         };
         let rows = [row(&mut random, &[spot]), row(&mut random, &[spot])];
         let strongest = measure(geometry(), Options::default(), &rows);
-        for peak in [Peak::First, Peak::Last] {
+        for peak in [SpotChoice::First, SpotChoice::Last] {
             let found = measure(geometry(), with_peak(peak), &rows);
             assert_eq!(
                 format!("{found:?}"),
@@ -263,7 +263,7 @@ fn close_spots_give_no_confident_error() {
             ..first
         };
         let rows = [row(&mut random, &[first, second])];
-        let peak = [Peak::First, Peak::Last][centres % 2];
+        let peak = [SpotChoice::First, SpotChoice::Last][centres % 2];
         match measure(geometry(), with_peak(peak), &rows) {
             Ok(found) if found.frame.misfits == 0 => {
                 centres += 1;

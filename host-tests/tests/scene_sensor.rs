@@ -8,9 +8,9 @@ use simulator::scene::{
     Motion, Quantisation, ReadNoise, Response, Saturation, Scene, Sensor, Settling, ShotNoise,
     Simulation, Spot, file, quantise, random,
 };
+use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::check;
-use slitrange::fault::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
 

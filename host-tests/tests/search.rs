@@ -10,12 +10,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use simulator::scene::{SecondReflection, quantise};
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Pixels;
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::check;
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, MIN_PIXELS, Spot};
-use slitrange::units::Pixels;
 
 fn find(light: &[u16]) -> Result<Spot, Fault> {
     spot::find(&Row::new(light, &[], 4095).expect("12 bits"))
@@ -458,7 +458,7 @@ struct Rows {
 impl Rows {
     fn of(light: &[u16], truth: f64, width: f64, estimator: Estimator) -> Self {
         let row = Row::new(light, &[], 4095).expect("12 bits");
-        let geometry = slitrange::sensor_heads::tcd1304dg();
+        let geometry = slitrange::row::sensor_heads::tcd1304dg();
         let found = spot::find(&row)
             .and_then(|spot| check::centre(estimator, &row, &spot, None, &geometry, None));
         let (lost, flagged, misled) = match found {
@@ -578,7 +578,7 @@ impl SlowLight {
 /// row's end cuts. By `adaptive` wide light, too, has a flagged centre in a few rows of a million.
 fn check_rows_without_spot(rows: u64) {
     const ESTIMATORS: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
-    let geometry = slitrange::sensor_heads::tcd1304dg();
+    let geometry = slitrange::row::sensor_heads::tcd1304dg();
     for (light, most_flagged) in [
         (SlowLight::None, [0, 0]),
         (SlowLight::Wide, [0, 10]),
@@ -682,7 +682,7 @@ fn two_spots_and_hot_pixels_are_told_beside_wide_light() {
             light[pixel] = 1500;
         }
         let row = Row::new(&light, &[], 4095).expect("12 bits");
-        let geometry = slitrange::sensor_heads::tcd1304dg();
+        let geometry = slitrange::row::sensor_heads::tcd1304dg();
         let centre = |spot| check::centre(Estimator::default(), &row, &spot, None, &geometry, None);
         find(&light).and_then(centre).is_ok()
     });
@@ -696,7 +696,7 @@ fn two_spots_and_hot_pixels_are_told_beside_wide_light() {
 fn a_spot_that_moves_past_wide_light_is_followed() {
     for (height, width) in [(60.0, 7.7), (200.0, 1.5), (200.0, 16.0)] {
         let random = &mut ChaCha8Rng::seed_from_u64(7);
-        let geometry = slitrange::sensor_heads::tcd1304dg();
+        let geometry = slitrange::row::sensor_heads::tcd1304dg();
         let mut before: Option<(Spot, RowCentre)> = None;
         let mut furthest = 0.0f64;
         for number in 0..300 {

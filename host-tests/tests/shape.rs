@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::shape::{COMPONENTS, SpotShape};
-use slitrange::units::Pixels;
+use slitrange::base::units::Pixels;
+use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
 
 /// Distance between two samples in widths, and how far the check looks.
 const PITCH: f64 = 1.0 / 6.4;

@@ -8,12 +8,12 @@ use host_tests::accuracy::{Cell, PIXELS};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
 use simulator::scene::quantise;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Pixels;
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::check;
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
-use slitrange::units::Pixels;
 
 /// A spot on a row of [`PIXELS`], and what else is on it.
 #[derive(Clone, Copy, Debug)]

@@ -5,20 +5,20 @@ use proptest::prelude::*;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{self, ReadNoise, Scene, Sensor, ShotNoise, quantise};
-use slitrange::black_level::BlackLevel;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::NOMINAL;
-use slitrange::fault::Fault;
 use slitrange::frame::Mean;
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, Polarity, Row};
-use slitrange::sensor_heads;
 use slitrange::spot::{self, Spot};
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{Counts, Pixels};
 
 const PIXELS: usize = 2048;
 

@@ -3,9 +3,9 @@
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use simulator::optics::Optics;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::distance::eq1::{Eq1, Eq1Error, NOMINAL};
-use slitrange::fault::Fault;
-use slitrange::units::{Micrometres, Pixels};
 
 #[test]
 fn the_nominal_calibration_is_that_of_the_nominal_optics() {

@@ -10,15 +10,15 @@ use simulator::scene::{
     BlackLevel, FixedPattern, ReadNoise, Response, Scene, Sensor, ShotNoise, Simulation, Speckle,
     Spot,
 };
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::difference::Difference;
 use slitrange::distance::Calibration;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Options;
-use slitrange::pixels::PixelErrors;
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
 use slitrange::reading::{Measured, Reading};
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Surface};
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::row::pixels::PixelErrors;
 use slitrange_device::protocol::line::ReadingLine;
 
 fn rms(values: &[f64]) -> f64 {
@@ -133,7 +133,7 @@ fn an_unadjusted_head_is_off_by_its_tolerances() {
         };
         assert!(before.is_nominal);
         errors.push((before.distance.to_f64() - 1e6 * first) / before.uncertainty.to_f64());
-        let step = Difference::between(&before, &after).0;
+        let step = after.relative_to(&before);
         steps.push((step.distance.to_f64() - 1e6 * (second - first)) / step.uncertainty.to_f64());
     }
     println!(
@@ -279,7 +279,7 @@ proptest! {
         let [before, now] = [before, now].map(|measured| {
             measured.reading(calibration.as_ref(), &errors, surface).expect("in range")
         });
-        for reading in [now, Difference::between(&before, &now).0] {
+        for reading in [now, now.relative_to(&before)] {
             prop_assert!(reading.uncertainty > Micrometres::default());
             // A float has 24 bits, and u saturates.
             let least = reading.uncertainty.to_f64() * (1.0 + 1e-6) + 0.01;

@@ -15,8 +15,8 @@
 use anyhow::{Context as _, Result, ensure};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
+use slitrange::base::fault::Fault;
 use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 

@@ -5,13 +5,13 @@ use rayon::prelude::*;
 use simulator::comb::{Comb, Slit};
 use simulator::optics::Aperture;
 use simulator::scene::{LaserSpot, Scene, Simulation, Speckle};
-use slitrange::comb::{self, SlitMap, Slits};
+use slitrange::base::fault::Fault;
 use slitrange::distance::Calibration;
-use slitrange::fault::Fault;
+use slitrange::frame::comb::{self, SlitMap, Slits};
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Reading;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
 use host_tests::frames;
 

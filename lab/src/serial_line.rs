@@ -2,10 +2,10 @@
 //! declarations. And a session, for that page and README.md.
 
 use anyhow::Context as _;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
-use slitrange::units::{Counts, Micrometres, Pixels};
 use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::help::{AFTER_SETTINGS, BEFORE_SETTINGS, purpose};
 use slitrange_device::protocol::line::FaultLine;

@@ -8,16 +8,15 @@ use host_tests::frames;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation};
 use simulator::statistics::median;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
-use slitrange::comb::Slits;
-use slitrange::difference::Difference;
-use slitrange::fault::Fault;
+use slitrange::frame::comb::Slits;
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Options;
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
-use slitrange::sensor_heads;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::Pixels;
+use slitrange::row::sensor_heads;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
 use slitrange_tool::fit::{calibration, comb, errors, profile, solve};
@@ -206,7 +205,7 @@ pub fn judge_steps(
                     .reading(calibration, &record.errors, Surface::Auto)
                     .ok()
             });
-            let reading = Difference::between(&zero?, &now?).0;
+            let reading = now?.relative_to(&zero?);
             Some(Judged {
                 reading,
                 error: reading.distance.to_f64() - 1e6 * step,

@@ -45,7 +45,7 @@
 
 use anyhow::{Result, ensure};
 use serde::{Deserialize, Serialize};
-use slitrange::comb::{self, NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+use slitrange::frame::comb::{self, NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 use crate::field::fresnel;
 use crate::optics::{Aperture, Optics};

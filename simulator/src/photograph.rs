@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use slitrange::sensor_heads;
+use slitrange::row::sensor_heads;
 
 /// A grey-scale picture, read from a binary PGM (`P5`, <https://netpbm.sourceforge.net/doc/pgm.html>).
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -28,12 +28,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
-use slitrange::comb::Comb;
-use slitrange::profile::Profile;
-use slitrange::sensor_heads::tcd1304dg;
-use slitrange::uncertainty::CalibrationErrors;
+use slitrange::check::own_spot::Profile;
+use slitrange::frame::comb::Comb;
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::CalibrationErrors;
+use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;

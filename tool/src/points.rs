@@ -23,16 +23,16 @@
 use std::path::Path;
 
 use anyhow::{Context as _, bail, ensure};
-use slitrange::black_level::BlackLevel;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{MAX_SLITS, SlitCentres, Slits};
-use slitrange::exposure::Exposure;
-use slitrange::peak::Peak;
-use slitrange::region::Region;
+use slitrange::centre::spot_shape::COMPONENTS;
+use slitrange::frame::comb::{MAX_SLITS, SlitCentres, Slits};
+use slitrange::light::black_level::BlackLevel;
 use slitrange::row::LARGEST_COUNT;
-use slitrange::sensor_heads::tcd1304dg;
-use slitrange::shape::COMPONENTS;
-use slitrange::units::{Micrometres, Pixels};
+use slitrange::row::sensor_heads::tcd1304dg;
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
 use slitrange_device::settings::{Setting, Value};
 
 use crate::sensor::taken::TITLE;
@@ -97,7 +97,7 @@ pub struct Shape {
     /// The width: a gaussian's sigma, in pixels.
     pub width_px: f64,
     /// The components of the antisymmetric light, as shifts in pixels: see
-    /// [`SpotShape`](slitrange::shape::SpotShape).
+    /// [`SpotShape`](slitrange::centre::spot_shape::SpotShape).
     pub components_px: [f64; COMPONENTS],
 }
 
@@ -144,7 +144,7 @@ pub struct Setup {
     /// The pixels in which the spot was searched. Points that do not say it are those of all pixels.
     pub region: Region,
     /// Which of several spots was measured. Points that do not say it are those of the strongest one.
-    pub peak: Peak,
+    pub peak: SpotChoice,
 }
 
 /// The only head that there is a driver for.
@@ -498,7 +498,7 @@ impl Setup {
             ),
             (
                 "peak",
-                (self.peak != Peak::Strongest).then(|| self.peak.name().to_owned()),
+                (self.peak != SpotChoice::Strongest).then(|| self.peak.name().to_owned()),
             ),
         ]
     }
@@ -508,7 +508,7 @@ impl Setup {
         [
             Value::Slits(self.slits),
             Value::Region(self.region),
-            Value::Peak(self.peak),
+            Value::SpotChoice(self.peak),
         ]
     }
 
@@ -544,7 +544,7 @@ impl Setup {
                 _ => bail!("the region {:?} must be two pixels", ends.join(" ")),
             },
             ["peak", name] => {
-                self.peak = Peak::named(name).with_context(|| {
+                self.peak = SpotChoice::named(name).with_context(|| {
                     format!("the peak is strongest, first or last, and not {name:?}")
                 })?;
             }
@@ -609,7 +609,7 @@ pub fn black_level(words: &[&str]) -> anyhow::Result<BlackLevel> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::units::Counts;
+    use slitrange::base::units::Counts;
 
     #[test]
     fn the_setup_and_the_named_columns_are_read() {
@@ -774,7 +774,7 @@ mod tests {
                 black_level: Some(black_level),
                 slits: Slits::Comb,
                 region: Region::new(1000, 3000).expect("a region"),
-                peak: Peak::Last,
+                peak: SpotChoice::Last,
             };
             let mut read = Setup::default();
             for (name, value) in setup.comments() {

@@ -5,15 +5,15 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use serde::Serialize;
-use slitrange::comb::{CORRECTIONS, SlitMap};
+use slitrange::base::units::{Counts, Micrometres, Pixels};
+use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Knot, Knots};
-use slitrange::front_end::{Estimate, FrontEnd};
-use slitrange::profile::Profile;
+use slitrange::frame::comb::{CORRECTIONS, SlitMap};
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors};
 use slitrange::row::Polarity;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::record::{MAX_ENCODED, decode};
 

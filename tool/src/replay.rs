@@ -5,18 +5,18 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
-use slitrange::comb::Comb;
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
+use slitrange::frame::comb::Comb;
 use slitrange::measurement::Measurement;
 use slitrange::reading::{Measured, Reading};
-use slitrange::sensor_heads;
-use slitrange_device::output::average::Average;
+use slitrange::row::sensor_heads;
+use slitrange_device::filters::average::Average;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::session::{Actions, Event, Session};
 use slitrange_device::settings::Value;
-use slitrange_device::settings::sending::{Format, PixelStream};
+use slitrange_device::settings::serial_line::{Format, PixelStream};
 use slitrange_device::store::{Stored, configuration::Configuration};
 
 use crate::recording::{self, Row, Sensor};
@@ -63,7 +63,7 @@ impl Core {
             board: "PC",
             head: "",
             row_us: 0,
-            longest_exposure: slitrange::exposure::Exposure::LONGEST,
+            longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
             clock: Clock::External,
             brown_out: BrownOut::Off,
         };

@@ -6,7 +6,7 @@ use clap::Parser as _;
 use simulator::bound;
 use simulator::optics::{Aperture, Optics};
 use simulator::scene::{Diffraction, LaserSpot, Scene, Sensor as Kind, Simulation, Spot};
-use slitrange::distance::eq1::{DRAWING, T};
+use slitrange::base::drawing::{DRAWING, T};
 use slitrange_tool::Command;
 use slitrange_tool::design::errors::At;
 use slitrange_tool::design::geometry::Geometry;
@@ -87,7 +87,7 @@ fn distances_are_those_of_the_simulation_and_of_the_core() {
         axis: f64::from(DRAWING.axis_px),
     };
     let curve = slitrange::distance::eq1::NOMINAL.expect("a curve");
-    let centre = slitrange::units::Pixels::from_int(1770);
+    let centre = slitrange::base::units::Pixels::from_int(1770);
     let (distance, _) = curve.distance_at(centre).expect("in range");
     let found = nominal.distance(1770.0);
     let core = 1e-3 * f64::from(distance.to_bits()) / 256.0;

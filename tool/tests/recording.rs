@@ -11,7 +11,7 @@ use clap::Parser;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Scene, Sensor, Spot, file};
-use slitrange::ambient::AmbientMode;
+use slitrange::light::ambient::AmbientMode;
 use slitrange_device::settings::Settings;
 use slitrange_tool::Command;
 use slitrange_tool::pc::{Pc, Port};

@@ -11,18 +11,18 @@ use host_tests::frames::words;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Exposure as Light, Scene, Sensor as Kind, Simulation, Spot, file};
-use slitrange::black_level::BlackLevel;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
-use slitrange::comb::{Comb, Slits};
-use slitrange::exposure::Exposure;
+use slitrange::centre::spot_shape::COMPONENTS;
+use slitrange::check::own_spot::Profile;
+use slitrange::frame::comb::{Comb, Slits};
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
-use slitrange::peak::Peak;
-use slitrange::profile::Profile;
-use slitrange::region::Region;
-use slitrange::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
-use slitrange::shape::COMPONENTS;
-use slitrange::uncertainty::PLACES;
-use slitrange::units::Pixels;
+use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
 use slitrange_device::protocol::packet::RowHead;
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
@@ -189,7 +189,7 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
         (
             Settings {
                 black_level,
-                peak: Peak::First,
+                peak: SpotChoice::First,
                 ..default
             },
             None,

@@ -4,10 +4,10 @@
 use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use slitrange::base::units::{Counts, Electrons};
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
-use slitrange::units::{Counts, Electrons};
-use slitrange::{BlackLevel, Estimator, Fault, Geometry, Polarity, Options, sensor_heads};
+use slitrange::{BlackLevel, Estimator, Fault, Geometry, Options, Polarity, sensor_heads};
 
 /// A sensor's geometry, as Python holds it: words, light, shielded, falling, bits, electrons per count, and
 /// the count from which a pixel is saturated.

@@ -8,15 +8,15 @@
 //! count a pixel would shift a centre by hundredths of a pixel (narrow spots) to whole ones (wide, dim ones).
 //! As long as the tilt lasts, each row takes two more measurements.
 
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::RowCentre;
 use crate::centre::phase_table::{self, Fit, WidthSource};
 use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::{MIXES, Sampling, TILTED, TableSet};
-use crate::fault::Fault;
-use crate::numeric;
 use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// Finds the centre of a spot.
 ///

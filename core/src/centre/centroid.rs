@@ -34,15 +34,15 @@
 //! | light and moment above the level | Q24 in i64: below 2^47 and 2^58 |
 //! | division | f32: 24 bits on a quotient below a pixel once the window rests |
 
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::numeric::limited;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::half_width;
 use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
 use crate::centre::{RowCentre, WidthClass};
-use crate::fault::Fault;
-use crate::numeric;
-use crate::numeric::limited;
 use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// Half of the window over sigma.
 const HALF_WINDOW: f32 = 3.0;

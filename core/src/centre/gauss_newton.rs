@@ -41,15 +41,15 @@
 
 use core::ops::Range;
 
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::numeric::limited;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::half_width::{self, WIDTHS};
 use crate::centre::plausible::{check_uncertainty, count_saturated_pixels};
 use crate::centre::{RowCentre, WidthClass};
-use crate::fault::Fault;
-use crate::numeric;
-use crate::numeric::limited;
 use crate::row::{Geometry, LARGEST_COUNT, Row};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// Samples in a window.
 pub const SAMPLES: usize = 128;

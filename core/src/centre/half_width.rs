@@ -6,14 +6,14 @@
 //! the pixel's own width included; this is subtracted again. Crossings are interpolated linearly. The width
 //! found is up to a fifth too large for spots of 0.8 to 1.2 pixels, and up to 3 % from 2 pixels.
 
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::numeric::limited;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::RowCentre;
 use crate::centre::plausible::position_on_row;
-use crate::fault::Fault;
-use crate::numeric;
-use crate::numeric::limited;
 use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// A gaussian's full width at half maximum over sigma: sqrt(8 ln 2).
 const FULL_WIDTH: f32 = 2.354_82;
@@ -244,7 +244,7 @@ fn interpolated(light: Light<'_>, place: i32) -> Option<i32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spot::Background;
+    use crate::row::background::Background;
 
     fn row(centre: f32, width: f32) -> std::vec::Vec<u16> {
         (0..1000)
@@ -265,7 +265,7 @@ mod tests {
                 noise: Counts::from_int(1),
             },
             black_level: Counts::from_int(200),
-            effort: crate::spot::Effort::WHOLE,
+            effort: crate::base::work_budget::WorkBudget::WHOLE,
         }
     }
 

@@ -18,14 +18,14 @@
 
 use dual_mac::square_root;
 
+use crate::base::fault::Fault;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
 use crate::centre::tables::{NARROWEST, Sampling, Table, TableSet, halvings, is_spot_width};
 use crate::centre::window::Window;
 use crate::centre::{RowCentre, WidthClass};
-use crate::fault::Fault;
 use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// The most passes. A pass moves the window or changes its table, until both fit.
 const MAX_PASSES: usize = 10;
@@ -483,7 +483,7 @@ mod tests {
     fn a_candidate_beside_the_row_is_at_the_edge() {
         let light = [100u16; 64];
         let row = Row::new(&light, &[], 4095).expect("a row");
-        let background = crate::spot::Background {
+        let background = crate::row::background::Background {
             level: Counts::from_int(100),
             noise: Counts::from_int(1),
         };
@@ -494,7 +494,7 @@ mod tests {
                 height: Counts::from_int(0),
                 background,
                 black_level: background.level,
-                effort: crate::spot::Effort::WHOLE,
+                effort: crate::base::work_budget::WorkBudget::WHOLE,
             };
             let fault = centre_of(&row, &spot);
             assert!(matches!(fault, Err(Fault::SpotAtEdge { .. })), "{fault:?}");
@@ -506,7 +506,7 @@ mod tests {
             row,
             spot,
             None,
-            &crate::sensor_heads::tcd1304dg(),
+            &crate::row::sensor_heads::tcd1304dg(),
             &GAUSSIAN,
             Sampling::Fine,
         )

@@ -3,10 +3,10 @@
 
 use core::ops::Range;
 
-use crate::fault::Fault;
+use crate::base::fault::Fault;
+use crate::base::units::{Counts, Pixels};
 use crate::row::{Light, Row};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// The uncertainty of a centre must be at most the width over this. Noise alone may look like a dimmer spot.
 const DIMMEST: f32 = 8.0;

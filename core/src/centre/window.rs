@@ -2,11 +2,11 @@
 
 use dual_mac::{Pair, Pairs, dot, dot2};
 
+use crate::base::numeric::limited;
+use crate::base::units::Pixels;
 use crate::centre::WidthClass;
 use crate::centre::tables::{MAX_TAPS, Table, halvings};
-use crate::numeric::limited;
 use crate::row::Light;
-use crate::units::Pixels;
 
 /// A centre within so many pixels of a window's phase has no nearer window, if samples have several pixels.
 /// Half a pixel, because such a window moves by whole pixels, and 0.05 pixel more for noise.

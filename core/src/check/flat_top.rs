@@ -26,11 +26,11 @@
 //! Most rows end at the first comparison: the middle pixel differs by more than [`NEAR`] from one of two
 //! pixels beside it.
 
+use crate::base::numeric;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::RowCentre;
-use crate::numeric;
 use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// The most pixels on one side of the centre. With 64 degrees of freedom, shot noise alone shows that a spot
 /// is not cut, however wide and flat its top is.
@@ -165,9 +165,9 @@ fn level_of_flat(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::fault::Fault;
     use crate::centre::Estimator;
     use crate::check::tests::found_at;
-    use crate::fault::Fault;
     use crate::row::LARGEST_COUNT;
     use std::vec::Vec;
 
@@ -187,7 +187,7 @@ mod tests {
     const NOISE_OF_ROW: f32 = 3.0;
 
     fn geometry() -> Geometry {
-        crate::sensor_heads::tcd1304dg()
+        crate::row::sensor_heads::tcd1304dg()
     }
 
     /// A gaussian in the middle of 1000 pixels, with shot noise. A pixel holds at most `well` counts of

@@ -7,12 +7,12 @@
 
 use core::ops::Range;
 
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::units::{Counts, Pixels};
 use crate::centre::RowCentre;
-use crate::fault::Fault;
-use crate::numeric;
 use crate::row::{BLOCK, Light, MAX_PIXELS, Row};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
 
 /// Widths from the centre to the nearest other spot. A closer one shows in the row's mirror image.
 const NEAREST_OTHER: f32 = 4.0;
@@ -402,8 +402,8 @@ impl Highest {
 mod tests {
     use super::*;
     use crate::check::tests::found_at;
+    use crate::row::background::Background;
     use crate::row::{Blocks, Geometry, LARGEST_COUNT, Polarity};
-    use crate::spot::Background;
 
     const LEVEL: u16 = 300;
 
@@ -421,7 +421,7 @@ mod tests {
                 noise: level,
             },
             black_level: level,
-            effort: crate::spot::Effort::WHOLE,
+            effort: crate::base::work_budget::WorkBudget::WHOLE,
         };
         let found = found_at(CENTRE as f32, width);
         let other = |row: &Row<'_>| match check(row, &spot, &found) {
@@ -440,7 +440,7 @@ mod tests {
                 light: 0..N,
                 shielded: 0..0,
                 polarity,
-                ..crate::sensor_heads::tcd1304dg()
+                ..crate::row::sensor_heads::tcd1304dg()
             };
             let mut blocks = Blocks::NONE;
             let row = geometry.row_and_blocks(&words, &mut blocks).expect("a row");
@@ -454,7 +454,7 @@ mod tests {
     #[test]
     fn without_effort_a_row_that_may_have_another_spot_is_not_passed() {
         let level = Counts::from_int(LEVEL.into());
-        let mut effort = crate::spot::Effort::WHOLE;
+        let mut effort = crate::base::work_budget::WorkBudget::WHOLE;
         assert_eq!(effort.pay(effort.left() + 1), None);
         assert_eq!(effort.pay(effort.left() - EFFORT + 1), Some(()));
         let spot = Spot {
@@ -477,7 +477,7 @@ mod tests {
             let row = Row::new(&light, &[], LARGEST_COUNT).expect("a row");
             assert_eq!(check(&row, &spot, &found), Ok(is_passed), "{another}");
             let whole = Spot {
-                effort: crate::spot::Effort::WHOLE,
+                effort: crate::base::work_budget::WorkBudget::WHOLE,
                 ..spot
             };
             assert_eq!(check(&row, &whole, &found).is_ok(), is_passed);

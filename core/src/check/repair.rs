@@ -15,21 +15,22 @@
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
 //! Otherwise [`centre`] gives the first centre with a flag, and the check decides. A repair ends when the
-//! row's effort is used up ([`Effort`]): a sample in one pass is one unit. The pass of a step, which sums up
+//! row's effort is used up ([`WorkBudget`]): a sample in one pass is one unit. The pass of a step, which sums up
 //! the normal equations, takes 37 instructions a sample.
 
 use core::cell::Cell;
 
+use crate::base::fault::Fault;
+use crate::base::work_budget::WorkBudget;
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start, Window};
 use crate::centre::half_width::WIDTHS;
 use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::TILTED;
 use crate::centre::{Estimator, RowCentre, adaptive};
+use crate::check::own_spot::Profile;
 use crate::check::{check_symmetry, effort_of_fit, flat_top, measure_flanks, symmetry, widest};
-use crate::fault::Fault;
-use crate::profile::Profile;
 use crate::row::{Geometry, Row};
-use crate::spot::{Effort, Spot};
+use crate::spot::Spot;
 
 /// The least deviation of an outlier, in standard deviations. In one row of a hundred, one of 128 good pixels
 /// gets there.
@@ -211,7 +212,7 @@ struct Scene<'a> {
     /// The first centre.
     found: RowCentre,
     /// The effort that is left.
-    effort: Cell<Effort>,
+    effort: Cell<WorkBudget>,
 }
 
 impl Scene<'_> {
@@ -683,7 +684,7 @@ mod tests {
     /// Whether a repair masks the light of a second spot of this height, six widths from a spot of 2000
     /// counts, in noise of 0 to 31 counts.
     fn masks_second(height: f32, seed: u32) -> bool {
-        let geometry = crate::sensor_heads::tcd1304dg();
+        let geometry = crate::row::sensor_heads::tcd1304dg();
         let light: std::vec::Vec<u16> = (0..1000u32)
             .map(|i| {
                 let spot = |centre: f32| {
@@ -702,7 +703,7 @@ mod tests {
             geometry: &geometry,
             profile: None,
             found: crate::check::tests::found_at(500.3, 8.0),
-            effort: Cell::new(Effort::WHOLE),
+            effort: Cell::new(WorkBudget::WHOLE),
         };
         let start = Start::find(&row, &spot).expect("a start");
         let mut window = Window::empty();

@@ -8,9 +8,10 @@ use core::fmt;
 use core::ops::RangeInclusive;
 
 use super::quotient::Dividend;
-use crate::fault::Fault;
-use crate::numeric;
-use crate::units::{Micrometres, Pixels};
+use crate::base::drawing::{DRAWING, T};
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::units::{Micrometres, Pixels};
 
 /// Eq. (1) as d = D + K/(x - xp), valid over a range of centres.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,28 +78,6 @@ impl core::error::Error for Eq1Error {}
 /// it, wherever the spot is.
 pub const LEAST_SLOPE_HALVINGS: u32 = 4;
 
-/// The paper's geometry on a TCD1304DG: slit 50 mm from the sensor (f), baseline 300 mm (b), optical axis
-/// through the middle of the 3648 pixels of 8 um. tan u is 2.6, and d0 is 0.
-pub const DRAWING: Drawing = Drawing {
-    baseline_um: 300_000.0,
-    focal_px: 50_000.0 / 8.0,
-    axis_px: 1823.5,
-    pitch_um: 8.0,
-};
-
-/// See [`DRAWING`].
-#[derive(Clone, Copy, Debug)]
-pub struct Drawing {
-    /// From the laser to the slit, in micrometres.
-    pub baseline_um: f32,
-    /// From the slit to the sensor, in pixels.
-    pub focal_px: f32,
-    /// The pixel on the optical axis.
-    pub axis_px: f32,
-    /// From pixel to pixel, in micrometres.
-    pub pitch_um: f32,
-}
-
 /// The calibration of [`DRAWING`], used until a sensor has its own. Valid from 0.55 m to 1.10 m.
 ///
 /// D = -b/t, xp = axis - f/t, K = b f (1 + t^2)/t^2.
@@ -116,9 +95,6 @@ pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
 /// D| in Q24.8) and its reciprocal (2^12 over |x - xp| in Q16.16). The factor also makes up for what those
 /// two lack, 8 times 2^-24 each.
 const SLOPE: f32 = 1.0 / 16.0 * (1.0 + 16.0 / (1u32 << 24) as f32);
-
-/// tan u of [`NOMINAL`].
-pub const T: f64 = 2.6;
 
 impl Eq1 {
     /// Makes eq. (1) from D, K (um px, Q48.16), xp, and the centres for which it is valid.

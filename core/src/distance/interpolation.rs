@@ -10,9 +10,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::numeric;
-use crate::numeric::limited;
-use crate::units::{Micrometres, Pixels};
+use crate::base::numeric;
+use crate::base::numeric::limited;
+use crate::base::units::{Micrometres, Pixels};
 
 /// A point of the curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

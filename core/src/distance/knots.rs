@@ -6,8 +6,8 @@ use heapless::Vec;
 
 pub use super::interpolation::Knot;
 use super::interpolation::{Controls, Interval, MAX_RISE, controls};
-use crate::fault::Fault;
-use crate::units::{Micrometres, Pixels};
+use crate::base::fault::Fault;
+use crate::base::units::{Micrometres, Pixels};
 
 /// The most knots of a curve.
 pub const MAX_KNOTS: usize = 129;

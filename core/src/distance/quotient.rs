@@ -6,7 +6,7 @@
 //! reciprocal is made too small by more than the roundings can add. The second digit is right or one too
 //! small, and the last rest says which.
 
-use crate::numeric;
+use crate::base::numeric;
 
 /// The constant that is divided.
 #[derive(Clone, Copy, Debug, PartialEq)]

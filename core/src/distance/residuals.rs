@@ -5,10 +5,10 @@ use core::fmt;
 use core::ops::RangeInclusive;
 
 use super::knots::{Knot, Knots, KnotsError};
+use crate::base::fault::Fault;
+use crate::base::numeric::limited;
+use crate::base::units::{Micrometres, Pixels};
 use crate::distance::eq1::Eq1;
-use crate::fault::Fault;
-use crate::numeric::limited;
-use crate::units::{Micrometres, Pixels};
 
 /// Eq. (1) plus residuals, valid from their first knot to their last.
 ///

@@ -3,9 +3,9 @@
 use core::fmt;
 
 use super::knots::{Knot, Knots, KnotsError};
+use crate::base::fault::Fault;
+use crate::base::units::{Micrometres, Pixels};
 use crate::distance::eq1::LEAST_SLOPE_HALVINGS;
-use crate::fault::Fault;
-use crate::units::{Micrometres, Pixels};
 
 /// Distances at knots. They all rise or all fall with the centre, by at least a sixteenth of a micrometre a
 /// pixel, and so do the distances in between, without a step back. Valid from the first knot to the last.

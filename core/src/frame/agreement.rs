@@ -5,7 +5,7 @@
 //! others. It is left out if a majority agrees; without a majority nothing tells which rows are wrong. A
 //! steady motion of the target is subtracted first.
 
-use crate::numeric;
+use crate::base::numeric;
 
 use super::{
     Member, Members, birge_ratio, count_where, from_ordered, median, motion, ordered, ranked,

@@ -13,7 +13,7 @@ use heapless::Vec;
 
 use super::motion::Line;
 use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance, square};
-use crate::numeric::limited;
+use crate::base::numeric::limited;
 
 /// What rows with similar errors are worth.
 #[derive(Clone, Copy, Debug, PartialEq)]

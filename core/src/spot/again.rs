@@ -3,14 +3,15 @@
 //! The peak of the kernel's responses is searched near the place of the row before. Then the sweep over the
 //! rest of the row only tests whether any response there is similar to the peak.
 
-use crate::fault::Fault;
-use crate::numeric;
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::units::{Counts, Pixels};
+use crate::base::work_budget::WorkBudget;
 use crate::row::{BLOCK_LOG2, Blocks, MAX_PIXELS, Row};
 use crate::spot::{
-    Coarse, DETECTION, Effort, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8,
-    middle, needed, square, under_the_kernel,
+    Coarse, DETECTION, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8, middle,
+    needed, square, under_the_kernel,
 };
-use crate::units::{Counts, Pixels};
 
 /// Finds the spot again in the next row, with a tenth of the work of [`find`](crate::spot::find). Uses blocks
 /// of 8 pixels or more that fit the width of the spot before, and the background and the noise of the row
@@ -77,7 +78,7 @@ pub(crate) fn find_again_in(
         height: height(response, block_log2),
         background: before.background,
         black_level: before.background.level,
-        effort: Effort::WHOLE,
+        effort: WorkBudget::WHOLE,
     })
 }
 

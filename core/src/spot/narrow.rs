@@ -12,13 +12,14 @@
 use dual_mac::{BESIDE, PLACES_OF_PART, REACH, SAMPLES_OF_PART};
 use heapless::Vec;
 
-use crate::fault::Fault;
-use crate::numeric;
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::units::Counts;
+use crate::base::work_budget::WorkBudget;
 use crate::row::MAX_PIXELS;
 use crate::spot::second_spot::{LEAST_OTHER, NEAR, check_near, has_similar_height, two_spots};
 use crate::spot::sums::Sums;
-use crate::spot::{Background, Effort, Spot, above, height, in_q8, middle, needed, noise, square};
-use crate::units::Counts;
+use crate::spot::{Background, Spot, above, height, in_q8, middle, needed, noise, square};
 
 /// The smallest block has 2 pixels, for widths from 1 pixel. Blocks of one pixel would double the cost.
 const SMALLEST_BLOCK_LOG2: u32 = 1;
@@ -91,7 +92,7 @@ const NOISE_REACH: usize = 256;
 pub(super) fn find(
     sums: &Sums<'_>,
     row_noise: Counts,
-    effort: &mut Effort,
+    effort: &mut WorkBudget,
 ) -> Option<Result<Spot, Fault>> {
     let looks = LOOKS.min((effort.left() as u32).saturating_mul(LOOKS_IN_A_UNIT));
     let mut parts = Parts::none(sums, looks);

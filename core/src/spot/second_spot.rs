@@ -9,13 +9,13 @@
 //!
 //! Further away the kernel's responses decide: a response nearly as high as the spot's is another spot.
 
-use crate::fault::Fault;
-use crate::numeric;
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::units::{Counts, Pixels};
 use crate::spot::sums::Sums;
 use crate::spot::{
     LARGEST_BLOCK_LOG2, Spot, above, height, in_q8, middle, needed, square, under_the_kernel,
 };
-use crate::units::{Counts, Pixels};
 
 /// Whether two spots are so alike in height that nothing tells which is the laser's. A second spot of 50 % of
 /// the first one's height must not count as alike, one of 80 % must. Blocks measure heights to a tenth, so

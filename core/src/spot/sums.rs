@@ -12,11 +12,11 @@ use dual_mac::portable::sweep_of;
 use dual_mac::{PART, sweep, sweep_wide};
 use heapless::Vec;
 
-use crate::numeric;
+use crate::base::numeric;
+use crate::base::units::Counts;
 use crate::row::{BLOCK_LOG2, LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::tilt::Tilt;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, in_q8, median};
-use crate::units::Counts;
 
 /// The most parts of blocks of 2^`block_log2` pixels.
 const fn most_parts(block_log2: u32) -> usize {

@@ -5,11 +5,11 @@
 
 use heapless::Vec;
 
-use crate::numeric;
-use crate::rank::{from_ordered, ordered};
+use crate::base::numeric;
+use crate::base::order_statistic::{from_ordered, ordered};
+use crate::base::units::Counts;
 use crate::row::Light;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
-use crate::units::Counts;
 
 /// Bits after the binary point of a slope.
 const FRACTION: u32 = 16;

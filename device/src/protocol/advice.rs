@@ -1,6 +1,6 @@
 //! What a person does about a fault, with the settings that may help.
 
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
 
 /// What to do about a fault.
 pub const fn advice(fault: &Fault) -> &'static str {

@@ -5,8 +5,8 @@ use core::fmt;
 use super::command::Command;
 use crate::record::encoded::EncodedRecord;
 use crate::settings::Value;
+use slitrange::base::units::AsMillimetres;
 use slitrange::distance::Calibration;
-use slitrange::units::AsMillimetres;
 
 /// The calibration that flash keeps over a power cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,8 +143,8 @@ mod tests {
     use super::*;
     use crate::record::Record;
     use crate::record::date::Date;
-    use slitrange::black_level::BlackLevel;
-    use slitrange::units::Counts;
+    use slitrange::base::units::Counts;
+    use slitrange::light::black_level::BlackLevel;
 
     fn nominal() -> Record {
         Record::nominal().expect("a record")
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn the_slits_of_a_comb_are_counted() {
         let own = written(Record {
-            comb: Some(slitrange::comb::Comb::nominal()),
+            comb: Some(slitrange::frame::comb::Comb::nominal()),
             ..nominal()
         });
         let shown = CalibrationAnswer {

@@ -11,7 +11,7 @@ use super::nearest::nearest;
 use super::piece::{Piece, PieceError};
 use super::row::RowPart;
 use super::upload::Step;
-use crate::output::zero::MasterValue;
+use crate::filters::zero::MasterValue;
 use crate::record::MAX_ENCODED;
 use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
 
@@ -340,9 +340,9 @@ impl fmt::Display for Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::black_level::BlackLevel;
-    use slitrange::pixels::flat_field::Kind;
-    use slitrange::units::Counts;
+    use slitrange::base::units::Counts;
+    use slitrange::light::black_level::BlackLevel;
+    use slitrange::row::pixels::flat_field::Kind;
 
     #[test]
     fn a_command_is_read_as_it_is_written() {

@@ -21,9 +21,9 @@
 use core::fmt;
 
 use super::line::{ResultLine, Short};
-use crate::output::columns::{Column, Columns};
+use crate::settings::columns::{Column, Columns};
+use slitrange::base::units::{InUnits, Units};
 use slitrange::reading::Reading;
-use slitrange::units::{InUnits, Units};
 
 /// The names of the columns, as a line.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,9 @@
 use core::fmt;
 
 use crate::store::pixel_map::StoredMap;
-use slitrange::pixels::PixelErrors;
-use slitrange::pixels::flat_field::Kind;
-use slitrange::pixels::map::MapSummary;
+use slitrange::row::pixels::PixelErrors;
+use slitrange::row::pixels::flat_field::Kind;
+use slitrange::row::pixels::map::MapSummary;
 
 /// The forms of `flat`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,7 +135,7 @@ impl fmt::Display for Remaining {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::units::Counts;
+    use slitrange::base::units::Counts;
 
     #[test]
     fn the_answer_says_what_the_map_leaves() {

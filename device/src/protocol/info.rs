@@ -6,16 +6,16 @@ use super::flat::Remaining;
 use super::status::StartCause;
 use crate::record::Record;
 use crate::settings::Settings;
-use slitrange::comb::Slits;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::units::{AsMillimetres, Micrometres};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knots;
-use slitrange::exposure::Exposure;
-use slitrange::front_end::FrontEnd;
-use slitrange::pixels::PixelErrors;
+use slitrange::frame::comb::Slits;
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::row::front_end::FrontEnd;
+use slitrange::row::pixels::PixelErrors;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{AsMillimetres, Micrometres};
 
 /// The version of the firmware.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -356,14 +356,15 @@ impl fmt::Display for KindOfTable<'_> {
 mod tests {
     use super::*;
     use crate::record::date::Date;
+    use slitrange::base::places::PLACES;
+    use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels};
     use slitrange::distance::eq1;
     use slitrange::distance::knots::Knot;
     use slitrange::distance::residuals::Corrected;
     use slitrange::distance::table::Table;
-    use slitrange::front_end::Estimate;
-    use slitrange::sensor_heads;
-    use slitrange::uncertainty::{FittedErrors, FittedSurface, PLACES};
-    use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
+    use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
+    use slitrange::row::front_end::Estimate;
+    use slitrange::row::sensor_heads;
 
     const HARDWARE: Hardware = Hardware {
         board: "NUCLEO-F429ZI",

@@ -16,7 +16,7 @@
 //! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t w 7.62131 o 0.00012 -0.00310 0.01203 0.00010 -0.00020`:
 //! centre and its repeatability in pixels, to all their digits, then the black level in counts, the
 //! estimator's [`letter`](slitrange::centre::Estimator::letter), and the spot's shape
-//! ([`SpotShape`](slitrange::shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
+//! ([`SpotShape`](slitrange::centre::spot_shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
 //! light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the check too little
 //! of the spot. The exposure and the flags of a reading may follow.
 //!
@@ -43,12 +43,12 @@
 
 use core::fmt;
 
-use crate::output::columns::{Column, Columns};
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
+use crate::settings::columns::{Column, Columns};
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{InUnits, Micrometres, Units};
+use slitrange::reading::uncertainty::Parts;
 use slitrange::reading::{Measured, Reading};
-use slitrange::uncertainty::Parts;
-use slitrange::units::{InUnits, Micrometres, Units};
 
 /// The line of a reading by the factory's settings.
 #[derive(Clone, Copy, Debug)]
@@ -267,12 +267,12 @@ mod tests {
     use core::num::NonZeroU16;
 
     use super::*;
+    use slitrange::base::units::{Counts, Micrometres, Pixels};
     use slitrange::centre::Estimator;
-    use slitrange::comb::{Combined, MAX_SLITS, SlitCentre, SlitCentres};
+    use slitrange::centre::spot_shape::SpotShape;
+    use slitrange::frame::comb::{Combined, MAX_SLITS, SlitCentre, SlitCentres};
     use slitrange::frame::{FEWEST_INDEPENDENT, FrameCentre};
-    use slitrange::pixels::PixelErrors;
-    use slitrange::shape::SpotShape;
-    use slitrange::units::{Counts, Micrometres, Pixels};
+    use slitrange::row::pixels::PixelErrors;
 
     #[test]
     fn lines_are_as_documented() {

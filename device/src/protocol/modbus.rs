@@ -42,13 +42,13 @@ use core::fmt::Write as _;
 
 use heapless::Vec;
 
-use crate::settings::sending::Format;
+use crate::settings::serial_line::Format;
 use crate::settings::{Setting, Settings, Value};
 use crate::text::Text;
-use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::fault::Fault;
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::reading::Reading;
-use slitrange::units::{Micrometres, Pixels};
 
 /// The longest request and the longest answer, in bytes (Modbus over serial line V1.02, section 2.3).
 pub const MAX_BYTES: usize = 256;

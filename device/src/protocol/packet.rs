@@ -22,8 +22,8 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::protocol::row;
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, LARGEST_COUNT};
 

@@ -5,8 +5,8 @@ use core::fmt;
 
 use crate::record::RecordError;
 use crate::store::StoreError;
-use slitrange::pixels::flat_field::TakeError;
-use slitrange::region::Region;
+use slitrange::row::pixels::flat_field::TakeError;
+use slitrange::spot::region::Region;
 
 /// Why a command is not executed. Nothing has changed. `Display` is the answer, without its line end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -30,12 +30,12 @@ use crate::protocol::line::{CentreLine, FaultLine};
 use crate::protocol::piece::CRC;
 use crate::settings::{ValueError, read_number, split_words};
 use crate::text::Text;
-use slitrange::black_level;
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
+use slitrange::light::black_level;
 use slitrange::reading::Measured;
 use slitrange::row::{LARGEST_COUNT, Light, Row};
-use slitrange::units::{Counts, Pixels};
 
 /// The most pixels in a line.
 pub const PIXELS_A_LINE: usize = 32;

@@ -5,11 +5,11 @@ use core::fmt;
 use crate::protocol::calibration::FlashStatus;
 use crate::protocol::line::FaultLine;
 use crate::protocol::status::StartCause;
-use slitrange::fault::Fault;
-use slitrange::front_end::FrontEnd;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Counts;
 use slitrange::reading::Measured;
 use slitrange::row::Row;
-use slitrange::units::Counts;
+use slitrange::row::front_end::FrontEnd;
 
 /// What a row says of the sensor head, in counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,9 +149,9 @@ impl fmt::Display for Selftest<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::front_end::Estimate;
-    use slitrange::sensor_heads::tcd1304dg;
-    use slitrange::units::Electrons;
+    use slitrange::base::units::Electrons;
+    use slitrange::row::front_end::Estimate;
+    use slitrange::row::sensor_heads::tcd1304dg;
     use slitrange::{Measurement, Options};
     use std::string::{String, ToString as _};
 

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
 
 /// What made the firmware start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,8 +5,8 @@ use crate::protocol::flat::{Flat, FlatAnswer, Remaining};
 use crate::protocol::refusal::Refusal;
 use crate::store::StoreError;
 use crate::store::pixel_map::StoredMap;
-use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
-use slitrange::pixels::map::MapSummary;
+use slitrange::row::pixels::flat_field::{Kind, TakeError, Taken};
+use slitrange::row::pixels::map::MapSummary;
 
 /// What the owner of the session must do with the map, and then report with an [`Outcome`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,10 +16,10 @@ use core::fmt::{self, Write as _};
 use crate::record::{self, Record, RecordError};
 use crate::settings::{Setting, Settings, Value, split_words};
 use crate::text::Text;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::units::Counts;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::units::Counts;
+use slitrange::light::black_level::BlackLevel;
 
 /// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -13,9 +13,9 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 
-use slitrange::pixels::PixelErrors;
-use slitrange::pixels::map::{Entry, MAX_MAP_PIXELS, MapSummary, PixelMap};
-use slitrange::units::Counts;
+use slitrange::base::units::Counts;
+use slitrange::row::pixels::PixelErrors;
+use slitrange::row::pixels::map::{Entry, MAX_MAP_PIXELS, MapSummary, PixelMap};
 
 /// Words before the entries.
 const HEADER: usize = 6;

@@ -9,7 +9,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use super::StoreError;
 use super::sector::BYTES;
 use crate::store::encoded_map::{MAX_WORDS, Read, Reader, Words};
-use slitrange::pixels::map::PixelMap;
+use slitrange::row::pixels::map::PixelMap;
 
 /// The two sectors of the map.
 const SECTORS: [u32; 2] = [2 * BYTES, 3 * BYTES];

@@ -2,8 +2,8 @@
 
 use simulator::bound::Spot;
 use simulator::scene::{Ambient, FixedPattern, Lag, MainsLight, Scene};
-use slitrange::ambient::{AmbientMode, LONGEST_LOG2};
-use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::light::ambient::{AmbientMode, LONGEST_LOG2};
 use slitrange::measurement::Options;
 
 use super::range::Frames;

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 use simulator::scene::Scene;
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 

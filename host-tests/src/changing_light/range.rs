@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde::Serialize;
 use simulator::scene::Scene;
-use slitrange::auto_exposure::{LEAST_PERCENT, TARGET_PERCENT};
-use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::light::auto_exposure::{LEAST_PERCENT, TARGET_PERCENT};
 use slitrange::measurement::Options;
 
 use super::jumps::LEAST_POWER;

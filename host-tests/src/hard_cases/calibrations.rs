@@ -2,12 +2,12 @@
 
 use std::fmt;
 
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::fault::Fault;
-use slitrange::units::{Micrometres, Pixels};
 
 /// A calibration that is hard in one way. No estimator has to do with it.
 #[derive(Clone, Debug)]

@@ -3,18 +3,18 @@
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Exp1, StandardNormal};
-use slitrange::black_level::BlackLevel;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::fault::Fault;
 use slitrange::frame::{MAX_ROWS, Mean};
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Reading;
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::Geometry;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{Micrometres, Pixels};
 
 use crate::hard_cases::flaw::{Flaw, Second};
 use crate::hard_cases::judge::Said;

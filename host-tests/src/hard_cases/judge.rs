@@ -1,12 +1,12 @@
 //! Every estimator's answers to a case, and whether they are what is due.
 
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Micrometres;
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::check::{self, repair};
-use slitrange::fault::Fault;
 use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;
-use slitrange::units::Micrometres;
 
 use crate::hard_cases::frames::is_flagged;
 use crate::hard_cases::truth::is_beyond_claim;

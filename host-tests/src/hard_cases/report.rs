@@ -4,8 +4,8 @@ use std::fmt::{self, Write as _};
 
 use rayon::prelude::*;
 use serde::Serialize;
+use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
-use slitrange::fault::Fault;
 
 use crate::hard_cases::calibrations::{CalibrationCase, CalibrationDue, Found, calibrations};
 use crate::hard_cases::frames::{FRAMES, FrameCase, FrameOutcome, frames};

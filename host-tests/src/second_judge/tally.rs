@@ -1,16 +1,16 @@
 //! What the firmware makes of the rows and frames, counted.
 
 use rayon::prelude::*;
+use slitrange::base::fault::Fault;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
-use slitrange::fault::Fault;
+use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::profile::Profile;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
-use slitrange::uncertainty::PLACES;
-use slitrange::units::Pixels;
 
 use crate::second_judge::{Claim, Frame, Kind, frame, row};
 

@@ -1,10 +1,10 @@
 //! Knots of every kind, and what every calibration promises.
 
 use proptest::prelude::*;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, Knots};
-use slitrange::fault::Fault;
-use slitrange::units::{Micrometres, Pixels};
 
 use crate::records::chain;
 

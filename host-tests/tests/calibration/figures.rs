@@ -2,12 +2,12 @@
 
 use simulator::optics::Optics;
 use simulator::scene::Sensor;
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::units::{Micrometres, Pixels};
 
 use super::common::STEP;
 use super::reference::pchip;

@@ -3,16 +3,17 @@
 use std::collections::BTreeSet;
 
 use proptest::prelude::*;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{Comb, CombError};
 use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, Knots};
 use slitrange::distance::table::Table;
+use slitrange::frame::comb::{Comb, CombError};
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 use slitrange::row::Geometry;
-use slitrange::sensor_heads;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::row::sensor_heads;
 use slitrange_device::record::{
     MAX_ENCODED, Record, RecordError, VERSION, VERSION_OF_COMB, VERSION_OF_FRONT_END, decode,
     encode,

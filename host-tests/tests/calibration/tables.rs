@@ -1,9 +1,9 @@
 //! Properties of every table of distances.
 
 use proptest::prelude::*;
+use slitrange::base::units::Pixels;
 use slitrange::distance::Calibration;
 use slitrange::distance::table::Table;
-use slitrange::units::Pixels;
 
 use super::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
 use super::reference::pchip;

@@ -2,7 +2,7 @@
 //! are refused.
 
 use proptest::prelude::*;
-use slitrange::units::Pixels;
+use slitrange::base::units::Pixels;
 use slitrange_device::record::{self, Record, RecordError};
 use slitrange_device::settings::{Setting, Settings};
 use slitrange_device::store::StoreError;

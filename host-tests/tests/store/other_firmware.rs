@@ -1,10 +1,10 @@
 //! A whole item of later or earlier firmware that this firmware cannot use: the configuration before it is
 //! used.
 
-use slitrange::black_level::BlackLevel;
+use slitrange::base::units::Counts;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::units::Counts;
+use slitrange::light::black_level::BlackLevel;
 use slitrange_device::settings::Settings;
 use slitrange_device::store::Stored;
 use slitrange_device::store::configuration::VERSION;

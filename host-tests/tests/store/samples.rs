@@ -1,10 +1,10 @@
 //! Configurations to save, each one different, and the store around a flash.
 
 use embassy_futures::block_on;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::units::Counts;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::units::Counts;
+use slitrange::light::black_level::BlackLevel;
 use slitrange_device::record::Record;
 use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, encode};

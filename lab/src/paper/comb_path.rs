@@ -10,11 +10,11 @@ use simulator::comb::Comb;
 use simulator::field::{Image, Surface, View, slit_image};
 use simulator::optics::Optics;
 use simulator::scene::{Sensor, quantise};
-use slitrange::comb::Slits;
+use slitrange::frame::comb::Slits;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::row::Polarity;
-use slitrange::sensor_heads;
+use slitrange::row::sensor_heads;
 use slitrange_tool::fit::eq1;
 
 use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};

@@ -1,9 +1,9 @@
 //! The slit's captures through the core: rows in, the centres of frames out.
 
 use phase_tables::{Background, IntegerTable, Shape, design, gaussian};
+use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{Estimator, RowCentre, centre, phase_table};
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
 

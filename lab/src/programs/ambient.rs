@@ -5,7 +5,7 @@ use clap::Args;
 use host_tests::changing_light::ambient::{CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, noise_of_mean};
 use host_tests::changing_light::range::Frames;
 use rayon::prelude::*;
-use slitrange::ambient::AmbientMode::{Off, Subtract};
+use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 
 use crate::docs;
 use crate::table::{cells, markdown};

@@ -13,7 +13,7 @@ use anyhow::{Context as _, Result};
 use clap::Args;
 use indicatif::ProgressBar;
 use simulator::scene::Scene;
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
 
 use self::tolerances::Tolerances;
 use crate::comb::{At, Mask, Sensor, with_speckle};

@@ -3,7 +3,7 @@
 use anyhow::{Context as _, Result, bail};
 use clap::Args;
 use simulator::scene::Scene;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors};
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 

@@ -1,21 +1,21 @@
 //! Every estimator is asked for a row's centre: alone, with the check that follows, and as the whole
 //! measurement that turns rows into readings.
 
-use slitrange::black_level::BlackLevel;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
+use slitrange::centre::spot_shape::SpotShape;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
 use slitrange::check;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::fault::Fault;
 use slitrange::frame::Mean;
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity};
-use slitrange::shape::SpotShape;
 use slitrange::spot;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
-use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// Rows that make a reading.
 pub const ROWS: u16 = 2;

@@ -4,9 +4,9 @@
 pub mod parabola;
 pub mod zero_crossing;
 
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Counts;
 use slitrange::centre::plausible::check_uncertainty;
-use slitrange::fault::Fault;
-use slitrange::units::Counts;
 
 /// Rejects an uncertain centre, as [`check_uncertainty`], where the uncertainty comes from a few pixels'
 /// counts. Where the search took noise for a spot, those pixels were chosen for being high and seem sharper

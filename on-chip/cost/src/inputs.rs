@@ -1,7 +1,7 @@
 //! What a method is given: a row whose spot is known, and what it found in the row before.
 
+use slitrange::base::fault::Fault;
 use slitrange::centre::RowCentre;
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, LARGEST_COUNT, Row};
 use slitrange::spot::{self, Spot};
 

@@ -1,10 +1,10 @@
 //! The ways to find a row's centre that are measured: the firmware's estimators, and others to compare them
 //! with.
 
+use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{GAUSSIAN, Sampling};
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
 use slitrange::check::repair;
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::Spot;
 

@@ -3,8 +3,8 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::DWT;
+use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
-use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;

@@ -1,7 +1,7 @@
 //! Makes the words of a row.
 
+use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, LARGEST_COUNT};
-use slitrange::sensor_heads;
 
 use crate::description::{Description, Kind, Shape};
 

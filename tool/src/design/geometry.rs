@@ -1,6 +1,6 @@
 //! Laser, slit and sensor of a design, and eq. (1) with its trigonometry. Lengths are in millimetres.
 
-use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 /// Where the parts of a sensor are: [`Geometry::distance`] is eq. (1).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -24,8 +24,8 @@
 use anyhow::Context as _;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-use slitrange::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, NEIGHBOURS, SlitMap, UNIT};
-use slitrange::distance::eq1::DRAWING;
+use slitrange::base::drawing::DRAWING;
+use slitrange::frame::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, NEIGHBOURS, SlitMap, UNIT};
 
 use super::start::median;
 use super::tabulate::pixels;

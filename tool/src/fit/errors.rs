@@ -1,7 +1,8 @@
 //! Computes the uncertainties of a fitted calibration, as its record holds them.
 
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
-use slitrange::units::{Counts, Micrometres};
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Micrometres};
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 
 use super::calibration::Made;
 use super::solve::Solved;

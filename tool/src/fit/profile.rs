@@ -5,11 +5,11 @@
 //! more than noise does.
 
 use nalgebra::{DMatrix, DVector};
+use slitrange::base::places::PLACES;
+use slitrange::base::units::Pixels;
+use slitrange::centre::spot_shape::COMPONENTS;
+use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
-use slitrange::profile::Profile;
-use slitrange::shape::COMPONENTS;
-use slitrange::uncertainty::PLACES;
-use slitrange::units::Pixels;
 
 use super::solve::Solved;
 use super::tabulate::pixels;

@@ -1,7 +1,7 @@
 //! A smooth curve as knots with cubics between them, as the sensor holds it.
 
+use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::distance::knots::{Knot, Knots, KnotsError, MAX_KNOTS};
-use slitrange::units::{Micrometres, Pixels};
 
 /// What tabulation may add, in micrometres: a tenth of what noise leaves of the best calibrations.
 const LIMIT: f64 = 0.1;

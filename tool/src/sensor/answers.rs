@@ -1,7 +1,7 @@
 //! What a sensor's answers say, where they are more than the command that they answer.
 
-use slitrange::comb::MAX_SLITS;
-use slitrange::exposure::Exposure;
+use slitrange::base::exposure::Exposure;
+use slitrange::frame::comb::MAX_SLITS;
 
 use crate::points::{Shape, SlitImage, SlitImages};
 

@@ -3,7 +3,7 @@
 use std::io::{BufRead, Write};
 
 use anyhow::{Context, Result, ensure};
-use slitrange::pixels::flat_field::Kind;
+use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::flat::Flat;
 
 use super::answers;

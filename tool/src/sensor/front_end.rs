@@ -8,9 +8,9 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Result, bail, ensure};
-use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
+use slitrange::base::units::{Counts, Electrons};
+use slitrange::row::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
 use slitrange::row::{Geometry, Polarity};
-use slitrange::units::{Counts, Electrons};
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::settings::{Setting, Value};

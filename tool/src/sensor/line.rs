@@ -9,7 +9,7 @@ use std::io;
 use std::time::Duration;
 
 use slitrange_device::protocol::command::{Command, parse};
-use slitrange_device::settings::sending::{Baud, Format};
+use slitrange_device::settings::serial_line::{Baud, Format};
 use slitrange_device::settings::{Setting, Value};
 
 use crate::pc::{Pc, Port};

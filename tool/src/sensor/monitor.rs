@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use slitrange_device::output::columns::Column;
+use slitrange_device::settings::columns::Column;
 use slitrange_device::settings::{Setting, Value};
 
 use self::recording::Recording;

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
-use slitrange::ambient::AmbientMode;
+use slitrange::light::ambient::AmbientMode;
 use slitrange_device::protocol::packet::Decoder;
-use slitrange_device::settings::sending::{Baud, PixelStream};
+use slitrange_device::settings::serial_line::{Baud, PixelStream};
 use slitrange_device::settings::trigger::Trigger;
 use slitrange_device::settings::{Setting, Settings, Value};
 

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
+use slitrange::base::exposure::Exposure;
 use slitrange::centre::Estimator;
-use slitrange::comb::Slits;
-use slitrange::exposure::Exposure;
 use slitrange::frame::MAX_ROWS;
-use slitrange::peak::Peak;
-use slitrange::region::Region;
+use slitrange::frame::comb::Slits;
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::settings::{Setting, Value};
 use time::OffsetDateTime;
@@ -208,7 +208,7 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
         Err(error) => Err(error),
     };
     let slits = value(Setting::Slits)?;
-    let (region, peak) = (value(Setting::Region)?, value(Setting::Peak)?);
+    let (region, peak) = (value(Setting::Region)?, value(Setting::SpotChoice)?);
     Ok(Setup {
         head: Some(session.head().to_owned()),
         serial_number: Some(record.map_or(0, |record| record.serial_number)),
@@ -229,8 +229,8 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
             _ => Region::ALL,
         },
         peak: match peak {
-            Some(Value::Peak(peak)) => peak,
-            _ => Peak::Strongest,
+            Some(Value::SpotChoice(peak)) => peak,
+            _ => SpotChoice::Strongest,
         },
     })
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::flat::Flat;
-use slitrange_device::settings::sending::{Baud, Format};
+use slitrange_device::settings::serial_line::{Baud, Format};
 use slitrange_device::settings::{Setting, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
 use slitrange_device::protocol::command::{Command, Error, parse};
-use slitrange_device::settings::sending::Format;
+use slitrange_device::settings::serial_line::Format;
 use slitrange_device::settings::{Affects, Setting, Settings, Value};
 
 use super::line::SAVE;

@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use slitrange::comb::{MAX_SLITS, Slits};
+use slitrange::frame::comb::{MAX_SLITS, Slits};
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::settings::Value;
 
@@ -574,10 +574,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
-    use slitrange::black_level::BlackLevel;
+    use slitrange::base::units::Counts;
     use slitrange::centre::Estimator;
-    use slitrange::shape::COMPONENTS;
-    use slitrange::units::Counts;
+    use slitrange::centre::spot_shape::COMPONENTS;
+    use slitrange::light::black_level::BlackLevel;
 
     fn setup() -> Setup {
         Setup {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
-use slitrange::comb::Slits;
+use slitrange::frame::comb::Slits;
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::piece::{PIECE, Piece};
 use slitrange_device::protocol::upload::Step;

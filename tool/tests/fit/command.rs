@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
-use slitrange::units::Pixels;
 use slitrange_tool::points::Point;
 use slitrange_tool::record_file;
 

@@ -4,9 +4,9 @@ use host_tests::frames::at_centre;
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::difference::Difference;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, PLACES, Surface};
-use slitrange::units::{Micrometres, Pixels};
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Micrometres, Pixels};
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, Surface};
 use slitrange_tool::fit::solve::{Form, solve};
 use slitrange_tool::fit::{calibration, errors};
 use slitrange_tool::points::Point;
@@ -78,7 +78,7 @@ fn steps_over_claim(step: f64) -> f64 {
             // 5 mm from either end, because noise of the first point or the last may shorten the range.
             let before = 0.605 + (1.015 - 0.605 - step) * f64::from(place) / 8.0;
             let [zero, now] = [before, before + step].map(|at| reading(at).expect("in range"));
-            let step_read = Difference::between(&zero, &now).0;
+            let step_read = now.relative_to(&zero);
             let error = step_read.distance.to_f64() - 1e6 * step;
             over_claim.push(error / step_read.parts.calibration.to_f64());
         }

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use slitrange::uncertainty::CalibrationErrors;
+use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange_device::record::decode;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_tool::fit::calibration::make;
@@ -43,9 +43,9 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
         let record = slitrange_device::record::Record {
             serial_number: 1,
             date: slitrange_device::record::date::Date::new(2026, 1, 2).expect("a day"),
-            geometry: slitrange::sensor_heads::tcd1304dg(),
+            geometry: slitrange::row::sensor_heads::tcd1304dg(),
             estimator: Default::default(),
-            black_level: slitrange::black_level::BlackLevel::Shielded,
+            black_level: slitrange::light::black_level::BlackLevel::Shielded,
             calibration: made.calibration.clone(),
             profile: None,
             comb: None,
@@ -56,7 +56,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
         let read = decode(written.bytes()).expect("a record");
         prop_assert_eq!(&read, &record);
         for centre in made.curve.even_steps(100) {
-            let at = slitrange::units::Pixels::from_bits((centre * 65536.0).round() as i32);
+            let at = slitrange::base::units::Pixels::from_bits((centre * 65536.0).round() as i32);
             let Ok((distance, _)) = read.calibration.distance_at(at) else {
                 // An end may be rounded outwards by a step.
                 prop_assert!(

@@ -10,10 +10,10 @@ use simulator::scene::{
     ShotNoise, Simulation, Spot,
 };
 use slitrange::distance::Calibration;
-use slitrange::front_end::FrontEnd;
 use slitrange::measurement::{Measurement, Options};
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::row::front_end::FrontEnd;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use slitrange::exposure::Exposure;
+use slitrange::base::exposure::Exposure;
 use slitrange_device::protocol::row::{ROW_END, RowExposure, RowPart};
 use slitrange_tool::sensor::line::TRIES;
 use slitrange_tool::sensor::row::RowAnswer;

@@ -7,11 +7,11 @@ use std::time::Duration;
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
-use slitrange::comb::{Comb, Slits};
-use slitrange::peak::Peak;
-use slitrange::region::Region;
-use slitrange::units::Pixels;
+use slitrange::frame::comb::{Comb, Slits};
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::points::Points;
@@ -643,7 +643,7 @@ fn a_run_with_a_region_goes_on_with_this_region() {
     let read = Points::read(Path::new(&points(&sensor))).expect("points");
     assert_eq!(read.points.len(), 3);
     assert_eq!(Some(read.setup.region), Region::new(1000, 3000));
-    assert_eq!(read.setup.peak, Peak::Last);
+    assert_eq!(read.setup.peak, SpotChoice::Last);
     let now = sensor.state().settings();
     assert_eq!((now.region, now.peak), (read.setup.region, read.setup.peak));
     sensor.state().type_line("region all");

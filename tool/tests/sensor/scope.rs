@@ -1,8 +1,8 @@
 //! The row live: what the screen shows, and what keys change.
 
+use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::centre::Estimator;
-use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::region::Region;
+use slitrange::spot::region::Region;
 use slitrange_tool::screen::Key;
 
 use super::screen::Person;

@@ -16,7 +16,7 @@ use crate::Nanos;
 pub const PIXELS: usize = 2048;
 
 /// Words in a row: the converter runs before the first pixel comes, and after the last.
-pub const WORDS: usize = slitrange::sensor_heads::s11639().words;
+pub const WORDS: usize = slitrange::row::sensor_heads::s11639().words;
 
 /// The firmware's time from one row to the next by its own clock, s.
 pub const ROW_PERIOD: f64 = 3.33e-3;

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use simulator::scene::{Ambient, Scene};
 use slitrange::Calibration;
-use slitrange::ambient::AmbientMode;
+use slitrange::light::ambient::AmbientMode;
 use slitrange::measurement::Options;
 use slitrange_device::protocol::row::{ROW_END, RowPixels};
 use virtual_board::light::{Target, of_scene};

@@ -5,11 +5,11 @@ use std::time::Duration;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::sensor_heads::tcd1304dg;
+use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::packet::{
     Decoder, FrameResult, Message, PacketError, RowHead, unpack,
 };
-use slitrange_device::settings::sending::Baud;
+use slitrange_device::settings::serial_line::Baud;
 use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::{

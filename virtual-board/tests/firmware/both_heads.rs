@@ -3,10 +3,10 @@
 
 use std::time::Duration;
 
+use slitrange::base::units::Pixels;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::sensor_heads::{self, S11639_LEAD_IN, TCD1304DG_LEAD_IN};
-use slitrange::units::Pixels;
+use slitrange::row::sensor_heads::{self, S11639_LEAD_IN, TCD1304DG_LEAD_IN};
 use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::Record;
 use virtual_board::board::Conditions;

@@ -2,11 +2,11 @@
 //! or nothing changes.
 
 use simulator::scene::Scene;
-use slitrange::comb::Comb;
+use slitrange::frame::comb::Comb;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::reading::uncertainty::Surface;
 use slitrange::row::Geometry;
-use slitrange::uncertainty::Surface;
 use slitrange::{frame, sensor_heads};
 use slitrange_device::protocol::calibration::FlashStatus;
 use slitrange_device::protocol::line::ReadingLine;

@@ -8,12 +8,13 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::comb::{Comb, Slit};
 use simulator::scene::{Scene, Simulation, Spot};
-use slitrange::comb::Slits;
+use slitrange::base::fault::Fault;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Micrometres};
 use slitrange::distance::Calibration;
-use slitrange::fault::Fault;
+use slitrange::frame::comb::Slits;
 use slitrange::measurement::Options;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
-use slitrange::units::{Counts, Micrometres};
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
@@ -409,7 +410,7 @@ fn record() -> Record {
         estimator: Options::default().estimator,
         black_level: Options::default().black_level,
         profile: None,
-        comb: Some(slitrange::comb::Comb::nominal()),
+        comb: Some(slitrange::frame::comb::Comb::nominal()),
         ..records::record(Calibration::nominal().expect("a curve"))
     }
 }

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use simulator::scene::Scene;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::distance::eq1;
-use slitrange::fault::Fault;
-use slitrange::pixels::PixelErrors;
-use slitrange::sensor_heads;
-use slitrange::units::Pixels;
+use slitrange::row::pixels::PixelErrors;
+use slitrange::row::sensor_heads;
 use slitrange_device::protocol::help::{Estimators, Help};
 use slitrange_device::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
 use slitrange_device::protocol::status::StartCause;
@@ -26,7 +26,7 @@ const HARDWARE: Hardware = Hardware {
     board: "NUCLEO-F429ZI",
     head: "TCD1304DG",
     row_us: 5700,
-    longest_exposure: slitrange::exposure::Exposure::LONGEST,
+    longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
     clock: Clock::External,
     brown_out: BrownOut::Off,
 };

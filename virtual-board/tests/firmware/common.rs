@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use rigless::soc::stm32f427::generated::spi1;
 use simulator::scene::{Scene, Spot};
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
 use slitrange::row::Geometry;
-use slitrange::sensor_heads;
+use slitrange::row::sensor_heads;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Exposure, Firmware, LightSource, Line, Sensor, VirtualBoard};

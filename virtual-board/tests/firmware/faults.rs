@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use simulator::optics::Optics;
 use simulator::scene::{Scene, Spot};
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
 use slitrange_device::protocol::advice::advice;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, OpenLine, Sensor, VirtualBoard};
@@ -87,8 +87,8 @@ pub fn assert_all_are(lines: &[String], name: &str) {
 
 /// The advice for the fault of that name.
 fn advice_for(name: &str) -> &'static str {
-    let zero = slitrange::units::Counts::from_int(0);
-    let centre = slitrange::units::Pixels::from_int(0);
+    let zero = slitrange::base::units::Counts::from_int(0);
+    let centre = slitrange::base::units::Pixels::from_int(0);
     let faults = [
         Fault::SensorSilent,
         Fault::NoSpot { amplitude: zero },
@@ -126,7 +126,7 @@ fn advice_for(name: &str) -> &'static str {
         },
         Fault::LaserOff,
         Fault::Spike {
-            step: slitrange::units::Micrometres::from_int(0),
+            step: slitrange::base::units::Micrometres::from_int(0),
         },
     ];
     let fault = faults.iter().find(|fault| fault.name() == name);

@@ -5,7 +5,7 @@ use std::convert::Infallible;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use slitrange::pixels::map::{MAX_MAP_PIXELS, PixelMap};
+use slitrange::row::pixels::map::{MAX_MAP_PIXELS, PixelMap};
 use slitrange_device::protocol::calibration::FlashStatus;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::store::configuration::Configuration;

@@ -1,20 +1,21 @@
 //! Calibrations of every kind, with functions that upload and read them.
 
-use slitrange::black_level::BlackLevel;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
-use slitrange::comb::{CORRECTIONS, Comb, LARGEST_CORRECTION, SlitMap};
+use slitrange::centre::spot_shape::COMPONENTS;
+use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN};
-use slitrange::profile::Profile;
+use slitrange::frame::comb::{CORRECTIONS, Comb, LARGEST_CORRECTION, SlitMap};
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 use slitrange::row::Polarity;
-use slitrange::sensor_heads;
-use slitrange::shape::COMPONENTS;
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::row::front_end::{Estimate, FrontEnd, LARGEST_GAIN};
+use slitrange::row::sensor_heads;
 use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use slitrange_device::protocol::piece::Piece;
 use slitrange_device::record::Record;

@@ -3,10 +3,10 @@
 
 use std::time::Duration;
 
-use slitrange::comb::Slits;
-use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::frame::comb::Slits;
 use slitrange::measurement::Measurement;
-use slitrange::sensor_heads;
+use slitrange::row::sensor_heads;
 use slitrange_device::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange_device::settings::Settings;
 use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, Sensor, VirtualBoard};

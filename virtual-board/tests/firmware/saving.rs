@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use slitrange::row::Geometry;
-use slitrange::sensor_heads;
+use slitrange::row::sensor_heads;
 use slitrange_device::protocol::calibration::FlashStatus;
 use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::Record;

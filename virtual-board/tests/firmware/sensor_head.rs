@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use slitrange::sensor_heads::TCD1304DG_LEAD_IN;
+use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
 use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
 use virtual_board::{Line, Row, Sensor, VirtualBoard};

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
 use virtual_board::{Nanos, VirtualBoard};
 
 use super::binary::{Reader, say};

@@ -12,9 +12,9 @@ use rand_distr::{Distribution as _, StandardNormal};
 use rayon::prelude::*;
 use simulator::optics::Optics;
 use simulator::scene::Scene;
-use slitrange::comb::{self, NOMINAL_PLACES_UM, Peak, SLIT_WIDTH_UM, SlitMap, assign};
-use slitrange::sensor_heads;
-use slitrange::units::{Counts, Pixels};
+use slitrange::base::units::{Counts, Pixels};
+use slitrange::frame::comb::{self, Maximum, NOMINAL_PLACES_UM, SLIT_WIDTH_UM, SlitMap, assign};
+use slitrange::row::sensor_heads;
 use slitrange_tool::axes::{self, Axis, Scale, panel};
 
 use crate::comb::{At, Mask, with_speckle, with_width};
@@ -110,11 +110,11 @@ impl Design {
             let mut slits: Vec<&SlitMap> = comb.slits().iter().collect();
             slits.shuffle(&mut random);
             let missing = random.random_range(0..=slits.len() / 2);
-            let peak = |place: f64| Peak {
+            let peak = |place: f64| Maximum {
                 place: place as f32,
                 height: Counts::from_int(1000),
             };
-            let mut peaks: Vec<Peak> = (slits[missing..].iter())
+            let mut peaks: Vec<Maximum> = (slits[missing..].iter())
                 .map(|slit| {
                     let normal: f64 = StandardNormal.sample(&mut random);
                     peak(slit.from_axis(Pixels::from_f32(x0)).to_f64() + SCATTER * normal)

@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 
 use simulator::optics::Aperture;
-use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 use crate::programs::comb::tolerances::{DISTANCE, MATERIALS, ROW_OFF, Tolerances, WARMER};
 

@@ -135,7 +135,7 @@ pub fn write(tolerances: &Tolerances) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+    use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
     /// An entity: its type and layer, and the corners of a polyline or the middle of anything else.
     #[derive(Debug, Default)]

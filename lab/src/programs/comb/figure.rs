@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use simulator::comb::Comb;
 use simulator::scene::{Scene, Simulation};
-use slitrange::comb::NOMINAL_PLACES_UM;
+use slitrange::frame::comb::NOMINAL_PLACES_UM;
 
 use crate::comb::with_speckle;
 

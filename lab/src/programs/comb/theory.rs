@@ -5,7 +5,7 @@
 //! deviation of its light. `patterns` is M, the number of equal speckle patterns in an image.
 //!
 //! **One slit.** An image with the light I has a normal error of the variance s^2 b^-2 d^2 / (2 M) `<I>` / I
-//! (see [`slitrange::uncertainty`]).
+//! (see [`slitrange::reading::uncertainty`]).
 //!
 //! **A comb.** If n images are independent and weighed by their light, their mean has the variance s^2 b^-2
 //! d^2 / (2 M) `<I>` / sum I. The sum of the light is a gamma variable of n M, whose inverse has the mean M /
@@ -23,7 +23,7 @@
 use core::f64::consts::PI;
 
 use simulator::optics::Optics;
-use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 use crate::table::{cells, markdown};
 
@@ -128,7 +128,7 @@ mod tests {
         assert!((span() - 14.9e-3).abs() < 1e-9);
         assert!((speckle_size(0.8, 1e-3) - 0.555e-3).abs() < 1e-6);
         // The figure that the core takes without a calibration.
-        let core = 0.8 * f64::from(slitrange::uncertainty::SPECKLE);
+        let core = 0.8 * f64::from(slitrange::reading::uncertainty::SPECKLE);
         assert!((one_slit(0.8, 1e-3, 1.0) / core - 1.0).abs() < 1e-6);
         // The paper's lens: 0.12 mm.
         assert!((limit(0.8, 1.0, 50e-3 / 12.0) - 0.12e-3).abs() < 2e-6);
@@ -217,8 +217,9 @@ mod tests {
                 let field = random_field(distance, spot, surface, &slits());
                 let (mean, light) = mean(&field);
                 let scatter: f64 = field.iter().map(|it| it[0] * (it[1] - mean).powi(2)).sum();
-                let u =
-                    1.09 * f64::from(slitrange::comb::NEIGHBOURS) * (scatter / 15.0 / light).sqrt();
+                let u = 1.09
+                    * f64::from(slitrange::frame::comb::NEIGHBOURS)
+                    * (scatter / 15.0 / light).sqrt();
                 within += u64::from(mean.abs() <= 2.0 * u);
                 let weighed: Vec<f64> = field.iter().map(|it| it[0].sqrt() * it[1]).collect();
                 shared += weighed.windows(2).map(|two| two[0] * two[1]).sum::<f64>() / 15.0;

@@ -26,7 +26,7 @@
 
 use simulator::comb::Comb;
 use simulator::optics::Optics;
-use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM, TOLERANCE};
+use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM, TOLERANCE};
 
 use crate::programs::comb::theory;
 

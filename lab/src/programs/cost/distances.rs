@@ -3,14 +3,14 @@
 use anyhow::Context as _;
 use cost_on_chip::calibrations::Form;
 use serde::Serialize;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knot;
-use slitrange::sensor_heads;
-use slitrange::uncertainty::CalibrationErrors;
-use slitrange::units::Pixels;
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::CalibrationErrors;
+use slitrange::row::sensor_heads;
 use slitrange_device::record::date::Date;
 use slitrange_device::record::{MAX_ENCODED, Record, encode};
 

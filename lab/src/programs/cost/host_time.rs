@@ -11,8 +11,8 @@ use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::row::sensor_heads;
 use slitrange::row::{LARGEST_COUNT, Row};
-use slitrange::sensor_heads;
 use slitrange::spot;
 
 const ROWS: u64 = 256;

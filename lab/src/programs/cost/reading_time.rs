@@ -18,14 +18,14 @@ use simulator::bound;
 use simulator::comb::Comb;
 use simulator::scene::{Effect, Scene, Simulation};
 use simulator::statistics::median;
-use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
-use slitrange::comb::Slits;
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
+use slitrange::frame::comb::Slits;
+use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange_device::record;
 
 use crate::programs::cost::chip::whole_rows::WholeRows;

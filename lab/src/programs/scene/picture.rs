@@ -10,8 +10,8 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{Scene, Simulation, quantise};
+use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::fault::Fault;
 use slitrange_tool::axes::{self, GRID};
 
 use crate::budget::row_centre;

@@ -17,13 +17,13 @@
 //! than a sixteenth of the highest pixel's light, the noise of its logarithm would decide, and the plain
 //! parabola is taken.
 
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::half_width;
 use slitrange::centre::plausible::{check_saturation, position_on_row};
 use slitrange::centre::{RowCentre, WidthClass};
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Light, Row};
 use slitrange::spot::Spot;
-use slitrange::units::{Counts, Pixels};
 
 use super::check_uncertainty_in_noise;
 

@@ -12,13 +12,13 @@
 //! and falls as 1 / width^2. Its mean over the phases is in u. L is at most 368 pixels, so S and the light in
 //! Q8 are below 2^30.
 
+use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::half_width;
 use slitrange::centre::plausible::{check_saturation, position_on_row};
 use slitrange::centre::{RowCentre, WidthClass};
-use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Light, Row};
 use slitrange::spot::Spot;
-use slitrange::units::{Counts, Pixels};
 
 use super::check_uncertainty_in_noise;
 

@@ -1,10 +1,10 @@
 //! The search for the spot, and turning words into a row.
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WORDS};
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
+use slitrange::base::units::Pixels;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
-use slitrange::units::Pixels;
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost};

@@ -6,14 +6,14 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS, WORDS};
 use cost_on_chip::whole_rows::{COMB, FRAME, Order, WIDTH};
+use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
-use slitrange::comb::Slits;
 use slitrange::distance::Calibration;
-use slitrange::fault::Fault;
+use slitrange::frame::comb::Slits;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
-use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost};

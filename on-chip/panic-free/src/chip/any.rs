@@ -1,35 +1,38 @@
 //! Values that the optimiser knows nothing about.
 
-use slitrange::ambient::AmbientMode;
-use slitrange::black_level::BlackLevel;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels, Units};
+use slitrange::base::work_budget::WorkBudget;
+use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
-use slitrange::comb::{CORRECTIONS, Comb, Combined, MAX_SLITS, SlitMap, Slits};
+use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::exposure::Exposure;
-use slitrange::fault::Fault;
+use slitrange::frame::comb::{CORRECTIONS, Comb, Combined, MAX_SLITS, SlitMap, Slits};
 use slitrange::frame::{FrameCentre, Mean};
-use slitrange::front_end::{Estimate, FrontEnd};
-use slitrange::pixels::PixelErrors;
-use slitrange::profile::Profile;
+use slitrange::light::ambient::AmbientMode;
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Parts};
 use slitrange::reading::{Measured, Reading};
+use slitrange::row::background::Background;
+use slitrange::row::front_end::{Estimate, FrontEnd};
+use slitrange::row::pixels::PixelErrors;
+use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, Polarity};
-use slitrange::sensor_heads;
-use slitrange::shape::COMPONENTS;
-use slitrange::spot::{Background, Effort, Spot};
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
-use slitrange::units::{Counts, Electrons, Micrometres, Pixels, Units};
-use slitrange_device::output::average::Average;
-use slitrange_device::output::columns::Columns;
-use slitrange_device::output::limits::Limits;
-use slitrange_device::output::spike::SpikeFilter;
+use slitrange::spot::Spot;
+use slitrange_device::filters::average::Average;
+use slitrange_device::filters::limits::Limits;
+use slitrange_device::filters::spike::SpikeFilter;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
 use slitrange_device::settings::Settings;
-use slitrange_device::settings::sending::Format;
+use slitrange_device::settings::columns::Columns;
+use slitrange_device::settings::serial_line::Format;
 use slitrange_device::settings::trigger::Trigger;
 
 /// What might be any value of its type, though it is the one given.
@@ -188,7 +191,7 @@ pub fn spot() -> Spot {
             noise: Counts::MIN,
         },
         black_level: Counts::MIN,
-        effort: Effort::WHOLE,
+        effort: WorkBudget::WHOLE,
     })
 }
 
@@ -199,7 +202,7 @@ pub fn row_centre() -> RowCentre {
         amplitude: Counts::MIN,
         width: Pixels::MIN,
         class: WidthClass::default(),
-        shape: any::<slitrange::shape::SpotShape>(Default::default()),
+        shape: any::<slitrange::centre::spot_shape::SpotShape>(Default::default()),
         misfit: false,
     })
 }
@@ -218,7 +221,7 @@ pub fn measured() -> Measured {
             width: Pixels::MIN,
             rows_used: 0,
             rows: 0,
-            shape: any::<slitrange::shape::SpotShape>(Default::default()),
+            shape: any::<slitrange::centre::spot_shape::SpotShape>(Default::default()),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),

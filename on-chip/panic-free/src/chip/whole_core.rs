@@ -2,22 +2,22 @@
 
 use core::fmt::{self, Display, Write};
 
-use slitrange::black_level::{self, BlackPixels};
+use slitrange::base::units::{AsMillimetres, Counts, Micrometres, Pixels};
 use slitrange::centre::tables::{GAUSSIAN, Sampling};
 use slitrange::centre::{self, Estimator, phase_table};
 use slitrange::check::{self, repair};
-use slitrange::difference::Difference;
 use slitrange::frame::Frame;
+use slitrange::light::black_level::{self, BlackPixels};
 use slitrange::measurement::Measurement;
-use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
-use slitrange::pixels::map::{Correction, Entry, PixelMap, window};
 use slitrange::row::Row;
+use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
+use slitrange::row::pixels::map::{Correction, Entry, PixelMap, window};
 use slitrange::spot;
-use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
+use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::input::{Echo, Input};
-use slitrange_device::protocol::line::PartsOf;
+use slitrange_device::protocol::line::{CentreLine, FaultLine, PartsOf, ReadingLine};
 use slitrange_device::protocol::modbus::{self, Shown};
 use slitrange_device::protocol::packet::{
     Decoder, Message, Packed, Packets, RowHead as RowPacket, RowWords, Window, parts_of_text,
@@ -30,7 +30,7 @@ use slitrange_device::protocol::upload::Step;
 use slitrange_device::record;
 use slitrange_device::session::flat::Outcome;
 use slitrange_device::session::{Actions, AddressPrefix, Event, Session};
-use slitrange_device::settings::sending::Format;
+use slitrange_device::settings::serial_line::Format;
 use slitrange_device::store::configuration::{self, Configuration};
 use slitrange_device::store::encoded_map::{Read, Reader, Words};
 use slitrange_device::store::pixel_map::StoredMap;
@@ -40,11 +40,11 @@ use super::any::{self, any};
 
 /// The pipeline: any sensor, any settings, any rows.
 pub fn measure_rows() {
-    let mut measurement = Measurement::new(any::geometry(), any::settings());
+    let mut measurement = Measurement::new(any::geometry(), any::settings().options());
     let mut words = [0; 4096];
     while any(true) {
         if any(true) {
-            measurement.set(any::settings(), any(true).then(any::profile));
+            measurement.set(any::settings().options(), any(true).then(any::profile));
         }
         if any(true) {
             say(&measurement.silence());
@@ -142,7 +142,7 @@ pub fn find_centres() {
 pub fn correct_pixels() {
     let mut field = FlatField::new();
     let mut words = [0; 4096];
-    let mut measurement = Measurement::new(any::geometry(), any::settings());
+    let mut measurement = Measurement::new(any::geometry(), any::settings().options());
     while any(true) {
         let geometry = any::geometry();
         if let Err(error) = field.begin(any(Kind::Dark), &geometry) {
@@ -187,7 +187,7 @@ pub fn correct_pixels() {
         }
     }
     let width = any(true).then(|| any(Pixels::MIN));
-    reached(window(&any::spot(), width).end as i32);
+    reached(window(any(0), any(0), width).end as i32);
     any(Entry::new(any(0), any(0)));
     if any(true) {
         field.place().clear();
@@ -205,9 +205,9 @@ pub fn find_distances() {
     if let Ok(reading) =
         any(any::measured().reading(Some(&calibration), &any::errors(), any::settings().surface))
     {
-        say(&reading);
+        say(&ReadingLine(&reading));
         say(&PartsOf(&reading.parts, any::settings().units));
-        say(&Difference::between(&any(reading), &any(reading)));
+        reached(any(reading).relative_to(&any(reading)).distance.to_bits());
         reached(reading.distance.to_bits());
     }
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {
@@ -255,7 +255,7 @@ pub fn talk() {
         board: "",
         head: "",
         row_us: 0,
-        longest_exposure: slitrange::exposure::Exposure::LONGEST,
+        longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
         clock: Clock::External,
         brown_out: BrownOut::Off,
     });
@@ -323,11 +323,11 @@ pub fn talk() {
     say(&any(Command::Nothing));
     send_row();
     answer_a_master();
-    say(&any::reading());
-    say(&any::measured());
+    say(&ReadingLine(&any::reading()));
+    say(&CentreLine(&any::measured()));
     let fault = any::fault();
-    say(&fault);
-    say(&fault.advice());
+    say(&FaultLine(&fault));
+    say(&advice(&fault));
     say(&AsMillimetres(any(Micrometres::MIN)));
     say(&any(Pixels::MIN));
 }
@@ -395,7 +395,7 @@ fn send_packets(actions: &Actions, packets: &mut Packets, decoder: &mut Decoder)
 /// A row for the serial line, and the lines that the other end reads.
 fn send_row() {
     let mut words = [0; 4096];
-    let mut measurement = Measurement::new(any::geometry(), any::settings());
+    let mut measurement = Measurement::new(any::geometry(), any::settings().options());
     let measured = measurement.measure_alone(any::words(&mut words), any::exposure(), None);
     let geometry = any::geometry();
     let row = geometry.row(any::words(&mut words));

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::ops::Range;
 
 use anyhow::{Result, bail, ensure};
-use slitrange::ambient::AmbientMode;
-use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::light::ambient::AmbientMode;
 use slitrange::row::Geometry;
 use slitrange_device::protocol::row::{RowExposure, RowPart};
 use slitrange_device::settings::Value;

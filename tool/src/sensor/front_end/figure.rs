@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use plotters::prelude::*;
-use slitrange::front_end::FrontEnd;
+use slitrange::row::front_end::FrontEnd;
 
 use super::bench::Taken;
 use crate::axes::{self, Area, Axis, Scale, TEXT, text};

@@ -11,9 +11,9 @@ use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::centre::Estimator;
-use slitrange::exposure::{Exposure, ExposureMode};
-use slitrange::region::Region;
+use slitrange::spot::region::Region;
 use slitrange_device::protocol::row::{RowExposure, RowPart};
 use slitrange_device::settings::{Setting, Value};
 

@@ -1,7 +1,7 @@
 //! Parses the firmware's lines.
 
 use anyhow::{Context as _, Result};
-use slitrange::fault::Fault;
+use slitrange::base::fault::Fault;
 
 /// A reading from the serial line.
 #[derive(Clone, Debug, PartialEq)]

@@ -300,7 +300,7 @@ mod tests {
                 &["<&mut slitrange::spot::search::{closure#0} as F>::call"],
                 Step::Search,
             ),
-            (&["slitrange::units::x"], Step::Frame),
+            (&["slitrange::base::units::x"], Step::Frame),
         ];
         for (chain, expected) in cases {
             assert_eq!(within(chain), Some(expected), "{chain:?}");

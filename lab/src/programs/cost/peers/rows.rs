@@ -5,10 +5,10 @@ use host_tests::accuracy::Cell;
 use rayon::prelude::*;
 use simulator::bound;
 use simulator::scene::{self, quantise};
+use slitrange::base::units::Pixels;
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
-use slitrange::units::Pixels;
 
 use super::gaussian::{Parameters, WINDOW};
 

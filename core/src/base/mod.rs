@@ -1,0 +1,13 @@
+//! What all steps share: units, faults, exposures, arithmetic, and the work that a row may cost.
+
+pub mod drawing;
+pub mod exposure;
+pub mod fault;
+pub(crate) mod numeric;
+pub mod order_statistic;
+pub mod places;
+pub mod units;
+pub mod work_budget;
+
+/// The most rows in a frame.
+pub const MAX_ROWS: u32 = 64;

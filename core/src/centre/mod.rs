@@ -1,0 +1,236 @@
+//! The spot's centre on its row, to a fraction of a pixel: five estimators, from the cheapest to the most
+//! careful.
+//!
+//! All take the same arguments and return the same result: see [`centre`].
+
+pub(crate) mod adaptive;
+mod centroid;
+mod fraunhofer;
+pub mod gauss_newton;
+pub mod half_width;
+pub mod phase_table;
+pub mod plausible;
+pub mod spot_shape;
+pub mod tables;
+mod window;
+
+use serde::{Deserialize, Serialize};
+
+use crate::base::fault::Fault;
+use crate::base::units::{Counts, Pixels};
+use crate::centre::spot_shape::{OwnSpot, SpotShape};
+use crate::centre::tables::Sampling;
+use crate::row::{Geometry, Row};
+use crate::spot::Spot;
+
+/// A way to find a row's centre.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Estimator {
+    /// The centroid of the counts above the black level, eq. (2).
+    Centroid,
+    /// The phase-table score with one set of weights for every row.
+    PhaseTable,
+    /// The phase-table score with weights that follow the spot's width, its noise and the background's tilt.
+    #[default]
+    Adaptive,
+    /// A weighted least-squares fit of eq. (5), by the Gauss-Newton method: the paper's fit.
+    GaussNewton,
+    /// The phase-table score for the diffraction pattern of a slit, eq. (6).
+    Fraunhofer,
+}
+
+impl Estimator {
+    /// All estimators.
+    pub const ALL: [Self; 5] = [
+        Self::Centroid,
+        Self::PhaseTable,
+        Self::Adaptive,
+        Self::GaussNewton,
+        Self::Fraunhofer,
+    ];
+
+    /// The name on the serial line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Centroid => "centroid",
+            Self::PhaseTable => "phase-table",
+            Self::Adaptive => "adaptive",
+            Self::GaussNewton => "gauss-newton",
+            Self::Fraunhofer => "fraunhofer",
+        }
+    }
+
+    /// The standard uncertainty of a calibrated centre by the spot's shape. `own` is the sensor's own spot.
+    pub fn by_shape(self, shape: &SpotShape, own: Option<&OwnSpot>) -> Pixels {
+        match self {
+            Self::Adaptive => shape.uncertainty_by_sets(own),
+            _ => shape.uncertainty(own),
+        }
+    }
+
+    /// Finds an estimator by its [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|it| it.name() == name)
+    }
+
+    /// The letter in the line of a reading, which has no room for a name.
+    pub const fn letter(self) -> char {
+        match self {
+            Self::Centroid => 'c',
+            Self::PhaseTable => 't',
+            Self::Adaptive => 'a',
+            Self::GaussNewton => 'g',
+            Self::Fraunhofer => 'f',
+        }
+    }
+
+    /// Finds the estimator for a [`letter`](Self::letter) in flash or in a record. An earlier firmware may
+    /// have written that letter.
+    ///
+    /// Earlier firmware had five more estimators. `robust` was `adaptive` with a check that every estimator
+    /// has now. The others looked for the centre of the same spot with more noise or a larger bias than
+    /// `phase-table`.
+    pub fn from_stored_letter(letter: char) -> Option<Self> {
+        match letter {
+            // robust
+            'r' => Some(Self::Adaptive),
+            // blocks, parabola, log-parabola, zero-crossing
+            'b' | 'p' | 'l' | 'z' => Some(Self::PhaseTable),
+            _ => Self::ALL.into_iter().find(|it| it.letter() == letter),
+        }
+    }
+}
+
+/// What an estimator finds in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowCentre {
+    /// The spot's centre.
+    pub centre: Pixels,
+    /// The standard uncertainty of the centre that follows from the row's noise and the spot's shot noise.
+    pub uncertainty: Pixels,
+    /// The spot's height above the background.
+    pub amplitude: Counts,
+    /// The spot's width (a gaussian's sigma).
+    pub width: Pixels,
+    /// The phase table that was used, if any.
+    pub class: WidthClass,
+    /// The spot's antisymmetric light and its width. [`check::centre`](crate::check::centre) measures it;
+    /// the estimators leave it at zero.
+    pub shape: SpotShape,
+    /// The row does not have the shape of a spot, or its asymmetry is too large for `shape` to express: the
+    /// centre may be off by more than its uncertainty. Of the estimators only [`Estimator::GaussNewton`]
+    /// sets this flag; [`check::centre`](crate::check::centre) sets it for all.
+    pub misfit: bool,
+}
+
+/// Which phase table was used, and the pixels in a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WidthClass {
+    /// Number of the table set.
+    pub set: u8,
+    /// Index of the table in its set.
+    pub table: u8,
+    /// Pixels in a sample.
+    pub block: u8,
+}
+
+/// Finds the centre of a spot that the coarse search found.
+///
+/// `before` is the result of the same estimator for the row before, if there is one. As far as its width and
+/// its place still fit, they need not be found again.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge.
+/// [`Fault::Saturated`] where a pixel within two widths of the centre is saturated. [`Fault::TooDim`]
+/// where the noise leaves the centre uncertain by more than an eighth of the width. [`Fault::NoSpot`] where
+/// the light there does not have the shape of a spot.
+// Inlined, so that a program whose estimator is fixed at compile time does not contain the others.
+#[inline(always)]
+pub fn centre(
+    estimator: Estimator,
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    match estimator {
+        Estimator::Centroid => centroid::centre(row, spot, before, geometry),
+        Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
+        Estimator::Adaptive => adaptive::centre(row, spot, before, geometry),
+        Estimator::Fraunhofer => fraunhofer::centre(row, spot, before, geometry),
+        Estimator::PhaseTable => phase_table::centre(
+            row,
+            spot,
+            before,
+            geometry,
+            &tables::GAUSSIAN,
+            Sampling::Fine,
+        ),
+    }
+}
+
+/// A centre with its height above the black level, if that is what the centroid sums. The other estimators
+/// fit or cancel the level under the spot, and measure the height above it.
+///
+/// # Errors
+/// [`Fault::NoSpot`] if the centroid's height is not above zero.
+#[inline(always)]
+pub(crate) fn above_black(
+    estimator: Estimator,
+    spot: &Spot,
+    found: RowCentre,
+) -> Result<RowCentre, Fault> {
+    if estimator != Estimator::Centroid {
+        return Ok(found);
+    }
+    let amplitude = spot.above_black(found.amplitude);
+    if amplitude <= Counts::default() {
+        return Err(spot.no_spot());
+    }
+    Ok(RowCentre { amplitude, ..found })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_letters_tell_estimators_apart() {
+        for it in Estimator::ALL {
+            assert_eq!(Estimator::named(it.name()), Some(it));
+            let same = Estimator::ALL
+                .into_iter()
+                .filter(|other| other.letter() == it.letter());
+            assert_eq!(same.count(), 1, "{}", it.letter());
+        }
+        for letter in ['r', 'b', 'p', 'l', 'z'] {
+            assert!(
+                Estimator::ALL.iter().all(|it| it.letter() != letter),
+                "{letter} is taken"
+            );
+        }
+        for name in ["", "Adaptive", "adaptive ", "t"] {
+            assert_eq!(Estimator::named(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn letters_of_removed_estimators_stand_for_those_that_replace_them() {
+        use Estimator::{Adaptive, PhaseTable};
+        for it in Estimator::ALL {
+            assert_eq!(Estimator::from_stored_letter(it.letter()), Some(it));
+        }
+        for (letter, it) in [
+            ('r', Some(Adaptive)),
+            ('b', Some(PhaseTable)),
+            ('p', Some(PhaseTable)),
+            ('l', Some(PhaseTable)),
+            ('z', Some(PhaseTable)),
+            ('?', None),
+            ('T', None),
+            ('\0', None),
+        ] {
+            assert_eq!(Estimator::from_stored_letter(letter), it, "{letter}");
+        }
+    }
+}

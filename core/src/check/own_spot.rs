@@ -1,0 +1,118 @@
+//! The sensor's own spot: what its optics do to every spot, as a calibration learned it.
+//!
+//! A laser's skewed beam or a scratch in the slit makes every spot lopsided in the same way. That is no error
+//! once the sensor is calibrated: the curve holds it. So the check compares a row's antisymmetric light with
+//! that of the sensor's own spot, and only the rest counts as a flaw.
+//!
+//! The width tells of flaws too. A wide shadow moves a spot, and leaves it symmetric but narrower.
+
+use serde::{Deserialize, Serialize};
+
+use crate::base::places::{PLACES, place_at};
+use crate::base::units::Pixels;
+use crate::centre::spot_shape::{COMPONENTS, OwnSpot};
+
+/// The sensor's own spot at [`PLACES`] centres, evenly from the first to the last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Profile {
+    /// The first centre.
+    pub first: Pixels,
+    /// The last centre.
+    pub last: Pixels,
+    /// The spot's width.
+    pub width: [Pixels; PLACES],
+    /// How far the widths of spots without a flaw differ from that, as a standard deviation.
+    pub width_deviation: Pixels,
+    /// The components of the antisymmetric light, each at all places: see
+    /// [`SpotShape::components`](crate::centre::spot_shape::SpotShape::components).
+    pub components: [[Pixels; PLACES]; COMPONENTS],
+    /// How far the components of spots without a flaw differ from that beyond noise, as a standard deviation.
+    pub deviation: Pixels,
+}
+
+impl Profile {
+    /// Interpolates linearly. Beyond the range the spot is that of its end.
+    pub fn at(&self, centre: Pixels) -> OwnSpot {
+        let first = self.first.to_f32();
+        // If the range is empty this is infinite or not a number. `place_at` limits it to 0 to 1.
+        let along = (centre.to_f32() - first) / (self.last.to_f32() - first);
+        let (index, part) = place_at(along);
+        let between = |values: &[Pixels; PLACES]| match values.get(index..) {
+            Some([from, to, ..]) => from.to_f32() + (to.to_f32() - from.to_f32()) * part,
+            _ => 0.0,
+        };
+        OwnSpot {
+            width: between(&self.width),
+            width_deviation: self.width_deviation.to_f32(),
+            components: self.components.each_ref().map(between),
+            deviation: self.deviation.to_f32(),
+        }
+    }
+
+    /// Moves the places of the spots by whole pixels, as for another pixel 0.
+    pub(crate) fn move_by(&mut self, pixels: i32) {
+        self.first = self.first.moved_by(pixels);
+        self.last = self.last.moved_by(pixels);
+    }
+
+    /// Whether the widths are above zero, and no deviation is below.
+    pub fn is_sensible(&self) -> bool {
+        self.width.iter().all(|width| width.to_bits() > 0)
+            && self.width_deviation.to_bits() >= 0
+            && self.deviation.to_bits() >= 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_own_spot_is_interpolated_and_ends_with_its_range() {
+        let rising =
+            |from: i32| core::array::from_fn(|place| Pixels::from_int(from + place as i32));
+        let mut components = [[Pixels::default(); PLACES]; COMPONENTS];
+        components[2] = rising(-4);
+        let profile = Profile {
+            first: Pixels::from_int(1000),
+            last: Pixels::from_int(1800),
+            width: rising(7),
+            width_deviation: Pixels::from_f32(0.25),
+            components,
+            deviation: Pixels::from_f32(0.5),
+        };
+        for (centre, width) in [
+            (0, 7.0),
+            (1000, 7.0),
+            (1250, 9.5),
+            (1799, 14.99),
+            (1800, 15.0),
+            (3000, 15.0),
+        ] {
+            let own = profile.at(Pixels::from_int(centre));
+            assert!((own.width - width).abs() < 1e-4, "{centre}: {own:?}");
+            assert_eq!(own.components[2], own.width - 11.0);
+            assert_eq!((own.width_deviation, own.deviation), (0.25, 0.5));
+        }
+        let last = profile.first;
+        let empty = Profile { last, ..profile };
+        assert_eq!(empty.at(Pixels::from_int(1000)).width, 7.0);
+        assert!(profile.is_sensible());
+        for spoilt in [
+            Profile {
+                width: rising(-1),
+                ..profile
+            },
+            Profile {
+                width_deviation: Pixels::from_bits(-1),
+                ..profile
+            },
+            Profile {
+                deviation: Pixels::from_bits(-1),
+                ..profile
+            },
+        ] {
+            assert!(!spoilt.is_sensible(), "{spoilt:?}");
+        }
+    }
+}

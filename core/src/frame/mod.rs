@@ -1,0 +1,990 @@
+//! Combines the centres of a frame's rows into one.
+//!
+//! The frame's centre is the mean of its rows' centres. In the weighted mean a row counts more the more
+//! certain it is and the better it agrees with the others (`agreement`); the plain mean is that of the paper.
+//! The uncertainty is that of the rows, propagated. If the rows scatter more than their uncertainties
+//! explain, it grows by the ratio (R. T. Birge, Phys. Rev. 40, 207 (1932)). If neighbours have similar
+//! errors, it grows to that of fewer independent rows (`correlation`). If no majority of the rows agrees, or
+//! the rows scatter by more than the spot's width, they do not show one spot: the frame has no centre.
+//!
+//! If the target moves, both means hold at one time: half-way between the frame's first row and its last. The
+//! steady part of the motion is a line through the rows (`motion`). That line is no scatter, so the
+//! uncertainty leaves it out. If the mean of the rows' times is not the middle of the frame, because rows are
+//! missing or count less, the line takes the centre to the middle. From a target that accelerates the mean
+//! lies off its place in the middle of the frame; [`FrameCentre::motion`] says by how much. Frames of fewer
+//! than eight rows show no motion: there the motion is scatter, and widens the uncertainty.
+
+mod agreement;
+pub mod comb;
+mod correlation;
+mod motion;
+
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+pub use crate::base::MAX_ROWS;
+use crate::base::exposure::Exposure;
+use crate::base::fault::Fault;
+use crate::base::numeric;
+use crate::base::order_statistic::{self, from_ordered, ordered};
+use crate::base::units::{Counts, Pixels};
+use crate::centre::RowCentre;
+use crate::centre::spot_shape::{COMPONENTS, SpotShape};
+
+use correlation::Correlated;
+use motion::Course;
+
+/// How the rows' centres are combined into one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mean {
+    /// The mean of all rows, as in the paper. If rows are missing and the target moves, the mean is taken to
+    /// the middle of the frame, with the speed that the rows show. If all rows have a centre, it is the plain
+    /// mean to the last bit.
+    Plain,
+    /// The mean weighted by the rows' uncertainties, and by how far each row is from the others.
+    #[default]
+    Weighted,
+}
+
+impl Mean {
+    /// All ways.
+    pub const ALL: [Self; 2] = [Self::Plain, Self::Weighted];
+
+    /// The name on the serial line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Weighted => "weighted",
+        }
+    }
+
+    /// Finds a mean by its [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|mean| mean.name() == name)
+    }
+}
+
+/// Below this effective number of rows, their scatter underestimates the error.
+pub const FEWEST_INDEPENDENT: u16 = 8;
+
+/// The rows of a frame, so far.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// The centres, each with the number of its row.
+    centres: Vec<(u16, RowCentre), { MAX_ROWS as usize }>,
+    /// How often each kind of fault came, and the latest one.
+    faults: [(u16, Option<Fault>); Fault::KINDS],
+    /// The exposure of each row, where it is known.
+    exposures: Vec<Option<Exposure>, { MAX_ROWS as usize }>,
+    rows: u16,
+}
+
+/// The centre of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FrameCentre {
+    /// The mean of the rows' centres. If the target moves, where the spot was in the middle of the frame:
+    /// half-way between the first row and the last.
+    pub centre: Pixels,
+    /// The standard uncertainty of the centre that the rows' errors cause, and their scatter beyond those. If
+    /// the target moves steadily, that motion is not scatter. [`Self::motion`] is not part of this
+    /// uncertainty. Speckle that all rows share is not in it either.
+    ///
+    /// A motion counts from four standard deviations on. Slower motion goes unseen, and shifts the centre if
+    /// the mean of the rows' times is not the middle of the frame: by up to 4 m / s uncertainties, where m
+    /// is the mean of the times, taken from the middle of the frame, and s their standard deviation. That is
+    /// 0.15 with every fourth row missing of 16, and 3.4 without the first third of 64 rows. At worst it is
+    /// 6.5, without the first 31 of 64 rows.
+    pub uncertainty: Pixels,
+    /// The mean height of the spot.
+    pub amplitude: Counts,
+    /// The mean exposure of the rows used. `None` if the exposure of one of them is not known.
+    pub exposure: Option<Exposure>,
+    /// The mean width of the spot.
+    pub width: Pixels,
+    /// Rows in the mean: those with a centre, less those that disagree with the others.
+    pub rows_used: u16,
+    /// Rows in the frame.
+    pub rows: u16,
+    /// Rows used that have the flag [`RowCentre::misfit`].
+    pub misfits: u16,
+    /// The spot's antisymmetric light and its width, the mean of the rows used. Noise differs from row to
+    /// row, so the mean shows less of it; a flaw stays.
+    pub shape: SpotShape,
+    /// See [`Reading::correlated`](crate::reading::Reading::correlated).
+    pub correlated: Option<u16>,
+    /// How far the rows' centres scatter beyond their own uncertainties: a standard deviation in pixels about
+    /// their mean, or about their motion. Rows of a rough target that moves scatter so, because each row sees
+    /// other speckle.
+    ///
+    /// The square is the variance of the rows (the sum of squares over the number of rows) less the mean
+    /// square of their uncertainties. The plain mean counts all rows alike, the weighted mean with 1/u^2.
+    /// Zero for fewer than three rows, and if chance explains the scatter. Chance alone gives a spread in
+    /// 0.5 % of the frames of 64 rows, 1 % of 16, and 3 % of three.
+    ///
+    /// The spread shows how good the mean is: if speckle moves each row with the variance V, the mean has an
+    /// error, by speckle and noise together, with the variance V - E\[spread^2\]. E is the mean over many
+    /// frames; in one frame spread^2 may exceed V. The reason: rows vary about their mean by the variance of
+    /// a row less the variance of the mean, whether or not their displacements are independent.
+    ///
+    /// V - E\[spread^2\] is too large in three cases. (1) Chance explains the scatter, so the spread is zero.
+    /// (2) The rows show a motion, or displacements that drift look like one: a line through n independent
+    /// rows hides V / n, a parabola 2 V / n. (3) The weighted mean leaves out rows that are far from it. It
+    /// is too small if the rows do not show a motion, because the spread then contains the motion: a slow
+    /// one, or any one in fewer than eight rows.
+    pub spread: Pixels,
+    /// The standard uncertainty of where the target was in the middle of the frame that comes from motion
+    /// which a straight line does not describe. Independent of [`Self::uncertainty`]: combine both in
+    /// quadrature.
+    ///
+    /// If the target accelerates by a pixels a row^2, the mean of its positions in n rows lies off its place
+    /// in the middle by a (n^2 - 1)/24. A parabola through the rows gives that shift, with whichever rows are
+    /// missing or count less. The centre stays a mean: the shift is not subtracted, and its whole size is
+    /// this uncertainty.
+    ///
+    /// Zero if a straight line describes the motion, or if the curvature is less than four times its own
+    /// standard deviation. Such a curvature shifts the centre by up to 4.5 times the uncertainty, and goes
+    /// unseen. Zero for motion that neither a line nor a parabola describes: such motion is scatter. If the
+    /// target swings half a period to two periods in the frame, the error is up to 1.3 times the uncertainty
+    /// (root mean square over all phases). If the target swings more often, the centre is the mean of its
+    /// places with the uncertainty of the mean, and not its place in the middle of the frame.
+    pub motion: Pixels,
+}
+
+impl Frame {
+    /// Adds a row's centre or fault. Rows beyond [`MAX_ROWS`] do not count.
+    pub fn add(&mut self, row: Result<RowCentre, Fault>) {
+        self.add_exposed(row, None);
+    }
+
+    /// As [`Frame::add`], with the row's exposure.
+    pub fn add_exposed(&mut self, row: Result<RowCentre, Fault>, exposure: Option<Exposure>) {
+        if u32::from(self.rows) >= MAX_ROWS {
+            return;
+        }
+        // There is room for MAX_ROWS.
+        let _ = self.exposures.push(exposure);
+        match row {
+            // There is room for MAX_ROWS.
+            Ok(centre) => {
+                let _ = self.centres.push((self.rows, centre));
+            }
+            Err(fault) => {
+                // In bounds: `kind` is below `KINDS`.
+                if let Some((count, latest)) = self.faults.get_mut(fault.kind()) {
+                    *count = count.saturating_add(1);
+                    *latest = Some(fault);
+                }
+            }
+        }
+        self.rows = self.rows.saturating_add(1);
+    }
+
+    /// Forgets the rows, for the next frame.
+    pub fn clear(&mut self) {
+        // The places of the centres need not be written.
+        self.centres.clear();
+        self.exposures.clear();
+        self.faults = Default::default();
+        self.rows = 0;
+    }
+
+    /// Rows added.
+    pub const fn rows(&self) -> u16 {
+        self.rows
+    }
+
+    /// Combines the rows.
+    ///
+    /// # Errors
+    /// If half of the rows or more have no centre: the most common fault, as it came last. If two kinds are
+    /// equally common, the one with the higher [`Fault::kind`]. [`Fault::Unsteady`] if no majority of the
+    /// rows agrees, or the rows that agree scatter by more than the spot's width.
+    pub fn centre(&self, how: Mean) -> Result<FrameCentre, Fault> {
+        if self.centres.len() <= usize::from(self.rows) / 2 {
+            let most = self.faults.iter().max_by_key(|(count, _)| *count);
+            return Err(most
+                .and_then(|&(_, fault)| fault)
+                .unwrap_or(Fault::SensorSilent));
+        }
+        // Distances are taken from the median centre, so that fractions of a pixel keep all 24 bits of an
+        // f32.
+        let keys = self
+            .centres
+            .iter()
+            .map(|(_, row)| ordered(row.centre.to_bits()));
+        let origin = median(keys).map_or(0, from_ordered);
+        let mut members = Members::new();
+        self.list(origin, &mut members);
+        let found = match how {
+            Mean::Plain => plain_mean(&mut members),
+            Mean::Weighted => agreeing_mean(&mut members),
+        };
+        let Some((offset, course)) = found else {
+            return Err(self.unsteady());
+        };
+        let width = Pixels::from_bits(mean(members.iter().map(|it| it.row.width.to_bits())));
+        let is_steady = scatter(&members, course.speed) <= width.to_f32();
+        if !is_steady {
+            return Err(self.unsteady());
+        }
+        let fluctuation = Fluctuation::about(&mut members, &course);
+        let Fluctuation {
+            fitted, correlated, ..
+        } = fluctuation;
+        let excess = birge_ratio(&members, offset, fitted);
+        let growth = correlated.map_or(1.0, |it| it.growth);
+        let uncertainty = propagated(&members, &course) * excess * growth;
+        let spread = if excess > 1.0 && members.len() as f32 - fitted >= 2.0 {
+            spread(&members, how)
+        } else {
+            0.0
+        };
+        Ok(FrameCentre {
+            centre: Pixels::from_bits(origin.saturating_add(Pixels::from_f32(offset).to_bits())),
+            // Never an uncertainty below one step.
+            uncertainty: Pixels::from_f32(uncertainty).max(RESOLUTION),
+            amplitude: Counts::from_bits(mean(members.iter().map(|it| it.row.amplitude.to_bits()))),
+            exposure: self.mean_exposure(&members),
+            width,
+            // At most the 64 rows there are.
+            rows_used: members.len() as u16,
+            rows: self.rows,
+            misfits: count_where(&members, |it| it.row.misfit) as u16,
+            shape: mean_shape(&members),
+            correlated: correlated.and_then(Correlated::rows_if_few),
+            spread: Pixels::from_f32(spread),
+            motion: Pixels::from_f32(fluctuation.shift),
+        })
+    }
+
+    /// The mean exposure of some rows. `None` if that of one row is not known.
+    fn mean_exposure(&self, members: &[Member<'_>]) -> Option<Exposure> {
+        let middle = 0.5 * (f32::from(self.rows) - 1.0);
+        let (mut sum, mut count) = (0u32, 0u32);
+        for member in members {
+            // The number of the row, a whole number from 0 to 63.
+            let number = (member.rows_from_middle + middle) as usize;
+            let exposure = self.exposures.get(number).copied().flatten()?;
+            sum = sum.saturating_add(exposure.us().into());
+            count = count.saturating_add(1);
+        }
+        sum.checked_div(count).map(Exposure::nearest_to_us)
+    }
+
+    /// The fault of rows that do not agree: how far all of them scatter.
+    fn unsteady(&self) -> Fault {
+        let origin = mean(self.centres.iter().map(|(_, row)| row.centre.to_bits()));
+        Fault::Unsteady {
+            scatter: Pixels::from_f32(scatter(&self.members(origin), 0.0)),
+        }
+    }
+
+    /// The rows with a centre, from an origin in the bits of [`Pixels`]. All have the same weight.
+    fn members(&self, origin: i32) -> Members<'_> {
+        let mut members = Members::new();
+        self.list(origin, &mut members);
+        members
+    }
+
+    /// As [`Self::members`], into an empty list: a list that is returned would be copied.
+    fn list<'a>(&'a self, origin: i32, members: &mut Members<'a>) {
+        let middle = 0.5 * (f32::from(self.rows) - 1.0);
+        for (number, row) in &self.centres {
+            let offset = Pixels::from_bits(row.centre.to_bits().saturating_sub(origin));
+            // There is room for all centres.
+            let _ = members.push(Member {
+                row,
+                rows_from_middle: f32::from(*number) - middle,
+                offset: offset.to_f32(),
+                uncertainty: row.uncertainty.max(RESOLUTION).to_f32(),
+                weight: 1.0,
+            });
+        }
+    }
+}
+
+/// The finest step of a centre, and so its least uncertainty: 2^-16 px.
+const RESOLUTION: Pixels = Pixels::from_bits(1);
+
+/// The rows that have a centre, in the order in which they came.
+type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
+
+/// A row as the mean uses it.
+///
+/// No sum over 64 members leaves the range of an f32 (2^127), and no division is by zero. Two centres differ
+/// by less than 2^17 px. A line through some of them changes by at most 2^17 px a row, so a centre less that
+/// line is below 2^24. An uncertainty is 2^-16 to 2^15 px. A residual, which is centre over uncertainty, is
+/// below 2^40, from another line below 2^47, and 64 squares are below 2^100. A weight is at most 1/u^2 =
+/// 2^32. 64 weights, each times an offset and the square of a row's number, are below 2^74; a weight times u
+/// is at most 2^16. A row that agrees has a weight of more than half of its 1/u^2, which is 2^-30 or more, so
+/// sums of weights are above zero.
+///
+/// A parabola through the members (`motion`) has a shape below 2^14 rows^2. 64 weights, each times the square
+/// of a shape, are below 2^66; each times a shape and an offset, below 2^76.
+///
+/// The mean of the rows' shapes (`mean_shape`): all lengths are at most 2^15 px, so the square of a weight
+/// times a noise is at most 2^94, and 64 of these are at most 2^100. The other lengths are summed in their
+/// steps, at most 2^31: 64 weights, each times the square of a rest, are at most 2^100. The rows that have a
+/// shape may all be at the end of the reach. There the biweight is 2^-48 or more, the weight 2^-78 or more,
+/// and one over the sum of weights at most 2^78. The square of such a weight may round to zero; a noise of
+/// zero counts as one step ([`SpotShape::uncertainty`]).
+#[derive(Clone, Copy)]
+struct Member<'a> {
+    row: &'a RowCentre,
+    /// The row's number from the middle of the frame, -31.5 to 31.5.
+    rows_from_middle: f32,
+    /// The row's centre from the frame's origin, in pixels, less the motion since the middle of the frame.
+    offset: f32,
+    /// The uncertainty in pixels, never zero.
+    uncertainty: f32,
+    /// How much the row counts: 1 if all count alike, 0 if it does not count.
+    weight: f32,
+}
+
+impl Member<'_> {
+    /// The distance to `centre`, in uncertainties of the row.
+    fn residual(&self, centre: f32) -> f32 {
+        (self.offset - centre) / self.uncertainty
+    }
+}
+
+/// The plain mean in the middle of the frame, in pixels from the frame's origin, and the motion of the
+/// target. Subtracts the steady part of the motion from the members.
+///
+/// The motion comes from a copy of the rows with weights of 1/u^2. The speed and its error reach the mean
+/// only as far as the mean of the rows' numbers is from zero.
+fn plain_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
+    let mean = weighted_mean(members)?;
+    let mut certain = Members::new();
+    copy(members, &mut certain, |it| *it);
+    agreement::weigh_by_certainty(&mut certain);
+    let speed = match motion::of(&certain) {
+        Some(speed) if members.len() >= motion::ENOUGH => speed,
+        _ => 0.0,
+    };
+    for member in members.iter_mut().chain(certain.iter_mut()) {
+        member.offset -= speed * member.rows_from_middle;
+    }
+    // The new offsets have rounding errors; this mean of a full frame has none, because its mean number is
+    // zero.
+    let offset = mean - speed * mean_number(members);
+    Some((offset, Course::of(&certain, &certain, speed)))
+}
+
+/// The weighted mean of the rows that agree, and the motion, as [`plain_mean`].
+///
+/// An acceleration comes from a copy of these rows with weights of 1/u^2. The ends of a parabola look like
+/// rows that disagree: with the weights of the mean its curvature would be up to 8 % too small (measured on
+/// 64 rows, with a shift of ten uncertainties).
+fn agreeing_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
+    let speed = agreement::weigh(members)?;
+    let mut certain = Members::new();
+    copy(members, &mut certain, |it| Member {
+        weight: agreement::certainty(it),
+        ..*it
+    });
+    Some((
+        weighted_mean(members)?,
+        Course::of(members, &certain, speed),
+    ))
+}
+
+/// The weighted mean in pixels from the frame's origin. `None` if no row counts.
+fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
+    let (mut weights, mut sum) = (0.0, 0.0);
+    for member in members {
+        weights += member.weight;
+        sum += member.weight * member.offset;
+    }
+    (weights > 0.0).then(|| sum / weights)
+}
+
+/// The weighted mean of the rows' numbers, from the middle of the frame: the time at which a mean of the
+/// rows holds. Not a number if no row counts.
+fn mean_number(members: &[Member<'_>]) -> f32 {
+    total(members, |it| it.weight * it.rows_from_middle) / total(members, |it| it.weight)
+}
+
+/// Copies the members into an empty list, each changed. Not `Vec::clone`: see `agreement::keep`.
+fn copy<'a>(
+    members: &[Member<'a>],
+    copies: &mut Members<'a>,
+    change: impl Fn(&Member<'a>) -> Member<'a>,
+) {
+    for member in members {
+        // There is room for as many as there were.
+        let _ = copies.push(change(member));
+    }
+}
+
+/// How the rows scatter about their motion.
+struct Fluctuation {
+    /// The number of parameters that come from the rows themselves: 1 for their mean, 2 with a speed, 3 with
+    /// an acceleration.
+    fitted: f32,
+    /// What the rows are worth, if neighbours have similar errors.
+    correlated: Option<Correlated>,
+    /// How far the mean of the positions lies off the position in the middle of the frame, because the target
+    /// accelerates. In pixels, not negative.
+    shift: f32,
+}
+
+impl Fluctuation {
+    /// Compares the rows with their line. If the target accelerates, compares the rows with their parabola,
+    /// and subtracts the parabola from the members without changing their mean.
+    ///
+    /// Speckle, a lamp that flickers or a target that swings make rows similar to their neighbours beside the
+    /// parabola too. If the curvature does not exceed what such errors cause, all of it counts as scatter.
+    fn about(members: &mut Members<'_>, course: &Course) -> Self {
+        if let Some(parabola) = &course.parabola {
+            let place = |it: &Member<'_>| parabola.at(it.rows_from_middle);
+            let mean = total(members, |it| it.weight * place(it)) / total(members, |it| it.weight);
+            let mut straight = Members::new();
+            copy(members, &mut straight, |it| Member {
+                offset: it.offset - (place(it) - mean),
+                ..*it
+            });
+            let fitted = 3.0;
+            let correlated = correlation::estimate(&straight, fitted);
+            if parabola.is_motion(correlated.map_or(1.0, |it| it.growth)) {
+                *members = straight;
+                return Self {
+                    fitted,
+                    correlated,
+                    shift: (mean - parabola.at(0.0)).abs(),
+                };
+            }
+        }
+        let fitted = if course.speed == 0.0 { 1.0 } else { 2.0 };
+        Self {
+            fitted,
+            correlated: correlation::estimate(members, fitted),
+            shift: 0.0,
+        }
+    }
+}
+
+/// The uncertainty of the mean in pixels, if the uncertainty of each row is true and all rows are
+/// independent. The uncertainty of the speed adds to it, as far as the mean of the rows' numbers is from the
+/// middle of the frame: it comes from the rows' errors too, and grows with them.
+fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
+    let (mut weights, mut variance) = (0.0, 0.0);
+    for member in members {
+        weights += member.weight;
+        variance += square(member.weight * member.uncertainty);
+    }
+    let of_motion = if course.speed == 0.0 {
+        0.0
+    } else {
+        square(mean_number(members)) / course.moment
+    };
+    dual_mac::square_root(variance / square(weights) + of_motion)
+}
+
+/// The mean of the rows' shapes, each row with its weight in the mean. Rows without a shape do not count.
+fn mean_shape(members: &[Member<'_>]) -> SpotShape {
+    let (mut weights, mut noise, mut width, mut rest) = (0.0, 0.0, 0.0, 0.0);
+    let mut components = [0.0; COMPONENTS];
+    for Member { row, weight, .. } in members {
+        let shape = &row.shape;
+        if shape.width <= Pixels::default() {
+            continue;
+        }
+        weights += weight;
+        noise += square(weight * shape.noise.to_f32());
+        width += weight * shape.width.to_bits() as f32;
+        rest += weight * square(shape.rest.to_bits() as f32);
+        for (sum, component) in components.iter_mut().zip(shape.components) {
+            *sum += weight * component.to_bits() as f32;
+        }
+    }
+    if weights <= 0.0 {
+        return SpotShape::default();
+    }
+    let per_weight = 1.0 / weights;
+    let step = RESOLUTION.to_f32();
+    SpotShape {
+        components: components.map(|sum| Pixels::from_f32(sum * per_weight * step)),
+        noise: Pixels::from_f32(dual_mac::square_root(noise) * per_weight),
+        width: Pixels::from_f32(width * per_weight * step),
+        rest: Pixels::from_f32(dual_mac::square_root(rest * per_weight) * step),
+    }
+}
+
+/// See [`FrameCentre::spread`]. The members are without their motion.
+fn spread(members: &[Member<'_>], how: Mean) -> f32 {
+    // Not the members' weights: those of the weighted mean are smaller for rows further from it, so they show
+    // 83 % of a normal variance.
+    let share = |it: &Member<'_>| match how {
+        Mean::Plain => 1.0,
+        Mean::Weighted => 1.0 / square(it.uncertainty),
+    };
+    let shares = total(members, share);
+    let centre = total(members, |it| share(it) * it.offset) / shares;
+    let excess = total(members, |it| {
+        share(it) * (square(it.offset - centre) - square(it.uncertainty))
+    }) / shares;
+    if excess > 0.0 {
+        dual_mac::square_root(excess)
+    } else {
+        0.0
+    }
+}
+
+/// The rows' scatter over the scatter that their uncertainties explain, or 1 if chance explains it. `fitted`
+/// is the number of parameters that come from the rows themselves, as in [`Fluctuation`].
+fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
+    let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
+    let degrees = members.len() as f32 - fitted;
+    if is_more_than_chance(chi_square, degrees) {
+        dual_mac::square_root(chi_square / degrees)
+    } else {
+        1.0
+    }
+}
+
+/// Whether chi square exceeds its mean, the degrees of freedom, by more than three standard deviations. Its
+/// variance is twice the degrees of freedom.
+fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
+    degrees >= 1.0 && chi_square > degrees + 3.0 * dual_mac::square_root(2.0 * degrees)
+}
+
+/// Standard deviation of the rows' centres about their plain mean, in pixels, with a motion in pixels a row.
+fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
+    let offset = |member: &Member<'_>| member.offset + motion * member.rows_from_middle;
+    let n = members.len().max(1) as f32;
+    let mean = members.iter().map(offset).sum::<f32>() / n;
+    let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
+    dual_mac::square_root(squares / n)
+}
+
+/// The sum of a value over the members.
+fn total(members: &[Member<'_>], value: impl Fn(&Member<'_>) -> f32) -> f32 {
+    members.iter().map(value).sum()
+}
+
+/// Counts the members for which `is_so` is true.
+fn count_where(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
+    numeric::count(members.iter().map(is_so))
+}
+
+fn square(value: f32) -> f32 {
+    value * value
+}
+
+// Twice the sum of a frame's values of 32 bits, and their number, fit 64.
+const _: () = assert!(2 * (MAX_ROWS as i128) * (1 << 31) + (MAX_ROWS as i128) <= i64::MAX as i128);
+
+/// The mean, rounded to the nearest. Zero for no values.
+fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
+    // A mean lies between its values, so it fits.
+    let count = i64::from(values.len() as u32);
+    let sum = values.fold(0, |sum, value| numeric::add_i64(sum, i64::from(value)));
+    numeric::add_i64(numeric::mul_i64(2, sum), count)
+        .checked_div_euclid(2 * count)
+        .unwrap_or_default() as i32
+}
+
+/// The median of at most [`MAX_ROWS`] values. Of an even number of values, the lower one of the middle two.
+/// `None` for no values.
+fn median(values: impl ExactSizeIterator<Item = u32>) -> Option<u32> {
+    let middle = values.len().checked_sub(1)? / 2;
+    ranked(middle, values)
+}
+
+/// Returns the value at place `rank`, from zero, of at most [`MAX_ROWS`] values in ascending order. `None`
+/// for no values.
+fn ranked(rank: usize, values: impl Iterator<Item = u32>) -> Option<u32> {
+    // Each value is computed once.
+    let mut keys: Vec<u32, { MAX_ROWS as usize }> = Vec::new();
+    for value in values {
+        // There is room for MAX_ROWS.
+        let _ = keys.push(value);
+    }
+    order_statistic::ranked(rank, &keys)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::centre::WidthClass;
+
+    pub(super) fn row(centre: f32, uncertainty: f32) -> Result<RowCentre, Fault> {
+        Ok(RowCentre {
+            centre: Pixels::from_f32(centre),
+            uncertainty: Pixels::from_f32(uncertainty),
+            amplitude: Counts::from_int(1000),
+            width: Pixels::from_int(9),
+            class: WidthClass::default(),
+            shape: Default::default(),
+            misfit: false,
+        })
+    }
+
+    fn frame(rows: impl IntoIterator<Item = Result<RowCentre, Fault>>) -> Frame {
+        let mut frame = Frame::default();
+        rows.into_iter().for_each(|row| frame.add(row));
+        frame
+    }
+
+    fn weighted(rows: impl IntoIterator<Item = Result<RowCentre, Fault>>) -> FrameCentre {
+        frame(rows).centre(Mean::Weighted).expect("a centre")
+    }
+
+    #[test]
+    fn mean_and_propagated_uncertainty() {
+        let two = || [row(100.0, 0.03), row(100.02, 0.04)];
+        let plain = frame(two()).centre(Mean::Plain).expect("a centre");
+        assert!((plain.centre.to_f64() - 100.01).abs() < 2e-5);
+        assert!((plain.uncertainty.to_f64() - 0.025).abs() < 2e-5);
+        assert_eq!((plain.rows_used, plain.rows), (2, 2));
+        // Weights of 16 and 9 to 25; 1/u^2 adds up.
+        let found = weighted(two());
+        assert!((found.centre.to_f64() - (100.0 + 0.02 * 9.0 / 25.0)).abs() < 2e-5);
+        assert!((found.uncertainty.to_f64() - 0.024).abs() < 2e-5);
+        let one = weighted([row(100.0, 0.03)]);
+        assert_eq!(
+            (one.centre, one.uncertainty),
+            (Pixels::from_int(100), Pixels::from_f32(0.03))
+        );
+    }
+
+    #[test]
+    fn misfits_are_counted_among_the_rows_used() {
+        let misfit = || {
+            row(100.0, 0.03).map(|centre| RowCentre {
+                misfit: true,
+                ..centre
+            })
+        };
+        let good = || row(100.0, 0.03);
+        let silent = || Err(Fault::SensorSilent);
+        let counts = |found: FrameCentre| (found.misfits, found.rows_used, found.rows);
+        let half = weighted([good(), misfit(), silent(), good(), misfit()]);
+        assert_eq!(counts(half), (2, 4, 5));
+        assert_eq!(counts(weighted([good()])), (0, 1, 1));
+        assert_eq!(counts(weighted([misfit()])), (1, 1, 1));
+        // Two thirds are good: the others are not needed.
+        let few = [good(), misfit(), good(), good()];
+        assert_eq!(counts(weighted(few)), (0, 3, 4));
+        let plain = frame(few).centre(Mean::Plain).expect("a centre");
+        assert_eq!(counts(plain), (1, 4, 4));
+    }
+
+    fn shape(component: f32, noise: f32, width: f32, rest: f32) -> SpotShape {
+        SpotShape {
+            // Those of odd number have the other sign.
+            components: core::array::from_fn(|i| {
+                Pixels::from_f32(if i % 2 == 0 { component } else { -component })
+            }),
+            noise: Pixels::from_f32(noise),
+            width: Pixels::from_f32(width),
+            rest: Pixels::from_f32(rest),
+        }
+    }
+
+    /// The mean shape of rows with these shapes and weights.
+    fn mean_of(shapes: &[(SpotShape, f32)]) -> SpotShape {
+        let rows = shapes
+            .iter()
+            .map(|&(shape, _)| row(100.0, 0.03).map(|row| RowCentre { shape, ..row }));
+        let frame = frame(rows);
+        let mut members = frame.members(0);
+        for (member, (_, weight)) in members.iter_mut().zip(shapes) {
+            member.weight = *weight;
+        }
+        mean_shape(&members)
+    }
+
+    fn assert_close(found: SpotShape, expected: SpotShape) {
+        let values = |it: SpotShape| {
+            it.components
+                .into_iter()
+                .chain([it.noise, it.width, it.rest])
+        };
+        for (a, b) in values(found).zip(values(expected)) {
+            assert!(
+                a.to_bits().abs_diff(b.to_bits()) <= 1,
+                "{found:?}, {expected:?}"
+            );
+        }
+    }
+
+    /// The components and the width are weighted means, and the rest is a weighted mean of squares. The noise
+    /// is that of a weighted sum of independent values, over the sum of the weights.
+    #[test]
+    fn the_mean_shape_is_weighted_and_leaves_out_rows_without_a_shape() {
+        let without = SpotShape {
+            noise: Pixels::from_int(1),
+            ..SpotShape::default()
+        };
+        let rows = [
+            (shape(0.5, 0.03, 8.0, 0.25), 1.0),
+            (without, 5.0),
+            (shape(-0.3, 0.04, 10.0, 0.0), 3.0),
+        ];
+        let noise = libm::sqrtf(0.03 * 0.03 + 0.12 * 0.12) / 4.0;
+        assert_close(mean_of(&rows), shape(-0.1, noise, 9.5, 0.125));
+        for rows in [&rows[1..2], &[]] {
+            assert_eq!(mean_of(rows), SpotShape::default());
+        }
+    }
+
+    #[test]
+    fn only_the_noise_of_the_mean_shape_falls_with_the_number_of_rows() {
+        for (rows, noise) in [(1, 0.04), (4, 0.02), (16, 0.01), (64, 0.005)] {
+            for weight in [1.0, 1e-9, 4e9] {
+                let same = [(shape(0.5, 0.04, 8.0, 0.25), weight); 64];
+                assert_close(mean_of(&same[..rows]), shape(0.5, noise, 8.0, 0.25));
+            }
+        }
+    }
+
+    /// Chi square of n degrees has the mean n and the standard deviation sqrt(2 n).
+    #[test]
+    fn chance_ends_three_standard_deviations_beyond_the_mean() {
+        for (chi_square, degrees, is_more) in [
+            (79.9, 50.0, false),
+            (80.1, 50.0, true),
+            (13.9, 5.0, false),
+            (14.6, 5.0, true),
+            (5.2, 1.0, false),
+            (5.3, 1.0, true),
+            (1e9, 0.0, false),
+        ] {
+            assert_eq!(
+                is_more_than_chance(chi_square, degrees),
+                is_more,
+                "{degrees}"
+            );
+        }
+    }
+
+    #[test]
+    fn scatter_beyond_chance_widens_the_uncertainty() {
+        // Four rows, +-0.5 with a claim of 0.1: chi square 4 * 25 = 100, three degrees, ratio sqrt(100/3). No
+        // three of them agree.
+        let rows = || (0..4).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
+        let expected = 0.1 / 2.0 * (100.0f64 / 3.0).sqrt();
+        for how in Mean::ALL {
+            let found = frame(rows()).centre(how).expect("a centre");
+            let uncertainty = found.uncertainty.to_f64();
+            assert!((uncertainty - expected).abs() < 1e-4, "{uncertainty}");
+            assert_eq!(found.centre, Pixels::from_int(100));
+        }
+    }
+
+    #[test]
+    fn spread_is_the_scatter_less_the_rows_uncertainties() {
+        // Four rows, +-0.5 with a claim of 0.1: a variance of 0.25 about the mean, 0.01 of it claimed.
+        let rows = |count| (0..count).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
+        for how in Mean::ALL {
+            let spread = |count| frame(rows(count)).centre(how).expect("a centre").spread;
+            assert!((spread(4).to_f64() - 0.24f64.sqrt()).abs() < 1e-4);
+            // Three rows: 2/9, and two rows do not tell.
+            assert!((spread(3).to_f64() - (2.0 / 9.0 - 0.01f64).sqrt()).abs() < 1e-4);
+            assert_eq!(spread(2), Pixels::default());
+        }
+        // 0.13 with a claim of 0.1: chi square 6.8 of three degrees is chance.
+        let small = (0..4).map(|i| row(if i % 2 == 0 { 99.87 } else { 100.13 }, 0.1));
+        for how in Mean::ALL {
+            let found = frame(small.clone()).centre(how).expect("a centre");
+            assert_eq!(found.spread, Pixels::default());
+        }
+        // Rows at 0 and 1 with the weights 4 and 1 have their mean at 1/5 and a variance of 4/25. The mean of
+        // u^2 with these weights is (4 * 0.01 + 1 * 0.04) / 5. With equal weights: 1/4, and 0.025.
+        let unlike = || (0..4).map(|i| row(i as f32 % 2.0, if i % 2 == 0 { 0.1 } else { 0.2 }));
+        let found = weighted(unlike()).spread.to_f64();
+        assert!((found - (0.16 - 0.016f64).sqrt()).abs() < 1e-4, "{found}");
+        let plain = frame(unlike()).centre(Mean::Plain).expect("a centre");
+        let found = plain.spread.to_f64();
+        assert!((found - (0.25 - 0.025f64).sqrt()).abs() < 1e-4, "{found}");
+    }
+
+    #[test]
+    fn a_moving_target_is_where_it_is_in_the_middle_of_the_frame() {
+        let moving = |speed: f32, acceleration: f32, first: u8| {
+            (0..16u8).map(move |i| {
+                let x = f32::from(i) - 7.5;
+                if i < first {
+                    Err(Fault::SensorSilent)
+                } else {
+                    row(1200.0 + speed * x + 0.5 * acceleration * x * x, 0.02)
+                }
+            })
+        };
+        let close = |found: Pixels, to: f64| (found.to_f64() - to).abs() < 2e-4;
+        for how in Mean::ALL {
+            let find = |rows| frame(rows).centre(how).expect("a centre");
+            let full = find(moving(0.5, 0.0, 0));
+            assert!(close(full.centre, 1200.0), "{full:?}");
+            assert!(close(full.uncertainty, 0.02 / 4.0), "{full:?}");
+            assert_eq!((full.motion, full.spread), Default::default());
+            // Eleven rows, whose mean number is 2.5 from the middle. Their moment is 11 (11^2 - 1)/12 = 110.
+            let late = find(moving(0.5, 0.0, 5));
+            assert!(close(late.centre, 1200.0), "{late:?}");
+            let variance = 1.0 / 11.0 + 2.5f64.powi(2) / 110.0;
+            assert!(close(late.uncertainty, 0.02 * variance.sqrt()), "{late:?}");
+            assert_eq!((late.motion, late.spread), Default::default());
+            // 0.02 (16^2 - 1)/24 px. The weighted mean counts the ends less.
+            let bent = find(moving(0.1, 0.02, 0));
+            assert!(
+                close(bent.motion, (bent.centre.to_f64() - 1200.0).abs()),
+                "{bent:?}"
+            );
+            assert!(
+                how == Mean::Weighted || close(bent.motion, 0.2125),
+                "{bent:?}"
+            );
+            assert_eq!(bent.spread, Pixels::default());
+            assert!(
+                (0.005..0.0055).contains(&bent.uncertainty.to_f64()),
+                "{bent:?}"
+            );
+        }
+        // Seven rows show no motion: it is scatter.
+        let few = weighted(moving(0.1, 0.0, 0).take(7));
+        assert!(few.spread.to_f64() > 0.19, "{few:?}");
+    }
+
+    #[test]
+    fn a_row_that_is_wrong_is_left_out_where_the_others_agree() {
+        // However certain the wrong row is of its centre.
+        for uncertainty in [0.2, 0.02, 1e-5] {
+            let rows = (0..5).map(|i| row(if i == 1 { 103.0 } else { 100.0 }, 0.02));
+            let found = weighted(rows.chain([row(103.0, uncertainty)]));
+            assert_eq!(found.centre, Pixels::from_int(100), "{uncertainty}");
+            assert_eq!(found.rows_used, 4);
+        }
+        // Among three rows nothing tells which is wrong: the result is the mean, with an uncertainty that
+        // covers them all.
+        let found = weighted([row(100.0, 0.02), row(103.0, 0.02), row(100.0, 0.02)]);
+        assert_eq!(found.rows_used, 3);
+        assert!((found.uncertainty.to_f64() - 1.0).abs() < 1e-3, "{found:?}");
+    }
+
+    #[test]
+    fn rows_without_a_majority_have_no_centre() {
+        for count in [8, 15, 16, 40, 64] {
+            let rows = (0..count).map(|i| row(if i % 2 == 0 { 100.0 } else { 103.0 }, 0.02));
+            assert!(
+                matches!(
+                    frame(rows).centre(Mean::Weighted),
+                    Err(Fault::Unsteady { .. })
+                ),
+                "{count}"
+            );
+        }
+        // Two groups, and some rows between them. The scatter of the rows would allow all of them.
+        let groups = (0..64).map(|i| match i % 16 {
+            0 => row(101.5, 0.02),
+            odd if odd % 2 == 1 => row(100.0, 0.02),
+            _ => row(103.0, 0.02),
+        });
+        let found = frame(groups).centre(Mean::Weighted);
+        assert!(matches!(found, Err(Fault::Unsteady { .. })), "{found:?}");
+    }
+
+    #[test]
+    fn any_rows_have_a_centre_with_an_uncertainty_or_a_fault() {
+        let extremes = [i32::MIN, -1, 0, 1, 1 << 16, i32::MAX];
+        let frames = [(1, 1), (2, 2), (3, 2), (16, 8), (64, 7), (64, 2)];
+        // Miri takes its time.
+        let (extremes, frames) = if cfg!(miri) {
+            (&extremes[..2], &frames[..4])
+        } else {
+            (&extremes[..], &frames[..])
+        };
+        let any = |centre: i32, uncertainty: i32| {
+            row(0.0, 0.0).map(|row| RowCentre {
+                centre: Pixels::from_bits(centre),
+                uncertainty: Pixels::from_bits(uncertainty),
+                amplitude: Counts::from_bits(centre),
+                width: Pixels::MAX,
+                ..row
+            })
+        };
+        let mut found = 0;
+        for (a, b) in extremes
+            .iter()
+            .flat_map(|&a| extremes.iter().map(move |&b| (a, b)))
+        {
+            for (c, d) in extremes
+                .iter()
+                .flat_map(|&c| extremes.iter().map(move |&d| (c, d)))
+            {
+                for &(count, other) in frames {
+                    let rows =
+                        (0..count).map(|i| if i % other == 0 { any(a, b) } else { any(c, d) });
+                    for how in Mean::ALL {
+                        if let Ok(centre) = frame(rows.clone()).centre(how) {
+                            found += 1;
+                            let zero = Pixels::default();
+                            assert!(centre.uncertainty > zero, "{centre:?}");
+                            assert!(centre.spread >= zero && centre.motion >= zero, "{centre:?}");
+                            let between = a.min(c)..=a.max(c);
+                            // To within the 24 bits of an f32.
+                            let off = |end: i32| {
+                                (i64::from(centre.centre.to_bits()) - i64::from(end)).abs()
+                            };
+                            assert!(
+                                between.contains(&centre.centre.to_bits())
+                                    || off(a).min(off(c)) <= 256,
+                                "{centre:?} of {a} +- {b}, {c} +- {d}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+        assert!(cfg!(miri) || found > 10_000, "{found}");
+    }
+
+    #[test]
+    fn the_commonest_fault_wins_where_half_the_rows_fail() {
+        let saturated = |pixels| Err(Fault::Saturated { pixels });
+        let edge = Err(Fault::SpotAtEdge {
+            centre: Pixels::from_int(3),
+        });
+        assert_eq!(
+            frame([row(1.0, 0.1), saturated(1), edge, saturated(2)]).centre(Mean::Weighted),
+            Err(Fault::Saturated { pixels: 2 })
+        );
+        assert_eq!(
+            frame([row(1.0, 0.1), saturated(1)]).centre(Mean::Weighted),
+            Err(Fault::Saturated { pixels: 1 })
+        );
+        assert!(
+            frame([row(1.0, 0.1), row(1.0, 0.1), saturated(1)])
+                .centre(Mean::Weighted)
+                .is_ok()
+        );
+        assert_eq!(frame([]).centre(Mean::Weighted), Err(Fault::SensorSilent));
+    }
+
+    #[test]
+    fn rows_of_two_spots_have_no_centre() {
+        let two = frame((0..16).map(|i| row(if i < 9 { 1200.0 } else { 2400.0 }, 0.02)));
+        let Err(Fault::Unsteady { scatter }) = two.centre(Mean::Weighted) else {
+            panic!("{:?}", two.centre(Mean::Weighted))
+        };
+        // Nine and seven of sixteen, 1200 px apart: 1200 sqrt(9 * 7) / 16.
+        assert!(
+            (scatter.to_f64() - 1200.0 * 63f64.sqrt() / 16.0).abs() < 0.01,
+            "{scatter}"
+        );
+        // Width 9: the rows of a target that moves by 3 px a row scatter by 13.8 px, by 1 px a row by 4.6 px.
+        let moving = |speed: f32| {
+            frame((0..16).map(|i| row(1200.0 + speed * i as f32, 0.02))).centre(Mean::Weighted)
+        };
+        assert!(matches!(moving(3.0), Err(Fault::Unsteady { .. })) && moving(1.0).is_ok());
+    }
+
+    #[test]
+    fn a_full_frame_takes_no_more() {
+        let mut full = frame((0..100).map(|_| row(5.0, 0.1)));
+        (0..100).for_each(|_| full.add(Err(Fault::SensorSilent)));
+        assert_eq!(full.rows(), 64);
+        assert_eq!(full.centre(Mean::Weighted).expect("a centre").rows_used, 64);
+    }
+}
