@@ -2,7 +2,8 @@
 //!
 //!     cargo run --package slitrange --example row_to_centre
 
-use slitrange::{Estimator, Geometry, Polarity, Row, check, spot};
+use slitrange::measurement::steps::centre_of_spot;
+use slitrange::{Estimator, Geometry, Polarity, Row, spot};
 
 /// Counts of 1000 pixels, light positive: black of 120, noise of a count or two, and a spot of 1500 counts
 /// with a sigma of 6 pixels.
@@ -30,9 +31,10 @@ pub fn main() {
     };
     let light = counts(412.3);
     let row = Row::new(&light, &[], geometry.saturated_from()).expect("a row of 12-bit counts");
-    let spot = spot::find(&row).expect("a spot");
+    let (spot, budget) = spot::find(&row).expect("a spot");
+    let estimator = Estimator::default();
     let found =
-        check::centre(Estimator::default(), &row, &spot, None, &geometry, None).expect("a centre");
+        centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget).expect("a centre");
     println!(
         "centre {} +- {} px, height {} counts, sigma {:.2} px{}",
         found.centre,

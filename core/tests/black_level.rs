@@ -134,7 +134,7 @@ fn the_centroid_and_its_height_follow_the_black_level() {
         let counts = counts(true_centre, width, height);
         let light = &counts[head.light.clone()];
         let row = Row::new(light, &[], head.saturated_from()).expect("12 bits");
-        let spot = spot::find(&row).expect("a spot");
+        let (spot, _) = spot::find(&row).expect("a spot");
         let width = f64::from(half_width::width(light.into(), &spot, None).expect("a width"));
         let background = spot.background.level.to_f64();
         let (mut lowest, mut highest) = (f64::MAX, f64::MIN);

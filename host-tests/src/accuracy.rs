@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
-use slitrange::check;
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
@@ -36,7 +36,7 @@ pub fn centre_after(
     estimator: Estimator,
 ) -> Answer {
     let row = Row::new(light, &[], geometry.saturated_from()).expect("quantised to 12 bits");
-    centre::centre(estimator, &row, &spot::find(&row)?, before, geometry)
+    centre::centre(estimator, &row, &spot::find(&row)?.0, before, geometry)
 }
 
 /// The same with tables of the caller's.
@@ -47,17 +47,19 @@ pub fn centre_with(
     light: &[u16],
 ) -> Answer {
     let row = Row::new(light, &[], geometry.saturated_from()).expect("quantised to 12 bits");
-    let spot = spot::find(&row)?;
+    let (spot, _) = spot::find(&row)?;
     phase_table::centre(&row, &spot, before, geometry, tables, Sampling::Fine)
 }
 
 /// What an estimator alone finds in a row, and what the measurement finds with it.
 pub fn answers(geometry: &Geometry, light: &[u16], estimator: Estimator) -> [Answer; 2] {
     let row = Row::new(light, &[], geometry.saturated_from()).expect("quantised to 12 bits");
-    let spot = spot::find(&row);
+    let found = spot::find(&row);
     [
-        spot.and_then(|spot| centre::centre(estimator, &row, &spot, None, geometry)),
-        spot.and_then(|spot| check::centre(estimator, &row, &spot, None, geometry, None)),
+        found.and_then(|(spot, _)| centre::centre(estimator, &row, &spot, None, geometry)),
+        found.and_then(|(spot, budget)| {
+            centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
+        }),
     ]
 }
 
@@ -327,7 +329,7 @@ impl Rows {
         for row in rows {
             let (counts, truth) = self.row(scene, row);
             let row = Row::new(&counts, &[], 4095).expect("quantised to 12 bits");
-            let spot = spot::find(&row);
+            let spot = spot::find(&row).map(|(spot, _)| spot);
             for ((&(method, knows), sums), before) in methods.iter().zip(&mut sums).zip(&mut before)
             {
                 let centre = spot
@@ -482,7 +484,7 @@ pub fn largest_bias<M: Copy + Sync>(method: M, find: impl Find<M>, width: f64) -
         };
         let centre = |light: &[u16], before: Option<&RowCentre>| {
             let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-            find(method, &row, &spot::find(&row)?, before, &geometry)
+            find(method, &row, &spot::find(&row)?.0, before, &geometry)
         };
         let errors = phases.bias(|offset| gaussian(offset, width), centre);
         Some(largest(&errors.ok()?.concat()))

@@ -69,7 +69,7 @@ struct Parameters {
 pub fn fitted_centre(exp: Exp, geometry: &Geometry, light: &[u16]) -> Option<f64> {
     let found = centre_of(geometry, light, Estimator::GaussNewton).ok()?;
     let row = Row::new(light, &[], 4095).ok()?;
-    let background = spot::find(&row).ok()?.background;
+    let background = spot::find(&row).ok()?.0.background;
     let (noise, shot) = background.variances(geometry);
     let first = (found.centre.to_f64() as usize).saturating_sub(HALF_WINDOW);
     let end = (first + 2 * HALF_WINDOW).min(light.len());

@@ -19,8 +19,8 @@ use simulator::optics::Optics;
 use simulator::scene::{Scene, Sensor};
 use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::check;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -194,8 +194,9 @@ fn core_finds(light: &[f64], scale: f64, seed: u64) -> Result<RowCentre, Fault> 
         })
         .collect();
     let row = Row::new(&counts, &[], geometry.saturated_from()).expect("12 bits");
-    let spot = spot::find(&row)?;
-    check::centre(Estimator::default(), &row, &spot, None, &geometry, None)
+    let (spot, budget) = spot::find(&row)?;
+    let estimator = Estimator::default();
+    centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
 }
 
 fn rms(values: &[f64]) -> f64 {

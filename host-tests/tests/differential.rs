@@ -49,7 +49,7 @@ fn drawn(seed: u64, number: u64) -> Option<Drawn> {
     let scene = cell.scene_of(PIXELS);
     let truth = cell.true_centre(number);
     let light = quantise(&scene.row_with_centre(number, truth, 1.0), 4095);
-    let spot = spot::find(&Row::new(&light, &[], 4095).ok()?).ok()?;
+    let (spot, _) = spot::find(&Row::new(&light, &[], 4095).ok()?).ok()?;
     Some(Drawn {
         cell,
         geometry: scene.geometry(),
@@ -353,7 +353,7 @@ struct Fits {
 impl Fits {
     fn of(light: &[u16], truth: f64, geometry: &Geometry) -> Option<Self> {
         let row = Row::new(light, &[], 4095).ok()?;
-        let spot = spot::find(&row).ok()?;
+        let (spot, _) = spot::find(&row).ok()?;
         let centre = |estimator| centre::centre(estimator, &row, &spot, None, geometry).ok();
         let (fit, table) = (
             centre(Estimator::GaussNewton)?,

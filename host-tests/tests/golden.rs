@@ -12,8 +12,8 @@ use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
-use slitrange::check;
 use slitrange::frame::{Frame, Mean};
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -21,14 +21,15 @@ use slitrange::spot;
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {
     let light =
         Row::new(&row.light, &[], row.geometry.saturated_from()).expect("quantised to 12 bits");
-    let spot = spot::find(&light)?;
-    check::centre(
+    let (spot, budget) = spot::find(&light)?;
+    centre_of_spot(
         Estimator::default(),
         &light,
         &spot,
         before,
         &row.geometry,
         None,
+        budget,
     )
 }
 

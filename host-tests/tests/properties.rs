@@ -7,13 +7,13 @@ use slitrange::base::units::{Counts, Pixels};
 use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::tables::BLOCKS;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
-use slitrange::check;
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
 use slitrange::frame::comb::{Comb, FEWEST, Slits};
 use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::background::Background;
@@ -62,7 +62,6 @@ fn spots() -> impl Strategy<Value = Spot> {
             height,
             background: Background { level, noise },
             black_level: level,
-            effort: WorkBudget::WHOLE,
         },
     )
 }
@@ -165,15 +164,17 @@ proptest! {
             saturation,
         };
         let row = Row::new(&light, &[], saturation).expect("12 bits");
-        let (spot, found) = match slitrange::spot::find(&row) {
-            Ok(spot) if found => (spot, true),
-            _ => (spot, false),
+        let ((spot, budget), found) = match slitrange::spot::find(&row) {
+            Ok(of_row) if found => (of_row, true),
+            _ => ((spot, WorkBudget::of_row()), false),
         };
         // Of a spot and a row before that cannot be, anything may come but a panic.
         let can_be = found && before.is_none_or(|before| is_width(before.width));
         for estimator in Estimator::ALL {
             let alone = centre::centre(estimator, &row, &spot, before.as_ref(), &geometry);
-            let checked = check::centre(estimator, &row, &spot, before.as_ref(), &geometry, None);
+            let before = before.as_ref();
+            let checked =
+                centre_of_spot(estimator, &row, &spot, before, &geometry, None, budget);
             for found in [alone, checked].iter().flatten() {
                 prop_assert!(!can_be || is_sane(found, light.len()), "{estimator:?}: {found:?}");
             }

@@ -7,13 +7,14 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use simulator::scene::quantise;
 use slitrange::centre::Estimator;
-use slitrange::check::repair;
+use slitrange::measurement::steps::robust_centre;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
 fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
     let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-    repair::centre(&row, &spot::find(&row)?, None, geometry, None)
+    let (spot, budget) = spot::find(&row)?;
+    robust_centre(&row, &spot, None, geometry, None, budget)
 }
 
 fn with_the_default(geometry: &Geometry, light: &[u16]) -> Answer {

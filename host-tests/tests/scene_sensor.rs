@@ -10,7 +10,7 @@ use simulator::scene::{
 };
 use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::check;
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -1325,8 +1325,9 @@ fn centre(simulation: &Simulation, row: u64) -> Result<RowCentre, Fault> {
         geometry.full_scale(),
     );
     let row = row.expect("12 bits");
-    let spot = spot::find(&row)?;
-    check::centre(Estimator::default(), &row, &spot, None, &geometry, None)
+    let (spot, budget) = spot::find(&row)?;
+    let estimator = Estimator::default();
+    centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
 }
 
 /// In the rows of each scene, the core finds the spot within a width of its true place, and the check lets it

@@ -13,12 +13,13 @@ use simulator::scene::{SecondReflection, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Pixels;
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::check;
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, MIN_PIXELS, Spot};
 
 fn find(light: &[u16]) -> Result<Spot, Fault> {
-    spot::find(&Row::new(light, &[], 4095).expect("12 bits"))
+    let row = Row::new(light, &[], 4095).expect("12 bits");
+    Ok(spot::find(&row)?.0)
 }
 
 /// The place that a spot's pixel stands for: it is the one to the right of a block's middle.
@@ -26,11 +27,12 @@ fn place(spot: &Spot) -> f64 {
     spot.centre as f64 - 0.5
 }
 
-/// Whether any estimator has a centre of that spot that is off by more than it claims, without a flag.
-fn misleads(light: &[u16], spot: &Spot, geometry: &Geometry, truth: Truth) -> bool {
+/// Whether any estimator has a centre of the row's spot that is off by more than it claims, without a flag.
+fn misleads(light: &[u16], geometry: &Geometry, truth: Truth) -> bool {
     let row = Row::new(light, &[], 4095).expect("12 bits");
+    let (spot, budget) = spot::find(&row).expect("a spot");
     Estimator::ALL.into_iter().any(|estimator| {
-        let found = check::centre(estimator, &row, spot, None, geometry, None);
+        let found = centre_of_spot(estimator, &row, &spot, None, geometry, None, budget);
         Said::of_row(truth, &found).is_confident_error()
     })
 }
@@ -65,9 +67,8 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
                 match find(&light) {
                     Err(_) => [1, 0, 0],
                     Ok(spot) if (place(&spot) - truth).abs() <= 1.5 * width + 1.0 => [0; 3],
-                    Ok(spot) => {
-                        let misleads =
-                            misleads(&light, &spot, &scene.geometry(), Truth::Centre(truth));
+                    Ok(_) => {
+                        let misleads = misleads(&light, &scene.geometry(), Truth::Centre(truth));
                         [0, 1, u32::from(misleads)]
                     }
                 }
@@ -128,8 +129,8 @@ fn noise_has_no_centre() {
         .into_par_iter()
         .filter_map(|row| {
             let light = quantise(&scene.row_with_centre(row, 1800.0, 1.0), 4095);
-            let spot = find(&light).ok()?;
-            let misleads = misleads(&light, &spot, &scene.geometry(), Truth::None);
+            find(&light).ok()?;
+            let misleads = misleads(&light, &scene.geometry(), Truth::None);
             let found = centre_of(&scene.geometry(), &light, Estimator::default());
             assert!(found.is_err(), "row {row}: {found:?}");
             Some((1, u32::from(misleads)))
@@ -195,6 +196,7 @@ fn two_spots_are_told_apart() {
                     let before = find(&before).expect("a spot");
                     let row = Row::new(&light, &[], 4095).expect("12 bits");
                     let again = spot::find_again(&row, &before, Pixels::from_f32(width as f32));
+                    let again = again.map(|(spot, _)| spot);
                     let are_two = |found| u64::from(matches!(found, Err(Fault::TwoSpots { .. })));
                     (are_two(find(&light)), are_two(again))
                 });
@@ -459,8 +461,9 @@ impl Rows {
     fn of(light: &[u16], truth: f64, width: f64, estimator: Estimator) -> Self {
         let row = Row::new(light, &[], 4095).expect("12 bits");
         let geometry = slitrange::row::sensor_heads::tcd1304dg();
-        let found = spot::find(&row)
-            .and_then(|spot| check::centre(estimator, &row, &spot, None, &geometry, None));
+        let found = spot::find(&row).and_then(|(spot, budget)| {
+            centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
+        });
         let (lost, flagged, misled) = match found {
             Err(_) => (true, false, false),
             Ok(found) => {
@@ -588,11 +591,11 @@ fn check_rows_without_spot(rows: u64) {
         let found = (0..rows).into_par_iter().map(|seed| {
             let counts = light.row(seed);
             let row = Row::new(&counts, &[], 4095).expect("12 bits");
-            let Ok(spot) = spot::find(&row) else {
+            let Ok((spot, budget)) = spot::find(&row) else {
                 return [[0; 3]; 2];
             };
             ESTIMATORS.map(|estimator| {
-                match check::centre(estimator, &row, &spot, None, &geometry, None) {
+                match centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget) {
                     Err(_) => [1, 0, 0],
                     Ok(centre) if centre.misfit => [1, 1, 0],
                     Ok(centre) => {
@@ -683,8 +686,11 @@ fn two_spots_and_hot_pixels_are_told_beside_wide_light() {
         }
         let row = Row::new(&light, &[], 4095).expect("12 bits");
         let geometry = slitrange::row::sensor_heads::tcd1304dg();
-        let centre = |spot| check::centre(Estimator::default(), &row, &spot, None, &geometry, None);
-        find(&light).and_then(centre).is_ok()
+        let centre = |(spot, budget)| {
+            let estimator = Estimator::default();
+            centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
+        };
+        spot::find(&row).and_then(centre).is_ok()
     });
     let centres = centres.count();
     println!("hot pixels: of {ROWS} rows {centres} have a centre");
@@ -705,14 +711,15 @@ fn a_spot_that_moves_past_wide_light_is_followed() {
                 100.0 * gaussian(x - 1800.0, 300.0) + height * gaussian(x - truth, width)
             });
             let row = Row::new(&light, &[], 4095).expect("12 bits");
-            let spot = match &before {
+            let found = match &before {
                 Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
                 None => spot::find(&row),
             };
-            let spot = spot.expect("a spot");
+            let (spot, budget) = found.expect("a spot");
             let before_this = before.as_ref().map(|(_, centre)| centre);
             let estimator = Estimator::default();
-            let centre = check::centre(estimator, &row, &spot, before_this, &geometry, None);
+            let centre =
+                centre_of_spot(estimator, &row, &spot, before_this, &geometry, None, budget);
             let centre = centre.expect("a centre");
             furthest = furthest.max((centre.centre.to_f64() - truth).abs() / width);
             before = Some((spot, centre));

@@ -10,8 +10,9 @@ use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
 use simulator::scene::quantise;
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Pixels;
+use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::check;
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
 
@@ -174,7 +175,8 @@ fn find_centre(
     light: &[u16],
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    centre_at(way, estimator, light, &find(light)?, geometry)
+    let (spot, budget) = find(light)?;
+    centre_at(way, estimator, light, &spot, budget, geometry)
 }
 
 /// Finds the centre of a spot that [`find`] found.
@@ -183,16 +185,17 @@ fn centre_at(
     estimator: Estimator,
     light: &[u16],
     spot: &Spot,
+    budget: WorkBudget,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
     let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
     match way {
         Way::Alone => centre::centre(estimator, &row, spot, None, geometry),
-        Way::Pipeline => check::centre(estimator, &row, spot, None, geometry, None),
+        Way::Pipeline => centre_of_spot(estimator, &row, spot, None, geometry, None, budget),
     }
 }
 
-fn find(light: &[u16]) -> Result<Spot, Fault> {
+fn find(light: &[u16]) -> Result<(Spot, WorkBudget), Fault> {
     spot::find(&Row::new(light, &[], 4095).expect("12 bits"))
 }
 
@@ -271,8 +274,8 @@ fn a_shifted_spot_has_the_shifted_centre() {
         let geometry = drawn.geometry();
         let light = drawn.light(4095);
         // A tilt leaves a step where the row's ends meet, and that may be what is found.
-        let spot = match find(&light) {
-            Ok(spot) if (spot.centre as f64 - drawn.centre).abs() < 100.0 => spot,
+        let (spot, budget) = match find(&light) {
+            Ok(found) if (found.0.centre as f64 - drawn.centre).abs() < 100.0 => found,
             _ => return Ok(()),
         };
         let shifted = turned(&light, pixels);
@@ -282,8 +285,8 @@ fn a_shifted_spot_has_the_shifted_centre() {
         };
         for estimator in Estimator::ALL {
             for way in WAYS {
-                let here = centre_at(way, estimator, &light, &spot, &geometry);
-                let there = centre_at(way, estimator, &shifted, &there, &geometry);
+                let here = centre_at(way, estimator, &light, &spot, budget, &geometry);
+                let there = centre_at(way, estimator, &shifted, &there, budget, &geometry);
                 match (here, there) {
                     (Ok(here), Ok(there)) => {
                         prop_assert_eq!(
@@ -415,7 +418,7 @@ fn a_mirrored_spot_has_the_mirrored_centre() {
         let geometry = drawn.geometry();
         let light = drawn.light(4095);
         let mirrored: Vec<u16> = light.iter().rev().copied().collect();
-        let Ok(spot) = find(&light) else {
+        let Ok((spot, budget)) = find(&light) else {
             return Ok(());
         };
         let there = Spot {
@@ -423,8 +426,22 @@ fn a_mirrored_spot_has_the_mirrored_centre() {
             ..spot
         };
         for estimator in Estimator::ALL {
-            let here = centre_at(steady(estimator), estimator, &light, &spot, &geometry);
-            let there = centre_at(steady(estimator), estimator, &mirrored, &there, &geometry);
+            let here = centre_at(
+                steady(estimator),
+                estimator,
+                &light,
+                &spot,
+                budget,
+                &geometry,
+            );
+            let there = centre_at(
+                steady(estimator),
+                estimator,
+                &mirrored,
+                &there,
+                budget,
+                &geometry,
+            );
             if let (Ok(here), Ok(there)) = (here, there) {
                 let off = here.centre.to_f64() + there.centre.to_f64() - (PIXELS - 1) as f64;
                 let unit = match estimator {
@@ -483,7 +500,7 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
         let least = light.iter().min().copied().unwrap_or_default();
         let single: Vec<u16> = light.iter().map(|count| count - least).collect();
         let double: Vec<u16> = single.iter().map(|count| 2 * count).collect();
-        let (Ok(one), Ok(two)) = (find(&single), find(&double)) else {
+        let (Ok((one, of_one)), Ok((two, of_two))) = (find(&single), find(&double)) else {
             return Ok(());
         };
         // 1/sqrt(12) of a count, which is 74/256, is the least noise that there is.
@@ -496,8 +513,8 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
             ..geometry.clone()
         };
         for estimator in Estimator::ALL {
-            let here = centre_at(Way::Alone, estimator, &single, &one, &geometry);
-            let there = centre_at(Way::Alone, estimator, &double, &two, &brighter);
+            let here = centre_at(Way::Alone, estimator, &single, &one, of_one, &geometry);
+            let there = centre_at(Way::Alone, estimator, &double, &two, of_two, &brighter);
             let (Ok(here), Ok(there)) = (here, there) else {
                 continue;
             };

@@ -98,7 +98,7 @@ impl Tracker {
     fn row(&mut self, counts: &[u16]) -> Result<RowCentre, Fault> {
         let row = Row::new(counts, &[], 4095).expect("quantised to 12 bits");
         let before = self.before.take();
-        let spot = match &before {
+        let (spot, _) = match &before {
             Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
             None => spot::find(&row),
         }?;
@@ -449,10 +449,10 @@ fn find_again_is_as_exact_as_find() {
         };
         let (before, counts) = (before.counts(2 * number), shown.counts(2 * number + 1));
         let row = |counts| Row::new(counts, &[], 4095).expect("quantised to 12 bits");
-        let before = spot::find(&row(&before)).expect("a spot");
+        let (before, _) = spot::find(&row(&before)).expect("a spot");
         let row = row(&counts);
-        let found = spot::find(&row).expect("a spot");
-        let found_again =
+        let (found, _) = spot::find(&row).expect("a spot");
+        let (found_again, _) =
             spot::find_again(&row, &before, Pixels::from_f32(width as f32)).expect("a spot");
         // The pixel to the right of the middle.
         let off = |spot: &Spot| {

@@ -308,7 +308,7 @@ pub fn row_centre(
     let shielded = &counts[geometry.shielded.clone()];
     let row =
         Row::new(light, shielded, geometry.saturated_from()).map_err(|_| Fault::SensorSilent)?;
-    centre::centre(estimator, &row, &spot::find(&row)?, None, geometry)
+    centre::centre(estimator, &row, &spot::find(&row)?.0, None, geometry)
 }
 
 fn errors(realisations: &[Vec<Found>]) -> Errors {

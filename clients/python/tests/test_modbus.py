@@ -1,6 +1,6 @@
-"""The core's Modbus registers with a stock master, pymodbus, on a pseudo-terminal.
+"""The device's Modbus registers with a stock master, pymodbus, on a pseudo-terminal.
 
-The other side is core/examples/modbus_server.rs on this PC, or the firmware on the virtual board.
+The other side is device/examples/modbus_server.rs on this PC, or the firmware on the virtual board.
 """
 
 import os

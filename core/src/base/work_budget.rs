@@ -2,7 +2,7 @@
 //!
 //! Nearly all rows take what the plain search, an estimator and the check take. The rest takes time only on
 //! some rows: a tilt, narrow spots, wide light, a repair, light that may be another spot. All these together
-//! share one effort. The search has enough of it on every row. If a repair has too little, the first centre
+//! share one budget. The search has enough of it on every row. If a repair has too little, the first centre
 //! stays: its shape makes u larger, or it has a flag. If the check of a wide spot or the look for other spots
 //! has too little, the row has a flag. If the fit of a cut or saturated spot has too little, or the fit of
 //! the estimator `gauss-newton`, the row has a fault.
@@ -17,8 +17,10 @@ pub struct WorkBudget(u16);
 pub(crate) const WHOLE: u16 = 4250;
 
 impl WorkBudget {
-    /// Nothing is done yet.
-    pub const WHOLE: Self = Self(WHOLE);
+    /// That of a row on which nothing is done yet.
+    pub const fn of_row() -> Self {
+        Self(WHOLE)
+    }
 
     /// The units that nothing has used yet.
     pub(crate) fn left(self) -> usize {

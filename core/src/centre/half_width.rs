@@ -265,7 +265,6 @@ mod tests {
                 noise: Counts::from_int(1),
             },
             black_level: Counts::from_int(200),
-            effort: crate::base::work_budget::WorkBudget::WHOLE,
         }
     }
 

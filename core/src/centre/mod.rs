@@ -5,6 +5,8 @@
 
 pub(crate) mod adaptive;
 mod centroid;
+pub mod estimate;
+mod flat_top;
 mod fraunhofer;
 pub mod gauss_newton;
 pub mod half_width;

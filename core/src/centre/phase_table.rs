@@ -494,7 +494,6 @@ mod tests {
                 height: Counts::from_int(0),
                 background,
                 black_level: background.level,
-                effort: crate::base::work_budget::WorkBudget::WHOLE,
             };
             let fault = centre_of(&row, &spot);
             assert!(matches!(fault, Err(Fault::SpotAtEdge { .. })), "{fault:?}");

@@ -1,4 +1,4 @@
-//! Checks a centre against the row's mirror symmetry, and tries the robust fit if the check fails.
+//! Judges a centre by its row's mirror symmetry.
 //!
 //! A centre can be wrong in ways that its uncertainty does not cover, because the uncertainty is only that of
 //! noise. The causes are a second spot, a hot pixel, a background that rises, or light that blooms to one
@@ -30,26 +30,22 @@
 //! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
 //! a gaussian, loosely.
 //!
-//! A spot whose top is cut off at a level that nobody stated is recognised by its flat top (`flat_top`). From
-//! then on the pixels of the top count as saturated: [`gauss_newton`] measures by the flanks, and the other
-//! estimators have the fault [`Fault::Saturated`].
-//!
-//! If a row fails the check, [`repair`] masks samples and fits the rest. Its centre replaces the first one
+//! If a row fails the check, the measurement tries [`repair`], which masks samples and fits the rest. Its centre replaces the first one
 //! if the row, without those samples, passes the check about it. Otherwise the first centre stays, because
 //! in speckle the robust fit is worse than a plain one. The spot's shape then makes u larger
 //! ([`crate::centre::spot_shape`]), and the row is flagged only where u cannot express the error. `other_spot` searches
 //! the rest of the row for a second spot.
 
-mod flat_top;
-mod other_spot;
+pub(crate) mod other_spot;
 pub mod own_spot;
 pub mod repair;
 mod symmetry;
 
-use crate::base::fault::Fault;
+use crate::base::work_budget::WorkBudget;
+use crate::centre::RowCentre;
+use crate::centre::estimate::Estimate;
 use crate::centre::gauss_newton::MaskedPixels;
-use crate::centre::plausible::count_saturated_pixels;
-use crate::centre::{self, Estimator, RowCentre, gauss_newton, half_width};
+use crate::centre::spot_shape::SpotShape;
 use crate::check::own_spot::Profile;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -68,241 +64,102 @@ const LARGEST_SHAPE: f32 = 0.5;
 /// there.
 const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;
 
-/// The estimator and the check take effort only for a spot that is wider than this, in pixels.
-const USUAL_WIDTH: usize = 16;
-
-/// They take so much for each pixel that the spot is wider.
-const EFFORT_OF_PIXEL: usize = 15;
-
-/// The effort of [`gauss_newton`] if it takes all its steps.
-fn effort_of_fit(spot: &Spot) -> usize {
-    widest(spot).saturating_mul(4).saturating_add(1400)
+/// What the check says of a centre.
+#[derive(Clone, Copy, Debug)]
+pub struct Verdict {
+    /// The spot's shape. The estimate's own one where the check had too few pairs.
+    pub shape: SpotShape,
+    /// Nothing is wrong with the centre.
+    pub is_clean: bool,
+    /// The light is no spot, or the shape's part of u is too large.
+    pub misfit: bool,
+    /// Something is wrong, and a repair may find a better centre.
+    pub may_be_repaired: bool,
 }
 
-/// The most pixels that a spot may be wide, before its width is known.
-fn widest(spot: &Spot) -> usize {
-    let widest = *half_width::WIDTHS.end() as usize;
-    spot.block().saturating_mul(2).min(widest)
+impl Verdict {
+    /// The centre with its shape and its flag.
+    #[inline(always)]
+    pub fn of(&self, found: &RowCentre) -> RowCentre {
+        RowCentre {
+            shape: self.shape,
+            misfit: self.misfit,
+            ..*found
+        }
+    }
 }
 
-/// Finds the centre of a spot that the coarse search found, and checks it.
-///
-/// [`gauss_newton`] fits a spot that the sensor's edge cuts, whatever the estimator: no other estimator takes
-/// a cut window.
-///
-/// # Errors
-/// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either;
-/// [`Fault::Saturated`] also where the spot's top is flat.
-pub fn centre(
-    estimator: Estimator,
+/// Judges an estimate by its row's symmetry. A wide spot takes the work of estimator and check from the
+/// budget; if too little is left it has a flag.
+#[inline(always)]
+pub fn judge(
+    estimate: &Estimate<'_>,
     row: &Row<'_>,
     spot: &Spot,
-    before: Option<&RowCentre>,
     geometry: &Geometry,
     profile: Option<&Profile>,
-) -> Result<RowCentre, Fault> {
-    let mut spot = *spot;
-    let found = find_and_check(estimator, row, &mut spot, before, geometry, profile)?;
-    let is_alone = before.is_some() || other_spot::check(row, &spot, &found)?;
-    Ok(RowCentre {
-        misfit: found.misfit || !is_alone || found.width.to_f32() < NARROWEST_SURE,
-        ..found
-    })
-}
-
-/// As [`centre`] for one of several images on a row: without a search of the rest of the row, and without a
-/// repair. An image that fails the check is flagged, and the others take its place. Wide light takes its
-/// effort from the spot's; fits are at most as many as there are images.
-///
-/// # Errors
-/// As [`centre`].
-#[inline(never)]
-pub(crate) fn centre_of_one(
-    estimator: Estimator,
-    row: &Row<'_>,
-    spot: &mut Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-) -> Result<RowCentre, Fault> {
-    let mut found = centre::centre(estimator, row, spot, before, geometry)?;
-    let cut = flat_top::find(row, spot, &found, geometry);
-    let cut = cut.map(|saturation| row.with_saturation(saturation));
-    if let Some(row) = &cut {
-        found = measure_flanks(estimator, row, spot, &found, geometry)?;
-    }
-    let row = cut.as_ref().unwrap_or(row);
-    if spot.effort.pay(effort_of_width(&found)).is_none() {
-        return Ok(RowCentre {
+    budget: &mut WorkBudget,
+) -> Verdict {
+    let Estimate { found, is_cut, .. } = estimate;
+    let row = estimate.row(row);
+    // A cut spot has paid for its fit.
+    if !is_cut && budget.pay(estimate.work()).is_none() {
+        return Verdict {
+            shape: found.shape,
+            is_clean: false,
             misfit: true,
-            ..found
-        });
+            may_be_repaired: false,
+        };
     }
-    let found = check_symmetry(row, spot, found, geometry, None).found;
-    Ok(RowCentre {
-        misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
-        ..found
-    })
+    let verdict = by_symmetry(row, spot, found, geometry, profile);
+    if *is_cut {
+        return Verdict {
+            misfit: !verdict.is_clean || !is_certain_cut(row, found),
+            may_be_repaired: false,
+            ..verdict
+        };
+    }
+    verdict
 }
 
-/// Measures a spot with a flat top, on a row that counts the pixels of this top as saturated. Does
-/// what the estimator does at a saturation that is known: only [`gauss_newton`] measures by the flanks alone.
-///
-/// # Errors
-/// [`Fault::Saturated`] from every other estimator, and if too little effort is left.
-#[cold]
-#[inline(never)]
-fn measure_flanks(
-    estimator: Estimator,
-    row: &Row<'_>,
-    spot: &mut Spot,
-    found: &RowCentre,
-    geometry: &Geometry,
-) -> Result<RowCentre, Fault> {
-    let pixels = count_saturated_pixels(row, found.centre, found.width.to_f32());
-    let saturated = Fault::Saturated { pixels };
-    if estimator != Estimator::GaussNewton {
-        return Err(saturated);
-    }
-    spot.effort.pay(effort_of_fit(spot)).ok_or(saturated)?;
-    gauss_newton::centre(row, spot, None, geometry)
-}
-
-/// The effort of the estimator and the check for a spot of this width.
+/// Whether a spot is so narrow that it may be a few bad pixels.
 #[inline(always)]
-fn effort_of_width(found: &RowCentre) -> usize {
-    // `as` saturates.
-    let wider = (found.width.to_f32() as usize).saturating_sub(USUAL_WIDTH);
-    wider.saturating_mul(EFFORT_OF_PIXEL)
-}
-
-/// As [`centre`], without a search of the rest of the row.
-#[inline(always)]
-fn find_and_check(
-    estimator: Estimator,
-    row: &Row<'_>,
-    spot: &mut Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-    profile: Option<&Profile>,
-) -> Result<RowCentre, Fault> {
-    if estimator == Estimator::GaussNewton {
-        spot.effort.pay(effort_of_fit(spot)).ok_or(spot.no_spot())?;
-    }
-    let mut found = match centre::centre(estimator, row, spot, before, geometry) {
-        Err(at_edge @ Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
-            spot.effort.pay(effort_of_fit(spot)).ok_or(at_edge)?;
-            let fit = Estimator::GaussNewton;
-            let mut found = gauss_newton::centre(row, spot, before, geometry)?;
-            let cut = flat_top::find(row, spot, &found, geometry);
-            let cut = cut.map(|saturation| row.with_saturation(saturation));
-            if let Some(row) = &cut {
-                found = measure_flanks(fit, row, spot, &found, geometry)?;
-            }
-            let row = cut.as_ref().unwrap_or(row);
-            let checked = check_symmetry(row, spot, found, geometry, profile);
-            return Ok(RowCentre {
-                misfit: !checked.is_clean || !is_certain_cut(row, &found),
-                ..checked.found
-            });
-        }
-        found => found?,
-    };
-    let cut = flat_top::find(row, spot, &found, geometry);
-    let cut = cut.map(|saturation| row.with_saturation(saturation));
-    if let Some(row) = &cut {
-        found = measure_flanks(estimator, row, spot, &found, geometry)?;
-    }
-    let row = cut.as_ref().unwrap_or(row);
-    // The estimator's part is paid only now, when the width is known.
-    if spot.effort.pay(effort_of_width(&found)).is_none() {
-        return Ok(RowCentre {
-            misfit: true,
-            ..found
-        });
-    }
-    let checked = check_symmetry(row, spot, found, geometry, profile);
-    let found = checked.found;
-    if checked.may_be_repaired && estimator != Estimator::GaussNewton {
-        return Ok(repair_or_keep(
-            estimator, row, spot, before, geometry, profile, found,
-        ));
-    }
-    Ok(found)
-}
-
-/// The repaired centre if the row is symmetric about it, otherwise the one that was found. The table class
-/// stays that of the estimator.
-#[cold]
-#[inline(never)]
-fn repair_or_keep(
-    estimator: Estimator,
-    row: &Row<'_>,
-    spot: &mut Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-    profile: Option<&Profile>,
-    found: RowCentre,
-) -> RowCentre {
-    let repaired = match estimator {
-        // Its centre is the repair's first one, and has failed the check.
-        Estimator::Adaptive => repair::refit(row, spot, geometry, profile, found),
-        _ => repair::centre_within(row, spot, before, geometry, profile).ok(),
-    };
-    match repaired {
-        Some(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
-            RowCentre {
-                class: found.class,
-                ..other
-            }
-        }
-        _ => found,
-    }
-}
-
-/// A centre with what the check says of it.
-struct Checked {
-    /// With its shape, and a flag if the light is no spot or the shape's part of u is too large.
-    found: RowCentre,
-    /// Nothing is wrong with the centre.
-    is_clean: bool,
-    /// Something is wrong, and a repair may find a better centre.
-    may_be_repaired: bool,
+pub(crate) fn may_be_bad_pixels(found: &RowCentre) -> bool {
+    found.width.to_f32() < NARROWEST_SURE
 }
 
 /// Compares a row with its mirror image about a centre. A fit's own flag stays if saturation or the sensor's
 /// edge cuts the spot; for a whole spot the fit would flag every profile that is no gaussian.
-fn check_symmetry(
+pub(crate) fn by_symmetry(
     row: &Row<'_>,
     spot: &Spot,
-    found: RowCentre,
+    found: &RowCentre,
     geometry: &Geometry,
     profile: Option<&Profile>,
-) -> Checked {
+) -> Verdict {
     let own = profile.map(|profile| profile.at(found.centre));
     let own = own.as_ref();
     let nothing = MaskedPixels::default();
-    let verdict = symmetry::check(row, spot, &found, geometry, own, &nothing);
+    let verdict = symmetry::check(row, spot, found, geometry, own, &nothing);
     let Some(verdict) = verdict else {
         let misfit = found.misfit || found.width.to_f32() < NARROWEST_CUT;
-        return Checked {
-            found: RowCentre { misfit, ..found },
+        return Verdict {
+            shape: found.shape,
             is_clean: !misfit,
+            misfit,
             may_be_repaired: misfit,
         };
     };
     let shape = verdict.shape;
-    let is_sound = verdict.is_spot && !(found.misfit && !is_whole(row, &found));
+    let is_sound = verdict.is_spot && !(found.misfit && !is_whole(row, found));
     let is_clean = is_sound && verdict.is_symmetric;
     let width = found.width.to_f32();
     let is_expressed = verdict.is_symmetric
         || width > NARROWEST_WITH_SHAPE && shape.uncertainty(own).to_f32() <= LARGEST_SHAPE * width;
-    Checked {
-        found: RowCentre {
-            misfit: !(is_sound && is_expressed),
-            shape,
-            ..found
-        },
+    Verdict {
+        shape,
         is_clean,
+        misfit: !(is_sound && is_expressed),
         may_be_repaired: !is_clean && !verdict.is_hopeless,
     }
 }
@@ -325,11 +182,11 @@ fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::base::units::{Counts, Pixels};
 
-    pub(super) fn found_at(centre: f32, width: f32) -> RowCentre {
+    pub fn found_at(centre: f32, width: f32) -> RowCentre {
         RowCentre {
             centre: Pixels::from_f32(centre),
             uncertainty: Pixels::from_f32(0.25),
@@ -351,38 +208,6 @@ mod tests {
         light[3] = 4095;
         let row = Row::new(&light, &[], 4095).expect("12 bits");
         assert!(!is_whole(&row, &found_at(50.0, 10.0)));
-    }
-
-    /// A spot of 60 pixels, in the row's middle or cut by its end, on a row whose search left no effort.
-    #[test]
-    fn without_effort_a_wide_spot_has_a_flag_and_a_cut_spot_a_fault() {
-        let geometry = crate::row::sensor_heads::tcd1304dg();
-        for (centre, is_cut) in [(900.0f32, false), (20.0, true)] {
-            let light: std::vec::Vec<u16> = (0..2000u32)
-                .map(|i| {
-                    let u = (i as f32 - centre) / 60.0;
-                    let noise = i.wrapping_mul(2_654_435_761) >> 30;
-                    (300.0 + 2000.0 * libm::expf(-0.5 * u * u)) as u16 + noise as u16
-                })
-                .collect();
-            let row = Row::new(&light, &[], 4095).expect("12 bits");
-            let spot = crate::spot::find(&row).expect("a spot");
-            let measure = |spot: &Spot| {
-                let estimator = Estimator::PhaseTable;
-                super::centre(estimator, &row, spot, None, &geometry, None)
-            };
-            let found = measure(&spot).expect("a centre");
-            assert!((found.centre.to_f32() - centre).abs() < 1.0, "{found:?}");
-            assert!(!found.misfit, "{found:?}");
-            let mut tired = spot;
-            assert_eq!(tired.effort.pay(spot.effort.left()), Some(()));
-            let found = measure(&tired);
-            if is_cut {
-                assert!(matches!(found, Err(Fault::SpotAtEdge { .. })), "{found:?}");
-            } else {
-                assert!(found.expect("a centre").misfit);
-            }
-        }
     }
 
     #[test]

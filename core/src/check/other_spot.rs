@@ -10,6 +10,7 @@ use core::ops::Range;
 use crate::base::fault::Fault;
 use crate::base::numeric;
 use crate::base::units::{Counts, Pixels};
+use crate::base::work_budget::WorkBudget;
 use crate::centre::RowCentre;
 use crate::row::{BLOCK, Light, MAX_PIXELS, Row};
 use crate::spot::Spot;
@@ -36,22 +37,27 @@ const PART: usize = 1024;
 /// Heights of a part and of both sides, rounded up to whole fours.
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 
-/// The effort of the comparison, without that of its pixels and places.
-const EFFORT: usize = 240;
+/// The work of the comparison, without that of its pixels and places.
+const WORK: usize = 240;
 
-/// So many pixels are summed in one unit of effort.
+/// So many pixels are summed in one unit of work.
 const PIXELS_IN_A_UNIT: usize = 20;
 
-/// So many places are compared in one unit of effort.
+/// So many places are compared in one unit of work.
 const PLACES_IN_A_UNIT: usize = 5;
 
 /// Searches all of the row for another spot. Called for a frame's first row only. Returns `false` if
-/// another spot is possible, but too little effort is left to search for it.
+/// another spot is possible, but the budget is too small to search for it.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.
 #[inline(never)]
-pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<bool, Fault> {
+pub(crate) fn check(
+    row: &Row<'_>,
+    spot: &Spot,
+    found: &RowCentre,
+    mut budget: WorkBudget,
+) -> Result<bool, Fault> {
     let light = row.light();
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
@@ -86,11 +92,10 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
     // On nearly all rows, no pixel there is high.
     let sides = [right.max(apart)..end, apart..left.min(end)]
         .map(|places| search.may_be_high(row, places.clone()).then_some(places));
-    let mut effort = spot.effort;
-    let units = EFFORT
+    let units = WORK
         .saturating_add(light.len() / PIXELS_IN_A_UNIT)
         .saturating_add(light.len() / half / PLACES_IN_A_UNIT);
-    if sides.iter().any(Option::is_some) && effort.pay(units).is_none() {
+    if sides.iter().any(Option::is_some) && budget.pay(units).is_none() {
         return Ok(false);
     }
     for places in sides.into_iter().flatten() {
@@ -421,10 +426,9 @@ mod tests {
                 noise: level,
             },
             black_level: level,
-            effort: crate::base::work_budget::WorkBudget::WHOLE,
         };
         let found = found_at(CENTRE as f32, width);
-        let other = |row: &Row<'_>| match check(row, &spot, &found) {
+        let other = |row: &Row<'_>| match check(row, &spot, &found, WorkBudget::of_row()) {
             Err(Fault::TwoSpots { other, .. }) => Some(other.to_f32() as usize),
             _ => None,
         };
@@ -450,13 +454,13 @@ mod tests {
         others[0]
     }
 
-    /// Another spot is as high as the spot, or there is none. Only a look for one takes effort.
+    /// Another spot is as high as the spot, or there is none. Only a look for one takes from the budget.
     #[test]
-    fn without_effort_a_row_that_may_have_another_spot_is_not_passed() {
+    fn without_budget_a_row_that_may_have_another_spot_is_not_passed() {
         let level = Counts::from_int(LEVEL.into());
-        let mut effort = crate::base::work_budget::WorkBudget::WHOLE;
-        assert_eq!(effort.pay(effort.left() + 1), None);
-        assert_eq!(effort.pay(effort.left() - EFFORT + 1), Some(()));
+        let mut small = WorkBudget::of_row();
+        assert_eq!(small.pay(small.left() + 1), None);
+        assert_eq!(small.pay(small.left() - WORK + 1), Some(()));
         let spot = Spot {
             centre: CENTRE,
             block_log2: 1,
@@ -466,7 +470,6 @@ mod tests {
                 noise: level,
             },
             black_level: level,
-            effort,
         };
         let found = found_at(CENTRE as f32, 4.0);
         for (another, is_passed) in [(CENTRE, true), (CENTRE + 200, false)] {
@@ -475,12 +478,13 @@ mod tests {
                 LEVEL + if nearest <= 8 { 1000 } else { 0 }
             });
             let row = Row::new(&light, &[], LARGEST_COUNT).expect("a row");
-            assert_eq!(check(&row, &spot, &found), Ok(is_passed), "{another}");
-            let whole = Spot {
-                effort: crate::base::work_budget::WorkBudget::WHOLE,
-                ..spot
-            };
-            assert_eq!(check(&row, &whole, &found).is_ok(), is_passed);
+            assert_eq!(
+                check(&row, &spot, &found, small),
+                Ok(is_passed),
+                "{another}"
+            );
+            let whole = check(&row, &spot, &found, WorkBudget::of_row());
+            assert_eq!(whole.is_ok(), is_passed);
         }
     }
 

@@ -14,21 +14,20 @@
 //!    normal equations tell which single pixels to mask: see `gauss_newton::least_without`.
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
-//! Otherwise [`centre`] gives the first centre with a flag, and the check decides. A repair ends when the
-//! row's effort is used up ([`WorkBudget`]): a sample in one pass is one unit. The pass of a step, which sums up
+//! Otherwise the first centre stays. A repair ends when the
+//! row's budget is used up ([`WorkBudget`]): a sample in one pass is one unit. The pass of a step, which sums up
 //! the normal equations, takes 37 instructions a sample.
 
 use core::cell::Cell;
 
-use crate::base::fault::Fault;
 use crate::base::work_budget::WorkBudget;
+use crate::centre::RowCentre;
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start, Window};
 use crate::centre::half_width::WIDTHS;
 use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::TILTED;
-use crate::centre::{Estimator, RowCentre, adaptive};
 use crate::check::own_spot::Profile;
-use crate::check::{check_symmetry, effort_of_fit, flat_top, measure_flanks, symmetry, widest};
+use crate::check::symmetry;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
@@ -50,7 +49,7 @@ const NARROWEST: f32 = 1.0;
 
 /// If a fit with masked pixels finds a narrower spot, in pixels, it is flagged: the few bad pixels that are
 /// left may fit by chance.
-pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
+pub(crate) const NARROWEST_SURE_REFIT: f32 = 2.5;
 
 /// The most bad pixels side by side, in samples. More samples side by side are light, which may be the spot.
 const BAD_PIXELS: u32 = 3;
@@ -82,113 +81,54 @@ const STEPS_OF_ROUND: usize = 4;
 /// The most steps of the fit to the spot's top and the dark. It is only a start.
 const STEPS_OF_TOP: usize = 3;
 
-/// The effort of a repair besides what it pays pass by pass: it clears its window and masks, and compares a
+/// The work of a repair besides what it pays pass by pass: it clears its window and masks, and compares a
 /// fit with the first centre.
-const EFFORT_OF_REPAIR: usize = 420;
+const WORK_OF_REPAIR: usize = 420;
 
-/// The effort of a step besides its sums: four exponentials, and the equations' solution.
-const EFFORT_OF_STEP: usize = 12;
+/// The work of a step besides its sums: four exponentials, and the equations' solution.
+const WORK_OF_STEP: usize = 12;
 
-/// The effort of comparing the row with its mirror image, masked samples left out.
-const EFFORT_OF_CHECK: usize = 210;
+/// The work of comparing the row with its mirror image, masked samples left out.
+const WORK_OF_CHECK: usize = 210;
 
 /// The comparison takes so much more for each pixel of the width.
-const EFFORT_OF_CHECKED_PIXEL: usize = 6;
+const WORK_OF_CHECKED_PIXEL: usize = 6;
 
-/// The effort of the first centre of a narrow spot, where the estimator has found another one.
-const EFFORT_OF_FIRST_CENTRE: usize = 300;
-/// The first centre takes so much more for each pixel that the spot may be wide.
-const EFFORT_OF_MEASURED_PIXEL: usize = 9;
-
-/// The effort of finding a start for a narrow spot's top.
-const EFFORT_OF_START: usize = 30;
+/// The work of finding a start for a narrow spot's top.
+const WORK_OF_START: usize = 30;
 
 /// The start takes so much more for each pixel of the spot's block.
-const EFFORT_OF_STARTING_PIXEL: usize = 3;
+const WORK_OF_STARTING_PIXEL: usize = 3;
 
-/// So many pixels are summed into samples in one unit of effort.
+/// So many pixels are summed into samples in one unit of work.
 const PIXELS_IN_A_UNIT: usize = 10;
-
-/// Finds the centre of a spot.
-///
-/// # Errors
-/// See [`crate::centre::centre`]; [`Fault::Saturated`] only where the pixels that are not saturated are too
-/// few, or too little effort is left for a fit.
-pub fn centre(
-    row: &Row<'_>,
-    spot: &Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-    profile: Option<&Profile>,
-) -> Result<RowCentre, Fault> {
-    centre_within(row, &mut { *spot }, before, geometry, profile)
-}
-
-/// As [`centre`]. Takes what it needs from the spot's effort.
-pub(super) fn centre_within(
-    row: &Row<'_>,
-    spot: &mut Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-    profile: Option<&Profile>,
-) -> Result<RowCentre, Fault> {
-    let of_width = widest(spot).saturating_mul(EFFORT_OF_MEASURED_PIXEL);
-    let effort = EFFORT_OF_FIRST_CENTRE.saturating_add(of_width);
-    if spot.effort.pay(effort).is_none() {
-        return Err(spot.no_spot());
-    }
-    let mut found = match adaptive::centre(row, spot, before, geometry) {
-        Err(Fault::Saturated { .. }) => {
-            if spot.effort.pay(effort_of_fit(spot)).is_none() {
-                return Err(spot.no_spot());
-            }
-            gauss_newton::centre(row, spot, before, geometry)?
-        }
-        // If `adaptive` finds no spot there is none: a fit to a hot pixel is not to be trusted.
-        found => found?,
-    };
-    let cut = flat_top::find(row, spot, &found, geometry);
-    let cut = cut.map(|saturation| row.with_saturation(saturation));
-    if let Some(row) = &cut {
-        found = measure_flanks(Estimator::GaussNewton, row, spot, &found, geometry)?;
-    }
-    let row = cut.as_ref().unwrap_or(row);
-    let checked = check_symmetry(row, spot, found, geometry, profile);
-    let sure = RowCentre {
-        misfit: !checked.is_clean,
-        ..checked.found
-    };
-    if !checked.may_be_repaired {
-        return Ok(sure);
-    }
-    Ok(refit(row, spot, geometry, profile, found).unwrap_or(sure))
-}
 
 /// Searches samples that do not belong to the spot, and fits the rest. `None` where there is no better centre
 /// than the first one, which failed the check.
 #[inline(never)]
-pub(super) fn refit(
+pub fn repair(
     row: &Row<'_>,
-    spot: &mut Spot,
+    spot: &Spot,
     geometry: &Geometry,
     profile: Option<&Profile>,
-    first: RowCentre,
+    first: &RowCentre,
+    budget: &mut WorkBudget,
 ) -> Option<RowCentre> {
     // The tilt tables ignore a slope. The fits below would take it for outliers.
     if first.class.set == TILTED.number() {
         return None;
     }
-    spot.effort.pay(EFFORT_OF_REPAIR)?;
+    budget.pay(WORK_OF_REPAIR)?;
     let scene = Scene {
         row,
         spot,
         geometry,
         profile,
-        found: first,
-        effort: Cell::new(spot.effort),
+        found: *first,
+        budget: Cell::new(*budget),
     };
     let found = scene.refit();
-    spot.effort = scene.effort.get();
+    *budget = scene.budget.get();
     found
 }
 
@@ -211,8 +151,8 @@ struct Scene<'a> {
     profile: Option<&'a Profile>,
     /// The first centre.
     found: RowCentre,
-    /// The effort that is left.
-    effort: Cell<WorkBudget>,
+    /// The work that is left.
+    budget: Cell<WorkBudget>,
 }
 
 impl Scene<'_> {
@@ -240,15 +180,15 @@ impl Scene<'_> {
         if at.width < 2.0 {
             return None;
         }
-        let of_width = self.spot.block().saturating_mul(EFFORT_OF_STARTING_PIXEL);
-        self.pay(EFFORT_OF_START.saturating_add(of_width))?;
+        let of_width = self.spot.block().saturating_mul(WORK_OF_STARTING_PIXEL);
+        self.pay(WORK_OF_START.saturating_add(of_width))?;
         let start = Start::find(self.row, self.spot).ok()?;
         self.fill_for_light(&start, &mut window)?;
         let start = window.parameters(&start);
         self.fit_without_light(&mut window, start)
     }
 
-    /// Fills the window in which bad pixels are searched. `None` if too little effort is left.
+    /// Fills the window in which bad pixels are searched. `None` if the budget is too small.
     fn fill_for_pixels(&self, start: &Start, window: &mut Window) -> Option<()> {
         if start.width > SINGLE_PIXELS {
             return self.fill_for_light(start, window);
@@ -282,23 +222,23 @@ impl Scene<'_> {
         Some(())
     }
 
-    /// Takes a pass over so many samples from the effort. `None` if too little is left.
+    /// Takes a pass over so many samples from the budget. `None` if too little is left.
     fn pay(&self, samples: usize) -> Option<()> {
-        let mut left = self.effort.get();
+        let mut left = self.budget.get();
         left.pay(samples)?;
-        self.effort.set(left);
+        self.budget.set(left);
         Some(())
     }
 
     /// Fits by as many steps as are needed, and no more than are allowed.
     fn fit(&self, window: &Window, at: Parameters, most: usize) -> Option<Fit> {
-        let step = window.samples().len().saturating_add(EFFORT_OF_STEP);
-        let before = self.effort.get();
+        let step = window.samples().len().saturating_add(WORK_OF_STEP);
+        let before = self.budget.get();
         let most = most.min(before.left().checked_div(step)?);
         // A fit without a solution may have taken all steps.
         self.pay(step.saturating_mul(most))?;
         let fit = gauss_newton::fit(window.samples(), at, self.shot(), most)?;
-        self.effort.set(before);
+        self.budget.set(before);
         self.pay(step.saturating_mul(fit.steps))?;
         Some(fit)
     }
@@ -346,8 +286,8 @@ impl Scene<'_> {
         let own = self.profile.map(|profile| profile.at(found.centre));
         let own = own.as_ref();
         // `as` saturates.
-        let of_width = (width as usize).saturating_mul(EFFORT_OF_CHECKED_PIXEL);
-        self.pay(EFFORT_OF_CHECK.saturating_add(of_width))?;
+        let of_width = (width as usize).saturating_mul(WORK_OF_CHECKED_PIXEL);
+        self.pay(WORK_OF_CHECK.saturating_add(of_width))?;
         let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, own, &masked)?;
         verdict.is_clean().then_some(RowCentre {
             shape: verdict.shape,
@@ -427,8 +367,8 @@ impl Scene<'_> {
         // The equations without a sample are solved in 160 instructions.
         let passes = window.samples().len().saturating_mul(2);
         let solutions = end.saturating_sub(first).saturating_mul(4);
-        let effort = passes.saturating_add(solutions);
-        self.pay(effort.saturating_add(EFFORT_OF_STEP))?;
+        let work = passes.saturating_add(solutions);
+        self.pay(work.saturating_add(WORK_OF_STEP))?;
         let candidates =
             gauss_newton::least_without(window.samples(), first..end, &at, self.shot());
         let mut best: Option<(f32, RowCentre)> = None;
@@ -696,18 +636,18 @@ mod tests {
             })
             .collect();
         let row = Row::new(&light, &[], 4095).expect("12 bits");
-        let spot = crate::spot::find(&row).expect("a spot");
+        let (spot, _) = crate::spot::find(&row).expect("a spot");
         let scene = Scene {
             row: &row,
             spot: &spot,
             geometry: &geometry,
             profile: None,
             found: crate::check::tests::found_at(500.3, 8.0),
-            effort: Cell::new(WorkBudget::WHOLE),
+            budget: Cell::new(WorkBudget::of_row()),
         };
         let start = Start::find(&row, &spot).expect("a start");
         let mut window = Window::empty();
-        scene.fill_for_light(&start, &mut window).expect("effort");
+        scene.fill_for_light(&start, &mut window).expect("work");
         let start = window.parameters(&start);
         let fit = scene.fit(&window, start, STEPS_OF_ROUND).expect("a fit");
         mask_second(&mut window, &fit.parameters, &scene).is_some()

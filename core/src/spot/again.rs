@@ -21,9 +21,16 @@ use crate::spot::{
 ///
 /// # Errors
 /// As [`find`](crate::spot::find).
-pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
+pub fn find_again(
+    row: &Row<'_>,
+    before: &Spot,
+    width: Pixels,
+) -> Result<(Spot, WorkBudget), Fault> {
     let blocks = Blocks::of(row.light());
-    find_again_in(row, blocks.sums(), &mut Coarse::new(), before, width)
+    let mut budget = WorkBudget::of_row();
+    let coarse = &mut Coarse::new();
+    let spot = find_again_in(row, blocks.sums(), coarse, before, width, &mut budget)?;
+    Ok((spot, budget))
 }
 
 /// As [`find_again`], with the row's blocks, and room for what [`find`](crate::spot::find) makes of them.
@@ -33,9 +40,10 @@ pub(crate) fn find_again_in(
     coarse: &mut Coarse,
     before: &Spot,
     width: Pixels,
+    budget: &mut WorkBudget,
 ) -> Result<Spot, Fault> {
     if width < NARROWEST || row.light().len() < MIN_PIXELS {
-        return find_in(row, blocks, coarse);
+        return find_in(row, blocks, coarse, budget);
     }
     let reach = spot_reach(width);
     // The kernel fits a width of 0.9 of its block best, and widths of 0.75 or 1.5 nearly as well.
@@ -54,7 +62,7 @@ pub(crate) fn find_again_in(
     // Not negative: the width is at least half of the block that was chosen for it.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
     let Some(peak) = groups.peak_near(before.centre >> block_log2) else {
-        return find_in(row, blocks, coarse);
+        return find_in(row, blocks, coarse, budget);
     };
     let response = above(peak.response);
     let significance = square(response.unsigned_abs()) >> block_log2;
@@ -70,7 +78,7 @@ pub(crate) fn find_again_in(
         || has_background_changed(background, response, groups.beside(peak.group))
         || groups.has_another(peak.group, reach, least_similar)
     {
-        return find_in(row, blocks, coarse);
+        return find_in(row, blocks, coarse, budget);
     }
     Ok(Spot {
         centre,
@@ -78,7 +86,6 @@ pub(crate) fn find_again_in(
         height: height(response, block_log2),
         background: before.background,
         black_level: before.background.level,
-        effort: WorkBudget::WHOLE,
     })
 }
 

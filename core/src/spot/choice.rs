@@ -10,6 +10,7 @@ use core::ops::Range;
 
 use crate::base::fault::Fault;
 use crate::base::units::{Counts, Pixels};
+use crate::base::work_budget::WorkBudget;
 use crate::row::{Blocks, Geometry};
 use crate::spot::{self, Coarse, Spot};
 
@@ -176,7 +177,7 @@ impl Search<'_> {
         };
         let row = view.row_and_blocks(self.words, self.blocks).ok()?;
         let place = |pixel: usize| part.start.saturating_add(pixel);
-        match spot::find_in(&row, row.blocks(), self.coarse) {
+        match spot::find_in(&row, row.blocks(), self.coarse, &mut WorkBudget::of_row()) {
             Ok(spot) => {
                 let level = *self.level.get_or_insert(spot.background.level);
                 let top = spot

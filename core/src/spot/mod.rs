@@ -65,8 +65,6 @@ pub struct Spot {
     /// The level that the centroid subtracts: that of the background, unless the
     /// [`measurement`](crate::measurement) chooses another.
     pub black_level: Counts,
-    /// What the search left for the check.
-    pub effort: WorkBudget,
 }
 
 impl Spot {
@@ -101,18 +99,26 @@ impl Spot {
     }
 }
 
-/// Finds the spot.
+/// Finds the spot. Returns it with what the search leaves of the row's work budget.
 ///
 /// # Errors
 /// [`Fault::NoSpot`] if nothing stands out, or the row is shorter than [`MIN_PIXELS`]. [`Fault::TwoSpots`] if
 /// two spots stand out and their heights do not tell which is the laser's. [`Fault::SensorSilent`] if all
 /// pixels read the same, which the noise of a sensor never allows.
-pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
-    find_in(row, Blocks::of(row.light()).sums(), &mut Coarse::new())
+pub fn find(row: &Row<'_>) -> Result<(Spot, WorkBudget), Fault> {
+    let blocks = Blocks::of(row.light());
+    let mut budget = WorkBudget::of_row();
+    let spot = find_in(row, blocks.sums(), &mut Coarse::new(), &mut budget)?;
+    Ok((spot, budget))
 }
 
 /// As [`find`], with the row's blocks, and room for what follows from them.
-pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16], coarse: &mut Coarse) -> Result<Spot, Fault> {
+pub(crate) fn find_in(
+    row: &Row<'_>,
+    blocks: &[u16],
+    coarse: &mut Coarse,
+    budget: &mut WorkBudget,
+) -> Result<Spot, Fault> {
     let light = row.light();
     if light.len() < MIN_PIXELS {
         return Err(NOTHING);
@@ -125,8 +131,8 @@ pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16], coarse: &mut Coarse) -> Res
     }
     let first = First::look(light, blocks, coarse).ok_or(NOTHING)?;
     match first.tilt() {
-        None => first.search(WorkBudget::WHOLE),
-        Some(tilt) => search_level(light, tilt, coarse),
+        None => first.search(budget),
+        Some(tilt) => search_level(light, tilt, coarse, budget),
     }
 }
 
@@ -135,15 +141,15 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
-/// The effort of a search in blocks of all sizes.
-const EFFORT_OF_ALL_SIZES: usize = 1100;
+/// The work of a search in blocks of all sizes.
+const WORK_OF_ALL_SIZES: usize = 1100;
 
-/// The effort of searching a row again without its tilt.
-const EFFORT_OF_LEVEL: usize = 1100;
+/// The work of searching a row again without its tilt.
+const WORK_OF_LEVEL: usize = 1100;
 
 // Only the search has paid yet, so it never has too little.
 const _: () =
-    assert!(EFFORT_OF_ALL_SIZES + EFFORT_OF_LEVEL + narrow::EFFORT <= work_budget::WHOLE as usize);
+    assert!(WORK_OF_ALL_SIZES + WORK_OF_LEVEL + narrow::WORK <= work_budget::WHOLE as usize);
 
 /// What blocks of 8 pixels and more show.
 struct First<'a> {
@@ -180,7 +186,7 @@ impl<'a> First<'a> {
 
     /// Searches a row whose tilt hides nothing.
     #[inline(never)]
-    fn search(&self, effort: WorkBudget) -> Result<Spot, Fault> {
+    fn search(&self, budget: &mut WorkBudget) -> Result<Spot, Fault> {
         let Self {
             sums,
             background,
@@ -189,11 +195,11 @@ impl<'a> First<'a> {
         // The width is tested first, because the other test takes much more time.
         if !best.is_too_wide(sums, background.level)
             && best.is_best_of_all_sizes(sums, *background)
-            && let Some(found) = take(sums, best, *background, effort)
+            && let Some(found) = take(sums, best, *background, budget)
         {
             return found;
         }
-        search_all_sizes(sums, *background, effort)
+        search_all_sizes(sums, *background, budget)
     }
 }
 
@@ -203,9 +209,9 @@ impl<'a> First<'a> {
 fn search_all_sizes(
     sums: &Sums<'_>,
     background: Background,
-    mut effort: WorkBudget,
+    budget: &mut WorkBudget,
 ) -> Result<Spot, Fault> {
-    effort.pay(EFFORT_OF_ALL_SIZES).ok_or(NOTHING)?;
+    budget.pay(WORK_OF_ALL_SIZES).ok_or(NOTHING)?;
     let mut fine = Fine::new();
     fine.sum(sums.light);
     let sums = sums.with(&fine);
@@ -229,8 +235,8 @@ fn search_all_sizes(
     let may_hide_another =
         best.is_too_wide(&sums, level) || is_dim && sums.has_darker_background(level, noise);
     if may_hide_another {
-        effort.pay(narrow::EFFORT).ok_or(NOTHING)?;
-        if let Some(found) = narrow::find(&sums, noise, &mut effort) {
+        budget.pay(narrow::WORK).ok_or(NOTHING)?;
+        if let Some(found) = narrow::find(&sums, noise, budget) {
             return found;
         }
     }
@@ -239,7 +245,7 @@ fn search_all_sizes(
             amplitude: best.height(),
         });
     }
-    take(&sums, &best, background, effort).unwrap_or(Err(NOTHING))
+    take(&sums, &best, background, budget).unwrap_or(Err(NOTHING))
 }
 
 /// Takes a candidate for the spot, if there is no other spot. `None` where the sums do not hold what this
@@ -248,7 +254,7 @@ fn take(
     sums: &Sums<'_>,
     best: &Candidate,
     background: Background,
-    effort: WorkBudget,
+    budget: &mut WorkBudget,
 ) -> Option<Result<Spot, Fault>> {
     let block = sums.highest(best.block_log2)?;
     let spot = Spot {
@@ -257,15 +263,23 @@ fn take(
         height: best.height(),
         background,
         black_level: background.level,
-        effort,
     };
-    second_spot::check(sums, spot)
+    // What this paid counts only if it found out something.
+    let mut left = *budget;
+    let found = second_spot::check(sums, spot, &mut left)?;
+    *budget = left;
+    Some(found)
 }
 
 /// Searches a row without its tilt, and adds the tilt at the spot to the background's level.
 #[cold]
 #[inline(never)]
-fn search_level(light: Light<'_>, tilt: Tilt, coarse: &mut Coarse) -> Result<Spot, Fault> {
+fn search_level(
+    light: Light<'_>,
+    tilt: Tilt,
+    coarse: &mut Coarse,
+    budget: &mut WorkBudget,
+) -> Result<Spot, Fault> {
     /// Aligned to 4 bytes, as `dual_mac` is fast with.
     #[repr(align(4))]
     struct Aligned([u16; MAX_PIXELS]);
@@ -274,11 +288,10 @@ fn search_level(light: Light<'_>, tilt: Tilt, coarse: &mut Coarse) -> Result<Spo
     let untilted = untilted.0.get_mut(..light.len()).unwrap_or_default();
     let lowest = tilt.subtract_from(light, untilted);
     let untilted = Light::from(&*untilted);
-    let mut effort = WorkBudget::WHOLE;
-    effort.pay(EFFORT_OF_LEVEL).ok_or(NOTHING)?;
+    budget.pay(WORK_OF_LEVEL).ok_or(NOTHING)?;
     let blocks = Blocks::of(untilted);
     let first = First::look(untilted, blocks.sums(), coarse).ok_or(NOTHING)?;
-    let spot = first.search(effort)?;
+    let spot = first.search(budget)?;
     let level = Counts::from_bits(
         (spot.background.level.to_bits())
             .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
@@ -322,7 +335,7 @@ fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) 
     })
 }
 
-/// These tests are not paid from the effort, so their number has a limit: where more blocks stand out, all
+/// These tests are not paid from the budget, so their number has a limit: where more blocks stand out, all
 /// sizes are searched. A spot that fits blocks of 8 pixels stands out on less than ten of them.
 const MOST_TRIED: u32 = 16;
 

@@ -50,14 +50,14 @@ const fn most_parts(block_log2: u32) -> usize {
 /// The blocks of a place and those of its sides.
 const BLOCKS: usize = 2 * REACH + 1;
 
-/// The effort of a search, without its looks at parts.
-pub(super) const EFFORT: usize = 870;
+/// The work of a search, without its looks at parts.
+pub(super) const WORK: usize = 870;
 
 /// What a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
 /// all. That is enough for narrow spots and speckle on wide light, and for four hot pixels that are brighter.
 const LOOKS: u32 = 3400;
 
-/// Units of [`LOOKS`] in one unit of effort, which is 40 instructions.
+/// Units of [`LOOKS`] in one unit of work, which is 40 instructions.
 const LOOKS_IN_A_UNIT: u32 = 5;
 
 /// Looking at a part.
@@ -92,16 +92,16 @@ const NOISE_REACH: usize = 256;
 pub(super) fn find(
     sums: &Sums<'_>,
     row_noise: Counts,
-    effort: &mut WorkBudget,
+    budget: &mut WorkBudget,
 ) -> Option<Result<Spot, Fault>> {
-    let looks = LOOKS.min((effort.left() as u32).saturating_mul(LOOKS_IN_A_UNIT));
+    let looks = LOOKS.min((budget.left() as u32).saturating_mul(LOOKS_IN_A_UNIT));
     let mut parts = Parts::none(sums, looks);
     parts.measure(row_noise);
     let found = parts.best(row_noise);
     let used = looks
         .saturating_sub(parts.looks_left)
         .div_ceil(LOOKS_IN_A_UNIT);
-    effort.pay_at_most(used as usize);
+    budget.pay_at_most(used as usize);
     let best = match found {
         Ok(best) => best?,
         Err(fault) => return Some(Err(fault)),
@@ -123,9 +123,8 @@ pub(super) fn find(
         height: height(above(here, best.block_log2, level), best.block_log2),
         background: Background { level, noise },
         black_level: level,
-        effort: *effort,
     };
-    Some(check_near(sums, spot))
+    Some(check_near(sums, spot, budget))
 }
 
 /// The parts of the row whose contrast is more than that of noise.

@@ -12,6 +12,7 @@
 use crate::base::fault::Fault;
 use crate::base::numeric;
 use crate::base::units::{Counts, Pixels};
+use crate::base::work_budget::WorkBudget;
 use crate::spot::sums::Sums;
 use crate::spot::{
     LARGEST_BLOCK_LOG2, Spot, above, height, in_q8, middle, needed, square, under_the_kernel,
@@ -45,17 +46,21 @@ const FINE_LOG2: u32 = 3;
 /// Number of fine blocks.
 const FINE: usize = (2 * NEAR) << FINE_LOG2;
 
-/// The effort of dividing the light into smaller blocks once more. The first pass belongs to the plain
+/// The work of dividing the light into smaller blocks once more. The first pass belongs to the plain
 /// search, and a pass that finds no two spots is not paid.
-const EFFORT_OF_SMALLER_BLOCKS: usize = 220;
+const WORK_OF_SMALLER_BLOCKS: usize = 220;
 
 /// Returns the spot, or the higher one of two. `None` where the sums do not hold the sizes that the higher
 /// one needs.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if the other spot is about as high.
-pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Option<Result<Spot, Fault>> {
-    let spot = match check_near(sums, found) {
+pub(super) fn check(
+    sums: &Sums<'_>,
+    found: Spot,
+    budget: &mut WorkBudget,
+) -> Option<Result<Spot, Fault>> {
+    let spot = match check_near(sums, found, budget) {
         Ok(spot) => spot,
         Err(fault) => return Some(Err(fault)),
     };
@@ -69,7 +74,11 @@ pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Option<Result<Spot, Fault>>
 }
 
 /// As [`check`], for the light within [`NEAR`] blocks only.
-pub(super) fn check_near(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
+pub(super) fn check_near(
+    sums: &Sums<'_>,
+    found: Spot,
+    budget: &mut WorkBudget,
+) -> Result<Spot, Fault> {
     let mut spot = found;
     let mut near = Near::NOTHING;
     // Each pass takes smaller blocks than the one before.
@@ -81,7 +90,7 @@ pub(super) fn check_near(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
             break;
         };
         spot = finer;
-        spot.effort.pay_at_most(EFFORT_OF_SMALLER_BLOCKS);
+        budget.pay_at_most(WORK_OF_SMALLER_BLOCKS);
     }
     Ok(spot)
 }

@@ -3,7 +3,7 @@
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Micrometres;
 use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::check::{self, repair};
+use slitrange::measurement::steps::{centre_of_spot, robust_centre};
 use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;
@@ -20,7 +20,7 @@ pub type Answer = Result<RowCentre, Fault>;
 pub struct Answers {
     /// Of the estimator alone ([`centre::centre`]).
     pub alone: Answer,
-    /// As the measurement takes it ([`check::centre`]).
+    /// As the measurement takes it ([`centre_of_spot`]).
     pub checked: Answer,
 }
 
@@ -30,11 +30,13 @@ pub struct Answers {
 /// The row has a word of more than 12 bits.
 pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
     let parts = Row::new(&row.light, &[], row.geometry.saturated_from()).expect("12 bits");
-    let spot = spot::find(&parts);
+    let found = spot::find(&parts);
     Estimator::ALL.map(|estimator| Answers {
-        alone: spot.and_then(|spot| centre::centre(estimator, &parts, &spot, None, &row.geometry)),
-        checked: spot
-            .and_then(|spot| check::centre(estimator, &parts, &spot, None, &row.geometry, None)),
+        alone: found
+            .and_then(|(spot, _)| centre::centre(estimator, &parts, &spot, None, &row.geometry)),
+        checked: found.and_then(|(spot, budget)| {
+            centre_of_spot(estimator, &parts, &spot, None, &row.geometry, None, budget)
+        }),
     })
 }
 
@@ -199,7 +201,7 @@ impl RowCase {
             .collect()
     }
 
-    /// What the repair's own answers ([`repair::centre`]) lack of [`RowCase::repair_within`], in words.
+    /// What the repair's own answers ([`robust_centre`]) lack of [`RowCase::repair_within`], in words.
     ///
     /// # Panics
     /// A row has a word of more than 12 bits.
@@ -208,8 +210,9 @@ impl RowCase {
         let repaired = |number| {
             let row = self.row(number);
             let parts = Row::new(&row.light, &[], row.geometry.saturated_from()).expect("12 bits");
-            let found = spot::find(&parts)
-                .and_then(|spot| repair::centre(&parts, &spot, None, &row.geometry, None));
+            let found = spot::find(&parts).and_then(|(spot, budget)| {
+                robust_centre(&parts, &spot, None, &row.geometry, None, budget)
+            });
             Said::of_row(row.truth, &found)
         };
         is_missed(within, &(0..ROWS).map(repaired).collect::<Vec<_>>())

@@ -100,7 +100,7 @@ pub fn fit_rows(counts: &[u16], tables: &RowTables<'_>) -> [Vec<RowFit>; RowEsti
             Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
             None => spot::find(&row),
         };
-        let Ok(spot) = spot else {
+        let Ok((spot, _)) = spot else {
             (last_spot, last) = (None, Default::default());
             continue;
         };

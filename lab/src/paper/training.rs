@@ -103,7 +103,7 @@ pub fn measured_tables(set: &DataSet) -> anyhow::Result<Vec<IntegerTable>> {
         let rows = counts.as_chunks::<COLUMNS>().0.iter().step_by(ROWS_APART);
         let found = rows.filter_map(|counts| {
             let row = Row::new(counts, &[], FULL_SCALE).ok()?;
-            let spot = spot::find(&row).ok()?;
+            let (spot, _) = spot::find(&row).ok()?;
             let centre =
                 phase_table::centre(&row, &spot, None, &geometry, &GAUSSIAN, Sampling::Fine);
             Some((counts.to_vec(), centre.ok()?))

@@ -105,7 +105,7 @@ fn gaussian_and_fraunhofer_have_equal_errors_for_wide_spots() {
                     let counts = quantise(&counts, 4095);
                     let row = Row::new(&counts, &[], 4095).expect("12 bits");
                     let centre = |estimator| {
-                        let spot = spot::find(&row).ok()?;
+                        let (spot, _) = spot::find(&row).ok()?;
                         centre::centre(estimator, &row, &spot, None, &geometry).ok()
                     };
                     if let (Some(gaussian), Some(fraunhofer)) = (

@@ -5,13 +5,13 @@ use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::spot_shape::SpotShape;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
-use slitrange::check;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::frame::Mean;
 use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity};
@@ -84,12 +84,13 @@ impl Estimators {
             }
             let found = self.geometry.row(light).map_err(|_| Fault::SensorSilent);
             let found = found.and_then(|row| Ok((row, spot::find(&row)?)));
-            let alone = found.and_then(|(row, spot)| {
+            let alone = found.and_then(|(row, (spot, _))| {
                 centre::centre(estimator, &row, &spot, None, &self.geometry)
             });
             say_centre(alone, &mut say);
-            let checked = found.and_then(|(row, spot)| {
-                check::centre(estimator, &row, &spot, None, &self.geometry, None)
+            let checked = found.and_then(|(row, (spot, budget))| {
+                let geometry = &self.geometry;
+                centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
             });
             say_centre(checked, &mut say);
             if let Some(result) = measure_any_row(measurement, light) {

@@ -35,7 +35,7 @@ pub fn searched(light: &[u16]) -> Result<Searched<'_>, Fault> {
     let row = Row::new(light, &[], LARGEST_COUNT).map_err(|_| Fault::SensorSilent)?;
     Ok(Searched {
         row,
-        spot: spot::find(&row)?,
+        spot: spot::find(&row)?.0,
     })
 }
 

@@ -2,9 +2,10 @@
 //! with.
 
 use slitrange::base::fault::Fault;
+use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::tables::{GAUSSIAN, Sampling};
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
-use slitrange::check::repair;
+use slitrange::measurement::steps::robust_centre;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::Spot;
 
@@ -91,6 +92,9 @@ pub fn centre(
         Method::Blocks => {
             phase_table::centre(row, spot, before, geometry, &GAUSSIAN, Sampling::Coarse)
         }
-        Method::Repair => repair::centre(row, spot, before, geometry, None),
+        Method::Repair => {
+            let budget = WorkBudget::of_row();
+            robust_centre(row, spot, before, geometry, None, budget)
+        }
     }
 }

@@ -7,11 +7,11 @@ use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::base::places::PLACES;
 use slitrange::base::units::Counts;
 use slitrange::centre::Estimator;
-use slitrange::check;
 use slitrange::check::own_spot::Profile;
 use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
+use slitrange::measurement::steps::centre_of_spot;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::pixels::PixelErrors;
@@ -153,9 +153,10 @@ impl Sensor {
             let (distance, height) = anywhere(&mut random);
             let words = self.words(distance, height, &mut random);
             let row = geometry.row(&words).expect("a row");
-            let spot = spot::find(&row).expect("a spot");
+            let (spot, budget) = spot::find(&row).expect("a spot");
             let own = centre::centre(self.estimator, &row, &spot, None, &geometry);
-            let checked = check::centre(self.estimator, &row, &spot, None, &geometry, profile);
+            let estimator = self.estimator;
+            let checked = centre_of_spot(estimator, &row, &spot, None, &geometry, profile, budget);
             own.expect("a centre").centre != checked.expect("a centre").centre
         });
         repaired.count() as f64 / rows as f64

@@ -201,7 +201,7 @@ pub fn aligned<'a>(pc: &'a [String], chip: &[String]) -> &'a [String] {
 fn block_of(row: &Row) -> Option<u8> {
     let geometry = sensor_heads::tcd1304dg();
     let row = geometry.row(&row.words).ok()?;
-    let spot = spot::find(&row).ok()?;
+    let (spot, _) = spot::find(&row).ok()?;
     let centre = centre::centre(Estimator::default(), &row, &spot, None, &geometry).ok()?;
     Some(centre.class.block)
 }

@@ -352,7 +352,7 @@ def _row_head(fields: _Fields) -> RowHead:
 
 
 def _centre(fields: _Fields) -> Centre:
-    """A centre has the fields of `Measured` in core/src/reading.rs, in their order."""
+    """A centre has the fields of `Measured` in core/src/reading/mod.rs, in their order."""
     centre_px, u_px, height = fields.pixels(), fields.pixels(), fields.counts()
     exposure_us, _ = fields.option(), fields.pixels()
     rows_used, rows, misfits = fields.unsigned(), fields.unsigned(), fields.unsigned()

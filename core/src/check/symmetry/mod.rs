@@ -520,7 +520,6 @@ mod tests {
                 noise: Counts::from_f32(1.1),
             },
             black_level: level,
-            effort: crate::base::work_budget::WorkBudget::WHOLE,
         };
         let found = RowCentre {
             centre: Pixels::from_f32(centre),
@@ -589,7 +588,6 @@ mod tests {
                         noise: Counts::from_f32(libm::sqrtf(read_noise * read_noise + 1.0 / 12.0)),
                     },
                     black_level: Counts::from_f32(level),
-                    effort: crate::base::work_budget::WorkBudget::WHOLE,
                 };
                 let found = RowCentre {
                     centre: Pixels::from_f32(centre),
@@ -705,7 +703,6 @@ mod tests {
                 noise: Counts::from_f32(noise),
             },
             black_level: Counts::from_int(320),
-            effort: crate::base::work_budget::WorkBudget::WHOLE,
         };
         let is_coarse = |light: &[u16], noise| {
             let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
@@ -737,7 +734,6 @@ mod tests {
                 noise: Counts::from_int(2),
             },
             black_level: Counts::from_int(300),
-            effort: crate::base::work_budget::WorkBudget::WHOLE,
         };
         let mut light = [300; 101];
         light[50] = 1300;
@@ -826,7 +822,6 @@ mod tests {
                 noise: Counts::from_int(1),
             },
             black_level: Counts::from_f32(level),
-            effort: crate::base::work_budget::WorkBudget::WHOLE,
         };
         let found = RowCentre {
             amplitude: Counts::from_f32(height),

@@ -7,17 +7,15 @@ use heapless::Vec;
 use crate::base::fault::Fault;
 use crate::base::numeric;
 use crate::base::units::{Counts, Pixels};
-use crate::base::work_budget::WorkBudget;
 use crate::centre::spot_shape::SpotShape;
 use crate::centre::{self, Estimator, RowCentre, WidthClass};
-use crate::check;
 use crate::frame::comb::combination::Image;
 use crate::frame::comb::maxima::{self, Maxima};
 use crate::frame::comb::{
     Assignment, Comb, Combined, FEWEST, MAX_SLITS, Scatter, assign, background,
 };
 use crate::row::background::Background;
-use crate::row::{BLOCK_LOG2, Geometry, Row};
+use crate::row::{BLOCK_LOG2, Row};
 use crate::spot::Spot;
 
 /// An image reaches so many pixels to both sides of its peak: half of the way to the next one.
@@ -64,7 +62,6 @@ impl CombRow {
             height: Counts::default(),
             background: self.background,
             black_level: self.background.level,
-            effort: WorkBudget::WHOLE,
         }
     }
 }
@@ -124,7 +121,8 @@ impl CombMeasurement {
         first.saturating_sub(REACH)..last.saturating_add(REACH)
     }
 
-    /// Measures a row's images, and combines them to the centre of a slit on the axis.
+    /// Measures a row's images by `centre_of`, and combines them to the centre of a slit on the axis.
+    /// `centre_of` gets an image and the same slit's image in the row before.
     ///
     /// Images that fail the check are left out. If more than half of them fail, or fewer than [`FEWEST`] are
     /// left, all of them count, and the row is flagged.
@@ -135,32 +133,27 @@ impl CombMeasurement {
     #[inline(never)]
     pub fn measure(
         &mut self,
-        row: &Row<'_>,
         on_row: &CombRow,
         black_level: Counts,
         estimator: Estimator,
-        geometry: &Geometry,
+        mut centre_of: impl FnMut(&Spot, Option<&RowCentre>) -> Result<RowCentre, Fault>,
     ) -> Result<RowCentre, Fault> {
         let origin = on_row.assignment.x0;
         let mut images: Vec<Image, MAX_SLITS> = Vec::new();
         let mut fault = (Counts::MIN, None);
-        // All images of a row share its effort.
-        let mut effort = WorkBudget::WHOLE;
         let slits = self.comb.slits().iter().zip(&on_row.assignment.peaks);
         for ((number, before), (slit, peak)) in (0..MAX_SLITS).zip(&mut self.before).zip(slits) {
             let Some(peak) = peak.and_then(|peak| on_row.peaks.get(peak)) else {
                 *before = None;
                 continue;
             };
-            let mut spot = Spot {
+            let spot = Spot {
                 height: peak.height,
                 black_level,
-                effort,
                 // `as` saturates.
                 ..on_row.spot((peak.place + 0.5) as usize)
             };
-            let result = check::centre_of_one(estimator, row, &mut spot, before.as_ref(), geometry);
-            effort = spot.effort;
+            let result = centre_of(&spot, before.as_ref());
             *before = result.ok();
             match result.and_then(|found| centre::above_black(estimator, &spot, found)) {
                 Ok(found) => {

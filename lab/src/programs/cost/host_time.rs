@@ -94,7 +94,7 @@ pub fn nanoseconds(method: Method) -> Option<f64> {
     let mut before = None;
     for counts in &counts {
         let row = Row::new(counts, &[], 4095).ok()?;
-        let spot = spot::find(&row).ok()?;
+        let (spot, _) = spot::find(&row).ok()?;
         let centre = methods::centre(method, &row, &spot, before.as_ref(), &geometry);
         rows.push((row, spot, before));
         before = Some(centre.ok()?);

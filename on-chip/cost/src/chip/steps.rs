@@ -66,7 +66,7 @@ fn print(name: &str, items: usize, costs: [Cost; ROWS]) {
 #[inline(never)]
 #[unsafe(no_mangle)]
 extern "C" fn step_spot_find(row: &Row<'_>, spot: &mut Option<Result<Spot, Fault>>) {
-    *spot = Some(spot::find(row));
+    *spot = Some(spot::find(row).map(|(spot, _)| spot));
 }
 
 /// What the row before knew of the spot.
@@ -81,7 +81,7 @@ extern "C" fn step_spot_find_again(
     (row, before): &(Row<'_>, Before),
     spot: &mut Option<Result<Spot, Fault>>,
 ) {
-    *spot = Some(spot::find_again(row, &before.spot, before.width));
+    *spot = Some(spot::find_again(row, &before.spot, before.width).map(|(spot, _)| spot));
 }
 
 /// Words, and whether they were a row.

@@ -4,7 +4,6 @@ use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;
 use slitrange::base::places::PLACES;
 use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels, Units};
-use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::check::own_spot::Profile;
@@ -191,7 +190,6 @@ pub fn spot() -> Spot {
             noise: Counts::MIN,
         },
         black_level: Counts::MIN,
-        effort: WorkBudget::WHOLE,
     })
 }
 

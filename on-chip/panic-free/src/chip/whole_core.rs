@@ -3,12 +3,13 @@
 use core::fmt::{self, Display, Write};
 
 use slitrange::base::units::{AsMillimetres, Counts, Micrometres, Pixels};
+use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::tables::{GAUSSIAN, Sampling};
 use slitrange::centre::{self, Estimator, phase_table};
-use slitrange::check::{self, repair};
 use slitrange::frame::Frame;
 use slitrange::light::black_level::{self, BlackPixels};
 use slitrange::measurement::Measurement;
+use slitrange::measurement::steps::{centre_of_spot, robust_centre};
 use slitrange::row::Row;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::pixels::map::{Correction, Entry, PixelMap, window};
@@ -90,21 +91,23 @@ pub fn find_centres() {
             before.as_ref(),
             &geometry,
         ));
-        let _ = any(check::centre(
+        let _ = any(centre_of_spot(
             estimator,
             &row,
             &spot,
             before.as_ref(),
             &geometry,
             profile.as_ref(),
+            any(WorkBudget::of_row()),
         ));
     }
-    let _ = any(repair::centre(
+    let _ = any(robust_centre(
         &row,
         &spot,
         before.as_ref(),
         &geometry,
         profile.as_ref(),
+        any(WorkBudget::of_row()),
     ));
     let _ = any(phase_table::centre(
         &row,

@@ -143,7 +143,7 @@ fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
     let words = quantise(&scene.row_with_centre(2 * row + 1, truth, 1.0), full_scale);
 
     let earlier = Row::new(&earlier, &[], 4095).map_err(|error| anyhow!("{error:?}"))?;
-    let earlier_spot = spot::find(&earlier).map_err(|fault| anyhow!("{fault:?}"))?;
+    let (earlier_spot, _) = spot::find(&earlier).map_err(|fault| anyhow!("{fault:?}"))?;
     let found = |estimator| {
         centre::centre(estimator, &earlier, &earlier_spot, None, &scene.geometry())
             .map_err(|fault| anyhow!("{fault:?}"))
@@ -159,7 +159,7 @@ fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
     let before = on_window(before);
 
     let whole = Row::new(&words, &[], 4095).map_err(|error| anyhow!("{error:?}"))?;
-    let spot = spot::find(&whole).map_err(|fault| anyhow!("{fault:?}"))?;
+    let (spot, _) = spot::find(&whole).map_err(|fault| anyhow!("{fault:?}"))?;
     Ok(Window {
         pixels: words[first..first + WINDOW].try_into()?,
         truth: truth - first as f64,

@@ -168,6 +168,7 @@ mod tests {
     use crate::base::fault::Fault;
     use crate::centre::Estimator;
     use crate::check::tests::found_at;
+    use crate::measurement::steps::{centre_of_spot, robust_centre};
     use crate::row::LARGEST_COUNT;
     use std::vec::Vec;
 
@@ -208,7 +209,7 @@ mod tests {
 
     fn level_of(light: &[u16], width: f32, saturation: u16) -> Option<u16> {
         let row = Row::new(light, &[], saturation).expect("12 bits");
-        let spot = crate::spot::find(&row).expect("a spot");
+        let (spot, _) = crate::spot::find(&row).expect("a spot");
         find(&row, &spot, &found_at(500.3, width), &geometry())
     }
 
@@ -252,7 +253,7 @@ mod tests {
         // The row's own saturation is known already.
         assert_eq!(level_of(&cut, width, 2290), None);
         let row = Row::new(&cut, &[], LARGEST_COUNT).expect("12 bits");
-        let mut spot = crate::spot::find(&row).expect("a spot");
+        let (mut spot, _) = crate::spot::find(&row).expect("a spot");
         let geometry = geometry();
         let find_at = |spot: &Spot, centre, width| {
             super::find(&row, spot, &found_at(centre, width), &geometry)
@@ -280,9 +281,9 @@ mod tests {
         let cut = spot_of(3000.0, 10.0, 2000.0, 3);
         let geometry = geometry();
         let row = Row::new(&cut, &[], LARGEST_COUNT).expect("12 bits");
-        let spot = crate::spot::find(&row).expect("a spot");
+        let (spot, budget) = crate::spot::find(&row).expect("a spot");
         for estimator in Estimator::ALL {
-            let found = crate::check::centre(estimator, &row, &spot, None, &geometry, None);
+            let found = centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget);
             match (estimator, found) {
                 (Estimator::GaussNewton, Ok(found)) => {
                     let off = found.centre.to_f32() - 500.3;
@@ -298,7 +299,7 @@ mod tests {
                 (_, found) => panic!("{}: {found:?}", estimator.name()),
             }
         }
-        let repaired = crate::check::repair::centre(&row, &spot, None, &geometry, None);
+        let repaired = robust_centre(&row, &spot, None, &geometry, None, budget);
         let found = repaired.expect("a centre");
         assert!(
             !found.misfit && (found.centre.to_f32() - 500.3).abs() <= 0.2,

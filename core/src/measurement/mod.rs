@@ -4,14 +4,16 @@
 //! Words of a read-out -> [`Row`](crate::row::Row) -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
 //! A [`Calibration`](crate::distance::Calibration) turns that into a distance: [`Measured::reading`].
 
+pub mod steps;
+
 use core::ops::Range;
 
 use crate::base::exposure::{Exposure, ExposureMode};
 use crate::base::fault::Fault;
 use crate::base::numeric;
 use crate::base::units::{Counts, Pixels};
+use crate::base::work_budget::WorkBudget;
 use crate::centre::{self, Estimator, RowCentre};
-use crate::check;
 use crate::check::own_spot::Profile;
 use crate::frame::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::frame::{Frame, FrameCentre, Mean};
@@ -343,12 +345,13 @@ impl Measurement {
             self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
+        let (blocks, coarse) = (row.blocks(), &mut self.coarse);
+        let mut budget = WorkBudget::of_row();
         let spot = match &before {
             Some((spot, centre)) => {
-                let coarse = &mut self.coarse;
-                spot::find_again_in(&row, row.blocks(), coarse, spot, centre.width)
+                spot::find_again_in(&row, blocks, coarse, spot, centre.width, &mut budget)
             }
-            None => spot::find_in(&row, row.blocks(), &mut self.coarse),
+            None => spot::find_in(&row, blocks, coarse, &mut budget),
         };
         let how = self.options.black_level;
         let mut black = BlackPixels::default();
@@ -383,13 +386,14 @@ impl Measurement {
         self.background = spot.background.level;
         let above_black = spot.above_black(Counts::default()).to_bits();
         self.ambient = Counts::from_bits(above_black.max(0));
-        let centre = check::centre(
+        let centre = steps::centre_of_spot(
             self.options.estimator,
             &row,
             &spot,
             before.as_ref().map(|(_, centre)| centre),
             &self.view,
             self.profile.as_ref(),
+            budget,
         )?;
         self.before = Some((found, centre));
         self.height = centre.amplitude;
@@ -436,8 +440,12 @@ impl Measurement {
         let above_black = level.to_bits().saturating_sub(black_level.to_bits());
         self.ambient = Counts::from_bits(above_black.max(0));
         let estimator = self.options.estimator;
-        self.comb
-            .measure(&row, &found, black_level, estimator, &self.geometry)
+        let geometry = &self.geometry;
+        // All images of a row share its budget.
+        let mut budget = WorkBudget::of_row();
+        (self.comb).measure(&found, black_level, estimator, |spot, before| {
+            steps::centre_of_image(estimator, &row, spot, before, geometry, &mut budget)
+        })
     }
 
     #[inline(never)]
