@@ -2,5 +2,4 @@
 
 mod black_level;
 mod examples;
-mod floors;
 mod memory;

@@ -11,7 +11,7 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-// A module uses those before it (core/tests/floors.rs). The blank lines keep rustfmt from sorting them.
+// A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
 
 pub mod text;
 

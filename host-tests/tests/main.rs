@@ -13,6 +13,7 @@ mod exposure;
 mod filters;
 mod flat_top;
 mod float_functions;
+mod floors;
 mod frames;
 mod golden;
 mod hard_cases;

@@ -142,7 +142,7 @@ pub enum Units {
 }
 
 impl Units {
-    /// The name on the serial line.
+    /// Its name in texts.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Millimetres => "mm",

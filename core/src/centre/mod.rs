@@ -51,7 +51,7 @@ impl Estimator {
         Self::Fraunhofer,
     ];
 
-    /// The name on the serial line.
+    /// Its name in texts.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Centroid => "centroid",
@@ -86,7 +86,7 @@ impl Estimator {
         }
     }
 
-    /// Finds the estimator for a [`letter`](Self::letter) in flash or in a record. An earlier firmware may
+    /// Finds the estimator for a [`letter`](Self::letter) that was kept. An earlier firmware may
     /// have written that letter.
     ///
     /// Earlier firmware had five more estimators. `robust` was `adaptive` with a check that every estimator

@@ -50,7 +50,7 @@ impl Mean {
     /// All ways.
     pub const ALL: [Self; 2] = [Self::Plain, Self::Weighted];
 
-    /// The name on the serial line.
+    /// Its name in texts.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Plain => "plain",

@@ -25,7 +25,7 @@ impl AmbientMode {
     /// All modes.
     pub const ALL: [Self; 2] = [Self::Off, Self::Subtract];
 
-    /// The name on the serial line.
+    /// Its name in texts.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Off => "off",

@@ -45,7 +45,7 @@ pub enum Surface {
     Off,
 }
 
-/// The uncertainties of a calibration. Records hold them, by postcard.
+/// The uncertainties of a calibration. They are kept for years: another encoding needs another version.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CalibrationErrors {
     /// None: a calibration of a library's user, or a record of earlier firmware.

@@ -1,4 +1,4 @@
-//! Which of several spots on a row is measured, by the setting `peak`.
+//! Which of several spots on a row is measured, by the option `peak`.
 //!
 //! The front surface of glass and its back, or a target and its mirror image, show two spots. If the laser's
 //! own is always the first or the last on the row, its height does not matter.
@@ -44,7 +44,7 @@ impl SpotChoice {
     /// All.
     pub const ALL: [Self; 3] = [Self::Strongest, Self::First, Self::Last];
 
-    /// The name on the serial line.
+    /// Its name in texts.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Strongest => "strongest",

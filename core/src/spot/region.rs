@@ -1,4 +1,4 @@
-//! The pixels in which the spot is searched, by the setting `region`.
+//! The pixels in which the spot is searched, by the option `region`.
 //!
 //! A lamp, a window or a reflection that always stands at the same place is left out of the search. A spot
 //! that the region's end cuts is treated as one that the sensor's edge cuts.

@@ -51,7 +51,7 @@ impl Slits {
     /// Both.
     pub const ALL: [Self; 2] = [Self::One, Self::Comb];
 
-    /// The name on the serial line.
+    /// Its name in texts.
     pub const fn name(self) -> &'static str {
         match self {
             Self::One => "one",
@@ -65,7 +65,7 @@ impl Slits {
     }
 }
 
-/// The slits of a comb, in the order of their places. Records hold them, by postcard.
+/// The slits of a comb, in the order of their places. They are kept for years: another encoding needs another version.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Comb {
     slits: Vec<SlitMap, MAX_SLITS>,

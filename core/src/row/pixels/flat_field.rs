@@ -252,7 +252,7 @@ impl FlatField {
         self.map.is_whole().then_some(&self.map)
     }
 
-    /// The place of the map, for a map that comes from flash. Forgets the dark rows, whose offsets are there.
+    /// The place of the map, for a map that was kept. Forgets the dark rows, whose offsets are there.
     pub fn place(&mut self) -> &mut PixelMap {
         self.dark = None;
         &mut self.map

@@ -11,7 +11,7 @@ use crate::row::background::Background;
 use crate::row::pixels::PixelErrors;
 use crate::row::{Geometry, LARGEST_COUNT};
 
-/// The most pixels of a map. A map with its header and checksum then fits a flash sector of 16 KB.
+/// The most pixels of a map. With a header and a checksum it then fits 16 KB.
 pub const MAX_MAP_PIXELS: usize = 3648;
 
 /// Bits after the binary point of an offset: steps of 1/16 count.

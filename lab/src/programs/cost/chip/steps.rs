@@ -143,20 +143,31 @@ fn says(function: &str) -> Option<Says> {
         return STARTS.contains(&name).then_some(Says::Own(Step::Frame));
     }
     let says = match modules.next()? {
-        "row" | "black_level" | "pixels" => Says::All(Step::Convert),
+        "row" => Says::All(Step::Convert),
+        "light" if modules.next() == Some("black_level") => Says::All(Step::Convert),
         "spot" => Says::All(Step::Search),
-        "centre" => Says::All(Step::Estimate),
-        // The functions of the module itself call the estimator too.
-        "check" if modules.by_ref().count() < 2 => Says::Own(Step::Check),
-        "check" | "shape" | "profile" => Says::All(Step::Check),
+        "centre" => match modules.next() {
+            // Whether a centre is to be trusted.
+            Some("flat_top" | "spot_shape") => Says::All(Step::Check),
+            Some("estimate") => Says::Own(Step::Estimate),
+            _ => Says::All(Step::Estimate),
+        },
+        "check" => Says::All(Step::Check),
+        "measurement" if modules.next() == Some("steps") => match modules.next() {
+            // They call an estimator, for the repair.
+            Some("repair_or_keep" | "robust_centre" | "robust_centre_within") => {
+                Says::All(Step::Check)
+            }
+            _ => Says::Own(Step::Check),
+        },
         "measurement" => Says::Own(Step::Frame),
-        "frame" => Says::All(Step::Frame),
-        "comb" => match modules.next() {
+        "frame" if modules.next() == Some("comb") => match modules.next() {
             Some("images") => Says::Own(Step::Frame),
             Some("combination") => Says::All(Step::Frame),
             _ => Says::All(Step::Search),
         },
-        "distance" | "reading" | "uncertainty" => Says::All(Step::Distance),
+        "frame" => Says::All(Step::Frame),
+        "distance" | "reading" => Says::All(Step::Distance),
         _ => return None,
     };
     Some(says)
@@ -270,23 +281,27 @@ mod tests {
             ),
             (
                 &[
-                    "slitrange::check::centre",
+                    "slitrange::measurement::steps::centre_of_spot",
+                    "slitrange::centre::estimate::estimate",
                     "slitrange::centre::phase_table::centre",
                 ],
                 Step::Estimate,
             ),
             (
                 &[
-                    "slitrange::check::centre",
-                    "slitrange::check::repair_or_keep::{closure#0}",
-                    "slitrange::check::repair::centre",
+                    "slitrange::measurement::steps::centre_of_spot",
+                    "slitrange::measurement::steps::repair_or_keep::{closure#0}",
+                    "slitrange::centre::estimate::estimate_robustly",
                     "slitrange::centre::gauss_newton::fit",
                     "compiler_builtins::mem::memcpy",
                 ],
                 Step::Check,
             ),
             (
-                &["slitrange::check::centre", "core::ptr::read"],
+                &[
+                    "slitrange::measurement::steps::centre_of_spot",
+                    "core::ptr::read",
+                ],
                 Step::Check,
             ),
             (

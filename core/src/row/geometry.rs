@@ -1,0 +1,418 @@
+//! The geometry of a sensor's rows: which words are which pixels, and what they mean.
+
+use core::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use crate::base::units::{Counts, Electrons};
+use crate::row::blocks::{BLOCK, Blocks};
+use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS, Row};
+
+/// Whether more light makes a converter word larger or smaller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Polarity {
+    /// A word rises with light.
+    Rising,
+    /// A word falls with light, from the full scale down.
+    Falling,
+}
+
+/// The layout and the meaning of a row's words, as the sensor's driver states it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Geometry {
+    /// Words in one read-out.
+    pub words: usize,
+    /// The words of the shielded pixels, from which the black level is read.
+    pub shielded: Range<usize>,
+    /// The words of the pixels that see light. Pixel 0 of a centre is the first of them.
+    pub light: Range<usize>,
+    /// What light does to a word.
+    pub polarity: Polarity,
+    /// Bits of the converter: its words go from 0 to 2^bits - 1. More than 12 count as 12.
+    pub bits: u8,
+    /// Variance of the light's shot noise for each count of light, in counts squared, Q0.16. It is one over
+    /// the electrons that make a count. 0 ignores shot noise.
+    pub shot_variance_per_count_q16: u16,
+    /// The count from which a pixel counts as saturated: light positive, black level included. A sensor whose
+    /// well is full below the converter's largest word has a lower one. The read noise comes after the well,
+    /// so state four of its standard deviations less than the level. Above full scale it means full scale.
+    pub saturation: u16,
+}
+
+/// Why words do not form a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RowError {
+    /// The number of words is not that of the geometry, or there are more pixels than [`MAX_PIXELS`].
+    Length {
+        /// The number of words.
+        words: usize,
+    },
+    /// Words that the converter cannot make: a wire is open or shorted.
+    Impossible {
+        /// All bits that were set in any word.
+        bits: u16,
+    },
+}
+
+impl Geometry {
+    /// Whether a calibration that was made with one geometry may be used with the other. All fields must
+    /// agree except the noise figure, the saturation, and the shielded pixels. A centre hardly depends on
+    /// which of the shielded pixels give the black level.
+    pub fn is_compatible_with(&self, other: &Self) -> bool {
+        // All fields by name: a new one does not compile until someone decides here whether it counts.
+        let Self {
+            words,
+            shielded: _,
+            light,
+            polarity,
+            bits,
+            shot_variance_per_count_q16: _,
+            saturation: _,
+        } = self;
+        *words == other.words
+            && *light == other.light
+            && *polarity == other.polarity
+            && *bits == other.bits
+    }
+
+    /// This geometry, with its pixels in the words of another one. Older firmware may have read the same
+    /// pixels in other words. A calibration stays right then, because pixel 0 is the first light pixel in
+    /// both. `None` if the numbers of light pixels, the polarities or the bits differ.
+    pub fn in_words_of(self, other: &Self) -> Option<Self> {
+        if self.is_compatible_with(other) {
+            return Some(self);
+        }
+        let pixels = self.light.len();
+        let moved = Self {
+            words: other.words,
+            light: other.light.clone(),
+            shielded: other.shielded.clone(),
+            ..self
+        };
+        (pixels == other.light.len() && moved.is_compatible_with(other)).then_some(moved)
+    }
+
+    /// Electrons that make a count, by the shot noise. The largest that there can be without shot noise.
+    pub fn electrons_per_count(&self) -> Electrons {
+        // Electrons have 12 bits after the point: 2^12 * 2^16 / variance.
+        let bits = (1i32 << 28).checked_div(self.shot_variance_per_count_q16.into());
+        bits.map_or(Electrons::MAX, Electrons::from_bits)
+    }
+
+    /// The largest word the converter makes, in counts.
+    #[inline]
+    pub const fn full_scale(&self) -> u16 {
+        if self.bits < 12 {
+            (1 << self.bits) - 1
+        } else {
+            LARGEST_COUNT
+        }
+    }
+
+    /// The least count of a saturated pixel: [`Self::saturation`], at most full scale.
+    #[inline]
+    pub const fn saturated_from(&self) -> u16 {
+        let full_scale = self.full_scale();
+        if self.saturation < full_scale {
+            self.saturation
+        } else {
+            full_scale
+        }
+    }
+
+    /// The largest height above the black level that can be measured: the least saturated count less the
+    /// black level. A pixel of this height is saturated.
+    pub fn height_limit(&self, black_level: Counts) -> Counts {
+        let saturation = Counts::from_int(self.saturated_from().into());
+        Counts::from_bits(saturation.to_bits().saturating_sub(black_level.to_bits()))
+    }
+
+    /// Makes a row from the words of a read-out.
+    ///
+    /// # Errors
+    /// The words are not a row of this sensor.
+    pub fn row<'a>(&self, words: &'a [u16]) -> Result<Row<'a>, RowError> {
+        let mut blocks = Blocks::NONE;
+        self.tested_row(words, &mut blocks)
+    }
+
+    /// A row without pixels. It stands for a row that did not come.
+    pub fn empty_row(&self) -> Row<'static> {
+        Row {
+            light: Light::default(),
+            blocks: &[],
+            shielded: Light::default(),
+            saturation: self.saturated_from(),
+        }
+    }
+
+    /// As [`Geometry::row`], with the row's blocks.
+    pub(crate) fn row_and_blocks<'a>(
+        &self,
+        words: &'a [u16],
+        blocks: &'a mut Blocks,
+    ) -> Result<Row<'a>, RowError> {
+        let row = self.tested_row(words, blocks)?;
+        Ok(Row {
+            blocks: blocks.sums(),
+            ..row
+        })
+    }
+
+    /// Makes a row, and sums its blocks in the pass that tests its words.
+    #[inline]
+    fn tested_row<'a>(&self, words: &'a [u16], blocks: &mut Blocks) -> Result<Row<'a>, RowError> {
+        let length = RowError::Length { words: words.len() };
+        if words.len() != self.words {
+            return Err(length);
+        }
+        let row = self.row_of_valid(words).ok_or(length)?;
+        let (before, rest) = words.split_at_checked(self.light.start).ok_or(length)?;
+        let (_, after) = rest
+            .split_at_checked(row.light.len() / BLOCK * BLOCK)
+            .ok_or(length)?;
+        let bits = blocks.sum(row.light) | all_bits(before) | all_bits(after);
+        // Full scale is 2^bits - 1: a larger word sets a bit that no valid word has.
+        if bits > self.full_scale() {
+            return Err(RowError::Impossible { bits });
+        }
+        Ok(row)
+    }
+
+    /// Makes a row of words that are not above full scale. `None` where the row has more or fewer words than
+    /// the geometry says.
+    pub fn row_of_valid<'a>(&self, words: &'a [u16]) -> Option<Row<'a>> {
+        let part = |range: &Range<usize>| {
+            let words = words.get(range.clone())?;
+            (words.len() <= MAX_PIXELS).then_some(Light::new(words, self.inverted()))
+        };
+        Some(Row {
+            light: part(&self.light)?,
+            blocks: &[],
+            shielded: part(&self.shielded)?,
+            saturation: self.saturated_from(),
+        })
+    }
+
+    /// What turns a word into a count, and a count into a word, by an exclusive or.
+    pub(crate) const fn inverted(&self) -> u16 {
+        match self.polarity {
+            Polarity::Falling => self.full_scale(),
+            Polarity::Rising => 0,
+        }
+    }
+}
+
+/// All bits that are set in any of the words.
+fn all_bits(words: &[u16]) -> u16 {
+    words.iter().fold(0, |bits, &word| bits | word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn geometry() -> Geometry {
+        Geometry {
+            words: 8,
+            shielded: 1..3,
+            light: 3..7,
+            polarity: Polarity::Falling,
+            bits: 12,
+            shot_variance_per_count_q16: 6554,
+            saturation: LARGEST_COUNT,
+        }
+    }
+
+    /// Words at the ends of every range, for every number of bits.
+    #[test]
+    fn words_above_full_scale_are_impossible() {
+        for bits in 1..=12 {
+            let full_scale = (1 << bits) - 1;
+            for word in [0, 1, full_scale / 2, full_scale - 1, full_scale] {
+                let geometry = Geometry { bits, ..geometry() };
+                let words = [word; 8];
+                let row = geometry.row(&words).expect("a row");
+                assert_eq!(row.light().get(0), Some(full_scale - word));
+                assert_eq!(row.reaches_saturation(0..9), word == 0);
+                for beyond in [full_scale + 1, full_scale + 2, 0x7FFF, 0x8000, u16::MAX] {
+                    for place in 0..8 {
+                        let mut words = words;
+                        words[place] = beyond;
+                        let bits = word | beyond;
+                        assert_eq!(
+                            geometry.row(&words).err(),
+                            Some(RowError::Impossible { bits })
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_the_pixels_asked_for_reach_full_scale() {
+        let row = Row::new(&[1, 4095, 1, 1], &[], 4095).expect("12 bits");
+        for (pixels, is_so) in [
+            (0..4, true),
+            (1..2, true),
+            (0..1, false),
+            (2..9, false),
+            (7..9, false),
+        ] {
+            assert_eq!(row.reaches_saturation(pixels.clone()), is_so, "{pixels:?}");
+        }
+    }
+
+    /// For words that rise and words that fall, of 8 and 12 bits.
+    #[test]
+    fn a_saturation_above_full_scale_means_full_scale() {
+        for (bits, saturation, from) in [
+            (12, 2500, 2500),
+            (12, 4095, 4095),
+            (12, u16::MAX, 4095),
+            (8, 4095, 255),
+            (8, 256, 255),
+            (8, 200, 200),
+            (8, 0, 0),
+        ] {
+            for polarity in [Polarity::Rising, Polarity::Falling] {
+                let geometry = Geometry {
+                    polarity,
+                    bits,
+                    saturation,
+                    ..geometry()
+                };
+                assert_eq!(geometry.saturated_from(), from);
+                let limit = geometry.height_limit(Counts::from_int(100));
+                assert_eq!(limit, Counts::from_int(i32::from(from) - 100));
+                for count in [0, 199, 200, 254, 255, 2499, 2500, 4094, 4095] {
+                    if count > geometry.full_scale() {
+                        continue;
+                    }
+                    let words = [count ^ geometry.inverted(); 8];
+                    let row = geometry.row(&words).expect("a row");
+                    assert_eq!(row.saturated_from(), from);
+                    assert_eq!(row.reaches_saturation(0..9), count >= from, "{count}");
+                    assert!(row.with_saturation(count).reaches_saturation(0..9));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn falling_words_become_light_positive() {
+        let words = [0, 4000, 4001, 4095, 4000, 0, 3000, 7];
+        let geometry = geometry();
+        let row = geometry.row(&words).expect("a row");
+        let light = [0, 95, 4095, 1095];
+        assert!(row.light().iter().eq(light));
+        assert!(row.light().iter().rev().eq([1095, 4095, 95, 0]));
+        assert!(row.light().chunks::<2>().eq([[0, 95], [4095, 1095]]));
+        assert_eq!(row.light().get(3), Some(1095));
+        let (left, right) = row.light().split(1);
+        assert!(left.iter().eq([0]) && right.iter().eq([95, 4095, 1095]));
+        assert_eq!(row.light().slice(1..3).map(Light::len), Some(2));
+        assert_eq!(row.light().slice(1..5), None);
+        assert!(row.shielded().iter().eq([95, 94]));
+        let rising = [0, 1, 2, 3, 4, 5, 6, 7];
+        let geometry = Geometry {
+            polarity: Polarity::Rising,
+            ..geometry
+        };
+        let row = geometry.row(&rising).expect("a row");
+        assert!(row.light().iter().eq([3, 4, 5, 6]));
+    }
+
+    #[test]
+    fn noise_saturation_and_shielded_pixels_do_not_change_what_words_mean() {
+        let here = geometry();
+        let noisier = Geometry {
+            shot_variance_per_count_q16: 1,
+            ..geometry()
+        };
+        let smaller_well = Geometry {
+            saturation: 2500,
+            ..geometry()
+        };
+        assert!(here.is_compatible_with(&here) && here.is_compatible_with(&noisier));
+        // Earlier firmware read the black level from more pixels.
+        let fewer_shielded = Geometry {
+            shielded: 0..1,
+            ..geometry()
+        };
+        assert!(here.is_compatible_with(&smaller_well));
+        assert!(here.is_compatible_with(&fewer_shielded));
+        for other in [
+            Geometry {
+                words: 9,
+                ..geometry()
+            },
+            Geometry {
+                light: 3..8,
+                ..geometry()
+            },
+            Geometry {
+                polarity: Polarity::Rising,
+                ..geometry()
+            },
+            Geometry {
+                bits: 10,
+                ..geometry()
+            },
+        ] {
+            assert!(!here.is_compatible_with(&other), "{other:?}");
+            assert!(!other.is_compatible_with(&here), "{other:?}");
+        }
+    }
+
+    #[test]
+    fn a_geometry_goes_with_its_pixels_into_other_words() {
+        let here = geometry();
+        let noisier = Geometry {
+            shot_variance_per_count_q16: 1,
+            ..geometry()
+        };
+        assert_eq!(noisier.clone().in_words_of(&here), Some(noisier.clone()));
+        let there = Geometry {
+            words: here.words + 2,
+            shielded: 0..1,
+            light: here.light.start + 1..here.light.end + 1,
+            ..noisier.clone()
+        };
+        let moved = Geometry {
+            shielded: here.shielded.clone(),
+            ..noisier
+        };
+        assert_eq!(there.clone().in_words_of(&here), Some(moved));
+        let more_pixels = Geometry {
+            light: there.light.start..there.light.end + 1,
+            ..there.clone()
+        };
+        let fewer_bits = Geometry { bits: 10, ..there };
+        assert_eq!(more_pixels.in_words_of(&here), None);
+        assert_eq!(fewer_bits.in_words_of(&here), None);
+    }
+
+    #[test]
+    fn malformed_rows_are_rejected() {
+        let error = |words: &[u16]| geometry().row(words).expect_err("no row");
+        assert_eq!(error(&[1, 2, 3]), RowError::Length { words: 3 });
+        assert_eq!(
+            error(&[0, 1, 2, 3, 4, 5, 6, 0x8007]),
+            RowError::Impossible { bits: 0x8007 }
+        );
+        let beyond = Geometry {
+            light: 3..9,
+            ..geometry()
+        };
+        assert_eq!(
+            beyond.row(&[0, 1, 2, 3, 4, 5, 6, 7]).expect_err("no row"),
+            RowError::Length { words: 8 }
+        );
+        assert_eq!(
+            Row::new(&[1, 4096], &[], LARGEST_COUNT).expect_err("too large"),
+            RowError::Impossible { bits: 4097 }
+        );
+    }
+}

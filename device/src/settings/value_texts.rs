@@ -1,0 +1,331 @@
+//! How the value of each type is typed and written.
+
+use core::fmt;
+
+use crate::filters::average::{self, Average};
+use crate::filters::limits::Limits;
+use crate::filters::spike::SpikeFilter;
+use crate::settings::columns::{Column, Columns};
+use crate::settings::serial_line::{Baud, Format, PixelStream};
+use crate::settings::trigger::Trigger;
+use crate::settings::{Form, ValueError, ValueText, read_number};
+use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::base::units::{Counts, Micrometres, Units};
+use slitrange::centre::Estimator;
+use slitrange::frame::Mean;
+use slitrange::frame::comb::Slits;
+use slitrange::light::ambient::AmbientMode;
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::uncertainty::Surface;
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
+
+impl ValueText for u16 {
+    fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
+        match (words, form) {
+            (&[word], Form::Number { least, most, .. }) => {
+                let number = read_number(word, least, most)?;
+                Self::try_from(number).map_err(|_| ValueError::Range)
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self, f)
+    }
+}
+
+impl ValueText for bool {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["on"] => Ok(true),
+            ["off"] => Ok(false),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self { "on" } else { "off" })
+    }
+}
+
+impl ValueText for Units {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["mm"] => Ok(Self::Millimetres),
+            ["um"] => Ok(Self::Micrometres),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl ValueText for Average {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let (kind, length): (fn(u8) -> Self, _) = match *words {
+            ["none"] => return Ok(Self::None),
+            ["moving", length] => (Self::Moving, length),
+            ["median", length] => (Self::Median, length),
+            ["recursive", length] => (Self::Recursive, length),
+            _ => return Err(ValueError::Form),
+        };
+        let length = read_number(length, 2, average::LONGEST.into())?;
+        Ok(kind(length as u8))
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::Moving(length) => write!(f, "moving {length}"),
+            Self::Median(length) => write!(f, "median {length}"),
+            Self::Recursive(length) => write!(f, "recursive {length}"),
+        }
+    }
+}
+
+impl ValueText for Columns {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        if words.is_empty() || words.len() > Column::ALL.len() {
+            return Err(ValueError::Form);
+        }
+        words.iter().try_fold(Self::NONE, |columns, name| {
+            let column = Column::named(name).ok_or(ValueError::Form)?;
+            Ok(columns.with(column))
+        })
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut blank = "";
+        for column in Column::ALL {
+            if self.has(column) {
+                write!(f, "{blank}{}", column.name())?;
+                blank = " ";
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ValueText for SpikeFilter {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match *words {
+            ["off"] => Ok(Self::Off),
+            [um] => {
+                let um = read_number(um, 1, Self::MOST_UM)?;
+                Ok(Self::Beyond(Micrometres::from_int(um as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Beyond(um) => write!(f, "{um:.0}"),
+        }
+    }
+}
+
+impl ValueText for Limits {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let (low, high, hysteresis) = match *words {
+            ["off"] => return Ok(Self::Off),
+            [low, high] => (low, high, "0"),
+            [low, high, hysteresis] => (low, high, hysteresis),
+            _ => return Err(ValueError::Form),
+        };
+        let limit = |word: &str| {
+            let size = word.strip_prefix('-').unwrap_or(word);
+            let um = read_number(size, 0, Self::MOST_UM)? as i32;
+            let is_negative = size.len() < word.len();
+            Ok(Micrometres::from_int(if is_negative { -um } else { um }))
+        };
+        let (low, high) = (limit(low)?, limit(high)?);
+        let hysteresis = read_number(hysteresis, 0, Self::MOST_HYSTERESIS_UM)?;
+        if low > high {
+            return Err(ValueError::Range);
+        }
+        Ok(Self::Within {
+            low,
+            high,
+            hysteresis: Micrometres::from_int(hysteresis as i32),
+        })
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Within {
+                low,
+                high,
+                hysteresis,
+            } => {
+                write!(f, "{low:.0} {high:.0}")?;
+                match hysteresis.to_bits() {
+                    0 => Ok(()),
+                    _ => write!(f, " {hysteresis:.0}"),
+                }
+            }
+        }
+    }
+}
+
+impl ValueText for ExposureMode {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["auto"] => Ok(Self::Auto),
+            [us] => read_exposure(us).map(Self::Fixed),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(exposure) => exposure.write(f),
+        }
+    }
+}
+
+impl ValueText for Exposure {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [us] => read_exposure(us),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.us(), f)
+    }
+}
+
+/// Reads an exposure in microseconds.
+fn read_exposure(word: &str) -> Result<Exposure, ValueError> {
+    let us = read_number(word, 0, u16::MAX.into())?;
+    let exposure = u16::try_from(us).ok().and_then(Exposure::from_us);
+    exposure.ok_or(ValueError::Range)
+}
+
+/// The values of these types are one word each: `name` writes it, `named` reads it. Another word is the error
+/// beside the type.
+macro_rules! one_word {
+    ($($value:ty: $error:ident,)+) => {
+        $(impl ValueText for $value {
+            fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+                match words {
+                    [name] => Self::named(name).ok_or(ValueError::$error),
+                    _ => Err(ValueError::Form),
+                }
+            }
+
+            fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        })+
+    };
+}
+
+one_word! {
+    Mean: Form,
+    AmbientMode: Form,
+    Format: Form,
+    PixelStream: Form,
+    Trigger: Form,
+    Slits: Form,
+    SpotChoice: Form,
+    Estimator: Unlisted,
+}
+
+impl ValueText for Baud {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let &[word] = words else {
+            return Err(ValueError::Form);
+        };
+        let rate = read_number(word, 0, u32::MAX)?;
+        let found = Self::ALL
+            .into_iter()
+            .find(|baud| baud.bits_a_second() == rate);
+        found.ok_or(ValueError::Range)
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.bits_a_second(), f)
+    }
+}
+
+impl ValueText for Region {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let pixel = |word| {
+            let pixel = read_number(word, 0, Self::ALL.last().into())?;
+            u16::try_from(pixel).map_err(|_| ValueError::Range)
+        };
+        match *words {
+            ["all"] => Ok(Self::ALL),
+            [first, last] => Self::new(pixel(first)?, pixel(last)?).ok_or(ValueError::Range),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ALL => f.write_str("all"),
+            _ => write!(f, "{} {}", self.first(), self.last()),
+        }
+    }
+}
+
+/// The largest black level that can be fixed, in counts: that of a 12-bit converter.
+const MAX_BLACK: u32 = 4095;
+
+impl ValueText for BlackLevel {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["shielded"] => Ok(Self::Shielded),
+            ["frame"] => Ok(Self::Frame),
+            ["fixed", counts] => {
+                let counts = read_number(counts, 0, MAX_BLACK)?;
+                Ok(Self::Fixed(Counts::from_int(counts as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Shielded => f.write_str("shielded"),
+            Self::Frame => f.write_str("frame"),
+            Self::Fixed(counts) => write!(f, "fixed {counts:.0}"),
+        }
+    }
+}
+
+/// The largest displacement by a surface that can be set, in micrometres: that of a laser spot of some
+/// decimetres.
+const MAX_SURFACE: u32 = 50_000;
+
+impl ValueText for Surface {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match *words {
+            ["auto"] => Ok(Self::Auto),
+            ["off"] => Ok(Self::Off),
+            [deviation] => {
+                let deviation = read_number(deviation, 0, MAX_SURFACE)?;
+                Ok(Self::Fixed(Micrometres::from_int(deviation as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Off => f.write_str("off"),
+            Self::Fixed(deviation) => write!(f, "{deviation:.0}"),
+        }
+    }
+}
