@@ -59,8 +59,8 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-// In the order of the pipeline: a module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt
-// from sorting them.
+// In the order of the pipeline: a module uses those before it (host-tests/tests/floors.rs). The blank lines
+// keep rustfmt from sorting them.
 
 pub mod base;
 

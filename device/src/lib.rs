@@ -8,6 +8,14 @@
 //!
 //! The core, [`slitrange`], makes the results. The owner of the serial line brings events to
 //! [`session::Session`] and carries out its actions: the firmware, or a test on a PC.
+//!
+//! # Memory
+//!
+//! | static RAM on a 32-bit chip | bytes |
+//! |---|---|
+//! | [`session::Session`], with copies of settings and record, and the readings of `average` | 10,210 |
+//! | [`record::Record`], a calibration with the sensor that it belongs to | 2912 |
+//! | [`Settings`] | 92 |
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 

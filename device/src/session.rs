@@ -15,6 +15,7 @@ use core::fmt::{self, Write as _};
 use core::mem;
 
 use crate::filters::Filters;
+use crate::filters::hold::Held;
 use crate::filters::zero::Zero;
 use crate::protocol::MAX_ANSWER;
 use crate::protocol::advice::advice;
@@ -24,7 +25,7 @@ use crate::protocol::csv::{CsvLine, Header};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::{CentreLine, FaultLine, PartsOf, ResultLine};
-use crate::protocol::modbus::{self, INPUTS, Shown};
+use crate::protocol::modbus::{self, Shown};
 use crate::protocol::packet::FrameResult;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
@@ -117,11 +118,54 @@ pub struct Applied {
 }
 
 impl Actions {
+    /// Makes them those of an event that needs nothing. In place, because the text is large.
+    fn start(&mut self, of_sensor: u16) {
+        let Self {
+            text,
+            address,
+            may_drop,
+            result,
+            apply,
+            save,
+            row,
+            flat,
+            test,
+            trigger,
+            reset,
+        } = self;
+        text.clear();
+        *address = of_sensor;
+        (*may_drop, *result, *apply, *save) = (false, None, None, false);
+        (*row, *flat, *test) = (None, None, false);
+        (*trigger, *reset) = (false, false);
+    }
+
     /// Adds a line to the text.
     fn add_line(&mut self, line: &dyn fmt::Display) {
         // An answer that does not fit is cut off; the protocol's tests check that all fit.
         let _ = write!(self.text, "{line}\r\n");
     }
+}
+
+/// What commands want of the next result.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wanted {
+    distance: bool,
+    centre: bool,
+    parts: bool,
+    /// The distance that the next reading is to have.
+    zero: Option<Micrometres>,
+    /// The result goes into the stream, even if the stream is off.
+    result: bool,
+}
+
+/// A result on its way through the filters to the line.
+struct Filtered {
+    /// What commands and registers show. Relative to `zero`, but not in the answer to `zero` itself.
+    result: Result<Reading, Fault>,
+    /// What the stream gives: the same, or a reading that is held after a fault.
+    held: Result<Held, Fault>,
+    is_difference: bool,
 }
 
 /// A sensor's settings and calibration, and what a person asked of it.
@@ -140,21 +184,16 @@ pub struct Session {
     calibration_on: bool,
     upload: Upload,
     flat: flat::FlatState,
-    distance_wanted: bool,
-    centre_wanted: bool,
-    parts_wanted: bool,
-    /// The distance that the next reading is to have.
-    zero_wanted: Option<Micrometres>,
-    /// The next result goes into the stream, even if the stream is off.
-    result_wanted: bool,
+    /// What commands want of the next result.
+    wanted: Wanted,
     /// Nobody expects an answer to the save under way.
     saves_silently: bool,
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Zero>,
     filters: Filters,
-    /// The latest result, for [`Format::Modbus`].
-    inputs: [u16; INPUTS],
+    /// The latest result with its number, for [`Format::Modbus`].
+    latest: Option<(u32, Result<Reading, Fault>)>,
     /// As the latest frame says.
     pixels: PixelErrors,
     readings: u32,
@@ -175,15 +214,11 @@ impl Session {
             calibration_on: true,
             upload: Upload::none(),
             flat: flat::FlatState::new(),
-            distance_wanted: false,
-            centre_wanted: false,
-            parts_wanted: false,
-            zero_wanted: None,
-            result_wanted: false,
+            wanted: Wanted::default(),
             saves_silently: false,
             zero: None,
             filters: Filters::default(),
-            inputs: modbus::inputs(None, 0),
+            latest: None,
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
             faults: [0; Fault::KINDS],
@@ -228,11 +263,14 @@ impl Session {
 
     /// Whether a command waits for a frame.
     pub const fn is_frame_due(&self) -> bool {
-        self.distance_wanted
-            || self.centre_wanted
-            || self.parts_wanted
-            || self.zero_wanted.is_some()
-            || self.result_wanted
+        let Wanted {
+            distance,
+            centre,
+            parts,
+            zero,
+            result,
+        } = &self.wanted;
+        *distance || *centre || *parts || zero.is_some() || *result
     }
 
     fn streams_pixels(&self, pixels: PixelStream) -> bool {
@@ -281,7 +319,7 @@ impl Session {
     /// Takes an event, and writes into `actions` what must be done. `vitals` is what the firmware has counted
     /// so far.
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
-        self.start(actions);
+        actions.start(self.settings.address);
         let spoke_modbus = self.speaks_modbus();
         match event {
             Event::Started(stored) => {
@@ -333,16 +371,6 @@ impl Session {
         }
     }
 
-    /// Makes the actions those of an event that needs nothing.
-    fn start(&self, actions: &mut Actions) {
-        actions.text.clear();
-        actions.address = self.settings.address;
-        (actions.may_drop, actions.apply, actions.save) = (false, None, false);
-        actions.result = None;
-        (actions.row, actions.flat) = (None, None);
-        (actions.trigger, actions.reset, actions.test) = (false, false, false);
-    }
-
     /// Answers a Modbus request, and writes into `actions` what must be done once the answer is sent. Its
     /// bytes are empty if nobody expects one. Without an address, the sensor is station 1.
     #[inline(never)]
@@ -352,11 +380,15 @@ impl Session {
         vitals: &Vitals,
         actions: &mut Actions,
     ) -> modbus::Answer {
-        self.start(actions);
+        actions.start(self.settings.address);
         // At most 247.
         let station = (self.settings.address as u8).max(1);
+        let (number, result) = match &self.latest {
+            Some((number, result)) => (*number, Some(result)),
+            None => (0, None),
+        };
         let shown = Shown {
-            inputs: &self.inputs,
+            inputs: &modbus::inputs(result, number),
             settings: &self.settings,
             can_save: self.check_save(Command::Save).is_ok(),
         };
@@ -441,41 +473,75 @@ impl Session {
         }
     }
 
-    /// Counts a result, and reports it if someone asked for it or the stream is on.
+    /// Takes a frame's result through the filters to who wants it: commands, registers, the stream.
     fn report(
         &mut self,
         measured: Result<Measured, Fault>,
         vitals: &Vitals,
         actions: &mut Actions,
     ) {
-        if let Ok(measured) = &measured {
-            // The rows of the zero had another map, or none: the two readings do not share the pixels'
-            // errors.
+        self.note_pixels(&measured);
+        let result = measured.and_then(|measured| self.reading(&measured));
+        let result = self.filters.spikes.take(self.settings.spike_filter, result);
+        self.count(&result);
+        let wanted = mem::take(&mut self.wanted);
+        let filtered = self.filter(result, wanted.zero);
+        self.latest = Some((vitals.results, filtered.result));
+        let line = ResultLine {
+            number: vitals.results,
+            us: vitals.result_us,
+            result: &filtered.result,
+            is_difference: filtered.is_difference,
+            held: 0,
+            columns: self.settings.output,
+            units: self.settings.units,
+        };
+        self.answer(&wanted, &measured, &line, actions);
+        let is_due = wanted.result || self.is_due_in_stream(vitals);
+        if actions.text.as_str().is_empty() && is_due {
+            self.stream(&line, &filtered.held, actions);
+        }
+    }
+
+    /// Forgets the readings before, if the frame's rows had another map of the pixels: two readings then do
+    /// not share the pixels' errors.
+    fn note_pixels(&mut self, measured: &Result<Measured, Fault>) {
+        if let Ok(measured) = measured {
             if measured.pixels != self.pixels {
                 self.forget_readings();
             }
             self.pixels = measured.pixels;
         }
-        let result = measured.and_then(|measured| self.reading(&measured));
-        let result = self.filters.spikes.take(self.settings.spike_filter, result);
-        let count = match &result {
+    }
+
+    /// Counts a reading, or a fault of its kind.
+    fn count(&mut self, result: &Result<Reading, Fault>) {
+        let count = match result {
             Ok(_) => Some(&mut self.readings),
             Err(fault) => self.faults.get_mut(fault.kind()),
         };
         if let Some(count) = count {
             *count = count.wrapping_add(1);
         }
+    }
+
+    /// Averages and holds a result, switches the output, and makes the result relative to `zero`. A reading
+    /// becomes the new zero if it `is_to_show` a distance.
+    fn filter(
+        &mut self,
+        result: Result<Reading, Fault>,
+        is_to_show: Option<Micrometres>,
+    ) -> Filtered {
         let Settings {
             average,
             ambient,
             hold,
+            limits,
             ..
         } = self.settings;
         let result = self.filters.take(average, ambient, result);
         let held = self.filters.hold(hold, result);
-        let value = self.zero_wanted.take();
-        let is_zero = value.is_some();
-        if let (Some(value), Ok(reading)) = (value, result) {
+        if let (Some(value), Ok(reading)) = (is_to_show, result) {
             self.zero = Some(Zero { reading, value });
         }
         // The answer to `zero` shows the distance from the laser. The output takes the distance from the new
@@ -484,29 +550,36 @@ impl Session {
             Some(zero) => zero.distance(&held.reading),
             None => held.reading.distance,
         });
-        let was_within = self.filters.is_within;
-        self.filters.is_within = self.settings.limits.is_on(was_within, distance);
-        let zero = self.zero.filter(|_| !is_zero);
+        self.filters.is_within = limits.is_on(self.filters.is_within, distance);
+        let zero = self.zero.filter(|_| is_to_show.is_none());
         let relative = |now: Reading| match &zero {
             Some(zero) => zero.relative(&now),
             None => now,
         };
-        let reading = result.map(relative);
-        self.inputs = modbus::inputs(Some(&reading), vitals.results);
-        let line = ResultLine {
-            number: vitals.results,
-            us: vitals.result_us,
-            result: &reading,
+        Filtered {
+            result: result.map(relative),
+            held: held.map(|held| Held {
+                reading: relative(held.reading),
+                ..held
+            }),
             is_difference: zero.is_some(),
-            held: 0,
-            columns: self.settings.output,
-            units: self.settings.units,
-        };
-        if mem::take(&mut self.distance_wanted) || is_zero {
-            answer(&line, self.settings.format, actions);
         }
-        if mem::take(&mut self.centre_wanted) {
-            match &measured {
+    }
+
+    /// Answers the commands that wait for a result.
+    fn answer(
+        &self,
+        wanted: &Wanted,
+        measured: &Result<Measured, Fault>,
+        line: &ResultLine<'_>,
+        actions: &mut Actions,
+    ) {
+        let format = self.settings.format;
+        if wanted.distance || wanted.zero.is_some() {
+            answer(line, format, actions);
+        }
+        if wanted.centre {
+            match measured {
                 Ok(measured) => actions.add_line(&CentreLine(measured)),
                 Err(fault) => {
                     actions.add_line(&FaultLine(fault));
@@ -514,40 +587,44 @@ impl Session {
                 }
             }
         }
-        if mem::take(&mut self.parts_wanted) {
-            answer(&line, self.settings.format, actions);
-            if let Ok(reading) = &reading {
+        if wanted.parts {
+            answer(line, format, actions);
+            if let Ok(reading) = line.result {
                 actions.add_line(&PartsOf(&reading.parts, self.settings.units));
             }
         }
-        let is_wanted = mem::take(&mut self.result_wanted);
-        let is_due = is_wanted
-            || self.settings.stream
-                && self.is_alone()
-                && (self.settings.trigger != Trigger::Continuous
-                    || (self.filters.rate).is_due(self.settings.rate, vitals.result_us));
-        if actions.text.as_str().is_empty() && is_due {
-            // The answer to `measure` at an address must arrive.
-            actions.may_drop = self.is_alone();
-            match self.sends_packets() {
-                false => {
-                    let line = ResultLine {
-                        result: &held.map(|it| relative(it.reading)),
-                        held: held.map_or(0, |it| it.results),
-                        ..line
-                    };
-                    add_result(&line, self.settings.format, actions);
-                }
-                // Each row has its own result.
-                true if self.streams_rows() => {}
-                true => {
-                    actions.result = Some(FrameResult {
-                        counter: vitals.results,
-                        time_us: vitals.result_us,
-                        is_difference: zero.is_some(),
-                        result: reading,
-                    });
-                }
+    }
+
+    /// Whether the stream is on and its next line is due.
+    fn is_due_in_stream(&mut self, vitals: &Vitals) -> bool {
+        self.settings.stream
+            && self.is_alone()
+            && (self.settings.trigger != Trigger::Continuous
+                || (self.filters.rate).is_due(self.settings.rate, vitals.result_us))
+    }
+
+    /// Gives a result to the stream, as a line or as a packet.
+    fn stream(&self, line: &ResultLine<'_>, held: &Result<Held, Fault>, actions: &mut Actions) {
+        // The answer to `measure` at an address must arrive.
+        actions.may_drop = self.is_alone();
+        match self.sends_packets() {
+            false => {
+                let line = ResultLine {
+                    result: &held.map(|it| it.reading),
+                    held: held.map_or(0, |it| it.results),
+                    ..*line
+                };
+                add_result(&line, self.settings.format, actions);
+            }
+            // Each row has its own result.
+            true if self.streams_rows() => {}
+            true => {
+                actions.result = Some(FrameResult {
+                    counter: line.number,
+                    time_us: line.us,
+                    is_difference: line.is_difference,
+                    result: *line.result,
+                });
             }
         }
     }
@@ -606,15 +683,15 @@ impl Session {
                 actions.add_line(&command);
             }
             // The next frame answers.
-            Command::Distance => self.distance_wanted = true,
+            Command::Distance => self.wanted.distance = true,
             Command::Measure if self.settings.trigger == Trigger::Continuous => {
                 return Err(Refusal::NotTriggered);
             }
-            Command::Measure => self.result_wanted = true,
-            Command::Centre => self.centre_wanted = true,
-            Command::Uncertainty => self.parts_wanted = true,
+            Command::Measure => self.wanted.result = true,
+            Command::Centre => self.wanted.centre = true,
+            Command::Uncertainty => self.wanted.parts = true,
             Command::Row(part) => actions.row = Some(part),
-            Command::Zero(true) => self.zero_wanted = Some(Micrometres::default()),
+            Command::Zero(true) => self.wanted.zero = Some(Micrometres::default()),
             Command::Master(None) => match &self.zero {
                 Some(zero) => {
                     let value = InUnits(zero.value, self.settings.units);
@@ -624,10 +701,10 @@ impl Session {
             },
             Command::Master(Some(value)) => {
                 let value = value.in_units(self.settings.units);
-                self.zero_wanted = Some(value.ok_or(Refusal::MasterRange)?);
+                self.wanted.zero = Some(value.ok_or(Refusal::MasterRange)?);
             }
             Command::Zero(false) => {
-                (self.zero, self.zero_wanted) = (None, None);
+                (self.zero, self.wanted.zero) = (None, None);
                 actions.add_line(&command);
             }
             Command::Show(setting) => actions.add_line(&self.settings.get(setting)),

@@ -1,4 +1,5 @@
-//! A calibration record as a file: the bytes that the sensor keeps in its flash ([`slitrange_device::record`]).
+//! A calibration record as a file: the bytes that the sensor keeps in its flash
+//! ([`slitrange_device::record`]).
 
 use std::fmt;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! A recording: rows as the sensor sent them, in a file that has all that their measurement needs.
 //!
-//! The file is packets of the serial line (`slitrange_device::protocol::packet`). The first ones are text, in these
-//! lines:
+//! The file is packets of the serial line (`slitrange_device::protocol::packet`). The first ones are text, in
+//! these lines:
 //!
 //! ```text
 //! slitrange recording 1

@@ -88,12 +88,12 @@ fn widest(spot: &Spot) -> usize {
     spot.block().saturating_mul(2).min(widest)
 }
 
-/// Estimates the centre of a spot that stands alone on its row. [`gauss_newton`] fits a spot that the sensor's
-/// edge cuts, whatever the estimator: no other estimator takes a cut window.
+/// Estimates the centre of a spot that stands alone on its row. [`gauss_newton`] fits a spot that the
+/// sensor's edge cuts, whatever the estimator: no other estimator takes a cut window.
 ///
 /// # Errors
-/// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either; [`Fault::Saturated`] also
-/// where the spot's top is flat.
+/// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either; [`Fault::Saturated`]
+/// also where the spot's top is flat.
 #[inline(always)]
 pub fn estimate<'a>(
     estimator: Estimator,

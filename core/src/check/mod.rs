@@ -30,11 +30,11 @@
 //! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
 //! a gaussian, loosely.
 //!
-//! If a row fails the check, the measurement tries [`repair`], which masks samples and fits the rest. Its centre replaces the first one
-//! if the row, without those samples, passes the check about it. Otherwise the first centre stays, because
-//! in speckle the robust fit is worse than a plain one. The spot's shape then makes u larger
-//! ([`crate::centre::spot_shape`]), and the row is flagged only where u cannot express the error. `other_spot` searches
-//! the rest of the row for a second spot.
+//! If a row fails the check, the measurement tries [`repair`], which masks samples and fits the rest. Its
+//! centre replaces the first one if the row, without those samples, passes the check about it. Otherwise the
+//! first centre stays, because in speckle the robust fit is worse than a plain one. The spot's shape then
+//! makes u larger ([`crate::centre::spot_shape`]), and the row is flagged only where u cannot express the
+//! error. `other_spot` searches the rest of the row for a second spot.
 
 pub(crate) mod other_spot;
 pub mod own_spot;

@@ -15,8 +15,8 @@
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
 //! Otherwise the first centre stays. A repair ends when the
-//! row's budget is used up ([`WorkBudget`]): a sample in one pass is one unit. The pass of a step, which sums up
-//! the normal equations, takes 37 instructions a sample.
+//! row's budget is used up ([`WorkBudget`]): a sample in one pass is one unit. The pass of a step, which sums
+//! up the normal equations, takes 37 instructions a sample.
 
 use core::cell::Cell;
 

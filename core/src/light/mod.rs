@@ -1,4 +1,5 @@
-//! The light around the spot: the black level, ambient light, and the exposure that gives the spot its height.
+//! The light around the spot: the black level, ambient light, and the exposure that gives the spot its
+//! height.
 
 pub mod ambient;
 pub mod auto_exposure;

@@ -150,7 +150,8 @@ fn repair_or_keep(
 mod tests {
     use super::*;
 
-    /// A spot of 60 pixels, in the row's middle or cut by its end, on a row whose search left nothing of the budget.
+    /// A spot of 60 pixels, in the row's middle or cut by its end, on a row whose search left nothing of the
+    /// budget.
     #[test]
     fn without_budget_a_wide_spot_has_a_flag_and_a_cut_spot_a_fault() {
         let geometry = crate::row::sensor_heads::tcd1304dg();

@@ -16,9 +16,9 @@
 //! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t w 7.62131 o 0.00012 -0.00310 0.01203 0.00010 -0.00020`:
 //! centre and its repeatability in pixels, to all their digits, then the black level in counts, the
 //! estimator's [`letter`](slitrange::centre::Estimator::letter), and the spot's shape
-//! ([`SpotShape`](slitrange::centre::spot_shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
-//! light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the check too little
-//! of the spot. The exposure and the flags of a reading may follow.
+//! ([`SpotShape`](slitrange::centre::spot_shape::SpotShape)). `w` is the width, `o` the five components of
+//! the antisymmetric light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the
+//! check too little of the spot. The exposure and the flags of a reading may follow.
 //!
 //! With a comb, `x` is the centre that a slit on the optical axis would show. ` k 16` follows the shape: the
 //! slits used. A second line has the images, in the order of the slits: `slits 912.12345/1830 - ...`. Each is

@@ -26,9 +26,10 @@
 //! Fresnel number of 0.55. A blue laser or a slit of 250 um has less, the nominal slit 0.0031. For a box it
 //! is 0.04 and more.
 //!
-//! The pairs are most of the check's work, and the check is part of each row's. So [`mirror_pairs`] goes over the
-//! pixels once, for both parts, and leaves a short list for the products of the [`antisymmetric`] part: the sums of
-//! both parts need more registers than the chip has. The norms of the [`symmetric`] part need no loop.
+//! The pairs are most of the check's work, and the check is part of each row's. So [`mirror_pairs`] goes over
+//! the pixels once, for both parts, and leaves a short list for the products of the [`antisymmetric`] part:
+//! the sums of both parts need more registers than the chip has. The norms of the [`symmetric`] part need no
+//! loop.
 
 mod antisymmetric;
 mod mirror_pairs;
@@ -747,6 +748,16 @@ mod tests {
             300 + (1000.0 * libm::expf(-0.5 * u * u)) as u16
         });
         assert!(!is_sharp(&spot_of_one, 1.0));
+        // The single pixel's rise and fall are 400 counts beyond the limit. Their noise is twice that of a
+        // pixel, so the limit has SHARP times 200 counts of room here.
+        let mut noisy = spot;
+        noisy.background.noise = Counts::from_int(100);
+        assert!(!super::is_sharp(
+            (&light).into(),
+            &noisy,
+            &found_at(50.0, 1.0),
+            &geometry
+        ));
     }
 
     /// With three or four pairs the norm of u^4 e is often nothing but rounding, and its root not a number.

@@ -1,9 +1,9 @@
 //! Combines the images of a frame: over slits in each row, and over the rows for each slit.
 //!
-//! The variance by speckle of an image is one over its light (see [`crate::reading::uncertainty`]), so the slits are
-//! weighed by their light. Their scatter about the mean is that variance, measured in this very frame: with
-//! images of the heights h about their mean with these weights, e^2 = sum h r^2 / (n - 1), and the mean has
-//! the variance e^2 / sum h. Noise adds its own variance to that of each image.
+//! The variance by speckle of an image is one over its light (see [`crate::reading::uncertainty`]), so the
+//! slits are weighed by their light. Their scatter about the mean is that variance, measured in this very
+//! frame: with images of the heights h about their mean with these weights, e^2 = sum h r^2 / (n - 1), and
+//! the mean has the variance e^2 / sum h. Noise adds its own variance to that of each image.
 
 use core::num::NonZeroU16;
 

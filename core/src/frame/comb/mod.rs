@@ -65,7 +65,8 @@ impl Slits {
     }
 }
 
-/// The slits of a comb, in the order of their places. They are kept for years: another encoding needs another version.
+/// The slits of a comb, in the order of their places. They are kept for years: another encoding needs another
+/// version.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Comb {
     slits: Vec<SlitMap, MAX_SLITS>,

@@ -231,9 +231,9 @@ impl PixelMap {
     }
 }
 
-/// The light pixels that estimator and check may read of a spot. `centre` is its pixel, and its width is about
-/// 2^`block_log2` pixels. `width` is that of the row before; without one, the search knows the width to a
-/// factor of two.
+/// The light pixels that estimator and check may read of a spot. `centre` is its pixel, and its width is
+/// about 2^`block_log2` pixels. `width` is that of the row before; without one, the search knows the width to
+/// a factor of two.
 pub fn window(centre: usize, block_log2: u32, width: Option<Pixels>) -> Range<usize> {
     let block = 1usize << block_log2.min(7);
     let reach = match width {
