@@ -167,6 +167,8 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
 
     // The sensor is as it was, but speaks text at the rate of every start.
     let is_as_before = || {
+        // A command that was sent twice has a second answer on its way.
+        desk.sleep(Duration::from_millis(100));
         for line in [
             "format text",
             "baud 115200",

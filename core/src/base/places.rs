@@ -1,6 +1,6 @@
 //! Places along a range of centres, at which curves have values.
 
-/// Places of [`FittedErrors`], evenly over the calibration's centres.
+/// Places at which a calibration has its errors and its own spot, evenly over the calibration's centres.
 pub const PLACES: usize = 9;
 
 /// The last of [`PLACES`] before a point, and the share of the way to the next one, 0 to 1. `along` is

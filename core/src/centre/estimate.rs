@@ -1,7 +1,7 @@
 //! Estimates a spot's centre: by the chosen estimator, or by a fit where the sensor's edge or saturation cuts
 //! the spot.
 //!
-//! A spot whose top is cut off at a level that nobody stated is recognised by its flat top ([`flat_top`]).
+//! A spot whose top is cut off at a level that nobody stated is recognised by its flat top (`flat_top`).
 //! From then on the pixels of the top count as saturated: [`gauss_newton`] measures by the flanks, and the
 //! other estimators have the fault [`Fault::Saturated`].
 

@@ -116,12 +116,12 @@ pub struct RowCentre {
     pub width: Pixels,
     /// The phase table that was used, if any.
     pub class: WidthClass,
-    /// The spot's antisymmetric light and its width. [`check::centre`](crate::check::centre) measures it;
+    /// The spot's antisymmetric light and its width. The [`check`](crate::check) measures it;
     /// the estimators leave it at zero.
     pub shape: SpotShape,
     /// The row does not have the shape of a spot, or its asymmetry is too large for `shape` to express: the
     /// centre may be off by more than its uncertainty. Of the estimators only [`Estimator::GaussNewton`]
-    /// sets this flag; [`check::centre`](crate::check::centre) sets it for all.
+    /// sets this flag; the [`check`](crate::check) sets it for all.
     pub misfit: bool,
 }
 
