@@ -486,6 +486,11 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn the_settings_of_the_factory_are_the_default_options_of_the_core() {
+        assert_eq!(Settings::default().options(), Options::default());
+    }
+
+    #[test]
     fn a_value_is_read_as_it_is_written() {
         for value in values() {
             let line = value.to_string();
