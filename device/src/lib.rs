@@ -13,7 +13,7 @@
 //!
 //! | static RAM on a 32-bit chip | bytes |
 //! |---|---|
-//! | [`session::Session`], with copies of settings and record, and the readings of `average` | 10,210 |
+//! | [`session::Session`], with copies of settings and record, and the readings of `average` | 10,330 |
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2912 |
 //! | [`Settings`] | 92 |
 #![cfg_attr(not(test), no_std)]

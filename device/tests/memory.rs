@@ -10,7 +10,7 @@ fn types_fit_the_memory_that_the_crate_page_states() {
     let room_for_lengths = if size_of::<usize>() == 8 { 200 } else { 0 };
     for (name, size, stated) in [
         ("Record", size_of::<Record>(), 2912),
-        ("Session", size_of::<Session>(), 10_210),
+        ("Session", size_of::<Session>(), 10_330),
         ("Settings", size_of::<Settings>(), 92),
     ] {
         println!("{name}: {size} bytes here, {stated} or less on the chip");
