@@ -210,7 +210,8 @@ pub fn find_distances() {
     {
         say(&ReadingLine(&reading));
         say(&PartsOf(&reading.parts, any::settings().units));
-        reached(any(reading).relative_to(&any(reading)).distance.to_bits());
+        let relative = any(reading).relative_to(&any(reading));
+        say(&ReadingLine(&relative));
         reached(reading.distance.to_bits());
     }
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {
