@@ -1,5 +1,5 @@
-//! What a slitrange sensor is told, says and keeps, without hardware: settings, the session on its serial
-//! line, the protocols, filters and limits of its readings, calibration records and their store in flash.
+//! The parts of a slitrange sensor around its measurement, without hardware: settings, the session on the
+//! serial line, the protocols, filters and limits of readings, calibration records and their store in flash.
 //!
 //! ```text
 //! line -> command -> Session -> actions: text, settings for the measurement, what flash is to hold

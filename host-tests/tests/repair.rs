@@ -13,8 +13,8 @@ use slitrange::spot;
 
 fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
     let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-    let (spot, budget) = spot::find(&row)?;
-    robust_centre(&row, &spot, None, geometry, None, budget)
+    let (spot, mut budget) = spot::find(&row)?;
+    robust_centre(&row, &spot, None, geometry, None, &mut budget)
 }
 
 fn with_the_default(geometry: &Geometry, light: &[u16]) -> Answer {

@@ -281,7 +281,7 @@ mod tests {
         let cut = spot_of(3000.0, 10.0, 2000.0, 3);
         let geometry = geometry();
         let row = Row::new(&cut, &[], LARGEST_COUNT).expect("12 bits");
-        let (spot, budget) = crate::spot::find(&row).expect("a spot");
+        let (spot, mut budget) = crate::spot::find(&row).expect("a spot");
         for estimator in Estimator::ALL {
             let found = centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget);
             match (estimator, found) {
@@ -299,7 +299,7 @@ mod tests {
                 (_, found) => panic!("{}: {found:?}", estimator.name()),
             }
         }
-        let repaired = robust_centre(&row, &spot, None, &geometry, None, budget);
+        let repaired = robust_centre(&row, &spot, None, &geometry, None, &mut budget);
         let found = repaired.expect("a centre");
         assert!(
             !found.misfit && (found.centre.to_f32() - 500.3).abs() <= 0.2,

@@ -79,18 +79,6 @@ pub fn robust_centre(
     before: Option<&RowCentre>,
     geometry: &Geometry,
     profile: Option<&Profile>,
-    mut budget: WorkBudget,
-) -> Result<RowCentre, Fault> {
-    robust_centre_within(row, spot, before, geometry, profile, &mut budget)
-}
-
-/// As [`robust_centre`]. Takes its work from the budget.
-fn robust_centre_within(
-    row: &Row<'_>,
-    spot: &Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-    profile: Option<&Profile>,
     budget: &mut WorkBudget,
 ) -> Result<RowCentre, Fault> {
     let estimate = estimate_robustly(row, spot, before, geometry, budget)?;
@@ -133,7 +121,7 @@ fn repair_or_keep(
     let repaired = match estimator {
         // Its centre is the one from which a repair starts, and has failed the check.
         Estimator::Adaptive => repair::repair(row, spot, geometry, profile, &found, budget),
-        _ => robust_centre_within(row, spot, before, geometry, profile, budget).ok(),
+        _ => robust_centre(row, spot, before, geometry, profile, budget).ok(),
     };
     match repaired {
         Some(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
@@ -150,8 +138,7 @@ fn repair_or_keep(
 mod tests {
     use super::*;
 
-    /// A spot of 60 pixels, in the row's middle or cut by its end, on a row whose search left nothing of the
-    /// budget.
+    /// A spot of 60 pixels, in the row's middle or cut by its end. The budget is used up before its estimate.
     #[test]
     fn without_budget_a_wide_spot_has_a_flag_and_a_cut_spot_a_fault() {
         let geometry = crate::row::sensor_heads::tcd1304dg();

@@ -1,4 +1,4 @@
-//! The geometry of a sensor's rows: which words are which pixels, and what they mean.
+//! The geometry of a sensor's rows: the pixel of each word, and how a word becomes a count.
 
 use core::ops::Range;
 

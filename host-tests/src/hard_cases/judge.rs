@@ -210,8 +210,8 @@ impl RowCase {
         let repaired = |number| {
             let row = self.row(number);
             let parts = Row::new(&row.light, &[], row.geometry.saturated_from()).expect("12 bits");
-            let found = spot::find(&parts).and_then(|(spot, budget)| {
-                robust_centre(&parts, &spot, None, &row.geometry, None, budget)
+            let found = spot::find(&parts).and_then(|(spot, mut budget)| {
+                robust_centre(&parts, &spot, None, &row.geometry, None, &mut budget)
             });
             Said::of_row(row.truth, &found)
         };

@@ -93,7 +93,7 @@ pub fn centre(
             phase_table::centre(row, spot, before, geometry, &GAUSSIAN, Sampling::Coarse)
         }
         Method::Repair => {
-            let budget = WorkBudget::of_row();
+            let budget = &mut WorkBudget::of_row();
             robust_centre(row, spot, before, geometry, None, budget)
         }
     }

@@ -107,7 +107,7 @@ pub fn find_centres() {
         before.as_ref(),
         &geometry,
         profile.as_ref(),
-        any(WorkBudget::of_row()),
+        &mut any(WorkBudget::of_row()),
     ));
     let _ = any(phase_table::centre(
         &row,

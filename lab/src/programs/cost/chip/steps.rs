@@ -155,9 +155,7 @@ fn says(function: &str) -> Option<Says> {
         "check" => Says::All(Step::Check),
         "measurement" if modules.next() == Some("steps") => match modules.next() {
             // They call an estimator, for the repair.
-            Some("repair_or_keep" | "robust_centre" | "robust_centre_within") => {
-                Says::All(Step::Check)
-            }
+            Some("repair_or_keep" | "robust_centre") => Says::All(Step::Check),
             _ => Says::Own(Step::Check),
         },
         "measurement" => Says::Own(Step::Frame),
