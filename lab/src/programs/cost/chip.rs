@@ -47,7 +47,8 @@ use whole_rows::WholeRows;
 const PACKAGE: &str = "cost-on-chip";
 
 /// The function that does one iteration of `gauss-newton`, as Rust names it.
-const GAUSS_NEWTON_ITERATION: &str = "slitrange::centre::gauss_newton::normal_equations";
+const GAUSS_NEWTON_ITERATION: &str =
+    "slitrange::centre::gauss_newton::normal_equations::normal_equations";
 
 /// The function that makes a distance of a centre, as Rust names it.
 const DISTANCE_AT: &str = "<slitrange::distance::Calibration>::distance_at";

@@ -290,7 +290,7 @@ mod tests {
                     "slitrange::measurement::steps::centre_of_spot",
                     "slitrange::measurement::steps::repair_or_keep::{closure#0}",
                     "slitrange::centre::estimate::estimate_robustly",
-                    "slitrange::centre::gauss_newton::fit",
+                    "slitrange::centre::gauss_newton::fit::fit",
                     "compiler_builtins::mem::memcpy",
                 ],
                 Step::Check,
