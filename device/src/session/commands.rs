@@ -1,0 +1,220 @@
+//! What each command does.
+
+use crate::protocol::calibration::CalibrationAnswer;
+use crate::protocol::command::Command;
+use crate::protocol::csv::Header;
+use crate::protocol::help::{Estimators, Help};
+use crate::protocol::info::Info;
+use crate::protocol::piece::Piece;
+use crate::protocol::refusal::Refusal;
+use crate::protocol::status::{Errors, Status, Uptime, Vitals};
+use crate::protocol::upload::Step;
+use crate::session::{Actions, Session, record_of_factory};
+use crate::settings::serial_line::Format;
+use crate::settings::trigger::Trigger;
+use crate::settings::{Affects, Setting, Settings, Value};
+use slitrange::base::units::{InUnits, Micrometres};
+use slitrange::spot::region::Region;
+
+impl Session {
+    /// Executes a command, and writes its answer into `actions`.
+    pub(super) fn execute(
+        &mut self,
+        command: Command,
+        vitals: &Vitals,
+        actions: &mut Actions,
+    ) -> Result<(), Refusal> {
+        match command {
+            Command::Nothing => {}
+            Command::Help => actions.add_line(&Help),
+            Command::HelpEstimator => actions.add_line(&Estimators),
+            Command::Info => actions.add_line(&Info {
+                hardware: &self.hardware,
+                geometry: &self.geometry(),
+                settings: &self.settings,
+                record: self.record(),
+                is_calibration_on: self.calibration_on,
+                pixels: self.pixels,
+            }),
+            Command::Status => actions.add_line(&Status {
+                started_by: self.started_by,
+                vitals,
+                readings: self.readings,
+                faults: self.faults,
+                is_within_limits: self.is_within_limits(),
+            }),
+            Command::Errors => actions.add_line(&Errors {
+                vitals,
+                faults: &self.faults,
+            }),
+            Command::Uptime => actions.add_line(&Uptime(vitals.uptime_us)),
+            Command::Selftest => actions.test = true,
+            Command::Reset => {
+                actions.reset = true;
+                actions.add_line(&command);
+            }
+            // The next frame answers.
+            Command::Distance => self.wanted.distance = true,
+            Command::Measure if self.settings.trigger == Trigger::Continuous => {
+                return Err(Refusal::NotTriggered);
+            }
+            Command::Measure => self.wanted.result = true,
+            Command::Centre => self.wanted.centre = true,
+            Command::Uncertainty => self.wanted.parts = true,
+            Command::Row(part) => actions.row = Some(part),
+            Command::Zero(true) => self.wanted.zero = Some(Micrometres::default()),
+            Command::Master(None) => match &self.zero {
+                Some(zero) => {
+                    let value = InUnits(zero.value, self.settings.units);
+                    actions.add_line(&format_args!("master {value}"));
+                }
+                None => actions.add_line(&Command::Zero(false)),
+            },
+            Command::Master(Some(value)) => {
+                let value = value.in_units(self.settings.units);
+                self.wanted.zero = Some(value.ok_or(Refusal::MasterRange)?);
+            }
+            Command::Zero(false) => {
+                (self.zero, self.wanted.zero) = (None, None);
+                actions.add_line(&command);
+            }
+            Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
+            Command::Set(value) => {
+                if let Value::Region(region) = value {
+                    self.check_region(region)?;
+                }
+                let sent_packets = self.sends_packets();
+                self.settings.set(value);
+                // Ends the line that a reader of text takes the packets for.
+                if sent_packets && !self.sends_packets() {
+                    actions.add_line(&"");
+                }
+                if matches!(
+                    value,
+                    Value::Estimator(_) | Value::Black(_) | Value::Slits(_)
+                ) {
+                    self.forget_readings();
+                }
+                if matches!(value, Value::Limits(_)) {
+                    self.filters.is_within = false;
+                }
+                if value.setting().affects() == Affects::Measurement {
+                    self.filters.clear();
+                    actions.apply = Some(self.applied());
+                }
+                actions.add_line(&value);
+                if matches!(value, Value::Format(_) | Value::Output(_)) {
+                    self.add_header(actions);
+                }
+            }
+            Command::Calibration(None) => actions.add_line(&CalibrationAnswer {
+                record: self.record.as_ref(),
+                is_on: self.calibration_on,
+                stored: self.flash,
+            }),
+            Command::Calibration(Some(on)) => {
+                if on && self.record.is_none() {
+                    return Err(self.no_calibration());
+                }
+                self.calibration_on = on;
+                self.filters.clear();
+                actions.apply = Some(self.applied());
+                actions.add_line(&command);
+            }
+            Command::Data(offset) => actions.add_line(&self.piece(offset)?),
+            Command::Upload(step) => {
+                self.upload(step, actions)?;
+                actions.add_line(&command);
+            }
+            Command::Defaults => {
+                self.set_defaults();
+                actions.apply = Some(self.applied());
+                actions.add_line(&command);
+                self.add_header(actions);
+            }
+            Command::Save | Command::SaveNominal => {
+                self.check_save(command)?;
+                actions.save = true;
+                actions.add_line(&"save pauses the stream");
+            }
+            Command::Flat(flat) => self.flat.execute(flat, actions)?,
+        }
+        Ok(())
+    }
+
+    /// Names the columns of the lines to come, if they are comma-separated values.
+    fn add_header(&self, actions: &mut Actions) {
+        if self.settings.format == Format::Csv {
+            actions.add_line(&Header(self.settings.output));
+        }
+    }
+
+    /// Refuses a `save`, or a `save nominal`, that has nothing to save or would lose a calibration.
+    pub(super) fn check_save(&self, command: Command) -> Result<(), Refusal> {
+        let record = (self.record.as_ref()).ok_or_else(|| self.no_calibration())?;
+        let (is_nominal, is_of_factory) = (
+            record.record().is_nominal(),
+            record.record().is_of_factory(),
+        );
+        if command == Command::Save && is_of_factory && self.flash.holds_other(record.sum()) {
+            return Err(Refusal::WouldReplace);
+        }
+        if command == Command::SaveNominal && !is_nominal {
+            return Err(Refusal::NotNominal);
+        }
+        Ok(())
+    }
+
+    fn no_calibration(&self) -> Refusal {
+        Refusal::NoCalibration {
+            has_nominal: record_of_factory(&self.geometry).is_some(),
+        }
+    }
+
+    /// Refuses a region that has too few of this sensor's pixels.
+    fn check_region(&self, region: Region) -> Result<(), Refusal> {
+        let light = &self.geometry.light;
+        if region.part_of(light).len() < Region::FEWEST {
+            return Err(Refusal::OffRow {
+                region,
+                pixels: light.len(),
+            });
+        }
+        Ok(())
+    }
+
+    fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
+        let record = (self.record.as_ref()).ok_or_else(|| self.no_calibration())?;
+        let bytes = record.bytes();
+        Piece::of(bytes, offset).ok_or(Refusal::NoPiece {
+            offset,
+            bytes: bytes.len(),
+        })
+    }
+
+    #[inline(never)]
+    fn upload(&mut self, step: Step, actions: &mut Actions) -> Result<(), Refusal> {
+        if let Some(record) = self.upload.take(step, &self.geometry)? {
+            // Centres and black level are found as when the record was made, behind the same slits.
+            self.settings.estimator = record.estimator;
+            self.settings.black_level = record.black_level;
+            self.settings.slits = record.slits();
+            self.set_record(record);
+            actions.apply = Some(self.applied());
+        }
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn set_defaults(&mut self) {
+        let default = Settings::default();
+        for &setting in Setting::ALL {
+            if matches!(setting.affects(), Affects::Measurement | Affects::Lines) {
+                self.settings.set(default.get(setting));
+            }
+        }
+        self.record = record_of_factory(&self.geometry);
+        self.calibration_on = true;
+        self.forget_readings();
+    }
+}
