@@ -137,7 +137,7 @@ pub(crate) fn by_symmetry(
     geometry: &Geometry,
     profile: Option<&Profile>,
 ) -> Verdict {
-    let own = profile.map(|profile| profile.at(found.centre));
+    let own = profile.map(|profile| profile.at(row.on_sensor(found.centre)));
     let own = own.as_ref();
     let nothing = MaskedPixels::default();
     let verdict = symmetry::check(row, spot, found, geometry, own, &nothing);

@@ -447,7 +447,8 @@ mod tests {
                 ..crate::row::sensor_heads::tcd1304dg()
             };
             let mut blocks = Blocks::NONE;
-            let row = geometry.row_and_blocks(&words, &mut blocks).expect("a row");
+            let row =
+                (geometry.part_and_blocks(&words, &geometry.light, &mut blocks)).expect("a row");
             *others = [other(&row), other(&geometry.row(&words).expect("a row"))];
         }
         assert!(others.iter().all(|&it| it == others[0]), "{others:?}");

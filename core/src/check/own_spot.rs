@@ -49,12 +49,6 @@ impl Profile {
         }
     }
 
-    /// Moves the places of the spots by whole pixels, as for another pixel 0.
-    pub(crate) fn move_by(&mut self, pixels: i32) {
-        self.first = self.first.moved_by(pixels);
-        self.last = self.last.moved_by(pixels);
-    }
-
     /// Whether the widths are above zero, and no deviation is below.
     pub fn is_sensible(&self) -> bool {
         self.width.iter().all(|width| width.to_bits() > 0)

@@ -283,7 +283,7 @@ impl Scene<'_> {
             return None;
         }
         let masked = window.masked_pixels();
-        let own = self.profile.map(|profile| profile.at(found.centre));
+        let own = (self.profile).map(|profile| profile.at(self.row.on_sensor(found.centre)));
         let own = own.as_ref();
         // `as` saturates.
         let of_width = (width as usize).saturating_mul(WORK_OF_CHECKED_PIXEL);

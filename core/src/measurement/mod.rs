@@ -25,7 +25,7 @@ use crate::reading::Measured;
 use crate::row::background::Background;
 use crate::row::pixels::PixelErrors;
 use crate::row::pixels::map::{self, Correction, PixelMap};
-use crate::row::{BLOCK, BLOCK_LOG2, Blocks, Geometry, MAX_PIXELS};
+use crate::row::{BLOCK, BLOCK_LOG2, Blocks, Geometry};
 use crate::spot::choice::SpotChoice;
 use crate::spot::region::Region;
 use crate::spot::{self, Coarse, Spot};
@@ -79,13 +79,13 @@ impl Default for Options {
 #[derive(Clone, Debug)]
 pub struct Measurement {
     geometry: Geometry,
-    /// The geometry with fewer light pixels: those of the option `region`, or of these a part that has the
-    /// spot that the option `peak` chooses. Pixel 0 of [`Spot`] and of `before` is the first of them.
-    view: Geometry,
+    /// The words of the pixels that are searched: those of the option `region`, or of these a part that has
+    /// the spot that the option `peak` chooses. Pixel 0 of [`Spot`] and of `before` is the first of them.
+    part: Range<usize>,
     options: Options,
     /// Whether the option `peak` has chosen a spot in the frame under way.
     is_chosen: bool,
-    /// The sensor's own spot. Pixel 0 is that of `view`.
+    /// The sensor's own spot.
     profile: Option<Profile>,
     /// The blocks of the row under way, and what follows from them. They have their place here because
     /// clearing room for them would take time in each row.
@@ -119,10 +119,7 @@ impl Measurement {
     /// Makes a pipeline for a sensor's rows.
     pub fn new(geometry: Geometry, options: Options) -> Self {
         Self {
-            view: Geometry {
-                light: options.region.part_of(&geometry.light),
-                ..geometry.clone()
-            },
+            part: options.region.part_of(&geometry.light),
             geometry,
             options,
             is_chosen: false,
@@ -162,9 +159,6 @@ impl Measurement {
         if geometry != self.geometry {
             self.ambient_mean.clear();
         }
-        // Without a view, the profile's pixel 0 is that of the row.
-        self.see(self.geometry.light.clone());
-        self.view = geometry.clone();
         self.geometry = geometry;
         self.start_frame();
     }
@@ -183,7 +177,6 @@ impl Measurement {
             self.ambient_mean.clear();
         }
         self.options = options;
-        self.see(self.geometry.light.clone());
         self.profile = profile;
         self.start_frame();
     }
@@ -202,7 +195,10 @@ impl Measurement {
     /// rows with the laser on if the option is [`AmbientMode::Subtract`]. Until the first of these rows
     /// comes, nothing is subtracted. Words that are no row are left out.
     pub fn ambient_row(&mut self, words: &[u16]) {
-        if let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) {
+        if let Ok(row) =
+            self.geometry
+                .part_and_blocks(words, &self.geometry.light, &mut self.blocks)
+        {
             self.ambient_mean.take(&row);
         }
     }
@@ -243,10 +239,9 @@ impl Measurement {
             // The two kinds of result do not meet: they would be copied.
             _ if !self.options.laser => self.frame.add(Err(Fault::LaserOff)),
             Slits::One => {
-                let mut centre = self.centre(words, map);
+                let centre = self.centre_of_part(words, map);
                 self.follow_light(&centre);
-                self.place_on_row(&mut centre);
-                let centre = centre.map_err(|fault| self.with_exposure(fault));
+                let centre = self.on_sensor(centre);
                 self.frame.add_exposed(centre, exposure);
             }
             Slits::Comb => self.add_row_of_comb(words, map),
@@ -289,60 +284,49 @@ impl Measurement {
         self.before = None;
         self.largest_share = 0.0;
         self.is_chosen = false;
-        self.see(self.options.region.part_of(&self.geometry.light));
+        self.part = self.options.region.part_of(&self.geometry.light);
     }
 
-    /// Changes the light pixels of the view.
-    fn see(&mut self, light: Range<usize>) {
-        let before = self.first();
-        self.view.light = light;
-        let now = self.first();
-        if let Some(profile) = &mut self.profile {
-            // Both are places on a row.
-            profile.move_by(before as i32 - now as i32);
-        }
-    }
-
-    /// The pixel of the row that is pixel 0 of the view.
-    fn first(&self) -> usize {
-        let (row, view) = (&self.geometry.light, &self.view.light);
-        view.start.saturating_sub(row.start).min(MAX_PIXELS)
-    }
-
-    /// Turns places in the view into places on the row.
+    /// Makes a place of the part that was searched a place on the sensor.
     #[inline(always)]
-    fn place_on_row(&self, centre: &mut Result<RowCentre, Fault>) {
-        let first = self.first();
-        if first == 0 {
-            return;
-        }
+    fn on_sensor(&self, centre: Result<RowCentre, Fault>) -> Result<RowCentre, Fault> {
+        let first = i32::from(self.geometry.first_of(&self.part));
         match centre {
-            Ok(found) => found.centre = found.centre.moved_by(first as i32),
-            Err(fault) => *fault = fault.moved_by(first as i32),
+            Ok(found) => Ok(RowCentre {
+                centre: found.centre.moved_by(first),
+                ..found
+            }),
+            Err(fault) => Err(self.with_exposure(fault.moved_by(first))),
         }
     }
 
-    /// Narrows the view to the spot that the option `peak` chooses.
+    /// Narrows the part that is searched to the spot that the option `peak` chooses.
     #[cold]
     #[inline(never)]
     fn choose_spot(&mut self, words: &[u16]) {
         let (blocks, coarse) = (&mut self.blocks, &mut self.coarse);
-        let part = (self.options.peak).part_with_spot(words, &self.view, blocks, coarse);
+        let part =
+            (self.options.peak).part_with_spot(words, &self.geometry, &self.part, blocks, coarse);
         self.is_chosen = part.is_some();
         if let Some(part) = part {
-            self.see(part);
+            self.part = part;
         }
     }
 
-    /// Finds the centre of a row. The first row of a frame is searched and measured in full; its result saves
+    /// Finds the centre in the part that is searched. The first row of a frame is searched and measured in full; its result saves
     /// most of the work for the next ones.
     #[inline(always)]
-    fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
+    fn centre_of_part(
+        &mut self,
+        words: &mut [u16],
+        map: Option<&PixelMap>,
+    ) -> Result<RowCentre, Fault> {
         let before = self.before.take();
         if self.options.peak != SpotChoice::Strongest && !self.is_chosen {
             self.choose_spot(words);
         }
-        let Ok(row) = self.view.row_and_blocks(words, &mut self.blocks) else {
+        let (geometry, part) = (&self.geometry, &self.part);
+        let Ok(row) = geometry.part_and_blocks(words, part, &mut self.blocks) else {
             self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
@@ -370,14 +354,14 @@ impl Measurement {
                 let black = black_level::of_shielded(&row).unwrap_or(spot.background.level);
                 let width = before.as_ref().map(|(_, centre)| centre.width);
                 let window = map::window(spot.centre, spot.block_log2, width);
-                let first = self.first();
+                let first = usize::from(self.geometry.first_of(&self.part));
                 let window = window.start.saturating_add(first)..window.end.saturating_add(first);
                 self.correct(words, map, window, black);
                 let background = self.background_with(map, spot.background);
                 let row = match before {
-                    Some(_) => self.view.row_of_valid(words),
+                    Some(_) => geometry.part_of_valid(words, part),
                     // The search for other spots takes the blocks.
-                    None => (self.view.row_and_blocks(words, &mut self.blocks)).ok(),
+                    None => (geometry.part_and_blocks(words, part, &mut self.blocks)).ok(),
                 };
                 let spot = Spot { background, ..spot };
                 // The words were a row before the correction.
@@ -392,7 +376,7 @@ impl Measurement {
             &row,
             &spot,
             before.as_ref().map(|(_, centre)| centre),
-            &self.view,
+            geometry,
             self.profile.as_ref(),
             budget,
         )?;
@@ -407,7 +391,8 @@ impl Measurement {
         words: &mut [u16],
         map: Option<&PixelMap>,
     ) -> Result<RowCentre, Fault> {
-        let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) else {
+        let whole = &self.geometry.light;
+        let Ok(row) = (self.geometry).part_and_blocks(words, whole, &mut self.blocks) else {
             self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
@@ -575,8 +560,7 @@ impl Measurement {
             uncertainty,
             ..frame
         };
-        let in_view = frame.centre.moved_by(-(self.first() as i32));
-        let own = (self.profile.as_ref()).map(|profile| profile.at(in_view));
+        let own = (self.profile.as_ref()).map(|profile| profile.at(frame.centre));
         Ok(Measured {
             frame,
             black_level: self

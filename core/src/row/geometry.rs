@@ -133,7 +133,7 @@ impl Geometry {
     /// The words are not a row of this sensor.
     pub fn row<'a>(&self, words: &'a [u16]) -> Result<Row<'a>, RowError> {
         let mut blocks = Blocks::NONE;
-        self.tested_row(words, &mut blocks)
+        self.tested_part(words, &self.light, &mut blocks)
     }
 
     /// A row without pixels. It stands for a row that did not come.
@@ -143,31 +143,39 @@ impl Geometry {
             blocks: &[],
             shielded: Light::default(),
             saturation: self.saturated_from(),
+            first: 0,
         }
     }
 
-    /// As [`Geometry::row`], with the row's blocks.
-    pub(crate) fn row_and_blocks<'a>(
+    /// As [`Geometry::row`], with the row's blocks, of some of the light pixels. `part` is their range in the
+    /// words.
+    pub(crate) fn part_and_blocks<'a>(
         &self,
         words: &'a [u16],
+        part: &Range<usize>,
         blocks: &'a mut Blocks,
     ) -> Result<Row<'a>, RowError> {
-        let row = self.tested_row(words, blocks)?;
+        let row = self.tested_part(words, part, blocks)?;
         Ok(Row {
             blocks: blocks.sums(),
             ..row
         })
     }
 
-    /// Makes a row, and sums its blocks in the pass that tests its words.
+    /// Makes a row of a part, and sums its blocks in the pass that tests all words.
     #[inline]
-    fn tested_row<'a>(&self, words: &'a [u16], blocks: &mut Blocks) -> Result<Row<'a>, RowError> {
+    fn tested_part<'a>(
+        &self,
+        words: &'a [u16],
+        part: &Range<usize>,
+        blocks: &mut Blocks,
+    ) -> Result<Row<'a>, RowError> {
         let length = RowError::Length { words: words.len() };
         if words.len() != self.words {
             return Err(length);
         }
-        let row = self.row_of_valid(words).ok_or(length)?;
-        let (before, rest) = words.split_at_checked(self.light.start).ok_or(length)?;
+        let row = self.part_of_valid(words, part).ok_or(length)?;
+        let (before, rest) = words.split_at_checked(part.start).ok_or(length)?;
         let (_, after) = rest
             .split_at_checked(row.light.len() / BLOCK * BLOCK)
             .ok_or(length)?;
@@ -182,16 +190,33 @@ impl Geometry {
     /// Makes a row of words that are not above full scale. `None` where the row has more or fewer words than
     /// the geometry says.
     pub fn row_of_valid<'a>(&self, words: &'a [u16]) -> Option<Row<'a>> {
-        let part = |range: &Range<usize>| {
+        self.part_of_valid(words, &self.light)
+    }
+
+    /// As [`Geometry::row_of_valid`], of some of the light pixels. `part` is their range in the words.
+    #[inline(always)]
+    pub(crate) fn part_of_valid<'a>(
+        &self,
+        words: &'a [u16],
+        part: &Range<usize>,
+    ) -> Option<Row<'a>> {
+        let pixels = |range: &Range<usize>| {
             let words = words.get(range.clone())?;
             (words.len() <= MAX_PIXELS).then_some(Light::new(words, self.inverted()))
         };
         Some(Row {
-            light: part(&self.light)?,
+            light: pixels(part)?,
             blocks: &[],
-            shielded: part(&self.shielded)?,
+            shielded: pixels(&self.shielded)?,
             saturation: self.saturated_from(),
+            first: self.first_of(part),
         })
+    }
+
+    /// The pixel with which a part of the light range begins. A row that is too long has no pixels.
+    #[inline(always)]
+    pub(crate) fn first_of(&self, part: &Range<usize>) -> u16 {
+        u16::try_from(part.start.saturating_sub(self.light.start)).unwrap_or(0)
     }
 
     /// What turns a word into a count, and a count into a word, by an exclusive or.

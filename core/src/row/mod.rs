@@ -10,6 +10,8 @@ pub mod sensor_heads;
 
 use core::ops::Range;
 
+use crate::base::units::Pixels;
+
 pub(crate) use blocks::{BLOCK, BLOCK_LOG2, Blocks};
 pub use geometry::{Geometry, Polarity, RowError};
 pub use light_pixels::{Extremes, Light};
@@ -29,6 +31,8 @@ pub struct Row<'a> {
     blocks: &'a [u16],
     shielded: Light<'a>,
     saturation: u16,
+    /// The sensor's pixel that is pixel 0 of `light`, if this is a part of a row.
+    first: u16,
 }
 
 impl<'a> Row<'a> {
@@ -55,6 +59,7 @@ impl<'a> Row<'a> {
             blocks: &[],
             shielded: shielded.into(),
             saturation,
+            first: 0,
         })
     }
 
@@ -81,6 +86,12 @@ impl<'a> Row<'a> {
     #[inline]
     pub const fn light(&self) -> Light<'a> {
         self.light
+    }
+
+    /// The place on the sensor of a place on this row: they differ if this is a part of a row.
+    #[inline(always)]
+    pub(crate) fn on_sensor(&self, place: Pixels) -> Pixels {
+        place.moved_by(self.first.into())
     }
 
     /// The sums over blocks of 8 of them. Empty where nobody summed them.

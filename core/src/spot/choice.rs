@@ -58,17 +58,17 @@ impl SpotChoice {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
 
-    /// The part of the light range, in words, in which the chosen spot is the strongest, and no other has
-    /// a third of its height. All of the range if the spots are too close to be parted. `None` if no spot is
+    /// The part of `whole`, some of the light range's words, in which the chosen spot is the strongest, and no other has
+    /// a third of its height. All of it if the spots are too close to be parted. `None` if no spot is
     /// found.
     pub(crate) fn part_with_spot(
         self,
         words: &[u16],
         geometry: &Geometry,
+        whole: &Range<usize>,
         blocks: &mut Blocks,
         coarse: &mut Coarse,
     ) -> Option<Range<usize>> {
-        let whole = &geometry.light;
         let mut search = Search {
             words,
             geometry,
@@ -171,11 +171,8 @@ impl Search<'_> {
     /// Searches a part of the row. `None` if it has no spot, or if no search is left.
     fn look(&mut self, part: &Range<usize>) -> Option<Found> {
         self.left = self.left.checked_sub(1)?;
-        let view = Geometry {
-            light: part.clone(),
-            ..self.geometry.clone()
-        };
-        let row = view.row_and_blocks(self.words, self.blocks).ok()?;
+        let row = (self.geometry).part_and_blocks(self.words, part, self.blocks);
+        let row = row.ok()?;
         let place = |pixel: usize| part.start.saturating_add(pixel);
         match spot::find_in(&row, row.blocks(), self.coarse, &mut WorkBudget::of_row()) {
             Ok(spot) => {
