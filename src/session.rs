@@ -11,7 +11,7 @@ use slitrange_device::protocol::info::Hardware;
 use slitrange_device::protocol::packet::{
     Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
 };
-use slitrange_device::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange_device::protocol::selftest::RowTest;
 use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::session::flat::{Job, Outcome};

@@ -14,7 +14,7 @@ mod nearest;
 pub mod packet;
 pub mod piece;
 pub mod refusal;
-pub mod row;
+pub mod row_lines;
 pub mod selftest;
 pub mod status;
 pub mod upload;

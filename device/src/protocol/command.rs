@@ -9,7 +9,7 @@ use super::flat::Flat;
 use super::help;
 use super::nearest::nearest;
 use super::piece::{Piece, PieceError};
-use super::row::RowPart;
+use super::row_lines::RowPart;
 use super::upload::Step;
 use crate::filters::zero::MasterValue;
 use crate::record::MAX_ENCODED;

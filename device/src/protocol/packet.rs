@@ -21,7 +21,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::protocol::row;
+use crate::protocol::row_lines;
 use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;
 use slitrange::reading::{Measured, Reading};
@@ -171,7 +171,7 @@ impl Window {
     /// around the middle. `words` are those of the frame's last row, as the measurement left them.
     pub fn new(measured: &Measured, geometry: &Geometry, words: &[u16]) -> Option<Self> {
         let light = geometry.row_of_valid(words)?.light();
-        let window = row::window(measured);
+        let window = row_lines::window(measured);
         let beyond = window.len().saturating_sub(COUNTS_A_PACKET);
         let first = window.start.saturating_add(beyond / 2).min(light.len());
         let last = first

@@ -4,7 +4,7 @@ use core::fmt::{self, Write as _};
 
 use crate::protocol::MAX_ANSWER;
 use crate::protocol::packet::FrameResult;
-use crate::protocol::row::RowPart;
+use crate::protocol::row_lines::RowPart;
 use crate::session::flat;
 use crate::settings::Settings;
 use crate::text::Text;
@@ -31,7 +31,7 @@ pub struct Actions {
     /// Write [`Session::configuration`](super::Session::configuration) to flash, and then take the event
     /// [`Event::Saved`](super::Event::Saved). No frame is due before that.
     pub save: bool,
-    /// Send these pixels of the next row, in the lines of [`crate::protocol::row`]. No frame is due
+    /// Send these pixels of the next row, in the lines of [`crate::protocol::row_lines`]. No frame is due
     /// meanwhile.
     pub row: Option<RowPart>,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`](super::Event::Flat).

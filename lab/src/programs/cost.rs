@@ -11,13 +11,13 @@ mod distances;
 mod figures;
 mod float_functions;
 mod host_time;
-#[cfg(test)]
-mod made_up;
 mod pareto;
 mod peers;
 mod reading_time;
 mod report;
 mod row_rates;
+#[cfg(test)]
+mod sample_measurements;
 
 use anyhow::Context as _;
 use clap::Args;

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use slitrange::centre::Estimator;
 use slowest_on_chip::description::{Description, Kind, SHAPES, Shape};
 use slowest_on_chip::mailbox::{ESTIMATORS, QUESTIONS, Question};
-use slowest_on_chip::row::PIXELS;
+use slowest_on_chip::words::PIXELS;
 
 use super::chips::Chips;
 

@@ -7,7 +7,7 @@ use anyhow::Result;
 use object::{Object as _, ObjectSymbol as _, SymbolKind};
 use slowest_on_chip::description::Kind;
 use slowest_on_chip::mailbox::Question;
-use slowest_on_chip::row::{Maker, Turn, WORDS};
+use slowest_on_chip::words::{Maker, Turn, WORDS};
 use virtual_board::Firmware;
 use virtual_board::trace::Call;
 

@@ -9,7 +9,7 @@ use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 use slowest_on_chip::mailbox::{QUESTION, QUESTIONS, Question, READY};
-use slowest_on_chip::row::{Maker, Turn, WORDS, geometry};
+use slowest_on_chip::words::{Maker, Turn, WORDS, geometry};
 
 // Linked for what they define: where the log goes, and what a panic does.
 use {defmt_rtt as _, panic_probe as _};

@@ -8,4 +8,4 @@
 pub mod corpus;
 pub mod description;
 pub mod mailbox;
-pub mod row;
+pub mod words;

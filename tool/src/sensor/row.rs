@@ -9,7 +9,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Result, bail, ensure};
-use slitrange_device::protocol::row::{HeadCheck, REACH, ROW_END, RowExposure, RowPart, RowPixels};
+use slitrange_device::protocol::row_lines::{
+    HeadCheck, REACH, ROW_END, RowExposure, RowPart, RowPixels,
+};
 
 use super::answers::{self, Centre, NoCentre};
 use super::line::TRIES;

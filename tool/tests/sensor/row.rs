@@ -3,7 +3,7 @@
 use std::fs;
 
 use slitrange::base::exposure::Exposure;
-use slitrange_device::protocol::row::{ROW_END, RowExposure, RowPart};
+use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowPart};
 use slitrange_tool::sensor::line::TRIES;
 use slitrange_tool::sensor::row::RowAnswer;
 

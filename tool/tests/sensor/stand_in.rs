@@ -35,7 +35,7 @@ use slitrange::row::{Geometry, Polarity};
 use slitrange_device::protocol::command::{Command, Error, parse};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::input::{Echo, Input};
-use slitrange_device::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::protocol::upload::Step;
 use slitrange_device::record::Record;

@@ -7,7 +7,7 @@ use simulator::scene::{Ambient, Scene};
 use slitrange::Calibration;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::measurement::Options;
-use slitrange_device::protocol::row::{ROW_END, RowPixels};
+use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, Sensor};
 

@@ -7,7 +7,7 @@ use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::frame::comb::Slits;
 use slitrange::measurement::Measurement;
 use slitrange::row::sensor_heads;
-use slitrange_device::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange_device::settings::Settings;
 use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, Sensor, VirtualBoard};
 

@@ -14,7 +14,7 @@
 //!
 //! The program prints the same lines on a board, where its cycles are the silicon's: [`on_board`].
 
-mod beside;
+mod board_cycles;
 pub mod cycles;
 mod lines;
 pub mod program;
@@ -160,7 +160,7 @@ pub fn measure() -> Result<Chip> {
 /// The emulation fails. `cargo` or `probe-rs` says itself why the program does not run on the board; this
 /// says that it failed.
 pub fn on_board() -> Result<()> {
-    let estimates = beside::estimates(&Run::of(PACKAGE)?)?;
+    let estimates = board_cycles::estimates(&Run::of(PACKAGE)?)?;
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut program = Command::new(cargo)
         .args(["run", "--release", "--target", "thumbv7em-none-eabihf"])
@@ -170,7 +170,7 @@ pub fn on_board() -> Result<()> {
         .spawn()
         .context("cargo did not start")?;
     let log = program.stdout.take().context("cargo has no output")?;
-    let mut beside = beside::Table::new(estimates);
+    let mut beside = board_cycles::Table::new(estimates);
     for line in BufReader::new(log).lines() {
         let line = line.context("reading the board's log")?;
         println!("{line}");

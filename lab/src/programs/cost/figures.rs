@@ -29,7 +29,7 @@ pub fn draw(measured: &Measured, directory: &Path) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::programs::cost::made_up;
+    use crate::programs::cost::sample_measurements;
     use cost_on_chip::methods::Method;
     use slitrange::centre::Estimator;
 
@@ -38,7 +38,7 @@ mod tests {
     #[test]
     fn figures_name_every_method() {
         let directory = std::env::temp_dir().join("slitrange-made-up-figures");
-        draw(&made_up::measured(), &directory).expect("figures");
+        draw(&sample_measurements::measured(), &directory).expect("figures");
         println!("{}", directory.display());
         for (name, times) in [
             ("accuracy-against-time.svg", 4),
@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn the_bars_name_every_step_and_estimator() {
         let path = std::env::temp_dir().join("slitrange-made-up-row-steps.svg");
-        row_steps::draw(&made_up::measured(), &path).expect("a figure");
+        row_steps::draw(&sample_measurements::measured(), &path).expect("a figure");
         let svg = std::fs::read_to_string(&path).expect("a figure");
         let lines = |text: &str| svg.lines().filter(|line| *line == text).count();
         for step in ["convert", "search", "estimate", "check", "frame"] {

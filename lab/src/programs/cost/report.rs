@@ -719,12 +719,12 @@ pub fn peers_markdown(peers: &Peers) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::programs::cost::made_up;
+    use crate::programs::cost::sample_measurements;
 
     /// Other programs rely on these keys.
     #[test]
     fn the_json_has_the_keys_that_users_rely_on() {
-        let measured = made_up::measured();
+        let measured = sample_measurements::measured();
         let json = serde_json::to_value(measured.json()).expect("JSON");
         assert!(json.get("peers").is_none());
         assert!(json["sweep_instructions_per_pixel"].is_f64());
@@ -781,7 +781,7 @@ mod tests {
 
     #[test]
     fn the_worst_is_taken_over_the_widths_that_a_method_is_made_for() {
-        let mut measured = made_up::measured();
+        let mut measured = sample_measurements::measured();
         let method = measured.methods[0];
         for cell in &mut measured.accuracy.cells {
             let known = [(0.8, 9.0), (30.0, 8.0), (1.2, 1.7), (18.0, 1.6)];
@@ -794,7 +794,7 @@ mod tests {
 
     #[test]
     fn the_csv_files_have_a_line_for_each_figure() {
-        let measured = made_up::measured();
+        let measured = sample_measurements::measured();
         let directory = std::env::temp_dir().join(format!("slitrange-cost-{}", std::process::id()));
         measured.write_csv(&directory).expect("files");
         let lines = |name: &str| {
@@ -824,7 +824,7 @@ mod tests {
 
     #[test]
     fn tables_name_baselines_and_the_readme_leaves_them_out() {
-        let measured = made_up::measured();
+        let measured = sample_measurements::measured();
         let (page, readme) = (measured.markdown(), measured.short_markdown());
         for method in Method::ALL {
             // The default is marked in the table of whole rows.

@@ -24,7 +24,7 @@ use slitrange_device::protocol::packet::{
     Decoder, Message, Packed, Packets, RowHead as RowPacket, RowWords, Window, parts_of_text,
     unpack,
 };
-use slitrange_device::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
+use slitrange_device::protocol::row_lines::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange_device::protocol::selftest::RowTest;
 use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::protocol::upload::Step;

@@ -7,7 +7,7 @@ use anyhow::{Result, bail, ensure};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::light::ambient::AmbientMode;
 use slitrange::row::Geometry;
-use slitrange_device::protocol::row::{RowExposure, RowPart};
+use slitrange_device::protocol::row_lines::{RowExposure, RowPart};
 use slitrange_device::settings::Value;
 
 use super::super::answers::NoCentre;

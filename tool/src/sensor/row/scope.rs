@@ -14,7 +14,7 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::centre::Estimator;
 use slitrange::spot::region::Region;
-use slitrange_device::protocol::row::{RowExposure, RowPart};
+use slitrange_device::protocol::row_lines::{RowExposure, RowPart};
 use slitrange_device::settings::{Setting, Value};
 
 use super::RowAnswer;
