@@ -3,8 +3,8 @@
 //!
 //! | pin | | to |
 //! |---|---|---|
-//! | PE9 | TIM1 channel 1 | sensor, fM; CLK of a S11639 |
-//! | PF12 | output | sensor, ICG; ST of a S11639 |
+//! | PE9 | TIM1 channel 1 | sensor, fM |
+//! | PF12 | output | sensor, ICG |
 //! | PF13 | output | sensor, SH |
 //! | PD14 | output | converter, chip select |
 //! | PD15 | TIM4 channel 4 | laser |
@@ -406,7 +406,6 @@ pub fn master_clock_rose() -> u32 {
 
 /// Waits until the cycle counter is `due`, and raises ICG: 3 to 6 instructions later, because ICG must rise
 /// within 32 cycles. Returns the core cycles since the master clock rose, read after the edge.
-#[cfg(not(feature = "s11639"))]
 pub fn raise_icg_at(due: u32) -> u32 {
     let since_master_clock_rose: u32;
     // SAFETY: reads two counters, and sets a pin that only the owner of the sensor head calls for.

@@ -21,8 +21,6 @@ mod flash;
 mod laser;
 #[cfg(target_os = "none")]
 mod measuring;
-#[cfg(all(target_os = "none", feature = "s11639"))]
-mod s11639;
 #[cfg(target_os = "none")]
 mod sensor_head;
 #[cfg(target_os = "none")]
@@ -31,7 +29,7 @@ mod serial_line;
 mod session;
 #[cfg(target_os = "none")]
 mod shared;
-#[cfg(all(target_os = "none", not(feature = "s11639")))]
+#[cfg(target_os = "none")]
 mod tcd1304;
 #[cfg(target_os = "none")]
 mod transmitter;

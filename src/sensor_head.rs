@@ -1,5 +1,5 @@
 //! The sensor head that the firmware is built for: its driver, and the numbers that the other modules need
-//! of it. The feature `s11639` chooses the Hamamatsu S11639; without it the head is the TCD1304DG.
+//! of it.
 //!
 //! A driver is a module with the items that are re-exported here. docs/another-sensor.md says how to add one.
 
@@ -14,11 +14,6 @@ use super::acquisition::set_alarm;
 use super::board::{self, CORE_HZ};
 use super::shared::WORDS;
 
-#[cfg(feature = "s11639")]
-pub use super::s11639::{
-    LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, Pins, ROW_PERIOD, SensorHead, geometry,
-};
-#[cfg(not(feature = "s11639"))]
 pub use super::tcd1304::{
     LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, Pins, ROW_PERIOD, Tcd1304 as SensorHead, geometry,
 };

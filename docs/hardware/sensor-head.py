@@ -366,14 +366,11 @@ def netlist():
 
 
 def firmware_pins():
-    """The pins of the sensor head in the table of src/board.rs: pin and signal.
-
-    What stands behind a semicolon is a signal of another sensor.
-    """
+    """The pins of the sensor head in the table of src/board.rs: pin and signal."""
     table = re.findall(r"^//! \| (P[^|]+) \|[^|]*\| ([^|]+) \|$", (ROOT / "src/board.rs").read_text(), re.M)
     head = {}
     for pins, signals in table:
-        device, *names = [word.strip() for word in signals.split(";")[0].split(",")]
+        device, *names = [word.strip() for word in signals.split(",")]
         if device in ("sensor", "converter"):
             head.update(zip([pin.strip() for pin in pins.split(",")], names))
         elif device == "laser":

@@ -151,10 +151,10 @@ struct Pace {
 impl Pace {
     /// The words of `head` from `start` on.
     fn new(start: Nanos, bit_hz: u64, head: &SharedHead, timing: Timing) -> Self {
-        let head = head.lock();
-        let last_timed = match head.has_rate_limit() {
+        let last_timed = match head.lock().has_rate_limit() {
             true => u64::MAX,
-            false => head.sensor().last_word_before_pixels(),
+            // The firmware raises ICG in word 3, and word 4 shows the first pixel.
+            false => 3,
         };
         Self {
             start,

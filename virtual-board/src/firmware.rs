@@ -1,7 +1,6 @@
 //! Builds or loads the firmware's ELF file, with the symbols and the log table that the emulator and the log
 //! decoder need.
 
-use std::fs::File;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -11,7 +10,6 @@ use anyhow::{Context, Result, bail};
 use rigless::image::Image;
 use rigless::symbols::Symbols;
 
-use crate::sensor_head::Sensor;
 use crate::warm_cores::WarmCores;
 
 /// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage,
@@ -31,7 +29,6 @@ const NOT_FOR_THE_CHIP: [&str; 7] = [
 #[derive(Clone, Debug)]
 pub struct Firmware {
     path: PathBuf,
-    sensor: Sensor,
     pub(crate) image: Image,
     pub(crate) symbols: Symbols,
     pub(crate) log_table: Arc<defmt_decoder::Table>,
@@ -56,29 +53,11 @@ impl Firmware {
     ///
     /// The build fails (its messages are on stderr or in the error), or the ELF file cannot be loaded.
     pub fn build_package(package: &str) -> Result<Self> {
-        Self::build_with(package, Sensor::Tcd1304)
-    }
-
-    /// As [`Firmware::build`], for the board with this sensor on its head.
-    ///
-    /// # Errors
-    ///
-    /// As [`Firmware::build_package`].
-    pub fn build_for(sensor: Sensor) -> Result<Self> {
-        Self::build_with("slitrange-firmware", sensor)
-    }
-
-    fn build_with(package: &str, sensor: Sensor) -> Result<Self> {
         let mut command = cargo();
         command
             .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
             .args(["--package", package, "--bin", package])
             .arg("--message-format=json-render-diagnostics");
-        if sensor == Sensor::S11639 {
-            command.args(["--features", "s11639"]);
-        }
-        // The builds for both sensors have one name. One is built and loaded at a time, in all processes.
-        let _turn = turn()?;
         // A person sees the build's progress; a test's output stays clean unless the build fails.
         if std::io::stderr().is_terminal() {
             command.stderr(Stdio::inherit());
@@ -98,13 +77,10 @@ impl Firmware {
         }
         let path = executable(&output.stdout)
             .with_context(|| format!("cargo built {package} and named no executable"))?;
-        Ok(Self {
-            sensor,
-            ..Self::load(&path)?
-        })
+        Self::load(&path)
     }
 
-    /// Loads the ELF file at `path`, for a board with a TCD1304DG.
+    /// Loads the ELF file at `path`.
     ///
     /// # Errors
     ///
@@ -127,18 +103,11 @@ impl Firmware {
             Image::new(path, bytes, None).with_context(|| format!("loading {}", path.display()))?;
         Ok(Self {
             path: path.to_owned(),
-            sensor: Sensor::Tcd1304,
             image,
             symbols,
             log_table: Arc::new(log_table),
             warm_cores: WarmCores::default(),
         })
-    }
-
-    /// The sensor that it was built for.
-    #[must_use]
-    pub fn sensor(&self) -> Sensor {
-        self.sensor
     }
 
     /// How many cores wait that have run it. Its next board continues in one of them.
@@ -169,19 +138,6 @@ impl Firmware {
             .get(symbol)
             .with_context(|| format!("looking up {symbol} in {}", self.path.display()))
     }
-}
-
-/// Waits until no other process builds and loads firmware, and keeps others from it until it is dropped.
-fn turn() -> Result<File> {
-    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
-    let target = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("..")
-        .join(target);
-    let path = target.join("firmware.lock");
-    std::fs::create_dir_all(target)
-        .and_then(|()| File::create(&path))
-        .and_then(|file| file.lock().map(|()| file))
-        .with_context(|| format!("locking {}", path.display()))
 }
 
 /// A cargo command in this workspace, without the variables for a build on the PC.

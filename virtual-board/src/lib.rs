@@ -59,7 +59,7 @@ pub use flash::SharedFlash;
 
 pub use run::{Statistics, VirtualBoard};
 pub use sensor_head::{
-    Exposure, FULL_SCALE, LightSource, OpenLine, PIXELS, Row, Sensor, SensorHead, Violation,
+    Exposure, FULL_SCALE, LightSource, OpenLine, PIXELS, Row, SensorHead, Violation,
 };
 pub use serial_line::{Arrival, Line};
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 use simulator::scene::{Scene, Spot};
 
-use crate::{Exposure, Firmware, LightSource, Nanos, Sensor, VirtualBoard};
+use crate::{Exposure, Firmware, LightSource, Nanos, VirtualBoard};
 
 /// Rows of light that come one after the other, again and again.
 const LIGHT: u64 = 61;
@@ -23,20 +23,16 @@ const TOGETHER: u64 = 40;
 /// White paper whose spot moves by half a pixel, with noise. The rows are made beforehand, because a run
 /// takes thousands.
 #[must_use]
-pub fn light(sensor: Sensor) -> LightSource {
-    let (scene, width, centre) = match sensor {
-        Sensor::Tcd1304 => (Scene::white_paper(), 8.6, 1800.0),
-        Sensor::S11639 => (Scene::white_paper_on_s11639(), 4.9, 1000.0),
-    };
+pub fn light() -> LightSource {
     let scene = Scene {
         spot: Some(Spot {
-            width,
+            width: 8.6,
             counts_per_second: 2000.0,
         }),
-        ..scene
+        ..Scene::white_paper()
     };
     let rows: Vec<Vec<f32>> = (0..LIGHT)
-        .map(|row| scene.row_with_centre(row, centre + row as f64 / 128.0, 1.0))
+        .map(|row| scene.row_with_centre(row, 1800.0 + row as f64 / 128.0, 1.0))
         .collect();
     let mut next = rows.into_iter().cycle();
     Box::new(move |_: &Exposure| next.next().unwrap_or_default())
@@ -49,10 +45,7 @@ pub fn light(sensor: Sensor) -> LightSource {
 ///
 /// The emulator fails, or the firmware does not answer.
 pub fn start(firmware: &Firmware, rows_per_second: f64, rows: u16) -> Result<VirtualBoard> {
-    let mut board = {
-        let light = light(firmware.sensor());
-        VirtualBoard::power_on_without_rate_limit(firmware, light, rows_per_second)?
-    };
+    let mut board = VirtualBoard::power_on_without_rate_limit(firmware, light(), rows_per_second)?;
     let starts = |line: &str| line.starts_with("slitrange ");
     board.run_until_line(starts, PATIENCE)?;
     for command in ["exposure 5600", &format!("rows {rows}")] {

@@ -33,6 +33,9 @@ use crate::{Nanos, Violation};
 /// much.
 const STEP: Nanos = 1_000_000;
 
+/// The firmware's time from one row to the next by its own clock, s (`ROW_PERIOD`).
+const FIRMWARE_ROW_PERIOD: f64 = 5.7e-3;
+
 /// The core-coupled RAM and the other RAM: where each begins and ends (RM0090 section 2.3.1).
 const RAM: [(u64, u64); 2] = [(0x1000_0000, 0x1001_0000), (0x2000_0000, 0x2003_0000)];
 
@@ -116,7 +119,7 @@ impl VirtualBoard {
     ) -> Result<Self> {
         Self::start(
             firmware,
-            SensorHead::with(firmware.sensor(), light),
+            SensorHead::new(light),
             flash,
             Conditions::default(),
         )
@@ -138,11 +141,11 @@ impl VirtualBoard {
         light: LightSource,
         rows_per_second: f64,
     ) -> Result<Self> {
-        let head = SensorHead::with(firmware.sensor(), light).without_rate_limit();
+        let head = SensorHead::new(light).without_rate_limit();
         // The rates that the pages state are those of one instruction a cycle.
         let conditions = Conditions {
             instructions_per_second: INSTRUCTIONS_PER_SECOND,
-            row_timer_speed: rows_per_second * firmware.sensor().row_period(),
+            row_timer_speed: rows_per_second * FIRMWARE_ROW_PERIOD,
             ..Conditions::default()
         };
         Self::start(firmware, head, SharedFlash::default(), conditions)
@@ -158,7 +161,7 @@ impl VirtualBoard {
         light: LightSource,
         conditions: Conditions,
     ) -> Result<Self> {
-        let head = SensorHead::with(firmware.sensor(), light);
+        let head = SensorHead::new(light);
         Self::start(firmware, head, SharedFlash::default(), conditions)
     }
 
@@ -173,7 +176,7 @@ impl VirtualBoard {
         flash: SharedFlash,
         conditions: Conditions,
     ) -> Result<Self> {
-        let head = SensorHead::with(firmware.sensor(), light);
+        let head = SensorHead::new(light);
         Self::start(firmware, head, flash, conditions)
     }
 

@@ -22,8 +22,8 @@
 //! starts the burst.
 //!
 //! **Without a rate limit.** [`SensorHead::without_rate_limit`] makes a sensor head whose words after word 3
-//! come all at once (word 4 of a S11639). It tests which rate of rows the firmware sustains. Each word shows
-//! the pixel that it would show at the clocks' speed, and all limits stay.
+//! come all at once. It tests which rate of rows the firmware sustains. Each word shows the pixel that it
+//! would show at the clocks' speed, and all limits stay.
 //!
 //! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
 
@@ -35,7 +35,6 @@ use crate::{Nanos, random};
 
 pub mod limits;
 pub(crate) mod pins;
-mod s11639;
 mod wiring;
 
 pub use limits::PIXELS;
@@ -141,70 +140,6 @@ pub enum Edge {
     WordEnded,
 }
 
-/// The head's sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sensor {
-    /// Toshiba TCD1304DG.
-    Tcd1304,
-    /// Hamamatsu S11639-01.
-    S11639,
-}
-
-impl Sensor {
-    /// Outputs in a row.
-    #[must_use]
-    pub fn pixels(self) -> usize {
-        match self {
-            Self::Tcd1304 => PIXELS,
-            Self::S11639 => s11639::PIXELS,
-        }
-    }
-
-    /// Words that the converter sends in a row.
-    #[must_use]
-    pub fn words(self) -> usize {
-        match self {
-            Self::Tcd1304 => PIXELS,
-            Self::S11639 => s11639::WORDS,
-        }
-    }
-
-    /// The firmware's time from one row to the next by its own clock, s (`ROW_PERIOD`).
-    #[must_use]
-    pub fn row_period(self) -> f64 {
-        match self {
-            Self::Tcd1304 => 5.7e-3,
-            Self::S11639 => s11639::ROW_PERIOD,
-        }
-    }
-
-    /// The last word that the firmware waits for before the sensor puts out pixels.
-    pub(crate) fn last_word_before_pixels(self) -> u64 {
-        match self {
-            // ICG rises in word 3.
-            Self::Tcd1304 => 3,
-            // ST falls in word 2 or 3.
-            Self::S11639 => 4,
-        }
-    }
-
-    /// Periods of the sensor's clock in which a pixel stays at the output.
-    fn clocks_a_pixel(self) -> f64 {
-        match self {
-            Self::Tcd1304 => limits::MASTER_CLOCKS_PER_PIXEL,
-            Self::S11639 => 1.0,
-        }
-    }
-
-    /// The word for so many counts of light.
-    fn word(self, counts: u16) -> u16 {
-        match self {
-            Self::Tcd1304 => FULL_SCALE - counts,
-            Self::S11639 => counts,
-        }
-    }
-}
-
 /// The clocks that the processor gives the head.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clocks {
@@ -216,8 +151,8 @@ pub struct Clocks {
 
 impl Clocks {
     /// How long a pixel stays at the sensor's output, ns.
-    fn pixel_time(&self, sensor: Sensor) -> f64 {
-        sensor.clocks_a_pixel() * 1e9 / self.master_hz
+    fn pixel_time(&self) -> f64 {
+        limits::MASTER_CLOCKS_PER_PIXEL * 1e9 / self.master_hz
     }
 
     /// How long a word takes, ns; 0 if SCLK does not run.
@@ -319,9 +254,7 @@ struct Burst {
 
 /// The sensor head.
 pub struct SensorHead {
-    sensor: Sensor,
     light: LightSource,
-    /// ST, if the sensor is a S11639.
     icg: Pin,
     sh: Pin,
     chip_select: Pin,
@@ -363,17 +296,10 @@ impl fmt::Debug for SensorHead {
 }
 
 impl SensorHead {
-    /// A head with a TCD1304DG at power-on, lit by `light`.
+    /// A sensor head at power-on, lit by `light`.
     #[must_use]
     pub fn new(light: LightSource) -> Self {
-        Self::with(Sensor::Tcd1304, light)
-    }
-
-    /// A head with such a sensor at power-on, lit by `light`.
-    #[must_use]
-    pub fn with(sensor: Sensor, light: LightSource) -> Self {
         Self {
-            sensor,
             light,
             icg: Pin::resting(Level::High),
             sh: Pin::resting(Level::Low),
@@ -405,12 +331,6 @@ impl SensorHead {
             has_rate_limit: false,
             ..self
         }
-    }
-
-    /// The head's sensor.
-    #[must_use]
-    pub fn sensor(&self) -> Sensor {
-        self.sensor
     }
 
     /// Whether words take their time.
@@ -478,12 +398,8 @@ impl SensorHead {
         self.violation_count
     }
 
-    /// Sets ICG, or ST of a S11639, to `level`.
+    /// Sets ICG to `level`.
     pub fn icg(&mut self, level: Level, now: Nanos) {
-        if self.sensor == Sensor::S11639 {
-            self.st(level, now);
-            return;
-        }
         if !self.icg.moves(level, now) {
             return;
         }
@@ -536,7 +452,18 @@ impl SensorHead {
                 format!("ICG rose {gap} ns after SH fell; {}", icg_after_sh()),
             );
         }
-        let counts = self.expose(&exposure, now);
+        let light = (self.light)(&exposure);
+        if light.len() != PIXELS {
+            self.violated(
+                now,
+                format!(
+                    "the light source gave {} pixels, and a row has {PIXELS}",
+                    light.len()
+                ),
+            );
+        }
+        let mut counts: Vec<u16> = light.into_iter().map(quantised).collect();
+        counts.resize(PIXELS, 0);
         let shielded: u32 = counts[limits::SHIELDED]
             .iter()
             .copied()
@@ -551,30 +478,8 @@ impl SensorHead {
         });
     }
 
-    /// The counts of a row that was exposed.
-    fn expose(&mut self, exposure: &Exposure, now: Nanos) -> Vec<u16> {
-        let light = (self.light)(exposure);
-        let pixels = self.sensor.pixels();
-        if light.len() != pixels {
-            self.violated(
-                now,
-                format!(
-                    "the light source gave {} pixels, and a row has {pixels}",
-                    light.len()
-                ),
-            );
-        }
-        let mut counts: Vec<u16> = light.into_iter().map(quantised).collect();
-        counts.resize(pixels, 0);
-        counts
-    }
-
     /// Sets SH to `level`.
     pub fn sh(&mut self, level: Level, now: Nanos) {
-        if self.sensor == Sensor::S11639 {
-            // The pin is not connected.
-            return;
-        }
         let last_fall = self.sh.fell;
         if !self.sh.moves(level, now) {
             return;
@@ -682,7 +587,7 @@ impl SensorHead {
         match level {
             Level::Low => {
                 self.burst = Some(Burst {
-                    counts: vec![None; self.sensor.pixels()],
+                    counts: vec![None; PIXELS],
                     ..Burst::default()
                 })
             }
@@ -720,9 +625,9 @@ impl SensorHead {
             (Some(read_out), Some(clocks)) if clocks.master_hz > 0.0 && clocks.serial_hz > 0.0 => {
                 let held =
                     now as f64 - (f64::from(bits) - limits::HOLD_AFTER) * 1e9 / clocks.serial_hz;
-                let position = (held - read_out.began as f64) / clocks.pixel_time(self.sensor);
+                let position = (held - read_out.began as f64) / clocks.pixel_time();
                 let pixel = position.floor();
-                if (0.0..self.sensor.pixels() as f64).contains(&pixel) {
+                if (0.0..PIXELS as f64).contains(&pixel) {
                     counts = read_out.counts[pixel as usize];
                     burst.counts[pixel as usize] = Some(counts);
                     burst
@@ -738,7 +643,7 @@ impl SensorHead {
         }
         let word = match self.open_line {
             Some(line) => line.word(now),
-            None => self.sensor.word(counts),
+            None => FULL_SCALE - counts,
         };
         burst.words.push(word);
         self.record(now, Edge::WordEnded);
@@ -809,7 +714,7 @@ impl SensorHead {
         if read_out.clocks_reported {
             return;
         }
-        let faults = clock_faults(self.sensor, clocks);
+        let faults = clock_faults(clocks);
         read_out.clocks_reported = !faults.is_empty();
         for fault in faults {
             self.violated(now, fault);
@@ -844,16 +749,11 @@ impl SensorHead {
     }
 
     fn finish(&mut self, burst: Burst, now: Nanos) {
-        if self.sensor == Sensor::S11639 && self.icg.fell.is_none() {
-            // Words before ST ever fell are no row: the driver measures the program's speed by them.
-            return;
-        }
         let words = burst.words.len();
-        let right = self.sensor.words();
-        if words != right {
+        if words != PIXELS {
             self.violated(
                 now,
-                format!("chip select was low for {words} words; a row is exactly {right}"),
+                format!("chip select was low for {words} words; a row is exactly {PIXELS}"),
             );
         }
         if let Some(bits) = burst.odd_bits {
@@ -944,26 +844,25 @@ fn quantised(counts: f32) -> u16 {
 }
 
 /// Lists what is wrong with the clocks of a read-out.
-fn clock_faults(sensor: Sensor, clocks: Clocks) -> Vec<String> {
-    let (name, clock, range) = match sensor {
-        Sensor::Tcd1304 => ("TCD1304", "fM", limits::MASTER_CLOCK),
-        Sensor::S11639 => ("S11639", "CLK", s11639::CLOCK),
-    };
+fn clock_faults(clocks: Clocks) -> Vec<String> {
     let mut faults = Vec::new();
     let Clocks {
         master_hz,
         serial_hz,
     } = clocks;
     if master_hz <= 0.0 {
-        faults.push(format!(
-            "the master clock {clock} does not run during a read-out ({name} timing chart)"
-        ));
+        faults.push(
+            "the master clock fM does not run during a read-out (TCD1304 timing chart)".to_owned(),
+        );
         return faults;
     }
-    let (least, greatest) = (range.start() / 1e6, range.end() / 1e6);
-    if !range.contains(&master_hz) {
+    let (least, greatest) = (
+        limits::MASTER_CLOCK.start() / 1e6,
+        limits::MASTER_CLOCK.end() / 1e6,
+    );
+    if !limits::MASTER_CLOCK.contains(&master_hz) {
         faults.push(format!(
-            "{clock} is {} MHz; within {least} to {greatest} MHz ({name})",
+            "fM is {} MHz; within {least} to {greatest} MHz (TCD1304)",
             master_hz / 1e6
         ));
     }
@@ -977,12 +876,12 @@ fn clock_faults(sensor: Sensor, clocks: Clocks) -> Vec<String> {
             serial_hz / 1e6
         ));
     }
-    let (pixel, periods) = (clocks.pixel_time(sensor), sensor.clocks_a_pixel());
+    let pixel = clocks.pixel_time();
     let conversion = f64::from(limits::WORD_BITS) * 1e9 / serial_hz;
     if (pixel / conversion - 1.0).abs() > limits::RATE_MISMATCH {
         faults.push(format!(
-            "a pixel lasts {pixel:.3} ns ({periods} / {clock}) and a conversion {conversion:.3} ns \
-             (16 / SCLK); they may differ by {}",
+            "a pixel lasts {pixel:.3} ns (4 / fM) and a conversion {conversion:.3} ns (16 / SCLK); \
+             they may differ by {}",
             limits::RATE_MISMATCH
         ));
     }

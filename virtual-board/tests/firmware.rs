@@ -6,7 +6,6 @@
 mod address;
 mod ambient;
 mod binary;
-mod both_heads;
 mod calibration;
 mod comb;
 mod commands;

@@ -16,7 +16,7 @@ use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
 use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 
-use super::{Clocks, Level, Sensor, SensorHead, wiring};
+use super::{Clocks, Level, SensorHead, wiring};
 use crate::Nanos;
 use crate::jumpers::{Edge, Jumpers};
 use crate::laser;
@@ -44,8 +44,6 @@ pub(crate) struct SharedHead {
     /// The wires of `cargo silicon-check`, if they are there, and the edges that they have not seen yet.
     jumpers: OnceLock<Jumpers>,
     edges: Mutex<Vec<Edge>>,
-    /// True after a fall of ICG, or of a S11639's ST.
-    icg_fell: AtomicBool,
 }
 
 impl SharedHead {
@@ -56,7 +54,6 @@ impl SharedHead {
             icg_rose: AtomicBool::new(false),
             jumpers: OnceLock::new(),
             edges: Mutex::default(),
-            icg_fell: AtomicBool::new(false),
         })
     }
 
@@ -103,23 +100,15 @@ impl SharedHead {
             let buffers = dma_addresses(&mut processor.part);
             let laser_pin = laser::is_pin_connected(&mut processor.part);
             let icg_rose = self.icg_rose.swap(false, Ordering::Relaxed);
-            let icg_fell = self.icg_fell.swap(false, Ordering::Relaxed);
-            let part = (icg_rose || icg_fell)
+            let part = icg_rose
                 .then(|| processor.part_of_master_clock(now))
                 .flatten();
             let mut head = self.lock();
-            match part {
-                Some(part) if head.sensor() == Sensor::S11639 && icg_fell => {
-                    head.st_fell_at(part, clocks, now);
-                }
-                Some(part) if head.sensor() == Sensor::Tcd1304 && icg_rose => {
-                    head.icg_rose_at(part, now);
-                }
-                _ => {}
+            if let Some(part) = part {
+                head.icg_rose_at(part, now);
             }
             if head.wants_wiring() {
-                let sensor = head.sensor();
-                head.wiring(wiring::faults(&mut processor.part, sensor), now);
+                head.wiring(wiring::faults(&mut processor.part), now);
             }
             head.clocks(clocks, now);
             head.laser_pin(laser_pin);
@@ -200,10 +189,7 @@ impl HeadPin {
                 head.icg(Level::High, now);
                 self.head.icg_rose.store(true, Ordering::Relaxed);
             }
-            (HeadPinName::Icg, false) => {
-                head.icg(Level::Low, now);
-                self.head.icg_fell.store(true, Ordering::Relaxed);
-            }
+            (HeadPinName::Icg, false) => head.icg(Level::Low, now),
             (HeadPinName::Sh, true) => head.sh(Level::High, now),
             (HeadPinName::Sh, false) => head.sh(Level::Low, now),
         }

@@ -7,7 +7,6 @@ use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::gpioa::Register as Port;
 use rigless::soc::stm32f427::generated::spi1::{self, cr1};
 
-use super::Sensor;
 use super::pins::CONVERTER_BUS;
 
 /// Modes of a pin (RM0090 section 8.4.1).
@@ -32,15 +31,12 @@ struct Wanted {
     pull: Option<u64>,
 }
 
-/// The pin that the S11639 does not need.
-const SH: &str = "PF13 (SH)";
-
 /// The head's pins. All outputs but the laser's need the fastest speed. SCLK floats while SPI is off, and
 /// DOUT if there is no converter.
 const PINS: [Wanted; 7] = [
-    wanted("PE9 (fM, CLK)", "GPIOE", 9).function(1).fast(),
-    wanted("PF12 (ICG, ST)", "GPIOF", 12).fast(),
-    wanted(SH, "GPIOF", 13).fast(),
+    wanted("PE9 (fM)", "GPIOE", 9).function(1).fast(),
+    wanted("PF12 (ICG)", "GPIOF", 12).fast(),
+    wanted("PF13 (SH)", "GPIOF", 13).fast(),
     wanted("PD14 (chip select)", "GPIOD", 14).fast(),
     wanted("PA5 (SCLK)", "GPIOA", 5)
         .function(5)
@@ -114,12 +110,9 @@ impl Wanted {
 }
 
 /// Lists what is wrong with the pins and with SPI1.
-pub(crate) fn faults(processor: &mut Stm32f427, sensor: Sensor) -> Vec<String> {
+pub(crate) fn faults(processor: &mut Stm32f427) -> Vec<String> {
     let mut faults: Vec<String> = Vec::new();
     for wanted in &PINS {
-        if sensor == Sensor::S11639 && wanted.pin == SH {
-            continue;
-        }
         match processor.bus().slot(wanted.port) {
             Ok(slot) => faults.extend(wanted.faults(processor.bus().slots()[slot].registers())),
             Err(_) => faults.push(format!("the emulator has no {}", wanted.port)),

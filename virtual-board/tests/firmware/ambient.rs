@@ -3,17 +3,16 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use simulator::scene::{Ambient, Scene};
+use simulator::scene::Scene;
 use slitrange::Calibration;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::measurement::Options;
 use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
+use virtual_board::LightSource;
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{LightSource, Sensor};
 
 use super::common::{
-    PATIENCE, Status, boot, boot_with, cycles_an_instruction, fresh_results, is_measured,
-    is_reading, is_result, number, results, set,
+    PATIENCE, Status, boot, cycles_an_instruction, is_reading, is_result, number, results, set,
 };
 use super::identical::{aligned, assert_same, on_this_pc, run, with_fixed_exposure};
 
@@ -52,40 +51,6 @@ fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
         let truth = 1e3 * optics.distance(optics.centre(0.8));
         assert!((distance - truth).abs() < 5.0 * r, "{line}");
     }
-}
-
-/// A S11639 has no shielded pixels. Daylight that rises along the row moves no centre, with and without
-/// `ambient subtract`.
-#[test]
-#[ignore = "its firmware is a build of its own; .ci/run runs it"]
-fn ambient_light_moves_no_centre_of_a_s11639() {
-    let sunlit = Scene::load("sunlit").expect("a scene");
-    // A pixel of the S11639 takes 1.75 times as much light. A count has 2.44 times as many electrons.
-    let ambient = sunlit.ambient.map(|ambient| Ambient {
-        slope: ambient.slope * 1.75,
-        ..ambient
-    });
-    let scene = Scene {
-        ambient,
-        ..Scene::white_paper_on_s11639()
-    };
-    let truth = scene.optics.centre(0.8);
-    let (mut board, _) = boot_with(Sensor::S11639, of_scene(scene, Target::at(0.8)));
-    for mode in ["subtract", "off"] {
-        set(&mut board, &format!("ambient {mode}"));
-        let lines = fresh_results(&mut board, 8);
-        println!("ambient {mode}: {:#?}", &lines[..2]);
-        for line in &lines {
-            assert!(is_measured(Sensor::S11639, line), "{line}");
-            let error = number(line, "x ", " ") - truth;
-            assert!(
-                error.abs() < 5.0 * number(line, " u ", ""),
-                "{error}: {line}"
-            );
-        }
-    }
-    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "rows late"]);
-    board.finish().expect("a clean run");
 }
 
 /// The longest frame takes 730 ms, in which the watchdog sees no reading.

@@ -21,7 +21,7 @@ use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::trace::Call;
 use virtual_board::upload::upload;
-use virtual_board::{Exposure, LightSource, Sensor, VirtualBoard};
+use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::common::{
     DISTANCE, PATIENCE, Status, boot, boot_under, firmware, fresh_results, full_speed, is_reading,
@@ -76,7 +76,7 @@ fn measuring(light: LightSource, rows: u16) -> VirtualBoard {
 
 /// The same under these conditions.
 fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> VirtualBoard {
-    let (mut board, _) = boot_under(Sensor::Tcd1304, light, conditions);
+    let (mut board, _) = boot_under(light, conditions);
     set(&mut board, "slits comb");
     set(&mut board, &format!("rows {rows}"));
     board

@@ -6,36 +6,9 @@ use std::time::Duration;
 use rigless::soc::stm32f427::generated::spi1;
 use simulator::scene::{Scene, Spot};
 use slitrange::base::fault::Fault;
-use slitrange::row::Geometry;
-use slitrange::row::sensor_heads;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, LightSource, Line, Sensor, VirtualBoard};
-
-/// Makes two tests of each of these functions, which take a sensor: one with each sensor head.
-macro_rules! with_both_heads {
-    ($($test:ident)*) => {
-        mod tcd1304 {
-            $(
-                #[test]
-                fn $test() {
-                    super::$test(virtual_board::Sensor::Tcd1304);
-                }
-            )*
-        }
-
-        mod s11639 {
-            $(
-                #[test]
-                #[ignore = "its firmware is a build of its own; .ci/run runs it"]
-                fn $test() {
-                    super::$test(virtual_board::Sensor::S11639);
-                }
-            )*
-        }
-    };
-}
-pub(crate) use with_both_heads;
+use virtual_board::{Exposure, Firmware, LightSource, Line, VirtualBoard};
 
 /// The longest wait in virtual time: longer than any frame and any answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
@@ -74,36 +47,15 @@ pub fn firmware() -> &'static Firmware {
     FIRMWARE.get_or_init(|| Firmware::build().expect("the firmware builds"))
 }
 
-/// The ELF file for a board with this sensor.
-pub fn firmware_for(sensor: Sensor) -> &'static Firmware {
-    static S11639: OnceLock<Firmware> = OnceLock::new();
-    match sensor {
-        Sensor::Tcd1304 => firmware(),
-        Sensor::S11639 => {
-            S11639.get_or_init(|| Firmware::build_for(sensor).expect("the firmware builds"))
-        }
-    }
-}
-
 /// Boots a board. Gives the board and its banner.
 pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
-    boot_with(Sensor::Tcd1304, light)
-}
-
-/// Boots a board with this sensor. Gives the board and its banner.
-pub fn boot_with(sensor: Sensor, light: LightSource) -> (VirtualBoard, Line) {
-    boot_under(sensor, light, Conditions::default())
+    boot_under(light, Conditions::default())
 }
 
 /// The same under these conditions.
-pub fn boot_under(
-    sensor: Sensor,
-    light: LightSource,
-    conditions: Conditions,
-) -> (VirtualBoard, Line) {
-    let firmware = firmware_for(sensor);
+pub fn boot_under(light: LightSource, conditions: Conditions) -> (VirtualBoard, Line) {
     let mut board =
-        VirtualBoard::power_on_under(firmware, light, conditions).expect("the board starts");
+        VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
     let banner = board
         .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
         .expect("a banner");
@@ -112,51 +64,28 @@ pub fn boot_under(
 
 /// A board with white paper at [`DISTANCE`] and `rows` rows in a frame.
 pub fn measuring(rows: u16) -> VirtualBoard {
-    measuring_with(Sensor::Tcd1304, rows)
-}
-
-/// The same with this sensor.
-pub fn measuring_with(sensor: Sensor, rows: u16) -> VirtualBoard {
-    let (mut board, _) = boot_with(sensor, paper_for(sensor));
+    let (mut board, _) = boot(paper());
     set(&mut board, &format!("rows {rows}"));
     board
 }
 
 /// As [`measuring`], on a board with one instruction a cycle.
 pub fn measuring_at_full_speed(rows: u16) -> VirtualBoard {
-    let (mut board, _) = boot_under(Sensor::Tcd1304, paper(), full_speed());
+    let (mut board, _) = boot_under(paper(), full_speed());
     set(&mut board, &format!("rows {rows}"));
     board
 }
 
 /// White paper at [`DISTANCE`].
 pub fn paper() -> LightSource {
-    paper_for(Sensor::Tcd1304)
-}
-
-/// White paper as this sensor sees it.
-pub fn scene_for(sensor: Sensor) -> Scene {
-    match sensor {
-        Sensor::Tcd1304 => Scene::white_paper(),
-        Sensor::S11639 => Scene::white_paper_on_s11639(),
-    }
-}
-
-/// White paper at [`DISTANCE`], for this sensor.
-pub fn paper_for(sensor: Sensor) -> LightSource {
-    of_scene(scene_for(sensor), Target::at(DISTANCE))
+    of_scene(Scene::white_paper(), Target::at(DISTANCE))
 }
 
 /// White paper whose spot is `height` counts high and lies at pixel `centre`.
 pub fn spot_at(centre: f64, height: f64) -> LightSource {
-    spot_for(Sensor::Tcd1304, centre, height)
-}
-
-/// The same on this sensor.
-pub fn spot_for(sensor: Sensor, centre: f64, height: f64) -> LightSource {
     // The scene's light is per second. With an exposure of one second it is the height, whatever the
     // firmware's exposure is.
-    let scene = scene_for(sensor);
+    let scene = Scene::white_paper();
     let scene = Scene {
         spot: scene.spot.map(|spot| Spot {
             counts_per_second: height,
@@ -205,30 +134,6 @@ pub fn switching_output(board: &mut VirtualBoard) -> Option<bool> {
 /// Whether a line is a frame's result: a reading or a fault.
 pub fn is_result(line: &str) -> bool {
     is_reading(line) || line.starts_with("f ")
-}
-
-/// Whether a frame was measured. A new S11639 has no calibration, so its lines give centres.
-pub fn is_measured(sensor: Sensor, line: &str) -> bool {
-    match sensor {
-        Sensor::Tcd1304 => is_reading(line),
-        Sensor::S11639 => line.starts_with("f not calibrated: x "),
-    }
-}
-
-/// Where this sensor's rows begin and end.
-pub fn geometry_of(sensor: Sensor) -> Geometry {
-    match sensor {
-        Sensor::Tcd1304 => sensor_heads::tcd1304dg(),
-        Sensor::S11639 => sensor_heads::s11639(),
-    }
-}
-
-/// The longest exposure of this sensor head, us.
-pub fn longest_exposure(sensor: Sensor) -> u64 {
-    match sensor {
-        Sensor::Tcd1304 => 5600,
-        Sensor::S11639 => 3000,
-    }
 }
 
 /// Whether a line is a reading.

@@ -17,12 +17,11 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::row::Geometry;
 use slitrange::{sensor_heads, spot};
 use slitrange_device::protocol::line::{FaultLine, ReadingLine};
-use virtual_board::{Exposure, LightSource, Row, Sensor};
+use virtual_board::{Exposure, LightSource, Row};
 
-use super::common::{PATIENCE, Status, boot, geometry_of, is_reading, is_result, set};
+use super::common::{PATIENCE, Status, boot, is_reading, is_result, set};
 
 /// The numbers of pixels that an estimator may sum to one sample.
 const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;
@@ -130,17 +129,6 @@ pub fn on_this_pc(
     calibrated_on_this_pc(rows, options, calibration, &CalibrationErrors::Nominal)
 }
 
-/// The line for each frame of the rows of this sensor, without a calibration.
-pub fn centres_on_this_pc(rows: &[Row], sensor: Sensor, options: Options) -> Vec<String> {
-    lines_on_this_pc(
-        rows,
-        geometry_of(sensor),
-        options,
-        None,
-        &CalibrationErrors::Nominal,
-    )
-}
-
 /// The line for each frame of the rows, with a calibration's uncertainties.
 pub fn calibrated_on_this_pc(
     rows: &[Row],
@@ -148,23 +136,7 @@ pub fn calibrated_on_this_pc(
     calibration: Option<&Calibration>,
     errors: &CalibrationErrors,
 ) -> Vec<String> {
-    lines_on_this_pc(
-        rows,
-        sensor_heads::tcd1304dg(),
-        options,
-        calibration,
-        errors,
-    )
-}
-
-fn lines_on_this_pc(
-    rows: &[Row],
-    geometry: Geometry,
-    options: Options,
-    calibration: Option<&Calibration>,
-    errors: &CalibrationErrors,
-) -> Vec<String> {
-    let mut measurement = Measurement::new(geometry, options);
+    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
     let subtracts = options.ambient == AmbientMode::Subtract;
     rows.iter()
         // The laser is off until the firmware knows its settings.

@@ -9,11 +9,10 @@ use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
 use slitrange::Calibration;
 use slitrange::measurement::Options;
-use virtual_board::{Exposure, LightSource, Nanos, Sensor, VirtualBoard};
+use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
 
 use super::common::{
-    DISTANCE, PATIENCE, cycles_an_instruction, is_reading, longest_exposure, measuring,
-    measuring_with, number, results, set, with_both_heads,
+    DISTANCE, PATIENCE, cycles_an_instruction, is_reading, measuring, number, results, set,
 };
 use super::identical::{aligned, assert_same, logarithmic, on_this_pc, run};
 
@@ -23,15 +22,11 @@ fn laser_time(board: &mut VirtualBoard) -> Nanos {
     board.head(move |head| head.laser_time(now))
 }
 
-with_both_heads! {
-    the_laser_is_on_for_the_exposure_in_the_middle_of_each_row
-    a_laser_that_is_set_off_stays_off_and_the_answer_says_so
-}
-
 /// Each row has its exposure to the nanosecond, and the pulse lies in the row's middle, without jitter.
-fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row(sensor: Sensor) {
-    let mut board = measuring_with(sensor, 4);
-    let longest = longest_exposure(sensor);
+#[test]
+fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row() {
+    let mut board = measuring(4);
+    let longest = 5600;
     for us in [10, 11, 187, longest - 1, longest] {
         set(&mut board, &format!("exposure {us}"));
         results(&mut board, 3);
@@ -57,11 +52,6 @@ fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row(sensor: Sensor) {
         assert!((middle..middle + 3_000).contains(&least), "{least}");
         assert!(most - least < 100, "a jitter of {} ns", most - least);
     }
-    // A longer setting is shortened.
-    set(&mut board, "exposure 5600");
-    results(&mut board, 3);
-    let last = board.head(|head| head.last_row().map(|row| row.exposure.laser));
-    assert_eq!(last, Some(longest * 1000));
     board.send("info\r\n");
     let rate = board.run_until_line(|line| line.starts_with("info rate "), PATIENCE);
     let rate = rate.expect("a line").text;
@@ -69,8 +59,9 @@ fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row(sensor: Sensor) {
     board.finish().expect("a clean run");
 }
 
-fn a_laser_that_is_set_off_stays_off_and_the_answer_says_so(sensor: Sensor) {
-    let mut board = measuring_with(sensor, 4);
+#[test]
+fn a_laser_that_is_set_off_stays_off_and_the_answer_says_so() {
+    let mut board = measuring(4);
     set(&mut board, "laser off");
     results(&mut board, 3);
     let before = laser_time(&mut board);
@@ -81,19 +72,17 @@ fn a_laser_that_is_set_off_stays_off_and_the_answer_says_so(sensor: Sensor) {
     board
         .run_until_line(|line| line == advice, PATIENCE)
         .expect("advice");
-    if sensor == Sensor::Tcd1304 {
-        // It is off after a start, if that is what was saved. A S11639 saves nothing without a calibration.
-        board.send("save\r\n");
-        board
-            .run_until_line(|line| line == "save", 3 * PATIENCE)
-            .expect("saved");
-        board.reset_pin().expect("the emulator");
-        board
-            .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-            .expect("a banner");
-        results(&mut board, 2);
-        assert_eq!(laser_time(&mut board), before);
-    }
+    // It is off after a start, if that is what was saved.
+    board.send("save\r\n");
+    board
+        .run_until_line(|line| line == "save", 3 * PATIENCE)
+        .expect("saved");
+    board.reset_pin().expect("the emulator");
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    results(&mut board, 2);
+    assert_eq!(laser_time(&mut board), before);
     set(&mut board, "laser on");
     results(&mut board, 2);
     assert!(laser_time(&mut board) > before);

@@ -3,16 +3,16 @@
 
 use slitrange::distance::Calibration;
 use slitrange::measurement::Options;
+use virtual_board::Row;
 use virtual_board::row_rate::{lost_rows, start};
-use virtual_board::{Row, Sensor};
 
-use super::common::{Status, firmware_for, is_result};
-use super::identical::{centres_on_this_pc, on_this_pc, with_fixed_exposure};
+use super::common::{Status, firmware, is_result};
+use super::identical::{on_this_pc, with_fixed_exposure};
 
 /// Runs the firmware with the default estimator for `count` rows. Every row must be read, and every line must
 /// be that of the core on a PC.
-fn assert_sustained(sensor: Sensor, rows_per_second: f64, rows: u16, count: u64) {
-    let mut board = start(firmware_for(sensor), rows_per_second, rows).expect("the board starts");
+fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
+    let mut board = start(firmware(), rows_per_second, rows).expect("the board starts");
     board.head(|head| head.keep_all_rows(true));
     board.take_lines();
     let before = board.statistics();
@@ -34,18 +34,18 @@ fn assert_sustained(sensor: Sensor, rows_per_second: f64, rows: u16, count: u64)
     let status = Status::ask(&mut board);
     status.assert_none(&["rows failed"]);
     println!(
-        "{sensor:?}: {rows_per_second} rows a second, {rows} a frame: {read} rows, {} lines; the slowest row \
+        "{rows_per_second} rows a second, {rows} a frame: {read} rows, {} lines; the slowest row \
          took {}; the core is busy for {:.1} % of the time",
         lines.len(),
         status.count("slowest row cycles"),
         100.0 * busy
     );
-    assert_same_lines(sensor, &shown, rows, &lines);
+    assert_same_lines(&shown, rows, &lines);
     board.finish().expect("a clean run");
 }
 
 /// The chip's lines are the PC's, in order. The serial line may be too slow for all of them.
-fn assert_same_lines(sensor: Sensor, shown: &[Row], rows: u16, chip: &[String]) {
+fn assert_same_lines(shown: &[Row], rows: u16, chip: &[String]) {
     let settings = Options {
         rows,
         ..with_fixed_exposure()
@@ -57,10 +57,7 @@ fn assert_same_lines(sensor: Sensor, shown: &[Row], rows: u16, chip: &[String]) 
     // row.
     let chip = &chip[3..];
     let same = (0..usize::from(rows)).map(|first| {
-        let pc = match sensor {
-            Sensor::Tcd1304 => on_this_pc(&shown[first..], settings, calibration.as_ref()),
-            Sensor::S11639 => centres_on_this_pc(&shown[first..], sensor, settings),
-        };
+        let pc = on_this_pc(&shown[first..], settings, calibration.as_ref());
         let mut of_the_pc = pc.iter();
         let found = chip
             .iter()
@@ -73,7 +70,7 @@ fn assert_same_lines(sensor: Sensor, shown: &[Row], rows: u16, chip: &[String]) 
 #[test]
 fn two_thousand_rows_a_second_are_sustained() {
     for rows in [16, 64] {
-        assert_sustained(Sensor::Tcd1304, 2000.0, rows, 600);
+        assert_sustained(2000.0, rows, 600);
     }
 }
 
@@ -82,12 +79,5 @@ fn two_thousand_rows_a_second_are_sustained() {
 #[test]
 #[ignore = "takes 20 s; .ci/run runs it"]
 fn seven_thousand_five_hundred_rows_a_second_are_sustained() {
-    assert_sustained(Sensor::Tcd1304, 7500.0, 16, 4000);
-}
-
-/// The S11639 gives at most 4,670 rows a second.
-#[test]
-#[ignore = "its firmware is a build of its own; .ci/run runs it"]
-fn a_s11639_at_its_highest_rate_of_rows_loses_none() {
-    assert_sustained(Sensor::S11639, 4670.0, 16, 1000);
+    assert_sustained(7500.0, 16, 4000);
 }

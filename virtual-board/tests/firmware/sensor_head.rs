@@ -5,19 +5,12 @@ use std::time::Duration;
 use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
 use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
-use virtual_board::{Line, Row, Sensor, VirtualBoard};
+use virtual_board::{Line, Row, VirtualBoard};
 
 use super::common::{
-    PATIENCE, Status, boot_with, cycles_an_instruction, firmware_for, fresh_results, full_speed,
-    is_measured, is_reading, is_result, measuring, number, run_into_a_row, set, slower_sampling,
-    spot_for, stop_the_transfer, with_both_heads,
+    PATIENCE, Status, boot, cycles_an_instruction, firmware, fresh_results, full_speed, is_reading,
+    is_result, measuring, number, run_into_a_row, set, slower_sampling, spot_at, stop_the_transfer,
 };
-
-with_both_heads! {
-    slow_cores_reject_late_rows_and_move_no_centre
-    rows_with_a_gap_between_two_words_are_rejected_and_counted
-    words_in_batches_are_the_same_as_words_one_by_one
-}
 
 /// The place of the spot in these tests.
 const CENTRE: f64 = 1770.3;
@@ -86,6 +79,82 @@ fn one_reading_a_row_for_a_second_loses_no_row() {
     board.finish().expect("a clean run");
 }
 
+/// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
+/// time. The laser is on as long as the row says.
+#[test]
+fn rows_come_on_time() {
+    let mut board = measuring(16);
+    board.run_for(Duration::from_millis(200)).expect("a run");
+    board.head(|head| head.keep_all_rows(true));
+    let (before, first) = (board.statistics(), board.head(|head| head.row_count()));
+    board.take_lines();
+    board.run_for(Duration::from_millis(500)).expect("a run");
+    let after = board.statistics();
+    let count = board.head(|head| head.row_count()) - first;
+    let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+    let rows = &rows[rows.len() - count as usize..];
+
+    let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
+    let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
+    let busy = (after.instructions - before.instructions) as f64
+        / (168e6 * (after.seconds - before.seconds));
+    println!(
+        "{count} rows, sampled at {least:.3} to {most:.3} of a pixel's time, the core busy for \
+         {:.1} % of the time",
+        100.0 * busy
+    );
+    assert!(
+        rows.iter()
+            .all(|row| row.lead_in == TCD1304DG_LEAD_IN as i64)
+    );
+    let slower = slower_sampling();
+    assert!(least > 0.5 - slower && most < 0.9, "{least} to {most}");
+    assert!(most - least < 0.1 + slower, "{least} to {most}");
+    assert!(
+        (count as f64 - 0.5e9 / ROW_PERIOD).abs() <= 1.5,
+        "{count} rows"
+    );
+    for pair in rows.windows(2) {
+        let apart = (pair[1].read_out - pair[0].read_out) as f64;
+        assert!((apart - ROW_PERIOD).abs() <= 2_000.0, "{apart} ns");
+    }
+    let lasers: Vec<u64> = rows.iter().map(|row| row.exposure.laser).collect();
+    assert!(lasers.iter().all(|&ns| ns >= 10_000), "{lasers:?}");
+    let lines = board.take_lines();
+    for line in lines.iter().take(3) {
+        println!("{}", line.text);
+    }
+    let results = lines.iter().filter(|line| is_reading(&line.text)).count();
+    // A frame may be under way at either end.
+    assert!(results as u64 + 2 >= count / 16, "{results} results");
+    assert_eq!(
+        results,
+        lines.iter().filter(|line| is_result(&line.text)).count()
+    );
+    let status = Status::ask(&mut board);
+    println!("a row took {} cycles", status.count("row cycles"));
+    status.assert_none(&["rows lost", "rows failed", "rows late", "lines dropped"]);
+    board.finish().expect("a clean run");
+}
+
+/// The centre that the firmware finds is that of the light, to a twentieth of a pixel.
+#[test]
+fn centres_are_right() {
+    let (mut board, _) = boot(spot_at(CENTRE, 1500.0));
+    set(&mut board, "rows 4");
+    board.take_lines();
+    board.run_for(Duration::from_millis(300)).expect("a run");
+    let lines = board.take_lines();
+    let results: Vec<f64> = (lines.iter())
+        .filter(|line| is_result(&line.text))
+        .map(|line| number(&line.text, "x ", " ") - CENTRE)
+        .collect();
+    println!("centres are wrong by {results:.3?} px");
+    assert!(results.len() > 5, "{lines:#?}");
+    assert!(results.iter().all(|error| error.abs() < 0.05));
+    board.finish().expect("a clean run");
+}
+
 #[test]
 fn a_violated_limit_is_an_error_of_the_run() {
     let mut board = measuring(4);
@@ -102,16 +171,17 @@ fn a_violated_limit_is_an_error_of_the_run() {
 
 /// The virtual board moves a read-out's words in batches, where rigless moves each word by itself. The
 /// firmware must see the same rows at the same time, and send the same lines.
-fn words_in_batches_are_the_same_as_words_one_by_one(sensor: Sensor) {
+#[test]
+fn words_in_batches_are_the_same_as_words_one_by_one() {
     let run = |word_by_word: bool| {
-        let light = spot_for(sensor, CENTRE, 1500.0);
+        let light = spot_at(CENTRE, 1500.0);
         // rigless's DMA counts a word when it ends.
         let conditions = Conditions {
             most_dma_latency: 0,
             ..full_speed()
         };
-        let mut board = VirtualBoard::power_on_under(firmware_for(sensor), light, conditions)
-            .expect("the board starts");
+        let mut board =
+            VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
         if word_by_word {
             let switch = board.on_emulator(|session, _, _| {
                 session.board_mut().processor.move_word_by_word();
@@ -167,27 +237,23 @@ fn words_in_batches_are_the_same_as_words_one_by_one(sensor: Sensor) {
     // rigless begins the last two words without the remainder of a nanosecond. An interrupt that comes a
     // nanosecond later may be taken an instruction (6 ns) later, or after a turn of a loop. The compiler
     // makes turns of up to 15 instructions, 90 ns, of the loops that wait for a pulse. A pixel takes 1524 ns.
-    // An alarm raises the S11639's ST, and its clock counts microseconds.
-    let most = match sensor {
-        Sensor::Tcd1304 => 90,
-        Sensor::S11639 => 1090,
-    };
-    assert!(apart <= most, "{apart} ns");
+    assert!(apart <= 90, "{apart} ns");
     assert!(phases_apart <= 90.0 / 1524.0, "{phases_apart} pixels");
 }
 
 /// Silicon executes fewer instructions than it has clocks, because it waits for flash: at 84 million a second
 /// each takes two clocks, at 56 million three. There no row is late. On a still slower core the edges of a
 /// row come too late: such a row must be rejected and counted, and must never move a centre.
-fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
+#[test]
+fn slow_cores_reject_late_rows_and_move_no_centre() {
     for (millions, is_too_slow) in [(168, false), (84, false), (56, false), (36, true)] {
         let conditions = Conditions {
             instructions_per_second: millions * 1_000_000,
             ..Conditions::default()
         };
-        let light = spot_for(sensor, CENTRE, 1500.0);
-        let mut board = VirtualBoard::power_on_under(firmware_for(sensor), light, conditions)
-            .expect("the board starts");
+        let light = spot_at(CENTRE, 1500.0);
+        let mut board =
+            VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
         if is_too_slow {
             // The head sees the edges of the rows that the firmware rejects.
             board.expect_violations();
@@ -208,7 +274,7 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
             .map(|spread| (spread, status.count("rows late")))
             .expect("a line of the status");
         println!(
-            "{sensor:?}, {millions} million instructions a second: {} rows, {late} late, sampled at {:.0} to \
+            "{millions} million instructions a second: {} rows, {late} late, sampled at {:.0} to \
              {:.0} %, spread {spread} %",
             rows.len(),
             100.0 * least,
@@ -230,7 +296,7 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
         board.run_for(Duration::from_millis(400)).expect("a run");
         let centre = |line: &Line| number(&line.text, "x ", " ");
         let lines = board.take_lines();
-        let readings = lines.iter().filter(|line| is_measured(sensor, &line.text));
+        let readings = lines.iter().filter(|line| is_reading(&line.text));
         let errors: Vec<f64> = readings.map(|line| centre(line) - CENTRE).collect();
         println!("centres are wrong by {errors:.3?} px");
         assert!(errors.iter().all(|error| error.abs() < 0.1), "{errors:?}");
@@ -245,9 +311,10 @@ fn slow_cores_reject_late_rows_and_move_no_centre(sensor: Sensor) {
 
 /// If DMA fed SPI late, SCLK would pause, and all later words would show a pixel that lies further on. The
 /// firmware sees a pause of one word by the read-out's duration. Such a row must not move a centre.
-fn rows_with_a_gap_between_two_words_are_rejected_and_counted(sensor: Sensor) {
+#[test]
+fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
     const WORD: Duration = Duration::from_nanos(1524);
-    let (mut board, _) = boot_with(sensor, spot_for(sensor, CENTRE, 1500.0));
+    let (mut board, _) = boot(spot_at(CENTRE, 1500.0));
     set(&mut board, "rows 4");
     fresh_results(&mut board, 2);
     // A pause moves the time at which pixels are sampled, in the rows that the firmware rejects.
@@ -255,10 +322,7 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted(sensor: Sensor) {
     let mut late_before = 0;
     let shortest = (137.0 + 16.0 * cycles_an_instruction()) * 1e9 / 168e6;
     // From the first word that counts to the pixels after the spot, and a long pause.
-    let (first, spot, last) = match sensor {
-        Sensor::Tcd1304 => (21, 1805, 3600),
-        Sensor::S11639 => (91, 1862, 2100),
-    };
+    let (first, spot, last) = (21, 1805, 3600);
     for (word, pause) in [
         (first, WORD),
         (1000, WORD),
@@ -285,7 +349,7 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted(sensor: Sensor) {
         assert!(late - late_before >= rows && rows >= 15, "{late} late rows");
         late_before = late;
         assert!(
-            !lines.iter().any(|line| is_measured(sensor, &line.text)),
+            !lines.iter().any(|line| is_reading(&line.text)),
             "{lines:#?}"
         );
         let lines = fresh_results(&mut board, 2);

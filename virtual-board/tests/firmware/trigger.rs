@@ -4,16 +4,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use virtual_board::{Exposure, LightSource, OpenLine, Sensor, VirtualBoard};
+use virtual_board::{Exposure, LightSource, OpenLine, VirtualBoard};
 
-use super::common::{
-    PATIENCE, Status, boot_with, is_result, number, set, spot_for, with_both_heads,
-};
+use super::common::{PATIENCE, Status, boot, is_result, number, set, spot_at};
 
-with_both_heads! {
-    a_frame_has_the_first_rows_that_began_after_the_edge
-    measure_gives_one_result_of_rows_that_began_after_it
-}
+/// The time from row to row, as the firmware states it, ns.
+const ROW_PERIOD: u64 = 5_700_000;
 
 /// The time of ten bits at 115200 baud, ns.
 const BYTE: u64 = 86_806;
@@ -27,11 +23,8 @@ const AFTER: f64 = 1800.0;
 
 /// A spot that jumps from one place to the other at an instant that a test sets, in rows that began after
 /// that. The exposures that it showed are noted.
-fn jumping_spot(sensor: Sensor) -> (LightSource, Arc<AtomicU64>, Arc<Mutex<Vec<Exposure>>>) {
-    let (mut before, mut after) = (
-        spot_for(sensor, BEFORE, 2000.0),
-        spot_for(sensor, AFTER, 2000.0),
-    );
+fn jumping_spot() -> (LightSource, Arc<AtomicU64>, Arc<Mutex<Vec<Exposure>>>) {
+    let (mut before, mut after) = (spot_at(BEFORE, 2000.0), spot_at(AFTER, 2000.0));
     let jump = Arc::new(AtomicU64::new(u64::MAX));
     let exposures = Arc::new(Mutex::new(vec![]));
     let (at, seen) = (Arc::clone(&jump), Arc::clone(&exposures));
@@ -67,10 +60,10 @@ fn pulse(board: &mut VirtualBoard) {
 
 /// At each phase of the row's period, the frame has only rows that began after the edge, and the first of
 /// them: at most a period later.
-fn a_frame_has_the_first_rows_that_began_after_the_edge(sensor: Sensor) {
-    let row_period = (sensor.row_period() * 1e9) as u64;
-    let (light, jump, exposures) = jumping_spot(sensor);
-    let (mut board, _) = boot_with(sensor, light);
+#[test]
+fn a_frame_has_the_first_rows_that_began_after_the_edge() {
+    let (light, jump, exposures) = jumping_spot();
+    let (mut board, _) = boot(light);
     for command in ["calibration off", "rows 2", "trigger pin"] {
         set(&mut board, command);
     }
@@ -80,7 +73,7 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge(sensor: Sensor) {
     assert_eq!(board.resets().expect("resets"), []);
     for phase in 0..8 {
         jump.store(u64::MAX, Ordering::Relaxed);
-        let time = Duration::from_nanos(20 * row_period + phase * row_period / 8);
+        let time = Duration::from_nanos(20 * ROW_PERIOD + phase * ROW_PERIOD / 8);
         assert_silent(&mut board, time);
         exposures.lock().expect("a list").clear();
         let edge = board.now();
@@ -91,21 +84,13 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge(sensor: Sensor) {
         let centre = number(&line.text, ": x ", " u ");
         assert!((centre - AFTER).abs() < 0.1, "{line}");
         let seen = exposures.lock().expect("a list").clone();
-        // A row begins with its pulse. ST's pulse ends 154 us later, and then the light begins.
-        let pulse = match sensor {
-            Sensor::Tcd1304 => 0,
-            Sensor::S11639 => 155_000,
-        };
-        let rows: Vec<&Exposure> = (seen.iter())
-            .filter(|it| it.start >= edge + pulse)
-            .collect();
-        let waited = rows[0].start - edge - pulse;
+        let rows: Vec<&Exposure> = (seen.iter()).filter(|it| it.start >= edge).collect();
+        let waited = rows[0].start - edge;
         // The second row's words take a period more. Then the row is computed, and the line is sent.
         let took = line.at - edge;
         println!("waited {waited} ns, answered after {took} ns: {line}");
-        assert!(waited <= row_period);
-        // The S11639's exposure ends 73 us after its read-out began. A read-out takes 50 us less than a row.
-        let words = rows[1].end + row_period - 2 * pulse;
+        assert!(waited <= ROW_PERIOD);
+        let words = rows[1].end + ROW_PERIOD;
         let sending = (line.text.len() + "\r\n".len()) as u64 * BYTE;
         assert!((words..words + COMPUTING).contains(&(line.at - sending)));
     }
@@ -129,9 +114,10 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge(sensor: Sensor) {
     board.finish().expect("a clean run");
 }
 
-fn measure_gives_one_result_of_rows_that_began_after_it(sensor: Sensor) {
-    let (light, jump, _) = jumping_spot(sensor);
-    let (mut board, _) = boot_with(sensor, light);
+#[test]
+fn measure_gives_one_result_of_rows_that_began_after_it() {
+    let (light, jump, _) = jumping_spot();
+    let (mut board, _) = boot(light);
     for command in [
         "calibration off",
         "rows 2",
