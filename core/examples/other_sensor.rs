@@ -1,4 +1,4 @@
-//! A sensor of another geometry: Hamamatsu S11639, 2048 pixels of 14 um, whose words rise with light.
+//! A sensor of another geometry: 2048 pixels of 14 um, whose words rise with light.
 //!
 //!     cargo run --package slitrange --example other_sensor
 
@@ -10,7 +10,7 @@ use slitrange::{
 
 /// The sensor behind a 12-bit converter. It has no shielded pixels, and its driver reads 16 words before the
 /// first pixel.
-fn s11639() -> Geometry {
+fn geometry() -> Geometry {
     Geometry {
         words: 16 + 2048,
         shielded: 0..0,
@@ -52,7 +52,7 @@ pub fn main() {
         black_level: BlackLevel::Frame,
         ..Options::default()
     };
-    let mut measurement = Measurement::new(s11639(), options);
+    let mut measurement = Measurement::new(geometry(), options);
     let frame = (0..).find_map(|number| measurement.row(&mut words(number)));
     let measured = frame.expect("four rows are a frame").expect("a centre");
     let calibration = calibration().expect("a curve over these centres");

@@ -22,7 +22,7 @@ use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::row::pixels::map::MapSummary;
-use slitrange::row::sensor_heads::{s11639, tcd1304dg};
+use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange::row::{Geometry, Polarity};
 use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::command::{Command, parse};
@@ -1571,10 +1571,14 @@ fn without_a_calibration_there_is_a_fault_and_no_distance() {
     );
 }
 
-/// `defaults` has no calibration for a S11639, so the refusals do not send the user there.
+/// `defaults` has no calibration for another sensor, so the refusals do not send the user there.
 #[test]
-fn a_new_s11639_takes_a_save_after_an_upload_only() {
-    let mut sensor = Sensor::with_head(s11639(), Stored::Nothing);
+fn another_sensor_takes_a_save_after_an_upload_only() {
+    let geometry = Geometry {
+        polarity: Polarity::Rising,
+        ..tcd1304dg()
+    };
+    let mut sensor = Sensor::with_head(geometry.clone(), Stored::Nothing);
     for line in [
         "save",
         "save nominal",
@@ -1594,7 +1598,7 @@ fn a_new_s11639_takes_a_save_after_an_upload_only() {
         value: Micrometres::from_int(um),
     });
     let own = Record {
-        geometry: s11639(),
+        geometry,
         calibration: Calibration::Table(Table::new(&knots).expect("a table")),
         errors: CalibrationErrors::Unknown,
         ..own_record().record().clone()

@@ -46,10 +46,8 @@ impl Plan {
     pub fn of(scene: &Scene) -> Self {
         let (realisations, readings) = match scene.sensor {
             // Each realisation of speckle takes a tenth of a second.
-            Sensor::Tcd1304dg | Sensor::S11639 | Sensor::Row(_) if scene.speckle.is_some() => {
-                (40, 10)
-            }
-            Sensor::Tcd1304dg | Sensor::S11639 | Sensor::Row(_) => (100, 4),
+            Sensor::Tcd1304dg | Sensor::Row(_) if scene.speckle.is_some() => (40, 10),
+            Sensor::Tcd1304dg | Sensor::Row(_) => (100, 4),
             Sensor::Camera => (24, 1),
         };
         let seconds = match &scene.motion {

@@ -273,23 +273,6 @@ impl Scene {
         }
     }
 
-    /// The same seen by a S11639: the spot has 4.9 pixels of 14 um. A pixel of it takes 1.75 times as much
-    /// light, and a count has 24.4 electrons. A noise of 0.4 mV is one count of 2 V on 12 bits.
-    pub fn white_paper_on_s11639() -> Self {
-        Self {
-            black_level: Some(BlackLevel::steady(300.0)),
-            spot: Some(Spot {
-                width: 4.9,
-                counts_per_second: 250_000.0,
-            }),
-            shot_noise: Some(ShotNoise {
-                electrons_per_count: 24.4,
-            }),
-            read_noise: Some(ReadNoise { counts: 1.0 }),
-            ..Self::dark(Sensor::S11639)
-        }
-    }
-
     /// What the words of a row are, as the core wants to know it. The core does not know the gain of
     /// [`Scene::front_end`].
     pub fn geometry(&self) -> Geometry {

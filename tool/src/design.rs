@@ -56,9 +56,6 @@ pub struct DesignOptions {
     /// middle. The firmware's nominal calibration has 68.9624
     #[arg(long, value_name = "DEGREES")]
     pub angle: Option<f64>,
-    /// The line sensor
-    #[arg(long, value_enum, default_value_t = Sensor::Tcd1304dg)]
-    pub sensor: Sensor,
     /// The laser's wavelength
     #[arg(long, value_name = "NM", default_value_t = 650.0)]
     pub wavelength: f64,
@@ -68,9 +65,9 @@ pub struct DesignOptions {
     /// Height of the spot in counts of the converter
     #[arg(long, value_name = "COUNTS", default_value_t = 2000.0)]
     pub height: f64,
-    /// Electrons a count. Without it: that of the sensor
-    #[arg(long, value_name = "N")]
-    pub electrons: Option<f64>,
+    /// Electrons a count. A full pixel of the TCD1304DG has 40,000 electrons and 4096 counts
+    #[arg(long, value_name = "N", default_value_t = 10.0)]
+    pub electrons: f64,
     /// Noise of an unlit pixel
     #[arg(long, value_name = "COUNTS", default_value_t = 4.0)]
     pub noise: f64,
@@ -97,40 +94,8 @@ pub struct DesignOptions {
     pub drawing: Option<PathBuf>,
 }
 
-/// A line sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Sensor {
-    /// Toshiba: 3648 pixels of 8 um
-    Tcd1304dg,
-    /// Hamamatsu: 2048 pixels of 14 um
-    S11639,
-}
-
-impl Sensor {
-    /// From pixel to pixel in mm, and how many pixels.
-    pub const fn pixels(self) -> (f64, usize) {
-        match self {
-            Self::Tcd1304dg => (0.008, 3648),
-            Self::S11639 => (0.014, 2048),
-        }
-    }
-
-    /// Electrons a count, if a full pixel has 4096 counts: 40,000 and 80,000 electrons (data sheets,
-    /// typical).
-    const fn electrons(self) -> f64 {
-        match self {
-            Self::Tcd1304dg => 10.0,
-            Self::S11639 => 20.0,
-        }
-    }
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Tcd1304dg => "TCD1304DG",
-            Self::S11639 => "S11639",
-        }
-    }
-}
+/// The TCD1304DG: from pixel to pixel in mm, and how many pixels.
+const PIXELS: (f64, usize) = (0.008, 3648);
 
 /// How many equal speckle patterns the sensor sees at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -198,7 +163,6 @@ impl DesignOptions {
     /// # Errors
     /// In a sentence, if a number makes no sense.
     pub fn design(&self) -> Result<Design> {
-        let electrons = self.electrons.unwrap_or(self.sensor.electrons());
         for (name, value, least, most) in [
             ("--baseline", self.baseline, 1.0, 1e5),
             ("--near", self.near, 1.0, 1e5),
@@ -208,7 +172,7 @@ impl DesignOptions {
             ("--slit-to-sensor", self.slit_to_sensor, 1.0, 1000.0),
             ("--wavelength", self.wavelength, 200.0, 2000.0),
             ("--height", self.height, 1.0, 4096.0),
-            ("--electrons", electrons, 0.1, 1e4),
+            ("--electrons", self.electrons, 0.1, 1e4),
             ("--noise", self.noise, 0.01, 1000.0),
             ("--rows", f64::from(self.rows), 1.0, 65535.0),
             ("--pixels", self.pixels, 0.0, 100.0),
@@ -244,7 +208,7 @@ impl DesignOptions {
         let mut geometry = Geometry::new(
             self.baseline,
             self.slit_to_sensor,
-            self.sensor.pixels(),
+            PIXELS,
             self.near,
             self.far,
         );
@@ -265,7 +229,7 @@ impl DesignOptions {
             wavelength,
             patterns: self.surface.patterns(),
             height: self.height,
-            electrons,
+            electrons: self.electrons,
             noise: self.noise,
             rows: self.rows,
             pixels_percent: self.pixels,
@@ -324,7 +288,7 @@ fn print_dimensions(
     output: &mut dyn Write,
 ) -> Result<()> {
     let geometry = &design.geometry;
-    let (pitch, pixels) = options.sensor.pixels();
+    let (pitch, pixels) = PIXELS;
     let slit = match design.comb {
         true => format!("comb of {COMB_SLITS} slits"),
         false => format!("slit of {} um", options.slit),
@@ -336,8 +300,7 @@ fn print_dimensions(
     )?;
     writeln!(
         output,
-        "sensor   {}, {pixels} pixels of {:.0} um, {} mm behind a {slit}",
-        options.sensor.name(),
+        "sensor   TCD1304DG, {pixels} pixels of {:.0} um, {} mm behind a {slit}",
         1000.0 * pitch,
         options.slit_to_sensor
     )?;

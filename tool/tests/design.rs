@@ -103,7 +103,7 @@ fn the_noise_is_the_bound() {
         for slit in [100.0, 200.0, 300.0] {
             let options = DesignOptions {
                 height,
-                electrons: Some(electrons),
+                electrons,
                 noise,
                 slit,
                 ..options("")

@@ -44,43 +44,9 @@ pub const fn tcd1304dg() -> Geometry {
     }
 }
 
-/// Words of a S11639's read-out before the one that samples its first pixel. The converter runs before the
-/// sensor puts out pixels. Word `LEAD_IN + k` samples pixel k, counted from 0. An even number: the core sums
-/// pixels in half the time if the first of them lies at a multiple of 4 bytes.
-pub const S11639_LEAD_IN: usize = 92;
-
-/// Hamamatsu S11639-01 behind a 12-bit converter. All its 2048 pixels see light.
-///
-/// Electrons a count: 20 uV an electron and a saturation of 2 V (both typical, as drmcnelson's S11639-01
-/// project quotes the data sheet), spread over the converter's 4096 counts: 24.4 electrons.
-///
-/// Saturation: full scale, for the same reasons as [`tcd1304dg`].
-///
-/// Twelve words follow those of the pixels, so that the driver can look whether all pixels came in time.
-pub const fn s11639() -> Geometry {
-    Geometry {
-        words: S11639_LEAD_IN + 2048 + 12,
-        shielded: 0..0,
-        light: S11639_LEAD_IN..S11639_LEAD_IN + 2048,
-        polarity: Polarity::Rising,
-        bits: 12,
-        // One over 24.4 electrons.
-        shot_variance_per_count_q16: 2684,
-        saturation: LARGEST_COUNT,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn all_pixels_of_a_s11639_see_light() {
-        let head = s11639();
-        assert_eq!((head.light.start, head.light.end), (92, 2140));
-        assert!(head.light.end <= head.words);
-        assert!(head.shielded.is_empty());
-    }
 
     #[test]
     fn the_parts_of_a_row_lie_within_it() {

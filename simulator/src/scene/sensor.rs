@@ -10,8 +10,6 @@ use slitrange::row::{Geometry, Polarity};
 pub enum Sensor {
     /// Toshiba TCD1304DG: one row of 3648 pixels of 8 um x 200 um.
     Tcd1304dg,
-    /// Hamamatsu S11639-01: one row of 2048 pixels of 14 um x 200 um.
-    S11639,
     /// The paper's camera (Sony IMX249), its middle 600 rows: 1920 x 600 pixels of 5.86 um x 5.86 um, 12
     /// bits.
     Camera,
@@ -24,7 +22,6 @@ impl Sensor {
     pub const fn pitch(self) -> f64 {
         match self {
             Self::Tcd1304dg | Self::Row(_) => 8e-6,
-            Self::S11639 => 14e-6,
             Self::Camera => 5.86e-6,
         }
     }
@@ -32,7 +29,7 @@ impl Sensor {
     /// A pixel's height, in metres.
     pub const fn pixel_height(self) -> f64 {
         match self {
-            Self::Tcd1304dg | Self::S11639 | Self::Row(_) => 200e-6,
+            Self::Tcd1304dg | Self::Row(_) => 200e-6,
             Self::Camera => 5.86e-6,
         }
     }
@@ -40,17 +37,16 @@ impl Sensor {
     /// Rows that are exposed at once, one above the other.
     pub const fn rows(self) -> u64 {
         match self {
-            Self::Tcd1304dg | Self::S11639 | Self::Row(_) => 1,
+            Self::Tcd1304dg | Self::Row(_) => 1,
             Self::Camera => 600,
         }
     }
 
     /// Time from row to row, or from frame to frame of a camera, in seconds. The TCD1304DG gives 175.4 rows a
-    /// second, the S11639 300. The camera gives 41.6 frames a second (paper, section 3).
+    /// second. The camera gives 41.6 frames a second (paper, section 3).
     pub const fn period(self) -> f64 {
         match self {
             Self::Tcd1304dg | Self::Row(_) => 1.0 / 175.4,
-            Self::S11639 => 3.33e-3,
             Self::Camera => 1.0 / 41.6,
         }
     }
@@ -68,7 +64,6 @@ impl Sensor {
         };
         match self {
             Self::Tcd1304dg => sensor_outputs(),
-            Self::S11639 => plain(2048),
             Self::Camera => plain(1920),
             Self::Row(pixels) => plain(pixels),
         }

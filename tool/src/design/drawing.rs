@@ -265,7 +265,7 @@ fn draw_slit_and_sensor(svg: &mut Svg, options: &DesignOptions, design: &Design)
         &format!("pixel {last}"),
     );
     svg.text((bottom.0 + 12.0, bottom.1 + 8.0), "start", "pixel 0");
-    svg.text((top.0, top.1 - 20.0), "middle", options.sensor.name());
+    svg.text((top.0, top.1 - 20.0), "middle", "TCD1304DG");
     let slit = match design.comb {
         true => "comb of 16 slits, each 200 um x 3 mm".to_owned(),
         false => format!("slit {} um x 3 mm", options.slit),

@@ -37,7 +37,6 @@ pub fn of(shown: &Shown) -> Result<String> {
 pub fn setting(scene: &Scene) -> String {
     let sensor = match scene.sensor {
         Sensor::Tcd1304dg => "TCD1304DG".to_owned(),
-        Sensor::S11639 => "S11639".to_owned(),
         Sensor::Camera => "camera, 1920 x 600 pixels".to_owned(),
         Sensor::Row(pixels) => format!("a row of {pixels} pixels"),
     };
