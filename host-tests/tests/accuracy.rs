@@ -1,10 +1,10 @@
 //! The estimators against the Cramér-Rao bound, their own claims and, without noise, the truth, on seeded
 //! rows. Every figure asserted is printed.
 
-use host_tests::accuracy::{
+use judges::accuracy::{
     Before, Cell, Outcome, PIXELS, Phases, Rows, centre_after, centre_of, centre_with, largest,
 };
-use host_tests::core_tables;
+use judges::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
 use slitrange::centre::Estimator;
 use slitrange::centre::tables::TableSet;

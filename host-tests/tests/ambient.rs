@@ -1,9 +1,9 @@
 //! Ambient light: what `ambient subtract` takes away, and the noise that it costs.
 
-use host_tests::changing_light::ambient::{
+use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
-use host_tests::frames::words;
+use judges::frames::words;
 use simulator::comb::Comb as Mask;
 use simulator::scene::{Ambient, ReadNoise, Scene, Simulation};
 use slitrange::frame::comb::Slits;

@@ -1,10 +1,10 @@
 //! The check: how seldom it fails a good row, and how often it finds a flaw.
 
-use host_tests::accuracy::{self, Answer};
-use host_tests::hard_cases::flaw::{Bad, Flaw, Second};
-use host_tests::hard_cases::judge::Said;
-use host_tests::hard_cases::recipe::{Place, Recipe};
-use host_tests::hard_cases::{HardRow, Shape};
+use judges::accuracy::{self, Answer};
+use judges::hard_cases::flaw::{Bad, Flaw, Second};
+use judges::hard_cases::judge::Said;
+use judges::hard_cases::recipe::{Place, Recipe};
+use judges::hard_cases::{HardRow, Shape};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! A comb of slits in the core: which peak belongs to which slit, and rows of all slits as a whole. The tests
 //! print every figure that they assert.
 
-use host_tests::frames;
+use judges::frames;
 use rand::seq::SliceRandom as _;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

@@ -1,9 +1,9 @@
 //! The core against other computations: the fixed-point estimators against models of them in f64, and the
 //! least-squares fit against a reference.
 
-use host_tests::accuracy::{Cell, PIXELS};
-use host_tests::model;
-use host_tests::model::phase_table::{Found, Weights};
+use crate::model;
+use crate::model::phase_table::{Found, Weights};
+use judges::accuracy::{Cell, PIXELS};
 use phase_tables::{DEFAULT, FRAUNHOFER, Profile, gaussian, slit};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

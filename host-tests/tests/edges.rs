@@ -1,9 +1,9 @@
 //! Spots that the sensor's edge cuts: they are fitted at the bound of the pixels that remain, or are a fault.
 //! No phase table measures a window that the edge cuts. The tests print every figure that they assert.
 
-use host_tests::accuracy::{Answer, Cell, PIXELS, answers};
-use host_tests::hard_cases::Truth;
-use host_tests::hard_cases::judge::Said;
+use judges::accuracy::{Answer, Cell, PIXELS, answers};
+use judges::hard_cases::Truth;
+use judges::hard_cases::judge::Said;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

@@ -1,8 +1,8 @@
 //! What each estimator does with rows that are clean, tilted, saturated or mirrored, or whose spot is no
 //! gaussian. The tests print every figure that they assert.
 
-use host_tests::accuracy::{Cell, PIXELS, centre_after, centre_of};
-use host_tests::profile_rows;
+use crate::profile_rows;
+use judges::accuracy::{Cell, PIXELS, centre_after, centre_of};
 use phase_tables::gaussian;
 use simulator::profiles::{self, Curve, Slit};
 use simulator::scene::quantise;

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use host_tests::changing_light::jumps::{Jumps, named};
-use host_tests::changing_light::range::{self, is_in_middle};
-use host_tests::changing_light::{DELAY, Sensor, scene};
+use judges::changing_light::jumps::{Jumps, named};
+use judges::changing_light::range::{self, is_in_middle};
+use judges::changing_light::{DELAY, Sensor, scene};
 use simulator::scene::{Ambient, Saturation, Scene};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::fault::Fault;

@@ -1,7 +1,7 @@
 //! The steps between a frame's reading and its line: what a filter claims of its distance is what its
 //! distances show.
 
-use host_tests::frames::at_centre;
+use judges::frames::at_centre;
 use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;

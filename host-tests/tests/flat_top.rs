@@ -2,10 +2,10 @@
 //! with wells that the geometry states and wells that it does not. The tests print every figure that they
 //! assert.
 
-use host_tests::hard_cases::HardRow;
-use host_tests::hard_cases::judge::{Answer, Answers, Said, answers};
-use host_tests::hard_cases::mixtures;
-use host_tests::hard_cases::recipe::Recipe;
+use judges::hard_cases::HardRow;
+use judges::hard_cases::judge::{Answer, Answers, Said, answers};
+use judges::hard_cases::mixtures;
+use judges::hard_cases::recipe::Recipe;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -100,7 +100,7 @@ fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
             ..geometry.clone()
         },
         light,
-        truth: host_tests::hard_cases::Truth::None,
+        truth: judges::hard_cases::Truth::None,
     }
 }
 

@@ -1,8 +1,8 @@
 //! What the exponential of the crate `micromath` would do to a centre and to the check, beside that of
 //! `libm`. docs/accuracy.md shows the figures: the reasons why the core takes `libm`.
 
-use host_tests::accuracy::{Cell, centre_of};
-use host_tests::float_functions::{
+use judges::accuracy::{Cell, centre_of};
+use judges::float_functions::{
     Exp, WIDTHS, cell, change_of_centre, errors_in_the_check, fitted_centre,
 };
 use slitrange::centre::Estimator;

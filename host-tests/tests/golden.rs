@@ -3,9 +3,9 @@
 
 use std::fmt::Write as _;
 
-use host_tests::accuracy;
-use host_tests::hard_cases::flaw::{Bad, Flaw, Second};
-use host_tests::hard_cases::{self, HardRow, Recipe, Shape};
+use judges::accuracy;
+use judges::hard_cases::flaw::{Bad, Flaw, Second};
+use judges::hard_cases::{self, HardRow, Recipe, Shape};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};

@@ -3,10 +3,10 @@
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
-use host_tests::hard_cases::mixtures;
-use host_tests::hard_cases::report::{self, Catalogue};
-use host_tests::hard_cases::tally::Tally;
-use host_tests::hard_cases::{self, Group};
+use judges::hard_cases::mixtures;
+use judges::hard_cases::report::{self, Catalogue};
+use judges::hard_cases::tally::Tally;
+use judges::hard_cases::{self, Group};
 use slitrange::centre::Estimator;
 
 static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);

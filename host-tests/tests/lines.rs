@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use host_tests::frames::at_centre;
+use judges::frames::at_centre;
 use rand::seq::IndexedRandom as _;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

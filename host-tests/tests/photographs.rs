@@ -6,8 +6,8 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use host_tests::accuracy::{self, centre_of, centre_with};
-use host_tests::core_tables;
+use judges::accuracy::{self, centre_of, centre_with};
+use judges::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
 use simulator::least_squares;
 use simulator::photograph::Photograph;

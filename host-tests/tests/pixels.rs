@@ -1,6 +1,6 @@
 //! The map of the pixels: what it leaves of the pixels' differences, and what no map may do to a row.
 
-use host_tests::frames::{self, words};
+use judges::frames::{self, words};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayon::prelude::*;

@@ -1,10 +1,10 @@
 //! Profiles other than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. The
 //! tests print every figure that they assert.
 
-use host_tests::accuracy::{Cell, PIXELS, answers, centre_after, centre_of, centre_with, largest};
-use host_tests::core_tables;
-use host_tests::measured_profile::MeasuredProfile;
-use host_tests::profile_rows::{Rows, bias, pixels};
+use crate::profile_rows::{Rows, bias, pixels};
+use judges::accuracy::{Cell, PIXELS, answers, centre_after, centre_of, centre_with, largest};
+use judges::core_tables;
+use judges::measured_profile::MeasuredProfile;
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, Widths, set};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,7 @@
 //! The repair of rows with pixels that do not belong to the spot, compared with the default estimator alone
 //! and with the bound of clean rows.
 
-use host_tests::accuracy::{Answer, Cell, centre_of};
+use judges::accuracy::{Answer, Cell, centre_of};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

@@ -1,9 +1,9 @@
 //! The coarse search on seeded rows: it finds the spot, tells the spot from a second one, and finds no spot
 //! in noise. The tests print every figure that they assert.
 
-use host_tests::accuracy::{Cell, centre_of};
-use host_tests::hard_cases::Truth;
-use host_tests::hard_cases::judge::Said;
+use judges::accuracy::{Cell, centre_of};
+use judges::hard_cases::Truth;
+use judges::hard_cases::judge::Said;
 use phase_tables::gaussian;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

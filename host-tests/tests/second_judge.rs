@@ -1,7 +1,7 @@
 //! The second judge: rows and frames with one fault each, which stays in all rows of a frame.
 
-use host_tests::second_judge::tally::{JUDGED, judge_frames};
-use host_tests::second_judge::{self, Kind, judge};
+use judges::second_judge::tally::{JUDGED, judge_frames};
+use judges::second_judge::{self, Kind, judge};
 use rayon::prelude::*;
 
 #[test]

@@ -1,7 +1,7 @@
 //! Every command, fault and start of a sensor, through the core's session, without hardware and without an
 //! emulator.
 
-use host_tests::frames::at_centre;
+use judges::frames::at_centre;
 use proptest::prelude::*;
 use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;

@@ -4,7 +4,7 @@
 
 use std::cell::RefCell;
 
-use host_tests::accuracy::{Cell, PIXELS};
+use judges::accuracy::{Cell, PIXELS};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
 use simulator::scene::quantise;

@@ -1,7 +1,7 @@
 //! The parts of u: where one alone is large, errors are as large as it says. The parts of a fit are tested
 //! with the tool, noise and motion with the frames.
 
-use host_tests::frames::{self, at_centre};
+use judges::frames::{self, at_centre};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayon::prelude::*;

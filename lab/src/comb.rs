@@ -13,7 +13,7 @@ use slitrange::measurement::Options;
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
-use host_tests::frames;
+use judges::frames;
 
 use crate::surfaces::{Judged, POINTS, calibrate};
 

@@ -1,7 +1,7 @@
 //! Tests that pages of docs/ are what programs write. Tests start in the order of their names. So the
 //! firmware's build, for the pulses, begins among the first and has the others beside it.
 
-use host_tests::hard_cases::report::{self, Catalogue};
+use judges::hard_cases::report::{self, Catalogue};
 use virtual_board::Nanos;
 use virtual_board::sensor_head::limits;
 

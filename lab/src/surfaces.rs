@@ -4,7 +4,7 @@
 pub mod steps;
 
 use anyhow::{Context as _, Result};
-use host_tests::frames;
+use judges::frames;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation};
 use simulator::statistics::median;

@@ -7,7 +7,7 @@ use std::io::{self, Read};
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use host_tests::frames::words;
+use judges::frames::words;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Exposure as Light, Scene, Sensor as Kind, Simulation, Spot, file};

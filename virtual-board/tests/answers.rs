@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use answers_on_chip::answers::{Estimators, MOST_WORDS, ROWS};
 use answers_on_chip::mailbox::{self, Header};
-use host_tests::hard_cases;
+use judges::hard_cases;
 use rigless::soc::Width;
 use slitrange::centre::Estimator;
 use slitrange::row::Geometry;

@@ -15,8 +15,8 @@ use crate::paper::data_set::{Centres, DataSet, JUDGED, Target};
 use crate::paper::errors::{self, Tables};
 use crate::paper::methods::Method;
 use crate::paper::slit_path::{self, COLUMNS, RowTables};
-use host_tests::core_tables;
-use host_tests::measured_profile::MeasuredProfile;
+use judges::core_tables;
+use judges::measured_profile::MeasuredProfile;
 
 /// Pieces of a material that are measured, usually. Speckle is new on each.
 pub const PIECES: u64 = 8;

@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use clap::Args;
-use host_tests::changing_light::ambient::{CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, noise_of_mean};
-use host_tests::changing_light::range::Frames;
+use judges::changing_light::ambient::{CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, noise_of_mean};
+use judges::changing_light::range::Frames;
 use rayon::prelude::*;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 

@@ -4,8 +4,8 @@ mod figure;
 
 use anyhow::Result;
 use clap::Args;
-use host_tests::changing_light::jumps::{Jumps, named};
-use host_tests::changing_light::range::{self, Frames, Target, is_in_middle};
+use judges::changing_light::jumps::{Jumps, named};
+use judges::changing_light::range::{self, Frames, Target, is_in_middle};
 
 use crate::table::{cells, markdown};
 use crate::{docs, progress};

@@ -3,15 +3,16 @@
 //! Two judges count those. The firmware's check is tuned on the first one's rows, and nothing on the second
 //! one's.
 
+mod json;
 mod story;
 
 use std::time::Instant;
 
 use clap::Args;
-use host_tests::hard_cases::mixtures::{self, RandomRow};
-use host_tests::hard_cases::report::{self, Catalogue};
-use host_tests::hard_cases::tally::Tally;
-use host_tests::second_judge::{self, Kind, Report};
+use judges::hard_cases::mixtures::{self, RandomRow};
+use judges::hard_cases::report::{self, Catalogue};
+use judges::hard_cases::tally::Tally;
+use judges::second_judge::{self, Kind, Report};
 use slitrange::centre::Estimator;
 
 use crate::{docs, progress};
@@ -91,7 +92,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     let seconds = start.elapsed().as_secs_f64();
     let second = second(options.rows)?;
     if options.json {
-        let json = report::json(&catalogue, &clean, &mixtures, &second);
+        let json = json::Json::of(&catalogue, &clean, &mixtures, &second);
         println!("{}", serde_json::to_string_pretty(&json)?);
         return Ok(());
     }

@@ -1,7 +1,7 @@
 //! The rows among which the slowest of each estimator is looked for.
 
 use cost_on_chip::rows::{PIXELS, WORDS, geometry};
-use host_tests::hard_cases;
+use judges::hard_cases;
 use slitrange::centre::Estimator;
 
 use super::slowest_pair;

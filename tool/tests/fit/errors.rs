@@ -1,6 +1,6 @@
 //! What a record says of its errors, compared with the truth.
 
-use host_tests::frames::at_centre;
+use judges::frames::at_centre;
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};

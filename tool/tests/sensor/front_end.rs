@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use host_tests::frames::words;
+use judges::frames::words;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{

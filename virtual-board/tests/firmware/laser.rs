@@ -3,7 +3,7 @@
 use std::process::Command;
 use std::time::Duration;
 
-use host_tests::changing_light::{self, BRIGHTEST};
+use judges::changing_light::{self, BRIGHTEST};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};

@@ -1,8 +1,8 @@
 //! How near each method comes to the Cramér-Rao bound, over widths, heights and kinds of noise.
 
 use cost_on_chip::methods::{self, Method};
-use host_tests::accuracy::{Cell, Outcome, Rows, largest_bias};
 use indicatif::ProgressBar;
+use judges::accuracy::{Cell, Outcome, Rows, largest_bias};
 
 /// Widths (sigma) of the grid in pixels.
 pub const WIDTHS: [f64; 12] = [

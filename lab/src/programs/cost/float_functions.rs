@@ -3,7 +3,7 @@
 
 use anyhow::Context as _;
 use cost_on_chip::float_functions::{self, Function, Library};
-use host_tests::float_functions::{Exp, WIDTHS, cell, change_of_centre, errors_in_the_check};
+use judges::float_functions::{Exp, WIDTHS, cell, change_of_centre, errors_in_the_check};
 
 use crate::programs::cost::chip::Chip;
 use crate::table::{self, cells};

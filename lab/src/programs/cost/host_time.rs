@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use cost_on_chip::methods::{self, Method};
-use host_tests::accuracy::{Cell, PIXELS};
+use judges::accuracy::{Cell, PIXELS};
 use simulator::scene::{Scene, quantise};
 use simulator::statistics::median;
 use slitrange::centre::Estimator;

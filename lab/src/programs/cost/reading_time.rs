@@ -11,7 +11,7 @@
 //! reading sees a surface of its own. Its truth is the target's mean distance over its rows.
 
 use anyhow::{Context as _, Result};
-use host_tests::frames::words;
+use judges::frames::words;
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use simulator::bound;

@@ -1,7 +1,7 @@
 //! Made-up measurements, for tests of the report and for a look at the figures.
 
 use cost_on_chip::methods::Method;
-use host_tests::accuracy::Outcome;
+use judges::accuracy::Outcome;
 use slitrange::centre::Estimator;
 
 use crate::programs::cost::accuracy::{

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use host_tests::changing_light::range::Target;
+use judges::changing_light::range::Target;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange_tool::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use host_tests::hard_cases::judge::{Answer, Said, answers};
-use host_tests::hard_cases::mixtures::{Kind, RandomRow};
-use host_tests::hard_cases::truth::Truth;
+use judges::hard_cases::judge::{Answer, Said, answers};
+use judges::hard_cases::mixtures::{Kind, RandomRow};
+use judges::hard_cases::truth::Truth;
 use slitrange::centre::Estimator;
 
 /// What the row is made of, and what every estimator says of it.
@@ -87,7 +87,7 @@ fn words(truth: Truth, answer: &Answer) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use host_tests::hard_cases::mixtures;
+    use judges::hard_cases::mixtures;
 
     /// The story of each kind of row has words only: no name and no brace of the program's code.
     #[test]

@@ -1,7 +1,7 @@
 //! The rows that everyone is given, and what the row before tells of each.
 
 use anyhow::{Context as _, anyhow};
-use host_tests::accuracy::Cell;
+use judges::accuracy::Cell;
 use rayon::prelude::*;
 use simulator::bound;
 use simulator::scene::{self, quantise};

@@ -3,7 +3,6 @@
 use std::fmt::{self, Write as _};
 
 use rayon::prelude::*;
-use serde::Serialize;
 use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
 
@@ -13,7 +12,6 @@ use crate::hard_cases::judge::{Outcome, Said};
 use crate::hard_cases::mixtures::Kind;
 use crate::hard_cases::tally::Tally;
 use crate::hard_cases::{Due, Group, ROWS, RowCase, rows};
-use crate::second_judge;
 
 /// The mark in docs/hard-cases.md before the catalogue's tables.
 pub const CATALOGUE: &str = "cargo hard-cases, the catalogue";
@@ -50,31 +48,6 @@ impl fmt::Display for Failure<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.case, self.what)
     }
-}
-
-/// What `--json` prints.
-#[derive(Debug, Serialize)]
-pub struct Json {
-    cases: usize,
-    estimators: Vec<JsonEstimator>,
-    /// What the second judge found, whose rows have no part in the figures above.
-    second_judge: second_judge::report::Json,
-}
-
-#[derive(Debug, Serialize)]
-struct JsonEstimator {
-    name: &'static str,
-    /// Cases of which something else came than was due. A calibration that fails does so with every
-    /// estimator.
-    failed_cases: usize,
-    /// In the random rows with flaws, as the measurement takes the estimator.
-    confident_errors: u64,
-    random_rows: u64,
-    /// The same of the estimator alone.
-    confident_errors_alone: u64,
-    clean_confident_errors: u64,
-    clean_flagged: u64,
-    clean_rows: u64,
 }
 
 impl Catalogue {
@@ -313,28 +286,4 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
         );
     }
     text
-}
-
-/// What `--json` prints.
-pub fn json(
-    catalogue: &Catalogue,
-    clean: &Tally,
-    mixtures: &Tally,
-    second: &second_judge::Report,
-) -> Json {
-    let json = |(i, estimator): (usize, Estimator)| JsonEstimator {
-        name: estimator.name(),
-        failed_cases: catalogue.failures(estimator).len(),
-        confident_errors: mixtures.checked[i].confident_errors,
-        random_rows: mixtures.rows,
-        confident_errors_alone: mixtures.alone[i].confident_errors,
-        clean_confident_errors: clean.checked[i].confident_errors,
-        clean_flagged: clean.checked[i].flagged,
-        clean_rows: clean.rows,
-    };
-    Json {
-        cases: catalogue.len(),
-        estimators: Estimator::ALL.into_iter().enumerate().map(json).collect(),
-        second_judge: second.json(),
-    }
 }

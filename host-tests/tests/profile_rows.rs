@@ -9,7 +9,7 @@ use slitrange::base::fault::Fault;
 use slitrange::centre::RowCentre;
 use slitrange::row::Geometry;
 
-use crate::accuracy::{Cell, Phases};
+use judges::accuracy::{Cell, Phases};
 
 /// Pixels of a row that is long enough for the spot and as much background: the noise is not known well on
 /// it, but the centre does not depend on that where the tables are given.

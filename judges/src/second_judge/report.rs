@@ -2,59 +2,11 @@
 
 use std::fmt::Write as _;
 
-use serde::Serialize;
-
 use crate::second_judge::Kind;
-use crate::second_judge::tally::{JUDGED, Judged, KindReport, Report, Tally};
+use crate::second_judge::tally::{JUDGED, KindReport, Report, Tally};
 
 /// The mark in docs/hard-cases.md before the table.
 pub const SECOND_JUDGE: &str = "cargo hard-cases, the second judge";
-
-/// What `--json` prints.
-#[derive(Debug, Serialize)]
-pub struct Json {
-    /// Confident errors in all frames with the default estimator, as a share.
-    frames_in_error: f64,
-    kinds: Vec<JsonKind>,
-}
-
-#[derive(Debug, Serialize)]
-struct JsonKind {
-    name: &'static str,
-    sensors: Vec<JsonSensor>,
-}
-
-#[derive(Debug, Serialize)]
-struct JsonSensor {
-    estimator: &'static str,
-    is_calibrated: bool,
-    rows: JsonTally,
-    frames: JsonTally,
-}
-
-#[derive(Debug, Serialize)]
-struct JsonTally {
-    count: u64,
-    faults: u64,
-    flagged: u64,
-    flagged_good: u64,
-    confident_errors: u64,
-    /// In pixels. None where there is no confident error, or where a centre came without a spot.
-    largest_error: Option<f64>,
-}
-
-impl From<&Tally> for JsonTally {
-    fn from(tally: &Tally) -> Self {
-        Self {
-            count: tally.count,
-            faults: tally.faults,
-            flagged: tally.flagged,
-            flagged_good: tally.flagged_good,
-            confident_errors: tally.errors,
-            largest_error: (tally.errors > 0 && tally.largest.is_finite()).then_some(tally.largest),
-        }
-    }
-}
 
 /// Per cent, with as many digits as matter.
 fn per_cent(share: f64) -> String {
@@ -82,27 +34,6 @@ impl Report {
                 .sum()
         };
         sum(|tally| tally.errors) as f64 / sum(|tally| tally.count).max(1) as f64
-    }
-
-    /// What `--json` prints.
-    pub fn json(&self) -> Json {
-        let sensors = |kind: &KindReport| {
-            let of = |(i, judged): (usize, Judged)| JsonSensor {
-                estimator: judged.estimator.name(),
-                is_calibrated: judged.is_calibrated,
-                rows: (&kind.rows[i]).into(),
-                frames: (&kind.frames[i]).into(),
-            };
-            JUDGED.into_iter().enumerate().map(of).collect()
-        };
-        let kind = |report: &KindReport| JsonKind {
-            name: report.kind.name,
-            sensors: sensors(report),
-        };
-        Json {
-            frames_in_error: self.frames_in_error(0),
-            kinds: self.kinds.iter().map(kind).collect(),
-        }
     }
 
     /// A table of all kinds.
