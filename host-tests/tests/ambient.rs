@@ -12,6 +12,7 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::row::Geometry;
+use statistics::{mean, rms};
 
 const FRAMES: usize = 400;
 
@@ -386,10 +387,7 @@ fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
             errors.push(error);
             claims.push(error / measured.frame.uncertainty.to_f64());
         }
-        let rms =
-            |values: &[f64]| (values.iter().map(|it| it * it).sum::<f64>() / ROWS as f64).sqrt();
-        let mean = errors.iter().sum::<f64>() / ROWS as f64;
-        (mean, rms(&errors), rms(&claims))
+        (mean(&errors), rms(&errors), rms(&claims))
     };
     let dark = measure(&comb, Off);
     let subtract = measure(&window, Subtract);

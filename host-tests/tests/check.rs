@@ -238,9 +238,8 @@ fn a_sloped_background_leaves_no_bias() {
         })
         .collect();
     let n = errors.len() as f64;
-    let mean = errors.iter().sum::<f64>() / n;
-    let deviation =
-        (errors.iter().map(|error| error * error).sum::<f64>() / n - mean * mean).sqrt();
+    let mean = statistics::mean(&errors);
+    let deviation = statistics::rms(errors.iter().map(|error| error - mean));
     let of_mean = deviation / n.sqrt();
     println!("{n} of {ROWS} rows: {mean:+.5} +- {of_mean:.5} px, a row {deviation:.4}");
     assert!(n > 0.98 * ROWS as f64);

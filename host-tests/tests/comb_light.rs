@@ -23,6 +23,7 @@ use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 use slitrange::measurement::steps::centre_of_spot;
 use slitrange::row::Row;
 use slitrange::spot;
+use statistics::{rms, upper_median};
 
 /// Points of a slit's width: 20 to a turn of phase where a neighbour's image is.
 const POINTS: usize = 128;
@@ -199,15 +200,9 @@ fn core_finds(light: &[f64], scale: f64, seed: u64) -> Result<RowCentre, Fault> 
     centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
 }
 
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
-}
-
 /// Of the values without their signs.
 fn median(values: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes[sizes.len() / 2]
+    upper_median(values.iter().map(|x| x.abs()))
 }
 
 fn largest(values: &[f64]) -> f64 {

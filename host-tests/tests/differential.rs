@@ -16,6 +16,7 @@ use slitrange::centre::{self, Estimator, RowCentre, half_width};
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
+use statistics::rms;
 
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;
@@ -103,11 +104,6 @@ impl Pair {
     fn of_claim(&self) -> f64 {
         self.steps / f64::from(self.found.uncertainty.to_bits())
     }
-}
-
-fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len() as f64;
-    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
 fn worst(values: impl Iterator<Item = f64>) -> f64 {

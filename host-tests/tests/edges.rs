@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use simulator::scene::quantise;
 use slitrange::centre::Estimator;
+use statistics::rms;
 
 /// Rows of a cell.
 const ROWS: u64 = 2000;
@@ -61,13 +62,9 @@ fn check_cut_spots(noises: &[(f64, Option<f64>)], widths: &[f64]) {
                             Some([error, bound, found.uncertainty.to_f64()])
                         })
                         .collect();
-                    let n = found.len() as f64;
-                    let root_mean = |square: &dyn Fn(&[f64; 3]) -> f64| {
-                        (found.iter().map(square).sum::<f64>() / n).sqrt()
-                    };
-                    let rmse = root_mean(&|[error, ..]| error * error);
-                    let bound = root_mean(&|[_, bound, _]| bound * bound);
-                    let pull = root_mean(&|[error, _, claim]| (error / claim).powi(2));
+                    let rmse = rms(found.iter().map(|[error, ..]| error));
+                    let bound = rms(found.iter().map(|[_, bound, _]| bound));
+                    let pull = rms(found.iter().map(|[error, _, claim]| error / claim));
                     let faults = ROWS - found.len() as u64;
                     println!(
                         "{noise}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, {:.2} \

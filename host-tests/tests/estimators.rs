@@ -8,6 +8,7 @@ use simulator::profiles::{self, Curve, Slit};
 use simulator::scene::quantise;
 use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
+use statistics::{mean, rms};
 
 fn cell(width: f64, amplitude: f64, read_noise: f64, electrons_per_count: Option<f64>) -> Cell {
     Cell {
@@ -107,14 +108,9 @@ fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -
         Ok([centre(Estimator::Adaptive)?, centre(Estimator::PhaseTable)?])
     });
     let errors = errors.expect("centres");
-    [0, 1].map(|i| {
-        let mean = |value: fn(f64) -> f64| {
-            errors.iter().map(|errors| value(errors[i])).sum::<f64>() / errors.len() as f64
-        };
-        Errors {
-            mean: mean(|error| error),
-            root_mean_square: mean(|error| error * error).sqrt(),
-        }
+    [0, 1].map(|i| Errors {
+        mean: mean(errors.iter().map(|errors| errors[i])),
+        root_mean_square: rms(errors.iter().map(|errors| errors[i])),
     })
 }
 

@@ -17,6 +17,7 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use statistics::rms;
 
 /// Where the spot is, in pixels.
 const TRUTH: f64 = 1800.3;
@@ -189,13 +190,6 @@ struct Found {
 }
 
 /// The root of the mean square; not a number for none.
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| {
-        (sum + value * value, count + 1.0)
-    });
-    f64::sqrt(sum / count)
-}
-
 /// What a table's line says of an outcome.
 fn line(name: &str, rows: usize, how: Mean, outcome: &Outcome) -> String {
     let how = how.name();
@@ -554,8 +548,7 @@ fn check_acceleration(
     shift: f64,
 ) {
     let claim = UNCERTAINTY / (rows as f64).sqrt();
-    let mean =
-        |value: fn(&FrameCentre) -> f64| found.iter().map(value).sum::<f64>() / found.len() as f64;
+    let mean = |value: fn(&FrameCentre) -> f64| statistics::mean(found.iter().map(value));
     let motion = mean(|it| it.motion.to_f64());
     let scatter = rms(found.iter().map(|it| it.motion.to_f64() - motion)) / claim;
     let off = mean(|it| it.centre.to_f64() - TRUTH);

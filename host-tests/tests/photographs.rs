@@ -15,6 +15,7 @@ use simulator::scene::quantise;
 use slitrange::centre::tables::TableSet;
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::row::sensor_heads;
+use statistics::upper_median;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
 const BRIGHT: f64 = 4095.0 / 20.0;
@@ -65,7 +66,7 @@ fn centres_lie_near_the_least_squares_fit() {
             ("r = 0.23", &default, 0.02),
             ("r = infinity", &least_squares, 0.002),
         ] {
-            let rms = (offs.iter().map(|off| off * off).sum::<f64>() / offs.len() as f64).sqrt();
+            let rms = statistics::rms(offs);
             let largest = offs
                 .iter()
                 .fold(0.0f64, |largest, off| largest.max(off.abs()));
@@ -139,14 +140,12 @@ fn few_rows_are_flagged_and_centres_lie_within_two_uncertainties_of_the_fit() {
             rows.iter().filter(|row| is(row)).count() as f64 / rows.len() as f64
         };
         let (within, flagged) = (share(|row| row.0 <= 2.0), share(|row| row.2));
-        let mut shapes: Vec<f64> = rows.iter().map(|row| row.1).collect();
-        shapes.sort_by(f64::total_cmp);
         println!(
             "{name}: {} rows, {:.1} % within 2u, {:.1} % flagged, the shape's part {:.3} widths (median)",
             rows.len(),
             100.0 * within,
             100.0 * flagged,
-            shapes[shapes.len() / 2]
+            upper_median(rows.iter().map(|row| row.1))
         );
         assert!(rows.len() >= 80 && within >= 0.95 && flagged <= 0.1);
     }

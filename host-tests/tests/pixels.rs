@@ -16,6 +16,7 @@ use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::spot::region::Region;
 use slitrange_device::store::encoded_map::{Read, Reader, Word, Words};
+use statistics::rms;
 
 /// Counts of light in the lit rows.
 const LIGHT: f64 = 2000.0;
@@ -109,13 +110,6 @@ fn frame(paper: &Scene, centre: f64, rows: u16, map: Option<&PixelMap>) -> Frame
         noise: frame.uncertainty.to_f64(),
         pixels: pixels.into(),
     }
-}
-
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| {
-        (sum + value * value, count + 1.0)
-    });
-    f64::sqrt(sum / count)
 }
 
 /// The pixels of places 400 pixels apart are independent, so eight places on a sensor count as eight sensors.

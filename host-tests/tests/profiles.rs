@@ -15,6 +15,7 @@ use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{MIXES, TableSet};
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::row::{Geometry, Polarity};
+use statistics::{mean, rms};
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
 /// mm.
@@ -35,22 +36,16 @@ fn columns(widths: &[f64], characters: usize) -> String {
 
 /// Root mean square of each column.
 fn root_mean_squares<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
-    std::array::from_fn(|i| {
-        let squares: f64 = errors.iter().map(|errors| errors[i] * errors[i]).sum();
-        (squares / errors.len() as f64).sqrt()
-    })
+    std::array::from_fn(|i| rms(errors.iter().map(|errors| errors[i])))
 }
 
 /// The same about each column's mean.
 fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
-    let means: [f64; N] = std::array::from_fn(|i| {
-        errors.iter().map(|errors| errors[i]).sum::<f64>() / errors.len() as f64
-    });
-    let centred: Vec<[f64; N]> = errors
-        .iter()
-        .map(|errors| std::array::from_fn(|i| errors[i] - means[i]))
-        .collect();
-    root_mean_squares(&centred)
+    std::array::from_fn(|i| {
+        let column = errors.iter().map(|errors| errors[i]);
+        let mean = mean(column.clone());
+        rms(column.map(|error| error - mean))
+    })
 }
 
 /// Measures the bias without noise (see [`bias`]). On the gaussian, the bias is at most 0.0005 px for widths
@@ -554,7 +549,7 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
                     centre_with(&set, before, &geometry, light)
                 });
                 let errors = errors.expect("centres").concat();
-                let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+                let mean = mean(&errors);
                 let off = errors.iter().map(|error| (error - mean).abs());
                 off.fold(0.0, f64::max)
             };

@@ -10,6 +10,7 @@ use slitrange::centre::Estimator;
 use slitrange::measurement::steps::robust_centre;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
+use statistics::{mean, rms};
 
 fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
     let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
@@ -98,10 +99,9 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
         .iter()
         .filter_map(|(truth, found)| Some(found.ok()?.centre.to_f64() - truth))
         .collect();
-    let n = errors.len() as f64;
     Outcome {
-        rmse: (errors.iter().map(|error| error * error).sum::<f64>() / n).sqrt(),
-        mean: errors.iter().sum::<f64>() / n,
+        rmse: rms(&errors),
+        mean: mean(&errors),
         misfits: results
             .iter()
             .filter(|(_, found)| found.is_ok_and(|found| found.misfit))

@@ -14,6 +14,7 @@ use simulator::scene::{
     Reflectivity, Scene, SecondReflection, Sensor, Simulation, Speckle, SpecularLobe, Spot,
     Temperature, Texture,
 };
+use statistics::rms;
 
 /// A gaussian spot of 8.6 pixels, 1000 counts high after a second, on 3648 pixels of 8 um, without noise.
 fn plain() -> Scene {
@@ -1036,8 +1037,8 @@ fn speckle_keeps_the_mean() {
         });
         let sums: Vec<f64> = (0..SEEDS).map(|seed| sum(seed, speckle) / plain).collect();
         let n = SEEDS as f64;
-        let mean = sums.iter().sum::<f64>() / n;
-        let deviation = (sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let mean = statistics::mean(&sums);
+        let deviation = rms(sums.iter().map(|sum| sum - mean));
         println!("{name}: {mean:.3} of the light, {deviation:.3} from surface to surface");
         assert!((mean - 1.0).abs() < 4.0 * deviation / n.sqrt() + 0.01);
         assert!(deviation > 0.02);
@@ -1061,10 +1062,8 @@ fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {
         ..behind_a_lens()
     };
     let truth = scene(0).optics.centre(0.8);
-    let squares: f64 = (0..SEEDS)
-        .map(|seed| (moments(&scene(seed).row(0, 0.8, 1.0)).1 - truth).powi(2))
-        .sum();
-    let scatter = (squares / SEEDS as f64).sqrt();
+    let off = |seed| moments(&scene(seed).row(0, 0.8, 1.0)).1 - truth;
+    let scatter = rms((0..SEEDS).map(off));
     // The spot is seen under an angle: an ellipse.
     let cosine = 0.8 / 0.3f64.hypot(0.8);
     let expected = 650e-9 * 0.05 / (TAU * 25e-3 / 12.0) * (0.5 * cosine).sqrt() / 8e-6;

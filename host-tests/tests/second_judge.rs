@@ -76,7 +76,7 @@ fn the_shape_hardly_adds_to_the_uncertainty_of_clean_rows() {
                     Some(1f64.hypot(shape / measured.frame.uncertainty.to_f64()))
                 })
                 .collect();
-            let mean = growths.iter().sum::<f64>() / growths.len() as f64;
+            let mean = statistics::mean(&growths);
             let grown = growths.iter().filter(|growth| **growth > 1.0).count();
             println!(
                 "{name}, calibrated {}: u grows by {:.1} % on average, in {:.1} % of them",

@@ -129,8 +129,7 @@ fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
             .collect();
         ratios.sort_by(f64::total_cmp);
         let quantile = |share: f64| ratios[(share * FLAWS as f64) as usize];
-        let squares: f64 = ratios.iter().map(|ratio| ratio * ratio).sum();
-        let rms = (squares / FLAWS as f64).sqrt();
+        let rms = statistics::rms(&ratios);
         println!(
             "{name:>18}: {:.2} {:.2} {:.2} {rms:.2}",
             quantile(0.5),

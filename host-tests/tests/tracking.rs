@@ -19,6 +19,7 @@ use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::spot::{self, Spot};
+use statistics::rms;
 
 const PIXELS: usize = 2048;
 
@@ -125,8 +126,7 @@ struct After {
 
 impl After {
     fn rms_pull(&self) -> f64 {
-        let squares: f64 = self.pulls.iter().map(|(pull, _)| pull * pull).sum();
-        (squares / self.pulls.len() as f64).sqrt()
+        rms(self.pulls.iter().map(|(pull, _)| pull))
     }
 
     fn worst(&self) -> (f64, Option<Shown>) {

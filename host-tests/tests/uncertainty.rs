@@ -20,10 +20,7 @@ use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSur
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::pixels::PixelErrors;
 use slitrange_device::protocol::line::ReadingLine;
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
-}
+use statistics::rms;
 
 fn within(values: &[f64], limit: f64) -> f64 {
     let count = values.iter().filter(|value| value.abs() <= limit).count();

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use slitrange::centre::Estimator;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
+use statistics::rms;
 
 use crate::accuracy::{Cell, centre_of};
 
@@ -124,15 +125,15 @@ fn step(exp: Exp, samples: &[f32], at: Parameters, noise: f32, shot: f32) -> Opt
 /// with those by another one.
 pub fn change_of_centre(cell: &Cell, exp: Exp, other: Exp) -> f64 {
     let geometry = cell.scene().geometry();
-    let squares: Vec<f64> = (0..cell.rows)
+    let changes: Vec<f64> = (0..cell.rows)
         .filter_map(|row| {
             let (light, _) = cell.light(cell.pixels(), row);
             let [a, b] = [exp, other].map(|exp| fitted_centre(exp, &geometry, &light));
-            Some((a? - b?).powi(2))
+            Some(a? - b?)
         })
         .collect();
-    assert!(squares.len() as u64 == cell.rows, "each row has a centre");
-    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    assert!(changes.len() as u64 == cell.rows, "each row has a centre");
+    rms(changes)
 }
 
 /// The largest error of e among the check's samples, as a share of the spot's height, and the shape's misfit

@@ -313,7 +313,7 @@ fn errors(realisations: &[Vec<Found>]) -> Errors {
     let found = || realisations.iter().flatten();
     let good: Vec<(f64, f64)> = found().filter_map(|found| found.ok()).collect();
     let mean = |value: &dyn Fn(&(f64, f64)) -> f64| {
-        (!good.is_empty()).then(|| good.iter().map(value).sum::<f64>() / good.len() as f64)
+        (!good.is_empty()).then(|| statistics::mean(good.iter().map(value)))
     };
     let of_kind = |kind| {
         found()
@@ -360,7 +360,7 @@ fn share(whole: &[Vec<Found>], without: &[Vec<Found>]) -> Option<Share> {
     let value: f64 = share(None);
     let n = sums.len();
     let left_out: Vec<f64> = (0..n).map(|k| share(Some(k))).collect();
-    let middle = left_out.iter().sum::<f64>() / n as f64;
+    let middle = statistics::mean(&left_out);
     let squares: f64 = left_out.iter().map(|value| (value - middle).powi(2)).sum();
     value.is_finite().then(|| Share {
         value,

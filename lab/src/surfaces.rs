@@ -7,7 +7,6 @@ use anyhow::{Context as _, Result};
 use judges::frames;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation};
-use simulator::statistics::median;
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
@@ -22,6 +21,7 @@ use slitrange_device::record::date::Date;
 use slitrange_tool::fit::{calibration, comb, errors, profile, solve};
 use slitrange_tool::points::{KnownShape, Point, Shape, slit_images};
 use slitrange_tool::sensor::positions::{Spacing, Which};
+use statistics::{rms, upper_median};
 
 /// The materials, by the scenes that show them. The first is white paper in the light of a laser with a
 /// single wavelength; the others have a laser of 1 nm.
@@ -311,12 +311,11 @@ impl Summary {
     pub fn of(judged: &[Judged]) -> Self {
         let count = judged.len();
         let median = |value: &dyn Fn(&Reading) -> f64| {
-            median(judged.iter().map(|it| value(&it.reading))).unwrap_or(f64::NAN)
+            upper_median(judged.iter().map(|it| value(&it.reading)))
         };
-        let squares: f64 = judged.iter().map(|it| it.error * it.error).sum();
         Self {
             count,
-            rms: (squares / count as f64).sqrt(),
+            rms: rms(judged.iter().map(|it| it.error)),
             median_u: median(&|reading| reading.uncertainty.to_f64()),
             median_r: median(&|reading| reading.parts.noise.to_f64()),
             within: [1.0, 2.0, 3.0].map(|times| {

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 
 use nalgebra::{Matrix4, Vector4};
 use phase_tables::gaussian;
+use statistics::rms;
 
 use crate::scene::{Effect, Simulation};
 
@@ -74,12 +75,7 @@ impl Spot {
     /// The bound in pixels, root mean square over the phases.
     pub fn bound(&self) -> f64 {
         let phases = [-0.4, -0.2, 0.0, 0.2, 0.4];
-        (phases
-            .iter()
-            .map(|&phase| self.bound_at(phase).powi(2))
-            .sum::<f64>()
-            / phases.len() as f64)
-            .sqrt()
+        rms(phases.map(|phase| self.bound_at(phase)))
     }
 }
 

@@ -23,7 +23,7 @@
 
 mod complex;
 mod fresnel;
-mod laser;
+pub(crate) mod laser;
 mod lens;
 mod mean;
 pub(crate) mod quadrature;

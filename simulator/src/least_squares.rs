@@ -3,6 +3,7 @@
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Dyn, Matrix, OMatrix, OVector, Owned, U1, U4, Vector4};
+use statistics::mean;
 
 /// A gaussian on a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,10 +77,6 @@ pub fn fit_near(row: &[f64], near: f64) -> Option<Gaussian> {
         best = fit_from(&row[window.clone()], from, best)?;
     }
     Some(best)
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// Fits the pixels given, the first of which has number `first`, each with the weight that `weight` gives a

@@ -15,4 +15,3 @@ pub mod photograph;
 pub mod profiles;
 pub mod scene;
 pub mod sinc_fit;
-pub mod statistics;

@@ -4,6 +4,7 @@
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 use nalgebra::{Matrix4, Vector4};
+use statistics::mean;
 
 use crate::{bound, least_squares};
 
@@ -266,7 +267,7 @@ pub fn bound(curve: &Curve, spot: &bound::Spot, reach: f64) -> f64 {
             .expect("four derivatives of a profile are independent");
         inverse[(0, 0)] * spot.width * spot.width
     };
-    (phases.iter().map(|&phase| variance(phase)).sum::<f64>() / phases.len() as f64).sqrt()
+    mean(phases.iter().map(|&phase| variance(phase))).sqrt()
 }
 
 #[cfg(test)]

@@ -62,7 +62,7 @@ pub fn dark_point(rows: &[Vec<f64>]) -> Option<Point> {
             .zip(&mean)
             .map(|(count, mean)| count - mean)
             .collect();
-        let level = off.iter().sum::<f64>() / pixels as f64;
+        let level = statistics::mean(&off);
         squares += off.iter().map(|off| (off - level).powi(2)).sum::<f64>();
     }
     let freedom = (rows.len() as f64 - 1.0) * (pixels as f64 - 1.0);
@@ -277,13 +277,9 @@ mod tests {
                 ),
                 ("dark", NOISE * NOISE, |it| it.dark, |it| it.dark_u),
             ] {
-                let n = lines.len() as f64;
-                let mean = lines.iter().map(value).sum::<f64>() / n;
-                let pull: f64 = lines
-                    .iter()
-                    .map(|line| ((value(line) - truth) / u(line)).powi(2))
-                    .sum::<f64>();
-                let (pull, claimed) = ((pull / n).sqrt(), u(&lines[0]));
+                let mean = statistics::mean(lines.iter().map(value));
+                let pulls = lines.iter().map(|line| (value(line) - truth) / u(line));
+                let (pull, claimed) = (statistics::rms(pulls), u(&lines[0]));
                 println!(
                     "{name}: {truth:.4}, mean {mean:.4}, u {:.2} %, pull {pull:.2}",
                     100.0 * claimed / truth

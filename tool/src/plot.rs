@@ -9,8 +9,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use statistics::median;
 
-use crate::fit::start::median;
 use crate::sensor::monitor::recording::{Kind, Recorded};
 
 /// A run of readings ends where the next one comes after so many times the usual interval.
@@ -66,7 +66,7 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
         None => options.file.with_extension("svg"),
     };
     let mm: Vec<f64> = series.readings.iter().map(|(_, mm)| *mm).collect();
-    let (mean, deviation) = moments(&mm);
+    let (mean, deviation) = (statistics::mean(&mm), statistics::standard_deviation(&mm));
     let curve = allan::curve(&series.run, series.interval_s);
     figure::draw(&series, &curve, &figure)?;
     writeln!(
@@ -132,12 +132,12 @@ impl Series {
         let steps = |run: &Vec<(f64, f64)>| -> Vec<f64> {
             run.windows(2).map(|pair| pair[1].0 - pair[0].0).collect()
         };
-        let mut intervals: Vec<f64> = runs.iter().flat_map(steps).collect();
+        let intervals: Vec<f64> = runs.iter().flat_map(steps).collect();
         ensure!(
             !intervals.is_empty(),
             "there are no two readings one after the other"
         );
-        let usual = PAUSE * median(&mut intervals);
+        let usual = PAUSE * median(&intervals);
         let pause_s = if is_timed { usual } else { usual.max(LATE) };
         let longest = runs
             .iter()
@@ -161,12 +161,4 @@ impl Series {
             pause_s,
         })
     }
-}
-
-/// The mean, and the standard deviation of one value.
-fn moments(values: &[f64]) -> (f64, f64) {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let squares = values.iter().map(|value| (value - mean) * (value - mean));
-    (mean, (squares.sum::<f64>() / (count - 1.0).max(1.0)).sqrt())
 }

@@ -14,6 +14,7 @@ use simulator::optics::Optics;
 use simulator::scene::{Scene, Simulation};
 use slitrange_tool::Command;
 use slitrange_tool::pc::{Pc, Port};
+use statistics::rms;
 use virtual_board::light::{Target, of_scene_through};
 use virtual_board::stage::Stage;
 use virtual_board::{Firmware, SharedFlash, VirtualBoard};
@@ -175,11 +176,6 @@ fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<Compared> {
     }
     board.finish().expect("a clean run");
     errors
-}
-
-fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len() as f64;
-    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
 /// Calibrates a sensor that is `departure` metres from eq. (1), cuts its power, and holds that the RMS error

@@ -6,6 +6,7 @@ use simulator::scene::Scene;
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::light::auto_exposure::{LEAST_PERCENT, TARGET_PERCENT};
 use slitrange::measurement::Options;
+use statistics::{mean, rms};
 
 use super::jumps::LEAST_POWER;
 use super::{BRIGHTEST, Sensor, scene};
@@ -60,7 +61,6 @@ impl Frames {
         let (flagged, good): (Vec<_>, Vec<_>) = readings
             .map(|measured| sensor.compare(measured))
             .partition(|it| it.is_flagged);
-        let mean = |sum: f64| sum / good.len() as f64;
         let beyond = |claims| {
             good.iter()
                 .filter(|it| it.error_over_claim() > claims)
@@ -71,9 +71,9 @@ impl Frames {
             frames,
             faults: frames - good.len() - flagged.len(),
             flagged: flagged.len(),
-            rms_um: mean(good.iter().map(|it| it.error_um.powi(2)).sum()).sqrt(),
-            bias_um: mean(good.iter().map(|it| it.error_um).sum()),
-            r_um: mean(good.iter().map(|it| it.r_um).sum()),
+            rms_um: rms(good.iter().map(|it| it.error_um)),
+            bias_um: mean(good.iter().map(|it| it.error_um)),
+            r_um: mean(good.iter().map(|it| it.r_um)),
             beyond_2: beyond(2.0),
             beyond_5: beyond(5.0),
         }

@@ -15,6 +15,7 @@ use slitrange::measurement::Options;
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::Geometry;
+use statistics::mean;
 
 use crate::hard_cases::flaw::{Flaw, Second};
 use crate::hard_cases::judge::Said;
@@ -513,8 +514,7 @@ fn speckled(number: u64, speed: f64, wander: f64) -> HardFrame {
         .map(|row| quantise(&simulation.row(row, distance, exposure), 4095))
         .collect();
     // What a reading of a moving target is to be compared with.
-    let centres = (0..FULL as u64).map(|row| simulation.true_centre(row, distance));
-    let mean = centres.sum::<f64>() / FULL as f64;
+    let mean = mean((0..FULL as u64).map(|row| simulation.true_centre(row, distance)));
     HardFrame {
         rows,
         geometry: simulation.scene().geometry(),

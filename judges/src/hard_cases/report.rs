@@ -5,6 +5,7 @@ use std::fmt::{self, Write as _};
 use rayon::prelude::*;
 use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
+use statistics::rms;
 
 use crate::hard_cases::calibrations::{CalibrationCase, CalibrationDue, Found, calibrations};
 use crate::hard_cases::frames::{FRAMES, FrameCase, FrameOutcome, frames};
@@ -200,9 +201,7 @@ fn cell(said: &[Said], failed: bool) -> String {
     let mut parts = vec![];
     let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();
     if !errors.is_empty() {
-        let squares: f64 = errors.iter().map(|error| error * error).sum();
-        let error = (squares / errors.len() as f64).sqrt();
-        parts.push(match error {
+        parts.push(match rms(&errors) {
             error if error.is_infinite() => "wrong".into(),
             error if error < 1.0 => format!("{error:.3}"),
             error => format!("{error:.1}"),

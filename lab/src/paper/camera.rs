@@ -125,9 +125,8 @@ mod tests {
             let mut counts = vec![];
             exposure.capture(&mut noise(3, 7, 1), &mut counts);
             let n = PIXELS as f64;
-            let mean = counts.iter().map(|&c| f64::from(c)).sum::<f64>() / n;
-            let square = |c: &u16| (f64::from(*c) - mean).powi(2);
-            let variance = counts.iter().map(square).sum::<f64>() / n;
+            let counts: Vec<f64> = counts.into_iter().map(f64::from).collect();
+            let (mean, variance) = (statistics::mean(&counts), statistics::variance(&counts));
             let expected = light / ELECTRONS_PER_COUNT + READ_NOISE * READ_NOISE + 1.0 / 12.0;
             println!("{light}: {mean:.3}, {variance:.3} against {expected:.3}");
             // Five standard deviations of the mean and of the variance, which is normal: sqrt(2/n).

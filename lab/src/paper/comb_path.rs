@@ -16,6 +16,7 @@ use slitrange::measurement::Options;
 use slitrange::row::Polarity;
 use slitrange::row::sensor_heads;
 use slitrange_tool::fit::eq1;
+use statistics::mean;
 
 use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};
 use crate::paper::camera::PEAK;
@@ -190,17 +191,13 @@ pub fn judge(
         let points = points.iter();
         points.map(|&(centre, distance)| (fit.curve.distance(centre) - distance).abs())
     };
-    let slits: f64 = found
-        .iter()
-        .flatten()
-        .map(|(_, used)| f64::from(*used))
-        .sum();
+    let slits = found.iter().flatten().map(|(_, used)| f64::from(*used));
     Ok(Judged {
         material,
-        mae: errors().sum::<f64>() / points.len() as f64,
+        mae: mean(errors()),
         max: errors().fold(0.0, f64::max),
         without_centre: found.len() - points.len(),
-        slits: slits / points.len() as f64,
+        slits: mean(slits),
     })
 }
 

@@ -309,8 +309,7 @@ mod tests {
         let each = begun.elapsed().as_secs_f64() / FITS as f64;
         let bound = noise / amplitude / std::f64::consts::FRAC_PI_2.sqrt();
         for axis in 0..2 {
-            let square = errors.iter().map(|error| error[axis].powi(2)).sum::<f64>();
-            let ratio = (square / FITS as f64).sqrt() / bound;
+            let ratio = statistics::rms(errors.iter().map(|error| error[axis])) / bound;
             println!(
                 "axis {axis}: {ratio:.3} of the bound of {bound:.4} px; {:.2} ms a fit",
                 each * 1e3

@@ -54,8 +54,11 @@ pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> anyhow::
         })
         .collect::<anyhow::Result<_>>()?;
     let root_mean_square = |i: usize| {
-        let squares = differences.iter().map(|difference| difference[i].powi(2));
-        (squares.sum::<f64>() / differences.len() as f64).sqrt()
+        statistics::rms(
+            differences
+                .iter()
+                .map(|difference: &[f64; 2]| difference[i]),
+        )
     };
     Ok(Difference {
         gaussian: root_mean_square(0),

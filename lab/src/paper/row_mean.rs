@@ -1,5 +1,7 @@
 //! The centres of a frame's rows become one: the paper's plain mean, and others for rows that are not alike.
 
+use statistics::upper_median;
+
 /// A row that has a centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowFit {
@@ -91,28 +93,17 @@ fn mean(rows: &[RowFit], weight: impl Fn(&RowFit) -> f64) -> Option<f64> {
 }
 
 fn tukey(rows: &[RowFit]) -> Option<f64> {
-    let mut values: Vec<f64> = rows.iter().map(|row| row.centre).collect();
-    let mut centre = median(&mut values)?;
+    let mut centre = upper_median(rows.iter().map(|row| row.centre));
     for _ in 0..REWEIGHTS {
-        values.clear();
-        values.extend(rows.iter().map(|row| (row.centre - centre).abs()));
+        let off = upper_median(rows.iter().map(|row| (row.centre - centre).abs()));
         // Rows that agree to the last bit leave no scale.
-        let reach = REACH * DEVIATION_PER_MAD * median(&mut values)?.max(1e-6);
+        let reach = REACH * DEVIATION_PER_MAD * off.max(1e-6);
         centre = mean(rows, |row| {
             let u = (row.centre - centre) / reach;
             row.amplitude * (1.0 - u * u).max(0.0).powi(2)
         })?;
     }
     Some(centre)
-}
-
-/// The median, of an even number the upper one of the middle two.
-fn median(values: &mut [f64]) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

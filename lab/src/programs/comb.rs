@@ -14,6 +14,7 @@ use clap::Args;
 use indicatif::ProgressBar;
 use simulator::scene::Scene;
 use slitrange::base::fault::Fault;
+use statistics::mean;
 
 use self::tolerances::Tolerances;
 use crate::comb::{At, Mask, Sensor, with_speckle};
@@ -149,8 +150,8 @@ impl Outcome {
         Self {
             summary: Summary::of(&judged),
             faults,
-            used: slits.sum::<f64>() / judged.len() as f64,
-            height: heights.sum::<f64>() / judged.len() as f64,
+            used: mean(slits),
+            height: mean(heights),
         }
     }
 

@@ -13,6 +13,7 @@ use slitrange_tool::fit::figure::draw as draw_fit;
 use slitrange_tool::fit::solve::{Form, Solved, solve};
 use slitrange_tool::points::Point;
 use slitrange_tool::sensor::positions::{Spacing, Which};
+use statistics::mean;
 
 use crate::docs;
 
@@ -166,12 +167,12 @@ fn calibrated(departure: f64, means: &Means, count: usize, seed: u64) -> Option<
         Some((curve, _)) if corrected => curve,
         _ => &solved.plain,
     };
-    let squares = (0..PLACES).map(|place| {
+    let square = mean((0..PLACES).map(|place| {
         let share = f64::from(place) / f64::from(PLACES - 1);
         let distance = RANGE.start() + share * (RANGE.end() - RANGE.start());
         (curve.distance(optics.centre(distance)) - distance).powi(2)
-    });
-    Some((squares.sum::<f64>() / f64::from(PLACES), corrected))
+    }));
+    Some((square, corrected))
 }
 
 /// A sensor of its own for each seed.

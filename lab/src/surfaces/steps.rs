@@ -46,6 +46,7 @@ use rayon::prelude::*;
 use simulator::optics::Optics;
 use simulator::scene::{Effect, LaserSpot, Scene, Simulation, Speckle, quantise};
 use slitrange::centre::Estimator;
+use statistics::{mean, rms};
 
 use crate::budget::row_centre;
 use crate::surfaces::MATERIALS;
@@ -251,7 +252,7 @@ impl Study {
             ),
             against_law: change / by_law,
             over_claim: rms(over_claim()),
-            coverage: self::mean(over_claim().map(|z| f64::from(z.abs() < 2.0))),
+            coverage: statistics::mean(over_claim().map(|z| f64::from(z.abs() < 2.0))),
         }
     }
 }
@@ -434,15 +435,6 @@ fn table_of_steps(
         rows.push(row);
     }
     markdown(&rows)
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), it| (sum + it, count + 1.0));
-    sum / count
-}
-
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    mean(values.map(|it| it * it)).sqrt()
 }
 
 /// The sum of products over the root of the products of the sums of squares.

@@ -122,10 +122,7 @@ fn gaussian_and_fraunhofer_have_equal_errors_for_wide_spots() {
             })
             .filter(|errors: &[f64; 2]| errors[0].is_finite())
             .collect();
-        let rms = |i: usize| {
-            let squares: f64 = errors.iter().map(|errors| errors[i] * errors[i]).sum();
-            (squares / errors.len() as f64).sqrt()
-        };
+        let rms = |i: usize| statistics::rms(errors.iter().map(|errors| errors[i]));
         let (gaussian, fraunhofer) = (rms(0), rms(1));
         println!(
             "{:.0} mm: gaussian {gaussian:.3} px, Fraunhofer {fraunhofer:.3} px, {} frames",

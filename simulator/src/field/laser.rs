@@ -2,6 +2,8 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, LN_2, PI};
 
+use statistics::rms;
+
 /// A laser whose beam is gaussian in space and whose line is gaussian in wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Laser {
@@ -84,8 +86,7 @@ impl Laser {
         let medians: Vec<f64> = (0..self.wavelengths)
             .map(|i| normal_quantile((i as f64 + 0.5) / n))
             .collect();
-        let variance = medians.iter().map(|median| median * median).sum::<f64>() / n;
-        let deviation = self.wavenumber_deviation() / (2.0 * PI) / variance.sqrt();
+        let deviation = self.wavenumber_deviation() / (2.0 * PI) / rms(&medians);
         medians
             .iter()
             .map(|median| SpectralLine {
@@ -97,7 +98,7 @@ impl Laser {
 }
 
 /// Below which value a standard normal variable lies with a probability: by bisection.
-fn normal_quantile(probability: f64) -> f64 {
+pub(crate) fn normal_quantile(probability: f64) -> f64 {
     let (mut low, mut high) = (-8.0, 8.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use statistics::{mean, rms};
+
 use super::source::{Lit, RowSums};
 use super::*;
 use crate::profiles::Slit;
@@ -25,19 +27,11 @@ fn small_surface(laser: &Laser, scattering: &Scattering, seed: u64) -> Surface {
     Surface::new(laser, &scattering, seed).unwrap()
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
 /// Standard deviation over mean.
 fn contrast(values: &[f64]) -> f64 {
     let mean = mean(values);
-    let square = values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64;
+    let square = statistics::mean(values.iter().map(|value| value * value));
     (square / (mean * mean) - 1.0).sqrt()
-}
-
-fn root_mean_square(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 /// A beam so small that it hits a single scatterer, and right on that.
@@ -184,7 +178,7 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
         let worst = deviations
             .iter()
             .fold(0.0f64, |worst, d| worst.max(d.abs()));
-        let scatter = root_mean_square(&deviations);
+        let scatter = rms(&deviations);
         println!(
             "{name}: {} pixels, deviations {scatter:.2} standard errors, at most {worst:.1}",
             deviations.len()
@@ -434,7 +428,7 @@ fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -
         .collect();
     // Symmetrical about 0 but for half a pixel, as `pixels` has its middle a place off the centre of the
     // window.
-    root_mean_square(&centroids)
+    rms(&centroids)
 }
 
 /// The speckle limit of Dorsch, Haeusler and Herrmann, Appl. Opt. 33, 1306 (1994): sigma = lambda / (2 pi sin
@@ -612,14 +606,8 @@ fn rows_between_are_close() {
             .zip(&between.light)
             .map(|(exact, between)| f64::from(exact - between))
             .collect();
-        let level = mean(
-            &exact
-                .light
-                .iter()
-                .map(|&x| f64::from(x))
-                .collect::<Vec<_>>(),
-        );
-        let relative = root_mean_square(&difference) / level;
+        let level = mean(exact.light.iter().map(|&x| f64::from(x)));
+        let relative = rms(&difference) / level;
         let centre = |image: &Image| frame_centre(image, &columns);
         let moved = (centre(&exact) - centre(&between)) / PIXEL;
         println!(
@@ -710,8 +698,8 @@ fn diffraction_hardly_depends_on_the_wavelength() {
         .zip(&own.light)
         .map(|(a, b)| f64::from(a - b))
         .collect();
-    let scale = root_mean_square(&own.light.iter().map(|&b| f64::from(b)).collect::<Vec<_>>());
-    let relative = root_mean_square(&difference) / scale;
+    let scale = rms(own.light.iter().map(|&b| f64::from(b)));
+    let relative = rms(&difference) / scale;
     println!(
         "{:.2} nm away: {relative:.4} of the light differs",
         (far.wavelength - laser.wavelength) * 1e9

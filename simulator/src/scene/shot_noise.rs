@@ -113,6 +113,7 @@ const RECIPROCALS: [f64; MOST_OF_FEW] = {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::laser::normal_quantile;
 
     /// At each of many evenly spaced quantiles, against the sum.
     #[test]
@@ -140,19 +141,5 @@ mod tests {
         );
         assert!(wrong * 400 <= STEPS);
         assert!((sum / steps).abs() < 1e-4 && (squares / steps).abs() < 2e-3);
-    }
-
-    /// By bisection.
-    fn normal_quantile(share: f64) -> f64 {
-        let (mut low, mut high) = (-8.0, 8.0);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if 0.5 * libm::erfc(-middle / std::f64::consts::SQRT_2) < share {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        low
     }
 }

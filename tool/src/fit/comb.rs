@@ -26,8 +26,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use slitrange::base::drawing::DRAWING;
 use slitrange::frame::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, NEIGHBOURS, SlitMap, UNIT};
+use statistics::median;
 
-use super::start::median;
 use super::tabulate::pixels;
 use crate::points::{Point, SlitImages};
 
@@ -401,9 +401,8 @@ fn trust(images: &mut [Image], corrections: &Corrections, x0s: &[f64], rejects: 
     let off = |image: &Image| {
         (image.corrected(corrections) - x0s[image.point]).abs() * image.light.sqrt()
     };
-    let mut all: Vec<f64> = images.iter().map(off).collect();
     // 1.4826 median deviations are a gaussian's sigma.
-    let deviation = 1.4826 * median(&mut all);
+    let deviation = 1.4826 * median(images.iter().map(off));
     for image in images {
         let least = if image.is_common {
             LEAST_OFF

@@ -13,8 +13,8 @@
 //! With fewer than ten points nothing can be rejected: any step back counts.
 
 use anyhow::{bail, ensure};
+use statistics::median;
 
-use super::start::median;
 use crate::points::Point;
 
 /// From so many points on outliers are looked for: of fewer, the rest would say too little.
@@ -256,7 +256,7 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
         .collect();
     let medians: Vec<f64> = groups
         .iter()
-        .map(|group| median(&mut group.iter().map(|point| point.x_px).collect::<Vec<f64>>()))
+        .map(|group| median(group.iter().map(|point| point.x_px)))
         .collect();
     let ends = medians[count - 1] - medians[0];
     let steps: Vec<f64> = medians.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -288,11 +288,10 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
 fn folds(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
     let mut sorted: Vec<(&Point, f64)> = points.iter().zip(scatter.iter().copied()).collect();
     sorted.sort_by(|(a, _), (b, _)| a.d_mm.total_cmp(&b.d_mm));
-    let mut centres: Vec<f64> = sorted
+    let steps = sorted
         .windows(2)
-        .map(|pair| pair[1].0.x_px - pair[0].0.x_px)
-        .collect();
-    let sign = median(&mut centres).signum();
+        .map(|pair| pair[1].0.x_px - pair[0].0.x_px);
+    let sign = median(steps).signum();
     let goes_back = |pair: &[(&Point, f64)]| {
         let noise = NOISE * pair[0].1.hypot(pair[1].1);
         sign * (pair[1].0.x_px - pair[0].0.x_px) < -noise

@@ -11,10 +11,11 @@
 //! count in full in the fit that follows, which loses nothing against a fit that knew beforehand which points
 //! are good.
 
+use statistics::median;
+
 use super::eq1::Eq1;
 use super::observed::{Observed, Weights};
 use super::spline::{Equations, Grid, Residual, Spline, most_freedoms, penalties};
-use super::start::median;
 
 /// Where the biweight ends, in standard deviations: 95 % efficiency in gaussian noise (J. Tukey).
 const REACH: f64 = 4.685;
@@ -114,7 +115,7 @@ fn stiffest(grid: Grid, residuals: &[Judged]) -> Option<(Vec<f64>, Spline)> {
         .collect();
     let scatter = curves
         .iter()
-        .map(|(off, ..)| BY_MEDIAN * median(&mut off.clone()))
+        .map(|(off, ..)| BY_MEDIAN * median(off))
         .fold(f64::INFINITY, f64::min);
     let error = |off: &[f64]| -> f64 {
         off.iter()
@@ -152,7 +153,7 @@ fn least_absolute(grid: Grid, residuals: &[Judged], penalty: f64) -> Option<(Vec
             .zip(values)
             .map(|(residual, value)| (residual.value - value).abs() / residual.sigma)
             .collect();
-        let middle = median(&mut off.clone());
+        let middle = median(&off);
         // Where half of the points lie on the curve, the others do not count.
         let middle = middle.max(f64::MIN_POSITIVE);
         // Down to a hundredth of the median: without a floor a point that is met by chance would count
@@ -262,12 +263,11 @@ fn judge_by(
     least_scatter: f64,
 ) -> Vec<Verdict> {
     let without = without_each(residuals, weights, spline);
-    let mut off: Vec<f64> = residuals
+    let off = residuals
         .iter()
         .zip(&without)
-        .map(|(residual, (off, variance))| off.abs() / (residual.sigma.powi(2) + variance).sqrt())
-        .collect();
-    let scatter = (BY_MEDIAN * median(&mut off)).max(least_scatter);
+        .map(|(residual, (off, variance))| off.abs() / (residual.sigma.powi(2) + variance).sqrt());
+    let scatter = (BY_MEDIAN * median(off)).max(least_scatter);
     residuals
         .iter()
         .zip(&without)

@@ -1,6 +1,8 @@
 //! Eq. (1) to begin with, which no outlier can move: of curves through three points each, that with the least
 //! median of residuals (P. Rousseeuw, 1984). It holds as long as more than half of the points are good.
 
+use statistics::median;
+
 use super::eq1::Eq1;
 use super::observed::Observed;
 
@@ -25,28 +27,11 @@ pub fn robust(points: &[Observed]) -> Option<Eq1> {
     (0..TRIES)
         .filter_map(|_| Eq1::through([one_of(near)?, one_of(middle)?, one_of(far)?]))
         .map(|curve| {
-            let mut residuals: Vec<f64> = points
+            let residuals = points
                 .iter()
-                .map(|point| (point.residual(&curve) / point.sigma(&curve)).abs())
-                .collect();
-            (median(&mut residuals), curve)
+                .map(|point| (point.residual(&curve) / point.sigma(&curve)).abs());
+            (median(residuals), curve)
         })
         .min_by(|(a, _), (b, _)| a.total_cmp(b))
         .map(|(_, curve)| curve)
-}
-
-/// The median of numbers, which it puts in another order; infinite where there are none.
-pub fn median(numbers: &mut [f64]) -> f64 {
-    let middle = numbers.len() / 2;
-    if numbers.is_empty() {
-        return f64::INFINITY;
-    }
-    let (below, upper, _) = numbers.select_nth_unstable_by(middle, f64::total_cmp);
-    let upper = *upper;
-    let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if numbers.len() % 2 == 1 {
-        upper
-    } else {
-        0.5 * (lower + upper)
-    }
 }

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use plotters::prelude::*;
+use statistics::{mean, standard_deviation};
 
-use super::{Series, moments, spectrum};
+use super::{Series, spectrum};
 use crate::axes::{self, Area, Axis, Scale, panel};
 
 /// What was measured.
@@ -83,7 +84,7 @@ fn log<'a>(values: impl Iterator<Item = f64>, name: &'a str) -> Axis<'a> {
 fn draw_over_time(area: &Area<'_>, series: &Series, mm: &[f64]) -> Result<()> {
     let start = series.readings.first().map_or(0.0, |(time, _)| *time);
     let end = series.readings.last().map_or(1.0, |(time, _)| *time);
-    let (mean, deviation) = moments(mm);
+    let (mean, deviation) = (mean(mm), standard_deviation(mm));
     let title = format!(
         "{} readings, mean {mean:.4} mm, standard deviation {deviation:.4} mm, {} faults (red)",
         mm.len(),
@@ -109,7 +110,7 @@ fn draw_over_time(area: &Area<'_>, series: &Series, mm: &[f64]) -> Result<()> {
 }
 
 fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
-    let (mean, deviation) = moments(mm);
+    let (mean, deviation) = (mean(mm), standard_deviation(mm));
     let (least, most) = range(mm.iter().copied());
     // Scott's rule: the bins that show a gaussian best.
     let width = 3.49 * deviation / (mm.len() as f64).cbrt();

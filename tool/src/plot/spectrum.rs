@@ -24,7 +24,7 @@ pub fn density(mm: &[f64], rate: f64) -> Vec<(f64, f64)> {
         let Some(stretch) = mm.get(start..start + length) else {
             break;
         };
-        let mean = stretch.iter().sum::<f64>() / length as f64;
+        let mean = statistics::mean(stretch);
         let mut input: Vec<f64> = (stretch.iter().zip(&window))
             .map(|(mm, weight)| (mm - mean) * weight)
             .collect();

@@ -12,12 +12,12 @@ use anyhow::{Result, bail, ensure};
 use slitrange_device::protocol::row_lines::{
     HeadCheck, REACH, ROW_END, RowExposure, RowPart, RowPixels,
 };
+use statistics::median;
 
 use super::answers::{self, Centre, NoCentre};
 use super::line::TRIES;
 use super::port::PortOption;
 use super::session::Session;
-use crate::fit::start::median;
 use crate::pc::Pc;
 use crate::whole_file;
 
@@ -249,11 +249,7 @@ impl RowAnswer {
                 // Without the pixels of an image, the width of none is known.
                 let images = found.iter().filter(|(x_px, _)| self.has(*x_px));
                 let widths = images.map(|&(x_px, height)| self.width_at_half(x_px, height));
-                let mut widths: Vec<f64> = widths.collect();
-                match widths.is_empty() {
-                    true => LEAST_WIDTH,
-                    false => median(&mut widths),
-                }
+                median(widths).max(LEAST_WIDTH)
             },
             |shape| shape.width_px,
         );
@@ -301,11 +297,11 @@ impl RowAnswer {
             let reaches = |image: &Image| (pixel - image.x_px).abs() <= BESIDE * image.width_px;
             !images.iter().any(reaches)
         };
-        let mut beside: Vec<f64> = (self.pixels())
+        let beside: Vec<f64> = (self.pixels())
             .filter(|&(pixel, _)| is_beside(pixel as f64))
             .map(|(_, count)| count)
             .collect();
-        (!beside.is_empty()).then(|| median(&mut beside))
+        (!beside.is_empty()).then(|| median(&beside))
     }
 
     /// The fit: gaussians at the sensor's centres, above the level. `None` without a spot.

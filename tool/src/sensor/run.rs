@@ -13,6 +13,7 @@ use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::settings::{Setting, Value};
+use statistics::{mean, rms, standard_deviation, upper_median};
 use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};
@@ -519,11 +520,11 @@ fn without_outlying(centres: &[Centre]) -> Vec<Centre> {
     if centres.len() <= 3 {
         return centres.to_vec();
     }
-    let middle = median(centres.iter().map(|centre| centre.x_px).collect());
+    let middle = upper_median(centres.iter().map(|centre| centre.x_px));
     let deviations = centres.iter().map(|centre| (centre.x_px - middle).abs());
     // 1.4826 median deviations are a gaussian's sigma.
-    let scatter = 1.4826 * median(deviations.collect());
-    let claimed = median(centres.iter().map(|centre| centre.claimed_px).collect());
+    let scatter = 1.4826 * upper_median(deviations);
+    let claimed = upper_median(centres.iter().map(|centre| centre.claimed_px));
     let most = OUTLYING * scatter.max(claimed);
     let close = |centre: &&Centre| {
         (centre.x_px - middle).abs() <= most && centre.claimed_px <= OUTLYING * claimed
@@ -531,28 +532,15 @@ fn without_outlying(centres: &[Centre]) -> Vec<Centre> {
     centres.iter().filter(close).copied().collect()
 }
 
-/// The middle one, or the upper of the two that are; zero of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
-}
-
 /// A point of at least one centre.
 pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     let count = centres.len() as f64;
-    let mean = centres.iter().map(|centre| centre.x_px).sum::<f64>() / count;
-    let squares = |deviation: &dyn Fn(&Centre) -> f64| {
-        centres
-            .iter()
-            .map(|centre| deviation(centre).powi(2))
-            .sum::<f64>()
-    };
-    let claimed = (squares(&|centre| centre.claimed_px) / count).sqrt();
-    let scatter =
-        (centres.len() > 1).then(|| (squares(&|centre| centre.x_px - mean) / (count - 1.0)).sqrt());
+    let places = || centres.iter().map(|centre| centre.x_px);
+    let claimed = rms(centres.iter().map(|centre| centre.claimed_px));
+    let scatter = (centres.len() > 1).then(|| standard_deviation(places()));
     let rounded = |value: f64| (value * 1e6).round() / 1e6;
     Taken {
-        x_px: rounded(mean),
+        x_px: rounded(mean(places())),
         d_mm,
         // Frames of a target at rest share its speckle: their number brings down what differs between them
         // only.
@@ -563,7 +551,7 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
         misfits: centres.iter().map(|centre| centre.misfits).sum(),
         correlated: centres.iter().filter_map(|centre| centre.correlated).min(),
         // The median: a line that lost a digit does not count.
-        height_counts: Some(median(centres.iter().map(height_at_longest).collect()))
+        height_counts: Some(upper_median(centres.iter().map(height_at_longest)))
             .filter(|height| *height > 0.0),
         shape: mean_shape(centres),
         slits: mean_images(centres),
@@ -602,7 +590,7 @@ fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
             return None;
         }
         let x_px = middle_mean(images.iter().map(|image| image.x_px).collect());
-        let height = median(images.iter().map(|image| image.height_counts).collect());
+        let height = upper_median(images.iter().map(|image| image.height_counts));
         Some(SlitImage {
             x_px: (x_px * 1e6).round() / 1e6,
             height_counts: height,
@@ -632,8 +620,7 @@ fn middle_mean(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     // One of three: a line that lost a digit must not count.
     let quarter = (values.len() + 1) / 4;
-    let middle = &values[quarter..values.len() - quarter];
-    middle.iter().sum::<f64>() / middle.len() as f64
+    mean(&values[quarter..values.len() - quarter])
 }
 
 /// The time, `2026-11-21T11:00:11Z`.

@@ -2,8 +2,9 @@
 
 use slitrange_tool::fit::solve::{Form, Solved, solve};
 use slitrange_tool::points::Point;
+use statistics::rms;
 
-use super::truth::{Truth, rms, seeded, throw_off};
+use super::truth::{Truth, seeded, throw_off};
 
 /// Noise of a centre in pixels, unless a test says otherwise.
 const NOISE: f64 = 0.02;

@@ -19,8 +19,9 @@ use slitrange_tool::fit::report::{Report, ShownComb};
 use slitrange_tool::fit::solve::{Solved, solve};
 use slitrange_tool::fit::{calibration, errors, figure};
 use slitrange_tool::points::{Point, SlitImage, SlitImages, slit_images};
+use statistics::rms;
 
-use super::truth::{rms, seeded};
+use super::truth::seeded;
 
 /// The range of the comb in metres.
 const NEAR: f64 = 0.55;
@@ -193,13 +194,9 @@ fn sixty_points_give_the_curve_of_a_comb_to_1_5_um() {
                     .iter()
                     .fold(largest, |most, error| most.max(error.abs()));
                 all.push(rms(&exact));
-                before.push(rms(&comb
-                    .slits
-                    .iter()
-                    .map(|it| it.correction_px)
-                    .collect::<Vec<_>>()));
+                before.push(rms(comb.slits.iter().map(|it| it.correction_px)));
                 if let CalibrationErrors::Fitted(errors) = &record.errors {
-                    claims.push(rms(&errors.curve.map(|um| um.to_f64())));
+                    claims.push(rms(errors.curve.map(|um| um.to_f64())));
                 }
                 assert!(comb.slits.iter().all(|slit| slit.degree == Some(3)));
                 let sum: f64 = comb.slits.iter().map(|slit| slit.correction_px).sum();
@@ -238,7 +235,7 @@ fn few_points_get_corrections_of_a_lower_degree() {
                 "{count}"
             );
         }
-        let error = rms(&errors_of(&record, |distance| {
+        let error = rms(errors_of(&record, |distance| {
             sensor.images(distance, |_| 0.0)
         }));
         println!("{count} points: degree {degree}, RMS {error:.2} um");
@@ -320,7 +317,7 @@ fn missing_and_false_images_do_not_bias_the_others() {
         }
         let (comb, _, record) = calibrated(&points);
         counts.push(comb.rejected);
-        all.push(rms(&errors_of(&record, |distance| {
+        all.push(rms(errors_of(&record, |distance| {
             sensor.images(distance, |_| 0.0)
         })));
     }

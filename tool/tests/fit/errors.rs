@@ -10,8 +10,9 @@ use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, Surface};
 use slitrange_tool::fit::solve::{Form, solve};
 use slitrange_tool::fit::{calibration, errors};
 use slitrange_tool::points::Point;
+use statistics::{mean, rms};
 
-use super::truth::{Truth, rms, seeded};
+use super::truth::{Truth, seeded};
 
 /// What a fit of points says.
 fn fitted(points: &[Point], form: Form) -> (slitrange::Calibration, FittedErrors) {
@@ -143,11 +144,7 @@ fn the_surface_is_told_from_the_residuals_and_the_heights() {
             .push(surface.deviation[middle].to_f64() * of_usual.sqrt() / (1e6 * share * from_pole));
         heights.push(of_usual);
     }
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let scatter = rms(&ratios
-        .iter()
-        .map(|ratio| ratio - mean(&ratios))
-        .collect::<Vec<f64>>());
+    let scatter = rms(ratios.iter().map(|ratio| ratio - mean(&ratios)));
     println!(
         "{:.3} +- {scatter:.3} of the truth, height {:.3}",
         mean(&ratios),

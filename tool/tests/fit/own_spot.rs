@@ -24,8 +24,9 @@ use slitrange_tool::sensor::answers;
 use slitrange_tool::sensor::run::taken;
 use slitrange_tool::sensor::session::Before;
 use slitrange_tool::sensor::taken::PointsFile;
+use statistics::{rms, upper_median};
 
-use super::truth::{FAR, NEAR, Truth, rms, seeded};
+use super::truth::{FAR, NEAR, Truth, seeded};
 
 /// A sensor in front of a smooth target.
 struct Sensor {
@@ -209,13 +210,11 @@ impl Calibrated {
         let u = |reading: &Reading| reading.uncertainty.to_f64();
         let over: Vec<f64> = readings.iter().map(|(error, it)| error / u(it)).collect();
         let errors: Vec<f64> = readings.iter().map(|(error, _)| *error).collect();
-        let mut sorted: Vec<f64> = readings.iter().map(|(_, it)| u(it)).collect();
-        sorted.sort_by(f64::total_cmp);
         let misfits: f64 = readings.iter().map(|(_, it)| f64::from(it.misfits)).sum();
         Judged {
             within: over.iter().filter(|over| over.abs() <= 2.0).count() as f64 / count as f64,
             over_u: rms(&over),
-            u_um: sorted[count / 2],
+            u_um: upper_median(readings.iter().map(|(_, it)| u(it))),
             rms_um: rms(&errors),
             flagged: misfits / (count * usize::from(ROWS)) as f64,
         }
@@ -359,11 +358,10 @@ fn the_profile_is_that_of_the_points() {
 #[test]
 fn deviations_are_the_scatter_beyond_the_noise() {
     let mean = |noise: f64, scatter: f64, of: &dyn Fn(&Profile) -> f64| {
-        let found = (0..200).map(|seed| {
+        rms((0..200).map(|seed| {
             let profile = profile_of(&with_shapes(30, noise, scatter, seed)).expect("a profile");
-            of(&profile).powi(2)
-        });
-        (found.sum::<f64>() / 200.0).sqrt()
+            of(&profile)
+        }))
     };
     let width = |profile: &Profile| profile.width_deviation.to_f64();
     let components = |profile: &Profile| profile.deviation.to_f64();

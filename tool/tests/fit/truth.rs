@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use simulator::optics::Optics;
 use slitrange_tool::points::Point;
+use statistics::rms;
 
 /// The nominal geometry on the pixels of a TCD1304DG, with a lens-like distortion of the row.
 pub struct Truth {
@@ -169,9 +170,4 @@ pub fn throw_off(
         lines.push(point.line);
     }
     lines
-}
-
-/// The root mean square of numbers.
-pub fn rms(numbers: &[f64]) -> f64 {
-    (numbers.iter().map(|x| x * x).sum::<f64>() / numbers.len() as f64).sqrt()
 }

@@ -48,7 +48,7 @@ fn each_setting_of_the_lines_acts() {
         let lines = [(); 6].map(|()| line(board, "d mm r "));
         println!("{lines:?}");
         let numbers = lines.map(|line| line["d mm r ".len()..].parse::<f64>().expect("r"));
-        numbers[2..].iter().sum::<f64>() / 4.0
+        statistics::mean(&numbers[2..])
     };
     let alone = repeatability(&mut board);
     set(&mut board, "average moving 4");

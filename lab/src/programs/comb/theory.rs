@@ -187,10 +187,9 @@ mod tests {
             .map(|i| span() * (f64::from(i) / 150.0 - 0.5))
             .collect();
         let rms = |spot: f64, places: &[f64]| {
-            let squares =
-                (0..surfaces).map(|it| mean(&random_field(distance, spot, it, places)).0.powi(2));
+            let angles = (0..surfaces).map(|it| mean(&random_field(distance, spot, it, places)).0);
             let theta = Optics::nominal().viewing_angle(distance);
-            (squares.sum::<f64>() / surfaces as f64).sqrt() / theta.sin()
+            statistics::rms(angles) / theta.sin()
         };
         for spot in [1e-3, 0.5e-3] {
             let theory = [

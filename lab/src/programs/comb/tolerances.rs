@@ -142,9 +142,8 @@ impl Tolerances {
         };
         let assignment = SHARE_OF_ASSIGNMENT * f64::from(TOLERANCE) * optics.pitch / gain;
 
-        let mean = places().sum::<f64>() / slits as f64;
-        let scatter =
-            (places().map(|s| (s - mean) * (s - mean)).sum::<f64>() / slits as f64).sqrt();
+        let mean = statistics::mean(places());
+        let scatter = statistics::rms(places().map(|s| s - mean));
         // How far the weighted mean of all places moves if the mask grows by its own length.
         let mean_of_places = mean.hypot(scatter * squared_weights(slits, METAL).sqrt());
         let by_tilt = |distance: f64| {

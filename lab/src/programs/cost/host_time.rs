@@ -6,7 +6,6 @@ use std::time::Instant;
 use cost_on_chip::methods::{self, Method};
 use judges::accuracy::{Cell, PIXELS};
 use simulator::scene::{Scene, quantise};
-use simulator::statistics::median;
 use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
 use slitrange::measurement::Measurement;
@@ -14,6 +13,7 @@ use slitrange::measurement::Options;
 use slitrange::row::sensor_heads;
 use slitrange::row::{LARGEST_COUNT, Row};
 use slitrange::spot;
+use statistics::upper_median;
 
 const ROWS: u64 = 256;
 const REPETITIONS: usize = 101;
@@ -82,7 +82,7 @@ pub fn row_nanoseconds(estimator: Estimator) -> Option<f64> {
             }
         }
     }
-    median(times)
+    Some(upper_median(times))
 }
 
 /// Nanoseconds per row, the median of repetitions, for a spot whose place is known from the row before. The
@@ -99,21 +99,18 @@ pub fn nanoseconds(method: Method) -> Option<f64> {
         rows.push((row, spot, before));
         before = Some(centre.ok()?);
     }
-    let mut times: Vec<f64> = (0..REPETITIONS)
-        .map(|_| {
-            let start = Instant::now();
-            for (row, spot, before) in &rows {
-                let _ = black_box(methods::centre(
-                    black_box(method),
-                    black_box(row),
-                    spot,
-                    before.as_ref(),
-                    &geometry,
-                ));
-            }
-            start.elapsed().as_nanos() as f64 / rows.len() as f64
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times.get(REPETITIONS / 2).copied()
+    let times = (0..REPETITIONS).map(|_| {
+        let start = Instant::now();
+        for (row, spot, before) in &rows {
+            let _ = black_box(methods::centre(
+                black_box(method),
+                black_box(row),
+                spot,
+                before.as_ref(),
+                &geometry,
+            ));
+        }
+        start.elapsed().as_nanos() as f64 / rows.len() as f64
+    });
+    Some(upper_median(times))
 }

@@ -15,9 +15,9 @@ use std::time::Instant;
 use anyhow::Context as _;
 use rayon::prelude::*;
 use serde::Serialize;
-use simulator::statistics::median;
 use slitrange::centre::{self, Estimator};
 use slitrange::row::{Geometry, Row};
+use statistics::{rms, upper_median};
 
 mod gaussian;
 mod levenberg_marquardt;
@@ -339,7 +339,7 @@ fn time(given: &Given<'_>) -> Vec<(&'static str, f64)> {
     methods
         .iter()
         .zip(times)
-        .map(|(method, times)| (method.name(), median(times).unwrap_or(f64::NAN)))
+        .map(|(method, times)| (method.name(), upper_median(times)))
         .collect()
 }
 
@@ -382,8 +382,7 @@ fn rmse(errors: &[Option<f64>]) -> (f64, usize) {
         .copied()
         .filter(|error| error.abs() <= GROSS)
         .collect();
-    let squares: f64 = good.iter().map(|error| error * error).sum();
-    ((squares / good.len() as f64).sqrt(), good.len())
+    (rms(&good), good.len())
 }
 
 impl Peers {

@@ -17,7 +17,6 @@ use serde::{Serialize, Serializer};
 use simulator::bound;
 use simulator::comb::Comb;
 use simulator::scene::{Effect, Scene, Simulation};
-use simulator::statistics::median;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
@@ -27,6 +26,7 @@ use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange_device::record;
+use statistics::{rms, upper_median};
 
 use crate::programs::cost::chip::whole_rows::WholeRows;
 
@@ -218,17 +218,16 @@ fn point(
 ) -> Point {
     let count = readings.len();
     let found: Vec<Found> = readings.flatten().collect();
-    let squares: f64 = found.iter().map(|found| found.error.powi(2)).sum();
     Point {
         light,
         estimator,
         rows,
         milliseconds: rows as f64 / ROWS_PER_SECOND * 1e3,
         computing_milliseconds: f64::NAN,
-        micrometres: (squares / found.len() as f64).sqrt(),
+        micrometres: rms(found.iter().map(|found| found.error)),
         bound_micrometres: f64::NAN,
-        u_micrometres: median(found.iter().map(|found| found.u)).unwrap_or(f64::NAN),
-        r_micrometres: median(found.iter().map(|found| found.r)).unwrap_or(f64::NAN),
+        u_micrometres: upper_median(found.iter().map(|found| found.u)),
+        r_micrometres: upper_median(found.iter().map(|found| found.r)),
         faults: (count - found.len()) as u64,
     }
 }
@@ -360,7 +359,7 @@ mod tests {
                         pixels * optics.metres_per_pixel(optics.centre(distance)) * 1e6
                     })
                     .collect();
-                [errors[0], errors.iter().sum::<f64>() / errors.len() as f64]
+                [errors[0], statistics::mean(&errors)]
             })
             .collect()
     }
@@ -405,8 +404,8 @@ mod tests {
         for light in [Light::SpeckleReceding, Light::SpeckleSliding] {
             let scene = light.scene().expect("a scene");
             let errors = behind_a_narrow_slit(&scene, 64, 300);
-            let squares = |which: usize| errors.iter().map(|it| it[which].powi(2)).sum::<f64>();
-            let (found, narrow) = (gain(light), (squares(0) / squares(1)).sqrt());
+            let [one, mean] = [0, 1].map(|which| rms(errors.iter().map(|it| it[which])));
+            let (found, narrow) = (gain(light), one / mean);
             println!("{light:?}: 64 rows gain {found}, behind a narrow slit {narrow}");
             assert!((found / narrow - 1.0).abs() < 0.35);
         }
@@ -421,10 +420,8 @@ mod tests {
     fn a_narrow_slit_has_a_closed_form() {
         let scene = Light::SpeckleAtRest.scene().expect("a scene");
         let errors = behind_a_narrow_slit(&scene, 1, 3000);
-        let mut first: Vec<f64> = errors.iter().map(|error| error[0].abs()).collect();
-        first.sort_by(f64::total_cmp);
         let (found, expected) = (
-            first[1500],
+            upper_median(errors.iter().map(|error| error[0].abs())),
             0.7407 * 0.5 * image_of_the_spot(&scene).expect("a spot"),
         );
         println!("median {found:.1} um, expected {expected:.1} um");

@@ -13,6 +13,7 @@ use simulator::scene::{Scene, Simulation, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange_tool::axes::{self, GRID};
+use statistics::upper_median;
 
 use crate::budget::row_centre;
 use crate::programs::scene::embedded::Grey;
@@ -338,9 +339,8 @@ impl<'a> Seen<'a> {
     fn fit_and_level(&self) -> Option<(&RowCentre, f64)> {
         let fit = self.fit.as_ref().ok()?;
         let counts = self.counts().into_iter();
-        let mut left: Vec<f64> = counts.map(|(x, count)| count - model(fit, x)).collect();
-        left.sort_by(f64::total_cmp);
-        Some((fit, left[left.len() / 2]))
+        let left = counts.map(|(x, count)| count - model(fit, x));
+        Some((fit, upper_median(left)))
     }
 }
 

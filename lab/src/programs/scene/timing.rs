@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use simulator::scene::{Scene, Simulation, quantise};
-use simulator::statistics;
+use statistics::upper_median;
 
 use crate::budget;
 
@@ -96,7 +96,7 @@ fn compare(
         times.push(whole);
     }
     let differences = differences.into_iter().map(Difference::of).collect();
-    (median(&times), differences)
+    (upper_median(times), differences)
 }
 
 impl Difference {
@@ -104,13 +104,13 @@ impl Difference {
         if repetitions.is_empty() {
             return None;
         }
-        let nanoseconds = median(&repetitions);
+        let nanoseconds = upper_median(&repetitions);
         let off: Vec<f64> = (repetitions.iter())
             .map(|difference| (difference - nanoseconds).abs())
             .collect();
         // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them
         // 1.253/sqrt(n) of it.
-        let deviation = 1.483 * median(&off);
+        let deviation = 1.483 * upper_median(&off);
         Some(Self {
             nanoseconds,
             uncertainty: 1.253 * deviation / (off.len() as f64).sqrt(),
@@ -162,11 +162,6 @@ fn make(simulation: &Simulation, row: u64) {
     let scene = simulation.scene();
     let counts = simulation.row(row, scene.distance, scene.exposure);
     black_box(quantise(&counts, scene.sensor.geometry().full_scale()));
-}
-
-/// Zero of nothing.
-fn median(values: &[f64]) -> f64 {
-    statistics::median(values.iter().copied()).unwrap_or(0.0)
 }
 
 #[cfg(test)]

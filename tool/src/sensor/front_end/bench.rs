@@ -9,11 +9,11 @@ use slitrange::light::ambient::AmbientMode;
 use slitrange::row::Geometry;
 use slitrange_device::protocol::row_lines::{RowExposure, RowPart};
 use slitrange_device::settings::Value;
+use statistics::{mean, median, variance};
 
 use super::super::answers::NoCentre;
 use super::super::row::{RowAnswer, ask_row};
 use super::super::session::Session;
-use crate::fit::start::median;
 use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING, dark_point, mean_row, transfer};
 
 /// Whole rows with the laser off. Their 3648 pixels give the read noise to 0.7 %.
@@ -166,10 +166,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         self.set(Value::Laser(false))?;
         let dark = self.rows(RowPart::Whole, RowExposure::Off, DARK_ROWS)?;
         let mut dark_rows = self.counts(&dark);
-        let level = |rows: &[Vec<f64>]| {
-            let row = mean_row(rows).unwrap_or_default();
-            row.iter().sum::<f64>() / row.len() as f64
-        };
+        let level = |rows: &[Vec<f64>]| mean(mean_row(rows).unwrap_or_default());
         writeln!(
             output,
             "laser off: {DARK_ROWS} rows, {:.1} counts",
@@ -332,14 +329,11 @@ impl<'a, 'b> Bench<'a, 'b> {
         if levels.len() < 2 {
             return [dark_level, 0.0];
         }
-        let n = levels.len() as f64;
-        let mean = levels.iter().sum::<f64>() / n;
-        let squares: f64 = levels.iter().map(|level| (level - mean).powi(2)).sum();
-        let mean = match self.is_inverted {
-            false => mean,
-            true => self.full_scale - mean,
+        let level = match self.is_inverted {
+            false => mean(levels),
+            true => self.full_scale - mean(levels),
         };
-        [mean, (squares / (n - 1.0) / n).sqrt()]
+        [level, (variance(levels) / levels.len() as f64).sqrt()]
     }
 
     /// Finds the spot, and whether light raises the counts.
@@ -356,9 +350,9 @@ impl<'a, 'b> Bench<'a, 'b> {
             let rows = self.exposed(&whole, us, 1)?;
             let signal = Step::new(us, &rows, &dark).signal;
             // Lamps that flicker lift or lower the whole row.
-            let level = median(&mut signal.clone());
+            let level = median(&signal);
             let smooth: Vec<f64> = (signal.windows(SMOOTHED))
-                .map(|near| near.iter().sum::<f64>() / SMOOTHED as f64 - level)
+                .map(|near| mean(near) - level)
                 .collect();
             let highest = smooth
                 .iter()
@@ -438,15 +432,14 @@ impl<'a, 'b> Bench<'a, 'b> {
         if levels.len() < FEWEST_SATURATED {
             return None;
         }
-        let n = levels.len() as f64;
-        let level = levels.iter().sum::<f64>() / n;
+        let level = statistics::mean(&levels);
         if level >= self.full_scale - 0.5 {
             return Some([self.full_scale, 0.0]);
         }
-        let squares: f64 = levels.iter().map(|it| (it - level).powi(2)).sum();
         // Rounding may shift all of them alike, by up to half a count.
         let of_rounding = VARIANCE_OF_ROUNDING.sqrt();
-        Some([level, (squares / (n - 1.0) / n).sqrt().hypot(of_rounding)])
+        let of_scatter = (variance(&levels) / levels.len() as f64).sqrt();
+        Some([level, of_scatter.hypot(of_rounding)])
     }
 }
 

@@ -14,13 +14,13 @@ use serde::Serialize;
 use simulator::bound;
 use simulator::comb::Comb;
 use simulator::scene::{Scene, Sensor, Simulation};
-use simulator::statistics::median;
 use slitrange::base::places::PLACES;
 use slitrange::base::units::Micrometres;
 use slitrange::frame::comb::Slits;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::record::{self, Record};
+use statistics::{mean, rms, upper_median};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
 use virtual_board::{Exposure, Firmware, Line, VirtualBoard};
@@ -306,12 +306,13 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let rows = board.head(|head| head.row_count()) - first_row;
     let rows_lost = rows_lost(&mut board, patience)?;
     let statistics = board.finish()?;
+    let of_readings = |value: f64| (!compared.is_empty()).then_some(value);
     let summary = Summary {
-        rms_error_um: rms(compared.iter().map(|reading| reading.error)),
+        rms_error_um: of_readings(rms(compared.iter().map(|reading| reading.error))),
         bound_um: (compared.iter())
             .map(|reading| reading.bound)
             .collect::<Option<Vec<f64>>>()
-            .and_then(|bounds| rms(bounds.into_iter())),
+            .and_then(|bounds| of_readings(rms(bounds))),
         max_error_um: compared
             .iter()
             .map(|reading| reading.error.abs())
@@ -323,9 +324,9 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 .count();
             within as f64 / compared.len() as f64
         }),
-        median_u_um: median(compared.iter().map(|reading| reading.uncertainty)),
-        median_r_um: median(compared.iter().map(|reading| reading.repeatability)),
-        slits_used: mean(compared.iter().map(|reading| f64::from(reading.slits))),
+        median_u_um: of_readings(upper_median(compared.iter().map(|it| it.uncertainty))),
+        median_r_um: of_readings(upper_median(compared.iter().map(|it| it.repeatability))),
+        slits_used: of_readings(mean(compared.iter().map(|it| f64::from(it.slits)))),
         readings_per_s: f64::from(readings) / seconds,
         rows_per_s: rows as f64 / seconds,
         rows_lost,
@@ -392,18 +393,6 @@ fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
             .with_context(|| format!("no count in {:?}", line.text))?;
     }
     Ok(lost)
-}
-
-/// Arithmetic mean; `None` without values.
-fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
-    let count = values.len();
-    (count > 0).then(|| values.sum::<f64>() / count as f64)
-}
-
-/// Root mean square; `None` without values.
-pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
-    let count = values.len();
-    (count > 0).then(|| (values.map(|value| value * value).sum::<f64>() / count as f64).sqrt())
 }
 
 impl Summary {

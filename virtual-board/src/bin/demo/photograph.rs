@@ -10,11 +10,11 @@ use anyhow::{Context as _, Result, ensure};
 use serde::Serialize;
 use simulator::least_squares::{self, Gaussian};
 use simulator::photograph::Photograph;
+use statistics::{mean, rms};
 use virtual_board::light::{LIGHT, outputs};
 use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
 
 use crate::lines::{Reading, Report};
-use crate::moving_target::rms;
 use crate::say;
 
 /// The least height of a spot that is compared: a twentieth of full scale. In dimmer rows, noise would
@@ -95,14 +95,14 @@ pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
         offs.push(off);
         widths.push(fit.width);
     }
+    let of_compared = |value: f64| (!offs.is_empty()).then_some(value);
     let summary = Summary {
         rows,
         centres,
         compared: offs.len(),
-        rms_sigma: rms(offs.iter().copied()),
+        rms_sigma: of_compared(rms(&offs)),
         max_sigma: offs.iter().map(|off| off.abs()).reduce(f64::max),
-        mean_width_px: (!widths.is_empty())
-            .then(|| widths.iter().sum::<f64>() / widths.len() as f64),
+        mean_width_px: of_compared(mean(widths)),
         faults,
     };
     say(json, &summary.in_words());

@@ -140,14 +140,6 @@ fn density(errors: &[f32]) -> Vec<(f64, f64)> {
 
 /// The error in micrometres below which this share of them lies.
 fn at_quantile(errors: &[f32], share: f64) -> f64 {
-    let mut finite: Vec<f32> = errors
-        .iter()
-        .copied()
-        .filter(|error| error.is_finite())
-        .collect();
-    finite.sort_by(f32::total_cmp);
-    let index = (share * (finite.len().max(1) - 1) as f64).round() as usize;
-    finite
-        .get(index)
-        .map_or(f64::NAN, |&error| f64::from(error) * 1e6)
+    let finite = errors.iter().filter(|error| error.is_finite());
+    statistics::quantile(finite.map(|&error| f64::from(error)), share) * 1e6
 }

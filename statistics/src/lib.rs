@@ -1,0 +1,113 @@
+//! Statistics of measured values, which are passed by value or by reference. Too few values give NaN.
+//!
+//! Sums follow the order of the values, so the same values in the same order give the same bits.
+
+use std::borrow::Borrow;
+
+fn floats(values: impl IntoIterator<Item: Borrow<f64>>) -> impl Iterator<Item = f64> {
+    values
+        .into_iter()
+        .map(|value| *Borrow::<f64>::borrow(&value))
+}
+
+fn sorted(values: impl IntoIterator<Item: Borrow<f64>>) -> Vec<f64> {
+    let mut values: Vec<f64> = floats(values).collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// The arithmetic mean.
+pub fn mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    let add = |(sum, count), value| (sum + value, count + 1.0);
+    let (sum, count) = floats(values).fold((0.0, 0.0), add);
+    sum / count
+}
+
+/// The root mean square.
+pub fn rms(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    mean(floats(values).map(|value| value * value)).sqrt()
+}
+
+/// The variance of one value about the mean, estimated from two values or more (n - 1 in the denominator).
+pub fn variance(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    let values: Vec<f64> = floats(values).collect();
+    let mean = mean(&values);
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    squares / (values.len() as f64 - 1.0)
+}
+
+/// The root of the [`variance`].
+pub fn standard_deviation(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    variance(values).sqrt()
+}
+
+/// The middle value, or the mean of the middle two.
+pub fn median(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    let values = sorted(values);
+    match values.len() {
+        0 => f64::NAN,
+        n => 0.5 * (values[(n - 1) / 2] + values[n / 2]),
+    }
+}
+
+/// The middle value, or the upper of the middle two.
+pub fn upper_median(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    let values = sorted(values);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// The value below which a share of the values lies, from 0 to 1: the value of the nearest rank.
+pub fn quantile(values: impl IntoIterator<Item: Borrow<f64>>, share: f64) -> f64 {
+    let values = sorted(values);
+    let rank = (share * values.len().saturating_sub(1) as f64).round() as usize;
+    values.get(rank).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 1 to n: the mean is (n + 1) / 2, the mean square (n + 1)(2 n + 1) / 6, the variance n (n + 1) / 12.
+    #[test]
+    fn moments_have_their_closed_forms() {
+        for count in 2..50u32 {
+            let values = || (1..=count).map(f64::from);
+            let n = f64::from(count);
+            let is_near = |value: f64, expected: f64| (value / expected - 1.0).abs() < 1e-14;
+            assert_eq!(mean(values()), (n + 1.0) / 2.0);
+            assert!(is_near(
+                rms(values()).powi(2),
+                (n + 1.0) * (2.0 * n + 1.0) / 6.0
+            ));
+            assert!(is_near(variance(values()), n * (n + 1.0) / 12.0));
+            assert_eq!(standard_deviation(values()), variance(values()).sqrt());
+        }
+    }
+
+    #[test]
+    fn the_median_is_the_middle_or_between_the_middle_two() {
+        assert_eq!(median([3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median([4.0, 1.0, 3.0, 2.0]), 2.5);
+        let one = vec![7.0];
+        assert_eq!((median(&one), upper_median(&one)), (7.0, 7.0));
+        assert_eq!(upper_median([3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(upper_median([4.0, 1.0, 3.0, 2.0]), 3.0);
+    }
+
+    #[test]
+    fn a_quantile_has_the_nearest_rank() {
+        let values = [5.0, 1.0, 4.0, 2.0, 3.0];
+        let shares = [0.0, 0.12, 0.13, 0.5, 0.87, 0.88, 1.0];
+        let found = shares.map(|share| quantile(values, share));
+        assert_eq!(found, [1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0]);
+    }
+
+    #[test]
+    fn too_few_values_give_nan() {
+        let none: [f64; 0] = [];
+        let of_none = [mean, rms, median, upper_median].map(|of: fn([f64; 0]) -> f64| of(none));
+        assert!(of_none.iter().all(|value| value.is_nan()));
+        assert!(quantile(none, 0.5).is_nan());
+        assert!(variance([1.0]).is_nan() && standard_deviation([1.0]).is_nan());
+    }
+}
