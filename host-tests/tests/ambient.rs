@@ -4,7 +4,7 @@ use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
 use judges::frames::words;
-use simulator::comb::Comb as Mask;
+use simulator::scene::comb::Comb as Mask;
 use simulator::scene::{Ambient, ReadNoise, Scene, Simulation};
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};

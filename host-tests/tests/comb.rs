@@ -7,7 +7,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use simulator::comb::Comb as Mask;
+use simulator::scene::comb::Comb as Mask;
 use simulator::scene::{LaserSpot, Scene, SecondReflection, Simulation, Speckle};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Pixels};

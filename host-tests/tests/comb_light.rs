@@ -1,5 +1,5 @@
 //! What interference between the slits of a comb does, which the simulator leaves out: it adds the light of
-//! slits, and not their fields ([`simulator::comb`]).
+//! slits, and not their fields ([`simulator::scene::comb`]).
 //!
 //! The fields of three neighbouring slits, at the two smallest gaps of the nominal mask, are summed along
 //! exact paths in the plane of beam and row: from points of the target through points of each slit to the

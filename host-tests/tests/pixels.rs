@@ -378,7 +378,7 @@ fn a_map_corrects_each_pixel_of_a_comb_once() {
     let scene = Scene {
         shot_noise: None,
         read_noise: None,
-        comb: Some(simulator::comb::Comb::nominal()),
+        comb: Some(simulator::scene::comb::Comb::nominal()),
         ..Scene::load("quiet-paper").expect("a scene")
     };
     let geometry = scene.geometry();

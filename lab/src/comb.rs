@@ -2,8 +2,8 @@
 
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
-use simulator::comb::{Comb, Slit};
 use simulator::optics::Aperture;
+use simulator::scene::comb::{Comb, Slit};
 use simulator::scene::{LaserSpot, Scene, Simulation, Speckle};
 use slitrange::base::fault::Fault;
 use slitrange::distance::Calibration;

@@ -5,13 +5,23 @@
 //! Cramér-Rao [`bound`] (the smallest error that any unbiased method can have with the row's noise) and
 //! reference fits in f64 ([`least_squares`], [`sinc_fit`]).
 
-pub mod bound;
-pub mod comb;
-pub mod distorted_optics;
-pub mod field;
-pub mod least_squares;
+// A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
+pub mod sensor;
+
 pub mod optics;
-pub mod photograph;
-pub mod profiles;
-pub mod scene;
+
+pub mod distorted_optics;
+
+pub mod least_squares;
+
 pub mod sinc_fit;
+
+pub mod field;
+
+pub mod scene;
+
+pub mod bound;
+
+pub mod profiles;
+
+pub mod photograph;

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scene::Sensor;
+use crate::sensor::Sensor;
 
 /// What the light passes on its way to the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,7 +53,7 @@ pub struct Optics {
     pub axis: f64,
     /// The light's wavelength in metres.
     pub wavelength: f64,
-    /// Slit or lens. Where the scene has a [`crate::comb::Comb`], its slits take the place of this one.
+    /// Slit or lens. Where the scene has a [`crate::scene::Comb`], its slits take the place of this one.
     pub aperture: Aperture,
 }
 

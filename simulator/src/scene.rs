@@ -12,6 +12,7 @@
 
 pub mod ambient;
 pub mod black_level;
+pub mod comb;
 pub mod diffraction;
 pub mod exposure;
 pub mod file;
@@ -34,7 +35,6 @@ pub mod reflectivity;
 pub mod response;
 pub mod saturation;
 pub mod second_reflection;
-pub mod sensor;
 pub mod settling;
 pub(crate) mod shape;
 pub mod shot_noise;
@@ -48,10 +48,11 @@ pub mod texture;
 use serde::{Deserialize, Serialize};
 use slitrange::row::Geometry;
 
-use crate::comb::Comb;
 use crate::optics::Optics;
+pub use crate::sensor::{Sensor, sensor_outputs};
 pub use ambient::Ambient;
 pub use black_level::BlackLevel;
+pub use comb::Comb;
 pub use diffraction::Diffraction;
 pub use exposure::Exposure;
 pub use fixed_pattern::FixedPattern;
@@ -70,7 +71,6 @@ pub use reflectivity::Reflectivity;
 pub use response::Response;
 pub use saturation::Saturation;
 pub use second_reflection::SecondReflection;
-pub use sensor::{Sensor, sensor_outputs};
 pub use settling::Settling;
 pub use shot_noise::ShotNoise;
 pub use simulation::Simulation;

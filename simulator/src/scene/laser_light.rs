@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::comb::{Slit, relative_height};
 use crate::optics::{Aperture, Optics};
+use crate::scene::comb::{Slit, relative_height};
 use crate::scene::obliquity::Oblique;
 use crate::scene::pattern::Pattern;
 use crate::scene::shape::{self, Shape};

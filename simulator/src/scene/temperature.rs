@@ -14,7 +14,7 @@ use crate::optics::Optics;
 /// e (f tan(a) + f d b / ((b^2 + d^2) cos^2(a)))
 /// ```
 ///
-/// which is an error: no estimate knows of it. The mask of a [`crate::comb::Comb`] grows with its mount, by
+/// which is an error: no estimate knows of it. The mask of a [`crate::scene::Comb`] grows with its mount, by
 /// the same factor from the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use simulator::comb::{Comb, Slit};
+use simulator::scene::comb::{Comb, Slit};
 use simulator::scene::{Scene, Simulation, Spot};
 use slitrange::base::fault::Fault;
 use slitrange::base::places::PLACES;

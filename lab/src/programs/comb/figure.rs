@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use simulator::comb::Comb;
+use simulator::scene::comb::Comb;
 use simulator::scene::{Scene, Simulation};
 use slitrange::frame::comb::NOMINAL_PLACES_UM;
 

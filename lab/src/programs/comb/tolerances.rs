@@ -24,8 +24,8 @@
 //! angle of the light to the axis. A mask that is not flat by the height v moves an image by v tan(a) (1 + f
 //! cos u / b).
 
-use simulator::comb::Comb;
 use simulator::optics::Optics;
+use simulator::scene::comb::Comb;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM, TOLERANCE};
 
 use crate::programs::comb::theory;

@@ -15,7 +15,7 @@ use judges::frames::words;
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use simulator::bound;
-use simulator::comb::Comb;
+use simulator::scene::comb::Comb;
 use simulator::scene::{Effect, Scene, Simulation};
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;

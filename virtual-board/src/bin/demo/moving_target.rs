@@ -12,7 +12,7 @@ use std::time::Duration;
 use anyhow::{Context as _, Result, ensure};
 use serde::Serialize;
 use simulator::bound;
-use simulator::comb::Comb;
+use simulator::scene::comb::Comb;
 use simulator::scene::{Scene, Sensor, Simulation};
 use slitrange::base::places::PLACES;
 use slitrange::base::units::Micrometres;
