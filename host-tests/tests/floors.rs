@@ -1,7 +1,49 @@
-//! Modules stand in order: each uses only those that its crate's lib.rs declares before it.
+//! Crates and modules stand in order: each uses only those before it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// The crates, each of which depends only on those before it. Tests and build scripts count.
+const CRATES: &[&str] = &[
+    "core/dual-mac",
+    "core/phase-tables",
+    "core",
+    "device",
+    "statistics",
+    "simulator",
+    "judges",
+    "on-chip/answers",
+    "on-chip/cost",
+    "on-chip/slowest",
+    "virtual-board",
+    "tool",
+    "lab",
+    // No crate depends on these.
+    ".",
+    "host-tests",
+    "on-chip/panic-free",
+    "on-chip/silicon-check",
+];
+
+/// Crates in which a module uses only those that lib.rs declares before it, and a number that its uses exceed.
+const ORDERED: [(&str, usize); 5] = [
+    ("core", 10),
+    ("device", 10),
+    ("simulator", 10),
+    ("judges", 3),
+    ("lab", 10),
+];
+
+/// Modules of tests and programs, which may use all others.
+const ABOVE: [&str; 4] = ["lib", "main", "pages", "tests"];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
 
 /// All files of a folder and its folders.
 fn files(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -17,7 +59,7 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
 
 /// Code without comments and without inline tests.
 fn code(path: &Path) -> String {
-    let source = fs::read_to_string(path).expect("a source file");
+    let source = read(path);
     let code = source.split("#[cfg(test)]").next().unwrap_or_default();
     let lines = code.lines().map(|line| line.split("//").next());
     lines
@@ -25,45 +67,97 @@ fn code(path: &Path) -> String {
         .collect()
 }
 
-/// The names that follow a word in code.
+/// The names that follow a word in code: one, or a list in braces.
 fn names_after<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = &'a str> {
-    code.split(word).skip(1).map(move |after| {
-        let end = after.find(|c: char| !c.is_alphanumeric() && c != '_');
-        let name = &after[..end.unwrap_or(after.len())];
-        assert!(!name.is_empty(), "one module a `use`: {word}{after:.40}");
-        name
+    let is_end = |c: char| !c.is_alphanumeric() && c != '_';
+    code.split(word).skip(1).flat_map(move |after| {
+        let list = match after.strip_prefix('{') {
+            Some(list) => list.split('}').next().unwrap_or_default(),
+            None => after.split(is_end).next().unwrap_or_default(),
+        };
+        assert!(!list.is_empty(), "a name after {word}: {after:.40}");
+        list.split(is_end).filter(|name| !name.is_empty())
     })
 }
 
 #[test]
 fn a_module_uses_only_modules_before_it() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    for source in ["core/src", "device/src"].map(|crate_| root.join(crate_)) {
+    for (name, fewest) in ORDERED {
+        let source = root().join(name).join("src");
         let library = code(&source.join("lib.rs"));
         let floors: Vec<&str> = names_after(&library, "pub mod ").collect();
         let floor = |name: &str| floors.iter().position(|it| *it == name);
         let mut arrows = 0;
         let mut found = Vec::new();
         files(&source, &mut found);
+        found.retain(|path| path.extension().is_some_and(|it| it == "rs"));
+        found.retain(|path| !path.ends_with("tests.rs"));
         for path in found {
             let inside = path.strip_prefix(&source).expect("a file of the crate");
             let module = inside.iter().next().expect("a name").to_string_lossy();
             let module = module.trim_end_matches(".rs");
             let Some(here) = floor(module) else {
-                assert_eq!(module, "lib");
+                assert!(ABOVE.contains(&module), "{name}: {module}");
                 continue;
             };
             for used in names_after(&code(&path), "crate::") {
                 let there = floor(used).expect("a module of lib.rs");
-                assert!(there <= here, "{} uses {used}", inside.display());
+                assert!(there <= here, "{name}: {} uses {used}", inside.display());
                 arrows += usize::from(there < here);
             }
         }
         println!(
-            "{}: {} modules, {arrows} uses of one before",
-            source.display(),
+            "{name}: {} modules, {arrows} uses of one before",
             floors.len()
         );
-        assert!(arrows > 10);
+        assert!(arrows > fewest);
     }
+}
+
+/// The name of a manifest's package.
+fn package(manifest: &str) -> &str {
+    let name = manifest
+        .lines()
+        .find_map(|line| line.strip_prefix("name = "));
+    name.expect("a package").trim_matches('"')
+}
+
+/// The names in the sections of a manifest that list what the package depends on.
+fn dependencies(manifest: &str) -> impl Iterator<Item = &str> {
+    let mut is_listed = false;
+    manifest.lines().filter_map(move |line| {
+        if line.starts_with('[') {
+            is_listed = line.ends_with("dependencies]") && !line.starts_with("[workspace");
+        }
+        is_listed.then(|| line.split([' ', '.', '=']).next())?
+    })
+}
+
+#[test]
+fn a_crate_depends_only_on_crates_before_it() {
+    let manifests: Vec<String> = (CRATES.iter())
+        .map(|name| read(&root().join(name).join("Cargo.toml")))
+        .collect();
+    let floor = |name: &str| manifests.iter().position(|it| package(it) == name);
+    let mut arrows = 0;
+    for (here, manifest) in manifests.iter().enumerate() {
+        for there in dependencies(manifest).filter_map(floor) {
+            assert!(there < here, "{} uses {}", CRATES[here], CRATES[there]);
+            arrows += 1;
+        }
+    }
+    println!("{} crates, {arrows} arrows", CRATES.len());
+    assert!(arrows > 40);
+
+    let workspace = read(&root().join("Cargo.toml"));
+    let members = workspace.split("members = [").nth(1).expect("members");
+    let members = members.split(']').next().unwrap_or_default();
+    let members: Vec<&str> = members.split('"').skip(1).step_by(2).collect();
+    for name in &members {
+        assert!(
+            CRATES.contains(name),
+            "{name} has no place in the order of crates"
+        );
+    }
+    assert_eq!(members.len(), CRATES.len());
 }

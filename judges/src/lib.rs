@@ -1,5 +1,5 @@
 //! What judges the core on a PC: seeded rows, reference values in f64, and the errors of the core's answers.
-//! The tests and the lab's programs share these modules. A module uses only those before it in this list:
+//! The tests and the lab's programs share these modules:
 //!
 //! * [`core_tables`]: phase tables made on the PC, as the core reads them.
 //! * [`measured_profile`]: the profile of a spot, measured on rows.
@@ -10,7 +10,7 @@
 //! * [`hard_cases`]: the first judge: a catalogue of hard rows, frames and calibrations, and random mixtures.
 //! * [`second_judge`]: the second judge: faults from a generator that shares no code with the first.
 
-// The blank lines keep rustfmt from sorting the modules (host-tests/tests/floors.rs checks their order).
+// A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
 pub mod core_tables;
 
 pub mod measured_profile;

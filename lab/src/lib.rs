@@ -2,17 +2,28 @@
 //! programs share: the paper's experiment, a scene's error budget, tables, progress bars, and the blocks of
 //! Markdown pages that programs write.
 
-pub mod budget;
-pub mod comb;
+// A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
 pub mod docs;
-pub mod paper;
-pub mod programs;
+
 pub mod progress;
-pub mod serial_line;
-pub mod slowest;
-pub mod surfaces;
+
 pub mod table;
+
 pub mod timing;
+
+pub mod serial_line;
+
+pub mod budget;
+
+pub mod surfaces;
+
+pub mod comb;
+
+pub mod paper;
+
+pub mod slowest;
+
+pub mod programs;
 
 #[cfg(test)]
 mod pages;
