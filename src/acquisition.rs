@@ -1,15 +1,12 @@
 //! Reads rows on time: pulses the sensor at a fixed period, and reads a row whenever a buffer is free.
 
-use core::future::{Future, poll_fn};
-use core::pin::pin;
-use core::task::Poll;
-
-use embassy_time::{Instant, Timer};
+use embassy_time::Instant;
 use slitrange::base::exposure::Exposure;
 use static_cell::ConstStaticCell;
 
-use super::sensor_head::{ROW_PERIOD, ReadOutError, SensorHead};
-use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER, WORDS};
+use super::alarm::{set_alarm, wait_for_alarm};
+use super::heads::{ROW_PERIOD, ReadOutError, SensorHead, WORDS};
+use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER};
 
 /// Pulses before the first row. The pixels have gathered light since the power came on, and one pulse does
 /// not clear all of it.
@@ -66,34 +63,6 @@ pub async fn acquire(mut sensor: SensorHead) {
         due = Instant::now() + ROW_PERIOD;
         set_alarm(due).await;
     }
-}
-
-/// Makes embassy wake this task at `at`. A task has one alarm, and an earlier one stays.
-///
-/// Awaiting a timer would set the alarm anew each time that DMA wakes the task, which took more instructions
-/// than all else between two rows.
-pub async fn set_alarm(at: Instant) {
-    poll_fn(|context| {
-        let _ = pin!(Timer::at(at)).poll(context);
-        Poll::Ready(())
-    })
-    .await;
-}
-
-/// Waits for the alarm that [`set_alarm`] set. If an earlier alarm was still set and rings, sets it anew.
-async fn wait_for_alarm(at: Instant) {
-    let mut was_polled = false;
-    poll_fn(|context| {
-        if Instant::now() >= at {
-            return Poll::Ready(());
-        }
-        if was_polled {
-            let _ = pin!(Timer::at(at)).poll(context);
-        }
-        was_polled = true;
-        Poll::Pending
-    })
-    .await;
 }
 
 /// For how long the laser is to be on in the row that begins now; `None` if it is to be off.

@@ -14,25 +14,19 @@
 #[cfg(target_os = "none")]
 mod acquisition;
 #[cfg(target_os = "none")]
+mod alarm;
+#[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
-mod flash;
-#[cfg(target_os = "none")]
-mod laser;
+mod heads;
 #[cfg(target_os = "none")]
 mod measuring;
-#[cfg(target_os = "none")]
-mod sensor_head;
 #[cfg(target_os = "none")]
 mod serial_line;
 #[cfg(target_os = "none")]
 mod session;
 #[cfg(target_os = "none")]
 mod shared;
-#[cfg(target_os = "none")]
-mod tcd1304;
-#[cfg(target_os = "none")]
-mod transmitter;
 #[cfg(target_os = "none")]
 mod watchdog;
 

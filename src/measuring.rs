@@ -20,12 +20,12 @@ use slitrange::row::pixels::map::PixelMap;
 use slitrange_device::protocol::packet::Window;
 use static_cell::StaticCell;
 
-use super::sensor_head::LONGEST_EXPOSURE;
+use super::board;
+use super::heads::{self, LONGEST_EXPOSURE, WORDS};
 use super::shared::{
     COUNTERS, ExposedRow, FRAMES, FREE, FULL, Flat, FrameEnd, GIVEN, IDLE, LASER, PAUSED, REQUESTS,
-    RESULTS, ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS, WORDS,
+    RESULTS, ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
 };
-use super::{board, sensor_head};
 
 /// The sensor is silent if no row comes for so long, 17 row periods.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
@@ -34,12 +34,12 @@ const LONGEST_WAIT: Duration = Duration::from_millis(100);
 #[unsafe(link_section = ".ccm.measurement")]
 static MEASUREMENT: StaticCell<Measurement> = StaticCell::new();
 
-/// Measures for ever. Deadline: a row within [`sensor_head::ROW_PERIOD`] on average, or rows are lost.
+/// Measures for ever. Deadline: a row within [`heads::ROW_PERIOD`] on average, or rows are lost.
 /// A slow row may take longer by the periods of the rows that the buffers hold.
 #[embassy_executor::task]
 pub async fn measure() {
-    let measurement = MEASUREMENT
-        .init_with(|| Measurement::new(sensor_head::geometry(), for_head(Options::default())));
+    let measurement =
+        MEASUREMENT.init_with(|| Measurement::new(heads::geometry(), for_head(Options::default())));
     let mut flat: Option<Flat> = None;
     let mut is_corrected = false;
     let mut silence = Silence::new();

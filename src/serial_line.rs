@@ -4,20 +4,15 @@ use core::task::Poll;
 
 use embassy_futures::poll_once;
 use embassy_futures::select::{Either3, select3};
-use embassy_stm32::gpio::Output;
-use embassy_stm32::usart::{BufferedUart, BufferedUartRx};
 use embassy_time::{Duration, with_timeout};
-use embedded_io_async::Read as _;
 use slitrange_device::protocol::info::Hardware;
 use slitrange_device::protocol::input::{Echo, Input};
 use slitrange_device::protocol::status::StartCause;
 use slitrange_device::session::Event;
 
-use super::board;
-use super::flash::CalibrationFlash;
+use super::board::{CalibrationFlash, Receiver, SerialPort, Switch, Transmitter};
 use super::session::Shell;
 use super::shared::{COUNTERS, IDLE, RESULTS};
-use super::transmitter::Transmitter;
 
 /// The silence that ends a Modbus request, for rates above 19200 baud (Modbus over serial line V1.02, section
 /// 2.5.1.1).
@@ -32,13 +27,14 @@ const PIECE: usize = 64;
 /// come without an end.
 #[embassy_executor::task]
 pub async fn serve(
-    uart: BufferedUart<'static>,
+    port: SerialPort,
     hardware: Hardware,
-    switch: Output<'static>,
+    switch: Switch,
     started_by: StartCause,
     flash: CalibrationFlash,
 ) {
-    let (tx, mut rx) = uart.split();
+    let (tx, rx) = port.split();
+    let mut rx = Receiver::new(rx);
     let mut shell = Shell::new(Transmitter::new(tx), hardware, switch, started_by, flash);
     shell.start().await;
     let (mut input, mut echo) = (Input::new(), Echo::default());
@@ -46,12 +42,12 @@ pub async fn serve(
     loop {
         if shell.streams_rows() {
             shell.stream_row().await;
-            if let Poll::Ready(count) = poll_once(read(&mut rx, &mut bytes)) {
+            if let Poll::Ready(count) = poll_once(rx.read(&mut bytes)) {
                 take_bytes(&mut shell, &mut input, &mut echo, &bytes[..count]).await;
             }
             continue;
         }
-        match select3(RESULTS.receive(), read(&mut rx, &mut bytes), IDLE.wait()).await {
+        match select3(RESULTS.receive(), rx.read(&mut bytes), IDLE.wait()).await {
             Either3::First(frame) => shell.take_frame(frame).await,
             Either3::Third(()) => COUNTERS.results.add(),
             Either3::Second(count) => {
@@ -68,14 +64,6 @@ pub async fn serve(
     }
 }
 
-/// Reads the bytes that came, or waits for some, and gives their number.
-async fn read(rx: &mut BufferedUartRx<'static>, bytes: &mut [u8; PIECE]) -> usize {
-    // This driver never returns an error: it drops them, and `board` counts them.
-    let count = rx.read(bytes).await.unwrap_or(0);
-    board::note_taken(count);
-    count
-}
-
 /// Takes the results that wait, or measuring's sign of life while it has no results.
 async fn take_results(shell: &mut Shell) {
     while let Ok(frame) = RESULTS.try_receive() {
@@ -87,12 +75,8 @@ async fn take_results(shell: &mut Shell) {
 /// Gathers the rest of a Modbus request, up to the silence that ends it. If the computation of a row keeps
 /// this task for longer than that, two requests may become one. That one has a wrong checksum and no answer,
 /// and the master asks again.
-async fn gather_request(
-    shell: &mut Shell,
-    rx: &mut BufferedUartRx<'static>,
-    bytes: &mut [u8; PIECE],
-) {
-    while let Ok(count) = with_timeout(END_OF_REQUEST, read(rx, bytes)).await {
+async fn gather_request(shell: &mut Shell, rx: &mut Receiver, bytes: &mut [u8; PIECE]) {
+    while let Ok(count) = with_timeout(END_OF_REQUEST, rx.read(bytes)).await {
         shell.gather(&bytes[..count]);
         // Bytes could come without an end.
         take_results(shell).await;

@@ -4,7 +4,6 @@
 use core::fmt::{Display, Write as _};
 use core::sync::atomic::Ordering;
 
-use embassy_stm32::gpio::Output;
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::row::pixels::flat_field::FlatField;
 use slitrange_device::protocol::info::Hardware;
@@ -21,17 +20,16 @@ use slitrange_device::store::{Store, pixel_map};
 use slitrange_device::text::Text;
 use static_cell::ConstStaticCell;
 
-use super::flash::CalibrationFlash;
+use super::board::{self, CalibrationFlash, Switch, Transmitter};
+use super::heads;
 use super::shared::{
     COUNTERS, FRAMES, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
     SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
 };
-use super::transmitter::Transmitter;
-use super::{board, sensor_head};
 
 /// The pixels of a map.
 const PIXELS: usize = {
-    let light = sensor_head::geometry().light;
+    let light = heads::geometry().light;
     light.end - light.start
 };
 
@@ -43,7 +41,7 @@ static FLAT: ConstStaticCell<FlatField> = ConstStaticCell::new(FlatField::new())
 pub struct Shell {
     tx: Transmitter,
     /// On while the latest distance is within `limits`.
-    switch: Output<'static>,
+    switch: Switch,
     started_at: Instant,
     /// Number and time of the latest result.
     results: u32,
@@ -71,7 +69,7 @@ impl Shell {
     pub fn new(
         tx: Transmitter,
         hardware: Hardware,
-        switch: Output<'static>,
+        switch: Switch,
         started_by: StartCause,
         flash: CalibrationFlash,
     ) -> Self {
@@ -82,7 +80,7 @@ impl Shell {
             results: 0,
             result_at: Instant::MIN,
             store: Store::new(flash),
-            session: Session::new(hardware, sensor_head::geometry(), started_by),
+            session: Session::new(hardware, heads::geometry(), started_by),
             actions: Actions::default(),
             packets: Packets::default(),
             row_sent: None,

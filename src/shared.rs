@@ -19,10 +19,7 @@ use slitrange_device::protocol::status::{SerialErrors, Vitals};
 use slitrange_device::session::Applied;
 use slitrange_device::settings::trigger::Trigger;
 
-use super::sensor_head;
-
-/// Words in a row, all of which one DMA transfer brings.
-pub const WORDS: usize = sensor_head::geometry().words;
+use super::heads::WORDS;
 
 /// A row's memory. While one is read into, another is computed on, and the others wait. The task that has the
 /// reference owns the row.

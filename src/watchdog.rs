@@ -7,15 +7,10 @@
 //! that what one sends reaches the other. While a save or `row` pauses results, each operation
 //! of the save on the flash, or each line of the row, counts instead. A panic stops the pulses with the rest.
 
-use embassy_stm32::peripherals;
-use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_time::{Duration, Ticker};
 
-use super::shared::{COUNTERS, Counter};
-
-/// The watchdog's timeout by its own clock, which may run between 17 and 47 kHz instead of 32 (data sheet of
-/// the STM32F429, LSI): 0.7 to 1.9 s.
-pub const TIMEOUT_US: u32 = 1_000_000;
+use crate::board::Watchdog;
+use crate::shared::{COUNTERS, Counter};
 
 /// Time between two checks of the counters.
 const CHECK_PERIOD: Duration = Duration::from_millis(100);
@@ -27,7 +22,7 @@ const MAX_CHECKS_WITHOUT_CHANGE: u32 = 12;
 
 /// Watches for ever.
 #[embassy_executor::task]
-pub async fn watch(mut watchdog: IndependentWatchdog<'static, peripherals::IWDG>) {
+pub async fn watch(mut watchdog: Watchdog) {
     let mut signs = [Sign::of(&COUNTERS.pulses), Sign::of(&COUNTERS.results)];
     let mut check = Ticker::every(CHECK_PERIOD);
     loop {

@@ -64,7 +64,7 @@ OS, SUM, AMPLIFIED, ADC_IN = Net("OS"), Net("SUM"), Net("AMPLIFIED"), Net("ADC_I
 WIPER, OFFSET, OFFSET_TOP, OFFSET_END = Net("WIPER"), Net("OFFSET"), Net("OFFSET_TOP"), Net("OFFSET_END")
 LASER_ON, LASER_TTL = Net("LASER_ON"), Net("LASER_TTL")
 
-# The board's pins, as the firmware uses them: the check compares them with src/board.rs.
+# The board's pins, as the firmware uses them: the check compares them with src/board/mod.rs.
 BOARD = {
     "PE9": (FM, OUT),
     "PF12": (ICG, OUT),
@@ -366,8 +366,8 @@ def netlist():
 
 
 def firmware_pins():
-    """The pins of the sensor head in the table of src/board.rs: pin and signal."""
-    table = re.findall(r"^//! \| (P[^|]+) \|[^|]*\| ([^|]+) \|$", (ROOT / "src/board.rs").read_text(), re.M)
+    """The pins of the sensor head in the table of src/board/mod.rs: pin and signal."""
+    table = re.findall(r"^//! \| (P[^|]+) \|[^|]*\| ([^|]+) \|$", (ROOT / "src/board/mod.rs").read_text(), re.M)
     head = {}
     for pins, signals in table:
         device, *names = [word.strip() for word in signals.split(",")]
@@ -438,11 +438,11 @@ def main():
         wrong.append("SKiDL's rules: see above")
     expected = firmware_pins()
     if set(expected) != set(BOARD):
-        wrong.append(f"src/board.rs has the pins {sorted(expected)}, the netlist has {sorted(BOARD)}")
+        wrong.append(f"src/board/mod.rs has the pins {sorted(expected)}, the netlist has {sorted(BOARD)}")
     for pin, signal in expected.items():
         device, name = SIGNALS[signal]
         if pin in BOARD and not reaches(BOARD[pin][0], device[name]):
-            wrong.append(f"{pin} is {signal} in src/board.rs, but does not reach {device.ref} {name}")
+            wrong.append(f"{pin} is {signal} in src/board/mod.rs, but does not reach {device.ref} {name}")
     wrong += undefined_in_reset()
     if amplifier["V+"].net.name != converter["VA"].net.name:
         wrong.append("U3 can exceed the limits of U4's input: its supply is not U4's")
@@ -461,7 +461,7 @@ def main():
             file.write_text(text)
         elif not file.exists() or file.read_text() != text:
             wrong.append(f"{file.name} is not what sensor-head.py writes: run docs/hardware/check --write")
-    print(f"{len(parts)} parts, {len(nets)} nets, {len(expected)} pins as in src/board.rs")
+    print(f"{len(parts)} parts, {len(nets)} nets, {len(expected)} pins as in src/board/mod.rs")
     return report(wrong)
 
 

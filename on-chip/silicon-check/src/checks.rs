@@ -13,13 +13,13 @@ use slitrange_device::protocol::info::{Clock, Hardware};
 use slitrange_device::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
-use super::board::{CORE_HZ, CYCLES_A_MASTER_CLOCK};
+use super::board::processor::CORE_HZ;
+use super::board::{CYCLES_A_MASTER_CLOCK, CalibrationFlash};
 use super::estimators::{self, Load};
-use super::flash::CalibrationFlash;
+use super::heads::{ROW_PERIOD, WORDS};
 use super::kept::Word;
 use super::report::{Report, text};
-use super::sensor_head::ROW_PERIOD;
-use super::shared::{COUNTERS, FREE, FULL, WORDS};
+use super::shared::{COUNTERS, FREE, FULL};
 use super::wires::{self, SEEN};
 
 /// Rows to check, unless a test asks for fewer: 57 s.

@@ -11,27 +11,20 @@
 #[path = "../../../src/acquisition.rs"]
 mod acquisition;
 #[cfg(target_os = "none")]
-#[path = "../../../src/board.rs"]
-#[allow(dead_code)]
+#[path = "../../../src/alarm.rs"]
+mod alarm;
+#[cfg(target_os = "none")]
+#[path = "../../../src/board/mod.rs"]
+#[allow(dead_code, unused_imports)]
 mod board;
 #[cfg(target_os = "none")]
-#[path = "../../../src/flash.rs"]
-mod flash;
-#[cfg(target_os = "none")]
-#[path = "../../../src/laser.rs"]
-mod laser;
-#[cfg(target_os = "none")]
-#[path = "../../../src/sensor_head.rs"]
-#[allow(dead_code, unused_imports)]
-mod sensor_head;
+#[path = "../../../src/heads/mod.rs"]
+#[allow(dead_code)]
+mod heads;
 #[cfg(target_os = "none")]
 #[path = "../../../src/shared.rs"]
 #[allow(dead_code)]
 mod shared;
-#[cfg(target_os = "none")]
-#[path = "../../../src/tcd1304.rs"]
-#[allow(dead_code)]
-mod tcd1304;
 #[cfg(target_os = "none")]
 #[path = "../../../src/watchdog.rs"]
 mod watchdog;

@@ -24,7 +24,7 @@ use embassy_stm32::pac::gpio::Gpio;
 use embassy_stm32::pac::gpio::vals::{Moder, Ospeedr};
 use embassy_stm32::pac::timer::vals::{CcmrInputCcs, Mms, Sms, Ts};
 
-use super::board::CYCLES_A_MASTER_CLOCK;
+use super::board::{self, CYCLES_A_MASTER_CLOCK};
 
 /// The alternate functions: TIM8 on port C, TIM2 on PA0, TIM3 on PB5 (STM32F429 data sheet, table 12).
 const TIM8_FUNCTION: u8 = 3;
@@ -245,8 +245,8 @@ fn edge_of_master_clock(falls: bool) -> Option<u32> {
         flags.0 = u32::MAX;
         flags.set_ccif(1, false);
     });
-    let start = super::board::cycles();
-    while super::board::cycles().wrapping_sub(start) < super::board::CORE_HZ / 10_000 {
+    let start = board::cycles();
+    while board::cycles().wrapping_sub(start) < board::cycles_in_ns(100_000) {
         if timer.sr().read().ccif(1) {
             return Some(timer.ccr(1).read().ccr().into());
         }

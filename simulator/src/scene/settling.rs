@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 pub const PIXEL: f64 = 16.0 / 10.5e6;
 
 /// From the start of a pixel to the moment at which the firmware's converter holds it, in seconds: 70 % of a
-/// pixel (`src/tcd1304.rs`).
+/// pixel (`src/heads/tcd1304.rs`).
 pub const HOLD: f64 = 0.7 * PIXEL;
 
 /// A low pass of first order between the sensor and the converter: output impedance and capacitance, or the

@@ -327,7 +327,7 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
         (first, WORD),
         (1000, WORD),
         (spot, WORD),
-        // 153 core cycles, more on a slower core: see `has_gap` in src/sensor_head.rs.
+        // 153 core cycles, more on a slower core: see `has_gap` in src/heads/read_out.rs.
         (last, Duration::from_nanos(shortest.ceil() as u64)),
         (first + 30, 7 * WORD),
     ] {

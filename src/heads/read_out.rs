@@ -1,7 +1,4 @@
-//! The sensor head that the firmware is built for: its driver, and the numbers that the other modules need
-//! of it.
-//!
-//! A driver is a module with the items that are re-exported here. docs/another-sensor.md says how to add one.
+//! A read-out by the converter at SPI1: when its words end, and whether SCLK had a gap.
 
 use core::future::{Future, poll_fn};
 use core::pin::Pin;
@@ -10,13 +7,9 @@ use core::task::Poll;
 use embassy_stm32::spi;
 use embassy_time::{Duration, Instant, with_timeout};
 
-use super::acquisition::set_alarm;
-use super::board::{self, CORE_HZ};
-use super::shared::WORDS;
-
-pub use super::tcd1304::{
-    LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, Pins, ROW_PERIOD, Tcd1304 as SensorHead, geometry,
-};
+use super::WORDS;
+use crate::alarm::set_alarm;
+use crate::board::{self, cycles_in_ns};
 
 /// The sensor's clock and the converter's come from one PLL: SCLK is APB2 (84 MHz) / 8, exactly. The
 /// converter takes at most 16 MHz, and the next divider gives 21.
@@ -29,7 +22,7 @@ const DMA_LATENCY: u32 = 20;
 const WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
 /// A read-out that has not ended when the next row is due has this much time left.
-pub const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
+const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// Why a read-out brought no row.
 #[derive(Clone, Copy, Debug, defmt::Format)]
@@ -43,10 +36,7 @@ pub enum ReadOutError {
 }
 
 /// Polls a transfer until it has ended or the alarm rings, which must be set. `Pending` if the alarm rang.
-pub async fn poll_until<T>(
-    alarm: Instant,
-    mut transfer: Pin<&mut impl Future<Output = T>>,
-) -> Poll<T> {
+async fn poll_until<T>(alarm: Instant, mut transfer: Pin<&mut impl Future<Output = T>>) -> Poll<T> {
     // DMA or the alarm wakes the task.
     poll_fn(|context| match transfer.as_mut().poll(context) {
         Poll::Pending if Instant::now() < alarm => Poll::Pending,
@@ -133,14 +123,4 @@ fn has_gap(word_0_ended: u32, word: u32) -> bool {
         let later = |ended: u32| ended.wrapping_sub(word_0_ended) as i32;
         ended.is_none_or(|ended| later(ended) > (3 * word / 8) as i32)
     })
-}
-
-/// Waits until `cycles` after `start`; both less than 12 s from now.
-pub fn wait_until(start: u32, cycles: u32) {
-    while (board::cycles().wrapping_sub(start).wrapping_sub(cycles) as i32) < 0 {}
-}
-
-/// Whole core cycles in a time, rounded up.
-pub const fn cycles_in_ns(ns: u32) -> u32 {
-    (ns as u64 * CORE_HZ as u64).div_ceil(1_000_000_000) as u32
 }

@@ -6,8 +6,8 @@
 //! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
 //! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
 //! * `write` starts the interrupt only if the buffer was empty when it checked. If the last bytes leave
-//!   between that check and the new bytes' arrival, nobody starts it: [`board::hand_over_bytes`] starts it
-//!   after every write.
+//!   between that check and the new bytes' arrival, nobody starts it: [`hand_over_bytes`] starts it after
+//!   every write.
 
 use embassy_futures::poll_once;
 use embassy_stm32::usart::BufferedUartTx;
@@ -15,8 +15,8 @@ use embassy_time::Timer;
 use embedded_io_async::Write as _;
 use slitrange_device::settings::serial_line::Baud;
 
-use super::board;
-use super::shared::COUNTERS;
+use super::rs485::hand_over_bytes;
+use crate::shared::COUNTERS;
 
 /// Bytes handed over at a time: a small part of the driver's buffer, so that it does not run dry meanwhile.
 const PIECE: usize = 64;
@@ -80,6 +80,6 @@ impl Transmitter {
         if bytes.is_empty() {
             return true;
         }
-        board::hand_over_bytes(|| poll_once(self.port.write(bytes)).is_ready())
+        hand_over_bytes(|| poll_once(self.port.write(bytes)).is_ready())
     }
 }

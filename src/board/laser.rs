@@ -16,7 +16,7 @@ use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{Peri, pac, peripherals};
 use slitrange::base::exposure::Exposure;
 
-use super::sensor_head::{LONGEST_EXPOSURE, ROW_PERIOD};
+use crate::heads::{LONGEST_EXPOSURE, ROW_PERIOD};
 
 /// The counter's speed: a step is a microsecond.
 const COUNTER_HZ: u32 = 1_000_000;

@@ -60,12 +60,12 @@ use slitrange::base::exposure::Exposure;
 use slitrange::row::Geometry;
 use slitrange::row::sensor_heads::{self, TCD1304DG_LEAD_IN};
 
-use super::board::{self, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
-use super::laser::Laser;
-use super::sensor_head::{
-    ReadOutError, SCLK_HZ, cycles_in_ns, end_read_out, find_end_of_word_0, wait_until,
+use super::WORDS;
+use super::read_out::{ReadOutError, SCLK_HZ, end_read_out, find_end_of_word_0};
+use crate::board::{
+    self, CYCLES_A_MASTER_CLOCK, Converter, Laser, MasterClock, cycles_in_ns, wait_until,
 };
-use super::shared::{COUNTERS, WORDS};
+use crate::shared::COUNTERS;
 
 /// The sensor head's name.
 pub const NAME: &str = "TCD1304DG";

@@ -10,10 +10,14 @@ use core::pin::pin;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_stm32::flash::{Async, Bank2Region1, Error};
+use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::pac::gpio::vals::Pupdr;
+use embassy_stm32::peripherals::PA12;
+use embassy_stm32::{Peri, pac};
 use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
-use super::shared::COUNTERS;
+use crate::shared::COUNTERS;
 
 /// Time after which an erase gives a sign of life. A sector of 16 KB takes 800 ms at most (data sheet of the
 /// STM32F429, flash memory programming, by bytes: the driver does not change that).
@@ -87,4 +91,15 @@ impl NorFlash for CalibrationFlash {
         COUNTERS.results.add();
         written
     }
+}
+
+/// Keeps PA12 low. On chips before revision 3, reading bank 2 of the flash may go wrong while PA12 changes
+/// (STM32F42xx errata sheet, section 2.2.11). The pin must be an output that stays low, with its pull-down.
+/// embassy-stm32's flash driver panics if it is not.
+pub fn keep_pa12_low(pin: Peri<'static, PA12>) {
+    // Dropping the output would make the pin an input again.
+    core::mem::forget(Output::new(pin, Level::Low, Speed::Low));
+    pac::GPIOA
+        .pupdr()
+        .modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
 }

@@ -1,0 +1,147 @@
+//! The NUCLEO-F429ZI: clocks, pins, interrupts and their priorities. Only this folder and the drivers of the
+//! sensor heads know the chip.
+//!
+//! | pin | | to |
+//! |---|---|---|
+//! | PE9 | TIM1 channel 1 | sensor, fM |
+//! | PF12 | output | sensor, ICG |
+//! | PF13 | output | sensor, SH |
+//! | PD14 | output | converter, chip select |
+//! | PD15 | TIM4 channel 4 | laser |
+//! | PA5, PA6 | SPI1 | converter, SCLK, DOUT |
+//! | PE11 (D5) | output, low after a reset | the switching output of the setting `limits` |
+//! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
+//! | PA3 | input, EXTI3, pulled down | the trigger: a rising edge starts a frame (setting `trigger pin`) |
+//! | PD12 | output | an RS-485 driver: high while the sensor sends |
+//! | PA12 | output, low | nothing (see `keep_pa12_low`) |
+//!
+//! # Priorities
+//!
+//! From the most urgent down, each a level above the next:
+//! 1. DMA and TIM5 (the clock of embassy-time). Their handlers only wake tasks, and say when a row is due.
+//! 2. UART4, which carries the urgent executor: only the handlers above interrupt it from the tick to the
+//!    pulses.
+//! 3. USART3, a character every 87 us, or every 11 us at 921600 baud. It may wait 10 us for the pulses,
+//!    because the hardware holds one character until the next has come. A slow core takes longer for the
+//!    pulses, and may then lose characters at 921600 baud (docs/hardware.md).
+//! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline. EXTI3, the
+//!    trigger's edge, which notes how many pulses were given before it.
+//! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
+
+mod clock;
+mod core_coupled_memory;
+mod flash;
+mod laser;
+pub mod processor;
+mod sensor_wires;
+mod serial;
+mod start_cause;
+mod trigger_pin;
+mod urgent;
+mod watchdog;
+
+use embassy_stm32::flash::Flash;
+use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::interrupt::{InterruptExt, Priority};
+use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals, usart};
+use slitrange_device::protocol::info::Hardware;
+use slitrange_device::protocol::status::StartCause;
+
+pub use flash::CalibrationFlash;
+pub use laser::Laser;
+pub use processor::{cycles, cycles_in_ns, reset, wait_until};
+pub use sensor_wires::{
+    CYCLES_A_MASTER_CLOCK, Converter, MasterClock, master_clock_rose, raise_icg_at, words_to_come,
+};
+pub use serial::{Receiver, SerialPort, Transmitter};
+pub use trigger_pin::listen_to_trigger;
+pub use urgent::start_urgent_executor;
+pub use watchdog::Watchdog;
+
+use crate::heads::{self, LONGEST_EXPOSURE, Pins, ROW_PERIOD, SensorHead};
+use serial::{CountSerialErrors, NoteFlags, ReleaseLine};
+
+/// The board's name.
+const NAME: &str = "NUCLEO-F429ZI";
+
+bind_interrupts!(struct Interrupts {
+    // The order matters. The first handler notes the flags before the second clears them, and does no more:
+    // a flag that is set between the two is not seen. The driver of RS-485 is switched off after the second
+    // has seen the end of the last bit.
+    USART3 => NoteFlags, usart::BufferedInterruptHandler<peripherals::USART3>, CountSerialErrors, ReleaseLine;
+    DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
+    DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
+    FLASH => embassy_stm32::flash::InterruptHandler;
+});
+
+/// The switching output.
+pub type Switch = Output<'static>;
+
+/// The board, ready.
+pub struct Board {
+    /// The sensor head.
+    pub sensor: SensorHead,
+    /// The serial line.
+    pub serial: SerialPort,
+    /// The switching output of the setting `limits`.
+    pub switch: Switch,
+    /// Where the store keeps the configuration.
+    pub flash: CalibrationFlash,
+    /// The watchdog. It runs already: if the start hangs before the first pet, the board starts again.
+    pub watchdog: Watchdog,
+    /// What made the board start.
+    pub started_by: StartCause,
+    /// What `info` says about it.
+    pub hardware: Hardware,
+}
+
+/// Sets up clocks and peripherals. Call once, first.
+pub fn init() -> Board {
+    watchdog::start();
+    processor::set_up();
+    let clock = clock::start();
+    let p = clock::init_chip(clock);
+    clock::enable_flash_accelerator();
+    let started_by = start_cause::start_cause();
+    defmt::info!(
+        "slitrange started by {}",
+        defmt::Display2Format(&started_by)
+    );
+
+    for (interrupt, priority) in [
+        (interrupt::TIM5, Priority::P1),
+        (interrupt::UART4, Priority::P2),
+        (serial::INTERRUPT, Priority::P3),
+        (interrupt::FLASH, Priority::P4),
+        (interrupt::EXTI3, Priority::P4),
+    ] {
+        interrupt.set_priority(priority);
+    }
+    let watchdog = watchdog::set_timeout(p.IWDG);
+    let master_clock = sensor_wires::start_master_clock(p.TIM1, p.PE9);
+    let converter = sensor_wires::connect_converter(p.SPI1, p.PA5, p.PA6, p.DMA2_CH3, p.DMA2_CH0);
+    let laser = Laser::new(p.TIM4, p.PD15);
+    let pins = Pins::new(p.PF12.into(), p.PF13.into(), p.PD14.into(), laser);
+    let sensor = SensorHead::new(converter, pins, master_clock);
+    let serial = serial::open(p.USART3, p.PD9, p.PD8, p.PD12);
+    trigger_pin::watch_trigger(p.PA3);
+    flash::keep_pa12_low(p.PA12);
+    let flash = Flash::new(p.FLASH, Interrupts).into_regions();
+
+    Board {
+        sensor,
+        serial,
+        switch: Output::new(p.PE11, Level::Low, Speed::Low),
+        flash: CalibrationFlash::new(flash.bank2_region1),
+        watchdog,
+        started_by,
+        hardware: Hardware {
+            board: NAME,
+            head: heads::NAME,
+            row_us: ROW_PERIOD.as_micros() as u32,
+            longest_exposure: LONGEST_EXPOSURE,
+            clock,
+            brown_out: start_cause::brown_out(),
+        },
+    }
+}

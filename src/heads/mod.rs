@@ -1,0 +1,15 @@
+//! The sensor head that the firmware is built for: its driver, and the numbers that the other modules need
+//! of it.
+//!
+//! A driver is a module with the items that are re-exported here. docs/another-sensor.md says how to add one.
+
+mod read_out;
+mod tcd1304;
+
+pub use read_out::{ReadOutError, SCLK_HZ};
+pub use tcd1304::{
+    LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, Pins, ROW_PERIOD, Tcd1304 as SensorHead, geometry,
+};
+
+/// Words in a row, all of which one DMA transfer brings.
+pub const WORDS: usize = geometry().words;
