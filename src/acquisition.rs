@@ -4,9 +4,11 @@ use embassy_time::Instant;
 use slitrange::base::exposure::Exposure;
 use static_cell::ConstStaticCell;
 
-use super::alarm::{set_alarm, wait_for_alarm};
-use super::heads::{ROW_PERIOD, ReadOutError, SensorHead, WORDS};
-use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER};
+use crate::alarm::{set_alarm, wait_for_alarm};
+use crate::counters::COUNTERS;
+use crate::heads::{ROW_PERIOD, ReadOutError, SensorHead, WORDS};
+use crate::laser_order::LASER;
+use crate::rows::{BUFFERS, Buffer, ExposedRow, ROWS};
 
 /// Pulses before the first row. The pixels have gathered light since the power came on, and one pulse does
 /// not clear all of it.
@@ -15,11 +17,11 @@ const CLEARING_PULSES: u32 = 4;
 /// The rows' memory. Each row begins at a multiple of 4. At other addresses it would take 10,000 instructions
 /// more, because `dual_mac::sum_blocks` would then add the pixels one by one.
 #[repr(align(4))]
-struct Rows([[u16; WORDS]; BUFFERS]);
+struct Memory([[u16; WORDS]; BUFFERS]);
 
 const _: () = assert!(size_of::<[u16; WORDS]>().is_multiple_of(4));
 
-static ROWS: ConstStaticCell<Rows> = ConstStaticCell::new(Rows([[0; WORDS]; BUFFERS]));
+static MEMORY: ConstStaticCell<Memory> = ConstStaticCell::new(Memory([[0; WORDS]; BUFFERS]));
 
 /// Takes rows for ever. Deadline: the pulses, within 60 us of the tick; then DMA works alone.
 ///
@@ -29,8 +31,8 @@ static ROWS: ConstStaticCell<Rows> = ConstStaticCell::new(Rows([[0; WORDS]; BUFF
 /// sensor silent.
 #[embassy_executor::task]
 pub async fn acquire(mut sensor: SensorHead) {
-    for row in &mut ROWS.take().0 {
-        FREE.send(row).await;
+    for row in &mut MEMORY.take().0 {
+        ROWS.free.send(row).await;
     }
     let mut clearing = CLEARING_PULSES;
     let mut due = Instant::now() + ROW_PERIOD;
@@ -50,7 +52,7 @@ pub async fn acquire(mut sensor: SensorHead) {
             set_alarm(due).await;
             continue;
         }
-        let Ok(row) = FREE.try_receive() else {
+        let Ok(row) = ROWS.free.try_receive() else {
             COUNTERS.rows_lost.add();
             sensor.pulse(next_exposure(&sensor)).await;
             set_alarm(due).await;
@@ -76,27 +78,28 @@ async fn read(sensor: &mut SensorHead, row: Buffer, next: Instant) -> bool {
     match sensor.read_out(row, next, exposure).await {
         Ok(exposure) => {
             COUNTERS.rows.add();
-            FULL.send(ExposedRow {
-                words: row,
-                exposure,
-                at: Instant::now(),
-                number: COUNTERS.rows.get(),
-                // This task alone gives pulses, and has given none since.
-                pulses: COUNTERS.pulses.get(),
-            })
-            .await;
+            ROWS.full
+                .send(ExposedRow {
+                    words: row,
+                    exposure,
+                    at: Instant::now(),
+                    number: COUNTERS.rows.get(),
+                    // This task alone gives pulses, and has given none since.
+                    pulses: COUNTERS.pulses.get(),
+                })
+                .await;
             true
         }
         // The sensor was pulsed in time, so the next row is good.
         Err(ReadOutError::Late) => {
             COUNTERS.rows_late.add();
-            FREE.send(row).await;
+            ROWS.free.send(row).await;
             true
         }
         Err(error) => {
             COUNTERS.rows_failed.add();
             defmt::warn!("read-out failed: {}", error);
-            FREE.send(row).await;
+            ROWS.free.send(row).await;
             false
         }
     }

@@ -1,11 +1,14 @@
 //! The firmware: laser spots in, distances out of the serial line.
 //!
-//! Three tasks and the flash, and what passes between them ([`shared`]):
+//! Three tasks and the flash, and what passes between them:
 //!
 //! ```text
-//! acquisition --full rows--> measuring --centres, faults---> serial line --records--> flash
-//!             <--free rows--           <-settings, pauses---
+//! acquisition --full rows------> measuring --results---> serial line --records--> flash
+//!             <--free rows------           <--requests--
+//!             <--laser's order--
 //! ```
+//!
+//! Each of these has its file: [`rows`], [`laser_order`], [`results`], [`requests`].
 //!
 //! A fourth task feeds the watchdog while all others make progress. Acquisition and watchdog run in an
 //! interrupt, above the other tasks, so that a row's computation never shifts the sensor's pulses.
@@ -18,15 +21,25 @@ mod alarm;
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
+mod counters;
+#[cfg(target_os = "none")]
 mod heads;
 #[cfg(target_os = "none")]
+mod laser_order;
+#[cfg(target_os = "none")]
 mod measuring;
+#[cfg(target_os = "none")]
+mod requests;
+#[cfg(target_os = "none")]
+mod results;
+#[cfg(target_os = "none")]
+mod rows;
 #[cfg(target_os = "none")]
 mod serial_line;
 #[cfg(target_os = "none")]
 mod session;
 #[cfg(target_os = "none")]
-mod shared;
+mod trigger;
 #[cfg(target_os = "none")]
 mod watchdog;
 

@@ -2,7 +2,6 @@
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
-use core::sync::atomic::Ordering;
 use core::task::Poll;
 
 use embassy_futures::yield_now;
@@ -20,12 +19,14 @@ use slitrange::row::pixels::map::PixelMap;
 use slitrange_device::protocol::packet::Window;
 use static_cell::StaticCell;
 
-use super::board;
-use super::heads::{self, LONGEST_EXPOSURE, WORDS};
-use super::shared::{
-    COUNTERS, ExposedRow, FRAMES, FREE, FULL, Flat, FrameEnd, GIVEN, IDLE, LASER, PAUSED, REQUESTS,
-    RESULTS, ROW_TO_SEND, Request, SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
-};
+use crate::board;
+use crate::counters::COUNTERS;
+use crate::heads::{self, LONGEST_EXPOSURE, WORDS};
+use crate::laser_order::LASER;
+use crate::requests::{Flat, MEASURING, Request, RowAlone, SETTINGS};
+use crate::results::{FrameEnd, IDLE, RESULTS};
+use crate::rows::ROWS;
+use crate::trigger::FRAMES;
 
 /// The sensor is silent if no row comes for so long, 17 row periods.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
@@ -54,7 +55,7 @@ pub async fn measure() {
             // faster than frames end would make the watchdog take the lack of results for a fault.
             COUNTERS.results.add();
         }
-        match REQUESTS.try_receive() {
+        match MEASURING.requests.try_receive() {
             Ok(Request::Use(given, on)) => {
                 flat = Some(given);
                 is_corrected = on;
@@ -67,25 +68,26 @@ pub async fn measure() {
                     Some(flat) => take_rows(flat, kind, measurement.geometry()).await,
                     None => Err(TakeError::Silent),
                 };
-                TAKEN.send(taken).await;
+                MEASURING.taken.send(taken).await;
                 silence = Silence::new();
             }
             Ok(Request::Give) => {
                 if let Some(flat) = flat.take() {
-                    GIVEN.send(flat).await;
+                    MEASURING.map.send(flat).await;
                 }
             }
             Ok(Request::MeasureAlone) => {
                 let map = flat.as_deref().and_then(FlatField::map);
-                ROW_TO_SEND
+                MEASURING
+                    .row
                     .send(next_row_alone(measurement, map.filter(|_| is_corrected)).await)
                     .await;
                 silence = Silence::new();
             }
             Err(_) => {}
         }
-        let Ok(row) = FULL.try_receive() else {
-            if silence.comes_before_event().await && !paused() {
+        let Ok(row) = ROWS.full.try_receive() else {
+            if silence.comes_before_event().await && !MEASURING.is_paused() {
                 let fault = measurement.silence();
                 if FRAMES.end_in_silence() {
                     publish(Err(fault), Instant::now());
@@ -96,8 +98,8 @@ pub async fn measure() {
             continue;
         };
         silence.row_came();
-        if paused() {
-            FREE.send(row.words).await;
+        if MEASURING.is_paused() {
+            ROWS.free.send(row.words).await;
             // The frame starts again after the pause.
             measurement.start_frame();
             continue;
@@ -120,7 +122,7 @@ pub async fn measure() {
         if let Some(Ok(measured)) = &result {
             publish_window(measured, measurement.geometry(), row.words, row.at);
         }
-        FREE.send(row.words).await;
+        ROWS.free.send(row.words).await;
         if let Some(result) = result {
             publish(result, row.at);
             // If rows come faster than they are computed, one always waits here, and the serial line would
@@ -156,8 +158,8 @@ impl Silence {
     /// for either, because they matter to rows only.
     async fn comes_before_event(&mut self) -> bool {
         poll_fn(|context| {
-            if FULL.poll_ready_to_receive(context).is_ready()
-                || REQUESTS.poll_ready_to_receive(context).is_ready()
+            if ROWS.full.poll_ready_to_receive(context).is_ready()
+                || MEASURING.requests.poll_ready_to_receive(context).is_ready()
             {
                 return Poll::Ready(false);
             }
@@ -178,19 +180,16 @@ impl Silence {
 
 /// Measures the next row that arrives, by itself. Its exposure may have begun before the command, by up to
 /// two rows. Rows without the laser's light do not count, unless the setting `laser` is off.
-async fn next_row_alone(
-    measurement: &mut Measurement,
-    map: Option<&PixelMap>,
-) -> (Option<ExposedRow>, Result<Measured, Fault>) {
+async fn next_row_alone(measurement: &mut Measurement, map: Option<&PixelMap>) -> RowAlone {
     free_waiting_rows().await;
     let row = loop {
-        let Ok(row) = with_timeout(LONGEST_WAIT, FULL.receive()).await else {
+        let Ok(row) = with_timeout(LONGEST_WAIT, ROWS.full.receive()).await else {
             return (None, Err(measurement.silence()));
         };
         if !is_dark_row(measurement, row.words, row.exposure) {
             break row;
         }
-        FREE.send(row.words).await;
+        ROWS.free.send(row.words).await;
     };
     let measured = measurement.measure_alone(row.words, row.exposure, map);
     (Some(row), measured)
@@ -227,8 +226,8 @@ fn is_dark_row(measurement: &mut Measurement, words: &[u16], exposure: Option<Ex
 
 /// Frees the rows that wait: they may have been exposed before the command came.
 async fn free_waiting_rows() {
-    while let Ok(row) = FULL.try_receive() {
-        FREE.send(row.words).await;
+    while let Ok(row) = ROWS.full.try_receive() {
+        ROWS.free.send(row.words).await;
     }
 }
 
@@ -241,21 +240,16 @@ async fn take_rows(
     free_waiting_rows().await;
     flat.begin(kind, geometry)?;
     loop {
-        let Ok(row) = with_timeout(LONGEST_WAIT, FULL.receive()).await else {
+        let Ok(row) = with_timeout(LONGEST_WAIT, ROWS.full.receive()).await else {
             return Err(TakeError::Silent);
         };
         let taken = flat.add(row.words, geometry);
-        FREE.send(row.words).await;
+        ROWS.free.send(row.words).await;
         COUNTERS.results.add();
         if let Some(taken) = taken {
             return taken;
         }
     }
-}
-
-fn paused() -> bool {
-    // Relaxed: this orders nothing, and the task that sets it runs in the same executor.
-    PAUSED.load(Ordering::Relaxed)
 }
 
 /// Computes a row: all the computation that a row takes.
@@ -278,18 +272,17 @@ fn measure_row(
 
 /// Publishes the pixels around the spot of a frame's last row, if they are to be sent.
 fn publish_window(measured: &Measured, geometry: &Geometry, words: &[u16], at: Instant) {
-    // Relaxed: this orders nothing.
-    if !SENDS_WINDOWS.load(Ordering::Relaxed) {
+    if !MEASURING.sends_windows() {
         return;
     }
     if let Some(window) = Window::new(measured, geometry, words)
-        && let Err(TrySendError::Full(window)) = WINDOWS.try_send((at, window))
+        && let Err(TrySendError::Full(window)) = RESULTS.windows.try_send((at, window))
     {
         // The oldest one makes room: its result was not sent.
-        let _ = WINDOWS.try_receive();
+        let _ = RESULTS.windows.try_receive();
         COUNTERS
             .lines_dropped
-            .add_if(WINDOWS.try_send(window).is_err());
+            .add_if(RESULTS.windows.try_send(window).is_err());
     }
 }
 
@@ -303,5 +296,5 @@ fn publish(result: Result<Measured, Fault>, at: Instant) {
     };
     COUNTERS
         .lines_dropped
-        .add_if(RESULTS.try_send(end).is_err());
+        .add_if(RESULTS.frames.try_send(end).is_err());
 }

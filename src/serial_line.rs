@@ -10,9 +10,10 @@ use slitrange_device::protocol::input::{Echo, Input};
 use slitrange_device::protocol::status::StartCause;
 use slitrange_device::session::Event;
 
-use super::board::{CalibrationFlash, Receiver, SerialPort, Switch, Transmitter};
-use super::session::Shell;
-use super::shared::{COUNTERS, IDLE, RESULTS};
+use crate::board::{CalibrationFlash, Receiver, SerialPort, Switch, Transmitter};
+use crate::counters::COUNTERS;
+use crate::results::{IDLE, RESULTS};
+use crate::session::Shell;
 
 /// The silence that ends a Modbus request, for rates above 19200 baud (Modbus over serial line V1.02, section
 /// 2.5.1.1).
@@ -47,7 +48,7 @@ pub async fn serve(
             }
             continue;
         }
-        match select3(RESULTS.receive(), rx.read(&mut bytes), IDLE.wait()).await {
+        match select3(RESULTS.frames.receive(), rx.read(&mut bytes), IDLE.wait()).await {
             Either3::First(frame) => shell.take_frame(frame).await,
             Either3::Third(()) => COUNTERS.results.add(),
             Either3::Second(count) => {
@@ -66,7 +67,7 @@ pub async fn serve(
 
 /// Takes the results that wait, or measuring's sign of life while it has no results.
 async fn take_results(shell: &mut Shell) {
-    while let Ok(frame) = RESULTS.try_receive() {
+    while let Ok(frame) = RESULTS.frames.try_receive() {
         shell.take_frame(frame).await;
     }
     COUNTERS.results.add_if(IDLE.try_take().is_some());

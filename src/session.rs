@@ -2,7 +2,6 @@
 //! measurement and flash.
 
 use core::fmt::{Display, Write as _};
-use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::row::pixels::flat_field::FlatField;
@@ -20,12 +19,13 @@ use slitrange_device::store::{Store, pixel_map};
 use slitrange_device::text::Text;
 use static_cell::ConstStaticCell;
 
-use super::board::{self, CalibrationFlash, Switch, Transmitter};
-use super::heads;
-use super::shared::{
-    COUNTERS, FRAMES, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
-    SENDS_WINDOWS, SETTINGS, TAKEN, WINDOWS,
-};
+use crate::board::{self, CalibrationFlash, Switch, Transmitter};
+use crate::counters::COUNTERS;
+use crate::heads;
+use crate::requests::{Flat, MEASURING, SETTINGS};
+use crate::results::{FrameEnd, RESULTS};
+use crate::rows::ROWS;
+use crate::trigger::FRAMES;
 
 /// The pixels of a map.
 const PIXELS: usize = {
@@ -119,7 +119,7 @@ impl Shell {
         self.tx.send(answer).await;
         answer.clear();
         if self.actions.save {
-            PAUSED.store(true, Ordering::Relaxed);
+            MEASURING.pause();
             self.save().await;
         }
     }
@@ -165,7 +165,7 @@ impl Shell {
         self.send().await;
         // No answer is due, so the text is that of the banner.
         self.load_map(FLAT.take()).await;
-        PAUSED.store(false, Ordering::Relaxed);
+        MEASURING.resume();
     }
 
     /// Takes the result of a frame and carries out the actions.
@@ -182,7 +182,7 @@ impl Shell {
     pub async fn carry_out(&mut self) {
         self.apply();
         if self.actions.save {
-            PAUSED.store(true, Ordering::Relaxed);
+            MEASURING.pause();
             self.send().await;
             self.save().await;
         }
@@ -201,7 +201,7 @@ impl Shell {
             board::reset();
         }
         self.tx.set_baud(self.session.settings().baud).await;
-        SENDS_WINDOWS.store(self.session.streams_windows(), Ordering::Relaxed);
+        MEASURING.send_windows(self.session.streams_windows());
         if let Some(part) = self.actions.row.take() {
             self.send_row(part).await;
         }
@@ -215,9 +215,8 @@ impl Shell {
     /// Sends the next row whole, with its result. Takes as long as the line takes for the row: 66 ms at
     /// 921600 baud.
     pub async fn stream_row(&mut self) {
-        PAUSED.store(true, Ordering::Relaxed);
-        REQUESTS.send(Request::MeasureAlone).await;
-        let (exposed, result) = ROW_TO_SEND.receive().await;
+        MEASURING.pause();
+        let (exposed, result) = MEASURING.measure_alone().await;
         let (words, number, exposure, at) = match &exposed {
             Some(row) => (row.words.as_slice(), row.number, row.exposure, row.at),
             None => (&[][..], COUNTERS.rows.get(), None, Instant::now()),
@@ -240,17 +239,16 @@ impl Shell {
         }
         COUNTERS.results.add();
         if let Some(row) = exposed {
-            FREE.send(row.words).await;
+            ROWS.free.send(row.words).await;
         }
-        PAUSED.store(false, Ordering::Relaxed);
+        MEASURING.resume();
     }
 
     /// Sends a row. The row keeps its buffer until its last line is sent; the other buffers take the next
     /// rows.
     async fn send_row(&mut self, part: RowPart) {
-        PAUSED.store(true, Ordering::Relaxed);
-        REQUESTS.send(Request::MeasureAlone).await;
-        let (exposed, measured) = ROW_TO_SEND.receive().await;
+        MEASURING.pause();
+        let (exposed, measured) = MEASURING.measure_alone().await;
         let geometry = self.session.geometry();
         let (row, exposure) = match &exposed {
             Some(row) => (
@@ -267,14 +265,14 @@ impl Shell {
         }
         self.send_line(&ROW_END).await;
         if let Some(exposed) = exposed {
-            FREE.send(exposed.words).await;
+            ROWS.free.send(exposed.words).await;
         }
         // The last lines wait in the transmitter's buffer. A reading behind them would be late.
         while !self.tx.is_empty() {
             Timer::after_millis(10).await;
             COUNTERS.results.add();
         }
-        PAUSED.store(false, Ordering::Relaxed);
+        MEASURING.resume();
     }
 
     /// Sends a line, and counts it as a sign of life.
@@ -288,48 +286,46 @@ impl Shell {
 
     /// Looks at the next row for `selftest`, and answers.
     async fn test_row(&mut self) {
-        PAUSED.store(true, Ordering::Relaxed);
-        REQUESTS.send(Request::MeasureAlone).await;
-        let (exposed, measured) = ROW_TO_SEND.receive().await;
+        MEASURING.pause();
+        let (exposed, measured) = MEASURING.measure_alone().await;
         let mut test = None;
         if let Some(exposed) = exposed {
             let geometry = self.session.geometry();
             let row = geometry.row(exposed.words.as_slice()).ok();
             test = row.and_then(|row| RowTest::of(&row, &measured));
-            FREE.send(exposed.words).await;
+            ROWS.free.send(exposed.words).await;
         }
         COUNTERS.results.add();
-        PAUSED.store(false, Ordering::Relaxed);
+        MEASURING.resume();
         self.update_session(Event::Tested(test));
         self.send().await;
     }
 
     /// Does what the session asked for with the map of the pixels. No frame is due meanwhile.
     async fn do_flat(&mut self, job: Job) {
-        PAUSED.store(true, Ordering::Relaxed);
+        MEASURING.pause();
         // As in `save`.
         COUNTERS.results.add();
         match job {
             Job::Take(kind) => {
-                REQUESTS.send(Request::Take(kind)).await;
-                let taken = TAKEN.receive().await;
+                let taken = MEASURING.take_rows(kind).await;
                 if taken.is_ok() {
                     // Lit rows make a map, which is in use from now on.
-                    let flat = self.take_map().await;
-                    REQUESTS.send(Request::Use(flat, true)).await;
+                    let flat = MEASURING.take_map().await;
+                    MEASURING.use_map(flat, true).await;
                 }
                 self.report_flat(Outcome::Taken(kind, taken)).await;
             }
             Job::Use(on) => {
-                let flat = self.take_map().await;
-                REQUESTS.send(Request::Use(flat, on)).await;
+                let flat = MEASURING.take_map().await;
+                MEASURING.use_map(flat, on).await;
             }
             Job::Load => {
-                let flat = self.take_map().await;
+                let flat = MEASURING.take_map().await;
                 self.load_map(flat).await;
             }
             Job::Save => {
-                let flat = self.take_map().await;
+                let flat = MEASURING.take_map().await;
                 let saved = match flat.map() {
                     Some(map) => pixel_map::save(self.store.flash(), map).await,
                     // The session asks for a save only with a map.
@@ -339,33 +335,27 @@ impl Shell {
                 self.report_flat(Outcome::Saved(saved)).await;
                 // Whether the map is in use does not change.
                 let is_on = self.session.is_map_on();
-                REQUESTS.send(Request::Use(flat, is_on)).await;
+                MEASURING.use_map(flat, is_on).await;
             }
             Job::Erase => {
-                let flat = self.take_map().await;
+                let flat = MEASURING.take_map().await;
                 flat.place().clear();
                 let erased = pixel_map::erase(self.store.flash(), PIXELS).await;
                 COUNTERS.results.add();
                 self.report_flat(Outcome::Erased(erased)).await;
-                REQUESTS.send(Request::Use(flat, false)).await;
+                MEASURING.use_map(flat, false).await;
             }
         }
         COUNTERS.results.add();
-        PAUSED.store(false, Ordering::Relaxed);
+        MEASURING.resume();
     }
 
     /// Reads the map from flash, and gives it to measuring.
     async fn load_map(&mut self, flat: Flat) {
         let stored = pixel_map::load(self.store.flash(), PIXELS, flat.place()).await;
         let map = flat.map().map(|map| *map.summary());
-        REQUESTS.send(Request::Use(flat, true)).await;
+        MEASURING.use_map(flat, true).await;
         self.report_flat(Outcome::Loaded(stored, map)).await;
-    }
-
-    /// Takes the map from measuring, which holds it between two jobs.
-    async fn take_map(&mut self) -> Flat {
-        REQUESTS.send(Request::Give).await;
-        GIVEN.receive().await
     }
 
     async fn report_flat(&mut self, outcome: Outcome) {
@@ -405,7 +395,7 @@ impl Shell {
             // Results that wait were measured with the settings before. Measuring runs in this executor, and
             // takes the new settings before the next row.
             let mut are_dropped = false;
-            while RESULTS.try_receive().is_ok() {
+            while RESULTS.frames.try_receive().is_ok() {
                 COUNTERS.lines_dropped.add();
                 are_dropped = true;
             }
@@ -440,7 +430,7 @@ impl Shell {
     /// Sends the pixels around the spot of the latest frame, if there are any. Older ones belong to frames
     /// that answered a command.
     fn send_window(&mut self, counter: u32) {
-        while let Ok((at, window)) = WINDOWS.try_receive() {
+        while let Ok((at, window)) = RESULTS.windows.try_receive() {
             if at == self.result_at {
                 let packet = self.packets.encode(window.message(counter));
                 self.tx.send_or_drop(packet);
@@ -494,7 +484,7 @@ impl Shell {
             None => Ok(()),
         };
         COUNTERS.results.add();
-        PAUSED.store(false, Ordering::Relaxed);
+        MEASURING.resume();
         self.update_session(Event::Saved(result));
     }
 }

@@ -10,7 +10,7 @@
 use embassy_time::{Duration, Ticker};
 
 use crate::board::Watchdog;
-use crate::shared::{COUNTERS, Counter};
+use crate::counters::{COUNTERS, Counter};
 
 /// Time between two checks of the counters.
 const CHECK_PERIOD: Duration = Duration::from_millis(100);

@@ -17,7 +17,7 @@ use embassy_stm32::{Peri, pac};
 use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
-use crate::shared::COUNTERS;
+use crate::counters::COUNTERS;
 
 /// Time after which an erase gives a sign of life. A sector of 16 KB takes 800 ms at most (data sheet of the
 /// STM32F429, flash memory programming, by bytes: the driver does not change that).

@@ -5,7 +5,7 @@ use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::peripherals::PA3;
 use embassy_stm32::{Peri, interrupt, pac};
 
-use crate::shared::FRAMES;
+use crate::trigger::FRAMES;
 
 /// The trigger's line of EXTI. After a reset, line 3 is that of PA3 (RM0090 section 9.2.3).
 const TRIGGER: usize = 3;

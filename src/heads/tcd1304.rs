@@ -65,7 +65,7 @@ use super::read_out::{ReadOutError, SCLK_HZ, end_read_out, find_end_of_word_0};
 use crate::board::{
     self, CYCLES_A_MASTER_CLOCK, Converter, Laser, MasterClock, cycles_in_ns, wait_until,
 };
-use crate::shared::COUNTERS;
+use crate::counters::COUNTERS;
 
 /// The sensor head's name.
 pub const NAME: &str = "TCD1304DG";

@@ -15,15 +15,16 @@ use static_cell::ConstStaticCell;
 
 use super::board::processor::CORE_HZ;
 use super::board::{CYCLES_A_MASTER_CLOCK, CalibrationFlash};
+use super::counters::COUNTERS;
 use super::estimators::{self, Load};
 use super::heads::{ROW_PERIOD, WORDS};
 use super::kept::Word;
 use super::report::{Report, text};
-use super::shared::{COUNTERS, FREE, FULL};
+use super::rows::ROWS;
 use super::wires::{self, SEEN};
 
 /// Rows to check, unless a test asks for fewer: 57 s.
-const ROWS: u32 = 10_000;
+const ROWS_TO_CHECK: u32 = 10_000;
 
 /// SCLK's periods in a row.
 const EDGES: u32 = 16 * WORDS as u32;
@@ -58,7 +59,7 @@ pub async fn run(
     let rows = if Word::RowsWritten.is_written() {
         Word::Rows.get()
     } else {
-        ROWS
+        ROWS_TO_CHECK
     };
     report
         .line(&text!("silicon-check on {}, {rows} rows", hardware.board))
@@ -398,7 +399,7 @@ async fn check_miso(report: &mut Report) {
                 wrong = Some(wrong.unwrap_or(0) + odd);
             }
             if let Some(words) = row {
-                FREE.send(words).await;
+                ROWS.free.send(words).await;
             }
         }
         let wrong = wrong.unwrap_or(WORDS);
@@ -415,16 +416,16 @@ async fn check_miso(report: &mut Report) {
 }
 
 /// The next row's words. `None`: none came within 100 ms.
-async fn next_row() -> Option<super::shared::Buffer> {
+async fn next_row() -> Option<super::rows::Buffer> {
     COUNTERS.results.add();
-    let row = embassy_time::with_timeout(Duration::from_millis(100), FULL.receive()).await;
+    let row = embassy_time::with_timeout(Duration::from_millis(100), ROWS.full.receive()).await;
     row.ok().map(|row| row.words)
 }
 
 /// Gives all rows that wait back.
 async fn free_rows() {
-    while let Ok(row) = FULL.try_receive() {
-        FREE.send(row.words).await;
+    while let Ok(row) = ROWS.full.try_receive() {
+        ROWS.free.send(row.words).await;
     }
     yield_now().await;
 }
@@ -433,7 +434,7 @@ async fn free_rows() {
 async fn take_rows() {
     loop {
         if let Some(words) = next_row().await {
-            FREE.send(words).await;
+            ROWS.free.send(words).await;
         }
     }
 }

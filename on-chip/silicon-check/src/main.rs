@@ -18,13 +18,25 @@ mod alarm;
 #[allow(dead_code, unused_imports)]
 mod board;
 #[cfg(target_os = "none")]
+#[path = "../../../src/counters.rs"]
+#[allow(dead_code)]
+mod counters;
+#[cfg(target_os = "none")]
 #[path = "../../../src/heads/mod.rs"]
 #[allow(dead_code)]
 mod heads;
 #[cfg(target_os = "none")]
-#[path = "../../../src/shared.rs"]
+#[path = "../../../src/laser_order.rs"]
 #[allow(dead_code)]
-mod shared;
+mod laser_order;
+#[cfg(target_os = "none")]
+#[path = "../../../src/rows.rs"]
+#[allow(dead_code)]
+mod rows;
+#[cfg(target_os = "none")]
+#[path = "../../../src/trigger.rs"]
+#[allow(dead_code)]
+mod trigger;
 #[cfg(target_os = "none")]
 #[path = "../../../src/watchdog.rs"]
 mod watchdog;

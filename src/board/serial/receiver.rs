@@ -9,7 +9,7 @@ use embassy_stm32::usart::BufferedUartRx;
 use embedded_io_async::Read as _;
 use static_cell::ConstStaticCell;
 
-use crate::shared::COUNTERS;
+use crate::counters::COUNTERS;
 
 /// Incoming characters: 44 ms of the line, longer than any computation in thread mode.
 pub static RECEIVED: ConstStaticCell<[u8; ROOM]> = ConstStaticCell::new([0; ROOM]);

@@ -16,7 +16,7 @@ use embedded_io_async::Write as _;
 use slitrange_device::settings::serial_line::Baud;
 
 use super::rs485::hand_over_bytes;
-use crate::shared::COUNTERS;
+use crate::counters::COUNTERS;
 
 /// Bytes handed over at a time: a small part of the driver's buffer, so that it does not run dry meanwhile.
 const PIECE: usize = 64;
