@@ -1,6 +1,7 @@
 //! Bytes of a calibration's record: every accepted record has distances all over its range, and is encoded to
 //! itself.
 #![no_main]
+#![forbid(unsafe_code)]
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use libfuzzer_sys::fuzz_target;

@@ -2,6 +2,7 @@
 //! that command. And no
 //! order of an upload's lines lets a record through that was not sent whole.
 #![no_main]
+#![forbid(unsafe_code)]
 
 use libfuzzer_sys::fuzz_target;
 use slitrange::row::sensor_heads::tcd1304dg;

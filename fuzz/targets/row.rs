@@ -5,6 +5,7 @@
 //! first. They paint a row of
 //! light and hand it over; see [`Bench::step`]. What is left over at the end does nothing.
 #![no_main]
+#![forbid(unsafe_code)]
 
 use libfuzzer_sys::fuzz_target;
 use slitrange::base::fault::Fault;

@@ -4,6 +4,7 @@
 //! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte
 //! first. They fill the flash and use the store; see [`step`]. What is left over at the end does nothing.
 #![no_main]
+#![forbid(unsafe_code)]
 
 #[path = "../../host-tests/tests/store/flash.rs"]
 mod flash;

@@ -9,6 +9,7 @@
 //! * [`changing_light`]: a sensor with auto exposure before a target whose brightness changes.
 //! * [`hard_cases`]: the first judge: a catalogue of hard rows, frames and calibrations, and random mixtures.
 //! * [`second_judge`]: the second judge: faults from a generator that shares no code with the first.
+#![forbid(unsafe_code)]
 
 // A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
 pub mod core_tables;

@@ -4,6 +4,7 @@
 //! scene does not list costs nothing and changes nothing. Beside the rows stands what they truly show: the
 //! Cramér-Rao [`bound`] (the smallest error that any unbiased method can have with the row's noise) and
 //! reference fits in f64 ([`least_squares`], [`sinc_fit`]).
+#![forbid(unsafe_code)]
 
 // A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
 pub mod sensor;

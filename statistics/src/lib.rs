@@ -1,6 +1,7 @@
 //! Statistics of measured values, which are passed by value or by reference. Too few values give NaN.
 //!
 //! Sums follow the order of the values, so the same values in the same order give the same bits.
+#![forbid(unsafe_code)]
 
 use std::borrow::Borrow;
 

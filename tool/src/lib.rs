@@ -6,6 +6,7 @@
 //! ```
 //!
 //! Distances are in millimetres where a person reads or writes them, in metres in computations.
+#![forbid(unsafe_code)]
 
 pub mod axes;
 pub mod demo;

@@ -1,4 +1,5 @@
 //! `slitrange`: see `slitrange --help`.
+#![forbid(unsafe_code)]
 
 use std::io;
 use std::process::ExitCode;

@@ -1,5 +1,6 @@
 //! The core of slitrange for Python: `slitrange._core`. The package's `rows.py` checks the arguments and
 //! gives the results their names.
+#![forbid(unsafe_code)]
 
 use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;

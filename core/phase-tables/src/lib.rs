@@ -13,6 +13,7 @@
 //!
 //! [`set`] designs a set; [`design`] makes the weights, [`Table::quantise`] makes integers of them, and
 //! [`rust_source`] writes them for the firmware. The core's `centre::tables` is the reader.
+#![forbid(unsafe_code)]
 
 mod design;
 mod quantise;

@@ -1,4 +1,5 @@
 //! `cargo demo`: runs the firmware on the emulated board, with a target that moves.
+#![forbid(unsafe_code)]
 
 #[cfg(unix)]
 mod flash_file;
