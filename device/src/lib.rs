@@ -18,6 +18,8 @@
 //! | [`Settings`] | 92 |
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::cast_possible_truncation))]
+#![cfg_attr(not(test), warn(clippy::cast_sign_loss, clippy::unwrap_used))]
 
 // A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
 

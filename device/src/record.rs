@@ -258,7 +258,7 @@ impl Record {
         }
         // Pixel 0 begins half a pixel before 0.
         const HALF: i32 = 1 << (Pixels::FRACTION - 1);
-        let end = Pixels::from_int(light.len() as i32)
+        let end = Pixels::from_int(i32::try_from(light.len()).unwrap_or(i32::MAX))
             .to_bits()
             .saturating_sub(HALF);
         let (first, last) = self.calibration.valid();

@@ -288,8 +288,7 @@ impl Session {
         actions: &mut Actions,
     ) -> modbus::Answer {
         actions.start(self.settings.address);
-        // At most 247.
-        let station = (self.settings.address as u8).max(1);
+        let station = u8::try_from(self.settings.address).unwrap_or(1).max(1);
         let (number, result) = match &self.latest {
             Some((number, result)) => (*number, Some(result)),
             None => (0, None),

@@ -394,7 +394,11 @@ pub fn split_words(line: &str) -> Vec<&str, MOST_WORDS> {
 ///
 /// # Errors
 /// [`ValueError::Form`] where the word has anything but digits, [`ValueError::Range`] beyond the range.
-pub fn read_number(word: &str, least: u32, most: u32) -> Result<u32, ValueError> {
+pub fn read_number<N: TryFrom<u32>>(word: &str, least: u32, most: u32) -> Result<N, ValueError> {
+    N::try_from(read_u32(word, least, most)?).map_err(|_| ValueError::Range)
+}
+
+fn read_u32(word: &str, least: u32, most: u32) -> Result<u32, ValueError> {
     if word.is_empty() || !word.bytes().all(|byte| byte.is_ascii_digit()) {
         return Err(ValueError::Form);
     }

@@ -138,7 +138,7 @@ impl<F: NorFlash> Store<F> {
             return false;
         }
         match sector.room(&mut self.flash).await {
-            Ok(room) if room < (HEADER + LONGEST) as u32 => {
+            Ok(room) if (room as usize) < HEADER + LONGEST => {
                 matches!(self.is_broken(sector.other()).await, Ok(false))
             }
             Ok(_) => true,

@@ -256,7 +256,7 @@ impl Filter {
         const SIGN: u32 = 1 << 31;
         let mut keys = [0; LONGEST as usize];
         for (key, sample) in keys.iter_mut().zip(self.samples()) {
-            *key = sample.distance.to_bits() as u32 ^ SIGN;
+            *key = sample.distance.to_bits().cast_unsigned() ^ SIGN;
         }
         let keys = keys.get(..self.count().into()).unwrap_or_default();
         let key = order_statistic::ranked(rank.into(), keys).unwrap_or(SIGN);
@@ -312,7 +312,7 @@ impl Filter {
         let half = 1 << (EXTRA - 1);
         let bits = (mean.distance.saturating_add(half)) >> EXTRA;
         Reading {
-            // A mean of values of 32 bits.
+            #[expect(clippy::cast_possible_truncation, reason = "a mean of i32s")]
             distance: Micrometres::from_bits(bits as i32),
             uncertainty: parts.combined(),
             parts,

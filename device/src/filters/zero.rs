@@ -93,9 +93,8 @@ impl MasterValue {
         // At most 4e10 times 2^8 is below 2^44.
         let steps = size.saturating_mul(1 << Micrometres::FRACTION);
         let bits = steps.saturating_add(in_um / 2) / in_um.max(1);
-        // At most 4e6 times 2^8 is below 2^30.
         let bits = bits.saturating_mul(self.ten_thousandths.signum());
-        Some(Micrometres::from_bits(bits as i32))
+        Some(Micrometres::from_bits(i32::try_from(bits).ok()?))
     }
 }
 

@@ -272,6 +272,7 @@ fn expect_no_value(
 }
 
 fn calibration(values: &[&str]) -> Result<Command, Error> {
+    #[expect(clippy::cast_possible_truncation, reason = "far below 2^32")]
     const MOST: u32 = MAX_ENCODED as u32;
     match *values {
         [] => Ok(Command::Calibration(None)),
@@ -280,12 +281,12 @@ fn calibration(values: &[&str]) -> Result<Command, Error> {
         ["commit"] => Ok(Command::Upload(Step::Commit)),
         ["abort"] => Ok(Command::Upload(Step::Abort)),
         ["begin", bytes] => match read_number(bytes, 1, MOST) {
-            Ok(bytes) => Ok(Command::Upload(Step::Begin(bytes as u16))),
+            Ok(bytes) => Ok(Command::Upload(Step::Begin(bytes))),
             Err(error) => Err(Error::Record(RecordForm::Begin, error)),
         },
         ["begin", ..] => Err(Error::Record(RecordForm::Begin, ValueError::Form)),
         ["data", offset] => match read_number(offset, 0, MOST - 1) {
-            Ok(offset) => Ok(Command::Data(offset as u16)),
+            Ok(offset) => Ok(Command::Data(offset)),
             Err(error) => Err(Error::Record(RecordForm::Data, error)),
         },
         ["data", offset, digits, checksum] => match Piece::parse(offset, digits, checksum) {

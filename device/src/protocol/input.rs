@@ -183,8 +183,8 @@ fn split_address(line: &[u8]) -> Option<(u16, &[u8])> {
     let (digits, rest) = rest.split_at_checked(end)?;
     let digits = core::str::from_utf8(digits).ok()?;
     let number = read_number(digits, 0, MOST_ADDRESS).ok()?;
-    // At most 247. The blank is not part of the line.
-    Some((number as u16, rest.get(1..)?))
+    // The blank is not part of the line.
+    Some((number, rest.get(1..)?))
 }
 
 /// The largest address: that of a Modbus station.

@@ -168,7 +168,7 @@ pub(super) struct Short(pub Micrometres, pub Units);
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Nearer to 10 mm than to 9.9999 mm.
-        if self.0 < Micrometres::from_bits((9_999_950_i64 * 256 / 1000) as i32) {
+        if self.0 < Micrometres::from_bits(199_999 * 256 / 20) {
             return InUnits(self.0, self.1).fmt(f);
         }
         if self.1 == Units::Micrometres {

@@ -131,8 +131,8 @@ fn carry_out(request: &[u8], station: u8, shown: &Shown<'_>) -> Option<Answer> {
     add(&mut bytes, &[station, function])?;
     match execute(function, data, shown, &mut answer) {
         Ok(Content::Registers(registers)) => {
-            // At most 16 registers.
-            bytes.push((registers.len() as u8).saturating_mul(2)).ok()?;
+            let length = u8::try_from(registers.len()).ok()?;
+            bytes.push(length.saturating_mul(2)).ok()?;
             for register in registers {
                 add(&mut bytes, &register.to_be_bytes())?;
             }
@@ -330,13 +330,16 @@ pub fn inputs(result: Option<&Result<Reading, Fault>>, counter: u32) -> [u16; IN
 
 /// The number of a fault, from 1.
 fn number(fault: &Fault) -> u16 {
-    // Below `Fault::KINDS`, which is far below 2^16.
-    (fault.kind() as u16).saturating_add(1)
+    u16::try_from(fault.kind()).map_or(u16::MAX, |kind| kind.saturating_add(1))
 }
 
 /// A number of counts, rounded.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "`as` takes the whole part, saturates, and maps NaN to zero"
+)]
 fn rounded(counts: f32) -> u16 {
-    // `as` takes the whole part, saturates, and maps NaN to zero.
     (counts + 0.5) as u16
 }
 
@@ -348,14 +351,16 @@ fn flags(reading: &Reading) -> u16 {
 }
 
 /// A distance in 0.1 um, rounded to the nearest.
+#[expect(clippy::cast_possible_truncation, reason = "the result is below 2^27")]
 fn tenths(distance: Micrometres) -> i32 {
-    // Q24.8 times 10 fits an i64, and the result is below 2^27.
+    // Q24.8 times 10 fits an i64.
     ((i64::from(distance.to_bits()) * 10 + (1 << 7)) >> Micrometres::FRACTION) as i32
 }
 
 /// A place in 0.0001 px, rounded to the nearest.
+#[expect(clippy::cast_possible_truncation, reason = "the result is below 2^29")]
 fn ten_thousandths(place: Pixels) -> i32 {
-    // Q16.16 times 10,000 fits an i64, and the result is below 2^29.
+    // Q16.16 times 10,000 fits an i64.
     ((i64::from(place.to_bits()) * 10_000 + (1 << 15)) >> Pixels::FRACTION) as i32
 }
 

@@ -4,15 +4,15 @@
 const LONGEST: usize = 24;
 
 /// The most letters that may be wrong: missing, too many, or others.
-const MOST_WRONG: u8 = 2;
+const MOST_WRONG: usize = 2;
 
 /// The name that differs least from a word, if at most two letters are wrong, and fewer than half. Of two
 /// names that differ alike, the first.
 pub fn nearest(word: &str, names: impl Iterator<Item = &'static str>) -> Option<&'static str> {
-    let most = MOST_WRONG.min((word.len() / 2) as u8);
+    let most = MOST_WRONG.min(word.len() / 2);
     let compared = names.filter_map(|name| Some((distance(word, name)?, name)));
     let (wrong, name) = compared.min_by_key(|&(wrong, _)| wrong)?;
-    (wrong <= most).then_some(name)
+    (usize::from(wrong) <= most).then_some(name)
 }
 
 /// Levenshtein's distance: how many letters must be inserted, dropped or replaced (Soviet Physics Doklady 10,
@@ -27,7 +27,7 @@ fn distance(from: &str, to: &str) -> Option<u8> {
     for (place, cost) in costs.iter_mut().zip(0u8..) {
         *place = cost;
     }
-    let mut last = to.len() as u8;
+    let mut last = u8::try_from(to.len()).ok()?;
     // No cost exceeds the longer word's length.
     for (letter, row) in from.iter().zip(1u8..) {
         let (first, rest) = costs.split_first_mut()?;

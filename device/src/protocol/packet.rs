@@ -117,20 +117,20 @@ impl Packed {
     pub fn new(numbers: impl Iterator<Item = u16>) -> Self {
         let mut bytes = Vec::new();
         let mut before = None;
-        let mut push = |byte: u16| {
+        let mut push = |byte: u8| {
             // There is room for the numbers of a packet.
-            let _ = bytes.push(byte as u8);
+            let _ = bytes.push(byte);
         };
         for number in numbers.take(COUNTS_A_PACKET) {
             let number = number.min(LARGEST_COUNT);
             match core::mem::take(&mut before) {
                 None => {
-                    push(number & 0xff);
-                    before = Some(number >> 8);
+                    push((number & 0xff) as u8);
+                    before = Some((number >> 8) as u8);
                 }
                 Some(upper) => {
-                    push(upper | ((number & 0xf) * (1 << 4)));
-                    push(number >> 4);
+                    push(upper | ((number & 0xf) as u8 * (1 << 4)));
+                    push(((number >> 4) & 0xff) as u8);
                 }
             }
         }
@@ -178,8 +178,7 @@ impl Window {
             .saturating_add(window.len().min(COUNTS_A_PACKET))
             .min(light.len());
         Some(Self {
-            // A row has at most 2^12 pixels.
-            first: first as u16,
+            first: u16::try_from(first).ok()?,
             counts: Packed::new(light.slice(first..last)?.iter()),
         })
     }
@@ -228,7 +227,7 @@ impl<'a> RowWords<'a> {
         }
         let first = self.first;
         self.rest = rest;
-        self.first = first.saturating_add(words.len() as u16);
+        self.first = first.saturating_add(u16::try_from(words.len()).ok()?);
         self.packed = Packed::new(words.iter().copied());
         Some(Message::Words {
             number: self.number,
@@ -310,8 +309,8 @@ fn stuff(bytes: &[u8], to: &mut Vec<u8, MAX_PACKET>) -> Option<()> {
     loop {
         let group = rest.iter().take(GROUP).take_while(|&&byte| byte != 0);
         let (group, after) = rest.split_at_checked(group.count())?;
-        // At most 254 bytes.
-        to.push((group.len() as u8).wrapping_add(1)).ok()?;
+        let length = u8::try_from(group.len()).ok()?;
+        to.push(length.checked_add(1)?).ok()?;
         // Byte by byte: of `extend_from_slice` it cannot be proven that nothing overflows.
         group.iter().try_for_each(|&byte| to.push(byte).ok())?;
         rest = match after {

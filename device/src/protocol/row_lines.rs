@@ -74,10 +74,7 @@ impl RowPart {
             [] => Ok(Self::Whole),
             ["window"] => Ok(Self::Window),
             [first, last] => {
-                let place = |word| {
-                    let place = read_number(word, 0, u16::MAX.into())?;
-                    u16::try_from(place).map_err(|_| ValueError::Range)
-                };
+                let place = |word| read_number(word, 0, u16::MAX.into());
                 // A word that is no number counts more than a number that is too large.
                 let (first, last) = match (place(first), place(last)) {
                     (Err(ValueError::Form), _) | (_, Err(ValueError::Form)) => {
@@ -155,7 +152,7 @@ pub(super) fn window(measured: &Measured) -> Range<usize> {
         ends = (least, most);
     }
     let reach = frame.width.to_bits().max(0).saturating_mul(REACH.into());
-    let pixel = |bits: i32| (bits.max(0) >> Pixels::FRACTION) as usize;
+    let pixel = |bits: i32| usize::try_from(bits >> Pixels::FRACTION).unwrap_or_default();
     let first = pixel(ends.0.to_bits().saturating_sub(reach));
     let last = pixel(ends.1.to_bits().saturating_add(reach));
     first..last.saturating_add(1)
@@ -327,7 +324,7 @@ impl RowPixels {
                     // There is room for the pixels of a line.
                     let _ = counts.push(count);
                 }
-                // A row has at most 2^12 pixels.
+                #[expect(clippy::cast_possible_truncation, reason = "a pixel is below 2^12")]
                 let first = first as u16;
                 Self { first, counts }
             })

@@ -23,10 +23,7 @@ use slitrange::spot::region::Region;
 impl ValueText for u16 {
     fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
         match (words, form) {
-            (&[word], Form::Number { least, most, .. }) => {
-                let number = read_number(word, least, most)?;
-                Self::try_from(number).map_err(|_| ValueError::Range)
-            }
+            (&[word], Form::Number { least, most, .. }) => read_number(word, least, most),
             _ => Err(ValueError::Form),
         }
     }
@@ -73,8 +70,7 @@ impl ValueText for Average {
             ["recursive", length] => (Self::Recursive, length),
             _ => return Err(ValueError::Form),
         };
-        let length = read_number(length, 2, average::LONGEST.into())?;
-        Ok(kind(length as u8))
+        Ok(kind(read_number(length, 2, average::LONGEST.into())?))
     }
 
     fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -116,7 +112,7 @@ impl ValueText for SpikeFilter {
             ["off"] => Ok(Self::Off),
             [um] => {
                 let um = read_number(um, 1, Self::MOST_UM)?;
-                Ok(Self::Beyond(Micrometres::from_int(um as i32)))
+                Ok(Self::Beyond(Micrometres::from_int(um)))
             }
             _ => Err(ValueError::Form),
         }
@@ -140,7 +136,7 @@ impl ValueText for Limits {
         };
         let limit = |word: &str| {
             let size = word.strip_prefix('-').unwrap_or(word);
-            let um = read_number(size, 0, Self::MOST_UM)? as i32;
+            let um: i32 = read_number(size, 0, Self::MOST_UM)?;
             let is_negative = size.len() < word.len();
             Ok(Micrometres::from_int(if is_negative { -um } else { um }))
         };
@@ -152,7 +148,7 @@ impl ValueText for Limits {
         Ok(Self::Within {
             low,
             high,
-            hysteresis: Micrometres::from_int(hysteresis as i32),
+            hysteresis: Micrometres::from_int(hysteresis),
         })
     }
 
@@ -207,8 +203,7 @@ impl ValueText for Exposure {
 /// Reads an exposure in microseconds.
 fn read_exposure(word: &str) -> Result<Exposure, ValueError> {
     let us = read_number(word, 0, u16::MAX.into())?;
-    let exposure = u16::try_from(us).ok().and_then(Exposure::from_us);
-    exposure.ok_or(ValueError::Range)
+    Exposure::from_us(us).ok_or(ValueError::Range)
 }
 
 /// The values of these types are one word each: `name` writes it, `named` reads it. Another word is the error
@@ -246,7 +241,7 @@ impl ValueText for Baud {
         let &[word] = words else {
             return Err(ValueError::Form);
         };
-        let rate = read_number(word, 0, u32::MAX)?;
+        let rate: u32 = read_number(word, 0, u32::MAX)?;
         let found = Self::ALL
             .into_iter()
             .find(|baud| baud.bits_a_second() == rate);
@@ -260,10 +255,7 @@ impl ValueText for Baud {
 
 impl ValueText for Region {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        let pixel = |word| {
-            let pixel = read_number(word, 0, Self::ALL.last().into())?;
-            u16::try_from(pixel).map_err(|_| ValueError::Range)
-        };
+        let pixel = |word| read_number(word, 0, Self::ALL.last().into());
         match *words {
             ["all"] => Ok(Self::ALL),
             [first, last] => Self::new(pixel(first)?, pixel(last)?).ok_or(ValueError::Range),
@@ -289,7 +281,7 @@ impl ValueText for BlackLevel {
             ["frame"] => Ok(Self::Frame),
             ["fixed", counts] => {
                 let counts = read_number(counts, 0, MAX_BLACK)?;
-                Ok(Self::Fixed(Counts::from_int(counts as i32)))
+                Ok(Self::Fixed(Counts::from_int(counts)))
             }
             _ => Err(ValueError::Form),
         }
@@ -315,7 +307,7 @@ impl ValueText for Surface {
             ["off"] => Ok(Self::Off),
             [deviation] => {
                 let deviation = read_number(deviation, 0, MAX_SURFACE)?;
-                Ok(Self::Fixed(Micrometres::from_int(deviation as i32)))
+                Ok(Self::Fixed(Micrometres::from_int(deviation)))
             }
             _ => Err(ValueError::Form),
         }

@@ -61,8 +61,8 @@ pub fn encode<'a>(
     let lines = lines(&configuration.settings).ok_or(no_room)?;
     let lines = lines.as_bytes();
     let (head, rest) = buffer.split_first_chunk_mut().ok_or(no_room)?;
-    // At most MAX_LINES.
-    let [low, high] = (lines.len() as u16).to_le_bytes();
+    let length = u16::try_from(lines.len()).map_err(|_| no_room)?;
+    let [low, high] = length.to_le_bytes();
     *head = [VERSION, low, high];
     let (place, rest) = rest.split_at_mut_checked(lines.len()).ok_or(no_room)?;
     place.copy_from_slice(lines);

@@ -68,7 +68,10 @@ impl Iterator for Words<'_> {
             4 => errors.offset.to_bits().to_le_bytes(),
             5 => pattern.to_bits().to_le_bytes(),
             next => match self.map.entries().get(next.saturating_sub(HEADER)) {
-                Some(entry) => halves(entry.offset_q4() as u16, entry.gain_q15() as u16),
+                Some(entry) => halves(
+                    entry.offset_q4().cast_unsigned(),
+                    entry.gain_q15().cast_unsigned(),
+                ),
                 None if next == self.map.entries().len().saturating_add(HEADER) => {
                     self.sum.value().to_le_bytes()
                 }

@@ -14,8 +14,8 @@ use slitrange::row::pixels::map::PixelMap;
 /// The two sectors of the map.
 const SECTORS: [u32; 2] = [2 * BYTES, 3 * BYTES];
 
-/// Words that are read or written together.
-const PART: usize = 16;
+/// Bytes that are read or written together.
+const PART: u32 = 64;
 
 // A map fits a sector.
 const _: () = assert!(4 * MAX_WORDS <= BYTES as usize);
@@ -92,7 +92,7 @@ pub async fn save<F: NorFlash>(flash: &mut F, map: &PixelMap) -> Result<(), Stor
     let mut words = Words::new(map, number);
     let mut at = start;
     loop {
-        let mut part = [0xff; 4 * PART];
+        let mut part = [0xff; PART as usize];
         let mut is_last = false;
         for place in part.as_chunks_mut::<4>().0 {
             match words.next() {
@@ -105,7 +105,7 @@ pub async fn save<F: NorFlash>(flash: &mut F, map: &PixelMap) -> Result<(), Stor
         if is_last {
             break;
         }
-        at = at.saturating_add(part.len() as u32);
+        at = at.saturating_add(PART);
     }
     match read(flash, start, pixels, None).await? {
         Contents::Map(found) if found == number => Ok(()),
@@ -170,7 +170,7 @@ async fn read<F: NorFlash>(
     let (mut is_map, mut is_erased) = (true, true);
     let (mut at, end) = (start, start.saturating_add(BYTES));
     while at < end {
-        let mut part = [0; 4 * PART];
+        let mut part = [0; PART as usize];
         let got = flash.read(at, &mut part).await;
         got.map_err(|_| StoreError::Flash)?;
         for &word in part.as_chunks::<4>().0 {
@@ -188,7 +188,7 @@ async fn read<F: NorFlash>(
                 return Ok(Contents::Damaged);
             }
         }
-        at = at.saturating_add(part.len() as u32);
+        at = at.saturating_add(PART);
     }
     Ok(if is_erased {
         Contents::Erased

@@ -50,7 +50,8 @@ impl Sector {
 
     /// Whether the whole sector reads as erased.
     pub async fn is_blank<F: NorFlash>(self, flash: &mut F) -> Result<bool, StoreError> {
-        let mut part = [0; 256];
+        const PART: u32 = 256;
+        let mut part = [0; PART as usize];
         let (mut at, end) = (self.start(), self.start().saturating_add(BYTES));
         while at < end {
             let read = flash.read(at, &mut part).await;
@@ -58,7 +59,7 @@ impl Sector {
             if part.iter().any(|&byte| byte != 0xff) {
                 return Ok(false);
             }
-            at = at.saturating_add(part.len() as u32);
+            at = at.saturating_add(PART);
         }
         Ok(true)
     }
@@ -76,6 +77,7 @@ impl Sector {
         item: &[u8],
     ) -> Result<bool, StoreError> {
         // The item includes the bytes that fill up its last word.
+        #[expect(clippy::cast_possible_truncation, reason = "an item fits a sector")]
         let length = (item.len() as u32).next_multiple_of(4);
         let end = self.programmed(flash).await?;
         // The item's own last bytes may read as erased: at most as many as its CRC-32 has.
@@ -100,8 +102,8 @@ impl Sector {
             let is_last = at.saturating_add(PART) >= BYTES;
             let items = part.len() - if is_last { 4 } else { 0 };
             let last = part.iter().take(items).rposition(|&byte| byte != 0xff);
-            if let Some(last) = last {
-                end = at.saturating_add(last as u32).saturating_add(1);
+            if let Some(Ok(last)) = last.map(u32::try_from) {
+                end = at.saturating_add(last).saturating_add(1);
             }
             at = at.saturating_add(PART);
         }
@@ -114,7 +116,7 @@ impl Sector {
         start: u32,
         bytes: &[u8],
     ) -> Result<bool, StoreError> {
-        if start.saturating_add(bytes.len() as u32) > BYTES {
+        if (start as usize).saturating_add(bytes.len()) > BYTES as usize {
             return Ok(false);
         }
         let mut at = self.start().saturating_add(start);
