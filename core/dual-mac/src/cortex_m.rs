@@ -220,7 +220,8 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
             inout("r3") number => _,
             sample = inout(reg) blocks.as_ptr() => _,
             sum = inout(reg) sums.as_mut_ptr() => _,
-            weights = in(reg) u32::from(weights.0 as u16) | u32::from(weights.1 as u16) << 16,
+            weights = in(reg) u32::from(weights.0.cast_unsigned())
+                | u32::from(weights.1.cast_unsigned()) << 16,
             constant = in(reg) u32::from(constant),
             bits = out(reg) bits,
             x = out(reg) _,
@@ -231,7 +232,7 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
             options(nostack),
         );
     }
-    (bits | bits >> 16) as u16
+    ((bits | bits >> 16) & 0xffff) as u16
 }
 
 /// The steps of two fours: SSUB16 subtracts both from both, and remembers for SEL which result is positive.
@@ -313,7 +314,7 @@ macro_rules! two_responses {
 #[inline(never)]
 pub fn reaches(samples: &[u16], least: i32) -> bool {
     const fn negative(even: i16, odd: i16) -> u32 {
-        (-even) as u16 as u32 | ((-odd) as u16 as u32) << 16
+        (-even).cast_unsigned() as u32 | ((-odd).cast_unsigned() as u32) << 16
     }
     let (pairs, rest) = samples.as_chunks::<2>();
     let Some(steps) = pairs.len().checked_sub(1) else {

@@ -20,6 +20,8 @@
 //! Sums wrap in both, as SMLAD does. A caller whose sums must not wrap proves for its weights that the sum of
 //! |weight| * largest sample is below 2^31.
 #![no_std]
+#![cfg_attr(not(test), warn(clippy::cast_possible_truncation))]
+#![cfg_attr(not(test), warn(clippy::cast_sign_loss, clippy::unwrap_used))]
 
 #[cfg(not(target_os = "none"))]
 extern crate std;

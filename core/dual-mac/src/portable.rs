@@ -50,10 +50,10 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
             .map(|&[even, odd]| u32::from(even) | u32::from(odd) << 16);
         bits |= pairs.clone().fold(0, |bits, pair| bits | pair);
         let both = pairs.fold(0, u32::wrapping_add);
-        let all = two_products(both as u16, (both >> 16) as u16, weights);
-        *sum = all.wrapping_add(i32::from(constant)) as u16;
+        let all = two_products((both & 0xffff) as u16, (both >> 16) as u16, weights);
+        *sum = (all.cast_unsigned().wrapping_add(constant.into()) & 0xffff) as u16;
     }
-    (bits | bits >> 16) as u16
+    ((bits | bits >> 16) & 0xffff) as u16
 }
 
 /// The sum of the steps from the first to the second of each four samples, without sign. A step of 2^15 or
@@ -62,7 +62,7 @@ pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
     let step = |&[first, second, ..]: &[u16; 4]| {
         let step = i32::from(second as i16) - i32::from(first as i16);
         // As SMLAD takes it.
-        step.abs() as i16 as u32
+        i32::from((step.unsigned_abs() & 0xffff) as i16).cast_unsigned()
     };
     fours.iter().map(step).fold(0, u32::wrapping_add)
 }
@@ -88,13 +88,13 @@ pub fn reaches(samples: &[u16], least: i32) -> bool {
 /// for. If four of the largest sample do not fit 16 bits, the results mean nothing.
 pub fn sweep(words: &[u16], inverted: u16, sums: &mut [u16], parts: &mut [u32]) {
     let sample = |word| u32::from(word ^ inverted);
-    sweep_of(words, sample, sums, |sum| sum as u16, parts);
+    sweep_of(words, sample, sums, |sum| (sum & 0xffff) as u16, parts);
 }
 
 /// As [`sweep`], of words that are samples, and with responses of 17 bits: if two of the largest sample do
 /// not fit 16 bits, the results mean nothing.
 pub fn sweep_wide(samples: &[u16], sums: &mut [u16], parts: &mut [u32]) {
-    sweep_of(samples, u32::from, sums, |sum| sum as u16, parts);
+    sweep_of(samples, u32::from, sums, |sum| (sum & 0xffff) as u16, parts);
 }
 
 /// As [`sweep`], of any integers, with responses of 32 bits. `stored` makes what is written of a pair's sum.
@@ -152,7 +152,7 @@ pub fn subtract_slope(
 ) -> i16 {
     let (mut height, mut lowest) = (start, i16::MAX);
     for (&word, difference) in words.iter().zip(differences) {
-        *difference = (word ^ inverted).wrapping_sub((height >> 16) as u16);
+        *difference = (word ^ inverted).wrapping_sub((height.cast_unsigned() >> 16) as u16);
         lowest = lowest.min(*difference as i16);
         height = height.wrapping_add(step);
     }
@@ -163,7 +163,7 @@ pub fn subtract_slope(
 pub fn subtract_to_12_bits(numbers: &mut [u16], subtracted: i16) {
     for number in numbers {
         let difference = (*number as i16).wrapping_sub(subtracted);
-        *number = difference.clamp(0, 4095) as u16;
+        *number = difference.clamp(0, 4095).cast_unsigned();
     }
 }
 

@@ -14,6 +14,8 @@
 //! [`set`] designs a set; [`design`] makes the weights, [`Table::quantise`] makes integers of them, and
 //! [`rust_source`] writes them for the firmware. The core's `centre::tables` is the reader.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::cast_possible_truncation))]
+#![cfg_attr(not(test), warn(clippy::cast_sign_loss, clippy::unwrap_used))]
 
 mod design;
 mod quantise;
@@ -99,6 +101,11 @@ pub const FRAUNHOFER: Plan = Plan {
     ..DEFAULT
 };
 
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a few times a width, above 0: `as` cuts off"
+)]
 impl Plan {
     /// Half of the window in pixels for a width, with up to one more pixel for the phase. Beyond 4 sigma a
     /// window gains less than 0.1 % in white noise. Where shot noise dominates, the flanks weigh more. Only
@@ -124,9 +131,10 @@ impl Plan {
 
 /// The tables of a profile for every width of a plan.
 pub fn set(profile: Profile<'_>, plan: Plan) -> Vec<IntegerTable> {
-    (0..plan.widths.count)
+    (0..)
+        .take(plan.widths.count)
         .map(|i| {
-            let width = plan.widths.narrowest * plan.widths.ratio.powi(i as i32);
+            let width = plan.widths.narrowest * plan.widths.ratio.powi(i);
             design(
                 profile,
                 plan.shape(width),

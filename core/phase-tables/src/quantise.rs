@@ -119,6 +119,7 @@ fn integers(rows: &[DVector<f64>], profiles: &[DVector<f64>]) -> (Vec<i16>, f64)
     let mut weights = vec![];
     for (row, profile) in rows.iter().zip(profiles) {
         let exact: Vec<f64> = row.iter().map(|weight| weight * scale).collect();
+        #[expect(clippy::cast_possible_truncation, reason = "scaled to fit 16 bits")]
         let mut rounded: Vec<i64> = exact.iter().map(|weight| weight.round() as i64).collect();
         make_sum_zero(&mut rounded, &exact);
         restore_response(&mut rounded, &exact, profile);
@@ -148,7 +149,7 @@ fn make_sum_zero(rounded: &mut [i64], exact: &[f64]) {
     let mut order: Vec<usize> = (0..rounded.len()).collect();
     let error = |i: usize| (rounded[i] as f64 - exact[i]) * step as f64;
     order.sort_by(|&a, &b| error(b).total_cmp(&error(a)));
-    for i in order.into_iter().take(excess.unsigned_abs() as usize) {
+    for (i, _) in order.into_iter().zip(0..excess.unsigned_abs()) {
         rounded[i] -= step;
     }
 }
@@ -182,6 +183,7 @@ fn restore_response(rounded: &mut [i64], exact: &[f64], profile: &DVector<f64>) 
 }
 
 /// Rust source of an array of the core's `Table`s.
+#[expect(clippy::cast_possible_truncation, reason = "the tables are of f32s")]
 pub fn rust_source(tables: &[IntegerTable]) -> String {
     let mut source = String::from("[\n");
     for table in tables {

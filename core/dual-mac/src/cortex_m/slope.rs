@@ -65,7 +65,7 @@ pub fn subtract_slope(
             );
         }
     }
-    let lowest = (lowest as i16).min((lowest >> 16) as i16);
+    let lowest = ((lowest & 0xffff) as i16).min((lowest >> 16) as i16);
     let last = crate::portable::subtract_slope(rest, inverted, height, step, rest_differences);
     lowest.min(last)
 }
@@ -105,7 +105,7 @@ pub fn subtract_to_12_bits(numbers: &mut [u16], subtracted: i16) {
                 "bne 2b",
                 inout("r3") many.len() => _,
                 number = inout(reg) many.as_mut_ptr() => _,
-                subtracted = in(reg) u32::from(subtracted as u16) * 0x0001_0001,
+                subtracted = in(reg) u32::from(subtracted.cast_unsigned()) * 0x0001_0001,
                 out("r2") _,
                 out("r4") _,
                 out("r5") _,
