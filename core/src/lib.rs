@@ -58,6 +58,8 @@
 //! on the virtual board, in a save that reads the longest record again (docs/proofs.md says how).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(clippy::cast_possible_truncation))]
+#![cfg_attr(not(test), warn(clippy::cast_sign_loss, clippy::unwrap_used))]
 
 // In the order of the pipeline: a module uses those before it (host-tests/tests/floors.rs). The blank lines
 // keep rustfmt from sorting them.

@@ -1,5 +1,6 @@
-//! Sums and products that cannot overflow, for a reason that the compiler does not see. The reason stands
-//! beside each use.
+//! Sums and products that cannot overflow, and integers that fit a smaller type, for a reason that the
+//! compiler does not see. The reason stands beside each use, but not for a place on a row or a count of what
+//! a row or a frame holds: at most 2^12. Whole parts of floats: `as` saturates.
 //!
 //! Elsewhere the core uses the plain operators, and the program `panic-free` checks that none of them can
 //! overflow: the compiler adds a panic wherever it cannot exclude an overflow, and the program links only if
@@ -81,6 +82,77 @@ pub(crate) const fn mul_i64(a: i64, b: i64) -> i64 {
 pub(crate) const fn add_usize(a: usize, b: usize) -> usize {
     debug_assert!(a.checked_add(b).is_some());
     a.wrapping_add(b)
+}
+
+/// The same number as a u16.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
+pub(crate) const fn to_u16(value: usize) -> u16 {
+    debug_assert!(value <= u16::MAX as usize);
+    value as u16
+}
+
+/// The same number as a u32.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
+pub(crate) const fn to_u32(value: usize) -> u32 {
+    debug_assert!(value as u64 <= u32::MAX as u64);
+    value as u32
+}
+
+/// The same number as an i32.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
+pub(crate) const fn to_i32(value: usize) -> i32 {
+    debug_assert!(value <= i32::MAX as usize);
+    value as i32
+}
+
+/// The same number as an i32.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
+pub(crate) const fn i64_to_i32(value: i64) -> i32 {
+    debug_assert!(value == value as i32 as i64);
+    value as i32
+}
+
+/// The same number as a u16.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
+pub(crate) const fn i32_to_u16(value: i32) -> u16 {
+    debug_assert!(value == value as u16 as i32);
+    value.cast_unsigned() as u16
+}
+
+/// The whole part, limited to a usize. Not-a-number becomes 0.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
+#[expect(clippy::cast_sign_loss, reason = "`as` makes a negative number 0")]
+pub(crate) const fn whole_usize(value: f32) -> usize {
+    value as usize
+}
+
+/// The whole part, limited to a u32. Not-a-number becomes 0.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
+#[expect(clippy::cast_sign_loss, reason = "`as` makes a negative number 0")]
+pub(crate) const fn whole_u32(value: f32) -> u32 {
+    value as u32
+}
+
+/// The whole part, limited to a u16. Not-a-number becomes 0.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
+#[expect(clippy::cast_sign_loss, reason = "`as` makes a negative number 0")]
+pub(crate) const fn whole_u16(value: f32) -> u16 {
+    value as u16
+}
+
+/// The whole part, limited to an i32. Not-a-number becomes 0.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
+pub(crate) const fn whole_i32(value: f32) -> i32 {
+    value as i32
 }
 
 /// Counts the values that are true. They are in memory, so a `usize` holds their number. The compiler cannot

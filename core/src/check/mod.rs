@@ -41,6 +41,7 @@ pub mod own_spot;
 pub mod repair;
 mod symmetry;
 
+use crate::base::numeric;
 use crate::base::work_budget::WorkBudget;
 use crate::centre::RowCentre;
 use crate::centre::estimate::Estimate;
@@ -176,8 +177,8 @@ fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
     let reach = 5.0 * found.width.to_f32();
     // A row has at most 2^12 pixels.
     let (centre, end) = (found.centre.to_f32(), row.light().len() as f32 - 1.0);
-    // `as` saturates.
-    let near = (centre - reach) as usize..((centre + reach) as usize).saturating_add(1);
+    let last = numeric::whole_usize(centre + reach);
+    let near = numeric::whole_usize(centre - reach)..last.saturating_add(1);
     centre >= reach && end - centre >= reach && !row.reaches_saturation(near)
 }
 

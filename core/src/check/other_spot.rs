@@ -60,14 +60,13 @@ pub(crate) fn check(
 ) -> Result<bool, Fault> {
     let light = row.light();
     let width = found.width.to_f32();
-    // A width is at most 170 pixels: `as` cuts off, and saturates.
-    let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
-    let separation = ((NEAREST_OTHER * width) as usize).min(MAX_PIXELS);
+    let half = numeric::whole_usize(0.5 * width).clamp(1, MAX_PIXELS);
+    let separation = numeric::whole_usize(NEAREST_OTHER * width).min(MAX_PIXELS);
     let apart = separation.div_ceil(half).clamp(1, MOST_APART);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let enough = (SHARE * own_height(light, centre, half, apart) as f32) as u32;
+    let enough = numeric::whole_u32(SHARE * own_height(light, centre, half, apart) as f32);
     let level = spot.background.level_bits().unsigned_abs();
-    let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
+    let level = level.saturating_mul(numeric::to_u32(half)) >> Counts::FRACTION;
     let least = level.saturating_add(enough);
     // The sum of 2^(2 + shift) counts of 12 bits fits 14 bits after the shift.
     let size_log2 = usize::BITS.wrapping_sub(half.wrapping_sub(1).leading_zeros());
@@ -105,8 +104,9 @@ pub(crate) fn check(
         None => Ok(true),
         Some(place) => Err(Fault::TwoSpots {
             centre: found.centre,
-            // On a row of at most 2^12 pixels.
-            other: Pixels::from_int(place.saturating_add(1).saturating_mul(half) as i32),
+            other: Pixels::from_int(numeric::to_i32(
+                place.saturating_add(1).saturating_mul(half),
+            )),
         }),
     }
 }
@@ -117,9 +117,9 @@ fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32
     // From two boxes before the centre up to it.
     let first = centre.saturating_sub(half.saturating_mul(2));
     let separation = half.saturating_mul(apart);
-    // A row has at most 2^12 pixels.
     let heights = |from: usize, to_left: usize| {
-        heights(light, (from as i32).saturating_sub(to_left as i32), half)
+        let from = numeric::to_i32(from).saturating_sub(numeric::to_i32(to_left));
+        heights(light, from, half)
     };
     let sides = heights(first, separation)
         .into_iter()
@@ -150,7 +150,7 @@ fn heights(light: Light<'_>, from: i32, half: usize) -> [Option<u32>; 2 * STEPS 
     let mut sums = [None; 4 * STEPS + 1];
     let mut last = None;
     for (step, sum) in (0..MAX_PIXELS).zip(&mut sums) {
-        let pixel = from.saturating_add(offset(step, half) as i32);
+        let pixel = from.saturating_add(numeric::to_i32(offset(step, half)));
         let Ok(pixel) = usize::try_from(pixel) else {
             continue;
         };
@@ -215,7 +215,8 @@ impl Search {
         }
         let two = self.half.saturating_mul(2);
         let number = two.saturating_add(BLOCK - 1).div_ceil(BLOCK);
-        let of = |number: usize| self.least.saturating_mul(2).checked_div(number as u32);
+        let two_least = self.least.saturating_mul(2);
+        let of = |number: usize| two_least.checked_div(numeric::to_u32(number));
         let (Some(of_block), Some(of_pixel)) = (of(number), of(two)) else {
             return true;
         };
@@ -328,7 +329,8 @@ fn lower_groups(light: Light<'_>, pixels: usize, shift: u32, to: &mut [u16]) {
 /// at most 14 bits.
 #[inline(always)]
 fn lower_shifted(behind: &mut u32, sum: u32, shift: u32) -> u16 {
-    core::mem::replace(behind, sum).min(sum).wrapping_shr(shift) as u16
+    let lower = core::mem::replace(behind, sum).min(sum);
+    (lower.wrapping_shr(shift) & 0xffff) as u16
 }
 
 /// The highest other spot of some places.

@@ -20,6 +20,7 @@
 
 use core::cell::Cell;
 
+use crate::base::numeric;
 use crate::base::work_budget::WorkBudget;
 use crate::centre::RowCentre;
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start, Window};
@@ -193,16 +194,14 @@ impl Scene<'_> {
         if start.width > SINGLE_PIXELS {
             return self.fill_for_light(start, window);
         }
-        // `as` saturates.
-        let half = (HALF_WINDOW * start.width) as usize;
+        let half = numeric::whole_usize(HALF_WINDOW * start.width);
         self.fill(start, (half, 1), window)
     }
 
     /// Fills the window in which the light of a second spot is searched. `None` as above.
     fn fill_for_light(&self, start: &Start, window: &mut Window) -> Option<()> {
         let block = gauss_newton::pixels_a_sample(start.width, SAMPLES_A_WIDTH);
-        // `as` saturates.
-        let half = (HALF_WINDOW * start.width) as usize;
+        let half = numeric::whole_usize(HALF_WINDOW * start.width);
         let half = half.min(gauss_newton::half_window(start.width));
         self.fill(start, (half / block, block), window)
     }
@@ -285,8 +284,7 @@ impl Scene<'_> {
         let masked = window.masked_pixels();
         let own = (self.profile).map(|profile| profile.at(self.row.on_sensor(found.centre)));
         let own = own.as_ref();
-        // `as` saturates.
-        let of_width = (width as usize).saturating_mul(WORK_OF_CHECKED_PIXEL);
+        let of_width = numeric::whole_usize(width).saturating_mul(WORK_OF_CHECKED_PIXEL);
         self.pay(WORK_OF_CHECK.saturating_add(of_width))?;
         let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, own, &masked)?;
         verdict.is_clean().then_some(RowCentre {
@@ -360,9 +358,9 @@ impl Scene<'_> {
     /// equations at the start choose the samples that are tried.
     #[inline(never)]
     fn fit_without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
-        // `as` saturates: a place before the window becomes its first sample.
-        let first = (at.centre - 3.0 * at.width) as usize;
-        let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
+        // A place before the window becomes its first sample.
+        let first = numeric::whole_usize(at.centre - 3.0 * at.width);
+        let end = numeric::whole_usize(at.centre + 3.0 * at.width).saturating_add(1);
         let end = end.min(window.samples().len());
         // The equations without a sample are solved in 160 instructions.
         let passes = window.samples().len().saturating_mul(2);
@@ -406,9 +404,8 @@ impl Masked {
         let all_masked = window.bits(Sample::is_masked_by_check);
         let within = |widths: f32| {
             let reach = widths * at.width;
-            // `as` saturates.
-            let first = (libm::ceilf(at.centre - reach) as usize).min(SAMPLES);
-            let end = ((at.centre + reach) as usize).saturating_add(1);
+            let first = numeric::whole_usize(libm::ceilf(at.centre - reach)).min(SAMPLES);
+            let end = numeric::whole_usize(at.centre + reach).saturating_add(1);
             let end = end.min(window.samples().len());
             let bits = all_masked & bits_below(end) & !bits_below(first);
             (end.saturating_sub(first), bits)
@@ -427,7 +424,7 @@ impl Masked {
 
 /// The lowest bits, so many of them.
 const fn bits_below(number: usize) -> u128 {
-    match 1u128.checked_shl(number as u32) {
+    match 1u128.checked_shl(numeric::to_u32(number)) {
         Some(bit) => bit.wrapping_sub(1),
         None => u128::MAX,
     }
@@ -547,7 +544,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
         *next = sum;
     }
     // The mean over about a width, where all of it is in the window.
-    let reach = (0.5 * at.width) as usize;
+    let reach = numeric::whole_usize(0.5 * at.width);
     let samples = reach.saturating_mul(2).saturating_add(1);
     let per_sample = 1.0 / samples as f32;
     let sums = sums.get(..=length)?;
@@ -575,7 +572,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
         return None;
     }
     // Samples of a window: below 2^8.
-    let flank = (2.0 * at.width) as i32;
+    let flank = numeric::whole_i32(2.0 * at.width);
     let falls = |place: i32| {
         let inside = usize::try_from(place).ok().and_then(mean);
         // The first spot does not reach beyond the window: take the row itself.
@@ -583,7 +580,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
             inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
         mean.is_some_and(|mean| mean < 0.5 * top)
     };
-    let place_of_top = place as i32;
+    let place_of_top = numeric::to_i32(place);
     if !falls(place_of_top.saturating_sub(flank)) || !falls(place_of_top.saturating_add(flank)) {
         return None;
     }

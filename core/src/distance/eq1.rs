@@ -81,6 +81,7 @@ pub const LEAST_SLOPE_HALVINGS: u32 = 4;
 /// The calibration of [`DRAWING`], used until a sensor has its own. Valid from 0.55 m to 1.10 m.
 ///
 /// D = -b/t, xp = axis - f/t, K = b f (1 + t^2)/t^2.
+#[expect(clippy::cast_possible_truncation, reason = "constants that fit")]
 pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
     Micrometres::from_bits((-(DRAWING.baseline_um as f64) / T * 256.0 - 0.5) as i32),
     (DRAWING.baseline_um as f64 * DRAWING.focal_px as f64 * (1.0 + T * T) / (T * T) * 65536.0 + 0.5)
@@ -171,7 +172,7 @@ impl Eq1 {
     /// |x - xp| in Q16.16 pixels, for a centre on the range's side of xp. A difference of two i32 fits a u32.
     const fn pixels_from_pole(&self, centre: Pixels) -> u32 {
         let beyond = centre.to_bits().wrapping_sub(self.pole.to_bits());
-        beyond.wrapping_mul(self.beyond_pole) as u32
+        beyond.wrapping_mul(self.beyond_pole).cast_unsigned()
     }
 
     /// The distance at a centre, and the curve's slope there in micrometres a pixel. The slope is negative

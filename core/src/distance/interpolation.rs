@@ -44,7 +44,8 @@ impl Interval {
     /// The distance from the first knot to a centre that does not lie before the knot, in steps of Q16.16
     /// pixels.
     const fn offset_of(&self, centre: Pixels) -> u32 {
-        centre.to_bits().wrapping_sub(self.from.centre.to_bits()) as u32
+        let offset = centre.to_bits().wrapping_sub(self.from.centre.to_bits());
+        offset.cast_unsigned()
     }
 
     /// Difference of the two values in steps of Q24.8 micrometres: less than 2^30 of them.
@@ -144,8 +145,8 @@ fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Inte
 /// Converts a part of the way, from 0 to 1, to Q0.31, as exactly as the 24 bits of an f32 allow. Not-a-number
 /// becomes 0, and 1 becomes 1 - 2^-31.
 fn fraction(part: f32) -> i32 {
-    // The product is exact, being by a power of two; `as` takes the whole part and saturates.
-    (part * (1u32 << 31) as f32) as i32
+    // The product is exact, being by a power of two.
+    numeric::whole_i32(part * (1u32 << 31) as f32)
 }
 
 /// Goes from one value a part (Q0.31, 0 or more) of the way towards another, and rounds. The two differ by

@@ -66,12 +66,12 @@ impl Dividend {
         let wide = u64::from(divisor);
         let reciprocal = RECIPROCAL_OF / divisor as f32;
         let estimate = self.float * reciprocal;
-        let first_digit = estimate as u32;
+        let first_digit = numeric::whole_u32(estimate);
         // Below 2^63 + 2^31.
         let dividend = numeric::add_u64(self.value, u64::from(divisor / 2));
         let rest = numeric::sub_u64(dividend, u64::from(first_digit) * wide);
-        let second_digit =
-            numeric::add_u32(((rest >> UNIT_SHIFT) as u32 as f32 * reciprocal) as u32, 1);
+        let units = ((rest >> UNIT_SHIFT) & 0xffff_ffff) as u32;
+        let second_digit = numeric::add_u32(numeric::whole_u32(units as f32 * reciprocal), 1);
         // From -2^32 to 2^32, so right modulo 2^64.
         let rest = rest.wrapping_sub(u64::from(second_digit) * wide) as i64;
         let too_large = u32::from(rest < 0);

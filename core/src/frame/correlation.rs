@@ -13,7 +13,7 @@ use heapless::Vec;
 
 use super::motion::Line;
 use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance, square};
-use crate::base::numeric::limited;
+use crate::base::numeric::{limited, whole_u16};
 
 /// What rows with similar errors are worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,8 +44,7 @@ impl Correlated {
     /// The least number of independent rows that these may be worth, at least one. `None` if the number is
     /// [`FEWEST_INDEPENDENT`] or more, which is enough.
     pub fn rows_if_few(self) -> Option<u16> {
-        // `as` takes the whole part; there are at most 64.
-        let rows = ((self.rows / MARGIN) as u16).max(1);
+        let rows = whole_u16(self.rows / MARGIN).max(1);
         (rows < FEWEST_INDEPENDENT).then_some(rows)
     }
 }

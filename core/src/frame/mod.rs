@@ -247,9 +247,9 @@ impl Frame {
             exposure: self.mean_exposure(&members),
             width,
             // At most the 64 rows there are.
-            rows_used: members.len() as u16,
+            rows_used: numeric::to_u16(members.len()),
             rows: self.rows,
-            misfits: count_where(&members, |it| it.row.misfit) as u16,
+            misfits: numeric::to_u16(count_where(&members, |it| it.row.misfit)),
             shape: mean_shape(&members),
             correlated: correlated.and_then(Correlated::rows_if_few),
             spread: Pixels::from_f32(spread),
@@ -263,7 +263,7 @@ impl Frame {
         let (mut sum, mut count) = (0u32, 0u32);
         for member in members {
             // The number of the row, a whole number from 0 to 63.
-            let number = (member.rows_from_middle + middle) as usize;
+            let number = numeric::whole_usize(member.rows_from_middle + middle);
             let exposure = self.exposures.get(number).copied().flatten()?;
             sum = sum.saturating_add(exposure.us().into());
             count = count.saturating_add(1);
@@ -577,12 +577,11 @@ const _: () = assert!(2 * (MAX_ROWS as i128) * (1 << 31) + (MAX_ROWS as i128) <=
 
 /// The mean, rounded to the nearest. Zero for no values.
 fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
-    // A mean lies between its values, so it fits.
-    let count = i64::from(values.len() as u32);
+    let count = i64::from(numeric::to_u32(values.len()));
     let sum = values.fold(0, |sum, value| numeric::add_i64(sum, i64::from(value)));
-    numeric::add_i64(numeric::mul_i64(2, sum), count)
-        .checked_div_euclid(2 * count)
-        .unwrap_or_default() as i32
+    let twice = numeric::add_i64(numeric::mul_i64(2, sum), count);
+    // A mean lies between its values, so it fits.
+    numeric::i64_to_i32(twice.checked_div_euclid(2 * count).unwrap_or_default())
 }
 
 /// The median of at most [`MAX_ROWS`] values. Of an even number of values, the lower one of the middle two.

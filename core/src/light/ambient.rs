@@ -171,7 +171,7 @@ impl AmbientMean {
             // Each term is below 2^18.
             let above = i32::from(count) * i32::from(ONE) - i32::from(*mean);
             let rounded = numeric::add_i32(above, raised) >> FRACTION;
-            *word = rounded.clamp(0, highest) as u16 ^ inverted;
+            *word = numeric::i32_to_u16(rounded.clamp(0, highest)) ^ inverted;
         }
         let lower = numeric::sub_i32(i32::from(self.level), kept).max(0);
         Some(Counts::from_bits(
@@ -184,8 +184,8 @@ impl AmbientMean {
 fn mean(light: Light<'_>) -> u16 {
     // At most 2^12 pixels of 12 bits: below 2^28 in all.
     let sum = light.sum().saturating_mul(ONE.into());
-    let mean = sum.checked_div(light.len() as u32).unwrap_or_default();
-    u16::try_from(mean).unwrap_or(u16::MAX)
+    let mean = sum.checked_div(numeric::to_u32(light.len()));
+    u16::try_from(mean.unwrap_or_default()).unwrap_or(u16::MAX)
 }
 
 /// How far a row moves the means: by one part in 2^`log2` of the difference.
@@ -216,7 +216,7 @@ impl Step {
         // Exact: what the shift drops.
         self.rest = all.wrapping_sub(step.wrapping_shl(self.log2));
         // Between two numbers of 16 bits.
-        numeric::add_i32(mean.into(), step) as u16
+        numeric::i32_to_u16(numeric::add_i32(mean.into(), step))
     }
 
     /// The variance of the mean after this row, as a share of a row's.

@@ -83,7 +83,7 @@ impl BlackPixels {
                 .iter()
                 .fold(0, |sum, count| numeric::add_u32(sum, count.into())),
         );
-        self.pixels = self.pixels.saturating_add(pixels.len() as u32);
+        self.pixels = self.pixels.saturating_add(numeric::to_u32(pixels.len()));
     }
 
     /// The black level. `None` if it is not fixed and no pixel was added.
@@ -122,7 +122,7 @@ pub fn centroid(light: Light<'_>, background: Background) -> Option<usize> {
         .saturating_add(background.level.to_bits())
         >> Counts::FRACTION;
     let (mut weight, mut moment) = (0u64, 0u64);
-    for (place, count) in (0..MAX_PIXELS as u32).zip(light.iter()) {
+    for (place, count) in (0..numeric::to_u32(MAX_PIXELS)).zip(light.iter()) {
         // At most MOST_ABOVE each, for which the sums are proven.
         let above = i32::from(count).saturating_sub(threshold).max(0);
         let above = u64::from(above.unsigned_abs());

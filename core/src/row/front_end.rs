@@ -73,8 +73,7 @@ impl FrontEnd {
             Some(Estimate { value, .. }) if value >= full_scale => of_driver.full_scale(),
             Some(Estimate { value, .. }) => {
                 let bits = self.below_noise(value).to_bits().max(0);
-                // Below full scale, see above: it fits 12 bits.
-                (bits >> Counts::FRACTION) as u16
+                u16::try_from(bits >> Counts::FRACTION).unwrap_or(u16::MAX)
             }
         }
     }

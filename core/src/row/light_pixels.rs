@@ -201,7 +201,8 @@ impl<'a> Light<'a> {
         });
         let others = numeric::add_u32(others & 0xFFFF, others >> 16);
         let last = last.iter().filter(|&&word| word != self.inverted).count();
-        (self.words.len() as u32).saturating_sub(others.saturating_add(last as u32))
+        numeric::to_u32(self.words.len())
+            .saturating_sub(others.saturating_add(numeric::to_u32(last)))
     }
 
     /// Whether any count is zero or saturated.

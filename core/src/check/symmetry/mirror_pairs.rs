@@ -85,7 +85,7 @@ impl Pairs<'_> {
     fn number(&self) -> (usize, usize) {
         let Self { mirror, pixels, .. } = self;
         // The width is at most 2^15 pixels, and so the pitch 1/6 or more.
-        let most = ((REACH / self.pitch) as usize).saturating_add(1);
+        let most = numeric::whole_usize(REACH / self.pitch).saturating_add(1);
         let right = (self.light.len()).saturating_sub(mirror.right.saturating_add(1));
         let left = mirror.left.saturating_sub(1);
         let fit = right.min(left).checked_div(*pixels).unwrap_or_default();
@@ -263,7 +263,7 @@ impl Pairs<'_> {
         let mut gaps = 0u64;
         // The bits of the pairs before one.
         let below = |pair: usize| {
-            1u64.wrapping_shl(pair.min(MOST_PAIRS) as u32)
+            1u64.wrapping_shl(numeric::to_u32(pair.min(MOST_PAIRS)))
                 .wrapping_sub(1)
         };
         // A sample takes its pixels, and one at either end. How far the nearest and the furthest pixel of a
@@ -306,7 +306,7 @@ impl Pairs<'_> {
                 let four = first..first.saturating_add(4).min(number);
                 if have_gap(four.clone()) {
                     for pair in four.filter(|&pair| have_gap(pair..pair.wrapping_add(1))) {
-                        gaps |= 1u64.wrapping_shl(pair as u32);
+                        gaps |= 1u64.wrapping_shl(numeric::to_u32(pair));
                     }
                 }
             }
@@ -411,7 +411,7 @@ impl AboveLevel {
         let sign: i16 = if inverted == 0 { 1 } else { -1 };
         let part = part * f32::from(sign);
         // At most 2^12 pixels of 12 bits.
-        let pixels = (2 * pairs.pixels.min(1 << 12)) as i32;
+        let pixels = 2 * numeric::to_i32(pairs.pixels.min(1 << 12));
         let full_scale = pixels.wrapping_mul(inverted.into());
         let level_bits = pixels.wrapping_mul(pairs.level).wrapping_mul(1 << 8);
         let level = pixels.wrapping_mul(pairs.level >> Counts::FRACTION);
@@ -419,7 +419,7 @@ impl AboveLevel {
             sign: sign.into(),
             part,
             // Exact: a centre has 16 bits after the binary point.
-            part_bits: (part * 65536.0) as i32,
+            part_bits: numeric::whole_i32(part * 65536.0),
             // Used for at most `MOST_EXACT` pixels.
             level_bits: level_bits.wrapping_sub(full_scale.wrapping_mul(1 << 16)),
             level: level.wrapping_sub(full_scale),

@@ -36,6 +36,7 @@ mod mirror_pairs;
 mod symmetric;
 
 use self::mirror_pairs::{Correction, Gaps, Noise, Pairs, Place};
+use crate::base::numeric;
 use crate::base::units::Pixels;
 use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
@@ -192,9 +193,9 @@ fn is_row_too_short(light: Light<'_>, found: &RowCentre) -> bool {
 fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
     let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
-    // `as` saturates.
-    let (_, near) = light.split((centre - reach) as usize);
-    let near = near.slice(..(2.0 * reach) as usize).unwrap_or(near);
+    let (_, near) = light.split(numeric::whole_usize(centre - reach));
+    let end = numeric::whole_usize(2.0 * reach);
+    let near = near.slice(..end).unwrap_or(near);
     // What turns words into counts changes no difference.
     let (near, _) = near.words();
     let Some(first) = near.first() else {
@@ -223,12 +224,11 @@ fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
 #[cold]
 #[inline(never)]
 fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
-    let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
-    // `as` saturates.
-    let middle = (centre as usize).min(light.len());
+    let reach = numeric::whole_usize(REACH * found.width.to_f32());
+    let middle = numeric::whole_usize(found.centre.to_f32()).min(light.len());
     let (left, right) = light.split(middle);
-    let (_, left) = left.split(left.len().saturating_sub(reach as usize));
-    let right = right.slice(..reach as usize).unwrap_or(right);
+    let (_, left) = left.split(left.len().saturating_sub(reach));
+    let right = right.slice(..reach).unwrap_or(right);
     let (left, right) = (left.zeros(), right.zeros());
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
@@ -241,9 +241,8 @@ fn extremes_near(row: &Row<'_>, found: &RowCentre) -> Extremes {
     let light = row.light();
     let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
     let reach = (REACH + 0.2) * width + 7.0;
-    // `as` saturates.
-    let start = ((centre - reach) as usize).min(light.len());
-    let end = (centre + reach) as usize;
+    let start = numeric::whole_usize(centre - reach).min(light.len());
+    let end = numeric::whole_usize(centre + reach);
     // Whole eights are quicker.
     let pixels = end.saturating_sub(start).saturating_add(7) & !7;
     let (_, near) = light.split(start);
@@ -387,7 +386,7 @@ impl Symmetry {
         is_saturated: bool,
     ) -> Self {
         let width = found.width.to_f32();
-        let pixels = ((width / SAMPLES_A_WIDTH) as usize).saturating_add(1);
+        let pixels = numeric::whole_usize(width / SAMPLES_A_WIDTH).saturating_add(1);
         let block = pixels as f32;
         let mirror = Place::of(found.centre);
         let d = mirror.offset.abs();

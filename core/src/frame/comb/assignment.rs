@@ -36,7 +36,7 @@ const AGREEING: usize = 3;
 const REACH: usize = 3;
 
 /// Bins for the x0 of a row.
-const BINS: usize = MAX_PIXELS / BIN as usize;
+const BINS: usize = MAX_PIXELS / numeric::whole_usize(BIN);
 
 /// Which peak belongs to which slit.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,8 +124,8 @@ pub fn assign(peaks: &[Maximum], comb: &Comb) -> Result<Assignment, Fault> {
         return Err(few(best.slits));
     }
     Err(Fault::SlitsUnclear {
-        images: best.slits as u16,
-        other: other.slits as u16,
+        images: numeric::to_u16(best.slits),
+        other: numeric::to_u16(other.slits),
     })
 }
 
@@ -166,8 +166,8 @@ impl Scored {
 /// The fault of too few slits.
 pub(super) fn few(found: usize) -> Fault {
     Fault::FewSlits {
-        found: found as u16,
-        needed: FEWEST as u16,
+        found: numeric::to_u16(found),
+        needed: numeric::to_u16(FEWEST),
     }
 }
 
@@ -178,7 +178,7 @@ fn agreeing(votes: &[u16]) -> u8 {
 
 /// The number of slits whose bit is set.
 fn slits_in(votes: u16) -> u8 {
-    votes.count_ones() as u8
+    (votes.count_ones() & 0xff) as u8
 }
 
 /// Adds to each bin the votes of the bin that is so many bins ahead.
@@ -211,7 +211,7 @@ impl Candidates {
 
     /// Adds what the peaks say through each slit.
     fn add_all(&mut self, peaks: &[Maximum], comb: &Comb) {
-        for (slit, number) in comb.slits().iter().zip(0..MAX_SLITS as u32) {
+        for (slit, number) in comb.slits().iter().zip(0..numeric::to_u32(MAX_SLITS)) {
             let to_axis = slit.roughly_to_axis();
             let bit = 1u16.wrapping_shl(number);
             for peak in peaks {
@@ -222,14 +222,14 @@ impl Candidates {
 
     /// Adds what a peak says through the slit with this bit.
     fn add(&mut self, x0: f32, slit: u16) {
-        let bin = (x0 * (1.0 / BIN)) as usize;
+        let bin = numeric::whole_usize(x0 * (1.0 / BIN));
         // Beyond the row there is no such bin. There is room for all peaks of all slits.
         if x0 > 0.0
             && let (Some(votes), Some(last)) = (self.votes.get_mut(bin), self.last.get_mut(bin))
             && self.all.push((x0.to_bits(), *last)).is_ok()
         {
             *votes |= slit;
-            *last = self.all.len() as u16;
+            *last = numeric::to_u16(self.all.len());
         }
     }
 
@@ -286,12 +286,12 @@ fn nearest(peaks: &[Maximum], comb: &Comb, x0: Pixels) -> [Option<(usize, f32)>;
         let mut least = TOLERANCE;
         for (number, peak) in (0..MAX_MAXIMA).zip(peaks) {
             let off = (peak.place - expected).abs();
-            if off <= least && taken & 1u32.wrapping_shl(number as u32) == 0 {
+            if off <= least && taken & 1u32.wrapping_shl(numeric::to_u32(number)) == 0 {
                 (least, *place) = (off, Some((number, off)));
             }
         }
         if let Some((number, _)) = *place {
-            taken |= 1u32.wrapping_shl(number as u32);
+            taken |= 1u32.wrapping_shl(numeric::to_u32(number));
         }
     }
     all

@@ -42,7 +42,7 @@ pub(crate) fn background(
     }
     let median = order_statistic::ranked(sums.len() / 2, &sums)?;
     // A sum of 8 counts of 12 bits, in Q8, is below 2^23.
-    let level = numeric::mul_i32(median as i32, 1 << Counts::FRACTION) / BLOCK as i32;
+    let level = numeric::mul_i32(median as i32, 1 << Counts::FRACTION) / numeric::to_i32(BLOCK);
     let (left, _) = light.split(images.start);
     let (_, right) = light.split(images.end);
     Some(Background {

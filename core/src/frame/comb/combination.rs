@@ -181,9 +181,10 @@ impl Scatter {
             };
             *centre = Some(SlitCentre {
                 // A mean lies between its values.
-                centre: Pixels::from_bits(slit.centre.div_euclid(slit.rows.max(1).into()) as i32),
-                // `as` saturates.
-                height: (height + 0.5) as u16,
+                centre: Pixels::from_bits(numeric::i64_to_i32(
+                    slit.centre.div_euclid(slit.rows.max(1).into()),
+                )),
+                height: numeric::whole_u16(height + 0.5),
                 rows,
             });
         }
@@ -198,7 +199,7 @@ impl Scatter {
             surface: Pixels::from_f32(
                 dual_mac::square_root(mean.by_speckle) * small_sample(used) * NEIGHBOURS,
             ),
-            used: used as u8,
+            used: u8::try_from(used).unwrap_or(u8::MAX),
             centres,
         })
     }

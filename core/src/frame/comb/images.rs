@@ -50,8 +50,8 @@ impl CombRow {
     /// The rough places of the images, in pixels.
     pub fn images(&self) -> impl Iterator<Item = usize> + '_ {
         let peaks = self.assignment.peaks.iter().flatten();
-        // `as` saturates, and a row has at most 2^12 pixels.
-        peaks.filter_map(|&peak| self.peaks.get(peak).map(|peak| (peak.place + 0.5) as usize))
+        let peaks = peaks.filter_map(|&peak| self.peaks.get(peak));
+        peaks.map(|peak| numeric::whole_usize(peak.place + 0.5))
     }
 
     /// The candidate at the rough place of an image.
@@ -113,8 +113,7 @@ impl CombMeasurement {
     fn span(&self, assignment: &Assignment) -> Range<usize> {
         let places = || {
             let slits = self.comb.slits().iter();
-            // `as` saturates.
-            slits.map(|slit| slit.from_axis(assignment.x0).to_f32() as usize)
+            slits.map(|slit| numeric::whole_usize(slit.from_axis(assignment.x0).to_f32()))
         };
         let first = places().min().unwrap_or(0);
         let last = places().max().unwrap_or(0);
@@ -150,8 +149,7 @@ impl CombMeasurement {
             let spot = Spot {
                 height: peak.height,
                 black_level,
-                // `as` saturates.
-                ..on_row.spot((peak.place + 0.5) as usize)
+                ..on_row.spot(numeric::whole_usize(peak.place + 0.5))
             };
             let result = centre_of(&spot, before.as_ref());
             *before = result.ok();

@@ -48,7 +48,7 @@ pub(crate) fn find(blocks: &[u16], background: Background, peaks: &mut Maxima) {
     let noise = background.noise.to_bits().max(0).unsigned_abs();
     let level = background.level_bits().unsigned_abs();
     // Four blocks of the level, which is below 2^20 in Q8.
-    let under = level.saturating_mul(4 * BLOCK as u32) >> Counts::FRACTION;
+    let under = level.saturating_mul(4 * numeric::to_u32(BLOCK)) >> Counts::FRACTION;
     let least = noise.saturating_mul(DETECTION * KERNEL_NOISE) >> Counts::FRACTION;
     let least = under.saturating_add(least);
     for (three, block) in blocks.windows(3).zip(1usize..) {

@@ -95,6 +95,7 @@ impl SlitMap {
 
     /// 1 + e tan u: how much farther the slit's images move than those of a slit on the axis. At least 0.5.
     pub fn growth(&self) -> f32 {
+        #[expect(clippy::cast_possible_truncation, reason = "a constant, rounded")]
         let growth = 1.0 + self.e() * T as f32;
         if growth > 0.5 { growth } else { 0.5 }
     }

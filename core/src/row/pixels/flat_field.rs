@@ -312,8 +312,7 @@ impl FlatField {
             let saturation = row.saturated_from();
             let pixels = numeric::count(light.iter().map(|count| count >= saturation));
             if pixels > MOST_SATURATED {
-                // A row has at most 2^12 pixels.
-                let pixels = pixels as u16;
+                let pixels = numeric::to_u16(pixels);
                 return Err(TakeError::Saturated { pixels });
             }
         }
@@ -337,12 +336,12 @@ impl FlatField {
 
     /// The mean count of all light pixels, Q12.4.
     fn mean_q4(&self) -> i32 {
-        // Below 2^12 pixels of 2^20: 2^32, and 2^36 in Q4.
+        // Below 2^12 pixels of 2^20: 2^32, and 2^36 in Q4. A pixel's mean is below 2^12.
         let sum = (self.light_sums().iter())
             .fold(0, |sum, &of_one| numeric::add_u64(sum, u64::from(of_one)));
         let counts = (self.pixels as u64).saturating_mul(self.rows.into());
         let mean = sum.saturating_mul(1 << OFFSET_FRACTION).checked_div(counts);
-        mean.unwrap_or_default() as i32
+        numeric::i64_to_i32(mean.unwrap_or_default().cast_signed())
     }
 
     fn finish_dark(&mut self, full_scale: u16) -> Result<Taken, TakeError> {
@@ -351,7 +350,7 @@ impl FlatField {
         let shielded = (u64::from(self.shielded_sum) * (1 << Counts::FRACTION))
             .checked_div(self.shielded_pixels.into());
         if let Some(shielded) = shielded {
-            let shielded = Counts::from_bits(shielded as i32);
+            let shielded = Counts::from_bits(numeric::i64_to_i32(shielded.cast_signed()));
             let limit = Counts::from_int(i32::from(full_scale / LARGEST_DARK_DIVISOR));
             if light.to_bits().saturating_sub(shielded.to_bits()) > limit.to_bits() {
                 return Err(TakeError::NotDark { light, shielded });
@@ -370,14 +369,14 @@ impl FlatField {
             let above = sums.iter().fold(0i32, |all, &sum| {
                 all.saturating_add(offset(sum).clamp(-HOT, HOT))
             });
-            let above = (above / BLOCK as i32) >> OFFSET_FRACTION;
+            let above = (above / numeric::to_i32(BLOCK)) >> OFFSET_FRACTION;
             if above > LARGEST_SPOT {
                 return Err(TakeError::SpotInTheDark {
                     pixel,
-                    above: above as i16,
+                    above: i16::try_from(above).unwrap_or(i16::MAX),
                 });
             }
-            pixel = pixel.saturating_add(BLOCK as u16);
+            pixel = pixel.saturating_add(numeric::to_u16(BLOCK));
         }
         // The map's offsets change from here on.
         self.map.clear();
@@ -391,7 +390,8 @@ impl FlatField {
             // Below 2^15 each, 2^12 of them.
             steps = numeric::add_u64(steps, held.abs_diff(before).into());
             before = held;
-            *entry = Entry::new(held as i16, 0).unwrap_or_default();
+            let held = i16::try_from(held).unwrap_or_default();
+            *entry = Entry::new(held, 0).unwrap_or_default();
         }
         let variance = variance_of_mean(self.scatter.variance(), self.rows);
         const ROUNDING: f32 = 1.0 / (12 << (2 * OFFSET_FRACTION)) as f32;
@@ -399,7 +399,7 @@ impl FlatField {
         let pattern =
             0.886 * steps as f32 / (self.pixels.max(1) as f32 * (1 << OFFSET_FRACTION) as f32);
         self.dark = Some(Dark {
-            pixels: self.pixels as u16,
+            pixels: numeric::to_u16(self.pixels),
             mean_q4,
             variance: variance + ROUNDING,
             outside,
@@ -434,8 +434,9 @@ impl FlatField {
             noise / (mean * mean) + STEP * STEP / 12.0 + SLOW * SLOW * (squares / pixels);
         let summary = MapSummary {
             errors: PixelErrors {
-                // `as` saturates. Never zero: no map is perfect.
-                response_q16: (dual_mac::square_root(response) * 65536.0 + 0.5).max(1.0) as u16,
+                // Never zero: no map is perfect.
+                response_q16: numeric::whole_u16(dual_mac::square_root(response) * 65536.0 + 0.5)
+                    .max(1),
                 offset: Counts::from_f32(dual_mac::square_root(dark.variance))
                     .max(Counts::from_bits(1)),
             },
@@ -443,7 +444,7 @@ impl FlatField {
             outside: dark.outside.saturating_add(outside),
         };
         self.map.summary = summary;
-        self.map.pixels = self.pixels as u16;
+        self.map.pixels = numeric::to_u16(self.pixels);
         Ok(Taken {
             mean: lit,
             map: Some(summary),
@@ -487,7 +488,7 @@ impl FlatField {
             let at_least = mean * per_row;
             if at_least < least.to_f32() {
                 return Err(TakeError::TooDimAt {
-                    pixel: at as u16,
+                    pixel: numeric::to_u16(at),
                     light: Counts::from_f32(at_least),
                     needed: least,
                 });
@@ -498,7 +499,8 @@ impl FlatField {
                 let share = block / BLOCK as f32;
                 if share > LARGEST_UNEVENNESS || share < -LARGEST_UNEVENNESS {
                     return Err(TakeError::Uneven {
-                        pixel: (at - (BLOCK - 1)) as u16,
+                        pixel: numeric::to_u16(at - (BLOCK - 1)),
+                        #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
                         percent: (share * 100.0) as i16,
                     });
                 }
@@ -513,6 +515,7 @@ impl FlatField {
             } else {
                 gains.outside = gains.outside.saturating_add(1);
             }
+            #[expect(clippy::cast_possible_truncation, reason = "limited to an i16")]
             let rounded = (held + 0.5f32.copysign(held)) as i16;
             if let Some(entry) = self.map.entries.get_mut(at) {
                 *entry = Entry::new(entry.offset_q4(), rounded).unwrap_or_default();

@@ -213,7 +213,7 @@ impl PixelMap {
             let change = numeric::mul_i32(above, i32::from(entry.gain_q15)) >> GAIN_FRACTION;
             let corrected = numeric::add_i32(above, change);
             let rounded = numeric::add_i32(corrected, black + HALF) >> OFFSET_FRACTION;
-            *word = rounded.max(0).min(highest) as u16 ^ inverted;
+            *word = numeric::i32_to_u16(rounded.max(0).min(highest)) ^ inverted;
         }
     }
 
@@ -225,7 +225,7 @@ impl PixelMap {
         let squared = (noise * noise - pattern * pattern).max(ROUNDING * ROUNDING);
         Background {
             // Not above the noise that it was, which is at least that of rounding.
-            noise: Counts::from_bits(dual_mac::square_root(squared) as i32),
+            noise: Counts::from_bits(numeric::whole_i32(dual_mac::square_root(squared))),
             ..background
         }
     }
@@ -240,7 +240,7 @@ pub fn window(centre: usize, block_log2: u32, width: Option<Pixels>) -> Range<us
         // At most 2^15 pixels, so this saturates nothing.
         Some(width) => {
             let reach = width.to_bits().max(0).saturating_mul(REACH) >> Pixels::FRACTION;
-            (reach as usize).saturating_add(block)
+            (reach.cast_unsigned() as usize).saturating_add(block)
         }
         None => block * 2 * REACH as usize,
     };
