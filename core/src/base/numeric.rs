@@ -120,7 +120,7 @@ pub(crate) const fn i64_to_i32(value: i64) -> i32 {
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
 pub(crate) const fn i32_to_u16(value: i32) -> u16 {
-    debug_assert!(value == value as u16 as i32);
+    debug_assert!(matches!(value, 0..=0xffff));
     value.cast_unsigned() as u16
 }
 

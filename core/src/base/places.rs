@@ -8,7 +8,7 @@ pub const PLACES: usize = 9;
 pub(crate) fn place_at(along: f32) -> (usize, f32) {
     const LAST: usize = PLACES - 1;
     let place = if along > 0.0 { along } else { 0.0 } * LAST as f32;
-    let index = (place as usize).min(LAST - 1);
+    let index = super::numeric::whole_usize(place).min(LAST - 1);
     let part = place - index as f32;
     (index, if part < 1.0 { part } else { 1.0 })
 }

@@ -7,6 +7,8 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::numeric;
+
 macro_rules! quantity {
     ($(#[$doc:meta])* $name:ident, $fraction:literal, $decimals:literal) => {
         $(#[$doc])*
@@ -45,23 +47,22 @@ macro_rules! quantity {
                 } else if bits < i32::MIN as i64 {
                     Self::MIN
                 } else {
-                    Self(bits as i32)
+                    Self(numeric::i64_to_i32(bits))
                 }
             }
 
             /// Converts a float, to within a step (an f32 has 24 bits). Saturates; not-a-number becomes zero.
             #[inline]
             pub fn from_f32(value: f32) -> Self {
-                // `as` takes the whole part, saturates, and maps NaN to zero.
                 let scaled = value * (1u32 << $fraction) as f32;
-                Self((scaled + 0.5f32.copysign(scaled)) as i32)
+                Self(numeric::whole_i32(scaled + 0.5f32.copysign(scaled)))
             }
 
             /// As [`Self::from_f32`] for a value that is not negative, in fewer instructions. A negative one
             /// may be a step off.
             #[inline(always)]
             pub fn from_positive_f32(value: f32) -> Self {
-                Self((value * (1u32 << $fraction) as f32 + 0.5) as i32)
+                Self(numeric::whole_i32(value * (1u32 << $fraction) as f32 + 0.5))
             }
 
             /// The value as a float: exact to 24 bits.

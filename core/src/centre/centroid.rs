@@ -165,7 +165,7 @@ fn moments(light: Light<'_>, level: i32, at: Pixels, half_window: Pixels) -> Opt
         sum = numeric::add_u32(sum, u32::from(count));
         sum_of_sums = numeric::add_u32(sum_of_sums, sum);
     }
-    let (n, level) = (pixels.len() as u32, i64::from(level));
+    let (n, level) = (numeric::to_u32(pixels.len()), i64::from(level));
     let n_sums = numeric::mul_i64(i64::from(n), i64::from(n) + 1) / 2;
     let n = i64::from(n);
     // The sum of sums takes the first pixel n times and the last once. A level is below 2^20: within 2^31 and
@@ -204,7 +204,8 @@ fn moments(light: Light<'_>, level: i32, at: Pixels, half_window: Pixels) -> Opt
 const COUNT: i64 = 1 << Counts::FRACTION;
 
 /// The most pixels in a window: three widths to either side, the widest being 170, and what rounding adds.
-const MOST_PIXELS: u64 = (2.0 * HALF_WINDOW * *half_width::WIDTHS.end()) as u64 + 2;
+const MOST_PIXELS: u64 =
+    numeric::whole_u32(2.0 * HALF_WINDOW * *half_width::WIDTHS.end()) as u64 + 2;
 
 // The running sum of counts, summed up once more, fits 32 bits.
 const _: () =

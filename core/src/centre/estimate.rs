@@ -6,6 +6,7 @@
 //! other estimators have the fault [`Fault::Saturated`].
 
 use crate::base::fault::Fault;
+use crate::base::numeric;
 use crate::base::work_budget::WorkBudget;
 use crate::centre::plausible::count_saturated_pixels;
 use crate::centre::{self, Estimator, RowCentre, adaptive, flat_top, gauss_newton, half_width};
@@ -45,8 +46,8 @@ impl<'a> Estimate<'a> {
     /// The work of estimator and check beyond that of a usual spot. It is known only with the width.
     #[inline(always)]
     pub(crate) fn work(&self) -> usize {
-        // `as` saturates.
-        let wider = (self.found.width.to_f32() as usize).saturating_sub(USUAL_WIDTH);
+        let width = numeric::whole_usize(self.found.width.to_f32());
+        let wider = width.saturating_sub(USUAL_WIDTH);
         wider.saturating_mul(WORK_OF_PIXEL)
     }
 
@@ -84,7 +85,7 @@ fn work_of_fit(spot: &Spot) -> usize {
 
 /// The most pixels that a spot may be wide, before its width is known.
 fn widest(spot: &Spot) -> usize {
-    let widest = *half_width::WIDTHS.end() as usize;
+    let widest = numeric::whole_usize(*half_width::WIDTHS.end());
     spot.block().saturating_mul(2).min(widest)
 }
 

@@ -84,10 +84,11 @@ pub(super) fn find(
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     const SHIFT: u32 = Pixels::FRACTION + 4;
     // A place off the row is no pixel.
-    let middle = (found.centre.to_bits().wrapping_add(HALF) >> Pixels::FRACTION) as usize;
+    let middle = found.centre.to_bits().wrapping_add(HALF) >> Pixels::FRACTION;
+    let middle = middle.cast_unsigned() as usize;
     // A width is at most 2^12 pixels in Q16.
-    let beside = (found.width.to_bits().wrapping_mul(SIXTEENTHS) >> SHIFT) as usize;
-    let beside = beside.clamp(1, MOST_BESIDE);
+    let beside = found.width.to_bits().wrapping_mul(SIXTEENTHS) >> SHIFT;
+    let beside = (beside.cast_unsigned() as usize).clamp(1, MOST_BESIDE);
     let light = row.light();
     let count = light.get(middle)?;
     let near = most_difference(spot);
@@ -104,7 +105,8 @@ pub(super) fn find(
 /// The most by which a pixel of a flat top differs from the middle one, in counts.
 #[inline(always)]
 fn most_difference(spot: &Spot) -> u32 {
-    (spot.background.noise.to_bits().saturating_mul(NEAR) >> Counts::FRACTION) as u32
+    let noise = spot.background.noise.to_bits().saturating_mul(NEAR);
+    (noise >> Counts::FRACTION).cast_unsigned()
 }
 
 /// The count from which the pixels about a place are saturated, if they form a flat top.
@@ -121,8 +123,8 @@ fn level_of_flat(
     let mut right = right.iter();
     let middle = right.next()?;
     let near = most_difference(spot);
-    // Within a width a gaussian falls by more than the parabola with `FLATTER`. `as` cuts off.
-    let most = (found.width.to_f32() as usize).clamp(1, MOST_BESIDE);
+    // Within a width a gaussian falls by more than the parabola with `FLATTER`.
+    let most = numeric::whole_usize(found.width.to_f32()).clamp(1, MOST_BESIDE);
     // At most 65 differences of 12 bits, and 65 squares of 24 bits: below 2^31.
     let (mut sum, mut squares, mut pairs) = (0i32, 0i32, 0u16);
     for (left, right) in left.iter().rev().zip(right).take(most) {
@@ -158,8 +160,7 @@ fn level_of_flat(
     let is_flat = deviation >= LEAST_NOISE && scatter <= NOISE * noise * of_flat;
     let is_bright = height >= LEAST_HEIGHT * deviation;
     let is_cut = q > 1.0 && evidence >= FALSE_ALARM;
-    // `as` cuts off, and saturates.
-    (is_flat && is_bright && is_cut).then_some(((mean - below) as u16).max(1))
+    (is_flat && is_bright && is_cut).then_some(numeric::whole_u16(mean - below).max(1))
 }
 
 #[cfg(test)]

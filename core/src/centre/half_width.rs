@@ -94,7 +94,8 @@ pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
     };
     let first = before.saturating_add(place);
     // At most 64 counts of 12 bits in Q8: below 2^26.
-    let level = numeric::mul_i32(spot.background.level_bits(), smoothed as i32);
+    let in_sum = numeric::to_i32(smoothed);
+    let level = numeric::mul_i32(spot.background.level_bits(), in_sum);
     let height = in_q8(sum).saturating_sub(level);
     if height <= 0 {
         return Err(spot.no_spot());
@@ -113,17 +114,17 @@ pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
     }
     // A place is below 4096 pixels. The middle of a sum over n pixels is (n - 1) / 2 pixels to the right of
     // its first.
-    let half_sum = (smoothed as i32 - 1) * (1 << (Pixels::FRACTION - 1));
+    let half_sum = (in_sum - 1) * (1 << (Pixels::FRACTION - 1));
     Ok(HalfMaximum {
         top: Pixels::from_bits(
-            Pixels::from_int(first as i32)
+            Pixels::from_int(numeric::to_i32(first))
                 .to_bits()
                 .saturating_add(half_sum),
         ),
         left: left.distance(),
         right: right.distance(),
-        height: height as f32 / (smoothed as i32 * (1 << Counts::FRACTION)) as f32,
-        smoothed: smoothed as u16,
+        height: height as f32 / (in_sum * (1 << Counts::FRACTION)) as f32,
+        smoothed: numeric::to_u16(smoothed),
     })
 }
 

@@ -317,12 +317,13 @@ const MAX_TRACKING: usize = 3;
 pub(super) fn is_near(spot: &Spot, before: &RowCentre) -> bool {
     // These wrap only for a spot off the row. The cost is time: the spot is looked for in vain, or from the
     // start.
+    #[expect(clippy::cast_possible_truncation, reason = "wraps off the row")]
     let centre = (spot.centre as i32).wrapping_shl(Pixels::FRACTION);
     let block = (1i32 << Pixels::FRACTION).wrapping_shl(spot.block_log2);
     let reach = before.width.to_bits().wrapping_add(block);
     let apart = centre.wrapping_sub(before.centre.to_bits());
     // From -reach to reach.
-    apart.wrapping_add(reach) as u32 <= 2 * (reach as u32 & 0x7fff_ffff)
+    apart.wrapping_add(reach).cast_unsigned() <= 2 * (reach.cast_unsigned() & 0x7fff_ffff)
 }
 
 /// Finds place, width and table from the result of the coarse search.
@@ -433,7 +434,7 @@ fn settle<'a>(
 impl Fit<'_> {
     /// The spot's height at its peak, in counts.
     pub(super) fn amplitude(&self) -> f32 {
-        let divisor = (1u32 << halvings(self.class.block)) as f32;
+        let divisor = (1u32 << halvings(self.class.block.into())) as f32;
         self.slope * self.table.height_per_slope * divisor / f32::from(self.class.block)
     }
 
@@ -442,7 +443,7 @@ impl Fit<'_> {
     pub(super) fn uncertainty(&self, noise: Counts, geometry: &Geometry) -> f32 {
         let block = f32::from(self.class.block);
         // A sample is the sum of a block's pixels, divided by this.
-        let divisor = (1u32 << halvings(self.class.block)) as f32;
+        let divisor = (1u32 << halvings(self.class.block.into())) as f32;
         let height = self.slope * self.table.height_per_slope;
         let read = noise.to_f32() * noise.to_f32() * block / (divisor * divisor);
         let shot_variance_per_count = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;

@@ -4,6 +4,7 @@
 use core::ops::Range;
 
 use crate::base::fault::Fault;
+use crate::base::numeric;
 use crate::base::units::{Counts, Pixels};
 use crate::row::{Light, Row};
 use crate::spot::Spot;
@@ -43,8 +44,7 @@ pub fn count_saturated_pixels(row: &Row<'_>, centre: Pixels, width: f32) -> u16 
 /// The pixels within two widths of the centre, to one pixel.
 fn two_widths(centre: Pixels, width: f32) -> Range<usize> {
     let centre = usize::try_from(centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    // `as` saturates.
-    let reach = (2.0 * width) as usize;
+    let reach = numeric::whole_usize(2.0 * width);
     let start = centre.saturating_sub(reach).saturating_sub(1);
     start..centre.saturating_add(reach).saturating_add(2)
 }

@@ -87,7 +87,7 @@ pub const BLOCKS: [u8; 5] = [1, 2, 4, 8, 16];
 const _: () = {
     let mut i = 0;
     while i < BLOCKS.len() {
-        let (block, halvings) = (BLOCKS[i] as u32, halvings(BLOCKS[i]));
+        let (block, halvings) = (BLOCKS[i] as u32, halvings(BLOCKS[i] as usize));
         assert!((block * LARGEST_COUNT as u32) >> halvings <= LARGEST_SAMPLE as u32);
         assert!(block % (1 << halvings) == 0);
         i += 1;
@@ -278,6 +278,7 @@ impl<'a> TableSet<'a> {
         };
         let class = WidthClass {
             set: self.number,
+            #[expect(clippy::cast_possible_truncation, reason = "a set has few tables")]
             table: index as u8,
             block,
         };
@@ -396,7 +397,7 @@ pub(super) fn is_spot_width(width: f32) -> bool {
 
 /// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels, once for 16.
 #[inline(always)]
-pub(super) const fn halvings(block: u8) -> u32 {
+pub(super) const fn halvings(block: usize) -> u32 {
     (block > 8) as u32
 }
 

@@ -90,7 +90,7 @@ impl<'r, 't> Window<'r, 't> {
         };
         let first = usize::try_from(first).ok()?;
         let pixels = light.slice(first..first + 2 * pairs * usize::from(class.block))?;
-        let start = phase as usize * pairs;
+        let start = phase.cast_unsigned() as usize * pairs;
         Some(Self {
             pixels,
             block: class.block,
@@ -269,6 +269,6 @@ fn sum_chunks<const BLOCK: usize>(pixels: Light<'_>, sums: &mut [u16]) {
         let both = pairs
             .map(|&[low, high]| (u32::from(low) | (u32::from(high) * 0x1_0000)) ^ inverted)
             .fold(0, u32::wrapping_add);
-        *sum = (((both & 0xffff) + (both >> 16)) >> halvings(BLOCK as u8)) as u16;
+        *sum = ((((both & 0xffff) + (both >> 16)) >> halvings(BLOCK)) & 0xffff) as u16;
     }
 }

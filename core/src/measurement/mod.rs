@@ -246,7 +246,8 @@ impl Measurement {
             }
             Slits::Comb => self.add_row_of_comb(words, map),
         }
-        let rows = self.options.rows.clamp(1, crate::frame::MAX_ROWS as u16);
+        let most = numeric::to_u16(crate::frame::MAX_ROWS as usize);
+        let rows = self.options.rows.clamp(1, most);
         if self.frame.rows() < rows {
             return None;
         }
@@ -479,18 +480,18 @@ impl Measurement {
     fn highest_block(&self) -> Counts {
         let most = self.blocks.sums().iter().max().copied().unwrap_or_default();
         // At most 2^16 * 2^8 / 8.
-        let mean = i32::from(most) * (1 << Counts::FRACTION) / BLOCK as i32;
+        let mean = i32::from(most) * (1 << Counts::FRACTION) / numeric::to_i32(BLOCK);
         Counts::from_bits(mean.saturating_sub(self.background.to_bits()))
     }
 
     /// The pixels in blocks that are saturated as a whole.
     #[inline(never)]
     fn saturated_pixels(&self) -> u16 {
-        let full = u32::from(self.geometry.saturated_from()) * BLOCK as u32;
+        let full = u32::from(self.geometry.saturated_from()) * numeric::to_u32(BLOCK);
         let sums = self.blocks.sums().iter();
         let blocks = numeric::count(sums.map(|&sum| u32::from(sum) >= full));
         // At most 512 blocks.
-        (blocks as u16).saturating_mul(BLOCK as u16)
+        numeric::to_u16(blocks).saturating_mul(numeric::to_u16(BLOCK))
     }
 
     /// The fault of a row, with what auto exposure knows of it.

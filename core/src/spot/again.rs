@@ -60,7 +60,7 @@ pub(crate) fn find_again_in(
     let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
     let block = 1usize << block_log2;
     // Not negative: the width is at least half of the block that was chosen for it.
-    let width = (width.to_bits() >> Pixels::FRACTION) as usize;
+    let width = (width.to_bits() >> Pixels::FRACTION).cast_unsigned() as usize;
     let Some(peak) = groups.peak_near(before.centre >> block_log2) else {
         return find_in(row, blocks, coarse, budget);
     };

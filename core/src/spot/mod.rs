@@ -459,7 +459,7 @@ impl Candidate {
             6 => 32,
             _ => 22,
         };
-        ((i64::from(self.response) * factor) >> 8) as i32
+        numeric::i64_to_i32((i64::from(self.response) * factor) >> 8)
     }
 
     fn is_one_pixel(&self, sums: &Sums<'_>, level: Counts) -> bool {
@@ -581,12 +581,14 @@ impl Steps {
     #[inline(always)]
     fn noise(&self) -> Option<Counts> {
         // All parts have as many steps, at least two.
-        let mean = (in_q8(median(&self.sums)?) as u32).checked_div(self.part as u32 / 4)?;
+        let mean = in_q8(median(&self.sums)?).cast_unsigned();
+        let mean = mean.checked_div(numeric::to_u32(self.part) / 4)?;
         // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
         let noise = (u64::from(mean) * 58_080) >> 16;
         /// 1/sqrt(12) of a count in Q8.
         const ROUNDING: i32 = 74;
-        Some(Counts::from_bits((noise as i32).max(ROUNDING)))
+        let noise = numeric::i64_to_i32(noise.cast_signed());
+        Some(Counts::from_bits(noise.max(ROUNDING)))
     }
 }
 

@@ -94,7 +94,7 @@ pub(super) fn find(
     row_noise: Counts,
     budget: &mut WorkBudget,
 ) -> Option<Result<Spot, Fault>> {
-    let looks = LOOKS.min((budget.left() as u32).saturating_mul(LOOKS_IN_A_UNIT));
+    let looks = LOOKS.min(numeric::to_u32(budget.left()).saturating_mul(LOOKS_IN_A_UNIT));
     let mut parts = Parts::none(sums, looks);
     parts.measure(row_noise);
     let found = parts.best(row_noise);

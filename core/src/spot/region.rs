@@ -24,7 +24,7 @@ impl Region {
     /// All pixels, of any sensor.
     pub const ALL: Self = Self {
         first: 0,
-        last: MAX_PIXELS as u16 - 1,
+        last: crate::base::numeric::to_u16(MAX_PIXELS - 1),
     };
 
     /// The fewest pixels: twice what the search needs, so that the spot has a background beside it.

@@ -96,10 +96,9 @@ pub(super) fn check_near(
 }
 
 pub(super) fn two_spots(centre: usize, other: usize) -> Fault {
-    // A row has at most 4096 pixels.
     Fault::TwoSpots {
-        centre: Pixels::from_int(centre as i32),
-        other: Pixels::from_int(other as i32),
+        centre: Pixels::from_int(numeric::to_i32(centre)),
+        other: Pixels::from_int(numeric::to_i32(other)),
     }
 }
 
@@ -152,9 +151,10 @@ impl Near {
         self.first = block_of(spot.centre, block_log2).saturating_sub(reach);
         self.block_log2 = block_log2;
         // Below 2^20 in Q8, and times 4 at most.
-        self.noise = (spot.background.noise.to_f32()
-            * dual_mac::square_root((1u32 << (2 * Counts::FRACTION + block_log2)) as f32))
-            as i32;
+        self.noise = numeric::whole_i32(
+            spot.background.noise.to_f32()
+                * dual_mac::square_root((1u32 << (2 * Counts::FRACTION + block_log2)) as f32),
+        );
         // Each end is its own neighbour.
         let mut with_ends = [0; FINE + 2];
         let (start, blocks) = with_ends.split_first_mut()?;

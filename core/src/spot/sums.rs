@@ -350,7 +350,7 @@ impl<'a> Sums<'a> {
             .min(self.light.len());
         let pixels = self.light.slice(from..to).unwrap_or_default();
         // At most 640 pixels of 12 bits in Q8: below 2^30.
-        let background = numeric::mul_i32(level.to_bits(), pixels.len() as i32);
+        let background = numeric::mul_i32(level.to_bits(), numeric::to_i32(pixels.len()));
         let blocks = block.checked_sub(2).and_then(|first| {
             let blocks = self.small_blocks(block_log2).get(first..)?;
             blocks.first_chunk::<5>()

@@ -82,7 +82,7 @@ impl Tilt {
         } else {
             light.len().saturating_sub(pixel).saturating_sub(1)
         };
-        self.rise(from_dark).min(1 << 20) as i32
+        numeric::i64_to_i32(self.rise(from_dark).min(1 << 20))
     }
 
     /// Writes a row without the tilt to `untilted`, and returns its lowest count. That lowest count is
@@ -91,7 +91,7 @@ impl Tilt {
         /// The highest tilt that a row can hold, Q16: 4096 counts. Beyond, the tilt stays as high.
         const HIGHEST: i32 = 1 << (12 + FRACTION);
         // Below 2^27.
-        let slope = self.slope as i32;
+        let slope = numeric::i64_to_i32(self.slope);
         let (words, inverted) = light.words();
         // The pixels, counted from the dark end, where the tilt is not higher than that.
         let sloping = (HIGHEST.unsigned_abs().checked_div(slope.unsigned_abs()))
@@ -103,7 +103,7 @@ impl Tilt {
                 0
             } else {
                 // At most `HIGHEST`.
-                let steps = words.len().saturating_sub(1) as i32;
+                let steps = numeric::to_i32(words.len().saturating_sub(1));
                 numeric::mul_i32(slope.saturating_neg(), steps)
             };
             dual_mac::subtract_slope(words, inverted, start, slope, untilted)
