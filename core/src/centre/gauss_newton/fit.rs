@@ -1,6 +1,7 @@
 //! Steps from start values to the fit of a window's samples.
 
 use super::normal_equations::{Parameters, SAMPLES, Sample, Scale, normal_equations};
+use crate::base::numeric;
 
 /// The most steps. Two or three are usual, and four for a spot that is cut off.
 pub(crate) const MAX_STEPS: usize = 8;
@@ -164,7 +165,7 @@ pub(crate) fn least_without(
 /// Writes the spot's light in each sample of a window, over its height: by the recurrence of
 /// [`normal_equations`].
 pub(crate) fn exponentials(at: &Parameters, light: &mut [f32; SAMPLES]) {
-    let middle = ((at.centre + 0.5) as usize).min(SAMPLES);
+    let middle = numeric::whole_usize(at.centre + 0.5).min(SAMPLES);
     let (left, right) = light.split_at_mut_checked(middle).unwrap_or_default();
     let pitch = 1.0 / at.width;
     let u = (middle as f32 - at.centre) * pitch;

@@ -1,6 +1,6 @@
 //! The normal equations of the fit, and the step that solves them.
 
-use crate::base::numeric::limited;
+use crate::base::numeric::{self, limited};
 
 /// Samples in a window.
 pub const SAMPLES: usize = 128;
@@ -108,8 +108,8 @@ pub(super) struct Step {
 /// Sums up the normal equations at a point. Not inlined, so that what a step costs can be counted.
 #[inline(never)]
 pub fn normal_equations(samples: &[Sample], at: &Parameters, shot: f32) -> NormalEquations {
-    // `as` saturates: a centre off the window makes one side empty.
-    let middle = ((at.centre + 0.5) as usize).min(samples.len());
+    // A centre off the window makes one side empty.
+    let middle = numeric::whole_usize(at.centre + 0.5).min(samples.len());
     let (left, right) = samples.split_at_checked(middle).unwrap_or_default();
     let pitch = 1.0 / at.width;
     let u = (middle as f32 - at.centre) * pitch;

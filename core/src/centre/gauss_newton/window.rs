@@ -43,8 +43,7 @@ pub(crate) fn half_window(width: f32) -> usize {
 
 /// The pixels of a sample, if a width has at most so many samples.
 pub(crate) fn pixels_a_sample(width: f32, samples_a_width: f32) -> usize {
-    // `as` cuts off.
-    ((width / samples_a_width) as usize).min(LARGEST_SAMPLE - 1) + 1
+    numeric::whole_usize(width / samples_a_width).min(LARGEST_SAMPLE - 1) + 1
 }
 
 /// The samples that are fitted.
@@ -101,7 +100,7 @@ impl Window {
         let end = (middle + block * half).min(light.len());
         let pixels = light.slice(first..end).unwrap_or_default();
         // Below 2^16 in Q8, and 16 counts of 12 bits: 2^24 in Q8, exact in f32.
-        let level = spot.background.level_bits() * block as i32;
+        let level = spot.background.level_bits() * numeric::to_i32(block);
         let (noise, _) = spot.background.variances(geometry);
         (self.first, self.block) = (first, block);
         (self.length, self.saturated) = (0, 0);
@@ -180,8 +179,8 @@ impl Window {
         reach: usize,
     ) -> Option<f32> {
         let samples = reach.saturating_mul(2).saturating_add(1);
-        let before = sample.saturating_sub_unsigned(reach as u32);
-        let before = before.saturating_mul(self.block as i32);
+        let before = sample.saturating_sub_unsigned(numeric::to_u32(reach));
+        let before = before.saturating_mul(numeric::to_i32(self.block));
         let first = self.first.checked_add_signed(before as isize)?;
         let end = first.checked_add(samples.checked_mul(self.block)?)?;
         let pixels = row.light().slice(first..end)?;
@@ -206,8 +205,7 @@ impl Window {
     /// Converts start values to samples.
     pub(crate) fn parameters(&self, start: &Start) -> Parameters {
         let block = self.block as f32;
-        // Below 2^12 pixels, in Q16.
-        let first = Pixels::from_int(self.first as i32);
+        let first = Pixels::from_int(numeric::to_i32(self.first));
         let from_first = start.centre.to_bits().saturating_sub(first.to_bits());
         let width = start.width / block;
         Parameters {
@@ -255,7 +253,7 @@ impl Window {
         let is_noise = fit.squares <= freedom + allowed_scatter(freedom);
         RowCentre {
             centre: Pixels::from_bits(
-                Pixels::from_int(self.first as i32)
+                Pixels::from_int(numeric::to_i32(self.first))
                     .to_bits()
                     .saturating_add(from_first.to_bits()),
             ),
