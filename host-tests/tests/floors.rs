@@ -1,4 +1,4 @@
-//! Who uses whom. Modules stand in order: each uses only those that its crate's lib.rs declares before it.
+//! Crates and modules stand in order: each uses only those before it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,6 +10,8 @@ const CRATES: &[&str] = &[
     "core",
     "device",
     "statistics",
+    "figures",
+    "calibration",
     "simulator",
     "judges",
     "on-chip/answers",
@@ -114,10 +116,58 @@ fn a_module_uses_only_modules_before_it() {
     }
 }
 
+/// The name of a manifest's package.
+fn package(manifest: &str) -> &str {
+    let name = manifest
+        .lines()
+        .find_map(|line| line.strip_prefix("name = "));
+    name.expect("a package").trim_matches('"')
+}
+
+/// The names in the sections of a manifest that list what the package depends on.
+fn dependencies(manifest: &str) -> impl Iterator<Item = &str> {
+    let mut is_listed = false;
+    manifest.lines().filter_map(move |line| {
+        if line.starts_with('[') {
+            is_listed = line.ends_with("dependencies]") && !line.starts_with("[workspace");
+        }
+        is_listed.then(|| line.split([' ', '.', '=']).next())?
+    })
+}
+
+#[test]
+fn a_crate_depends_only_on_crates_before_it() {
+    let manifests: Vec<String> = (CRATES.iter())
+        .map(|name| read(&root().join(name).join("Cargo.toml")))
+        .collect();
+    let floor = |name: &str| manifests.iter().position(|it| package(it) == name);
+    let mut arrows = 0;
+    for (here, manifest) in manifests.iter().enumerate() {
+        for there in dependencies(manifest).filter_map(floor) {
+            assert!(there < here, "{} uses {}", CRATES[here], CRATES[there]);
+            arrows += 1;
+        }
+    }
+    println!("{} crates, {arrows} arrows", CRATES.len());
+    assert!(arrows > 40);
+
+    let workspace = read(&root().join("Cargo.toml"));
+    let members = workspace.split("members = [").nth(1).expect("members");
+    let members = members.split(']').next().unwrap_or_default();
+    let members: Vec<&str> = members.split('"').skip(1).step_by(2).collect();
+    for name in &members {
+        assert!(
+            CRATES.contains(name),
+            "{name} has no place in the order of crates"
+        );
+    }
+    assert_eq!(members.len(), CRATES.len());
+}
+
 /// Only the board and the drivers of the sensor heads know the chip.
 #[test]
 fn the_rest_of_the_firmware_names_no_chip() {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../src");
+    let source = root().join("src");
     let of_the_chip = ["board", "heads"].map(|folder| source.join(folder));
     let is_of_the_chip = |path: &Path| of_the_chip.iter().any(|folder| path.starts_with(folder));
     let mut found = Vec::new();
