@@ -6,7 +6,7 @@
 //! (materials)      (field)  (lens_effects)      (camera)  (slit_path, lens_path)  (fit::eq1)  (errors)
 //! ```
 //!
-//! The fit of eq. (1) is that of `slitrange calibrate fit` ([`slitrange_tool::fit::eq1`]). The slit's rows go
+//! The fit of eq. (1) is that of `slitrange calibrate fit` ([`calibration::fit::eq1`]). The slit's rows go
 //! through the core itself. Beside the paper's methods, the core's other estimators and other ways to combine
 //! rows run on the same captures ([`methods`]).
 

@@ -4,6 +4,11 @@
 pub mod steps;
 
 use anyhow::{Context as _, Result};
+use calibration::fit::comb;
+use calibration::fit::solve::solve;
+use calibration::points::{KnownShape, Point, Setup, Shape, slit_images};
+use calibration::positions::{STAGE_MM, even_pixels};
+use calibration::record::{self, form};
 use judges::frames;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation};
@@ -11,16 +16,11 @@ use slitrange::base::fault::Fault;
 use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::frame::comb::Slits;
-use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Options;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
-use slitrange::row::sensor_heads;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
-use slitrange_tool::fit::{calibration, comb, errors, profile, solve};
-use slitrange_tool::points::{KnownShape, Point, Shape, slit_images};
-use slitrange_tool::sensor::positions::{Spacing, Which};
 use statistics::{rms, upper_median};
 
 /// The materials, by the scenes that show them. The first is white paper in the light of a laser with a
@@ -70,15 +70,8 @@ fn frame(scene: &Scene, surface: u64, distance: f64) -> Result<Measured, Fault> 
 /// # Errors
 /// No calibration fits the points.
 pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
-    let which = Which {
-        positions: None,
-        from: Some(POINTS_MM[0]),
-        to: Some(POINTS_MM[1]),
-        points,
-        spacing: Spacing::Pixels,
-        round: None,
-    };
-    let points: Vec<Point> = (which.list(false)?.into_par_iter().enumerate())
+    let positions = even_pixels(POINTS_MM[0], POINTS_MM[1], points, STAGE_MM)?;
+    let points: Vec<Point> = (positions.into_par_iter().enumerate())
         .filter_map(|(index, d_mm)| {
             let line = index as u64 + 2;
             // A place without a centre is passed over for the next one.
@@ -97,20 +90,15 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         .collect();
     let comb = comb::fit(&points)?;
     let points = comb.as_ref().map_or(&points, |comb| &comb.points);
-    let solved = solve::solve(points, None)?;
-    let made = calibration::make(&solved, None)?;
-    Ok(Record {
-        serial_number: 1,
-        date: Date::new(2026, 11, 22).context("a day")?,
-        geometry: sensor_heads::tcd1304dg(),
-        estimator: Estimator::default(),
-        black_level: BlackLevel::Shielded,
-        errors: errors::of(&solved, &made),
-        profile: profile::of(&solved, &made.calibration),
-        calibration: made.calibration,
-        comb: comb.map(|comb| comb.comb),
-        front_end: None,
-    })
+    let solved = solve(points, None)?;
+    let made = form::make(&solved, None)?;
+    let setup = Setup {
+        serial_number: Some(1),
+        estimator: Some(Estimator::default()),
+        ..Setup::default()
+    };
+    let date = Date::new(2026, 11, 22).context("a day")?;
+    Ok(record::of(&setup, date, &solved, &made, comb.as_ref()))
 }
 
 /// The shape of a frame's spot, as the tool reads it from the serial line.

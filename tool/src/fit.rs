@@ -1,48 +1,23 @@
-//! From points to a calibration.
-//!
-//! ```text
-//! points -> order -> outliers -> eq. (1), smooth curve -> form -> calibration, record, report, figure
-//! ```
-//!
-//! With a comb of slits, [`comb`] comes first: it makes one centre of each point's images.
+//! `slitrange calibrate fit`: from a file of points to a record, a report and a figure.
 
-pub mod calibration;
-pub mod comb;
-pub mod curve;
-pub mod eq1;
-pub mod errors;
-pub mod figure;
-pub mod observed;
-pub mod order;
-pub mod outliers;
-pub mod profile;
 pub mod report;
-pub mod solve;
-pub mod spline;
-pub mod start;
-pub mod surface;
-pub mod tabulate;
-pub mod verdict;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
+use calibration::fit::comb;
+use calibration::fit::solve::{Form, solve};
+use calibration::points::{self, Points, Setup};
+use calibration::record::{self, form};
 use slitrange::centre::Estimator;
-use slitrange::check::own_spot::Profile;
-use slitrange::frame::comb::Comb;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange::row::sensor_heads::tcd1304dg;
-use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 
-use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};
 use crate::whole_file;
 use report::{RecordWritten, Report, ShownComb};
-use solve::Form;
 
 /// Of `slitrange calibrate fit`.
 #[derive(clap::Args)]
@@ -69,7 +44,7 @@ pub struct Options {
     #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
     date: Option<Date>,
     /// How the centres were found [default: as the points say, or phase-table]
-    #[arg(long, value_name = "NAME", value_parser = estimator)]
+    #[arg(long, value_name = "NAME", value_parser = points::estimator)]
     estimator: Option<Estimator>,
     /// How the black level was found: shielded, frame, or "fixed N" [default: as the points say, or shielded]
     #[arg(long, value_name = "HOW", value_parser = black_level)]
@@ -117,14 +92,17 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     let position = options.position_uncertainty.map(|mm| 1e-3 * mm);
     let comb = comb::fit(&points).with_context(|| file.clone())?;
     let points = comb.as_ref().map_or(&points, |comb| &comb.points);
-    let solved = solve::solve(points, position).with_context(|| file.clone())?;
-    let made = calibration::make(&solved, options.form.form()).with_context(|| file.clone())?;
+    let solved = solve(points, position).with_context(|| file.clone())?;
+    let made = form::make(&solved, options.form.form()).with_context(|| file.clone())?;
     let mut report = Report::of(file, &solved, &made);
     report.comb = comb.as_ref().map(ShownComb::of);
-    let errors = errors::of(&solved, &made);
-    let profile = profile::of(&solved, &made.calibration);
-    let slits = comb.as_ref().map(|comb| comb.comb.clone());
-    let record = options.record(&setup, made.calibration.clone(), errors, profile, slits)?;
+    let setup = options.over(setup);
+    let date = match options.date {
+        Some(date) => date,
+        None => today()?,
+    };
+    let record = record::of(&setup, date, &solved, &made, comb.as_ref());
+    let record = EncodedRecord::new(record)?;
     let path = options.record_path();
     ensure!(
         path != options.points,
@@ -134,7 +112,7 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     record_file::write(&path, &record, options.force)?;
     report.record = Some(written(&path, &record));
     if let Some(path) = &options.figure {
-        figure::draw(&solved, made.form, comb.as_ref(), path)
+        figures::fit::draw(&solved, made.form, comb.as_ref(), path)
             .with_context(|| format!("{} cannot be drawn", path.display()))?;
     }
     let text = match options.json {
@@ -146,37 +124,14 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
 }
 
 impl Options {
-    fn record(
-        &self,
-        setup: &Setup,
-        calibration: slitrange::distance::Calibration,
-        errors: CalibrationErrors,
-        profile: Option<Profile>,
-        comb: Option<Comb>,
-    ) -> anyhow::Result<EncodedRecord> {
-        Ok(EncodedRecord::new(Record {
-            serial_number: self.serial.or(setup.serial_number).unwrap_or(0),
-            date: match self.date {
-                Some(date) => date,
-                None => today()?,
-            },
-            geometry: tcd1304dg(),
-            estimator: self
-                .estimator
-                .or(setup.estimator)
-                // The default of the firmware that wrote no estimator to its points.
-                .unwrap_or(Estimator::PhaseTable),
-            black_level: self
-                .black
-                .or(setup.black_level)
-                .unwrap_or(BlackLevel::Shielded),
-            calibration,
-            errors,
-            profile,
-            comb,
-            // `calibrate write` takes over the front end that the sensor has.
-            front_end: None,
-        })?)
+    /// The setup of the points, where no option says otherwise.
+    fn over(&self, setup: Setup) -> Setup {
+        Setup {
+            serial_number: self.serial.or(setup.serial_number),
+            estimator: self.estimator.or(setup.estimator),
+            black_level: self.black.or(setup.black_level),
+            ..setup
+        }
     }
 
     fn record_path(&self) -> PathBuf {
@@ -220,10 +175,6 @@ fn date(text: &str) -> Result<Date, String> {
         _ => None,
     };
     day.ok_or_else(|| "there is no such day: write it as 2026-01-31".into())
-}
-
-fn estimator(name: &str) -> Result<Estimator, String> {
-    points::estimator(name).map_err(|error| error.to_string())
 }
 
 fn black_level(words: &str) -> Result<BlackLevel, String> {

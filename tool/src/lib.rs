@@ -2,13 +2,14 @@
 //!
 //! ```text
 //! stage, sensor -> points -> fit -> record -> sensor
-//!  (sensor::run)  (points)  (fit)  (record_file)  (sensor::transfer)
+//!  (sensor::run)        (fit)  (record_file)  (sensor::transfer)
 //! ```
+//!
+//! The fits themselves are the crate [`calibration`], and how figures look is the crate [`figures`].
 //!
 //! Distances are in millimetres where a person reads or writes them, in metres in computations.
 #![forbid(unsafe_code)]
 
-pub mod axes;
 pub mod demo;
 pub mod design;
 pub mod fit;
@@ -16,7 +17,6 @@ pub mod keyboard;
 pub mod pc;
 pub mod photon_transfer;
 pub mod plot;
-pub mod points;
 pub mod record_file;
 pub mod recording;
 pub mod replay;

@@ -5,6 +5,8 @@ use std::fmt;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use calibration::points::black_level_words;
+use calibration::record::profile;
 use serde::Serialize;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::check::own_spot::Profile;
@@ -18,8 +20,6 @@ use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::record::{MAX_ENCODED, decode};
 
-use crate::fit::profile;
-use crate::points::black_level_words;
 use crate::whole_file;
 
 /// Centres in the table of what a record says.

@@ -1,10 +1,9 @@
 //! `slitrange calibrate fit` against known truth.
 
-mod accuracy;
 mod comb;
 mod command;
-mod errors;
 mod own_spot;
 mod properties;
-mod refusals;
+#[path = "../../calibration/tests/fit/truth.rs"]
+#[expect(dead_code, reason = "the library's tests use all of it")]
 mod truth;

@@ -2,6 +2,7 @@
 //! material in the same light, through the core.
 
 use anyhow::Context as _;
+use calibration::fit::eq1;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -15,7 +16,6 @@ use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::row::Polarity;
 use slitrange::row::sensor_heads;
-use slitrange_tool::fit::eq1;
 use statistics::mean;
 
 use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};

@@ -1,9 +1,9 @@
 //! From centres to errors: eq. (1) fitted to a data set, and how far its distances are from the true ones.
 
 use anyhow::Context as _;
+use calibration::fit::eq1::{self, Fit};
+use calibration::fit::spline::{Equations, Grid, Residual, Spline};
 use rayon::prelude::*;
-use slitrange_tool::fit::eq1::{self, Fit};
-use slitrange_tool::fit::spline::{Equations, Grid, Residual, Spline};
 
 use crate::paper::apparatus::Aperture;
 use crate::paper::data_set::Centres;

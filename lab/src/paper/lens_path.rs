@@ -208,7 +208,7 @@ mod tests {
                 .collect()
         };
         let points = centres(Some(&Flare::CHOSEN));
-        let curve = slitrange_tool::fit::eq1::fit(&points).expect("a fit").curve;
+        let curve = calibration::fit::eq1::fit(&points).expect("a fit").curve;
         let errors: Vec<f64> = points
             .iter()
             .map(|(centre, distance)| (curve.distance(*centre) - distance) * 1e6)

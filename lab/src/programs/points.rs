@@ -3,16 +3,16 @@
 mod figure;
 
 use anyhow::{Context as _, Result};
+use calibration::fit::solve::{Form, Solved, solve};
+use calibration::points::Point;
+use calibration::positions::{STAGE_MM, even_pixels};
 use clap::Args;
+use figures::fit::draw as draw_fit;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use rayon::prelude::*;
 use simulator::distorted_optics::{DistortedOptics, RANGE};
-use slitrange_tool::fit::figure::draw as draw_fit;
-use slitrange_tool::fit::solve::{Form, Solved, solve};
-use slitrange_tool::points::Point;
-use slitrange_tool::sensor::positions::{Spacing, Which};
 use statistics::mean;
 
 use crate::docs;
@@ -137,23 +137,15 @@ fn solved(
     let optics = sensor(departure, seed);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-    let which = Which {
-        positions: None,
-        from: Some(RANGE.start() * 1e3),
-        to: Some(RANGE.end() * 1e3),
-        points: count,
-        spacing: Spacing::Pixels,
-        round: None,
-    };
-    let points: Vec<Point> = (which.list(false).ok()?.into_iter().zip(2..))
+    let [from, to] = [RANGE.start(), RANGE.end()].map(|metres| metres * 1e3);
+    let positions = even_pixels(from, to, count, STAGE_MM).ok()?;
+    let points: Vec<Point> = (positions.into_iter().zip(2..))
         .map(|(d_mm, line)| Point {
             line,
             x_px: optics.centre(d_mm * 1e-3 + means.position * normal()) + CENTRE * normal(),
             d_mm,
             sigma_px: Some(CENTRE),
-            height_counts: None,
-            shape: None,
-            slits: None,
+            ..Point::default()
         })
         .collect();
     Some((optics, solve(&points, Some(means.position)).ok()?))

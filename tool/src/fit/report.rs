@@ -2,16 +2,15 @@
 
 use std::fmt;
 
+use calibration::fit::comb::{FittedComb, FittedSlit};
+use calibration::fit::curve::{FEW_FREEDOMS, Quality};
+use calibration::fit::observed::Weights;
+use calibration::fit::order::FEWEST_TO_REJECT;
+use calibration::fit::solve::{Form, Solved};
+use calibration::record::form::Made;
+use calibration::record::surface::Surface;
+use calibration::record::verdict::{SCATTERED, Verdict};
 use serde::Serialize;
-
-use super::calibration::Made;
-use super::comb::{FittedComb, FittedSlit};
-use super::curve::{FEW_FREEDOMS, Quality};
-use super::observed::Weights;
-use super::order::FEWEST_TO_REJECT;
-use super::solve::{Form, Solved};
-use super::surface::Surface;
-use super::verdict::{Grade, SCATTERED, Verdict};
 
 /// The report. Units stand in the names.
 #[derive(Clone, Debug, Serialize)]
@@ -244,11 +243,7 @@ impl Report {
         let all = || solved.points.iter().zip(&solved.verdicts);
         let rejected = all().filter(|(_, verdict)| !verdict.kept);
         let mut report = Self {
-            verdict: Verdict {
-                calibration: Grade::NotUsable,
-                largest_uncertainty_um: None,
-                because: String::new(),
-            },
+            verdict: Verdict::of(solved, made),
             file,
             points: solved.points.len(),
             used: all().filter(|(_, verdict)| verdict.kept).count(),
@@ -300,13 +295,7 @@ impl Report {
             record: None,
         };
         report.cannot_show = report.limits(solved.weights);
-        report.verdict = Verdict::of(&report);
         report
-    }
-
-    /// Whether something was given of the points' errors.
-    pub fn are_errors_known(&self) -> bool {
-        !self.weights.starts_with("all")
     }
 
     /// What the points cannot show.
@@ -435,7 +424,7 @@ impl fmt::Display for Report {
         if self.form != Form::Eq1 {
             residuals(f, "smoothed", &self.curve)?;
         }
-        match (self.scatter, !self.are_errors_known()) {
+        match (self.scatter, self.weights.starts_with("all")) {
             (Some(scatter), true) => writeln!(f, "  centres scatter by {scatter:.5} px")?,
             (Some(scatter), false) => writeln!(
                 f,
@@ -588,14 +577,5 @@ impl fmt::Display for Measured<'_> {
             _ => format!("{value:.4}"),
         };
         f.pad(&text)
-    }
-}
-
-impl Solved {
-    /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square
-    /// of the scatter about eq. (1) alone, or at least 1 where uncertainties were given and few points tell
-    /// more. A departure from eq. (1) counts as scatter: the parameters are no better known than that.
-    pub fn variance(&self) -> Option<f64> {
-        self.plain_quality.factor.map(|factor| factor * factor)
     }
 }

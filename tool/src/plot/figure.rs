@@ -3,16 +3,12 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use figures::axes::{self, Area, Axis, Scale, panel};
+use figures::dark::{BLUE as MEASURED, RED as EXPECTED};
 use plotters::prelude::*;
 use statistics::{mean, standard_deviation};
 
 use super::{Series, spectrum};
-use crate::axes::{self, Area, Axis, Scale, panel};
-
-/// What was measured.
-const MEASURED: RGBColor = RGBColor(0x15, 0x55, 0xd0);
-/// What is expected, and faults.
-const EXPECTED: RGBColor = RGBColor(0xc6, 0x20, 0x20);
 
 /// The height of a panel in pixels.
 const HEIGHT: u32 = 340;

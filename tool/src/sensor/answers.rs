@@ -1,9 +1,8 @@
 //! What a sensor's answers say, where they are more than the command that they answer.
 
+use calibration::points::{Shape, SlitImage, SlitImages};
 use slitrange::base::exposure::Exposure;
 use slitrange::frame::comb::MAX_SLITS;
-
-use crate::points::{Shape, SlitImage, SlitImages};
 
 /// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62131
 /// o 0.00012 -0.00310 0.01203 0.00010 -0.00020`, and ` t 187`, ` m 3` and ` c 3` as in a reading. Earlier

@@ -6,16 +6,9 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
+use calibration::positions::{STAGE_MM, check, even_distances, even_pixels};
 
 use super::taken::Millimetres;
-
-/// What is as far from eq. (1)'s pole in pixels as the next, as near as can be said before it is known: that
-/// of the nominal geometry, D of [`slitrange::distance::eq1::NOMINAL`] in millimetres.
-const D_MM: f64 = -115.4;
-
-/// The least and the largest distance that a record can hold, in millimetres, with a little to spare. The
-/// stage's zero may be anywhere: where it is, eq. (1)'s D takes in.
-const SENSIBLE_MM: RangeInclusive<f64> = -8380.0..=8380.0;
 
 /// Distances that somebody gives in metres by a slip are no larger: the largest that a record holds, in
 /// metres.
@@ -23,9 +16,6 @@ const METRES: f64 = 8.38;
 
 /// The step of the distances that a person is asked for, in millimetres: what a ruler shows.
 const RULER_MM: f64 = 1.0;
-
-/// The same of a stage.
-const STAGE_MM: f64 = 0.001;
 
 /// How positions lie between the first and the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -102,7 +92,10 @@ impl Which {
                 })?;
                 listed(&text).with_context(|| format!("the positions in {}", path.display()))
             }
-            (None, Some(from), Some(to)) => spread(from, to, self.points, self.spacing, round),
+            (None, Some(from), Some(to)) => match self.spacing {
+                Spacing::Pixels => even_pixels(from, to, self.points, round),
+                Spacing::Distance => even_distances(from, to, self.points, round),
+            },
             (None, ..) => bail!("say where the target is to be: --positions, or --from and --to"),
         }
     }
@@ -143,71 +136,14 @@ fn step(text: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("it must be {STAGE_MM} to 100 mm"))
 }
 
-/// Positions from one end to the other. The ends stay as they are, and the others are multiples of `round`.
-fn spread(from: f64, to: f64, points: usize, spacing: Spacing, round: f64) -> Result<Vec<f64>> {
-    for end in [from, to] {
-        ensure!(
-            SENSIBLE_MM.contains(&end),
-            "{end} mm is no distance of a target: {}",
-            sensible()
-        );
-        ensure!(
-            spacing == Spacing::Distance || end > D_MM,
-            "{end} mm is no distance from the laser's origin, which even pixels are reckoned from: give \
-             --spacing distance"
-        );
-    }
-    let most = ((to - from).abs() / round) as usize;
-    let too_close = || {
-        format!(
-            "{points} positions from {from} to {to} mm: there must be at least 2, and {round} mm or more \
-             apart; take fewer --points, or a finer --round"
-        )
-    };
-    ensure!(
-        (2..=most.max(2)).contains(&points) && from != to,
-        too_close()
-    );
-    let last = (points - 1) as f64;
-    let positions: Vec<f64> = (0..points)
-        .map(|index| {
-            let part = index as f64 / last;
-            let mm = match spacing {
-                Spacing::Distance => from + (to - from) * part,
-                Spacing::Pixels => {
-                    let (first, last) = (1.0 / (from - D_MM), 1.0 / (to - D_MM));
-                    D_MM + 1.0 / (first + (last - first) * part)
-                }
-            };
-            let mm = match index {
-                _ if index == 0 || index == points - 1 => mm,
-                _ => (mm / round).round() * round,
-            };
-            // No digits that rounding made, and no -0.
-            (mm / STAGE_MM).round() / (1.0 / STAGE_MM) + 0.0
-        })
-        .collect();
-    let in_order = |pair: &[f64]| (pair[1] - pair[0]) * (to - from) > 0.0;
-    ensure!(positions.windows(2).all(in_order), too_close());
-    Ok(positions)
-}
-
 /// A distance in millimetres that a person wrote.
 fn distance(word: &str) -> Result<f64> {
     let Ok(mm) = word.parse::<f64>() else {
         bail!("`{word}` is no distance in millimetres");
     };
-    ensure!(
-        SENSIBLE_MM.contains(&mm),
-        "{word} is no distance of a target: {}",
-        sensible()
-    );
+    check(mm, word)?;
     // No -0.
     Ok(mm + 0.0)
-}
-
-fn sensible() -> String {
-    format!("it is {} to {} mm", SENSIBLE_MM.start(), SENSIBLE_MM.end())
 }
 
 /// Who moves the target.
@@ -408,32 +344,6 @@ pub fn missing(wanted: &[f64], taken: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn positions_are_even_on_the_sensor() {
-        let even = spread(600.0, 1020.0, 8, Spacing::Pixels, STAGE_MM).expect("positions");
-        println!("{even:?}");
-        assert_eq!((even[0], even[7]), (600.0, 1020.0));
-        let nominal = slitrange::distance::eq1::NOMINAL.expect("a curve");
-        let (d, k) = (
-            nominal.d().to_f64() / 1e3,
-            nominal.k() as f64 / 65536.0 / 1e3,
-        );
-        let pixels: Vec<f64> = even.iter().map(|mm| k / (mm - d)).collect();
-        let steps: Vec<f64> = pixels.windows(2).map(|pair| pair[0] - pair[1]).collect();
-        println!("{steps:?}");
-        // 1519 px over seven steps; rounding to a micrometre is up to 0.006 px, twice.
-        assert!(
-            steps.iter().all(|step| (step - steps[0]).abs() < 0.05),
-            "{steps:?}"
-        );
-        let falling = spread(1020.0, 600.0, 8, Spacing::Pixels, STAGE_MM).expect("positions");
-        assert!(even.iter().eq(falling.iter().rev()));
-        assert_eq!(
-            spread(600.0, 1020.0, 3, Spacing::Distance, STAGE_MM).expect("positions"),
-            [600.0, 810.0, 1020.0]
-        );
-    }
-
     /// A person reads whole millimetres off a ruler. The ends are as they were typed.
     #[test]
     fn positions_are_rounded_for_a_person() {
@@ -496,19 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn malformed_positions_are_refused() {
-        for (from, to, points) in [
-            (600.0, 600.0, 2),
-            (600.0, 1020.0, 1),
-            (-8381.0, 1020.0, 5),
-            (600.0, f64::NAN, 5),
-            (-115.4, 1020.0, 5),
-            (600.0, 600.01, 20),
-        ] {
-            let error =
-                spread(from, to, points, Spacing::Pixels, STAGE_MM).expect_err("no positions");
-            println!("{error:#}");
-        }
+    fn malformed_lists_are_refused() {
         for (text, says) in [
             (
                 "600\n610,5\n",
@@ -546,23 +444,8 @@ mod tests {
             [600.0, 650.0, 700.5, 900.0]
         );
         assert_eq!(list("900\n600\n650\n"), [900.0, 650.0, 600.0]);
-    }
-
-    /// The zero of a stage may be anywhere, and its positions may rise towards the sensor.
-    #[test]
-    fn the_zero_may_be_anywhere() {
-        assert_eq!(
-            listed("-210\n-0\n210\n").expect("positions"),
-            [-210.0, 0.0, 210.0]
-        );
-        let even = spread(210.0, -210.0, 3, Spacing::Distance, STAGE_MM).expect("positions");
-        assert_eq!(even, [210.0, 0.0, -210.0]);
-        assert!(even[1].is_sign_positive());
-        let error = spread(-210.0, 210.0, 3, Spacing::Pixels, STAGE_MM).expect_err("refused");
-        assert!(
-            error.to_string().ends_with("give --spacing distance"),
-            "{error}"
-        );
+        // The zero of a stage may be anywhere.
+        assert_eq!(list("-210\n-0\n210\n"), [-210.0, 0.0, 210.0]);
     }
 
     #[test]

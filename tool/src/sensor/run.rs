@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
+use calibration::points::{Setup, Shape, SlitImage, SlitImages};
 use slitrange::base::exposure::Exposure;
 use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
@@ -23,7 +24,6 @@ use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Taken};
 use crate::pc::Pc;
-use crate::points::{Setup, Shape, SlitImage, SlitImages};
 use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.

@@ -10,38 +10,29 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use calibration::points::{Setup, Shape, SlitImage, SlitImages, TITLE, columns};
 use slitrange::frame::comb::{MAX_SLITS, Slits};
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::settings::Value;
 
 use super::session::Before;
-use crate::points::{Setup, Shape, SlitImage, SlitImages, slit_columns};
-
-/// The line above the points.
-const COLUMNS: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts,\
-                       width_px,shape_0_px,shape_1_px,shape_2_px,shape_3_px,shape_4_px";
-
-/// The same in files of earlier programs.
-const COLUMNS_BEFORE: [&str; 2] = [
-    "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated",
-    "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts",
-];
-
-/// The line above the points of a comb.
-fn columns_of_comb() -> String {
-    format!("{COLUMNS},{}", slit_columns().join(","))
-}
 
 /// The line above the points of a sensor with these slits.
-fn columns(slits: Slits) -> String {
+fn header(slits: Slits) -> String {
+    let one_slit = columns::ONE_SLIT.join(",");
     match slits {
-        Slits::One => COLUMNS.to_owned(),
-        Slits::Comb => columns_of_comb(),
+        Slits::One => one_slit,
+        Slits::Comb => format!("{one_slit},{}", columns::comb().join(",")),
     }
 }
 
-/// The first line, by which a file is known as one of these.
-pub const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
+/// The line above the points of an earlier program, which wrote fewer columns.
+fn header_before(columns: usize) -> String {
+    columns::ONE_SLIT[..columns].join(",")
+}
+
+/// How many columns earlier programs wrote.
+const COLUMNS_BEFORE: [usize; 2] = [8, 9];
 
 /// A distance in millimetres with three decimals, or with as many as it takes.
 pub struct Millimetres(pub f64);
@@ -455,18 +446,22 @@ impl Content {
         );
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
-            content.is_old = COLUMNS_BEFORE.contains(&line);
-            if line == columns_of_comb() {
+            content.is_old = COLUMNS_BEFORE
+                .map(header_before)
+                .iter()
+                .any(|it| it == line);
+            if line == header(Slits::Comb) {
                 content.slits = Slits::Comb;
                 break;
             }
-            if line == COLUMNS || content.is_old {
+            if line == header(Slits::One) || content.is_old {
                 break;
             }
             ensure!(
                 line.is_empty() || line.starts_with('#'),
-                "line {number}, `{}`, is no remark: expected {COLUMNS} above the points",
-                line.escape_debug()
+                "line {number}, `{}`, is no remark: expected {} above the points",
+                line.escape_debug(),
+                header(Slits::One)
             );
             content.first.push(line.to_owned());
         }
@@ -482,7 +477,7 @@ impl Content {
                     bail!(
                         "line {number}, `{}`, is no point: expected {}",
                         line.escape_debug(),
-                        columns(content.slits)
+                        header(content.slits)
                     );
                 };
                 content.points.push(point);
@@ -495,8 +490,8 @@ impl Content {
     fn write(&self, path: &Path) -> Result<()> {
         let mut text = String::new();
         let points: Vec<String> = self.points.iter().map(ToString::to_string).collect();
-        let columns = [columns(self.slits)];
-        for line in [&self.first[..], &columns, &points, &self.remarks]
+        let header = [header(self.slits)];
+        for line in [&self.first[..], &header, &points, &self.remarks]
             .into_iter()
             .flatten()
         {
@@ -572,6 +567,7 @@ fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use calibration::points::Points;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
     use slitrange::base::units::Counts;
@@ -771,13 +767,14 @@ mod tests {
     fn a_file_of_an_earlier_program_takes_more_points() {
         let line = "1770.987710,800.000,0.000700,8,0.001950,0.001900,0,3";
         for (columns, line, height_counts) in [
-            (COLUMNS_BEFORE[0], line.to_owned(), None),
-            (COLUMNS_BEFORE[1], format!("{line},1011.0"), Some(1011.0)),
+            (8, line.to_owned(), None),
+            (9, format!("{line},1011.0"), Some(1011.0)),
         ] {
             let directory = tempfile::tempdir().expect("a directory");
             let (_, path) = file(&directory, &[]);
             let text = std::fs::read_to_string(&path).expect("text");
-            let before = text.replace(COLUMNS, columns) + &line + "\n";
+            let [now, then] = [header(Slits::One), header_before(columns)];
+            let before = text.replace(&now, &then) + &line + "\n";
             std::fs::write(&path, before).expect("written");
             let mut file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
             assert_eq!(file.points()[0].height_counts, height_counts);
@@ -795,7 +792,7 @@ mod tests {
             let again = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
             assert_eq!(again.points()[1], later);
             // The fit finds all of it.
-            let read = crate::points::Points::read(&path).expect("points").points;
+            let read = Points::read(&path).expect("points").points;
             assert_eq!(read[0].height_counts, height_counts);
             assert_eq!(
                 read[1].shape.map(|known| Some(known.shape)),
@@ -845,7 +842,7 @@ mod tests {
         let again = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
         assert_eq!(again.points(), [nearer, point]);
         // The fit finds all of it.
-        let read = crate::points::Points::read(&path).expect("points");
+        let read = Points::read(&path).expect("points");
         assert_eq!(read.setup.slits, Slits::Comb);
         assert_eq!(read.points[1].slits, Some(images));
         // A sensor that is set otherwise does not go on with the file.

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use calibration::points::Point;
 use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
-use slitrange_tool::points::Point;
 use slitrange_tool::record_file;
 
 use super::truth::{Truth, seeded, throw_off};

@@ -1,15 +1,14 @@
 //! Properties that hold for every file of points.
 
+use calibration::fit::solve::{Form, solve};
+use calibration::points::Points;
+use calibration::record::form::make;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange_device::record::decode;
 use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_tool::fit::calibration::make;
-use slitrange_tool::fit::figure;
 use slitrange_tool::fit::report::Report;
-use slitrange_tool::fit::solve::{Form, solve};
-use slitrange_tool::points::Points;
 
 /// The same cases in every run.
 fn cases(cases: u32) -> ProptestConfig {
@@ -79,7 +78,8 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
         }
         let report = Report::of("points".into(), &solved, &made);
         prop_assert!(!report.to_string().contains("NaN"), "{}", report);
-        figure::draw(&solved, made.form, None, &directory.path().join("a.svg")).expect("a figure");
+        figures::fit::draw(&solved, made.form, None, &directory.path().join("a.svg"))
+            .expect("a figure");
         any = true;
     }
     Ok(any)

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use calibration::points::Points;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slitrange::base::units::Pixels;
@@ -14,7 +15,6 @@ use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_tool::pc::Pc as _;
-use slitrange_tool::points::Points;
 use slitrange_tool::sensor::line::RECONNECT;
 
 use super::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};

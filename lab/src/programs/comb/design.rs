@@ -4,6 +4,8 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use figures::axes::{self, Axis, Scale, panel};
+use figures::dark::BLUE;
 use plotters::prelude::*;
 use rand::seq::SliceRandom as _;
 use rand::{Rng as _, SeedableRng as _};
@@ -15,7 +17,6 @@ use simulator::scene::Scene;
 use slitrange::base::units::{Counts, Pixels};
 use slitrange::frame::comb::{self, Maximum, NOMINAL_PLACES_UM, SLIT_WIDTH_UM, SlitMap, assign};
 use slitrange::row::sensor_heads;
-use slitrange_tool::axes::{self, Axis, Scale, panel};
 
 use crate::comb::{At, Mask, with_speckle, with_width};
 use crate::programs::comb::tolerances::DISTANCE;
@@ -287,7 +288,6 @@ pub fn report(variants: &[Variant]) -> String {
 /// The file cannot be written.
 pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
     let root = axes::figure(path, 760)?;
-    let measured = RGBColor(0x15, 0x55, 0xd0);
     for ((group, name), area) in (0..).zip(GROUPS).zip(root.split_evenly((2, 2))) {
         let value = |it: &Variant| match group {
             0 => it.design.places_um.len() as f64,
@@ -321,11 +321,11 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
             1e6 * theory::comb(DISTANCE, it.design.spot, 1.0, it.design.places_um.len())
         });
         chart.draw_series(DashedLineSeries::new(theory, 8, 6, BLACK.stroke_width(1)))?;
-        chart.draw_series(LineSeries::new(errors.clone(), measured.stroke_width(2)))?;
+        chart.draw_series(LineSeries::new(errors.clone(), BLUE.stroke_width(2)))?;
         chart.draw_series(
             errors
                 .into_iter()
-                .map(|at| Circle::new(at, 5, measured.filled())),
+                .map(|at| Circle::new(at, 5, BLUE.filled())),
         )?;
     }
     root.present()?;

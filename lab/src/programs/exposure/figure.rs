@@ -3,16 +3,13 @@
 use std::path::Path;
 
 use anyhow::Result;
+use figures::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
+use figures::dark::{BLUE as AUTO, GREEN as BEST, GREY, ORANGE as LONGEST};
 use judges::changing_light::range::Target;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
 
 use crate::programs::exposure::NAMED;
-
-const AUTO: RGBColor = RGBColor(0x15, 0x55, 0xd0);
-const BEST: RGBColor = RGBColor(0x2a, 0x78, 0x2e);
-const LONGEST: RGBColor = RGBColor(0xb3, 0x59, 0x00);
 
 /// Room for the lines' names beside the panels, in pixels.
 const BESIDE: i32 = 230;
@@ -105,8 +102,7 @@ fn draw_with_dots(chart: &mut Panel<'_, '_>, points: &Points) -> Result<()> {
 fn mark_targets(chart: &mut Panel<'_, '_>) -> Result<()> {
     for (_, reflectivity) in NAMED {
         let ends = [(reflectivity, 1e-9), (reflectivity, 1e9)];
-        let grey = RGBColor(0x77, 0x77, 0x77).stroke_width(1);
-        chart.draw_series(LineSeries::new(ends, grey))?;
+        chart.draw_series(LineSeries::new(ends, GREY.stroke_width(1)))?;
     }
     Ok(())
 }

@@ -3,18 +3,14 @@
 use std::path::Path;
 
 use anyhow::Result;
+use figures::axes::{self, Axis, Scale, TEXT, panel, text};
+use figures::dark::{BLUE, GREEN, ORANGE, PURPLE};
 use plotters::prelude::*;
-use slitrange_tool::axes::{self, Axis, Scale, TEXT, panel, text};
 
 use crate::programs::points::{COUNTS, Cell, MEANS};
 
-/// Dark enough for text on white, one for each of [`MEANS`].
-const COLOURS: [RGBColor; 4] = [
-    RGBColor(0x15, 0x55, 0xd0),
-    RGBColor(0x2a, 0x78, 0x2e),
-    RGBColor(0x7a, 0x1b, 0xaa),
-    RGBColor(0xb3, 0x59, 0x00),
-];
+/// One for each of [`MEANS`].
+const COLOURS: [RGBColor; 4] = [BLUE, GREEN, PURPLE, ORANGE];
 
 /// Draws it. Full lines are for sensors that follow eq. (1), broken ones for those that depart from it.
 pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
@@ -56,19 +52,11 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
             text(TEXT, colour),
         ))?;
     }
-    for (line, words) in [
+    let lines = [
         "full: sensors that follow eq. (1)",
         "broken: departing by up to 300 um",
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        root.draw(&Text::new(
-            words,
-            (x + 14, 24 + 26 * line as i32),
-            text(TEXT, BLACK),
-        ))?;
-    }
+    ];
+    axes::write_lines(&root, (x + 14, 24), &lines)?;
     root.present()?;
     Ok(())
 }

@@ -1,10 +1,13 @@
 //! A scene's picture: its rows as the sensor sees them, one of them with the fit over it, and what the fit
 //! leaves.
 
+use statistics::upper_median;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use figures::axes::{self, GRID};
+use figures::dark::{BLUE as COUNTS, RED as FIT};
 use phase_tables::gaussian;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -12,8 +15,6 @@ use simulator::optics::Aperture;
 use simulator::scene::{Scene, Simulation, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange_tool::axes::{self, GRID};
-use statistics::upper_median;
 
 use crate::budget::row_centre;
 use crate::programs::scene::embedded::Grey;
@@ -32,8 +33,6 @@ const SIZE: (u32, u32) = (1000, 900);
 const TEXT: i32 = 17;
 const TITLE: i32 = 20;
 const SMALL: i32 = 15;
-const FIT: RGBColor = RGBColor(0xc6, 0x20, 0x20);
-const COUNTS: RGBColor = RGBColor(0x15, 0x55, 0xd0);
 
 /// Draws a scene into `folder`, and gives the file's path.
 ///

@@ -3,20 +3,14 @@
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use figures::axes::{self, Area, Axis, Scale, TEXT, text};
+use figures::dark::{BLUE as MEASURED, GREY as LEVEL, RED as FIT};
 use plotters::prelude::*;
 use slitrange::row::front_end::FrontEnd;
 
 use super::bench::Taken;
-use crate::axes::{self, Area, Axis, Scale, TEXT, text};
 use crate::photon_transfer::{Point, Transfer};
 use crate::record_file::ShownFrontEnd;
-
-/// Measured values.
-const MEASURED: RGBColor = RGBColor(0x15, 0x55, 0xd0);
-/// The fit.
-const FIT: RGBColor = RGBColor(0xc6, 0x20, 0x20);
-/// Levels: the noise in the dark, and saturation.
-const LEVEL: RGBColor = RGBColor(0x77, 0x77, 0x77);
 
 /// Heights of the panels.
 const HEIGHTS: [u32; 2] = [460, 380];

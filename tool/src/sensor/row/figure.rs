@@ -4,17 +4,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use figures::axes::{self, Area, Axis, Panel, TEXT, text};
+use figures::dark::{BLUE as PIXELS, GREY as LEVEL, RED as FIT};
 use plotters::prelude::*;
 
 use super::{Image, RowAnswer};
-use crate::axes::{self, Area, Axis, Panel, TEXT, text};
 
-/// Pixels.
-const PIXELS: RGBColor = RGBColor(0x15, 0x55, 0xd0);
-/// The fit.
-const FIT: RGBColor = RGBColor(0xc6, 0x20, 0x20);
-/// Levels: black, beside the spot, and saturation.
-const LEVEL: RGBColor = RGBColor(0x77, 0x77, 0x77);
 /// The pixels of an image.
 const WINDOW: RGBColor = RGBColor(0xf2, 0xec, 0xd8);
 

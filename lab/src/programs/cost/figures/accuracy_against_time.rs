@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use figures::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
 
 use super::curves::axis_of_ratios;
 use super::labels::{self, Box, Line, Point};

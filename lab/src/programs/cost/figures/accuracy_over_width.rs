@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use slitrange_tool::axes;
+use figures::axes;
 
 use super::curves::{Curve, axis_of_ratios, axis_of_widths, draw_curves};
 use crate::programs::cost::accuracy::{MOST_FAULTS, Noise, WIDTHS};

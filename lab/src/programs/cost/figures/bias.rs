@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use figures::axes::{self, Axis, Scale};
 use simulator::bound;
-use slitrange_tool::axes::{self, Axis, Scale};
 
 use super::curves::{Curve, axis_of_widths, draw_curves};
 use crate::programs::cost::accuracy::WIDTHS;

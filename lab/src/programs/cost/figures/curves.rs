@@ -1,9 +1,9 @@
 //! Curves with their names at their right ends.
 
 use cost_on_chip::methods::Method;
+use figures::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
 
 use super::labels::spread;
 use super::style::{self, RATIOS, bold};

@@ -1,6 +1,6 @@
 //! Where labels go so that none lies on another.
 
-use slitrange_tool::axes::TEXT;
+use figures::axes::TEXT;
 
 use super::style::CHARACTER;
 

@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
+use figures::axes::{self, Area, Axis, Scale, TEXT, TITLE, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange::centre::Estimator;
-use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, text};
 
 use cost_on_chip::methods::Method;
 

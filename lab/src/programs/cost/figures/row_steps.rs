@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use cost_on_chip::methods::Method;
+use figures::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange::centre::Estimator;
-use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
 
 use super::style::{CHARACTER, bold, is_default};
 use crate::programs::cost::chip::steps::Steps;

@@ -1,6 +1,7 @@
 //! What all figures have in common. Sizes are in pixels of a figure that is 1000 wide.
 
 use cost_on_chip::methods::Method;
+use figures::dark::{BLUE, GREEN, ORANGE, PURPLE, RED};
 use plotters::prelude::*;
 use slitrange::centre::Estimator;
 
@@ -30,15 +31,15 @@ pub fn is_default(method: Method) -> bool {
 /// A method's colour, dark enough for text on white.
 pub const fn colour(method: Method) -> RGBColor {
     match method {
-        Method::Estimator(Estimator::Centroid) => RGBColor(0xb3, 0x59, 0x00),
+        Method::Estimator(Estimator::Centroid) => ORANGE,
         Method::Parabola => RGBColor(0x6b, 0x6b, 0x00),
         Method::LogParabola => RGBColor(0x80, 0x50, 0x45),
         Method::ZeroCrossing => RGBColor(0xc2, 0x18, 0x7b),
         Method::Blocks => RGBColor(0x00, 0x7c, 0x89),
-        Method::Estimator(Estimator::PhaseTable) => RGBColor(0, 0, 0),
-        Method::Estimator(Estimator::Adaptive) => RGBColor(0x15, 0x55, 0xd0),
-        Method::Repair => RGBColor(0x7a, 0x1b, 0xaa),
-        Method::Estimator(Estimator::GaussNewton) => RGBColor(0xc6, 0x20, 0x20),
-        Method::Estimator(Estimator::Fraunhofer) => RGBColor(0x2a, 0x78, 0x2e),
+        Method::Estimator(Estimator::PhaseTable) => BLACK,
+        Method::Estimator(Estimator::Adaptive) => BLUE,
+        Method::Repair => PURPLE,
+        Method::Estimator(Estimator::GaussNewton) => RED,
+        Method::Estimator(Estimator::Fraunhofer) => GREEN,
     }
 }

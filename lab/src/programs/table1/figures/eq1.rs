@@ -4,9 +4,8 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use figures::axes::{self, Axis, GRID, panel};
 use plotters::prelude::*;
-
-use slitrange_tool::axes::{self, Axis, GRID, TEXT, panel, text};
 
 use super::style::{RIGHT, colour};
 use crate::paper::apparatus::{Aperture, TABLE};
@@ -55,21 +54,13 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     upper.draw_series(dots.map(|(&x, &d)| Circle::new((x, d), 5, colour.filled())))?;
     // Without uncertainties: those of the fit are for errors that are independent, and neighbours share their
     // speckle.
-    for (line, words) in [
-        "d = D + K/(x − xp)".into(),
-        format!("D = {:.1} mm", curve.d * 1e3),
-        format!("K = {:.0} m px", curve.k),
-        format!("xp = {:.0} px", curve.pole),
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        above.draw(&Text::new(
-            words,
-            (640, 70 + 26 * line as i32),
-            text(TEXT, BLACK),
-        ))?;
-    }
+    let lines = [
+        "d = D + K/(x − xp)",
+        &format!("D = {:.1} mm", curve.d * 1e3),
+        &format!("K = {:.0} m px", curve.k),
+        &format!("xp = {:.0} px", curve.pole),
+    ];
+    axes::write_lines(&above, (640, 70), &lines)?;
 
     let x = Axis::linear(range, "centre, px", 10, 0);
     let y = Axis::linear((-450.0, 450.0), "residual, um", 5, 0);

@@ -4,10 +4,10 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use calibration::fit::eq1;
+use figures::axes::{self, Area, Axis, GRID, Panel, panel};
 use plotters::prelude::*;
 use rayon::prelude::*;
-use slitrange_tool::axes::{self, Area, Axis, GRID, Panel, panel};
-use slitrange_tool::fit::eq1;
 
 use super::style::{RIGHT, colour};
 use crate::paper::apparatus::{Aperture, TABLE};

@@ -1,5 +1,6 @@
 //! The colours of the methods, and the space beside a panel.
 
+use figures::dark::BLUE;
 use plotters::prelude::*;
 
 use crate::paper::apparatus::Aperture;
@@ -14,6 +15,6 @@ pub fn colour(aperture: Aperture, method: &Method) -> RGBColor {
         (Aperture::Lens, _) => RGBColor(0x4f, 0x5d, 0x75),
         (Aperture::Slit, &Method::PAPERS_GAUSSIAN) => RGBColor(0xa8, 0x70, 0x20),
         (Aperture::Slit, &Method::PAPERS_FRAUNHOFER) => RGBColor(0xc8, 0x3a, 0x6a),
-        (Aperture::Slit, _) => RGBColor(0x15, 0x55, 0xd0),
+        (Aperture::Slit, _) => BLUE,
     }
 }

@@ -4,9 +4,9 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use figures::axes::{self, Area, Axis, GRID, TEXT, TITLE, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{self, Area, Axis, GRID, TEXT, TITLE, panel, text};
 
 use super::style::{RIGHT, colour};
 use crate::paper::apparatus::Aperture;

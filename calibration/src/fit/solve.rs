@@ -234,4 +234,11 @@ impl Solved {
             _ => Form::Eq1,
         }
     }
+
+    /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square
+    /// of the scatter about eq. (1) alone, or at least 1 where uncertainties were given and few points tell
+    /// more. A departure from eq. (1) counts as scatter: the parameters are no better known than that.
+    pub fn variance(&self) -> Option<f64> {
+        self.plain_quality.factor.map(|factor| factor * factor)
+    }
 }

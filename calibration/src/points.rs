@@ -20,6 +20,8 @@
 //! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record.
 //! Other columns are not read.
 
+pub mod columns;
+
 use std::path::Path;
 
 use anyhow::{Context as _, bail, ensure};
@@ -35,7 +37,10 @@ use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
 use slitrange_device::settings::{Setting, Value};
 
-use crate::sensor::taken::TITLE;
+use columns::{CLAIMED, D, FRAMES, HEIGHT, SHAPE, SIGMA, WIDTH, X};
+
+/// The first line of a file that `calibrate run` writes.
+pub const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
 
 /// The largest height of a spot in counts: that of a spot at full scale in the shortest exposure, if it had
 /// the longest.
@@ -43,7 +48,7 @@ const LARGEST_HEIGHT: u32 =
     LARGEST_COUNT as u32 * Exposure::LONGEST.us() as u32 / Exposure::SHORTEST.us() as u32;
 
 /// A centre at a known distance.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
     /// The line of the file that it comes from, from 1.
     pub line: u64,
@@ -83,14 +88,6 @@ pub fn slit_images(centres: &SlitCentres) -> SlitImages {
     })
 }
 
-/// The names of the columns with the images of a comb: for each slit its centre and its height.
-pub fn slit_columns() -> Vec<String> {
-    let numbers = 1..=MAX_SLITS;
-    numbers
-        .flat_map(|number| [format!("slit_{number}_px"), format!("slit_{number}_counts")])
-        .collect()
-}
-
 /// The shape of a spot, as the sensor measures it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
@@ -109,15 +106,6 @@ pub struct KnownShape {
     /// The standard deviation of the width and of each component by noise, in pixels.
     pub noise_px: f64,
 }
-
-/// The names of the columns with [`Shape::components_px`].
-pub const COMPONENT_NAMES: [&str; COMPONENTS] = [
-    "shape_0_px",
-    "shape_1_px",
-    "shape_2_px",
-    "shape_3_px",
-    "shape_4_px",
-];
 
 /// The content of a file of points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -170,7 +158,7 @@ impl Points {
     /// A line cannot be read; which and what to do is said.
     pub fn parse(text: &str) -> anyhow::Result<Self> {
         let mut read = Self::default();
-        let mut columns: Option<Columns> = None;
+        let mut header: Option<csv::StringRecord> = None;
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         for (line, text) in (1..).zip(text.lines()) {
             let text = text.trim();
@@ -181,14 +169,25 @@ impl Points {
                     .with_context(|| format!("line {line}"))?;
             } else if !text.is_empty() {
                 let fields = fields(text).with_context(|| format!("line {line}"))?;
-                match &columns {
-                    None => columns = Some(Columns::of(&fields, line)?),
-                    Some(columns) => read.points.push(columns.point(&fields, line)?),
+                match &header {
+                    None => {
+                        check_header(&fields, line)?;
+                        header = Some(fields);
+                    }
+                    Some(header) => {
+                        let number = line;
+                        let line = Line {
+                            number,
+                            header,
+                            fields,
+                        };
+                        read.points.push(line.point()?);
+                    }
                 }
             }
         }
         ensure!(
-            columns.is_some(),
+            header.is_some(),
             "there is no line in it: its header must name x_px and d_mm"
         );
         if let (Some(with), Some(without)) = (
@@ -266,71 +265,62 @@ fn fields(line: &str) -> anyhow::Result<csv::StringRecord> {
     Ok(fields)
 }
 
-/// Where the columns are.
-struct Columns {
-    x: usize,
-    d: usize,
-    sigma: Option<usize>,
-    height: Option<usize>,
-    shape: Option<ShapeColumns>,
-    slits: Option<Vec<usize>>,
+/// Checks that a file's header names the columns that a point must have.
+fn check_header(header: &csv::StringRecord, line: u64) -> anyhow::Result<()> {
+    for name in [X, D] {
+        ensure!(
+            header.iter().any(|field| field == name),
+            "line {line} names no column {name}: the first line that is no comment must be x_px,d_mm or \
+             x_px,d_mm,sigma_px"
+        );
+    }
+    Ok(())
 }
 
-/// Where the columns of the spot's shape and its noise are.
-struct ShapeColumns {
-    width: usize,
-    components: [usize; COMPONENTS],
-    claimed: usize,
-    frames: usize,
+/// The columns of a [`KnownShape`]. It is known if all of them are there.
+const SHAPE_AND_NOISE: [&str; 3 + COMPONENTS] = [
+    WIDTH, CLAIMED, FRAMES, SHAPE[0], SHAPE[1], SHAPE[2], SHAPE[3], SHAPE[4],
+];
+
+/// A line with a point, below the header that names its fields.
+struct Line<'a> {
+    number: u64,
+    header: &'a csv::StringRecord,
+    fields: csv::StringRecord,
 }
 
-impl Columns {
-    fn of(header: &csv::StringRecord, line: u64) -> anyhow::Result<Self> {
-        let place = |name: &str| header.iter().position(|field| field == name);
-        let must = |name: &str| {
-            place(name).with_context(|| {
-                format!(
-                    "line {line} names no column {name}: the first line that is no comment must be x_px,d_mm \
-                     or x_px,d_mm,sigma_px"
-                )
-            })
+impl Line<'_> {
+    fn place(&self, column: &str) -> Option<usize> {
+        self.header.iter().position(|name| name == column)
+    }
+
+    /// The number in a column. None if the file has no such column, or the line nothing in it.
+    fn number(&self, column: &str) -> anyhow::Result<Option<f64>> {
+        let field = self.place(column).and_then(|place| self.fields.get(place));
+        let Some(field) = field.filter(|field| !field.is_empty()) else {
+            return Ok(None);
         };
-        Ok(Self {
-            x: must("x_px")?,
-            d: must("d_mm")?,
-            sigma: place("sigma_px"),
-            height: place("height_counts"),
-            shape: ShapeColumns::of(place),
-            slits: slit_columns().iter().map(|name| place(name)).collect(),
+        let number: Option<f64> = field.parse().ok().filter(|number: &f64| number.is_finite());
+        number.map(Some).with_context(|| {
+            format!(
+                "line {}: {column} is {field:?}, which is no finite number: correct it, or remove the line",
+                self.number
+            )
         })
     }
 
-    fn point(&self, fields: &csv::StringRecord, line: u64) -> anyhow::Result<Point> {
-        let number = |name: &str, column: usize| -> anyhow::Result<Option<f64>> {
-            let Some(field) = fields.get(column).filter(|field| !field.is_empty()) else {
-                return Ok(None);
-            };
-            let number: Option<f64> = field.parse().ok().filter(|number: &f64| number.is_finite());
-            number.map(Some).with_context(|| {
-                format!(
-                    "line {line}: {name} is {field:?}, which is no finite number: correct it, or remove the \
-                     line"
-                )
-            })
-        };
-        let must = |name: &str, column: usize| {
-            number(name, column)?
-                .with_context(|| format!("line {line} has no {name}: add it, or remove the line"))
-        };
-        let (x_px, d_mm) = (must("x_px", self.x)?, must("d_mm", self.d)?);
-        let sigma_px = match self.sigma {
-            Some(column) => number("sigma_px", column)?,
-            None => None,
-        };
-        let height_counts = match self.height {
-            Some(column) => number("height_counts", column)?,
-            None => None,
-        };
+    /// The number in a column that no line may leave out.
+    fn must(&self, column: &str) -> anyhow::Result<f64> {
+        self.number(column)?.with_context(|| {
+            let line = self.number;
+            format!("line {line} has no {column}: add it, or remove the line")
+        })
+    }
+
+    fn point(&self) -> anyhow::Result<Point> {
+        let line = self.number;
+        let (x_px, d_mm) = (self.must(X)?, self.must(D)?);
+        let (sigma_px, height_counts) = (self.number(SIGMA)?, self.number(HEIGHT)?);
         let last = tcd1304dg().light.len() as f64 - 0.5;
         ensure!(
             (-0.5..=last).contains(&x_px),
@@ -365,93 +355,64 @@ impl Columns {
             d_mm,
             sigma_px,
             height_counts,
-            shape: match &self.shape {
-                Some(columns) => columns.read(line, number)?,
-                None => None,
-            },
-            slits: match &self.slits {
-                Some(columns) => read_slits(columns, line, number)?,
-                None => None,
-            },
-        })
-    }
-}
-
-/// Reads the images of a comb. `None` if no slit has an image.
-fn read_slits(
-    columns: &[usize],
-    line: u64,
-    number: impl Fn(&str, usize) -> anyhow::Result<Option<f64>>,
-) -> anyhow::Result<Option<SlitImages>> {
-    let mut images = SlitImages::default();
-    for (image, (columns, slit)) in images.iter_mut().zip(columns.chunks(2).zip(1..)) {
-        let &[x, height] = columns else {
-            continue;
-        };
-        let x_px = number(&format!("slit_{slit}_px"), x)?;
-        let height_counts = number(&format!("slit_{slit}_counts"), height)?;
-        *image = match (x_px, height_counts) {
-            (None, None) => None,
-            (Some(x_px), Some(height_counts))
-                if (-0.5..=4096.0).contains(&x_px)
-                    && height_counts > 0.0
-                    && height_counts <= LARGEST_HEIGHT.into() =>
-            {
-                Some(SlitImage {
-                    x_px,
-                    height_counts,
-                })
-            }
-            _ => bail!(
-                "line {line}: slit {slit} has no usable image: its centre must be on the row, and its height \
-                 above 0 and at most {LARGEST_HEIGHT}: correct them, or leave both empty"
-            ),
-        };
-    }
-    Ok(Some(images).filter(|images| images.iter().any(Option::is_some)))
-}
-
-impl ShapeColumns {
-    /// None unless all of them are there.
-    fn of(place: impl Fn(&str) -> Option<usize>) -> Option<Self> {
-        let mut components = [0; COMPONENTS];
-        for (column, name) in components.iter_mut().zip(COMPONENT_NAMES) {
-            *column = place(name)?;
-        }
-        Some(Self {
-            width: place("width_px")?,
-            components,
-            claimed: place("claimed_px")?,
-            frames: place("frames")?,
+            shape: self.shape()?,
+            slits: self.slits()?,
         })
     }
 
-    /// None if a field is empty.
-    fn read(
-        &self,
-        line: u64,
-        number: impl Fn(&str, usize) -> anyhow::Result<Option<f64>>,
-    ) -> anyhow::Result<Option<KnownShape>> {
-        let width_px = number("width_px", self.width)?;
-        let claimed_px = number("claimed_px", self.claimed)?;
-        let frames = number("frames", self.frames)?;
-        let mut components_px = [0.0; COMPONENTS];
-        let mut are_there = true;
-        for ((value, name), column) in components_px
-            .iter_mut()
-            .zip(COMPONENT_NAMES)
-            .zip(self.components)
-        {
-            match number(name, column)? {
-                Some(number) => *value = number,
-                None => are_there = false,
-            }
-        }
-        let (Some(width_px), Some(claimed_px), Some(frames), true) =
-            (width_px, claimed_px, frames, are_there)
-        else {
+    /// The images of a comb. None if no slit has an image.
+    fn slits(&self) -> anyhow::Result<Option<SlitImages>> {
+        let columns = columns::comb();
+        if columns.iter().any(|column| self.place(column).is_none()) {
             return Ok(None);
-        };
+        }
+        let mut images = SlitImages::default();
+        for (image, (columns, slit)) in images.iter_mut().zip(columns.chunks(2).zip(1..)) {
+            let [x, height] = columns else {
+                continue;
+            };
+            *image = match (self.number(x)?, self.number(height)?) {
+                (None, None) => None,
+                (Some(x_px), Some(height_counts))
+                    if (-0.5..=4096.0).contains(&x_px)
+                        && height_counts > 0.0
+                        && height_counts <= LARGEST_HEIGHT.into() =>
+                {
+                    Some(SlitImage {
+                        x_px,
+                        height_counts,
+                    })
+                }
+                _ => bail!(
+                    "line {}: slit {slit} has no usable image: its centre must be on the row, and its height \
+                     above 0 and at most {LARGEST_HEIGHT}: correct them, or leave both empty",
+                    self.number
+                ),
+            };
+        }
+        Ok(Some(images).filter(|images| images.iter().any(Option::is_some)))
+    }
+
+    /// The spot's shape and its noise. None if the file has no columns for them, or one is empty.
+    fn shape(&self) -> anyhow::Result<Option<KnownShape>> {
+        if SHAPE_AND_NOISE
+            .iter()
+            .any(|column| self.place(column).is_none())
+        {
+            return Ok(None);
+        }
+        let mut numbers = [0.0; SHAPE_AND_NOISE.len()];
+        let mut is_whole = true;
+        for (value, column) in numbers.iter_mut().zip(SHAPE_AND_NOISE) {
+            match self.number(column)? {
+                Some(number) => *value = number,
+                None => is_whole = false,
+            }
+        }
+        if !is_whole {
+            return Ok(None);
+        }
+        let [width_px, claimed_px, frames, components_px @ ..] = numbers;
         let largest = Pixels::MAX.to_f64();
         ensure!(
             width_px > 0.0
@@ -461,9 +422,9 @@ impl ShapeColumns {
                     .all(|component| component.abs() < largest)
                 && claimed_px >= 0.0
                 && frames >= 1.0,
-            "line {line}: this is no shape of a spot: width_px must be above 0, frames 1 or more, and all \
-             below {largest:.0} px: correct it, or leave the columns width_px and shape_0_px to shape_4_px \
-             empty"
+            "line {}: this is no shape of a spot: width_px must be above 0, frames 1 or more, and all below \
+             {largest:.0} px: correct it, or leave the columns width_px and shape_0_px to shape_4_px empty",
+            self.number
         );
         Ok(Some(KnownShape {
             shape: Shape {
@@ -635,9 +596,7 @@ mod tests {
             x_px,
             d_mm,
             sigma_px: Some(sigma_px),
-            height_counts: None,
-            shape: None,
-            slits: None,
+            ..Point::default()
         };
         assert_eq!(
             read.points,
@@ -709,7 +668,7 @@ mod tests {
 
     #[test]
     fn the_images_of_a_comb_are_read() {
-        let columns = slit_columns().join(",");
+        let columns = columns::comb().join(",");
         let line = |first: &str| format!("1500,600,{first}{}", ",".repeat(2 * MAX_SLITS - 2));
         let text = format!("x_px,d_mm,{columns}\n{}\n", line("912.5,1830"));
         let read = Points::parse(&text).expect("points");

@@ -3,18 +3,14 @@
 use std::ops::Range;
 use std::path::Path;
 
+use calibration::fit::comb::{FittedComb, FittedSlit};
+use calibration::fit::curve::Curve;
+use calibration::fit::solve::{Form, Solved};
+use calibration::points::Point;
 use plotters::prelude::*;
 
-use super::comb::{FittedComb, FittedSlit};
-use super::curve::Curve;
-use super::solve::{Form, Solved};
-use crate::axes::{self, Area, Axis, Panel, TEXT, text};
-use crate::points::Point;
-
-/// Points that count.
-const USED: RGBColor = RGBColor(0x15, 0x55, 0xd0);
-/// Points that were rejected.
-const REJECTED: RGBColor = RGBColor(0xc6, 0x20, 0x20);
+use crate::axes::{self, Area, Axis, Panel};
+use crate::dark::{BLUE as USED, RED as REJECTED};
 
 /// Height of the panel with the curve, and of each with residuals.
 const UPPER: u32 = 520;
@@ -105,22 +101,13 @@ fn draw_curve(
     // The words stand where a falling or a rising curve leaves room.
     let eq1 = curve.eq1.curve;
     let left = if eq1.k > 0.0 { 640 } else { 130 };
-    for (line, words) in [
-        "d = D + K/(x − xp)".into(),
-        format!("D = {:.3} mm", eq1.d * 1e3),
-        format!("K = {:.0} mm px", eq1.k * 1e3),
-        format!("xp = {:.2} px", eq1.pole),
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        area.draw(&Text::new(
-            words,
-            (left, 60 + 26 * line as i32),
-            text(TEXT, BLACK),
-        ))?;
-    }
-    Ok(())
+    let lines = [
+        "d = D + K/(x − xp)",
+        &format!("D = {:.3} mm", eq1.d * 1e3),
+        &format!("K = {:.0} mm px", eq1.k * 1e3),
+        &format!("xp = {:.2} px", eq1.pole),
+    ];
+    axes::write_lines(area, (left, 60), &lines)
 }
 
 /// What a curve leaves of the points, and another curve less the first.

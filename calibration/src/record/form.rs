@@ -7,9 +7,10 @@ use slitrange::distance::eq1::Eq1;
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::Table;
 
-use super::curve::Curve;
-use super::solve::{Form, Solved};
-use super::tabulate::{micrometres, pixels, tabulate};
+use super::tabulate::tabulate;
+use crate::fit::curve::Curve;
+use crate::fit::solve::{Form, Solved};
+use crate::fixed::{micrometres, pixels};
 
 /// A calibration, and the curve that it stands for.
 #[derive(Clone, Debug)]

@@ -10,9 +10,9 @@
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
-use super::curve::Curve;
-use super::observed::Observed;
-use super::solve::Solved;
+use crate::fit::curve::Curve;
+use crate::fit::observed::Observed;
+use crate::fit::solve::Solved;
 
 /// The surface of the points' target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -4,8 +4,10 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::order::FEWEST_TO_REJECT;
-use super::report::{Range, Report};
+use super::form::Made;
+use crate::fit::observed::Weights;
+use crate::fit::order::FEWEST_TO_REJECT;
+use crate::fit::solve::Solved;
 
 /// The largest uncertainty of a good curve, over its range of distances. Makers of triangulation sensors
 /// state a linearity of 0.05 to 0.3 % of the range.
@@ -56,11 +58,11 @@ impl fmt::Display for Verdict {
 
 impl Verdict {
     /// The verdict on a calibration.
-    pub fn of(report: &Report) -> Self {
-        let Range {
-            first_mm, last_mm, ..
-        } = report.range;
-        let largest_uncertainty_um = report.curve.largest_uncertainty_um;
+    pub fn of(solved: &Solved, made: &Made<'_>) -> Self {
+        let (first, last) = made.curve.eq1.valid;
+        let [first_mm, last_mm] = [first, last].map(|centre| 1e3 * made.curve.distance(centre));
+        let largest_uncertainty = solved.quality(made.form).largest_uncertainty;
+        let largest_uncertainty_um = largest_uncertainty.map(|metres| 1e6 * metres);
         let Some(um) = largest_uncertainty_um else {
             return Self {
                 calibration: Grade::NotUsable,
@@ -70,7 +72,7 @@ impl Verdict {
             };
         };
         let share = um / (1e3 * (last_mm - first_mm).abs());
-        let doubt = doubt(report, share);
+        let doubt = doubt(solved, made, share);
         // Not a number is not usable.
         let calibration = match &doubt {
             None if share <= GOOD => Grade::Good,
@@ -91,11 +93,9 @@ impl Verdict {
 }
 
 /// What speaks against a calibration, the worst first, and what to do.
-fn doubt(report: &Report, share: f64) -> Option<String> {
-    let Report {
-        points, rejected, ..
-    } = report;
-    let rejected = rejected.len();
+fn doubt(solved: &Solved, made: &Made<'_>, share: f64) -> Option<String> {
+    let points = solved.points.len();
+    let rejected = solved.verdicts.iter().filter(|it| !it.kept).count();
     let more_than = |part: f64| {
         format!(
             "that is more than {} % of the range: take more points, or measure their distances better",
@@ -105,19 +105,19 @@ fn doubt(report: &Report, share: f64) -> Option<String> {
     if share > USABLE {
         return Some(more_than(USABLE));
     }
-    if *points < FEWEST_TO_REJECT {
+    if points < FEWEST_TO_REJECT {
         return Some(format!(
             "with fewer than {FEWEST_TO_REJECT} points, none could be rejected"
         ));
     }
-    if rejected as f64 > REJECTED * *points as f64 {
+    if rejected as f64 > REJECTED * points as f64 {
         return Some(format!(
             "{rejected} of {points} points are rejected: take them again"
         ));
     }
-    if let Some(scatter) = report.scatter
+    if let Some(scatter) = solved.quality(made.form).scatter
         && scatter > SCATTERED
-        && report.are_errors_known()
+        && solved.weights == Weights::Known
     {
         return Some(format!(
             "points scatter {scatter:.1} times as much as was given: speckle, or --position-uncertainty is \

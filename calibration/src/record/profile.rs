@@ -11,8 +11,8 @@ use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
 
-use super::solve::Solved;
-use super::tabulate::pixels;
+use crate::fit::solve::Solved;
+use crate::fixed::pixels;
 use crate::points::KnownShape;
 
 /// With fewer points the scatter of the shapes is not known.

@@ -23,6 +23,18 @@ pub fn text(size: i32, colour: RGBColor) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&colour)
 }
 
+/// Writes lines below each other, from the upper left corner `at` of the first one.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_lines(area: &Area<'_>, at: (i32, i32), lines: &[&str]) -> anyhow::Result<()> {
+    for (line, number) in lines.iter().zip(0..) {
+        let place = (at.0, at.1 + 26 * number);
+        area.draw(&Text::new(*line, place, text(TEXT, BLACK)))?;
+    }
+    Ok(())
+}
+
 /// How values lie along an axis.
 #[derive(Clone, Copy)]
 pub enum Scale {

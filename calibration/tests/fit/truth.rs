@@ -1,11 +1,11 @@
 //! Points whose truth is known.
 
+use calibration::points::Point;
 use nalgebra::Vector3;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use simulator::optics::Optics;
-use slitrange_tool::points::Point;
 use statistics::rms;
 
 /// The nominal geometry on the pixels of a TCD1304DG, with a lens-like distortion of the row.
@@ -96,10 +96,7 @@ impl Truth {
                     line: i as u64 + 2,
                     x_px: self.centre(distance) + noise * normal,
                     d_mm: distance * 1e3,
-                    sigma_px: None,
-                    height_counts: None,
-                    shape: None,
-                    slits: None,
+                    ..Point::default()
                 }
             })
             .collect()

@@ -1,7 +1,7 @@
 //! Which points are refused, with which words, and which points are accepted.
 
-use slitrange_tool::fit::solve::solve;
-use slitrange_tool::points::{Point, Points};
+use calibration::fit::solve::solve;
+use calibration::points::{Point, Points};
 
 use super::truth::{Truth, seeded};
 
@@ -44,10 +44,7 @@ fn unusable_points_are_refused_with_a_reason() {
         line: i + 2,
         x_px: 1000.0 + 100.0 * i as f64,
         d_mm: 600.0 + 50.0 * i as f64,
-        sigma_px: None,
-        height_counts: None,
-        shape: None,
-        slits: None,
+        ..Point::default()
     });
     say("collinear", straight.clone().collect());
     say("three collinear", straight.take(3).collect());

@@ -28,7 +28,7 @@ use slitrange::base::drawing::DRAWING;
 use slitrange::frame::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, NEIGHBOURS, SlitMap, UNIT};
 use statistics::median;
 
-use super::tabulate::pixels;
+use crate::fixed::pixels;
 use crate::points::{Point, SlitImages};
 
 /// The comb that points tell, and their x0.

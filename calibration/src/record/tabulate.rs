@@ -1,7 +1,9 @@
 //! A smooth curve as knots with cubics between them, as the sensor holds it.
 
-use slitrange::base::units::{Micrometres, Pixels};
+use slitrange::base::units::Pixels;
 use slitrange::distance::knots::{Knot, Knots, KnotsError, MAX_KNOTS};
+
+use crate::fixed::{micrometres, pixels};
 
 /// What tabulation may add, in micrometres: a tenth of what noise leaves of the best calibrations.
 const LIMIT: f64 = 0.1;
@@ -66,16 +68,6 @@ pub fn tabulate(
         centres.extend(middles);
         centres.sort_unstable();
     }
-}
-
-/// The nearest number of micrometres that can be held.
-pub fn micrometres(value: f64) -> Micrometres {
-    Micrometres::from_bits((value * f64::from(1 << Micrometres::FRACTION)).round() as i32)
-}
-
-/// The nearest number of pixels that can be held.
-pub fn pixels(value: f64) -> Pixels {
-    Pixels::from_bits((value * f64::from(1 << Pixels::FRACTION)).round() as i32)
 }
 
 /// Both ends, and between them the places where the curve turns.

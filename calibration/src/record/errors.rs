@@ -4,10 +4,10 @@ use slitrange::base::places::PLACES;
 use slitrange::base::units::{Counts, Micrometres};
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 
-use super::calibration::Made;
-use super::solve::Solved;
+use super::form::Made;
 use super::surface::Surface;
-use super::tabulate::micrometres;
+use crate::fit::solve::Solved;
+use crate::fixed::micrometres;
 
 /// The errors, at even steps of the centre from the calibration's first to its last.
 pub fn of(solved: &Solved, made: &Made<'_>) -> CalibrationErrors {

@@ -1,7 +1,7 @@
 //! The error of the fit, compared with the truth.
 
-use slitrange_tool::fit::solve::{Form, Solved, solve};
-use slitrange_tool::points::Point;
+use calibration::fit::solve::{Form, Solved, solve};
+use calibration::points::Point;
 use statistics::rms;
 
 use super::truth::{Truth, seeded, throw_off};

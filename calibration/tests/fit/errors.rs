@@ -1,5 +1,8 @@
 //! What a record says of its errors, compared with the truth.
 
+use calibration::fit::solve::{Form, solve};
+use calibration::points::Point;
+use calibration::record::{errors, form};
 use judges::frames::at_centre;
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -7,9 +10,6 @@ use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::base::places::PLACES;
 use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, Surface};
-use slitrange_tool::fit::solve::{Form, solve};
-use slitrange_tool::fit::{calibration, errors};
-use slitrange_tool::points::Point;
 use statistics::{mean, rms};
 
 use super::truth::{Truth, seeded};
@@ -17,7 +17,7 @@ use super::truth::{Truth, seeded};
 /// What a fit of points says.
 fn fitted(points: &[Point], form: Form) -> (slitrange::Calibration, FittedErrors) {
     let solved = solve(points, None).expect("a fit");
-    let made = calibration::make(&solved, Some(form)).expect("a calibration");
+    let made = form::make(&solved, Some(form)).expect("a calibration");
     match errors::of(&solved, &made) {
         CalibrationErrors::Fitted(errors) => (made.calibration, errors),
         other => panic!("{other:?}"),
