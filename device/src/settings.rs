@@ -2,7 +2,8 @@
 //!
 //! The struct [`Settings`], the commands that show and set a value, their answers, `help`, the error
 //! messages, what flash holds and the table in docs/serial-line.md follow from the declaration. To add a
-//! setting, add its lines to the list. A value of a new type also implements [`ValueText`].
+//! setting, add its lines to the list. A value of a new type also implements [`ValueText`]. A setting by
+//! which the core measures also needs a field in [`slitrange::Options`], and a line in [`Settings::options`].
 //!
 //! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they
 //! know no ranges, units or help, so they would not make this file smaller.

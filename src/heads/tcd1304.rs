@@ -28,7 +28,7 @@
 //! words: it waits for the end of the next one, and subtracts those before it. The two fM edges at which ICG
 //! falls and the transfer starts are fixed too, so that pixel and conversion keep their phase from row to
 //! row. All three come a little after fM's edge, because ICG has to rise while fM is high. The transfer
-//! starts while SH is high, so that both take no more time than the longer of them.
+//! starts while SH is high, so that SH costs no time of its own.
 //!
 //! The pulses are given in a critical section: an interrupt would stretch them.
 //!

@@ -2,6 +2,11 @@
 //! careful.
 //!
 //! All take the same arguments and return the same result: see [`centre`].
+//!
+//! To add an estimator, write its file here and add a variant to [`Estimator`]. The compiler names most
+//! places that need a case of it. It does not name these, where a new estimator is treated as `phase-table`
+//! is: [`Estimator::by_shape`], `above_black`, the [`estimate`] of a cut or flat spot, and the repair in
+//! [`steps`](crate::measurement::steps).
 
 pub(crate) mod adaptive;
 mod centroid;

@@ -314,8 +314,8 @@ impl Measurement {
         }
     }
 
-    /// Finds the centre in the part that is searched. The first row of a frame is searched and measured in full; its result saves
-    /// most of the work for the next ones.
+    /// Finds the centre in the part that is searched. The first row of a frame is searched and measured in
+    /// full; its result saves most of the work for the next ones.
     #[inline(always)]
     fn centre_of_part(
         &mut self,

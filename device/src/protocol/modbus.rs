@@ -59,8 +59,8 @@ const ALL_STATIONS: u8 = 0;
 /// The number of input registers.
 pub const INPUTS: usize = 16;
 
-/// The settings in holding registers, in the order of the registers. An address never changes its meaning:
-/// new settings follow at the end.
+/// The settings in holding registers, in the order of the registers. A register never changes its
+/// number: new settings follow at the end.
 pub const HOLDINGS: [Setting; 6] = [
     Setting::Rows,
     Setting::Exposure,
