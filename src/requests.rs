@@ -77,7 +77,7 @@ impl Requests {
         !self.runs.load(Ordering::Relaxed)
     }
 
-    /// Whether the pixels around the spot are to be sent.
+    /// From now on, the pixels around the spot are to be sent, or are not.
     pub fn send_windows(&self, sends: bool) {
         self.sends_windows.store(sends, Ordering::Relaxed);
     }

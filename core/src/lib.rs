@@ -2,8 +2,8 @@
 //! out, or the fault that prevented them.
 //!
 //! A laser spot on the target shines through a slit onto the sensor, and the place where it falls says how
-//! far away the target is. The core finds that place to a fraction of a pixel, in fixed point and for a few
-//! hundred instructions a row. Its error is close to the Cramér-Rao bound (the smallest error that any
+//! far away the target is. The core finds that place to a fraction of a pixel, by integer sums. The fit alone
+//! takes a few hundred instructions. Its error is close to the Cramér-Rao bound (the smallest error that any
 //! unbiased method can have with this noise). It knows no hardware, no clock and no allocation, cannot panic,
 //! and runs the same on a microcontroller and on a PC.
 //!

@@ -27,7 +27,8 @@ const CRATES: &[&str] = &[
     "on-chip/silicon-check",
 ];
 
-/// Crates in which a module uses only those that lib.rs declares before it, and a number that its uses exceed.
+/// Crates in which a module uses only those that lib.rs declares before it. The number of such uses is more
+/// than the one beside the crate's name.
 const ORDERED: [(&str, usize); 5] = [
     ("core", 10),
     ("device", 10),

@@ -1,6 +1,7 @@
 //! Sums and products that cannot overflow, and integers that fit a smaller type, for a reason that the
 //! compiler does not see. The reason stands beside each use, but not for a place on a row or a count of what
-//! a row or a frame holds: at most 2^12. Whole parts of floats: `as` saturates.
+//! a row or a frame holds: at most 2^12. The `whole_...` functions cut a float off to an integer: they
+//! saturate, and make 0 of NaN, as `as` does.
 //!
 //! Elsewhere the core uses the plain operators, and the program `panic-free` checks that none of them can
 //! overflow: the compiler adds a panic wherever it cannot exclude an overflow, and the program links only if

@@ -58,9 +58,9 @@ impl SpotChoice {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
 
-    /// The part of `whole`, some of the light range's words, in which the chosen spot is the strongest, and no other has
-    /// a third of its height. All of it if the spots are too close to be parted. `None` if no spot is
-    /// found.
+    /// The part of `whole` in which the chosen spot is the strongest, and no other has a third of its height.
+    /// `whole` is a part of the light range, in words. All of it if the spots are too close to be parted.
+    /// `None` if no spot is found.
     pub(crate) fn part_with_spot(
         self,
         words: &[u16],

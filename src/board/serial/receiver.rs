@@ -1,4 +1,4 @@
-//! The serial line's receiving side, and what is counted there.
+//! Receives characters from the serial line, and counts those that were lost or damaged.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

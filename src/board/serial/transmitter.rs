@@ -1,4 +1,4 @@
-//! The serial line's sending side.
+//! Sends characters to the serial line.
 //!
 //! # Note
 //!
