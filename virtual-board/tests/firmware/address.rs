@@ -1,11 +1,11 @@
 //! Tests of a sensor on a line with others: the setting `address`, and the pin that enables the line's
 //! driver.
 
-use std::time::Duration;
-
 use virtual_board::VirtualBoard;
 
-use super::common::{PATIENCE, boot, is_reading, paper, set};
+use super::common::{
+    self, assert_readings, await_text, boot, is_reading, paper, run_ms, set, take_texts,
+};
 
 /// A bit at 115200 baud, ns.
 const BIT: u64 = 8681;
@@ -17,7 +17,7 @@ const RELEASE: u64 = 20_000;
 /// Asserts that the driver was enabled for all bytes since the last call, and not for longer.
 fn assert_driver_covers_the_bytes(board: &mut VirtualBoard) {
     // The last bytes may be on the line.
-    board.run_for(Duration::from_millis(20)).expect("a run");
+    run_ms(board, 20);
     let bytes = board.take_bytes();
     let edges = board.take_driver_edges();
     let (pairs, rest) = edges.as_chunks::<2>();
@@ -41,10 +41,15 @@ fn assert_driver_covers_the_bytes(board: &mut VirtualBoard) {
 /// Sends a line. Gives the lines that come within a time.
 fn say(board: &mut VirtualBoard, line: &str, ms: u64) -> Vec<String> {
     board.take_lines();
-    board.send(&format!("{line}\r\n"));
-    board.run_for(Duration::from_millis(ms)).expect("a run");
-    let lines = board.take_lines();
-    lines.into_iter().map(|line| line.text).collect()
+    common::say(board, line, ms);
+    take_texts(board)
+}
+
+/// Asks for one reading.
+fn assert_reads(board: &mut VirtualBoard, command: &str) {
+    let readings = say(board, command, 60);
+    assert_eq!(readings.len(), 1, "{readings:?}");
+    assert!(readings[0].strip_prefix("@5 ").is_some_and(is_reading));
 }
 
 #[test]
@@ -73,28 +78,17 @@ fn a_sensor_with_an_address_talks_only_if_asked() {
     }
     assert_eq!(board.take_driver_edges(), []);
     assert_eq!(say(&mut board, "@5 rows", 30), ["@5 rows 2"]);
-    assert_eq!(
-        say(&mut board, "@5 frobnicate", 30),
-        ["@5 E1 unknown command, try help"]
-    );
-    let readings = say(&mut board, "@5 distance", 60);
-    assert_eq!(readings.len(), 1, "{readings:?}");
-    assert!(readings[0].strip_prefix("@5 ").is_some_and(is_reading));
+    let unknown = "@5 E1 unknown command, try help";
+    assert_eq!(say(&mut board, "@5 frobnicate", 30), [unknown]);
+    assert_reads(&mut board, "@5 distance");
     let help = say(&mut board, "@5 help", 600);
-    assert!(
-        help.len() > 40 && help.iter().all(|line| line.starts_with("@5 ")),
-        "{help:?}"
-    );
+    let all = help.iter().all(|line| line.starts_with("@5 "));
+    assert!(help.len() > 40 && all, "{help:?}");
     // With a trigger, two readings at a time that the master chooses.
-    assert_eq!(
-        say(&mut board, "@5 trigger serial", 30),
-        ["@5 trigger serial"]
-    );
-    for command in ["@5 measure", "@5 distance"] {
-        let readings = say(&mut board, command, 60);
-        assert_eq!(readings.len(), 1, "{readings:?}");
-        assert!(readings[0].strip_prefix("@5 ").is_some_and(is_reading));
-    }
+    let trigger = "@5 trigger serial";
+    assert_eq!(say(&mut board, trigger, 30), [trigger]);
+    assert_reads(&mut board, "@5 measure");
+    assert_reads(&mut board, "@5 distance");
     assert_driver_covers_the_bytes(&mut board);
     // For all: nobody answers.
     for line in [
@@ -110,12 +104,10 @@ fn a_sensor_with_an_address_talks_only_if_asked() {
     // Saved, and left by `defaults`. Not even a banner after a start.
     board.take_lines();
     board.send("@5 save\r\n");
-    board
-        .run_until_line(|line| line == "@5 save", PATIENCE)
-        .expect("it is saved");
+    await_text(&mut board, "@5 save");
     board.reset_pin().expect("the emulator");
     board.take_bytes();
-    board.run_for(Duration::from_millis(300)).expect("a run");
+    run_ms(&mut board, 300);
     assert_eq!(board.take_bytes(), []);
     assert_eq!(say(&mut board, "@5 rows", 30), ["@5 rows 3"]);
     assert_eq!(say(&mut board, "@5 defaults", 30), ["@5 defaults"]);
@@ -127,9 +119,7 @@ fn a_sensor_with_an_address_talks_only_if_asked() {
     // Alone again.
     let lines = say(&mut board, "@247 address 0", 300);
     assert_eq!(lines[0], "@247 address 0");
-    assert!(
-        lines.len() > 2 && lines[1..].iter().all(|line| is_reading(line)),
-        "{lines:?}"
-    );
+    assert!(lines.len() > 2);
+    assert_readings(&lines[1..]);
     board.finish().expect("a clean run");
 }

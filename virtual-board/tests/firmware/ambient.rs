@@ -8,13 +8,14 @@ use slitrange::Calibration;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::measurement::Options;
 use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
-use virtual_board::LightSource;
 use virtual_board::light::{Target, of_scene};
+use virtual_board::{LightSource, VirtualBoard};
 
 use super::common::{
-    PATIENCE, Status, boot, cycles_an_instruction, is_reading, is_result, number, results, set,
+    Status, assert_readings, await_line, await_text, boot, cycles_an_instruction, is_reading,
+    number, results, run_ms, set, take_results, take_texts,
 };
-use super::identical::{aligned, assert_same, on_this_pc, run, with_fixed_exposure};
+use super::identical::{assert_same, on_this_pc, run, with_fixed_exposure};
 
 fn beside_a_window() -> LightSource {
     let scene = Scene::load("sunlit").expect("a scene");
@@ -34,22 +35,16 @@ fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
         ..with_fixed_exposure()
     };
     let calibration = Calibration::nominal();
-    // The first frame may begin at any row.
     let chip = &chip[1..];
-    let pc: Vec<Vec<String>> = (0..32)
-        .map(|first| on_this_pc(&shown[first..], settings, calibration.as_ref()))
-        .collect();
-    let pc = pc.iter().find(|pc| pc.contains(&chip[0]));
-    let pc = aligned(pc.expect("the PC has the first line too"), chip);
-    let kinds = assert_same(chip, pc);
+    let pc = on_this_pc(chip, &shown, settings, calibration.as_ref());
+    let kinds = assert_same(chip, &pc, 1);
     println!("{kinds:?}\n{}", chip[0]);
     assert!(kinds["reading"] >= 6 && kinds.len() == 1, "{kinds:?}");
     let optics = Scene::white_paper().optics;
+    let truth = 1e3 * optics.distance(optics.centre(0.8));
     for line in chip {
-        let distance = number(line, "d ", " mm");
-        let r = number(line, " r ", " x");
-        let truth = 1e3 * optics.distance(optics.centre(0.8));
-        assert!((distance - truth).abs() < 5.0 * r, "{line}");
+        let error = number(line, "d ", " mm") - truth;
+        assert!(error.abs() < 5.0 * number(line, " r ", " x"), "{line}");
     }
 }
 
@@ -60,14 +55,14 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     set(&mut board, "ambient subtract");
     set(&mut board, "rows 64");
     board.take_lines();
-    board.run_for(Duration::from_secs(4)).expect("a run");
+    run_ms(&mut board, 4_000);
     let lines = results(&mut board, 1);
-    assert!(lines.iter().all(|line| is_reading(line)), "{lines:?}");
+    assert_readings(&lines);
     assert!(board.resets().expect("resets").is_empty());
     let mut cycles = BTreeSet::new();
     for _ in 0..12 {
         let status = Status::ask(&mut board);
-        status.assert_none(&["rows lost", "rows failed", "lines dropped"]);
+        status.assert_nothing_lost();
         let instructions = status.count("row cycles") as f64 / cycles_an_instruction();
         cycles.insert(instructions.round() as u64);
     }
@@ -81,6 +76,29 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     board.finish().expect("a clean run");
 }
 
+/// What comes up to the end of a row that a command asks for.
+fn row_window(board: &mut VirtualBoard, command: &str) -> Vec<String> {
+    board.take_lines();
+    board.send(&format!("{command}\r\n"));
+    await_text(board, ROW_END);
+    take_texts(board)
+}
+
+/// Lets the board run to another time of a row in each round.
+fn run_to_another_time(board: &mut VirtualBoard, ms: u64, round: u64) {
+    let time = Duration::from_micros(1000 * ms + 1900 * round);
+    board.run_for(time).expect("a run");
+    board.take_lines();
+}
+
+/// The faults among the next 20 results.
+fn faults_of_twenty(board: &mut VirtualBoard) -> Vec<String> {
+    results(board, 20);
+    let mut faults = take_results(board);
+    faults.retain(|line| !is_reading(line));
+    faults
+}
+
 /// `row` sends a row with the laser on, as it is measured: without the ambient light.
 #[test]
 fn a_raw_row_has_the_laser_on_and_no_ambient_light() {
@@ -88,16 +106,9 @@ fn a_raw_row_has_the_laser_on_and_no_ambient_light() {
     set(&mut board, "ambient subtract");
     results(&mut board, 4);
     for _ in 0..3 {
-        board.take_lines();
-        board.send("row window\r\n");
-        let end = board.run_until_line(|line| line == ROW_END, PATIENCE);
-        end.expect("the row's end");
-        let lines = board.take_lines().into_iter().map(|line| line.text);
-        let lines: Vec<_> = lines.skip_while(|line| is_result(line)).collect();
-        assert!(
-            lines.iter().any(|line| line.starts_with("x ")),
-            "{lines:#?}"
-        );
+        let lines = row_window(&mut board, "row window");
+        let has_centre = lines.iter().any(|line| line.starts_with("x "));
+        assert!(has_centre, "{lines:#?}");
         let pixels = lines.iter().filter_map(|line| RowPixels::parse(line));
         let counts: Vec<_> = pixels.flat_map(|it| it.counts.to_vec()).collect();
         let (least, most) = (counts.iter().min(), counts.iter().max());
@@ -106,9 +117,7 @@ fn a_raw_row_has_the_laser_on_and_no_ambient_light() {
         assert!(least < Some(&320) && most > Some(&2000));
     }
     set(&mut board, "laser off");
-    board
-        .run_until_line(|line| line.starts_with("f laser off"), PATIENCE)
-        .expect("a fault");
+    await_line(&mut board, |line| line.starts_with("f laser off"));
     board.finish().expect("a clean run");
 }
 
@@ -120,46 +129,26 @@ fn dark_rows_are_not_measured_after_the_laser_is_on_in_all_rows() {
     set(&mut board, "rows 1");
     for round in 0..6 {
         set(&mut board, "ambient subtract");
-        // Changes come at different times of a row.
-        board
-            .run_for(Duration::from_micros(150_000 + 1900 * round))
-            .expect("a run");
-        board.take_lines();
+        run_to_another_time(&mut board, 150, round);
         set(&mut board, "ambient off");
-        results(&mut board, 20);
-        let lines = board.take_lines().into_iter().map(|line| line.text);
-        let faults: Vec<_> = lines.filter(|line| line.starts_with("f ")).collect();
+        let faults = faults_of_twenty(&mut board);
         assert!(faults.is_empty(), "round {round}: {faults:?}");
     }
     for round in 0..3 {
         set(&mut board, "ambient subtract");
-        board
-            .run_for(Duration::from_micros(150_000 + 1900 * round))
-            .expect("a run");
-        board.take_lines();
-        board.send("ambient off\r\nrow window\r\n");
-        board
-            .run_until_line(|line| line == ROW_END, PATIENCE)
-            .expect("the row's end");
-        let lines = board.take_lines().into_iter().map(|line| line.text);
-        let head: Vec<_> = lines.filter(|line| line.starts_with("row ")).collect();
+        run_to_another_time(&mut board, 150, round);
+        let mut head = row_window(&mut board, "ambient off\r\nrow window");
+        head.retain(|line| line.starts_with("row "));
         println!("{head:?}");
         assert!(!head.is_empty() && head.iter().all(|line| !line.contains(" exposure off")));
     }
     for round in 0..3 {
         set(&mut board, "laser off");
         results(&mut board, 20);
-        board
-            .run_for(Duration::from_micros(1900 * round))
-            .expect("a run");
-        board.take_lines();
+        run_to_another_time(&mut board, 0, round);
         set(&mut board, "laser on");
-        results(&mut board, 20);
-        let lines = board.take_lines().into_iter().map(|line| line.text);
-        let faults = lines.filter(|line| line.starts_with("f "));
-        let wrong: Vec<_> = faults
-            .filter(|line| !line.starts_with("f laser off"))
-            .collect();
+        let mut wrong = faults_of_twenty(&mut board);
+        wrong.retain(|line| !line.starts_with("f laser off"));
         assert!(wrong.is_empty(), "round {round}: {wrong:?}");
     }
     board.finish().expect("a clean run");

@@ -1,10 +1,7 @@
 //! Tests of `format binary`: packets from the firmware as it is flashed.
 
-use std::time::Duration;
-
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::reading::Measured;
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::packet::{
     Decoder, FrameResult, Message, PacketError, RowHead, unpack,
@@ -13,8 +10,8 @@ use slitrange_device::settings::serial_line::Baud;
 use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::{
-    PATIENCE, Status, cycles_an_instruction, is_reading, measuring, measuring_at_full_speed,
-    number, set,
+    Status, await_text, cycles_an_instruction, is_reading, measuring, measuring_at_full_speed,
+    number, run_ms, say, set,
 };
 
 /// A reader of the firmware's bytes.
@@ -44,8 +41,7 @@ impl Reader {
     /// Sends `format binary`, and reads from its answer on, which is a packet.
     pub fn start(board: &mut VirtualBoard) -> Self {
         board.take_bytes();
-        board.send("format binary\r\n");
-        board.run_for(Duration::from_millis(100)).expect("a run");
+        say(board, "format binary", 100);
         let mut reader = Self::default();
         assert_eq!(reader.read(board).text, "format binary\r\n");
         reader
@@ -56,40 +52,16 @@ impl Reader {
         let mut received = Received::default();
         for (at, byte) in board.take_bytes() {
             let start = *self.began.get_or_insert(at);
-            match self.decoder.take(byte) {
-                Some(Ok(packet)) => {
+            let Some(packet) = self.decoder.take(byte) else {
+                continue;
+            };
+            self.began = None;
+            match packet {
+                Ok(packet) => {
                     received.sequence.push(packet.sequence);
-                    match packet.message {
-                        Message::Result(result) => received.results.push((start, result)),
-                        Message::Text(text) => received.text += &String::from_utf8_lossy(text),
-                        Message::Window {
-                            counter,
-                            first,
-                            counts,
-                        } => (received.windows).push((counter, first, unpack(counts).collect())),
-                        Message::Row(head) => received.rows.push((head, vec![])),
-                        Message::Words {
-                            number,
-                            first,
-                            words,
-                        } => {
-                            // The head of the first row may have come before the last call.
-                            if let Some((head, before)) = received.rows.last_mut() {
-                                assert_eq!(
-                                    (number, usize::from(first)),
-                                    (head.number, before.len())
-                                );
-                                before.extend(unpack(words));
-                            }
-                        }
-                    }
-                    self.began = None;
+                    received.take(start, packet.message);
                 }
-                Some(Err(error)) => {
-                    received.errors.push(error);
-                    self.began = None;
-                }
-                None => {}
+                Err(error) => received.errors.push(error),
             }
         }
         received
@@ -97,13 +69,36 @@ impl Reader {
 }
 
 impl Received {
+    fn take(&mut self, start: Nanos, message: Message<'_>) {
+        match message {
+            Message::Result(result) => self.results.push((start, result)),
+            Message::Text(text) => self.text += &String::from_utf8_lossy(text),
+            Message::Window {
+                counter,
+                first,
+                counts,
+            } => (self.windows).push((counter, first, unpack(counts).collect())),
+            Message::Row(head) => self.rows.push((head, vec![])),
+            Message::Words {
+                number,
+                first,
+                words,
+            } => {
+                // The head of the first row may have come before the last call.
+                if let Some((head, before)) = self.rows.last_mut() {
+                    let next = (head.number, before.len());
+                    assert_eq!((number, usize::from(first)), next);
+                    before.extend(unpack(words));
+                }
+            }
+        }
+    }
+
     /// Asserts that no packet is missing or out of order, and that none was damaged.
     pub fn assert_whole(&self) {
         assert_eq!(self.errors, []);
-        let in_order = self
-            .sequence
-            .windows(2)
-            .all(|two| two[1] == two[0].wrapping_add(1));
+        let mut pairs = self.sequence.windows(2);
+        let in_order = pairs.all(|two| two[1] == two[0].wrapping_add(1));
         assert!(in_order, "{:?}", self.sequence);
     }
 }
@@ -113,9 +108,8 @@ fn results_and_answers_come_as_packets_until_text_is_asked_for() {
     let mut board = measuring(2);
     set(&mut board, "stream on");
     let mut reader = Reader::start(&mut board);
-    board.run_for(Duration::from_secs(1)).expect("a run");
-    board.send("rows\r\n");
-    board.run_for(Duration::from_millis(50)).expect("a run");
+    run_ms(&mut board, 1_000);
+    say(&mut board, "rows", 50);
     let received = reader.read(&mut board);
     received.assert_whole();
     assert_eq!(received.text, "rows 2\r\n");
@@ -132,17 +126,9 @@ fn results_and_answers_come_as_packets_until_text_is_asked_for() {
         assert!(at / 1000 > result.time_us);
     }
     board.send("format text\r\n");
-    board
-        .run_until_line(|line| line == "format text", PATIENCE)
-        .expect("an answer");
-    Status::ask(&mut board).assert_none(&["lines dropped", "rows lost"]);
+    await_text(&mut board, "format text");
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
-}
-
-/// Sends a command, whose answer may come as a line or as a packet.
-pub fn say(board: &mut VirtualBoard, command: &str) {
-    board.send(&format!("{command}\r\n"));
-    board.run_for(Duration::from_millis(50)).expect("a run");
 }
 
 /// The shortest time from one byte to the next, in bits at a rate.
@@ -165,27 +151,17 @@ fn the_answer_to_baud_is_at_the_old_rate_and_all_later_bytes_are_at_the_new_one(
         board.take_bytes();
         set(&mut board, &format!("baud {}", baud.bits_a_second()));
         let bits = bits_a_byte(&board.take_bytes(), before);
-        assert!(
-            (bits - 10.0).abs() < 0.1,
-            "{baud:?}, the answer: {bits} bits"
-        );
-        say(&mut board, "info");
+        assert!((bits - 10.0).abs() < 0.1, "to {baud:?}: {bits} bits");
+        say(&mut board, "info", 50);
         let bits = bits_a_byte(&board.take_bytes(), baud);
         println!("{baud:?}: {bits:.3} bits a byte");
         assert!((bits - 10.0).abs() < 0.1, "{baud:?}: {bits} bits");
         before = baud;
-        board.run_for(Duration::from_millis(50)).expect("a run");
+        run_ms(&mut board, 50);
         board.take_lines();
     }
     Status::ask(&mut board).assert_none(&["lines dropped", "serial framing", "serial overrun"]);
     board.finish().expect("a clean run");
-}
-
-/// The result of a row by the core on a PC, as the sensor's own.
-fn measured_here(measurement: &mut Measurement, head: &RowHead, words: &[u16]) -> Measured {
-    let mut words = words.to_vec();
-    let measured = measurement.measure_alone(&mut words, head.exposure, None);
-    measured.expect("a centre")
 }
 
 #[test]
@@ -194,22 +170,16 @@ fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
     let mut board = measuring_at_full_speed(16);
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);
-    say(&mut board, "pixels rows");
+    say(&mut board, "pixels rows", 50);
     reader.read(&mut board);
-    board.run_for(Duration::from_secs(1)).expect("a run");
+    run_ms(&mut board, 1_000);
     // A command that waits for a frame interrupts the rows.
     board.send("distance\r\n");
-    board.run_for(Duration::from_secs(1)).expect("a run");
+    run_ms(&mut board, 1_000);
     let received = reader.read(&mut board);
     received.assert_whole();
-    assert_eq!(
-        received
-            .text
-            .lines()
-            .filter(|line| is_reading(line))
-            .count(),
-        1
-    );
+    let readings = received.text.lines().filter(|line| is_reading(line));
+    assert_eq!(readings.count(), 1);
     assert!(number(&received.text, " n ", "/16") == 16.0);
     assert_eq!(received.results, []);
     let options = Options {
@@ -221,8 +191,8 @@ fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
     let whole = &received.rows[..received.rows.len() - 1];
     for (head, words) in whole {
         assert_eq!(usize::from(head.words), words.len());
-        let measured = measured_here(&mut measurement, head, words);
-        assert_eq!(head.result, Ok(measured));
+        let measured = measurement.measure_alone(&mut words.clone(), head.exposure, None);
+        assert_eq!(head.result, Ok(measured.expect("a centre")));
     }
     for two in whole.windows(2) {
         assert_eq!(two[1].0.number, two[0].0.number + two[1].0.skipped + 1);

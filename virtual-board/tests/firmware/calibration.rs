@@ -6,7 +6,6 @@ use slitrange::frame::comb::Comb;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::uncertainty::Surface;
-use slitrange::row::Geometry;
 use slitrange::{frame, sensor_heads};
 use slitrange_device::protocol::calibration::FlashStatus;
 use slitrange_device::protocol::line::ReadingLine;
@@ -18,12 +17,13 @@ use virtual_board::VirtualBoard;
 use virtual_board::light::{Target, of_scene};
 
 use super::common::{
-    PATIENCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, measuring, number, set,
-    spot_at,
+    PATIENCE, Status, ask, ask_for_lines, assert_readings, boot, fresh_results, is_reading,
+    keep_all_rows, kept_rows, measuring, number, press_reset, save, say, set, spot_at,
+    stop_the_stream, take_texts,
 };
 use super::records::{
-    CENTRE, assert_shown, eq1, every_kind, longest, of_comb, pieces, read_back, record, send,
-    shown, upload, written,
+    CENTRE, assert_shown, eq1, every_kind, longest, of_another_head, of_comb, pieces, read_back,
+    record, send, shown, upload, written,
 };
 
 #[test]
@@ -46,7 +46,7 @@ fn an_uncalibrated_sensor_uses_the_nominal_calibration() {
 fn readings_use_the_uploaded_calibration() {
     let (mut board, _) = boot(spot_at(CENTRE, 2000.0));
     set(&mut board, "rows 6");
-    board.head(|head| head.keep_all_rows(true));
+    keep_all_rows(&mut board);
     for written in every_kind() {
         println!("{} bytes", written.bytes().len());
         set(&mut board, "defaults");
@@ -56,29 +56,18 @@ fn readings_use_the_uploaded_calibration() {
         assert_eq!(read_back(&mut board), written.bytes());
         assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
         assert_eq!(ask(&mut board, "black"), "black fixed 300");
-        assert!(
-            ask_for_lines(&mut board, "info", 11)
-                .contains(&"info serial number 4000000711, calibrated 2026-11-21".to_owned())
-        );
+        let info = ask_for_lines(&mut board, "info", 11).join("\n");
+        assert!(info.contains("\ninfo serial number 4000000711, calibrated 2026-11-21"));
 
         let lines = fresh_results(&mut board, 5);
         println!("{}", lines[4]);
-        assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
-        let rows: Vec<_> = board.head(|head| head.rows().cloned().collect());
+        assert_readings(&lines);
+        let rows: Vec<_> = kept_rows(&mut board);
         // The rows of these lines are among the last rows.
         let last = &rows[rows.len() - 60..];
-        let same = (0..6).any(|first| {
-            let pc = on_this_pc(&last[first..], &written);
-            pc.windows(lines.len()).any(|window| window == lines)
-        });
-        assert!(same, "the PC nowhere says {lines:#?}");
+        assert!(agree(&lines, last, &written), "{lines:#?}");
     }
-    Status::ask(&mut board).assert_none(&[
-        "rows lost",
-        "rows failed",
-        "lines dropped",
-        "serial overrun",
-    ]);
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }
 
@@ -92,57 +81,37 @@ fn readings_use_the_slits_of_a_saved_comb() {
     let written = of_comb();
     upload(&mut board, &written);
     assert_eq!(ask(&mut board, "slits"), "slits comb");
-    board.send("save\r\n");
-    board
-        .run_until_line(|line| line == "save", PATIENCE)
-        .expect("it is saved");
-    board.reset_pin().expect("the emulator");
-    board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
-
-    assert_shown(
-        &mut board,
-        Some(&written),
-        FlashStatus::Record(written.sum()),
-    );
+    save(&mut board);
+    press_reset(&mut board);
+    let stored = FlashStatus::Record(written.sum());
+    assert_shown(&mut board, Some(&written), stored);
     assert!(shown(&mut board).contains(&"calibration slits 16".to_owned()));
     assert_eq!(read_back(&mut board), written.bytes());
     assert_eq!(ask(&mut board, "slits"), "slits comb");
-    board.head(|head| head.keep_all_rows(true));
+    keep_all_rows(&mut board);
     let lines = fresh_results(&mut board, 5);
     println!("{}", lines[4]);
-    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
-    assert!(
-        lines
-            .iter()
-            .all(|line| line.contains(" k 1") && !line.ends_with(" s"))
-    );
-    let rows: Vec<_> = board.head(|head| head.rows().cloned().collect());
-    let agrees = |with: &EncodedRecord| {
-        (0..6).any(|first| {
-            let pc = on_this_pc(&rows[first..], with);
-            pc.windows(lines.len()).any(|window| window == lines)
-        })
-    };
-    assert!(agrees(&written), "the PC nowhere says {lines:#?}");
+    assert_readings(&lines);
+    for line in &lines {
+        assert!(line.contains(" k 1") && !line.ends_with(" s"), "{line}");
+    }
+    let rows: Vec<_> = kept_rows(&mut board);
+    assert!(agree(&lines, &rows, &written), "{lines:#?}");
     // With the mask's drawing, the distances are others.
     let drawn = slitrange_device::record::Record {
         comb: Some(Comb::nominal()),
         ..written.record().clone()
     };
-    assert!(!agrees(&super::records::written(drawn)));
+    assert!(!agree(&lines, &rows, &super::records::written(drawn)));
 
     // The centre of each slit, in a second line.
-    set(&mut board, "stream off");
-    board.run_for(PATIENCE / 20).expect("a run");
-    board.take_lines();
+    stop_the_stream(&mut board);
     let both = ask_for_lines(&mut board, "centre", 2);
     println!("{both:#?}");
     assert!(both[0].contains(" k 1"), "{}", both[0]);
     let images: Vec<&str> = both[1].split(' ').collect();
     assert_eq!((images[0], images.len()), ("slits", 17));
-    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }
 
@@ -170,6 +139,14 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
             ReadingLine(&reading.expect("a distance")).to_string()
         })
         .collect()
+}
+
+/// Whether the PC says these lines too, with this record. A frame begins with one of the first six rows.
+fn agree(lines: &[String], rows: &[virtual_board::Row], written: &EncodedRecord) -> bool {
+    (0..6).any(|first| {
+        let pc = on_this_pc(&rows[first..], written);
+        pc.windows(lines.len()).any(|window| window == lines)
+    })
 }
 
 /// What is in use: the answer to `calibration`, and the settings.
@@ -216,7 +193,6 @@ fn a_refused_upload_changes_nothing() {
     // A digit of the next piece is wrong.
     let garbled = all[8].to_string().replacen(" 128 ", " 129 ", 1);
     let answer = ask(&mut board, &garbled);
-    println!("{answer}");
     assert!(answer.starts_with("E7 checksum "), "{answer}");
     let (came, beyond) = (128, Piece::new(announced as u16, &[0]).expect("a piece"));
     assert_refused(
@@ -237,11 +213,8 @@ fn a_refused_upload_changes_nothing() {
     damaged[20] ^= 0x10;
     send(&mut board, &damaged);
     let answer = ask(&mut board, commit);
-    println!("{answer}");
-    assert!(
-        answer.starts_with("E12 the record is damaged, its CRC is "),
-        "{answer}"
-    );
+    let damage = "E12 the record is damaged, its CRC is ";
+    assert!(answer.starts_with(damage), "{answer}");
     assert_refused(&mut board, commit, Refusal::NoUpload);
     send(&mut board, &[1, 2, 3]);
     assert_refused(
@@ -250,14 +223,7 @@ fn a_refused_upload_changes_nothing() {
         Refusal::Record(RecordError::Short { bytes: 3 }),
     );
 
-    let another_head = slitrange_device::record::Record {
-        geometry: Geometry {
-            light: 36..3683,
-            ..sensor_heads::tcd1304dg()
-        },
-        ..eq1().record().clone()
-    };
-    send(&mut board, written(another_head).bytes());
+    send(&mut board, written(of_another_head()).bytes());
     assert_refused(&mut board, commit, Refusal::OtherSensor);
 
     let (offset, bytes) = (eq1().bytes().len() as u16, eq1().bytes().len());
@@ -267,12 +233,8 @@ fn a_refused_upload_changes_nothing() {
         Refusal::NoPiece { offset, bytes },
     );
     assert_eq!(in_use(&mut board), before);
-    assert!(
-        fresh_results(&mut board, 2)
-            .iter()
-            .all(|line| is_reading(line))
-    );
-    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    assert_readings(&fresh_results(&mut board, 2));
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }
 
@@ -280,7 +242,7 @@ fn a_refused_upload_changes_nothing() {
 #[test]
 fn an_upload_over_a_noisy_line_arrives_whole() {
     let mut board = measuring(4);
-    set(&mut board, "stream off");
+    stop_the_stream(&mut board);
     board
         .garble_serial_line(10_000, 10_000, 3)
         .expect("the emulator");
@@ -341,27 +303,21 @@ fn a_centre_needs_no_calibration() {
             let (found, claimed) = (number(&line, "x ", " u"), number(&line, " u ", " a "));
             assert!((0.001..0.01).contains(&claimed), "{line}");
             assert!((found - centre).abs() < 5.0 * claimed, "{line}");
-            assert!(
-                line.contains(" n 4/4 b ")
-                    && line.contains(" e a w ")
-                    && line.split(' ').count() == 20,
-                "{line}"
-            );
+            assert!(line.contains(" n 4/4 b ") && line.contains(" e a w "));
+            assert_eq!(line.split(' ').count(), 20, "{line}");
         }
         // Each command gives one frame's answer.
-        set(&mut board, "stream off");
-        board.run_for(PATIENCE / 20).expect("a run");
-        board.take_lines();
-        board.send("centre\r\ndistance\r\n");
-        board.run_for(PATIENCE / 4).expect("a run");
-        let lines = board.take_lines();
-        let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
-        assert!(
-            matches!(texts[..], [fault, "(send `calibration on`; without a calibration, upload one, \
-                                         or send `defaults` (TCD1304DG only))", centre]
-                if fault.starts_with("f not calibrated: x ") && centre.starts_with("x ")),
-            "{texts:#?}"
-        );
+        stop_the_stream(&mut board);
+        say(&mut board, "centre\r\ndistance", 250);
+        let texts = take_texts(&mut board);
+        let [fault, advice, centre] = &texts[..] else {
+            panic!("{texts:#?}");
+        };
+        assert!(fault.starts_with("f not calibrated: x "), "{fault}");
+        let expected = "(send `calibration on`; without a calibration, upload one, \
+                        or send `defaults` (TCD1304DG only))";
+        assert_eq!(advice, expected);
+        assert!(centre.starts_with("x "), "{centre}");
         board.finish().expect("a clean run");
     }
 }
@@ -371,18 +327,14 @@ fn a_frame_without_a_centre_gives_its_fault_with_advice() {
     for (height, fault) in [(0.0, "f no spot: "), (12_000.0, "f saturated: ")] {
         let (mut board, _) = boot(spot_at(1800.3, height));
         set(&mut board, "exposure 5600");
-        set(&mut board, "stream off");
-        board.run_for(PATIENCE / 20).expect("a run");
-        board.take_lines();
-        board.send("centre\r\n");
-        board.run_for(PATIENCE / 4).expect("a run");
-        let lines = board.take_lines();
-        let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
+        stop_the_stream(&mut board);
+        say(&mut board, "centre", 250);
+        let texts = take_texts(&mut board);
         println!("{texts:?}");
-        assert!(
-            matches!(texts[..], [said, advice] if said.starts_with(fault) && advice.starts_with('(')),
-            "{texts:#?}"
-        );
+        let [said, advice] = &texts[..] else {
+            panic!("{texts:#?}");
+        };
+        assert!(said.starts_with(fault) && advice.starts_with('('));
         board.finish().expect("a clean run");
     }
 }

@@ -1,7 +1,5 @@
 //! Tests of the commands: each has the documented answer and the documented effect.
 
-use std::time::Duration;
-
 use simulator::scene::Scene;
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Pixels;
@@ -18,8 +16,8 @@ use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::common::{
-    DISTANCE, PATIENCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, is_result,
-    measuring, number, paper, set,
+    DISTANCE, Status, ask, ask_for_lines, assert_readings, await_line, await_text, boot,
+    fresh_results, is_reading, measuring, number, paper, run_ms, say, set, take_results,
 };
 
 const HARDWARE: Hardware = Hardware {
@@ -31,29 +29,24 @@ const HARDWARE: Hardware = Hardware {
     brown_out: BrownOut::Off,
 };
 
-/// Takes the results since the last call.
-fn taken_results(board: &mut VirtualBoard) -> Vec<String> {
-    let lines = board.take_lines().into_iter().map(|line| line.text);
-    lines.filter(|line| is_result(line)).collect()
-}
-
 #[test]
 fn the_banner_names_the_device_and_the_cause_of_the_start() {
     let (board, banner) = boot(paper());
-    println!("{banner}");
-    assert_eq!(
-        banner.text,
-        Banner(&HARDWARE, StartCause::PowerOn).to_string()
-    );
+    let expected = Banner(&HARDWARE, StartCause::PowerOn).to_string();
+    assert_eq!(banner.text, expected);
     board.finish().expect("a clean run");
+}
+
+/// Asserts that a command has these lines as its answer.
+fn assert_answer(board: &mut VirtualBoard, command: &str, expected: &str) {
+    let expected: Vec<&str> = expected.split("\r\n").collect();
+    assert_eq!(ask_for_lines(board, command, expected.len()), expected);
 }
 
 #[test]
 fn help_and_info_match_the_core() {
     let mut board = measuring(16);
-    let help = Help.to_string();
-    let help: Vec<&str> = help.split("\r\n").collect();
-    assert_eq!(ask_for_lines(&mut board, "help", help.len()), help);
+    assert_answer(&mut board, "help", &Help.to_string());
 
     for (on, command) in [(true, "calibration on"), (false, "calibration off")] {
         set(&mut board, command);
@@ -66,8 +59,7 @@ fn help_and_info_match_the_core() {
             pixels: PixelErrors::TCD1304DG,
         }
         .to_string();
-        let info: Vec<&str> = info.split("\r\n").collect();
-        assert_eq!(ask_for_lines(&mut board, "info", info.len()), info);
+        assert_answer(&mut board, "info", &info);
     }
     board.finish().expect("a clean run");
 }
@@ -82,19 +74,17 @@ fn the_parts_of_u_and_the_zero_are_given() {
     assert!(reading.ends_with(" g"), "{reading}");
     let lines = ask_for_lines(&mut board, "uncertainty", 6);
     println!("{reading}\n{lines:#?}");
-    let squares: f64 = (lines.iter())
-        .map(|line| {
-            let (_, part) = line.split_once(' ').expect("a part");
-            number(part, " ", " mm").powi(2)
-        })
-        .sum();
+    let part = |line: &String| {
+        let (_, part) = line.split_once(' ').expect("a part");
+        number(part, " ", " mm")
+    };
+    let squares: f64 = lines.iter().map(|line| part(line).powi(2)).sum();
     let u = number(&reading, " u ", " r ");
     assert!((squares.sqrt() / u - 1.0).abs() < 1e-3);
 
     // The next frame answers, with its distance; then come differences.
     board.send("zero\r\n");
-    let line = board.run_until_line(|line| line.starts_with("z "), PATIENCE);
-    let line = line.expect("a difference").text;
+    let line = await_line(&mut board, |line| line.starts_with("z ")).text;
     println!("{line}");
     let off = number(&line, "z ", " mm");
     let [u, r] = [number(&line, " u ", " r "), number(&line, " r ", " x ")];
@@ -103,9 +93,7 @@ fn the_parts_of_u_and_the_zero_are_given() {
     assert!(off.abs() < 4.0 * u && r < 0.01, "{line}");
     assert!(u < r.hypot(1.3 * off) + 3e-4, "{line}");
     set(&mut board, "zero off");
-    board
-        .run_until_line(|line| line.starts_with("d "), PATIENCE)
-        .expect("a distance");
+    await_line(&mut board, |line| line.starts_with("d "));
     board.finish().expect("a clean run");
 }
 
@@ -119,82 +107,42 @@ fn status_counts_what_happened() {
     println!("{status:#?}");
     let Status(lines) = &status;
 
-    let names: Vec<&str> = lines
-        .iter()
-        .map(|line| {
-            let (name, value) = line.rsplit_once(' ').expect("a value");
-            // Some have a unit.
-            if value == "s" || value == "%" {
-                name.rsplit_once(' ').expect("a number").0
-            } else {
-                name
-            }
-        })
-        .collect();
-    let faults: Vec<String> = Fault::NAMES
-        .iter()
-        .map(|name| format!("status fault {name}"))
-        .collect();
-    let mut expected = vec![
-        "status start",
-        "status uptime",
-        "status rows read",
-        "status row cycles",
-        "status slowest row cycles",
-        "status sampling spread",
-        "status readings",
-        "status limits",
-        "status rows lost",
-        "status rows failed",
-        "status rows late",
-    ];
-    expected.extend(faults.iter().map(String::as_str));
-    expected.extend([
-        "status triggers missed",
-        "status lines dropped",
-        "status serial noise",
-        "status serial framing",
-        "status serial overrun",
-    ]);
-    assert_eq!(names, expected);
+    let name = |line: &String| {
+        // Some have a unit.
+        let line = line.trim_end_matches([' ', 's', '%']);
+        let (name, _) = line.rsplit_once(' ').expect("a value");
+        name.strip_prefix("status ").expect("the word").to_owned()
+    };
+    let names: Vec<String> = lines.iter().map(name).collect();
+    let faults: Vec<String> = Fault::NAMES.map(|name| format!("fault {name}")).into();
+    let before = "start, uptime, rows read, row cycles, slowest row cycles, sampling spread, \
+                  readings, limits, rows lost, rows failed, rows late";
+    let after = "triggers missed, lines dropped, serial noise, serial framing, serial overrun";
+    let expected = format!("{before}, {}, {after}", faults.join(", "));
+    assert_eq!(names.join(", "), expected);
 
     assert_eq!(lines[0], "status start power-on");
     let uptime = number(&lines[1], "uptime ", " s");
-    let now = board.now() as f64 * 1e-9;
-    assert!(
-        (now - 0.15..now).contains(&uptime),
-        "{uptime} s, it is {now} s"
-    );
+    let ago = board.now() as f64 * 1e-9 - uptime;
+    assert!(0.0 < ago && ago <= 0.15, "{uptime} s, {ago} s ago");
     let rows = board.head(|head| head.row_count());
     // The firmware read some more rows while it sent the answer: 900 characters take 78 ms.
-    assert!(
-        (rows - 16..=rows).contains(&status.count("rows read")),
-        "{rows}"
-    );
+    let more = rows.checked_sub(status.count("rows read"));
+    assert!(more.is_some_and(|more| more <= 16), "{rows}");
     assert!((10_000..200_000).contains(&status.count("row cycles")));
     // A frame's first row searches all of the row for any spot, and takes longer than the rows after it.
     let slowest = status.count("slowest row cycles");
-    assert!(
-        (status.count("row cycles")..960_000).contains(&slowest),
-        "{slowest}"
-    );
-    let results = taken_results(&mut board);
+    let possible = status.count("row cycles")..960_000;
+    assert!(possible.contains(&slowest), "{slowest}");
+    let results = take_results(&mut board);
     let readings = results.iter().filter(|line| is_reading(line)).count() as u64;
     assert_eq!(status.count("readings"), readings, "{results:#?}");
     // Some more faults came after the answer.
     let faults = results.len() as u64 - readings;
     let counted = status.count("fault not calibrated");
     assert!((faults - 3..=faults).contains(&counted), "{results:#?}");
-    status.assert_none(&[
-        "rows lost",
-        "rows failed",
-        "lines dropped",
-        "fault sensor silent",
-        "fault no spot",
-        "serial noise",
-        "serial framing",
-        "serial overrun",
-    ]);
+    status.assert_nothing_lost();
+    status.assert_none(&["fault no spot", "serial noise", "serial framing"]);
     board.finish().expect("a clean run");
 }
 
@@ -204,19 +152,15 @@ fn with_the_stream_off_distance_gives_one_reading() {
     assert_eq!(ask(&mut board, "stream"), "stream on");
     set(&mut board, "stream off");
     // Lines that already waited are still sent.
-    board.run_for(Duration::from_millis(30)).expect("a run");
+    run_ms(&mut board, 30);
     board.take_lines();
-    board.run_for(Duration::from_millis(150)).expect("a run");
-    assert_eq!(taken_results(&mut board), [""; 0]);
+    run_ms(&mut board, 150);
+    assert_eq!(take_results(&mut board), [""; 0]);
 
-    board.send("distance\r\n");
-    board.run_for(Duration::from_millis(150)).expect("a run");
-    let results = taken_results(&mut board);
-    let [reading] = &results[..] else {
-        panic!("not one reading but {results:#?}");
-    };
-    println!("{reading}");
-    assert!(is_reading(reading), "{reading}");
+    say(&mut board, "distance", 150);
+    let results = take_results(&mut board);
+    assert_eq!(results.len(), 1, "{results:#?}");
+    assert_readings(&results);
 
     assert_eq!(ask(&mut board, "stream"), "stream off");
     set(&mut board, "stream on");
@@ -232,11 +176,8 @@ fn a_frame_has_as_many_rows_as_set() {
         set(&mut board, &format!("rows {rows}"));
         assert_eq!(ask(&mut board, "rows"), format!("rows {rows}"));
         let lines = fresh_results(&mut board, 1);
-        println!("{}", lines[0]);
-        assert!(
-            lines[0].contains(&format!(" n {rows}/{rows} ")),
-            "{lines:?}"
-        );
+        let used = format!(" n {rows}/{rows} ");
+        assert!(lines[0].contains(&used), "{lines:?}");
     }
     board.finish().expect("a clean run");
 }
@@ -254,11 +195,8 @@ fn spot_that_moves(mut centre: impl FnMut(u64) -> f64 + Send + 'static) -> Light
 #[test]
 fn the_set_mean_is_used() {
     // Of any eight successive rows, one is 3 px off.
-    let (mut board, _) = boot(spot_that_moves(
-        |row| {
-            if row % 8 == 0 { 1803.0 } else { 1800.0 }
-        },
-    ));
+    let off = |row| if row % 8 == 0 { 3.0 } else { 0.0 };
+    let (mut board, _) = boot(spot_that_moves(move |row| 1800.0 + off(row)));
     set(&mut board, "rows 8");
     assert_eq!(ask(&mut board, "mean"), "mean weighted");
     for (command, centre, rows) in [
@@ -288,18 +226,15 @@ fn the_set_mean_is_used() {
 fn rows_with_similar_errors_are_flagged() {
     // The centre swings by a tenth of a pixel, in waves of 32 rows. This is ten times the noise, and a wave
     // is not a straight motion.
-    let (mut board, _) = boot(spot_that_moves(|row| {
-        1800.0 + 0.1 * (std::f64::consts::TAU * row as f64 / 32.0).sin()
-    }));
+    let wave = |row: u64| (std::f64::consts::TAU * row as f64 / 32.0).sin();
+    let (mut board, _) = boot(spot_that_moves(move |row| 1800.0 + 0.1 * wave(row)));
     set(&mut board, "rows 64");
-    for line in fresh_results(&mut board, 2) {
-        println!("{line}");
-        assert!(line.ends_with(" n 64/64 c 1 g"), "{line}");
-    }
-    board.set_light(spot_that_moves(|_| 1800.0));
-    for line in fresh_results(&mut board, 2) {
-        println!("{line}");
-        assert!(line.ends_with(" n 64/64 g"), "{line}");
+    for end in [" n 64/64 c 1 g", " n 64/64 g"] {
+        for line in fresh_results(&mut board, 2) {
+            println!("{line}");
+            assert!(line.ends_with(end), "{line}");
+        }
+        board.set_light(spot_that_moves(|_| 1800.0));
     }
     board.finish().expect("a clean run");
 }
@@ -312,9 +247,8 @@ fn paper_in_stray_light() -> LightSource {
     let mut light = of_scene(Scene::white_paper(), Target::at(DISTANCE));
     Box::new(move |exposure| {
         let mut counts = light(exposure);
-        counts[LIGHT]
-            .iter_mut()
-            .for_each(|count| *count += STRAY_LIGHT);
+        let lit = counts[LIGHT].iter_mut();
+        lit.for_each(|count| *count += STRAY_LIGHT);
         counts
     })
 }
@@ -324,9 +258,7 @@ fn the_set_black_level_is_used() {
     let (mut board, _) = boot(paper_in_stray_light());
     set(&mut board, "rows 4");
     assert_eq!(ask(&mut board, "black"), "black shielded");
-    let black = Scene::white_paper()
-        .black_level
-        .map_or(0.0, |black| black.counts);
+    let black = Scene::white_paper().black_level.expect("a level").counts;
     for (command, expected, tolerance) in [
         ("black fixed 1234", 1234.0, 0.0),
         // 9 pixels of 4 rows with noise of 4 counts: 0.7.
@@ -369,23 +301,12 @@ fn the_set_estimator_is_used() {
         let letter = format!(" e {} w ", estimator.letter());
         assert!(centre.contains(&letter), "{centre}");
     }
-    let info = ask_for_lines(&mut board, "info", 19);
-    assert!(
-        info.contains(&"info estimator fraunhofer".to_owned()),
-        "{info:#?}"
-    );
-    for (command, error) in [
-        (
-            "estimator guess",
-            "E6 unknown estimator, try help estimator",
-        ),
-        (
-            "estimator gauss newton",
-            "E2 expected estimator NAME, try help estimator",
-        ),
-    ] {
-        assert_eq!(ask(&mut board, command), error);
-    }
+    let info = ask_for_lines(&mut board, "info", 19).join("\n");
+    assert!(info.contains("\ninfo estimator fraunhofer\n"), "{info}");
+    let error = "E6 unknown estimator, try help estimator";
+    assert_eq!(ask(&mut board, "estimator guess"), error);
+    let error = "E2 expected estimator NAME, try help estimator";
+    assert_eq!(ask(&mut board, "estimator gauss newton"), error);
     assert_eq!(ask(&mut board, "estimator"), "estimator fraunhofer");
     board.finish().expect("a clean run");
 }
@@ -397,17 +318,14 @@ fn help_estimator_lists_every_estimator_and_loses_no_reading() {
     set(&mut board, "estimator adaptive");
     fresh_results(&mut board, 1);
     let expected = Estimators.to_string();
-    let expected: Vec<&str> = expected.split("\r\n").collect();
-    let lines = ask_for_lines(&mut board, "help estimator", expected.len());
-    println!("{lines:#?}");
-    assert_eq!(lines, expected);
+    assert_answer(&mut board, "help estimator", &expected);
     for estimator in Estimator::ALL {
         let start = format!("e {} {} ", estimator.letter(), estimator.name());
-        let estimators = lines.iter().filter(|line| line.starts_with(&start));
+        let estimators = expected.lines().filter(|line| line.starts_with(&start));
         assert_eq!(estimators.count(), 1, "{start}");
     }
     fresh_results(&mut board, 4);
-    Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
+    Status::ask(&mut board).assert_nothing_lost();
     assert_eq!(ask(&mut board, "help rows"), "E2 expected help [estimator]");
     board.finish().expect("a clean run");
 }
@@ -416,13 +334,11 @@ fn help_estimator_lists_every_estimator_and_loses_no_reading() {
 fn unknown_commands_are_answered_by_numbered_errors() {
     let mut board = measuring(16);
     let long = [b'x'; 81];
+    let black = "E2 expected black fixed 0..4095|shielded|frame";
     let cases: [(&[u8], &str); 6] = [
         (b"frobnicate", "E1 unknown command, try help"),
         (b"rows many", "E2 expected rows 1..64"),
-        (
-            b"black fixed",
-            "E2 expected black fixed 0..4095|shielded|frame",
-        ),
+        (b"black fixed", black),
         (b"rows 65", "E3 out of range, expected rows 1..64"),
         (&long, "E4 line longer than 80 characters"),
         (b"rows \xff16", "E5 not ASCII text"),
@@ -446,26 +362,23 @@ fn typed_keys_are_shown_and_readings_wait_for_the_end_of_the_line() {
     board.take_lines();
     for key in ["r", "o", "x", "\u{7f}", "w", "s"] {
         board.send(key);
-        board.run_for(Duration::from_millis(200)).expect("a run");
+        run_ms(&mut board, 200);
     }
     board.send("\r");
     let shown = "rox\u{8} \u{8}ws";
-    let line = board.run_until_line(|line| line.ends_with(shown), PATIENCE);
-    let line = line.expect("the line with what was typed").text;
+    let line = await_line(&mut board, |line| line.ends_with(shown)).text;
     println!("{}", line.escape_debug());
-    let answer = board.run_until_line(|line| line == "rows 1", PATIENCE);
-    answer.expect("the answer");
+    await_text(&mut board, "rows 1");
     fresh_results(&mut board, 3);
     board.send("ro");
-    board.run_for(Duration::from_secs(1)).expect("a run");
-    taken_results(&mut board);
-    board.run_for(Duration::from_secs(8)).expect("a run");
-    assert_eq!(taken_results(&mut board), [""; 0]);
-    board.run_for(Duration::from_secs(2)).expect("a run");
-    assert!(taken_results(&mut board).len() > 50);
+    run_ms(&mut board, 1_000);
+    take_results(&mut board);
+    run_ms(&mut board, 8_000);
+    assert_eq!(take_results(&mut board), [""; 0]);
+    run_ms(&mut board, 2_000);
+    assert!(take_results(&mut board).len() > 50);
     board.send("\u{3}echo off\r");
-    let answer = board.run_until_line(|line| line == "echo off", PATIENCE);
-    answer.expect("the answer");
-    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    await_text(&mut board, "echo off");
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }

@@ -8,7 +8,7 @@ use simulator::scene::{Scene, Spot};
 use slitrange::base::fault::Fault;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, LightSource, Line, VirtualBoard};
+use virtual_board::{Exposure, Firmware, LightSource, Line, Row, SharedFlash, VirtualBoard};
 
 /// The longest wait in virtual time: longer than any frame and any answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
@@ -56,10 +56,70 @@ pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
 pub fn boot_under(light: LightSource, conditions: Conditions) -> (VirtualBoard, Line) {
     let mut board =
         VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
-    let banner = board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
+    let banner = await_banner(&mut board);
     (board, banner)
+}
+
+/// Boots a board that has this flash.
+pub fn boot_with(flash: &SharedFlash, light: LightSource) -> VirtualBoard {
+    let board = VirtualBoard::power_on_with_flash(firmware(), light, flash.clone());
+    let mut board = board.expect("the board starts");
+    await_banner(&mut board);
+    board
+}
+
+/// Cuts the power and restores it, in this light.
+pub fn power_cycle(board: VirtualBoard, light: LightSource) -> VirtualBoard {
+    let flash = board.flash().clone();
+    board.finish().expect("a clean run");
+    boot_with(&flash, light)
+}
+
+/// Presses the reset button. Gives the banner.
+pub fn press_reset(board: &mut VirtualBoard) -> Line {
+    board.reset_pin().expect("the emulator");
+    await_banner(board)
+}
+
+/// The next banner. Its line may begin with text that a reset cut off.
+pub fn await_banner(board: &mut VirtualBoard) -> Line {
+    await_line(board, |line| line.contains("slitrange "))
+}
+
+/// The next line that `wanted` accepts.
+pub fn await_line(board: &mut VirtualBoard, wanted: impl FnMut(&str) -> bool) -> Line {
+    let line = board.run_until_line(wanted, PATIENCE);
+    line.unwrap_or_else(|error| panic!("{error:#}"))
+}
+
+/// Waits for the line with this text.
+pub fn await_text(board: &mut VirtualBoard, text: &str) -> Line {
+    let line = board.run_until_line(|line| line == text, PATIENCE);
+    line.unwrap_or_else(|error| panic!("{text:?}: {error:#}"))
+}
+
+/// The texts of the lines since the last call.
+pub fn take_texts(board: &mut VirtualBoard) -> Vec<String> {
+    let lines = board.take_lines().into_iter();
+    lines.map(|line| line.text).collect()
+}
+
+/// The results since the last call.
+pub fn take_results(board: &mut VirtualBoard) -> Vec<String> {
+    let mut lines = take_texts(board);
+    lines.retain(|line| is_result(line));
+    lines
+}
+
+/// Runs for some milliseconds.
+pub fn run_ms(board: &mut VirtualBoard, ms: u64) {
+    board.run_for(Duration::from_millis(ms)).expect("a run");
+}
+
+/// Sends a line, and runs for some milliseconds.
+pub fn say(board: &mut VirtualBoard, line: &str, ms: u64) {
+    board.send(&format!("{line}\r\n"));
+    run_ms(board, ms);
 }
 
 /// A board with white paper at [`DISTANCE`] and `rows` rows in a frame.
@@ -103,7 +163,7 @@ pub fn spot_at(centre: f64, height: f64) -> LightSource {
 /// Lets the board run into the middle of a read-out.
 pub fn run_into_a_row(board: &mut VirtualBoard) {
     board.run_until_rows(1, PATIENCE).expect("a row");
-    board.run_for(Duration::from_millis(3)).expect("a run");
+    run_ms(board, 3);
 }
 
 /// Switches off SPI1's requests for DMA, as a flipped bit in its register would.
@@ -141,6 +201,23 @@ pub fn is_reading(line: &str) -> bool {
     line.starts_with("d ")
 }
 
+/// Asserts that there are lines, and that all are readings.
+#[track_caller]
+pub fn assert_readings(lines: &[String]) {
+    let all = lines.iter().all(|line| is_reading(line));
+    assert!(!lines.is_empty() && all, "{lines:#?}");
+}
+
+/// Lets the sensor head keep all rows from now on.
+pub fn keep_all_rows(board: &mut VirtualBoard) {
+    board.head(|head| head.keep_all_rows(true));
+}
+
+/// The rows that the sensor head keeps.
+pub fn kept_rows(board: &mut VirtualBoard) -> Vec<Row> {
+    board.head(|head| head.rows().cloned().collect())
+}
+
 /// Sends a command. Gives the first line after it that is no result.
 pub fn ask(board: &mut VirtualBoard, command: &str) -> String {
     board.send(&format!("{command}\r\n"));
@@ -151,29 +228,61 @@ pub fn ask(board: &mut VirtualBoard, command: &str) -> String {
 }
 
 /// Sends a command that sets a value. The answer must be the same text.
+#[track_caller]
 pub fn set(board: &mut VirtualBoard, command: &str) {
     assert_eq!(ask(board, command), command);
 }
 
 /// Sends a command and gives the answer's `count` lines.
 pub fn ask_for_lines(board: &mut VirtualBoard, command: &str, count: usize) -> Vec<String> {
+    let mut lines = 0;
+    ask_until(board, command, |_| {
+        lines += 1;
+        lines >= count
+    })
+}
+
+/// Sends a command and gives the answer's lines up to the last one.
+pub fn ask_until(
+    board: &mut VirtualBoard,
+    command: &str,
+    mut is_last: impl FnMut(&str) -> bool,
+) -> Vec<String> {
     let mut lines = vec![ask(board, command)];
-    while lines.len() < count {
-        let line = board
-            .run_until_line(|line| !is_result(line), PATIENCE)
-            .unwrap_or_else(|error| panic!("{lines:#?} and then: {error:#}"));
+    while !is_last(&lines[lines.len() - 1]) {
+        let line = board.run_until_line(|line| !is_result(line), PATIENCE);
+        let line = line.unwrap_or_else(|error| panic!("{lines:#?} and then: {error:#}"));
         lines.push(line.text);
     }
     lines
 }
 
+/// Stops the stream, and lets the results that wait go.
+pub fn stop_the_stream(board: &mut VirtualBoard) {
+    set(board, "stream off");
+    run_ms(board, 50);
+    board.take_lines();
+}
+
+/// Sends a command that pauses the stream, which the first line says. Gives the second line.
+pub fn ask_in_a_pause(board: &mut VirtualBoard, command: &str, longest: Duration) -> String {
+    let pause = ask(board, command);
+    let (of, _) = pause.split_once(" pauses the stream").expect("a pause");
+    assert!(command.starts_with(of), "{pause}");
+    let answer = board.run_until_line(|line| !is_result(line), longest);
+    answer.expect("an answer").text
+}
+
+/// Saves. An erase takes 400 ms here.
+pub fn save(board: &mut VirtualBoard) {
+    let answer = ask_in_a_pause(board, "save", Duration::from_millis(900));
+    assert_eq!(answer, "save");
+}
+
 /// The next `count` results.
 pub fn results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
     (0..count)
-        .map(|_| {
-            let line = board.run_until_line(is_result, PATIENCE);
-            line.expect("a result").text
-        })
+        .map(|_| await_line(board, is_result).text)
         .collect()
 }
 
@@ -206,6 +315,18 @@ impl Status {
             .iter()
             .find_map(|line| line.strip_prefix(&name)?.parse().ok());
         count.unwrap_or_else(|| panic!("no count of {name:?} in {self:#?}"))
+    }
+
+    /// All faults.
+    pub fn faults(&self) -> u64 {
+        let names = Fault::NAMES.iter();
+        names.map(|name| self.count(&format!("fault {name}"))).sum()
+    }
+
+    /// Asserts that nothing was lost: no row, no line and no byte.
+    pub fn assert_nothing_lost(&self) {
+        self.assert_none(&["rows lost", "rows failed", "fault sensor silent"]);
+        self.assert_none(&["lines dropped", "serial overrun"]);
     }
 
     /// Asserts that all these counts are zero.

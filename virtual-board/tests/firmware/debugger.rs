@@ -1,8 +1,6 @@
 //! Tests of what silicon needs and the emulated core does not: an erratum's bit, and a log that nobody reads.
 
-use std::time::Duration;
-
-use super::common::{Status, fresh_results, is_reading, measuring};
+use super::common::{Status, assert_readings, fresh_results, measuring, run_ms};
 
 /// The auxiliary control register (ARMv7-M manual, B3.2.2) and its bit that switches the write buffer off.
 const ACTLR: u64 = 0xE000_E008;
@@ -34,7 +32,7 @@ fn a_log_that_nobody_reads_stops_nothing() {
     let mut logged = 0;
     while logged <= 2 * size {
         board.send("?");
-        board.run_for(Duration::from_millis(1)).expect("a run");
+        run_ms(&mut board, 1);
         let [_, now] = board.log_size_and_place().expect("a log");
         logged += (now + size - place) % size;
         place = now;
@@ -44,7 +42,7 @@ fn a_log_that_nobody_reads_stops_nothing() {
     board.garble_serial_line(0, 0, 1).expect("the emulator");
     board.send("\r\n");
     let lines = fresh_results(&mut board, 4);
-    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
+    assert_readings(&lines);
     assert_eq!(board.resets().expect("resets"), []);
     Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "rows late"]);
     board.finish().expect("a clean run");

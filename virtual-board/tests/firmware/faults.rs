@@ -1,31 +1,26 @@
 //! Provokes every fault. The firmware reports the fault by its name and never gives a distance.
 
-use std::time::Duration;
-
 use simulator::optics::Optics;
 use simulator::scene::{Scene, Spot};
 use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;
+use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange_device::protocol::advice::advice;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, OpenLine, VirtualBoard};
 
 use super::common::{
-    DISTANCE, PATIENCE, Status, ask, boot, fresh_results, is_reading, is_result, measuring, number,
-    results, run_into_a_row, set, spot_at, stop_the_transfer,
+    DISTANCE, Status, ask, assert_readings, await_line, boot, fresh_results, is_reading, measuring,
+    number, results, run_into_a_row, run_ms, set, spot_at, stop_the_transfer, take_results,
+    take_texts,
 };
 
 /// A spot that is neither dim nor saturated, counts.
 const BRIGHT: f64 = 2000.0;
 
-/// Shows the firmware only `light` from its first row on. Asserts that every line is the fault of that name,
-/// streamed or as the answer to `distance`. Gives one line.
-fn only_fault(name: &str, light: LightSource) -> String {
-    only_fault_with(&[], name, light)
-}
-
-/// The same, after these settings.
-fn only_fault_with(settings: &[&str], name: &str, light: LightSource) -> String {
+/// Shows the firmware only `light` from its first row on, with these settings. Asserts that every line is the
+/// fault of that name, streamed or as the answer to `distance`. Gives one line.
+fn only_fault(settings: &[&str], name: &str, light: LightSource) -> String {
     let (mut board, _) = boot(light);
     for setting in settings {
         set(&mut board, setting);
@@ -34,13 +29,8 @@ fn only_fault_with(settings: &[&str], name: &str, light: LightSource) -> String 
     }
     set(&mut board, "rows 4");
     results(&mut board, 8);
-    // All lines since the start or the last setting.
-    let lines: Vec<String> = board
-        .take_lines()
-        .into_iter()
-        .map(|line| line.text)
-        .filter(|line| is_result(line))
-        .collect();
+    // All since the start or the last setting.
+    let lines = take_results(&mut board);
     assert_distance_gives_advice(&mut board, name);
     assert_all_are(&lines, name);
     println!("{} lines like: {}", lines.len(), lines[0]);
@@ -52,14 +42,8 @@ fn only_fault_with(settings: &[&str], name: &str, light: LightSource) -> String 
 pub fn assert_distance_gives_advice(board: &mut VirtualBoard, name: &str) {
     board.take_lines();
     board.send("distance\r\n");
-    board
-        .run_until_line(|line| line.starts_with('('), PATIENCE)
-        .expect("advice");
-    let lines: Vec<String> = board
-        .take_lines()
-        .into_iter()
-        .map(|line| line.text)
-        .collect();
+    await_line(board, |line| line.starts_with('('));
+    let lines: Vec<String> = take_texts(board);
     let [.., fault, advice] = &lines[..] else {
         panic!("advice without a fault: {lines:#?}");
     };
@@ -69,38 +53,32 @@ pub fn assert_distance_gives_advice(board: &mut VirtualBoard, name: &str) {
 
 pub fn assert_all_are(lines: &[String], name: &str) {
     let fault = format!("f {name}");
-    let all = lines.iter().all(|line| {
-        line.strip_prefix(&fault)
-            .is_some_and(|rest| rest.is_empty() || rest.starts_with(": "))
-    });
-    assert!(
-        !lines.is_empty() && all,
-        "{fault} and nothing else: {lines:#?}"
-    );
+    let is_fault = |line: &String| {
+        let rest = line.strip_prefix(&fault);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(": "))
+    };
+    let all = !lines.is_empty() && lines.iter().all(is_fault);
+    assert!(all, "{fault} and nothing else: {lines:#?}");
 }
 
 /// The advice for the fault of that name.
 fn advice_for(name: &str) -> &'static str {
-    let zero = slitrange::base::units::Counts::from_int(0);
-    let centre = slitrange::base::units::Pixels::from_int(0);
+    let (amplitude, needed) = <(Counts, Counts)>::default();
+    let (centre, other, scatter, uncertainty) = <(Pixels, Pixels, Pixels, Pixels)>::default();
+    let pixels = 0;
+    let step = Micrometres::default();
     let faults = [
         Fault::SensorSilent,
-        Fault::NoSpot { amplitude: zero },
-        Fault::TooDim {
-            amplitude: zero,
-            needed: zero,
-        },
-        Fault::Saturated { pixels: 0 },
+        Fault::NoSpot { amplitude },
+        Fault::TooDim { amplitude, needed },
+        Fault::Saturated { pixels },
         Fault::SpotAtEdge { centre },
-        Fault::TwoSpots {
-            centre,
-            other: centre,
-        },
-        Fault::Unsteady { scatter: centre },
+        Fault::TwoSpots { centre, other },
+        Fault::Unsteady { scatter },
         Fault::OutOfRange { centre },
         Fault::NotCalibrated {
             centre,
-            uncertainty: centre,
+            uncertainty,
         },
         Fault::FewSlits {
             found: 0,
@@ -111,17 +89,15 @@ fn advice_for(name: &str) -> &'static str {
             other: 0,
         },
         Fault::DimAtLongest {
-            amplitude: zero,
+            amplitude,
             exposure: Exposure::LONGEST,
         },
         Fault::SaturatedAtShortest {
-            pixels: 0,
+            pixels,
             exposure: Exposure::SHORTEST,
         },
         Fault::LaserOff,
-        Fault::Spike {
-            step: slitrange::base::units::Micrometres::from_int(0),
-        },
+        Fault::Spike { step },
     ];
     let fault = faults.iter().find(|fault| fault.name() == name);
     advice(fault.expect("the name of a fault"))
@@ -139,12 +115,9 @@ fn without_a_laser_there_is_no_spot() {
         ..Scene::white_paper()
     };
     let light = of_scene(scene, Target::at(DISTANCE));
-    let line = only_fault_with(&[], "no spot", light);
+    let line = only_fault(&[], "no spot", light);
     let highest = number(&line, ": ", " counts at most") / noise();
-    assert!(
-        (0.0..5.0).contains(&highest),
-        "{highest} x the noise: {line}"
-    );
+    assert!((0.0..5.0).contains(&highest), "{line}");
 }
 
 #[test]
@@ -153,13 +126,13 @@ fn a_spot_in_the_noise_is_too_dim() {
     // 3 on.
     let noise = noise();
     let light = || spot_at(1800.0, 2.25 * noise);
-    let line = only_fault_with(&["exposure 5600"], "too dim", light());
+    let line = only_fault(&["exposure 5600"], "too dim", light());
     let (height, needed) = (number(&line, ": ", " counts"), number(&line, "needs ", ""));
     assert!((noise..needed).contains(&height), "{line}");
     let range = 2.25 * noise..4.0 * noise;
     assert!(range.contains(&needed), "{line}");
     // Auto exposure can do no more.
-    let line = only_fault_with(&[], "too dim at the longest exposure", light());
+    let line = only_fault(&[], "too dim at the longest exposure", light());
     assert!(line.ends_with(" in 5600 us"), "{line}");
 }
 
@@ -181,12 +154,10 @@ fn two_spots(first: f64, second: f64) -> LightSource {
 #[test]
 fn two_spots_of_similar_height_are_a_fault() {
     let (first, second) = (1600.0, 2000.0);
-    let line = only_fault("two spots", two_spots(first, second));
-    let (higher, other) = (number(&line, "x ", " and"), number(&line, "and ", ""));
-    assert!(
-        (higher - first).abs() < 10.0 && (other - second).abs() < 10.0,
-        "{line}"
-    );
+    let line = only_fault(&[], "two spots", two_spots(first, second));
+    let higher = number(&line, "x ", " and") - first;
+    let other = number(&line, "and ", "") - second;
+    assert!(higher.abs() < 10.0 && other.abs() < 10.0, "{line}");
 }
 
 #[test]
@@ -223,17 +194,14 @@ fn rows_that_disagree_are_unsteady() {
     // of 8.6 px.
     let (mut here, mut there) = (spot_at(1750.0, BRIGHT), spot_at(1850.0, BRIGHT));
     let mut rows = 0;
-    let line = only_fault(
-        "unsteady",
-        Box::new(move |exposure| {
-            rows += 1;
-            if rows % 2 == 0 {
-                here(exposure)
-            } else {
-                there(exposure)
-            }
-        }),
-    );
+    let light = move |exposure: &virtual_board::Exposure| {
+        rows += 1;
+        match rows % 2 {
+            0 => here(exposure),
+            _ => there(exposure),
+        }
+    };
+    let line = only_fault(&[], "unsteady", Box::new(light));
     let scatter = number(&line, "scatter by ", " px");
     assert!((49.9..50.1).contains(&scatter), "{line}");
 }
@@ -241,13 +209,13 @@ fn rows_that_disagree_are_unsteady() {
 #[test]
 fn a_spot_with_its_top_cut_off_is_saturated() {
     let light = || spot_at(1800.0, 3.0 * f64::from(FULL_SCALE));
-    let line = only_fault_with(&["exposure 5600"], "saturated", light());
+    let line = only_fault(&["exposure 5600"], "saturated", light());
     // A gaussian of sigma 8.6 that is three times as high is cut off over 26 pixels.
     let pixels = number(&line, ": ", " pixels");
     assert!((20.0..=30.0).contains(&pixels), "{line}");
     // This light does not depend on the laser, so auto exposure ends at the shortest.
-    let settings = ["exposure auto"];
-    let line = only_fault_with(&settings, "saturated at the shortest exposure", light());
+    let name = "saturated at the shortest exposure";
+    let line = only_fault(&["exposure auto"], name, light());
     assert!(line.ends_with(" pixels in 10 us"), "{line}");
 }
 
@@ -255,7 +223,7 @@ fn a_spot_with_its_top_cut_off_is_saturated() {
 fn a_spot_at_either_edge_is_a_fault() {
     // A quarter of a width beyond the edge. If less is cut off, the fit still works.
     for edge in [-2.0, 3649.0] {
-        let line = only_fault("spot at the edge", spot_at(edge, BRIGHT));
+        let line = only_fault(&[], "spot at the edge", spot_at(edge, BRIGHT));
         let centre = number(&line, "x ", "");
         assert!((centre - edge).abs() < 20.0, "{line}");
     }
@@ -264,10 +232,8 @@ fn a_spot_at_either_edge_is_a_fault() {
 #[test]
 fn a_target_outside_the_calibration_is_out_of_range() {
     for distance in [0.50, 1.20] {
-        let line = only_fault(
-            "out of range",
-            of_scene(Scene::white_paper(), Target::at(distance)),
-        );
+        let light = of_scene(Scene::white_paper(), Target::at(distance));
+        let line = only_fault(&[], "out of range", light);
         let (centre, expected) = (number(&line, "x ", ""), Optics::nominal().centre(distance));
         assert!((centre - expected).abs() < 0.2, "{expected}: {line}");
     }
@@ -276,36 +242,26 @@ fn a_target_outside_the_calibration_is_out_of_range() {
 #[test]
 fn without_calibration_there_is_a_centre_and_no_distance() {
     let mut board = measuring(4);
-    assert!(
-        fresh_results(&mut board, 2)
-            .iter()
-            .all(|line| is_reading(line))
-    );
+    assert_readings(&fresh_results(&mut board, 2));
     set(&mut board, "calibration off");
     let lines = fresh_results(&mut board, 4);
     assert_all_are(&lines, "not calibrated");
-    let (centre, expected) = (
-        number(&lines[0], "x ", " "),
-        Optics::nominal().centre(DISTANCE),
-    );
-    assert!((centre - expected).abs() < 0.1, "{expected}: {lines:#?}");
+    let error = number(&lines[0], "x ", " ") - Optics::nominal().centre(DISTANCE);
+    assert!(error.abs() < 0.1, "{error} px off: {lines:#?}");
     let uncertainty = number(&lines[0], "u ", "");
     assert!((0.001..0.1).contains(&uncertainty), "{lines:#?}");
     assert_distance_gives_advice(&mut board, "not calibrated");
 
     set(&mut board, "calibration on");
-    let lines = fresh_results(&mut board, 4);
-    println!("{lines:#?}");
-    assert_all_measure(&lines);
+    assert_all_measure(&fresh_results(&mut board, 4));
     board.finish().expect("a clean run");
 }
 
 /// Asserts that all lines are readings of the target's distance.
 fn assert_all_measure(lines: &[String]) {
+    assert_readings(lines);
     let centre = Scene::white_paper().optics.centre(DISTANCE);
     for line in lines {
-        let all = "measured and nothing else";
-        assert!(is_reading(line), "{all}: {lines:#?}");
         let error = number(line, "x ", " ") - centre;
         assert!(error.abs() < 0.05, "{error} px off: {lines:#?}");
         let error = number(line, "d ", " mm") - DISTANCE * 1e3;
@@ -331,9 +287,6 @@ fn a_disconnected_converter_is_a_silent_sensor_until_it_is_back() {
     board.finish().expect("a clean run");
 }
 
-/// The converter's number on SPI1.
-const CONVERTER: usize = 0;
-
 /// No row arrives for 100 ms, because no read-out ends.
 #[test]
 fn read_outs_that_never_end_are_a_silent_sensor() {
@@ -345,13 +298,9 @@ fn read_outs_that_never_end_are_a_silent_sensor() {
     // A read-out takes 5.6 ms, so each is stopped early.
     for _ in 0..350 {
         stop_the_transfer(&mut board);
-        board.run_for(Duration::from_millis(1)).expect("a run");
+        run_ms(&mut board, 1);
     }
-    let lines: Vec<String> = board
-        .take_lines()
-        .into_iter()
-        .map(|line| line.text)
-        .collect();
+    let lines: Vec<String> = take_texts(&mut board);
     println!("{lines:#?}");
     let status = Status::ask(&mut board);
     // The rows that were under way at first, and those that came later.
@@ -371,13 +320,8 @@ fn an_impossible_word_spoils_only_its_own_row() {
     // A bit above the converter's twelve.
     board
         .on_emulator(|session, _, _| {
-            session
-                .board_mut()
-                .processor
-                .converter_bus()
-                .place_mut(CONVERTER)
-                .expect("a converter")
-                .flip(1 << 15);
+            let bus = session.board_mut().processor.converter_bus();
+            bus.place_mut(0).expect("a converter").flip(1 << 15);
         })
         .expect("the emulator");
     let lines = results(&mut board, 10);

@@ -10,9 +10,11 @@ use slitrange_device::settings::Settings;
 use slitrange_device::store::Stored;
 use slitrange_device::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};
-use virtual_board::{Line, SharedFlash, VirtualBoard};
+use virtual_board::{SharedFlash, VirtualBoard};
 
-use super::common::{PATIENCE, Status, firmware, run_into_a_row, set, spot_at};
+use super::common::{
+    Status, await_banner, boot_with, press_reset, run_into_a_row, run_ms, save, set, spot_at,
+};
 use super::kept;
 use super::records::{CENTRE, longest, upload};
 
@@ -48,27 +50,25 @@ fn with_saves(count: u16) -> SharedFlash {
 
 /// Powers a board on with `flash` and waits for its banner.
 fn power_on(flash: &SharedFlash) -> VirtualBoard {
-    let mut board =
-        VirtualBoard::power_on_with_flash(firmware(), spot_at(CENTRE, 2000.0), flash.clone())
-            .expect("the board starts");
-    await_banner(&mut board);
-    board
+    boot_with(flash, spot_at(CENTRE, 2000.0))
 }
 
-fn await_banner(board: &mut VirtualBoard) -> Line {
-    board
-        // The line may begin with text that the reset cut off.
-        .run_until_line(|line| line.contains("slitrange "), PATIENCE)
-        .expect("a banner")
-}
-
-fn save(board: &mut VirtualBoard) {
+/// Runs the board until its flash has had so many operations.
+fn run_into_a_save(board: &mut VirtualBoard, operations: usize) {
     board.send("save\r\n");
-    for expected in ["save pauses the stream", "save"] {
-        board
-            .run_until_line(|line| line == expected, SAVE)
-            .expect("an answer");
+    let deadline = board.now() + SAVE.as_nanos() as u64;
+    while board.flash().operation_count() < operations {
+        assert!(board.now() < deadline, "{operations} operations");
+        board.run_for(Duration::from_micros(100)).expect("a run");
     }
+}
+
+/// The board can save another configuration.
+fn assert_saves(mut board: VirtualBoard) {
+    set(&mut board, "rows 21");
+    save(&mut board);
+    assert_eq!(kept::saved_in(&board.flash().contents()), saved(21));
+    board.finish().expect("a clean run");
 }
 
 /// The operations of the firmware on flash in a save.
@@ -85,29 +85,21 @@ impl Saves {
     fn of_the_firmware() -> &'static Self {
         static SAVES: OnceLock<Saves> = OnceLock::new();
         SAVES.get_or_init(|| Self {
-            first_ever: first_save(),
-            without_erase: save_over(&with_saves(1)),
-            with_erase: save_over(&with_saves(IN_A_SECTOR)),
+            first_ever: save_20_rows(&SharedFlash::default()),
+            without_erase: save_20_rows(&with_saves(1)),
+            with_erase: save_20_rows(&with_saves(IN_A_SECTOR)),
         })
     }
 }
 
-/// The operations of the first save, after an upload.
-fn first_save() -> History {
-    let flash = SharedFlash::default();
-    let mut board = power_on(&flash);
-    upload(&mut board, &longest());
+/// The operations of a save of 20 rows and the longest record.
+fn save_20_rows(flash: &SharedFlash) -> History {
+    let mut board = power_on(flash);
+    if flash.contents() == Contents::erased() {
+        upload(&mut board, &longest());
+    }
     set(&mut board, "rows 20");
     assert_eq!(flash.operation_count(), 0, "that touches no flash");
-    save(&mut board);
-    board.finish().expect("a clean run");
-    flash.take_history()
-}
-
-/// The operations of a save of 20 rows, on a board that has a record.
-fn save_over(flash: &SharedFlash) -> History {
-    let mut board = power_on(flash);
-    set(&mut board, "rows 20");
     save(&mut board);
     board.finish().expect("a clean run");
     flash.take_history()
@@ -308,9 +300,8 @@ fn assert_board_starts_all_along(history: &History) {
     println!("every {EVERY}th of {last}");
     for count in (0..last).step_by(EVERY).chain([last - 1, last]) {
         flash.put(history.after(count));
-        board.reset_pin().expect("the emulator");
         board.take_lines();
-        await_banner(&mut board);
+        press_reset(&mut board);
         kept::assert_shown_as(&mut board, &kept::read(&flash.contents()));
     }
     board.finish().expect("a clean run");
@@ -344,10 +335,7 @@ fn a_save_ends_when_the_power_fails() {
 
     let mut board = power_on(&flash);
     kept::assert_in_use(&mut board, &Stored::Older(saved(3)));
-    set(&mut board, "rows 21");
-    save(&mut board);
-    assert_eq!(kept::saved_in(&flash.contents()), saved(21));
-    board.finish().expect("a clean run");
+    assert_saves(board);
 }
 
 #[test]
@@ -355,19 +343,12 @@ fn a_reset_during_an_erase_keeps_the_saved_configuration() {
     let flash = with_saves(IN_A_SECTOR);
     let mut board = power_on(&flash);
     set(&mut board, "rows 20");
-    board.send("save\r\n");
-    board
-        .run_until_line(|line| line == "save pauses the stream", PATIENCE)
-        .expect("an answer");
-    board.run_for(Duration::from_millis(100)).expect("a run");
+    run_into_a_save(&mut board, 1);
+    run_ms(&mut board, 100);
     assert_eq!(flash.operation_count(), 1, "it is being erased");
-    board.reset_pin().expect("the emulator");
-    await_banner(&mut board);
+    press_reset(&mut board);
     kept::assert_in_use(&mut board, &Stored::Newest(saved(IN_A_SECTOR)));
-    set(&mut board, "rows 21");
-    save(&mut board);
-    assert_eq!(kept::saved_in(&flash.contents()), saved(21));
-    board.finish().expect("a clean run");
+    assert_saves(board);
 }
 
 /// The supply dips: in a row, in the erase of a save, and among the words of a save. Each time the board
@@ -381,17 +362,7 @@ fn after_a_supply_dip_the_board_measures_with_the_old_or_the_new_configuration()
         if dip != "in a row" {
             flash.take_history();
             set(&mut board, "rows 20");
-            board.send("save\r\n");
-            let operations = if dip == "in an erase" { 1 } else { 200 };
-            let deadline = board.now() + SAVE.as_nanos() as u64;
-            while flash.operation_count() < operations {
-                assert!(
-                    board.now() < deadline,
-                    "{} operations",
-                    flash.operation_count()
-                );
-                board.run_for(Duration::from_micros(100)).expect("a run");
-            }
+            run_into_a_save(&mut board, if dip == "in an erase" { 1 } else { 200 });
         }
         board.dip_supply().expect("the emulator");
         board.take_lines();
@@ -404,15 +375,11 @@ fn after_a_supply_dip_the_board_measures_with_the_old_or_the_new_configuration()
         assert_eq!(flash.contents(), left, "a start only reads");
         assert_eq!(kept::saved_in(&left), saved(IN_A_SECTOR), "{dip}");
     }
-    set(&mut board, "rows 21");
-    save(&mut board);
-    assert_eq!(kept::saved_in(&flash.contents()), saved(21));
     // The next reset names its own cause.
-    board.reset_pin().expect("the emulator");
-    let banner = await_banner(&mut board);
+    let banner = press_reset(&mut board);
     assert!(banner.text.ends_with(", started by reset pin"), "{banner}");
     assert_eq!(board.resets().expect("resets").len(), 4);
-    board.finish().expect("a clean run");
+    assert_saves(board);
 }
 
 /// Flips a bit. In the newest configuration: the board uses the one before, or gives no distances if there is

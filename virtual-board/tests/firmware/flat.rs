@@ -10,7 +10,8 @@ use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, VirtualBoard};
 
 use super::common::{
-    PATIENCE, Status, ask, ask_for_lines, boot, firmware, fresh_results, is_result, number, set,
+    Status, ask, ask_in_a_pause, ask_until, boot, boot_with, fresh_results, is_reading, number,
+    power_cycle, set,
 };
 use super::kept;
 
@@ -45,9 +46,7 @@ fn even(counts: f64) -> LightSource {
 
 /// Sends a command that pauses the stream, and gives its answer.
 fn paused(board: &mut VirtualBoard, command: &str) -> String {
-    assert_eq!(ask(board, command), format!("{command} pauses the stream"));
-    let answer = board.run_until_line(|line| !is_result(line), TAKING);
-    answer.expect("an answer").text
+    ask_in_a_pause(board, command, TAKING)
 }
 
 /// Takes a map.
@@ -88,32 +87,9 @@ fn cycles_of_following_row(board: &mut VirtualBoard) -> i64 {
 /// A map corrects less than 200 pixels of a following row of this scene, at less than 20 instructions each.
 const MOST_CYCLES_OF_MAP: i64 = 4000;
 
-fn boot_with(flash: SharedFlash) -> VirtualBoard {
-    let mut board = VirtualBoard::power_on_with_flash(firmware(), paper(0.8), flash);
-    let board_ref = board.as_mut().expect("the board starts");
-    board_ref
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
-    board.expect("the board starts")
-}
-
-fn power_cycle(board: VirtualBoard) -> VirtualBoard {
-    let flash = board.flash().clone();
-    board.finish().expect("a clean run");
-    boot_with(flash)
-}
-
 /// What `flat` answers: lines up to that of `flat stored`.
 fn shown(board: &mut VirtualBoard) -> Vec<String> {
-    let mut lines = vec![ask(board, "flat")];
-    while !lines
-        .last()
-        .is_some_and(|line| line.starts_with("flat stored "))
-    {
-        let line = board.run_until_line(|line| !is_result(line), PATIENCE);
-        lines.push(line.expect("a line").text);
-    }
-    lines
+    ask_until(board, "flat", |line| line.starts_with("flat stored "))
 }
 
 #[test]
@@ -157,7 +133,7 @@ fn a_map_lowers_the_error_and_survives_a_power_cycle() {
     assert!(status.count("rows lost") <= 1, "{status:#?}");
     assert_eq!(board.resets().expect("resets"), []);
 
-    let mut board = power_cycle(board);
+    let mut board = power_cycle(board, paper(0.8));
     set(&mut board, "rows 16");
     assert_eq!(shown(&mut board), lines);
     assert!(error(&mut board) < 0.008);
@@ -174,7 +150,7 @@ fn a_map_lowers_the_error_and_survives_a_power_cycle() {
     assert_eq!(shown(&mut board), lines, "the map is as it was");
     assert_eq!(paused(&mut board, "flat none"), "flat none");
     assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
-    let mut board = power_cycle(board);
+    let mut board = power_cycle(board, paper(0.8));
     assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
     board.finish().expect("a clean run");
 }
@@ -214,7 +190,7 @@ fn a_power_cut_leaves_the_old_map_or_the_new_one() {
     assert!(interrupted > 10, "{interrupted}");
 
     let flash = SharedFlash::holding(history.after(operations / 2));
-    let mut board = boot_with(flash);
+    let mut board = boot_with(&flash, paper(0.8));
     let lines = shown(&mut board);
     println!("{lines:#?}");
     assert_eq!(lines[0], "flat on");
@@ -232,12 +208,12 @@ fn a_damaged_map_is_not_used() {
     board.finish().expect("a clean run");
     // A bit of an entry in the first sector of the map.
     contents.flip_bits(2 * virtual_board::flash::SECTOR_BYTES + 5000, 0x10);
-    let mut board = boot_with(SharedFlash::holding(contents));
-    let lines = ask_for_lines(&mut board, "flat", 3);
+    let mut board = boot_with(&SharedFlash::holding(contents), paper(0.8));
+    let lines = shown(&mut board);
     println!("{lines:#?}");
     assert_eq!(lines[0], "flat none");
     assert!(lines[1].starts_with("flat fault the saved map cannot be used"));
     assert_eq!(lines[2], "flat stored unusable");
-    assert!(fresh_results(&mut board, 1)[0].starts_with("d "));
+    assert!(is_reading(&fresh_results(&mut board, 1)[0]));
     board.finish().expect("a clean run");
 }

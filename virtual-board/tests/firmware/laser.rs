@@ -12,9 +12,10 @@ use slitrange::measurement::Options;
 use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
 
 use super::common::{
-    DISTANCE, PATIENCE, cycles_an_instruction, is_reading, measuring, number, results, set,
+    DISTANCE, await_line, await_text, cycles_an_instruction, is_reading, measuring, number,
+    press_reset, results, run_ms, save, set,
 };
-use super::identical::{aligned, assert_same, logarithmic, on_this_pc, run};
+use super::identical::{assert_same, logarithmic, on_this_pc, run};
 
 /// For how long the laser was on since power-on.
 fn laser_time(board: &mut VirtualBoard) -> Nanos {
@@ -53,8 +54,7 @@ fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row() {
         assert!(most - least < 100, "a jitter of {} ns", most - least);
     }
     board.send("info\r\n");
-    let rate = board.run_until_line(|line| line.starts_with("info rate "), PATIENCE);
-    let rate = rate.expect("a line").text;
+    let rate = await_line(&mut board, |line| line.starts_with("info rate ")).text;
     assert!(rate.ends_with(&format!(" to {longest} us")), "{rate}");
     board.finish().expect("a clean run");
 }
@@ -68,19 +68,10 @@ fn a_laser_that_is_set_off_stays_off_and_the_answer_says_so() {
     results(&mut board, 3);
     assert_eq!(laser_time(&mut board), before);
     board.send("distance\r\n");
-    let advice = "(send `laser on`)";
-    board
-        .run_until_line(|line| line == advice, PATIENCE)
-        .expect("advice");
+    await_text(&mut board, "(send `laser on`)");
     // It is off after a start, if that is what was saved.
-    board.send("save\r\n");
-    board
-        .run_until_line(|line| line == "save", 3 * PATIENCE)
-        .expect("saved");
-    board.reset_pin().expect("the emulator");
-    board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
+    save(&mut board);
+    press_reset(&mut board);
     results(&mut board, 2);
     assert_eq!(laser_time(&mut board), before);
     set(&mut board, "laser on");
@@ -97,10 +88,10 @@ fn the_laser_goes_off_when_the_firmware_stops() {
     results(&mut board, 3);
     board.panic_at("measure_row").expect("the function");
     // The panic comes within a row, and the pulse under way ends in another.
-    board.run_for(Duration::from_millis(20)).expect("a run");
+    run_ms(&mut board, 20);
     let stopped = laser_time(&mut board);
     while board.resets().expect("resets").is_empty() {
-        board.run_for(Duration::from_millis(10)).expect("a run");
+        run_ms(&mut board, 10);
         assert!(board.now() < 5_000_000_000, "no reset");
         assert_eq!(laser_time(&mut board), stopped);
     }
@@ -117,7 +108,7 @@ fn the_laser_goes_off_when_the_firmware_stops() {
     }
     board.reset_pin().expect("the emulator");
     let at_reset = laser_time(&mut board);
-    board.run_for(Duration::from_millis(6)).expect("a run");
+    run_ms(&mut board, 6);
     // On a slower core, the instruction under way ends later than the time of the reset.
     let most = match cycles_an_instruction() {
         1.0 => 0.0,
@@ -162,12 +153,8 @@ fn assert_jumps_are_followed(jumps: u64) {
     let (shown, chip) = run(jumping(ROWS), &["exposure auto"], jumps * ROWS);
     let chip = &chip[1..];
     let calibration = Calibration::nominal();
-    let pc: Vec<Vec<String>> = (0..16)
-        .map(|first| on_this_pc(&shown[first..], Options::default(), calibration.as_ref()))
-        .collect();
-    let pc = pc.iter().find(|pc| pc.contains(&chip[0]));
-    let pc = aligned(pc.expect("the PC has the first line too"), chip);
-    let kinds = assert_same(chip, pc);
+    let pc = on_this_pc(chip, &shown, Options::default(), calibration.as_ref());
+    let kinds = assert_same(chip, &pc, 1);
     let optics = Scene::white_paper().optics;
     let truth = optics.centre(DISTANCE);
     let mm_per_pixel = 1e3 * optics.metres_per_pixel(truth).abs();
@@ -180,10 +167,8 @@ fn assert_jumps_are_followed(jumps: u64) {
     assert!(worst < 5.0);
     let faults = chip.len() - kinds["reading"];
     assert!(faults as u64 <= jumps, "{kinds:?}");
-    assert!(
-        chip.windows(2)
-            .all(|pair| is_reading(&pair[0]) || is_reading(&pair[1]))
-    );
+    let mut pairs = chip.windows(2);
+    assert!(pairs.all(|pair| is_reading(&pair[0]) || is_reading(&pair[1])));
 }
 
 #[test]

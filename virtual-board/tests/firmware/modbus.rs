@@ -1,11 +1,11 @@
 //! Tests of `format modbus`: requests and answers on the serial line. clients/python/tests/test_modbus.py
 //! does the same with a stock master.
 
-use std::time::Duration;
-
 use virtual_board::VirtualBoard;
 
-use super::common::{PATIENCE, ask, boot, fresh_results, is_reading, number, paper, set};
+use super::common::{
+    ask, assert_readings, await_text, boot, fresh_results, number, paper, run_ms, set,
+};
 
 const NOTHING: [u8; 0] = [];
 
@@ -23,12 +23,9 @@ fn frame(body: &[u8]) -> Vec<u8> {
 fn say(board: &mut VirtualBoard, bytes: &[u8], ms: u64) -> Vec<u8> {
     board.take_bytes();
     board.send_at(board.now(), bytes);
-    board.run_for(Duration::from_millis(ms)).expect("a run");
-    board
-        .take_bytes()
-        .into_iter()
-        .map(|(_, byte)| byte)
-        .collect()
+    run_ms(board, ms);
+    let bytes = board.take_bytes().into_iter();
+    bytes.map(|(_, byte)| byte).collect()
 }
 
 /// Asks with a request. Gives the answer, whose checksum is right, without the checksum.
@@ -45,14 +42,9 @@ fn a_master_reads_results_and_writes_settings() {
     let reading = fresh_results(&mut board, 1).remove(0);
     set(&mut board, "address 17");
     board.send("@17 format modbus\r\n");
-    board
-        .run_until_line(|line| line == "@17 format modbus", PATIENCE)
-        .expect("an answer");
-    assert_eq!(
-        say(&mut board, b"", 300),
-        NOTHING,
-        "nothing is sent unasked"
-    );
+    await_text(&mut board, "@17 format modbus");
+    // Nothing is sent unasked.
+    assert_eq!(say(&mut board, b"", 300), NOTHING);
     let inputs = request(&mut board, &[17, 4, 0, 0, 0, 16]);
     println!("{reading}\n{inputs:?}");
     assert_eq!(inputs[..7], [17, 4, 32, 0, 0, 0, 0b0100]);
@@ -65,14 +57,10 @@ fn a_master_reads_results_and_writes_settings() {
     assert!((f64::from(pair(4)) * 1e-4 - distance).abs() < 0.05);
     let u = number(&reading, " u ", " r ");
     assert!((f64::from(pair(6)) * 1e-4 - u).abs() < 0.02);
-    assert_eq!(
-        request(&mut board, &[17, 6, 0, 0, 0, 4]),
-        [17, 6, 0, 0, 0, 4]
-    );
-    assert_eq!(
-        request(&mut board, &[17, 3, 0, 0, 0, 6]),
-        [17, 3, 12, 0, 4, 0, 0, 0x15, 0xE0, 0, 1, 0, 2, 0, 17]
-    );
+    let write = [17, 6, 0, 0, 0, 4];
+    assert_eq!(request(&mut board, &write), write);
+    let values = [17, 3, 12, 0, 4, 0, 0, 0x15, 0xE0, 0, 1, 0, 2, 0, 17];
+    assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 6]), values);
     // Garbage changes nothing and has no answer, without a pause, with pauses, and with a request behind it.
     let mut state = 1u32;
     let mut random = || {
@@ -88,22 +76,17 @@ fn a_master_reads_results_and_writes_settings() {
     assert_eq!(say(&mut board, b"rows 7\r\n@17 rows 7\r\n", 30), NOTHING);
     assert_eq!(say(&mut board, &frame(&[18, 6, 0, 0, 0, 7]), 30), NOTHING);
     let two = [frame(&[17, 6, 0, 0, 0, 7]), frame(&[17, 6, 0, 0, 0, 8])].concat();
-    assert_eq!(
-        say(&mut board, &two, 30),
-        NOTHING,
-        "no silence between them"
-    );
+    // No silence between them.
+    assert_eq!(say(&mut board, &two, 30), NOTHING);
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 4]);
     assert_eq!(request(&mut board, &[17, 4, 0, 16, 0, 1]), [17, 0x84, 2]);
     // For all stations.
     assert_eq!(say(&mut board, &frame(&[0, 6, 0, 0, 0, 5]), 30), NOTHING);
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
     // Saved: the sensor starts with Modbus.
-    assert_eq!(
-        request(&mut board, &[17, 6, 0, 6, 0, 1]),
-        [17, 6, 0, 6, 0, 1]
-    );
-    board.run_for(Duration::from_millis(500)).expect("a run");
+    let save = [17, 6, 0, 6, 0, 1];
+    assert_eq!(request(&mut board, &save), save);
+    run_ms(&mut board, 500);
     board.reset_pin().expect("the emulator");
     assert_eq!(say(&mut board, b"", 300), NOTHING, "no banner");
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
@@ -115,7 +98,7 @@ fn a_master_reads_results_and_writes_settings() {
     // Lines may follow at once.
     assert_eq!(answer[..8], frame(&alone_in_text[..6]));
     let results = fresh_results(&mut board, 2);
-    assert!(results.iter().all(|line| is_reading(line)), "{results:?}");
+    assert_readings(&results);
     assert_eq!(ask(&mut board, "rows"), "rows 5");
     board.finish().expect("a clean run");
 }

@@ -1,9 +1,8 @@
 //! Tests of the settings that act between a frame's reading and its line.
 
-use std::time::Duration;
-
 use super::common::{
-    DISTANCE, PATIENCE, Status, fresh_results, measuring, number, paper, spot_at, switching_output,
+    DISTANCE, PATIENCE, Status, await_line, await_text, fresh_results, measuring, number, paper,
+    results, run_ms, spot_at, switching_output,
 };
 use simulator::scene::Scene;
 use virtual_board::VirtualBoard;
@@ -11,15 +10,13 @@ use virtual_board::light::{Target, of_scene};
 
 /// The next line that begins as asked.
 fn line(board: &mut VirtualBoard, start: &str) -> String {
-    let line = board.run_until_line(|line| line.starts_with(start), PATIENCE);
-    line.expect("a line").text
+    await_line(board, |line| line.starts_with(start)).text
 }
 
 /// Sets a value. Lines of readings come meanwhile, whatever their columns are.
 fn set(board: &mut VirtualBoard, command: &str) {
     board.send(&format!("{command}\r\n"));
-    let answer = board.run_until_line(|line| line == command, PATIENCE);
-    answer.expect("the answer");
+    await_text(board, command);
 }
 
 /// Each setting once, on the firmware.
@@ -57,9 +54,9 @@ fn each_setting_of_the_lines_acts() {
     assert!((0.35..0.7).contains(&share), "{share}");
 
     // A frame of four rows ends every 22.8 ms: of 44 frames a second, ten are sent.
-    set(&mut board, "rate 10");
-    set(&mut board, "units um");
-    set(&mut board, "output time distance");
+    for command in ["rate 10", "units um", "output time distance"] {
+        set(&mut board, command);
+    }
     let lines = [(); 6].map(|()| line(&mut board, "@ "));
     println!("{lines:#?}");
     let times = lines.each_ref().map(|line| number(line, "@ ", " d "));
@@ -81,37 +78,36 @@ fn each_setting_of_the_lines_acts() {
     line(&mut board, "@ ");
     board.set_light(spot_at(1800.0, 0.0));
     let ends = [" h 1", " h 2", " f no spot"].map(|part| {
-        let line = board.run_until_line(|line| line.contains(part), PATIENCE);
+        let line = await_line(&mut board, |line| line.contains(part));
         let level = switching_output(&mut board);
         assert_eq!(level, Some(part != " f no spot"), "{part}");
-        line.expect("a line").at
+        line.at
     });
     assert!(ends.is_sorted());
     board.set_light(paper());
     line(&mut board, "@ ");
     let is_reading = |line: &str| line.contains(" d ");
-    board.run_until_line(is_reading, PATIENCE).expect("a line");
+    await_line(&mut board, is_reading);
     assert_eq!(switching_output(&mut board), Some(true));
 
     // Distances relative to a master, as comma-separated values with their header.
     board.send("master 5000\r\n");
     line(&mut board, "@ ");
-    let of_master = board.run_until_line(|line| line.contains(" z "), PATIENCE);
-    let of_master = of_master.expect("a line").text;
+    let of_master = await_line(&mut board, |line| line.contains(" z ")).text;
     let off = number(&of_master, " z ", " um") - 5000.0;
     assert!(off.abs() < 50.0, "{of_master}");
     assert_eq!(switching_output(&mut board), Some(false));
     set(&mut board, "format csv");
     line(&mut board, "us,distance,z,h,fault");
-    let values = board.run_until_line(|line| line.ends_with(",1,0,"), PATIENCE);
-    assert_eq!(values.expect("a line").text.matches(',').count(), 4);
+    let values = await_line(&mut board, |line| line.ends_with(",1,0,"));
+    assert_eq!(values.text.matches(',').count(), 4);
     set(&mut board, "format text");
     set(&mut board, "zero off");
 
     // A target that jumps by 200 mm: two spikes, then the new place.
-    set(&mut board, "average none");
-    set(&mut board, "hold 0");
-    set(&mut board, "spike-filter 1000");
+    for command in ["average none", "hold 0", "spike-filter 1000"] {
+        set(&mut board, command);
+    }
     line(&mut board, "@ ");
     board.set_light(of_scene(Scene::white_paper(), Target::at(DISTANCE + 0.2)));
     let is_far = |line: &str| line.contains(" d 100") || line.contains(" d 999");
@@ -126,7 +122,7 @@ fn each_setting_of_the_lines_acts() {
     board.set_light(paper());
 
     set(&mut board, "defaults");
-    Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
+    Status::ask(&mut board).assert_nothing_lost();
     fresh_results(&mut board, 1);
     board.finish().expect("a clean run");
 }
@@ -142,14 +138,10 @@ fn results_of_before_a_change_are_dropped() {
     // the echo behind it waits for the line, 87 us a character. A backspace has an echo of three. So the echo
     // of these 64 bytes, which the firmware reads in one piece, takes 10 ms: longer than a row, 5.7 ms.
     board.send(&"help\r".repeat(3));
-    board.run_for(Duration::from_millis(100)).expect("a run");
+    run_ms(&mut board, 100);
     board.send(&format!("{}laser off\r", "x\u{8}".repeat(27)));
     let answer = board.run_until_line(|line| line.ends_with("laser off"), 3 * PATIENCE);
     answer.expect("the answer");
-    let held = |line: &str| line.starts_with("d ") || line.starts_with("f ");
-    for _ in 0..4 {
-        let line = board.run_until_line(held, PATIENCE).expect("a result").text;
-        assert_eq!(line, "f laser off");
-    }
+    assert_eq!(results(&mut board, 4), ["f laser off"; 4]);
     board.finish().expect("a clean run");
 }

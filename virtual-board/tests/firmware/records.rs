@@ -13,9 +13,9 @@ use slitrange::distance::table::Table;
 use slitrange::frame::comb::{CORRECTIONS, Comb, LARGEST_CORRECTION, SlitMap};
 use slitrange::light::black_level::BlackLevel;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::Polarity;
 use slitrange::row::front_end::{Estimate, FrontEnd, LARGEST_GAIN};
 use slitrange::row::sensor_heads;
+use slitrange::row::{Geometry, Polarity};
 use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use slitrange_device::protocol::piece::Piece;
 use slitrange_device::record::Record;
@@ -23,7 +23,7 @@ use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::{VirtualBoard, upload};
 
-use super::common::{PATIENCE, ask, is_result, number};
+use super::common::{PATIENCE, ask, ask_until, number};
 
 /// A pixel inside the range of each of [`every_kind`].
 pub const CENTRE: f64 = 2300.4;
@@ -86,6 +86,17 @@ pub fn of_comb() -> EncodedRecord {
         profile: None,
         ..eq1().record().clone()
     })
+}
+
+/// A record with other light-sensitive pixels than this sensor's.
+pub fn of_another_head() -> Record {
+    Record {
+        geometry: Geometry {
+            light: 36..3683,
+            ..sensor_heads::tcd1304dg()
+        },
+        ..eq1().record().clone()
+    }
 }
 
 /// A front end whose numbers take all bytes that they can.
@@ -202,15 +213,9 @@ pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
 
 /// The answer to `calibration`.
 pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
-    let mut lines = vec![ask(board, "calibration")];
-    while lines
-        .last()
-        .is_some_and(|line| !line.starts_with("calibration stored "))
-    {
-        let line = board.run_until_line(|line| !is_result(line), PATIENCE);
-        lines.push(line.expect("a line").text);
-    }
-    lines
+    ask_until(board, "calibration", |line| {
+        line.starts_with("calibration stored ")
+    })
 }
 
 /// Asserts that the board shows the record as the core does.
@@ -219,12 +224,11 @@ pub fn assert_shown(
     written: Option<&EncodedRecord>,
     stored: FlashStatus,
 ) {
+    let (record, is_on) = (written, true);
     let expected = CalibrationAnswer {
-        record: written,
-        is_on: true,
+        record,
+        is_on,
         stored,
-    }
-    .to_string();
-    let expected: Vec<&str> = expected.split("\r\n").collect();
-    assert_eq!(shown(board), expected);
+    };
+    assert_eq!(shown(board).join("\r\n"), expected.to_string());
 }

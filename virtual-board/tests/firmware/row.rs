@@ -1,6 +1,7 @@
 //! Tests of `row`: the pixels that come out of the serial line are those that the sensor head saw. For the
 //! words of this row, the core on the PC gives the same centre or fault.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use slitrange::base::exposure::{Exposure, ExposureMode};
@@ -12,7 +13,10 @@ use slitrange_device::settings::Settings;
 use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, VirtualBoard};
 
 use super::comb::paper_behind_a_comb;
-use super::common::{Status, boot, fresh_results, is_reading, is_result, number, paper, set};
+use super::common::{
+    Status, ask, assert_readings, await_line, boot, fresh_results, is_reading, is_result,
+    keep_all_rows, number, paper, run_ms, set, take_texts,
+};
 
 /// 114 lines of some 110 characters at 115,200 baud take 1.1 s.
 const SENDING: Duration = Duration::from_secs(3);
@@ -44,7 +48,7 @@ impl Answer {
             counts: vec![],
         };
         // What was under way comes before the answer, and nothing comes in between.
-        let lines = board.take_lines().into_iter().map(|line| line.text);
+        let lines = take_texts(board).into_iter();
         let lines = lines.skip_while(|line| is_result(line));
         for line in lines.take_while(|line| line != ROW_END) {
             match RowPixels::parse(&line) {
@@ -60,6 +64,12 @@ impl Answer {
             }
         }
         answer
+    }
+
+    /// The pixels.
+    fn window(&self) -> Range<f64> {
+        let end = self.first + self.counts.len();
+        self.first as f64..end as f64
     }
 
     /// For how long the laser was on, as the answer says.
@@ -98,33 +108,34 @@ impl Answer {
     }
 }
 
+/// Asks for a part of a row, whose head must be what the core on this PC makes of the row. Gives the answer.
+fn answer_as_here(board: &mut VirtualBoard, part: RowPart, settings: Settings) -> Answer {
+    let answer = Answer::ask(board, part);
+    println!("{:#?}", answer.head);
+    assert_eq!(answer.head, answer.on_this_pc(board, settings));
+    answer
+}
+
 /// Boots a board that keeps all rows.
 fn boot_keeping(light: LightSource) -> VirtualBoard {
     let (mut board, _) = boot(light);
-    board.head(|head| head.keep_all_rows(true));
+    keep_all_rows(&mut board);
     board
 }
 
 /// No row was lost while a row was sent, and readings stream again.
 fn assert_streaming(mut board: VirtualBoard) {
-    let lines = fresh_results(&mut board, 2);
-    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
-    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    assert_readings(&fresh_results(&mut board, 2));
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }
 
 #[test]
 fn a_whole_row_is_sent_with_what_the_core_makes_of_it() {
-    let (mut board, _) = boot(paper());
-    board.head(|head| head.keep_all_rows(true));
-    let answer = Answer::ask(&mut board, RowPart::Whole);
-    println!("{:#?}", answer.head);
+    let mut board = boot_keeping(paper());
+    let answer = answer_as_here(&mut board, RowPart::Whole, Settings::default());
     assert_eq!(answer.first, 0);
     assert_eq!(answer.counts.len(), light_pixels());
-    assert_eq!(
-        answer.head,
-        answer.on_this_pc(&mut board, Settings::default())
-    );
     assert!(answer.head[1].starts_with("x "));
     assert_streaming(board);
 }
@@ -132,22 +143,12 @@ fn a_whole_row_is_sent_with_what_the_core_makes_of_it() {
 #[test]
 fn a_window_holds_the_spot_and_nothing_else() {
     let mut board = boot_keeping(paper());
-    let answer = Answer::ask(&mut board, RowPart::Window);
-    assert_eq!(
-        answer.head,
-        answer.on_this_pc(&mut board, Settings::default())
-    );
-    let (centre, width) = (
-        number(&answer.head[1], "x ", " u"),
-        number(&answer.head[1], " w ", " o"),
-    );
-    let ends = (
-        answer.first as f64,
-        (answer.first + answer.counts.len()) as f64,
-    );
-    println!("window {ends:?} of a spot at {centre}, {width} wide");
-    assert!((ends.0 - (centre - 6.0 * width)).abs() <= 1.0);
-    assert!((ends.1 - (centre + 6.0 * width)).abs() <= 1.0);
+    let answer = answer_as_here(&mut board, RowPart::Window, Settings::default());
+    let centre = number(&answer.head[1], "x ", " u");
+    let half = 6.0 * number(&answer.head[1], " w ", " o");
+    let window = answer.window();
+    assert!((window.start - (centre - half)).abs() <= 1.0, "{window:?}");
+    assert!((window.end - (centre + half)).abs() <= 1.0, "{window:?}");
     assert_streaming(board);
 }
 
@@ -155,25 +156,20 @@ fn a_window_holds_the_spot_and_nothing_else() {
 fn the_window_of_a_comb_holds_all_its_images() {
     let mut board = boot_keeping(paper_behind_a_comb());
     set(&mut board, "slits comb");
-    let answer = Answer::ask(&mut board, RowPart::Window);
     let settings = Settings {
         slits: Slits::Comb,
         ..Settings::default()
     };
-    assert_eq!(answer.head, answer.on_this_pc(&mut board, settings));
+    let answer = answer_as_here(&mut board, RowPart::Window, settings);
     let slits = answer.head[2].strip_prefix("slits ").expect("slits");
     let places: Vec<f64> = slits
         .split(' ')
         .filter_map(|slit| slit.split('/').next()?.parse().ok())
         .collect();
-    println!(
-        "{} pixels from {}: {places:?}",
-        answer.counts.len(),
-        answer.first
-    );
     assert!(places.len() >= 12);
-    let window = answer.first as f64..(answer.first + answer.counts.len()) as f64;
-    assert!(places.iter().all(|place| window.contains(place)));
+    let window = answer.window();
+    let all = places.iter().all(|place| window.contains(place));
+    assert!(all, "{window:?}: {places:?}");
     assert_streaming(board);
 }
 
@@ -184,9 +180,7 @@ fn readings_of_single_rows_go_on_at_once() {
     set(&mut board, "rows 1");
     Answer::ask(&mut board, RowPart::Whole);
     let (sent, rows) = (board.now(), board.head(|head| head.row_count()));
-    let next = board
-        .run_until_line(is_reading, SENDING)
-        .expect("a reading");
+    let next = await_line(&mut board, is_reading);
     let waited = Duration::from_nanos(next.at - sent);
     println!("the next reading came after {waited:?}");
     assert!(waited < Duration::from_millis(50));
@@ -212,30 +206,22 @@ fn a_range_has_the_exposure_of_its_row() {
         laser: false,
         ..fixed
     };
-    let full = ExposureMode::Fixed(Exposure::LONGEST);
     let full = Settings {
-        exposure: full,
+        exposure: ExposureMode::Fixed(Exposure::LONGEST),
         ..Settings::default()
     };
-    for (lines, settings, exposure) in [
-        (
-            &["exposure 5600"][..],
-            full,
-            RowExposure::On(Exposure::LONGEST),
-        ),
-        (&["exposure 187"], fixed, RowExposure::On(short)),
-        (&["laser off"], off, RowExposure::Off),
+    let longest = RowExposure::On(Exposure::LONGEST);
+    for (line, settings, exposure) in [
+        ("exposure 5600", full, longest),
+        ("exposure 187", fixed, RowExposure::On(short)),
+        ("laser off", off, RowExposure::Off),
     ] {
-        for line in lines {
-            set(&mut board, line);
-        }
+        set(&mut board, line);
         // The row before was exposed when the setting changed.
-        board.run_for(Duration::from_millis(100)).expect("a run");
-        let answer = Answer::ask(&mut board, range);
-        println!("{:#?}", answer.head);
+        run_ms(&mut board, 100);
+        let answer = answer_as_here(&mut board, range, settings);
         assert_eq!(answer.exposure(), exposure);
         assert_eq!((answer.first, answer.counts.len()), (1700, 140));
-        assert_eq!(answer.head, answer.on_this_pc(&mut board, settings));
     }
     set(&mut board, "laser on");
     let beyond = RowPart::Range {
@@ -244,13 +230,8 @@ fn a_range_has_the_exposure_of_its_row() {
     };
     let answer = Answer::ask(&mut board, beyond);
     assert_eq!((answer.first, answer.counts.len()), (3640, 8));
-    board.send("row 1839 1700\r\n");
-    board
-        .run_until_line(
-            |line| line == "E3 out of range, expected row [window|FIRST LAST]",
-            SENDING,
-        )
-        .expect("an error");
+    let error = "E3 out of range, expected row [window|FIRST LAST]";
+    assert_eq!(ask(&mut board, "row 1839 1700"), error);
     board.finish().expect("a clean run");
 }
 

@@ -3,17 +3,18 @@
 
 use slitrange::distance::Calibration;
 use slitrange::measurement::Options;
+use slitrange::reading::uncertainty::CalibrationErrors;
 use virtual_board::Row;
 use virtual_board::row_rate::{lost_rows, start};
 
-use super::common::{Status, firmware, is_result};
-use super::identical::{on_this_pc, with_fixed_exposure};
+use super::common::{Status, firmware, keep_all_rows, kept_rows, take_results};
+use super::identical::{lines_of_pc, with_fixed_exposure};
 
 /// Runs the firmware with the default estimator for `count` rows. Every row must be read, and every line must
 /// be that of the core on a PC.
 fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
     let mut board = start(firmware(), rows_per_second, rows).expect("the board starts");
-    board.head(|head| head.keep_all_rows(true));
+    keep_all_rows(&mut board);
     board.take_lines();
     let before = board.statistics();
     let (began, first) = (board.now(), board.head(|head| head.row_count()));
@@ -28,9 +29,8 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
     let read = board.head(|head| head.row_count()) - first;
     let due = (board.now() - began) as f64 * 1e-9 * rows_per_second;
     assert!((read as f64 - due).abs() <= 2.0, "{read} rows of {due}");
-    let lines = board.take_lines().into_iter().map(|line| line.text);
-    let lines: Vec<String> = lines.filter(|line| is_result(line)).collect();
-    let shown: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+    let lines = take_results(&mut board);
+    let shown: Vec<Row> = kept_rows(&mut board);
     let status = Status::ask(&mut board);
     status.assert_none(&["rows failed"]);
     println!(
@@ -57,12 +57,11 @@ fn assert_same_lines(shown: &[Row], rows: u16, chip: &[String]) {
     // row.
     let chip = &chip[3..];
     let same = (0..usize::from(rows)).map(|first| {
-        let pc = on_this_pc(&shown[first..], settings, calibration.as_ref());
+        let errors = &CalibrationErrors::Nominal;
+        let pc = lines_of_pc(&shown[first..], settings, calibration.as_ref(), errors);
         let mut of_the_pc = pc.iter();
-        let found = chip
-            .iter()
-            .take_while(|line| of_the_pc.any(|pc| pc == *line));
-        found.count()
+        let is_next = |line: &&String| of_the_pc.any(|pc| pc == *line);
+        chip.iter().take_while(is_next).count()
     });
     assert_eq!(same.max(), Some(chip.len()), "lines that are the PC's");
 }

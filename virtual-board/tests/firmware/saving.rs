@@ -3,75 +3,27 @@
 
 use std::time::Duration;
 
-use slitrange::row::Geometry;
-use slitrange::row::sensor_heads;
 use slitrange_device::protocol::calibration::FlashStatus;
 use slitrange_device::protocol::refusal::Refusal;
-use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::settings::Settings;
 use slitrange_device::store::StoreError;
 use slitrange_device::store::configuration::Configuration;
 use virtual_board::board::Conditions;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
-use virtual_board::{LightSource, Line, VirtualBoard};
+use virtual_board::{Line, VirtualBoard};
 
 use super::common::{
-    PATIENCE, Status, ask, boot, firmware, fresh_results, is_reading, is_result, measuring, number,
-    paper, set, spot_at,
+    PATIENCE, Status, ask, ask_in_a_pause, assert_readings, await_text, boot, boot_under,
+    boot_with, fresh_results, is_reading, is_result, measuring, number, paper, power_cycle, run_ms,
+    save, set, spot_at,
 };
+use super::faults::assert_all_are;
 use super::kept;
-use super::records::{assert_shown, eq1, longest, read_back, shown, upload};
+use super::records::{assert_shown, eq1, longest, of_another_head, read_back, shown, upload};
 
 /// A time longer than an erase, which takes 400 ms here.
 const SAVING: Duration = Duration::from_millis(900);
-
-/// Saves, and gives both lines of the answer.
-fn save(board: &mut VirtualBoard) -> [Line; 2] {
-    save_by("save", board)
-}
-
-/// The same with another command.
-fn save_by(command: &str, board: &mut VirtualBoard) -> [Line; 2] {
-    board.send(&format!("{command}\r\n"));
-    let mut next = || {
-        board
-            .run_until_line(|line| !is_result(line), SAVING)
-            .expect("an answer")
-    };
-    let lines = [next(), next()];
-    assert_eq!(lines[0].text, "save pauses the stream");
-    lines
-}
-
-/// Saves, and asserts success.
-fn save_well(board: &mut VirtualBoard) {
-    assert_eq!(save(board)[1].text, "save");
-}
-
-fn boot_with(flash: SharedFlash, light: LightSource) -> VirtualBoard {
-    let mut board =
-        VirtualBoard::power_on_with_flash(firmware(), light, flash).expect("the board starts");
-    board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
-    board
-}
-
-/// Cuts the power and restores it.
-fn power_cycle(board: VirtualBoard) -> VirtualBoard {
-    let flash = board.flash().clone();
-    board.finish().expect("a clean run");
-    boot_with(flash, paper())
-}
-
-const NOTHING_LOST: [&str; 5] = [
-    "rows lost",
-    "rows failed",
-    "lines dropped",
-    "fault sensor silent",
-    "serial overrun",
-];
 
 #[test]
 fn saved_settings_are_used_after_a_power_cycle() {
@@ -82,16 +34,16 @@ fn saved_settings_are_used_after_a_power_cycle() {
         set(&mut board, command);
     }
     assert_shown(&mut board, Some(&own), FlashStatus::Nothing);
-    save_well(&mut board);
+    save(&mut board);
     let stored = FlashStatus::Record(own.sum());
     assert_shown(&mut board, Some(&own), stored);
-    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    Status::ask(&mut board).assert_nothing_lost();
 
     // Unsaved settings are lost.
     let nominal = EncodedRecord::nominal().expect("a record");
     set(&mut board, "defaults");
     assert_shown(&mut board, Some(&nominal), stored);
-    let mut board = power_cycle(board);
+    let mut board = power_cycle(board, paper());
     assert_shown(&mut board, Some(&own), stored);
     assert_eq!(read_back(&mut board), own.bytes());
     for command in [
@@ -112,15 +64,13 @@ fn saved_settings_are_used_after_a_power_cycle() {
     let refusal = ask(&mut board, "save");
     assert!(refusal.starts_with("E17 "), "{refusal}");
     assert_shown(&mut board, Some(&nominal), stored);
-    assert_eq!(save_by("save nominal", &mut board)[1].text, "save");
-    let mut board = power_cycle(board);
-    assert_shown(
-        &mut board,
-        Some(&nominal),
-        FlashStatus::Record(nominal.sum()),
-    );
+    let saved = ask_in_a_pause(&mut board, "save nominal", SAVING);
+    assert_eq!(saved, "save");
+    let mut board = power_cycle(board, paper());
+    let stored = FlashStatus::Record(nominal.sum());
+    assert_shown(&mut board, Some(&nominal), stored);
     assert_eq!(ask(&mut board, "rows"), "rows 16");
-    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }
 
@@ -175,12 +125,12 @@ fn saving_pauses_the_stream_and_nothing_else() {
     }
     assert_eq!(erased, 2);
     board.flash().take_history();
-    save_well(&mut board);
+    save(&mut board);
     let again = board.flash().operation_count();
     assert_eq!(again, 0, "just that was saved already");
     assert_eq!(board.resets().expect("resets"), []);
-    Status::ask(&mut board).assert_none(&NOTHING_LOST);
-    let mut board = power_cycle(board);
+    Status::ask(&mut board).assert_nothing_lost();
+    let mut board = power_cycle(board, paper());
     assert_shown(&mut board, Some(&own), FlashStatus::Record(own.sum()));
     assert_eq!(ask(&mut board, "rows"), "rows 5");
     board.finish().expect("a clean run");
@@ -195,13 +145,13 @@ fn the_watchdog_waits_for_an_erase() {
     }
     // Run until just before the frame's end.
     fresh_results(&mut board, 1);
-    board.run_for(Duration::from_millis(330)).expect("a run");
-    save_well(&mut board);
+    run_ms(&mut board, 330);
+    save(&mut board);
     let reading = fresh_results(&mut board, 1).remove(0);
     assert!(reading.contains(" n 64/64 "), "{reading}");
     board.run_for(2 * PATIENCE).expect("a run");
     assert_eq!(board.resets().expect("resets"), []);
-    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }
 
@@ -216,11 +166,7 @@ fn the_slowest_flash_loses_no_row_and_makes_no_reset() {
         ..Conditions::default()
     };
     let light = spot_at(2300.4, 2000.0);
-    let mut board =
-        VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
-    board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
+    let (mut board, _) = boot_under(light, conditions);
     upload(&mut board, &longest());
     let mut slowest = 0;
     // 9 saves fill a sector.
@@ -241,8 +187,8 @@ fn the_slowest_flash_loses_no_row_and_makes_no_reset() {
     assert!((845..1100).contains(&slowest), "{slowest} ms");
     fresh_results(&mut board, 1);
     assert_eq!(board.resets().expect("resets"), []);
-    Status::ask(&mut board).assert_none(&NOTHING_LOST);
-    let mut board = power_cycle(board);
+    Status::ask(&mut board).assert_nothing_lost();
+    let mut board = power_cycle(board, paper());
     assert_eq!(ask(&mut board, "rows"), "rows 10");
     board.finish().expect("a clean run");
 }
@@ -257,21 +203,17 @@ fn the_watchdog_resets_if_the_flash_never_answers() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     board.send("save\r\n");
-    board
-        .run_until_line(|line| line == "save pauses the stream", PATIENCE)
-        .expect("a pause");
-    board.run_for(Duration::from_millis(100)).expect("a run");
+    await_text(&mut board, "save pauses the stream");
+    run_ms(&mut board, 100);
     let (register, word) = FLASH_INTERRUPT_OFF;
     board.probe_writes(register, word);
     let banner = board
         .run_until_line(|line| line.contains("slitrange "), 3 * PATIENCE)
         .expect("a banner");
     assert!(banner.text.ends_with("started by watchdog"), "{banner}");
-    assert_eq!(
-        shown(&mut board).last().map(String::as_str),
-        Some("calibration stored none")
-    );
-    save_well(&mut board);
+    let shown = shown(&mut board);
+    assert_eq!(shown[shown.len() - 1], "calibration stored none");
+    save(&mut board);
     board.finish().expect("a clean run");
 }
 
@@ -281,30 +223,27 @@ fn a_failed_save_is_reported_and_the_old_configuration_is_kept() {
     let mut board = measuring(4);
     let own = eq1();
     upload(&mut board, &own);
-    save_well(&mut board);
+    save(&mut board);
     upload(&mut board, &longest());
     board.flash().cut_power_after(0);
-    let refusal = Refusal::NotSaved(StoreError::Worn);
-    assert_eq!(save(&mut board)[1].text, refusal.to_string());
+    let refusal = Refusal::NotSaved(StoreError::Worn).to_string();
+    assert_eq!(ask_in_a_pause(&mut board, "save", SAVING), refusal);
     let stored = FlashStatus::Record(own.sum());
     assert_shown(&mut board, Some(&longest()), stored);
-    let mut board = power_cycle(board);
+    let mut board = power_cycle(board, paper());
     assert_shown(&mut board, Some(&own), stored);
     assert_eq!(ask(&mut board, "rows"), "rows 4");
     board.finish().expect("a clean run");
 }
 
+fn damaged() -> Contents {
+    Contents::new(vec![0x5A; BYTES]).expect("four sectors")
+}
+
 /// The saved configuration is unusable: the sensor gives only centres until a person decides.
 #[test]
 fn without_a_usable_calibration_there_is_no_distance() {
-    let damaged = Contents::new(vec![0x5A; BYTES]).expect("four sectors");
-    let other_head = Record {
-        geometry: Geometry {
-            light: 36..3683,
-            ..sensor_heads::tcd1304dg()
-        },
-        ..eq1().record().clone()
-    };
+    let other_head = of_another_head();
     let mut of_another_head = Contents::erased();
     kept::save(
         &mut of_another_head,
@@ -320,25 +259,17 @@ fn without_a_usable_calibration_there_is_no_distance() {
         },
     );
     for (contents, stored, rows) in [
-        (damaged, FlashStatus::Damaged, 16),
+        (damaged(), FlashStatus::Damaged, 16),
         (of_another_head, FlashStatus::OtherSensor, 5),
     ] {
-        let mut board = boot_with(SharedFlash::holding(contents), paper());
+        let mut board = boot_with(&SharedFlash::holding(contents), paper());
         assert_shown(&mut board, None, stored);
         assert_eq!(ask(&mut board, "rows"), format!("rows {rows}"));
-        let lines = fresh_results(&mut board, 2);
-        assert!(
-            lines
-                .iter()
-                .all(|line| line.starts_with("f not calibrated: x ")),
-            "{lines:#?}"
-        );
+        assert_all_are(&fresh_results(&mut board, 2), "not calibrated");
         let centre = ask(&mut board, "centre");
         // The centre of the nominal geometry at 0.80 m.
-        assert!(
-            (number(&centre, "x ", " u") - 1771.0).abs() < 0.1,
-            "{centre}"
-        );
+        let off = number(&centre, "x ", " u") - 1771.0;
+        assert!(off.abs() < 0.1, "{centre}");
         for command in ["calibration on", "calibration data 0", "save"] {
             let refusal = Refusal::NoCalibration { has_nominal: true }.to_string();
             assert_eq!(ask(&mut board, command), refusal, "{command}");
@@ -349,8 +280,8 @@ fn without_a_usable_calibration_there_is_no_distance() {
         upload(&mut board, &own);
         assert_shown(&mut board, Some(&own), stored);
         assert!(is_reading(&fresh_results(&mut board, 1)[0]));
-        save_well(&mut board);
-        let mut board = power_cycle(board);
+        save(&mut board);
+        let mut board = power_cycle(board, paper());
         assert_shown(&mut board, Some(&own), FlashStatus::Record(own.sum()));
         board.finish().expect("a clean run");
     }
@@ -359,18 +290,14 @@ fn without_a_usable_calibration_there_is_no_distance() {
 /// `defaults` is the other way to get distances again.
 #[test]
 fn defaults_brings_back_the_nominal_calibration() {
-    let damaged = Contents::new(vec![0x5A; BYTES]).expect("four sectors");
-    let mut board = boot_with(SharedFlash::holding(damaged), paper());
+    let mut board = boot_with(&SharedFlash::holding(damaged()), paper());
     set(&mut board, "defaults");
     let nominal = EncodedRecord::nominal().expect("a record");
     assert_shown(&mut board, Some(&nominal), FlashStatus::Damaged);
-    save_well(&mut board);
-    let mut board = power_cycle(board);
-    assert_shown(
-        &mut board,
-        Some(&nominal),
-        FlashStatus::Record(nominal.sum()),
-    );
-    assert!(is_reading(&fresh_results(&mut board, 1)[0]));
+    save(&mut board);
+    let mut board = power_cycle(board, paper());
+    let stored = FlashStatus::Record(nominal.sum());
+    assert_shown(&mut board, Some(&nominal), stored);
+    assert_readings(&fresh_results(&mut board, 1));
     board.finish().expect("a clean run");
 }

@@ -5,7 +5,7 @@ use simulator::scene::{Scene, Sensor, file};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Line, VirtualBoard};
 
-use super::common::{PATIENCE, boot, is_reading, is_result, number, paper, set};
+use super::common::{await_line, boot, is_reading, is_result, number, paper, set};
 
 /// The largest allowed error of a reading in pixels: four standard deviations of the strongest speckle.
 const GROSS: f64 = 3.5;
@@ -36,9 +36,9 @@ fn expected(name: &str, scene: &Scene) -> Expected {
 /// results wait for the serial line.
 fn result(board: &mut VirtualBoard) -> Line {
     for _ in 0..5 {
-        board.run_until_line(is_result, PATIENCE).expect("a result");
+        await_line(board, is_result);
     }
-    board.run_until_line(is_result, PATIENCE).expect("a result")
+    await_line(board, is_result)
 }
 
 /// With `slits one`, the scene of a comb gives the fault that its file names. With `slits comb`, it must give

@@ -1,25 +1,17 @@
 //! Tests of `selftest`.
 
-use std::time::Duration;
-
 use virtual_board::{OpenLine, VirtualBoard};
 
-use super::common::{PATIENCE, boot, fresh_results, is_result, paper, set, spot_at};
+use super::common::{ask_until, boot, fresh_results, paper, run_ms, set, spot_at};
 
 /// The answer, without the first word of its lines.
 fn selftest(board: &mut VirtualBoard) -> Vec<String> {
-    board.send("selftest\r\n");
-    let mut lines = vec![];
-    loop {
-        let line = board.run_until_line(|line| !is_result(line), PATIENCE);
-        let line = line.expect("a line").text;
-        let line = line.strip_prefix("selftest ").expect("its first word");
-        lines.push(line.to_owned());
-        if line.starts_with("pass") || line.starts_with("fail") {
-            println!("{lines:#?}");
-            return lines;
-        }
-    }
+    let is_last = |line: &str| matches!(line.split(' ').nth(1), Some("pass" | "fail"));
+    let lines = ask_until(board, "selftest", is_last);
+    println!("{lines:#?}");
+    let rest = |line: &String| line.strip_prefix("selftest ").map(str::to_owned);
+    let rest = lines.iter().map(rest).collect::<Option<_>>();
+    rest.expect("the first word of each line")
 }
 
 #[test]
@@ -31,13 +23,13 @@ fn a_good_sensor_passes_and_a_bad_one_says_why() {
     // Results go on, with whole frames.
     assert!(fresh_results(&mut board, 1)[0].contains(" n 16/16 "));
     board.set_light(spot_at(1800.0, 0.0));
-    board.run_for(Duration::from_millis(100)).expect("a run");
+    run_ms(&mut board, 100);
     let lines = selftest(&mut board);
     assert!(lines[4].starts_with("light fail f no spot"));
     assert_eq!(lines[6], "fail 1");
     set(&mut board, "stream off");
     board.open_line(Some(OpenLine::Ones));
-    board.run_for(Duration::from_millis(300)).expect("a run");
+    run_ms(&mut board, 300);
     let lines = selftest(&mut board);
     assert!(lines[1].starts_with("rows fail "));
     assert_eq!(lines.last().expect("a line"), "fail 1");

@@ -5,11 +5,12 @@ use std::time::Duration;
 use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
 use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
-use virtual_board::{Line, Row, VirtualBoard};
+use virtual_board::{Row, VirtualBoard};
 
 use super::common::{
-    PATIENCE, Status, boot, cycles_an_instruction, firmware, fresh_results, full_speed, is_reading,
-    is_result, measuring, number, run_into_a_row, set, slower_sampling, spot_at, stop_the_transfer,
+    Status, assert_readings, await_banner, boot, cycles_an_instruction, firmware, fresh_results,
+    full_speed, is_reading, is_result, keep_all_rows, kept_rows, measuring, number, run_into_a_row,
+    run_ms, set, slower_sampling, spot_at, stop_the_transfer, take_results, take_texts,
 };
 
 /// The place of the spot in these tests.
@@ -18,18 +19,36 @@ const CENTRE: f64 = 1770.3;
 /// The time from row to row, as the firmware states it, ns.
 const ROW_PERIOD: f64 = 5_700_000.0;
 
+/// When pixels are sampled, in parts of a pixel's time: least and most.
+fn phases(rows: &[Row]) -> (f64, f64) {
+    let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
+    let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
+    (least, most)
+}
+
+/// Each row has its lead-in, and begins a period after the row before.
+fn assert_timing(rows: &[Row]) {
+    for row in rows {
+        assert_eq!(row.lead_in, TCD1304DG_LEAD_IN as i64);
+    }
+    for pair in rows.windows(2) {
+        let apart = (pair[1].read_out - pair[0].read_out) as f64;
+        assert!((apart - ROW_PERIOD).abs() <= 2_000.0, "{apart} ns");
+    }
+}
+
 #[test]
 fn one_reading_a_row_for_a_second_loses_no_row() {
     let mut board = measuring(1);
     fresh_results(&mut board, 1);
     board.take_lines();
-    board.head(|head| head.keep_all_rows(true));
+    keep_all_rows(&mut board);
     let (start, first) = (board.now(), board.head(|head| head.row_count()));
-    board.run_for(Duration::from_secs(1)).expect("a run");
+    run_ms(&mut board, 1_000);
     let seconds = (board.now() - start) as f64 * 1e-9;
     let read = board.head(|head| head.row_count()) - first;
     let lines = board.take_lines();
-    let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+    let rows: Vec<Row> = kept_rows(&mut board);
     let rows = &rows[rows.len() - read as usize..];
 
     let rate = read as f64 / seconds;
@@ -37,45 +56,17 @@ fn one_reading_a_row_for_a_second_loses_no_row() {
     println!("{rate:.1} rows/s, {readings} readings in {seconds:.3} s");
     assert!(rate >= 150.0, "{rate} rows/s");
     assert!(readings as f64 >= 150.0 * seconds, "{readings} readings");
-    assert_eq!(
-        lines.iter().filter(|line| is_result(&line.text)).count(),
-        readings,
-        "{lines:#?}"
-    );
+    let results = lines.iter().filter(|line| is_result(&line.text)).count();
+    assert_eq!(results, readings, "{lines:#?}");
+    assert_timing(rows);
 
-    let lead_ins: Vec<i64> = rows.iter().map(|row| row.lead_in).collect();
-    println!("lead-in {}", lead_ins[0]);
-    assert_eq!(lead_ins, vec![TCD1304DG_LEAD_IN as i64; rows.len()]);
-
-    let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
-    let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
-    println!(
-        "sampled at {least:.3} to {most:.3} of a pixel's time over {} rows",
-        rows.len()
-    );
+    let (least, most) = phases(rows);
+    println!("sampled at {least:.3} to {most:.3} of a pixel's time");
     assert!(rows.len() >= 100, "{} rows", rows.len());
     assert!(limits::HOLD_PHASE.contains(&least) && limits::HOLD_PHASE.contains(&most));
     assert!(most - least < 0.1 + slower_sampling(), "{least} to {most}");
 
-    let periods: Vec<f64> = rows
-        .windows(2)
-        .map(|rows| (rows[1].read_out - rows[0].read_out) as f64)
-        .collect();
-    let shortest = periods.iter().copied().fold(f64::INFINITY, f64::min);
-    let longest = periods.iter().copied().fold(0.0, f64::max);
-    println!(
-        "a row every {:.4} to {:.4} ms",
-        shortest * 1e-6,
-        longest * 1e-6
-    );
-    assert!(
-        periods
-            .iter()
-            .all(|period| (period - ROW_PERIOD).abs() <= 2_000.0),
-        "{shortest} to {longest} ns"
-    );
-
-    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    Status::ask(&mut board).assert_nothing_lost();
     board.finish().expect("a clean run");
 }
 
@@ -84,18 +75,17 @@ fn one_reading_a_row_for_a_second_loses_no_row() {
 #[test]
 fn rows_come_on_time() {
     let mut board = measuring(16);
-    board.run_for(Duration::from_millis(200)).expect("a run");
-    board.head(|head| head.keep_all_rows(true));
+    run_ms(&mut board, 200);
+    keep_all_rows(&mut board);
     let (before, first) = (board.statistics(), board.head(|head| head.row_count()));
     board.take_lines();
-    board.run_for(Duration::from_millis(500)).expect("a run");
+    run_ms(&mut board, 500);
     let after = board.statistics();
     let count = board.head(|head| head.row_count()) - first;
-    let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+    let rows: Vec<Row> = kept_rows(&mut board);
     let rows = &rows[rows.len() - count as usize..];
 
-    let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
-    let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
+    let (least, most) = phases(rows);
     let busy = (after.instructions - before.instructions) as f64
         / (168e6 * (after.seconds - before.seconds));
     println!(
@@ -103,34 +93,20 @@ fn rows_come_on_time() {
          {:.1} % of the time",
         100.0 * busy
     );
-    assert!(
-        rows.iter()
-            .all(|row| row.lead_in == TCD1304DG_LEAD_IN as i64)
-    );
+    assert_timing(rows);
     let slower = slower_sampling();
     assert!(least > 0.5 - slower && most < 0.9, "{least} to {most}");
     assert!(most - least < 0.1 + slower, "{least} to {most}");
-    assert!(
-        (count as f64 - 0.5e9 / ROW_PERIOD).abs() <= 1.5,
-        "{count} rows"
-    );
-    for pair in rows.windows(2) {
-        let apart = (pair[1].read_out - pair[0].read_out) as f64;
-        assert!((apart - ROW_PERIOD).abs() <= 2_000.0, "{apart} ns");
+    let off = count as f64 - 0.5e9 / ROW_PERIOD;
+    assert!(off.abs() <= 1.5, "{count} rows");
+    for Row { exposure, .. } in rows {
+        assert!(exposure.laser >= 10_000, "{exposure:?}");
     }
-    let lasers: Vec<u64> = rows.iter().map(|row| row.exposure.laser).collect();
-    assert!(lasers.iter().all(|&ns| ns >= 10_000), "{lasers:?}");
-    let lines = board.take_lines();
-    for line in lines.iter().take(3) {
-        println!("{}", line.text);
-    }
-    let results = lines.iter().filter(|line| is_reading(&line.text)).count();
+    let results = take_results(&mut board);
+    assert_readings(&results);
     // A frame may be under way at either end.
+    let results = results.len();
     assert!(results as u64 + 2 >= count / 16, "{results} results");
-    assert_eq!(
-        results,
-        lines.iter().filter(|line| is_result(&line.text)).count()
-    );
     let status = Status::ask(&mut board);
     println!("a row took {} cycles", status.count("row cycles"));
     status.assert_none(&["rows lost", "rows failed", "rows late", "lines dropped"]);
@@ -143,15 +119,13 @@ fn centres_are_right() {
     let (mut board, _) = boot(spot_at(CENTRE, 1500.0));
     set(&mut board, "rows 4");
     board.take_lines();
-    board.run_for(Duration::from_millis(300)).expect("a run");
-    let lines = board.take_lines();
-    let results: Vec<f64> = (lines.iter())
-        .filter(|line| is_result(&line.text))
-        .map(|line| number(&line.text, "x ", " ") - CENTRE)
-        .collect();
-    println!("centres are wrong by {results:.3?} px");
-    assert!(results.len() > 5, "{lines:#?}");
-    assert!(results.iter().all(|error| error.abs() < 0.05));
+    run_ms(&mut board, 300);
+    let results = take_results(&mut board);
+    assert!(results.len() > 5, "{results:#?}");
+    for line in &results {
+        let error = number(line, "x ", " ") - CENTRE;
+        assert!(error.abs() < 0.05, "{line}");
+    }
     board.finish().expect("a clean run");
 }
 
@@ -160,11 +134,8 @@ fn a_violated_limit_is_an_error_of_the_run() {
     let mut board = measuring(4);
     run_into_a_row(&mut board);
     stop_the_transfer(&mut board);
-    let error = board
-        .run_for(Duration::from_millis(30))
-        .expect_err("a violation")
-        .to_string();
-    println!("{error}");
+    let error = board.run_for(Duration::from_millis(30));
+    let error = error.expect_err("a violation").to_string();
     assert!(error.contains("chip select was low for"), "{error}");
     assert!(board.finish().is_err());
 }
@@ -188,39 +159,27 @@ fn words_in_batches_are_the_same_as_words_one_by_one() {
             });
             switch.expect("the emulator");
         }
-        board.head(|head| head.keep_all_rows(true));
-        board.run_for(Duration::from_millis(400)).expect("a run");
-        let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
-        let lines: Vec<String> = (board.take_lines().into_iter())
-            .map(|line| line.text)
-            .collect();
+        keep_all_rows(&mut board);
+        run_ms(&mut board, 400);
+        let rows: Vec<Row> = kept_rows(&mut board);
+        let lines = take_texts(&mut board);
         board.finish().expect("a clean run");
         (rows, lines)
     };
     let (batches, lines) = run(false);
     let (single, single_lines) = run(true);
 
-    assert!(
-        batches.len() > 50 && batches.len() == single.len(),
-        "{} rows",
-        batches.len()
-    );
+    assert!(batches.len() > 50, "{} rows", batches.len());
+    assert_eq!(batches.len(), single.len());
     assert_eq!(lines, single_lines);
     let (mut apart, mut phases_apart) = (0, 0.0_f64);
     for (batch, single) in batches.iter().zip(&single) {
         let number = batch.number;
-        assert!(
-            batch.words == single.words && batch.counts == single.counts,
-            "row {number}"
-        );
-        assert_eq!(batch.lead_in, single.lead_in, "row {number}");
+        let sent = |row: &Row| (row.words.clone(), row.counts.clone(), row.lead_in);
+        assert!(sent(batch) == sent(single), "row {number}");
         let instants = |row: &Row| {
-            [
-                row.exposure.start,
-                row.exposure.end,
-                row.read_out,
-                row.last_word,
-            ]
+            let Row { exposure, .. } = row;
+            [exposure.start, exposure.end, row.read_out, row.last_word]
         };
         for (batch, single) in instants(batch).into_iter().zip(instants(single)) {
             apart = apart.max(batch.abs_diff(single));
@@ -252,27 +211,21 @@ fn slow_cores_reject_late_rows_and_move_no_centre() {
             ..Conditions::default()
         };
         let light = spot_at(CENTRE, 1500.0);
-        let mut board =
-            VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
+        let board = VirtualBoard::power_on_under(firmware(), light, conditions);
+        let mut board = board.expect("the board starts");
         if is_too_slow {
             // The head sees the edges of the rows that the firmware rejects.
             board.expect_violations();
         }
-        board
-            .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-            .expect("a banner");
+        await_banner(&mut board);
         set(&mut board, "rows 4");
-        board.head(|head| head.keep_all_rows(true));
-        board.run_for(Duration::from_millis(400)).expect("a run");
-        let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
-        let least = rows.iter().map(|row| row.phase.0).fold(1.0, f64::min);
-        let most = rows.iter().map(|row| row.phase.1).fold(0.0, f64::max);
+        keep_all_rows(&mut board);
+        run_ms(&mut board, 400);
+        let rows: Vec<Row> = kept_rows(&mut board);
+        let (least, most) = phases(&rows);
         let status = Status::ask(&mut board);
-        let (spread, late) = (status.0.iter())
-            .find(|line| line.contains("spread"))
-            .map(|line| number(line, "spread ", " %"))
-            .map(|spread| (spread, status.count("rows late")))
-            .expect("a line of the status");
+        let late = status.count("rows late");
+        let spread = number(&status.0.join("\n"), "spread ", " %");
         println!(
             "{millions} million instructions a second: {} rows, {late} late, sampled at {:.0} to \
              {:.0} %, spread {spread} %",
@@ -287,24 +240,18 @@ fn slow_cores_reject_late_rows_and_move_no_centre() {
             // Each end is rounded down to 1 %. It is known to half a turn of a loop of up to 10 instructions,
             // and to 20 cycles of DMA.
             let turn = 100.0 * (40.0 + 10.0 * 168.0 / millions as f64) / 256.0;
-            assert!(
-                (spread - 100.0 * (most - least)).abs() < 1.0 + turn,
-                "{spread}"
-            );
+            let off = spread - 100.0 * (most - least);
+            assert!(off.abs() < 1.0 + turn, "{spread}");
         }
         board.take_lines();
-        board.run_for(Duration::from_millis(400)).expect("a run");
-        let centre = |line: &Line| number(&line.text, "x ", " ");
-        let lines = board.take_lines();
-        let readings = lines.iter().filter(|line| is_reading(&line.text));
-        let errors: Vec<f64> = readings.map(|line| centre(line) - CENTRE).collect();
-        println!("centres are wrong by {errors:.3?} px");
-        assert!(errors.iter().all(|error| error.abs() < 0.1), "{errors:?}");
-        assert!(
-            is_too_slow || errors.len() > 10,
-            "{} readings",
-            errors.len()
-        );
+        run_ms(&mut board, 400);
+        let mut readings = take_results(&mut board);
+        readings.retain(|line| is_reading(line));
+        for line in &readings {
+            let error = number(line, "x ", " ") - CENTRE;
+            assert!(error.abs() < 0.1, "{line}");
+        }
+        assert!(is_too_slow || readings.len() > 10, "{readings:#?}");
         board.finish().expect("a clean run");
     }
 }
@@ -332,32 +279,28 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
         (first + 30, 7 * WORD),
     ] {
         board.pause_words(Some((word, pause))).expect("a gap");
-        board.run_for(Duration::from_millis(20)).expect("a run");
+        run_ms(&mut board, 20);
         board.take_lines();
         let before = board.head(|head| head.row_count());
-        board.run_for(Duration::from_millis(100)).expect("a run");
+        run_ms(&mut board, 100);
         let rows = board.head(|head| head.row_count()) - before;
         let lines = board.take_lines();
         board.pause_words(None).expect("no gap");
         // The row under way still has its gap.
-        board.run_for(Duration::from_millis(12)).expect("a run");
+        run_ms(&mut board, 12);
         let late = Status::ask(&mut board).count("rows late");
-        println!(
-            "a pause after word {word}: {rows} rows, {} late",
-            late - late_before
-        );
-        assert!(late - late_before >= rows && rows >= 15, "{late} late rows");
+        let more = late - late_before;
+        println!("a pause after word {word}: {rows} rows, {more} late");
+        assert!(more >= rows && rows >= 15, "{late} late rows");
         late_before = late;
-        assert!(
-            !lines.iter().any(|line| is_reading(&line.text)),
-            "{lines:#?}"
-        );
+        let has_reading = lines.iter().any(|line| is_reading(&line.text));
+        assert!(!has_reading, "{lines:#?}");
         let lines = fresh_results(&mut board, 2);
         let error = number(&lines[0], "x ", " ") - CENTRE;
         assert!(error.abs() < 0.1, "{lines:#?}");
     }
     let status = Status::ask(&mut board);
-    status.assert_none(&["rows lost", "rows failed"]);
+    status.assert_nothing_lost();
     assert_eq!(status.count("rows late"), late_before, "{status:#?}");
     board.finish().expect("a clean run");
 }

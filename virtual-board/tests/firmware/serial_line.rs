@@ -11,7 +11,8 @@ use slitrange_device::protocol::input::Input;
 use virtual_board::{Arrival, Line, Nanos, VirtualBoard};
 
 use super::common::{
-    PATIENCE, Status, ask, fresh_results, is_reading, is_result, measuring, number, set,
+    Status, ask, await_line, await_text, fresh_results, is_reading, is_result, measuring, number,
+    run_ms, say, set, take_texts,
 };
 
 /// The number of random bytes.
@@ -42,21 +43,15 @@ fn flood(board: &mut VirtualBoard, bytes: &[u8]) -> (Nanos, Vec<Line>) {
 
 /// Asserts that every line is a reading or an error, and that there are enough of both.
 fn assert_measures_on(lines: &[Line], start: Nanos) {
-    let of_another_kind: Vec<&Line> = lines
-        .iter()
-        .filter(|line| !is_reading(&line.text) && !is_error(&line.text))
-        .collect();
-    assert!(of_another_kind.is_empty(), "{of_another_kind:#?}");
     let end = start + TRANSFER.as_nanos() as Nanos;
-    let readings = lines
-        .iter()
-        .filter(|line| is_result(&line.text) && (start..end).contains(&line.at))
-        .count();
-    let errors = lines.iter().filter(|line| is_error(&line.text)).count();
-    println!(
-        "{BYTES} bytes in {:.3} s: {readings} readings meanwhile, {errors} errors said",
-        TRANSFER.as_secs_f64()
-    );
+    let (mut readings, mut errors) = (0, 0);
+    for line in lines {
+        assert!(is_reading(&line.text) || is_error(&line.text), "{line}");
+        errors += usize::from(is_error(&line.text));
+        let meanwhile = (start..end).contains(&line.at);
+        readings += usize::from(is_reading(&line.text) && meanwhile);
+    }
+    println!("{BYTES} bytes: {readings} readings meanwhile, {errors} errors said");
     // A frame of 4 rows takes 22.8 ms.
     let frames = (TRANSFER.as_secs_f64() / 0.0228) as usize;
     assert!(readings >= frames - 2, "{readings} of {frames}: {lines:#?}");
@@ -65,25 +60,17 @@ fn assert_measures_on(lines: &[Line], start: Nanos) {
 
 /// Whether a line is `E`, a number, a blank and words.
 fn is_error(line: &str) -> bool {
-    line.strip_prefix('E')
-        .and_then(|rest| rest.split_once(' '))
-        .is_some_and(|(number, words)| number.parse::<u32>().is_ok() && !words.is_empty())
+    let parts = line.strip_prefix('E').and_then(|rest| rest.split_once(' '));
+    parts.is_some_and(|(number, words)| number.parse::<u32>().is_ok() && !words.is_empty())
 }
 
 /// Asserts that readings come, that no row was lost, and that a command works.
 fn assert_lives_on(board: &mut VirtualBoard) {
-    Status::ask(board).assert_none(&[
-        "rows lost",
-        "rows failed",
-        "lines dropped",
-        "serial overrun",
-    ]);
+    Status::ask(board).assert_nothing_lost();
     set(board, "rows 7");
-    let lines = fresh_results(board, 3);
-    assert!(
-        lines.iter().all(|line| line.contains(" n 7/7 ")),
-        "{lines:#?}"
-    );
+    for line in fresh_results(board, 3) {
+        assert!(line.contains(" n 7/7 "), "{line}");
+    }
 }
 
 /// The core's answers to these bytes.
@@ -107,12 +94,11 @@ fn random_bytes_are_answered_by_errors_and_measuring_continues() {
     let bytes = random_bytes(1);
     let (start, lines) = flood(&mut board, &bytes);
     assert_measures_on(&lines, start);
-    let errors: Vec<String> = lines
+    let errors = lines
         .into_iter()
         .map(|line| line.text)
-        .filter(|line| is_error(line))
-        .collect();
-    assert_eq!(errors, errors_about(&bytes));
+        .filter(|line| is_error(line));
+    assert_eq!(errors.collect::<Vec<_>>(), errors_about(&bytes));
     assert_lives_on(&mut board);
     board.finish().expect("a clean run");
 }
@@ -129,8 +115,7 @@ fn noise_and_framing_errors_are_counted_and_the_line_still_works() {
     assert_measures_on(&lines, start);
     board.garble_serial_line(0, 0, 1).expect("the emulator");
     // The garbled bytes may have ended within a line.
-    board.send("\r\n");
-    board.run_for(Duration::from_millis(20)).expect("a run");
+    say(&mut board, "", 20);
     board.take_lines();
     let status = Status::ask(&mut board);
     for kind in ["serial noise", "serial framing"] {
@@ -145,19 +130,12 @@ fn noise_and_framing_errors_are_counted_and_the_line_still_works() {
 #[test]
 fn commands_typed_without_a_pause_are_all_answered() {
     let mut board = measuring(16);
-    let rows: Vec<u16> = (1..=64).collect();
-    let commands: String = rows.iter().map(|rows| format!("rows {rows}\r\n")).collect();
+    let commands: Vec<String> = (1..=64).map(|rows| format!("rows {rows}")).collect();
     board.take_lines();
-    board.send(&commands);
-    board.run_for(Duration::from_millis(150)).expect("a run");
-    let answers: Vec<String> = board
-        .take_lines()
-        .into_iter()
-        .map(|line| line.text)
-        .filter(|line| !is_result(line))
-        .collect();
-    let expected: Vec<String> = rows.iter().map(|rows| format!("rows {rows}")).collect();
-    assert_eq!(answers, expected);
+    say(&mut board, &commands.join("\r\n"), 150);
+    let mut answers = take_texts(&mut board);
+    answers.retain(|line| !is_result(line));
+    assert_eq!(answers, commands);
     assert_eq!(ask(&mut board, "rows"), "rows 64");
     board.finish().expect("a clean run");
 }
@@ -238,8 +216,7 @@ impl Numbered {
     fn start(board: &mut VirtualBoard) -> Self {
         const COLUMNS: &str = "output counter distance u r centre rows flags";
         board.send(&format!("{COLUMNS}\r\n"));
-        let answer = board.run_until_line(|line| line == COLUMNS, PATIENCE);
-        answer.expect("an answer");
+        await_text(board, COLUMNS);
         board.take_lines();
         Self {
             last: None,
@@ -255,11 +232,8 @@ impl Numbered {
                 continue;
             }
             let now = number(&line.text, "# ", " d ");
-            assert!(
-                self.last.is_none_or(|last| last + 1.0 == now),
-                "{}",
-                line.text
-            );
+            let is_next = self.last.is_none_or(|last| last + 1.0 == now);
+            assert!(is_next, "{line}");
             self.last = Some(now);
             self.results += 1;
         }
@@ -267,8 +241,7 @@ impl Numbered {
 
     /// Sends a line. Gives what came that is no result.
     fn ask(&mut self, board: &mut VirtualBoard, line: &str) -> Vec<String> {
-        board.send(&format!("{line}\r\n"));
-        board.run_for(Duration::from_millis(60)).expect("a run");
+        say(board, line, 60);
         self.take(board);
         std::mem::take(&mut self.others)
     }
@@ -295,7 +268,7 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     }
     // A break within a command.
     board.send("rows 9");
-    board.run_for(Duration::from_millis(5)).expect("a run");
+    run_ms(&mut board, 5);
     arrive(&mut board, &[(false, 0.03), (true, 0.001)]);
     assert_eq!(numbered.ask(&mut board, ""), ["E5 not ASCII text"]);
     assert_eq!(numbered.ask(&mut board, "rows"), ["rows 4"]);
@@ -309,11 +282,9 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
         assert_eq!(errors, errors_about(&bytes), "{baud} baud");
         assert_eq!(numbered.ask(&mut board, "rows"), ["rows 4"]);
     }
-    println!(
-        "{} results came, {without_stop_bit} bytes had no stop bit",
-        numbered.results
-    );
-    assert!(numbered.results > 30, "{}", numbered.results);
+    let results = numbered.results;
+    println!("{results} results came, {without_stop_bit} bytes had no stop bit");
+    assert!(results > 30, "{results}");
     assert!(without_stop_bit > 30, "{without_stop_bit}");
     assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
     let status = Status::ask(&mut board);
@@ -321,15 +292,10 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     // the driver clears the flags. An interrupt comes every 87 us, 14,600 cycles: 0.3 of 386 bytes on the
     // average.
     let counted = status.count("serial framing");
-    println!("{counted} counted");
     let missed = (without_stop_bit as u64).checked_sub(counted);
     assert!(missed.is_some_and(|missed| missed <= 3), "{missed:?}");
-    status.assert_none(&[
-        "rows lost",
-        "lines dropped",
-        "serial noise",
-        "serial overrun",
-    ]);
+    status.assert_nothing_lost();
+    status.assert_none(&["serial noise"]);
     board.finish().expect("a clean run");
 }
 
@@ -354,14 +320,10 @@ fn an_overrun_is_counted_and_the_next_command_is_answered() {
     let mut board = measuring(4);
     let mut numbered = Numbered::start(&mut board);
     // The line is silent for a while after a result, so no interrupt for a byte to send comes.
-    let after_a_result = |board: &mut VirtualBoard| {
-        let line = board.run_until_line(|line| line.starts_with("# "), PATIENCE);
-        line.expect("a result");
-    };
-    after_a_result(&mut board);
+    await_line(&mut board, |line| line.starts_with("# "));
     let_receive(&mut board, false);
     board.send("rows 9");
-    board.run_for(Duration::from_millis(2)).expect("a run");
+    run_ms(&mut board, 2);
     let_receive(&mut board, true);
     let answer = numbered.ask(&mut board, "");
     println!("{answer:?}");
@@ -371,12 +333,8 @@ fn an_overrun_is_counted_and_the_next_command_is_answered() {
     assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
     let status = Status::ask(&mut board);
     assert_eq!(status.count("serial overrun"), 1);
-    status.assert_none(&[
-        "rows lost",
-        "lines dropped",
-        "serial noise",
-        "serial framing",
-    ]);
+    status.assert_none(&["rows lost", "lines dropped"]);
+    status.assert_none(&["serial noise", "serial framing"]);
     board.finish().expect("a clean run");
 }
 
@@ -389,12 +347,12 @@ fn bytes_that_find_the_buffer_full_are_counted() {
     assert_eq!(numbered.ask(&mut board, "stream off"), ["stream off"]);
     board.send("save\r");
     board.send(&"rows\r".repeat(LINES));
-    board.run_for(Duration::from_secs(3)).expect("a run");
+    run_ms(&mut board, 3_000);
     let lines = board.take_lines();
     let answered = lines.iter().filter(|it| it.text == "rows 4").count();
     // The last of the bytes were lost, so a part of a line is left, and this line ends it.
     board.send("\r");
-    board.run_for(Duration::from_millis(100)).expect("a run");
+    run_ms(&mut board, 100);
     board.take_lines();
     let lost = Status::ask(&mut board).count("serial overrun") as usize;
     println!("{answered} lines answered, {lost} bytes lost");

@@ -1,14 +1,14 @@
 //! Measures the deepest stack of the firmware.
 
-use std::ops::Range;
-use std::time::Duration;
-
 use rigless::soc::Width;
 use slitrange::centre::Estimator;
+use std::ops::Range;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::comb::{any_combs, paper_behind_a_comb};
-use super::common::{PATIENCE, firmware, paper, results, set, spot_at};
+use super::common::{
+    await_banner, await_text, firmware, paper, press_reset, results, say, set, spot_at,
+};
 use super::records::{longest_of_comb, upload};
 
 /// The pattern in unused stack.
@@ -19,12 +19,8 @@ const PATTERN: u32 = 0xA5C3_5A3C;
 /// this test.
 #[test]
 fn the_stack_stays_far_from_the_statics() {
-    let start = firmware()
-        .address_of("_stack_start")
-        .expect("the stack's start");
-    let end = firmware()
-        .address_of("__sheap")
-        .expect("the end of the statics");
+    let address = |symbol| firmware().address_of(symbol).expect("the symbol");
+    let (start, end) = (address("_stack_start"), address("__sheap"));
     let mut board = VirtualBoard::power_on(firmware(), paper()).expect("the board starts");
     board
         .on_emulator(move |_, host, _| {
@@ -34,57 +30,29 @@ fn the_stack_stays_far_from_the_statics() {
         })
         .expect("the emulator")
         .expect("RAM");
-    board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
+    await_banner(&mut board);
     set(&mut board, "rows 2");
-    for estimator in Estimator::ALL {
-        set(&mut board, &format!("estimator {}", estimator.name()));
-        for light in hard_rows() {
-            board.set_light(light);
-            // The result under way, and one result of the new light.
-            results(&mut board, 2);
-        }
-    }
+    // The result under way, and one result of the new light.
+    show_all_estimators(&mut board, 2, hard_rows);
     println!("one slit: {} bytes", used(&mut board, end..start));
     // Rows of a comb, first a good one.
     set(&mut board, "slits comb");
-    for estimator in Estimator::ALL {
-        set(&mut board, &format!("estimator {}", estimator.name()));
-        for light in [paper_behind_a_comb(), any_combs(21)] {
-            board.set_light(light);
-            results(&mut board, 10);
-        }
-    }
+    show_all_estimators(&mut board, 10, || [paper_behind_a_comb(), any_combs(21)]);
     println!("and a comb: {} bytes", used(&mut board, end..start));
     set(&mut board, "slits one");
-    for command in [
-        "help",
-        "help estimator",
-        "info",
-        "status",
-        "distance",
-        "centre",
-        "calibration",
-        "what",
-    ] {
-        board.send(&format!("{command}\r\n"));
-        board.run_for(Duration::from_millis(200)).expect("a run");
+    let commands = "help, help estimator, info, status, distance, centre, calibration, what";
+    for command in commands.split(", ") {
+        say(&mut board, command, 200);
     }
     board.take_lines();
     // Records are the largest objects. Upload one, save it, and start again with it.
     upload(&mut board, &longest_of_comb());
     for command in ["save", "save nominal"] {
         board.send(&format!("{command}\r\n"));
-        board
-            .run_until_line(|line| line == "save", PATIENCE)
-            .expect("it is saved");
+        await_text(&mut board, "save");
         set(&mut board, "defaults");
     }
-    board.reset_pin().expect("the emulator");
-    board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-        .expect("a banner");
+    press_reset(&mut board);
     set(&mut board, "defaults");
     let (used, room) = (used(&mut board, end..start), start - end);
     println!("stack: {used} bytes at most of {room}");
@@ -95,6 +63,21 @@ fn the_stack_stays_far_from_the_statics() {
     // two, of 3 KB each. Half of the room stays free.
     assert!(used < room / 2, "{used} of {room}");
     board.finish().expect("a clean run");
+}
+
+/// Lets each estimator see each light for some results.
+fn show_all_estimators<const N: usize>(
+    board: &mut VirtualBoard,
+    count: usize,
+    lights: impl Fn() -> [LightSource; N],
+) {
+    for estimator in Estimator::ALL {
+        set(board, &format!("estimator {}", estimator.name()));
+        for light in lights() {
+            board.set_light(light);
+            results(board, count);
+        }
+    }
 }
 
 /// The bytes of the stack's room that were used so far.

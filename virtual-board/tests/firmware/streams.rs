@@ -3,11 +3,10 @@
 
 use std::time::Duration;
 
-use slitrange::base::fault::Fault;
-use virtual_board::{Nanos, VirtualBoard};
+use virtual_board::{Line, Nanos, VirtualBoard};
 
-use super::binary::{Reader, say};
-use super::common::{PATIENCE, Status, measuring, measuring_at_full_speed, number, set};
+use super::binary::Reader;
+use super::common::{Status, await_text, measuring, measuring_at_full_speed, number, say, set};
 
 /// The length of the long runs in seconds of virtual time. `SLITRANGE_SECONDS` sets another one.
 const AN_HOUR: u64 = 3600;
@@ -64,26 +63,12 @@ fn assert_next(before: Option<Stamp>, now: Stamp, frame: Duration) {
     assert!(off <= LATE_US, "{period} us: {before:?} {now:?}");
 }
 
-/// Readings and faults that the firmware counted since its start.
-fn results(status: &Status) -> u64 {
-    let faults = Fault::NAMES
-        .iter()
-        .map(|name| status.count(&format!("fault {name}")));
-    status.count("readings") + faults.sum::<u64>()
-}
-
 /// Asserts that the firmware lost nothing, and counted as much as came: all results up to `last`, whose line
 /// or packet came at most `ago` before this call, and the rows that the sensor head sent.
 fn assert_counters_agree(status: &Status, last: Stamp, ago: Duration, frame: Duration, rows: u64) {
-    status.assert_none(&[
-        "rows lost",
-        "rows failed",
-        "lines dropped",
-        "serial noise",
-        "serial framing",
-        "serial overrun",
-    ]);
-    let later = results(status) - last.0;
+    status.assert_nothing_lost();
+    status.assert_none(&["serial noise", "serial framing"]);
+    let later = status.count("readings") + status.faults() - last.0;
     let most = (ago.as_nanos() / frame.as_nanos()) as u64 + 2;
     assert!(later <= most, "{later} of {most}: {last:?} {status:#?}");
     // The command takes less than a row.
@@ -97,9 +82,7 @@ fn assert_text_arrives(time: Duration) {
     let frame = 2 * ROW;
     let mut board = measuring(2);
     board.send(&format!("{COLUMNS}\r\n"));
-    board
-        .run_until_line(|line| line == COLUMNS, PATIENCE)
-        .expect("an answer");
+    await_text(&mut board, COLUMNS);
     board.take_lines();
     let (mut last, mut lines) = (None, 0);
     let mut take = |line: &str| {
@@ -114,16 +97,13 @@ fn assert_text_arrives(time: Duration) {
         board.take_bytes();
         let lines = board.take_lines();
         lines.iter().for_each(|line| take(&line.text));
-        lines
-            .last()
-            .map_or(0, |line| number(&line.text, "# ", " @ ") as u64)
+        let number = |line: &Line| number(&line.text, "# ", " @ ") as u64;
+        lines.last().map_or(0, number)
     });
     // The lines up to the answer.
     let asked = board.now();
     board.send("stream off\r\n");
-    board
-        .run_until_line(|line| line == "stream off", PATIENCE)
-        .expect("an answer");
+    await_text(&mut board, "stream off");
     let rest = board.take_lines();
     let rest = rest.iter().filter(|line| line.text.starts_with("# "));
     rest.for_each(|line| take(&line.text));
@@ -150,7 +130,7 @@ fn assert_windows_arrive(time: Duration) {
     let mut board = measuring_at_full_speed(1);
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);
-    say(&mut board, "pixels window");
+    say(&mut board, "pixels window", 50);
     reader.read(&mut board);
     let (mut last, mut last_window, mut last_packet) = (None, None, None::<u16>);
     let (mut count, mut pixels, mut slowest) = (0, 0, Duration::ZERO);
@@ -203,7 +183,7 @@ fn assert_windows_arrive(time: Duration) {
     assert!(count >= fewest, "{count} of {fewest}");
     // The results up to the answer.
     let asked = board.now();
-    say(&mut board, "stream off");
+    say(&mut board, "stream off", 50);
     let received = reader.read(&mut board);
     assert_eq!(received.text, "stream off\r\n");
     received.assert_whole();
@@ -216,7 +196,7 @@ fn assert_windows_arrive(time: Duration) {
     board.take_lines();
     let rows = board.head(|head| head.row_count());
     let ago = since(&board, asked);
-    say(&mut board, "status");
+    say(&mut board, "status", 50);
     let text = reader.read(&mut board).text;
     let status = Status(text.lines().map(str::to_owned).collect());
     assert_counters_agree(&status, last, ago, ROW, rows);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use virtual_board::{Exposure, LightSource, OpenLine, VirtualBoard};
 
-use super::common::{PATIENCE, Status, boot, is_result, number, set, spot_at};
+use super::common::{Status, await_line, boot, is_result, number, run_ms, say, set, spot_at};
 
 /// The time from row to row, as the firmware states it, ns.
 const ROW_PERIOD: u64 = 5_700_000;
@@ -44,10 +44,8 @@ fn assert_silent(board: &mut VirtualBoard, time: Duration) {
     board.take_lines();
     board.run_for(time).expect("a run");
     let lines = board.take_lines();
-    assert!(
-        lines.iter().all(|line| !is_result(&line.text)),
-        "{lines:#?}"
-    );
+    let has_result = lines.iter().any(|line| is_result(&line.text));
+    assert!(!has_result, "{lines:#?}");
 }
 
 /// A pulse at the trigger's pin, long before the next row is due.
@@ -79,7 +77,7 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge() {
         let edge = board.now();
         jump.store(edge, Ordering::Relaxed);
         pulse(&mut board);
-        let line = board.run_until_line(is_result, PATIENCE).expect("a result");
+        let line = await_line(&mut board, is_result);
         // Both rows show the new place. Rows that disagree would give another centre, or a fault.
         let centre = number(&line.text, ": x ", " u ");
         assert!((centre - AFTER).abs() < 0.1, "{line}");
@@ -100,8 +98,7 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge() {
     set(&mut board, "rows 16");
     board.take_lines();
     (0..3).for_each(|_| pulse(&mut board));
-    board.send("measure\r\n");
-    board.run_for(Duration::from_millis(250)).expect("a run");
+    say(&mut board, "measure", 250);
     let lines = board.take_lines();
     println!("{lines:#?}");
     let results = lines.iter().filter(|line| is_result(&line.text));
@@ -118,26 +115,22 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge() {
 fn measure_gives_one_result_of_rows_that_began_after_it() {
     let (light, jump, _) = jumping_spot();
     let (mut board, _) = boot(light);
-    for command in [
-        "calibration off",
-        "rows 2",
-        "output centre",
-        "trigger serial",
-    ] {
+    for command in ["calibration off", "rows 2", "output centre"] {
         set(&mut board, command);
     }
+    set(&mut board, "trigger serial");
     board.take_lines();
     assert_silent(&mut board, Duration::from_millis(100));
     for command in ["measure", "distance"] {
         jump.store(u64::MAX, Ordering::Relaxed);
-        board.run_for(Duration::from_millis(100)).expect("a run");
+        run_ms(&mut board, 100);
         // The command is understood with its last byte.
         board.send(&format!("{command}\r"));
         board
             .run_for(Duration::from_micros(87 * (command.len() as u64 + 1)))
             .expect("a run");
         jump.store(board.now(), Ordering::Relaxed);
-        let line = board.run_until_line(is_result, PATIENCE).expect("a result");
+        let line = await_line(&mut board, is_result);
         println!("{line}");
         // `distance` advises about the fault in a line more.
         let centre = number(&line.text, ": x ", " u ");
@@ -146,10 +139,10 @@ fn measure_gives_one_result_of_rows_that_began_after_it() {
     }
     // A silent sensor answers too.
     board.open_line(Some(OpenLine::Ones));
-    board.run_for(Duration::from_millis(300)).expect("a run");
+    run_ms(&mut board, 300);
     board.take_lines();
     board.send("measure\r\n");
-    let fault = board.run_until_line(is_result, PATIENCE).expect("a fault");
+    let fault = await_line(&mut board, is_result);
     assert!(fault.text.starts_with("f sensor silent"), "{fault}");
     board.finish().expect("a clean run");
 }

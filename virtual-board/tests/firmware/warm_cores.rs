@@ -1,28 +1,21 @@
 //! A board continues in a core that has run the firmware before, and does the same as in a new core.
 
-use std::time::Duration;
-
 use virtual_board::{Firmware, VirtualBoard};
 
-use super::common::paper;
+use super::common::{paper, run_ms};
 
 /// The lines with their times, the log, and the statistics of a run with commands, a hang and a reset.
 fn run(firmware: &Firmware) -> String {
     let mut board = VirtualBoard::power_on(firmware, paper()).expect("the board starts");
-    let run_for = |milliseconds, board: &mut VirtualBoard| {
-        board
-            .run_for(Duration::from_millis(milliseconds))
-            .expect("a run");
-    };
-    run_for(60, &mut board);
+    run_ms(&mut board, 60);
     assert_eq!(firmware.warm_cores(), 0, "the board's core waits, too");
     board.send("rows 4\r\nestimator gauss-newton\r\nstatus\r\n");
-    run_for(60, &mut board);
+    run_ms(&mut board, 60);
     board.hang_at("measure_row").expect("a function");
-    run_for(10, &mut board);
+    run_ms(&mut board, 10);
     board.unhang("measure_row").expect("a function");
     board.reset_pin().expect("a reset");
-    run_for(70, &mut board);
+    run_ms(&mut board, 70);
     let (lines, log) = (board.take_lines(), board.take_log());
     assert!(lines.len() > 20 && !log.is_empty(), "{lines:#?} {log:#?}");
     let statistics = board.finish().expect("a clean run");
@@ -37,10 +30,11 @@ fn a_board_in_a_warm_core_does_the_same() {
     for _ in 0..2 {
         assert_eq!(firmware.warm_cores(), 1);
         let warm = run(&firmware);
-        let differing = cold
-            .lines()
-            .zip(warm.lines())
-            .find(|(cold, warm)| cold != warm);
-        assert!(cold == warm, "{differing:?}");
+        let mut lines = cold.lines().zip(warm.lines());
+        assert!(
+            cold == warm,
+            "{:?}",
+            lines.find(|(cold, warm)| cold != warm)
+        );
     }
 }

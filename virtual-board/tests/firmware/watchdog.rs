@@ -4,53 +4,49 @@ use std::time::Duration;
 
 use rigless::soc::stm32f427::generated::usart6;
 use virtual_board::board::Conditions;
-use virtual_board::{OpenLine, VirtualBoard};
+use virtual_board::{Nanos, OpenLine, VirtualBoard};
 
 use super::common::{
-    PATIENCE, ask, ask_for_lines, boot, firmware, fresh_results, is_reading, measuring, paper,
-    run_into_a_row,
+    PATIENCE, ask, ask_for_lines, assert_readings, await_banner, await_line, await_text, boot,
+    boot_under, firmware, fresh_results, measuring, number, paper, run_into_a_row, run_ms, set,
 };
 
 /// USART3, in the emulator's order.
 const SERIAL_PORT: usize = 2;
 
+/// The emulator's name for a reset by the watchdog.
+const WATCHDOG: &str = r#"Model("IWDG")"#;
+
 /// Lets the board boot again. Asserts that the banner names the cause, and that the settings are those of a
 /// start.
 fn assert_starts_again(board: &mut VirtualBoard, cause: &str) {
-    let banner = board
-        // The line may begin with text that the reset cut off.
-        .run_until_line(|line| line.contains("slitrange "), PATIENCE)
-        .expect("a banner");
-    println!("{banner}");
-    assert!(
-        banner.text.ends_with(&format!(", started by {cause}")),
-        "{banner}"
-    );
+    let banner = await_banner(board);
+    let end = format!(", started by {cause}");
+    assert!(banner.text.ends_with(&end), "{banner}");
     let lines = fresh_results(board, 2);
-    assert!(
-        lines
-            .iter()
-            .all(|line| is_reading(line) && line.contains(" n 16/16 ")),
-        "{lines:#?}"
-    );
+    assert_readings(&lines);
+    assert!(lines.iter().all(|line| line.contains(" n 16/16 ")));
     assert_eq!(ask(board, "status"), format!("status start {cause}"));
+}
+
+/// Asserts that there was one reset, of this cause. Gives its instant.
+fn only_reset(board: &mut VirtualBoard, cause: &str) -> Nanos {
+    let resets = board.resets().expect("resets");
+    assert_eq!(resets.len(), 1, "{resets:?}");
+    assert_eq!(format!("{:?}", resets[0].cause), cause);
+    resets[0].at.0
 }
 
 /// Runs until the watchdog has reset the board. Gives the time that this took, in seconds.
 fn run_into_the_watchdog(board: &mut VirtualBoard) -> f64 {
     let stopped = board.now();
     while board.resets().expect("resets").is_empty() {
-        assert!(
-            board.now() - stopped < 3_000_000_000,
-            "no reset within 3 s: {:?}",
-            board.take_lines()
-        );
-        board.run_for(Duration::from_millis(10)).expect("a run");
+        assert!(board.now() - stopped < 3_000_000_000, "no reset within 3 s");
+        run_ms(board, 10);
     }
-    let resets = board.resets().expect("resets");
-    let lasted = (resets[0].at.0 - stopped) as f64 * 1e-9;
-    println!("reset {lasted:.3} s after it stopped: {resets:?}");
-    assert_eq!(format!("{:?}", resets[0].cause), r#"Model("IWDG")"#);
+    let reset = only_reset(board, WATCHDOG);
+    let lasted = (reset - stopped) as f64 * 1e-9;
+    println!("reset {lasted:.3} s after it stopped");
     lasted
 }
 
@@ -66,14 +62,10 @@ fn the_watchdog_resets_after_a_logged_panic() {
     // The panic comes within a row. After it nothing restarts the watchdog, whose second began at the last
     // check before.
     assert!((0.85..1.05).contains(&lasted), "{lasted} s");
-    let log: Vec<String> = (board.take_log().iter())
-        .map(|message| format!("{message:?}"))
-        .collect();
-    println!("{log:#?}");
-    let panicked = log.iter().filter(|message| message.contains("panicked"));
-    assert_eq!(panicked.count(), 1, "{log:#?}");
+    let log = format!("{:#?}", board.take_log());
+    assert_eq!(log.matches("panicked").count(), 1, "{log}");
     assert_starts_again(&mut board, "watchdog");
-    assert_eq!(board.resets().expect("resets").len(), 1);
+    only_reset(&mut board, WATCHDOG);
     board.finish().expect("a clean run");
 }
 
@@ -85,7 +77,7 @@ fn the_watchdog_resets_if_the_serial_line_hangs() {
     fresh_results(&mut board, 1);
     // Twice what the port's buffer holds.
     board.send(&"help\r\n".repeat(6));
-    board.run_for(Duration::from_millis(50)).expect("a run");
+    run_ms(&mut board, 50);
     board
         .on_emulator(|session, _, _| {
             let part = &mut session.board_mut().processor.part;
@@ -94,7 +86,7 @@ fn the_watchdog_resets_if_the_serial_line_hangs() {
             registers.set(usart6::Register::Cr1, control & !usart6::cr1::TE.mask());
         })
         .expect("the emulator");
-    board.run_for(Duration::from_millis(1)).expect("a run");
+    run_ms(&mut board, 1);
     board.take_lines();
     let rows = board.statistics().rows;
     let lasted = run_into_the_watchdog(&mut board);
@@ -118,9 +110,7 @@ fn the_banner_names_a_reset_by_software() {
     let (register, word) = RESET_BY_SOFTWARE;
     board.probe_writes(register, word);
     assert_starts_again(&mut board, "software");
-    let resets = board.resets().expect("resets");
-    assert_eq!(resets.len(), 1, "{resets:?}");
-    assert_eq!(format!("{:?}", resets[0].cause), "Core");
+    only_reset(&mut board, "Core");
     board.finish().expect("a clean run");
 }
 
@@ -131,19 +121,14 @@ fn the_command_reset_is_answered_and_starts_the_firmware_again() {
     run_into_a_row(&mut board);
     // Many bytes wait before the answer.
     board.send("help\r\nreset\r\n");
-    let answer = board.run_until_line(|line| line == "reset", PATIENCE);
-    let answered = answer.expect("an answer").at;
+    let answered = await_text(&mut board, "reset").at;
     assert_starts_again(&mut board, "software");
-    let resets = board.resets().expect("resets");
-    assert_eq!(resets.len(), 1, "{resets:?}");
-    assert!(resets[0].at.0 > answered);
-    assert_eq!(format!("{:?}", resets[0].cause), "Core");
+    let reset = only_reset(&mut board, "Core");
+    assert!(reset > answered);
     let uptime = ask(&mut board, "uptime");
-    let since = (board.now() - resets[0].at.0) as f64 * 1e-9;
+    let since = (board.now() - reset) as f64 * 1e-9;
     println!("{uptime}, {since} s after the reset");
-    let uptime: f64 = (uptime.strip_prefix("status uptime "))
-        .and_then(|rest| rest.strip_suffix(" s")?.parse().ok())
-        .expect("an uptime");
+    let uptime = number(&uptime, "status uptime ", " s");
     assert!((since - 0.15..since).contains(&uptime));
     board.finish().expect("a clean run");
 }
@@ -160,7 +145,7 @@ fn the_watchdog_resets_if_a_computation_hangs() {
     // One check, eight checks without a change, and the watchdog's own second.
     assert!((1.5..2.5).contains(&lasted), "{lasted} s");
     assert_starts_again(&mut board, "watchdog");
-    assert_eq!(board.resets().expect("resets").len(), 1);
+    only_reset(&mut board, WATCHDOG);
     board.finish().expect("a clean run");
 }
 
@@ -171,9 +156,7 @@ fn the_banner_names_the_reset_pin_and_settings_are_those_of_a_start() {
     run_into_a_row(&mut board);
     board.reset_pin().expect("the emulator");
     assert_starts_again(&mut board, "reset pin");
-    let resets = board.resets().expect("resets");
-    assert_eq!(resets.len(), 1, "{resets:?}");
-    assert_eq!(format!("{:?}", resets[0].cause), "Pin");
+    only_reset(&mut board, "Pin");
     board.finish().expect("a clean run");
 }
 
@@ -182,9 +165,19 @@ fn a_silent_sensor_does_not_make_the_watchdog_reset() {
     let (mut board, _) = boot(paper());
     board.open_line(Some(OpenLine::Ones));
     // This is longer than the watchdog waits.
-    board.run_for(Duration::from_millis(2500)).expect("a run");
+    run_ms(&mut board, 2500);
     assert_eq!(board.resets().expect("resets"), []);
     board.finish().expect("a clean run");
+}
+
+/// Lets the firmware hang with its stack there, until the next reset. Gives the rows of 100 ms.
+fn rows_of_a_hang(board: &mut VirtualBoard, stack: u32) -> u64 {
+    let hung = board.hang_with_stack_at("measure_row", stack);
+    hung.expect("the function");
+    let rows = board.head(|head| head.row_count());
+    run_ms(board, 100);
+    board.unhang("measure_row").expect("the function");
+    board.head(|head| head.row_count()) - rows
 }
 
 /// Without a guard the stack would grow into the statics, and nobody would notice.
@@ -198,27 +191,15 @@ fn a_stack_that_is_too_deep_ends_in_a_reset() {
         .next_multiple_of(4096);
     // An interrupt pushes 32 bytes or more.
     let (below, above) = (guard + 4096 + 16, guard + 8192);
-    board
-        .hang_with_stack_at("measure_row", above)
-        .expect("the function");
-    let rows = board.head(|head| head.row_count());
-    board.run_for(Duration::from_millis(100)).expect("a run");
-    let more = board.head(|head| head.row_count()) - rows;
+    let more = rows_of_a_hang(&mut board, above);
     // As many as there are buffers, of which some may be in use.
     assert!(more >= 4, "interrupts take rows above the guard: {more}");
-    board.unhang("measure_row").expect("the function");
     board.reset_pin().expect("the emulator");
     assert_starts_again(&mut board, "reset pin");
 
-    board
-        .hang_with_stack_at("measure_row", below)
-        .expect("the function");
-    let rows = board.head(|head| head.row_count());
-    board.run_for(Duration::from_millis(100)).expect("a run");
-    let more = board.head(|head| head.row_count()) - rows;
+    let more = rows_of_a_hang(&mut board, below);
     println!("{more} rows after the stack reached its guard");
     assert!(more <= 1, "{more} rows");
-    board.unhang("measure_row").expect("the function");
     assert_starts_again(&mut board, "watchdog");
 }
 
@@ -235,21 +216,12 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
         .run_until_line(|line| line.contains("slitrange "), Duration::from_secs(6))
         .expect("a banner");
     println!("{banner} after {:.1} s", board.now() as f64 * 1e-9);
-    assert!(
-        banner
-            .text
-            .ends_with(", started by power-on, without its external clock"),
-        "{banner}"
-    );
+    let end = ", started by power-on, without its external clock";
+    assert!(banner.text.ends_with(end), "{banner}");
     assert!(board.resets().expect("resets").is_empty());
-    let lines = fresh_results(&mut board, 2);
-    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
-    let info = ask_for_lines(&mut board, "info", 7);
-    assert!(
-        info.iter()
-            .any(|line| line.starts_with("info clock internal")),
-        "{info:#?}"
-    );
+    assert_readings(&fresh_results(&mut board, 2));
+    let info = ask_for_lines(&mut board, "info", 7).join("\n");
+    assert!(info.contains("\ninfo clock internal"), "{info}");
     board.finish().expect("a clean run");
 }
 
@@ -263,31 +235,23 @@ fn the_watchdog_works_with_the_slowest_and_the_fastest_clock() {
             watchdog_hz,
             ..Conditions::default()
         };
-        let mut board = VirtualBoard::power_on_under(firmware(), paper(), conditions)
-            .expect("the board starts");
-        board
-            .run_until_line(|line| line.contains("slitrange "), PATIENCE)
-            .expect("a banner");
-        assert_eq!(ask(&mut board, "rows 64"), "rows 64");
+        let (mut board, _) = boot_under(paper(), conditions);
+        set(&mut board, "rows 64");
         for (command, last) in [("save nominal", "save"), ("selftest", "selftest pass")] {
             board.send(&format!("{command}\r\n"));
             board
                 .run_until_line(|line| line == last, 2 * PATIENCE)
                 .expect("an answer");
         }
-        board.run_for(Duration::from_secs(2)).expect("a run");
+        run_ms(&mut board, 2_000);
         assert_eq!(board.resets().expect("resets"), []);
 
         board.panic_at("measure_row").expect("the function");
         let seconds = run_into_the_watchdog(&mut board);
         board.unhang("measure_row").expect("the function");
-        assert!(
-            (least..most).contains(&seconds),
-            "{watchdog_hz} Hz: {seconds}"
-        );
-        board
-            .run_until_line(|line| line.ends_with("started by watchdog"), PATIENCE)
-            .expect("a banner");
+        let range = least..most;
+        assert!(range.contains(&seconds), "{watchdog_hz} Hz: {seconds}");
+        await_line(&mut board, |line| line.ends_with("started by watchdog"));
         board.finish().expect("a clean run");
     }
 }
