@@ -27,7 +27,7 @@
 //! bits, no FIFO, no circular or double buffer, no interrupt half way, and one converter on the bus. rigless
 //! moves all other transfers word by word.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
 use rigless::soc::Width;
@@ -39,9 +39,10 @@ use rigless::soc::stm32f427::peripherals::spi::Spi;
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::board::CLOCK_HZ;
+use crate::forward::forward;
 use crate::sensor_head::limits::WORD_BITS;
 use crate::sensor_head::pins::{SPI1_DATA, SharedHead};
-use crate::{Nanos, random};
+use crate::{Nanos, lock, random};
 
 /// Words in a batch: 0.2 ms of a read-out.
 const BATCH: u64 = 128;
@@ -77,20 +78,8 @@ struct Stream {
 const RECEIVERS: [Stream; 2] = {
     use dma2::Register::{S0cr, S0fcr, S0m0ar, S0ndtr, S0par, S2cr, S2fcr, S2m0ar, S2ndtr, S2par};
     [
-        Stream {
-            control: S0cr,
-            count: S0ndtr,
-            peripheral: S0par,
-            memory: S0m0ar,
-            fifo: S0fcr,
-        },
-        Stream {
-            control: S2cr,
-            count: S2ndtr,
-            peripheral: S2par,
-            memory: S2m0ar,
-            fifo: S2fcr,
-        },
+        stream([S0cr, S0ndtr, S0par, S0m0ar, S0fcr]),
+        stream([S2cr, S2ndtr, S2par, S2m0ar, S2fcr]),
     ]
 };
 
@@ -98,22 +87,21 @@ const RECEIVERS: [Stream; 2] = {
 const SENDERS: [Stream; 2] = {
     use dma2::Register::{S3cr, S3fcr, S3m0ar, S3ndtr, S3par, S5cr, S5fcr, S5m0ar, S5ndtr, S5par};
     [
-        Stream {
-            control: S3cr,
-            count: S3ndtr,
-            peripheral: S3par,
-            memory: S3m0ar,
-            fifo: S3fcr,
-        },
-        Stream {
-            control: S5cr,
-            count: S5ndtr,
-            peripheral: S5par,
-            memory: S5m0ar,
-            fifo: S5fcr,
-        },
+        stream([S3cr, S3ndtr, S3par, S3m0ar, S3fcr]),
+        stream([S5cr, S5ndtr, S5par, S5m0ar, S5fcr]),
     ]
 };
+
+const fn stream(registers: [dma2::Register; 5]) -> Stream {
+    let [control, count, peripheral, memory, fifo] = registers;
+    Stream {
+        control,
+        count,
+        peripheral,
+        memory,
+        fifo,
+    }
+}
 
 /// The state of a read-out.
 #[derive(Debug)]
@@ -202,10 +190,6 @@ pub(crate) struct Burst {
 }
 
 type SharedBurst = Arc<Mutex<Burst>>;
-
-fn lock(burst: &SharedBurst) -> MutexGuard<'_, Burst> {
-    burst.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 impl Burst {
     /// The number of words that still have to move in batches.
@@ -476,13 +460,8 @@ impl Device for BurstSpi {
         context.tell("DR", "a read-out's word went where no memory is");
     }
 
-    fn peek(
-        &self,
-        register: spi1::Register,
-        registers: &RegisterFile,
-        now: VirtualNanos,
-    ) -> Option<u64> {
-        Device::peek(&self.spi, register, registers, now)
+    forward! { Device for spi:
+        fn peek(&self, register: spi1::Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
     }
 
     fn reset(&mut self) {
@@ -677,15 +656,8 @@ impl Device for BurstDma {
         }
     }
 
-    // All that follows only calls rigless's model.
-
-    fn on_request(
-        &mut self,
-        change: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        Device::on_request(&mut self.dma, change, registers, context);
+    forward! { Device for dma:
+        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
     }
 
     fn reset(&mut self) {

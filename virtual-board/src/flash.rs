@@ -17,7 +17,7 @@
 mod contents;
 mod history;
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use rigless::device::RegisterFile;
 use rigless::emulator::{Access, AccessKind};
@@ -27,6 +27,7 @@ use rigless::soc::stm32f427::generated::flash::{Register, cr, sr};
 pub use contents::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES, SECTORS};
 pub use history::{Done, History};
 
+use crate::violations::Violations;
 use crate::{Nanos, Violation};
 
 /// The flash interface's control register (RM0090 section 3.9.8).
@@ -44,9 +45,6 @@ const FIRST_SNB: usize = 16;
 /// PSIZE for words of 32 bits (RM0090 section 3.9.8).
 const WORDS: u64 = 2;
 
-/// How many violations are kept. The first ones show what is wrong.
-const VIOLATIONS_KEPT: usize = 200;
-
 /// The four sectors. A clone is the same flash.
 #[derive(Clone, Debug)]
 pub struct SharedFlash(Arc<Mutex<Flash>>);
@@ -63,8 +61,7 @@ struct Flash {
     word_ends: (Nanos, bool),
     /// The operations that are still done before the power is cut.
     operations_left: Option<usize>,
-    violations: Vec<Violation>,
-    violation_count: u64,
+    violations: Violations,
 }
 
 /// The bits of the interface's registers that matter here.
@@ -116,8 +113,7 @@ impl SharedFlash {
             word_time: 0,
             word_ends: (0, true),
             operations_left: None,
-            violations: vec![],
-            violation_count: 0,
+            violations: Violations::default(),
         })))
     }
 
@@ -157,17 +153,17 @@ impl SharedFlash {
     /// stopping the core.
     #[must_use]
     pub fn violations(&self) -> Vec<Violation> {
-        self.lock().violations.clone()
+        self.lock().violations.first().to_vec()
     }
 
     /// The number of violations since the last power-on.
     #[must_use]
     pub fn violation_count(&self) -> u64 {
-        self.lock().violation_count
+        self.lock().violations.count()
     }
 
     fn lock(&self) -> MutexGuard<'_, Flash> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        crate::lock(&self.0)
     }
 
     /// Resets the interface and the violations: a board with this flash is powered on, of which a word takes
@@ -178,8 +174,7 @@ impl SharedFlash {
         flash.word_ends = (0, true);
         flash.interface = Interface::RESET;
         flash.operations_left = None;
-        flash.violations.clear();
-        flash.violation_count = 0;
+        flash.violations = Violations::default();
     }
 
     /// Resets the chip: the operation under way stays half done. `seed` decides how much of it is done. Then
@@ -240,11 +235,8 @@ impl SharedFlash {
         let access = access?;
         if access.kind == AccessKind::Write && access.address == CONTROL {
             if before.locked {
-                flash.violated(
-                    now,
-                    "the flash's control register was written while it was locked (RM0090 section 3.6.1)"
-                        .to_owned(),
-                );
+                let what = "the flash's control register was written while it was locked (RM0090 section 3.6.1)";
+                flash.violated(now, what);
             } else if flash.interface.busy && !before.busy {
                 flash.erase(registers.get(Register::Cr), now);
             }
@@ -262,14 +254,12 @@ impl Flash {
 
     fn load(&mut self, access: &Access) -> u64 {
         if self.is_busy(access) {
-            self.violated(
-                access.virtual_time.0,
-                format!(
-                    "a load from {:#010x} while bank 2 is busy: the core stands still meanwhile \
-                     (RM0090 section 3.6)",
-                    access.address
-                ),
+            let address = access.address;
+            let what = format!(
+                "a load from {address:#010x} while bank 2 is busy: the core stands still meanwhile \
+                 (RM0090 section 3.6)"
             );
+            self.violated(access.virtual_time.0, what);
         }
         self.contents.read(access.address, access.width.bytes())
     }
@@ -291,10 +281,8 @@ impl Flash {
             self.word_ends = (now + self.word_time, self.word_time == 0);
             return;
         };
-        self.violated(
-            access.virtual_time.0,
-            format!("a store to {:#010x} {why_not}", access.address),
-        );
+        let what = format!("a store to {:#010x} {why_not}", access.address);
+        self.violated(access.virtual_time.0, what);
     }
 
     /// Erases the sectors that the control register names.
@@ -320,11 +308,8 @@ impl Flash {
         self.history.done.push(Done { at, operation });
     }
 
-    fn violated(&mut self, at: Nanos, what: String) {
-        self.violation_count += 1;
-        if self.violations.len() < VIOLATIONS_KEPT {
-            self.violations.push(Violation { at, what });
-        }
+    fn violated(&mut self, at: Nanos, what: impl Into<String>) {
+        self.violations.add(at, what);
     }
 }
 

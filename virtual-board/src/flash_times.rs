@@ -10,6 +10,7 @@ use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::Nanos;
+use crate::forward::forward;
 
 /// How long an erase of a sector takes in rigless, ns.
 pub(crate) const SHORTEST_ERASE: Nanos = 400_000_000;
@@ -76,19 +77,8 @@ impl Device for FlashTimes {
         Device::on_event(&mut self.interface, event, registers, context);
     }
 
-    // All that follows only calls rigless's model.
-
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        Device::on_clock(&mut self.interface, hz, registers, context);
-    }
-
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        Device::write(&mut self.interface, register, value, registers, context);
+    forward! { Device for interface:
+        fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn write(&mut self, what: Register, value: u64, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
     }
 }

@@ -15,6 +15,7 @@ use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
 use rigless::time::{EventId, VirtualNanos};
 
+use crate::forward::forward;
 use crate::sensor_head::pins::SharedHead;
 
 /// PWM mode 2: the output is low while the counter is below the compare value (RM0090 section 18.4.8).
@@ -124,39 +125,15 @@ impl Device for LaserTimer {
         self.watch(register, registers, context.now());
     }
 
-    // All that follows only calls the timer.
-
-    fn read(
-        &mut self,
-        register: Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
-        Device::read(&mut self.timer, register, registers, context)
+    forward! { Device for timer:
+        fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
+        fn layout(&self) -> &'static [RegisterSpec];
     }
 
-    fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
-        Device::peek(&self.timer, register, registers, now)
-    }
-
-    fn layout(&self) -> &'static [RegisterSpec] {
-        Device::layout(&self.timer)
-    }
-
-    fn on_request(
-        &mut self,
-        change: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        Device::on_request(&mut self.timer, change, registers, context);
-    }
-
-    fn reset(&mut self) {
-        Device::reset(&mut self.timer);
-    }
-
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        Device::reset_line(&mut self.timer, registers, context);
+    forward! { Device for timer:
+        fn read(&mut self, what: Register, at: &mut RegisterFile, context: &mut DeviceContext<'_>) -> Option<u64>;
+        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn reset(&mut self);
+        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
     }
 }

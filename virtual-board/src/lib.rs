@@ -33,6 +33,7 @@ mod burst;
 pub mod firmware;
 pub mod flash;
 mod flash_times;
+mod forward;
 pub mod hang;
 pub mod jumpers;
 mod laser;
@@ -51,6 +52,7 @@ pub mod stm32f429;
 pub mod trace;
 mod trigger;
 pub mod upload;
+pub mod violations;
 mod warm_cores;
 mod watched_core;
 
@@ -58,10 +60,16 @@ pub use firmware::Firmware;
 pub use flash::SharedFlash;
 
 pub use run::{Statistics, VirtualBoard};
-pub use sensor_head::{
-    Exposure, FULL_SCALE, LightSource, OpenLine, PIXELS, Row, SensorHead, Violation,
-};
+pub use sensor_head::{Exposure, FULL_SCALE, LightSource, OpenLine, PIXELS, Row, SensorHead};
 pub use serial_line::{Arrival, Line};
+pub use violations::Violation;
 
 /// Nanoseconds of virtual time, counted from power-on.
 pub type Nanos = u64;
+
+/// Locks what the emulator's thread shares with the caller. A panic leaves the data whole, so a poisoned lock
+/// is no error.
+fn lock<T>(mutex: &std::sync::Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    let guard = mutex.lock();
+    guard.unwrap_or_else(std::sync::PoisonError::into_inner)
+}

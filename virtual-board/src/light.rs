@@ -1,7 +1,7 @@
 //! The light on the sensor head: the rows of a scene at the firmware's exposures.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use simulator::distorted_optics::DistortedOptics;
 use simulator::scene::{Scene, Simulation};
@@ -53,7 +53,7 @@ impl Target {
     }
 
     fn place(&self) -> MutexGuard<'_, Place> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        crate::lock(&self.0)
     }
 
     /// Moves the target to a distance in metres. If the scene moves the target, the motion starts again from

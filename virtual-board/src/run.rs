@@ -4,7 +4,7 @@
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ use crate::rtt::{self, Message};
 use crate::sensor_head::pins::SharedHead;
 use crate::sensor_head::{LightSource, OpenLine, SensorHead};
 use crate::serial_line::{Arrival, Line, SerialLine};
-use crate::trace::{self, Call, Executed};
+use crate::trace::{Call, Executed};
 use crate::watched_core::{Code, Watched};
 use crate::{Nanos, Violation};
 
@@ -117,12 +117,8 @@ impl VirtualBoard {
         light: LightSource,
         flash: SharedFlash,
     ) -> Result<Self> {
-        Self::start(
-            firmware,
-            SensorHead::new(light),
-            flash,
-            Conditions::default(),
-        )
+        let head = SensorHead::new(light);
+        Self::start(firmware, head, flash, Conditions::default())
     }
 
     /// As [`VirtualBoard::power_on`], with a sensor head that has no rate limit of its own, and rows that are
@@ -163,21 +159,6 @@ impl VirtualBoard {
     ) -> Result<Self> {
         let head = SensorHead::new(light);
         Self::start(firmware, head, SharedFlash::default(), conditions)
-    }
-
-    /// As [`VirtualBoard::power_on_with_flash`], under other conditions.
-    ///
-    /// # Errors
-    ///
-    /// As [`VirtualBoard::power_on_with_flash`].
-    pub fn power_on_with_flash_under(
-        firmware: &Firmware,
-        light: LightSource,
-        flash: SharedFlash,
-        conditions: Conditions,
-    ) -> Result<Self> {
-        let head = SensorHead::new(light);
-        Self::start(firmware, head, flash, conditions)
     }
 
     fn start(
@@ -341,10 +322,7 @@ impl VirtualBoard {
 
     /// Takes the messages of the firmware's log since the last call.
     pub fn take_log(&mut self) -> Vec<Message> {
-        let mut bytes = self
-            .log_bytes
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut bytes = crate::lock(&self.log_bytes);
         rtt::decode(&self.firmware.log_table, &mut bytes)
     }
 
@@ -379,14 +357,8 @@ impl VirtualBoard {
         self.on_emulator(move |session, _, _| {
             let errors = session.board_mut().processor.part.usart[SERIAL_PORT].errors_mut();
             errors.seed = seed;
-            errors.noise = Rate {
-                name: "noise",
-                per_million: noise,
-            };
-            errors.framing = Rate {
-                name: "framing",
-                per_million: framing,
-            };
+            errors.noise = rate("noise", noise);
+            errors.framing = rate("framing", framing);
         })
     }
 
@@ -401,10 +373,8 @@ impl VirtualBoard {
             let has_stop_bit = arrival.has_stop_bit;
             let flipped = self.on_emulator(move |session, _, _| {
                 let errors = session.board_mut().processor.part.usart[SERIAL_PORT].errors_mut();
-                errors.framing = Rate {
-                    name: "framing",
-                    per_million: if has_stop_bit { 0 } else { Rate::EVERY_WORD },
-                };
+                let without_stop_bit = if has_stop_bit { 0 } else { Rate::EVERY_WORD };
+                errors.framing = rate("framing", without_stop_bit);
                 // The emulator flips bits of a byte with a framing error: those that it would flip next.
                 let mut next = *errors;
                 next.next(u8::BITS).flipped
@@ -446,16 +416,6 @@ impl VirtualBoard {
     pub fn pause_words(&mut self, gap: Option<(u64, Duration)>) -> Result<()> {
         let gap = gap.map(|(word, pause)| (word, nanos(pause)));
         self.on_emulator(move |session, _, _| session.board_mut().processor.pause_words(gap))
-    }
-
-    /// Flips `mask`'s bits in the word of RAM at `address`, as an upset would.
-    ///
-    /// # Errors
-    ///
-    /// `address` is not in RAM or not a multiple of 4, or the emulator failed.
-    pub fn flip_bits(&mut self, address: u64, mask: u32) -> Result<()> {
-        let word = self.read_word(address)?;
-        self.write_word(address, word ^ mask)
     }
 
     /// The 32-bit word of memory at `address`. For peripherals see [`VirtualBoard::on_emulator`].
@@ -570,29 +530,29 @@ impl VirtualBoard {
     /// Traces each call of the function at `address` from now on, with the functions that it calls: see
     /// [`crate::trace`].
     pub fn trace_calls_of(&mut self, address: u64) {
-        trace::lock(&self.watched.traces).functions.insert(address);
+        crate::lock(&self.watched.traces).functions.insert(address);
     }
 
     /// Traces no more calls of the function at `address`.
     pub fn stop_tracing(&mut self, address: u64) {
-        trace::lock(&self.watched.traces).functions.remove(&address);
+        crate::lock(&self.watched.traces).functions.remove(&address);
     }
 
     /// Takes the calls of traced functions that returned since the last call of this method, in the order of
     /// their return.
     pub fn take_calls(&mut self) -> Vec<Call> {
-        std::mem::take(&mut trace::lock(&self.watched.traces).calls)
+        std::mem::take(&mut crate::lock(&self.watched.traces).calls)
     }
 
     /// Records all that the core executes from now on, interrupts included: see [`crate::trace`].
     pub fn trace_everything(&mut self) {
-        trace::lock(&self.watched.traces).everything = Some(Vec::new());
+        crate::lock(&self.watched.traces).everything = Some(Vec::new());
     }
 
     /// Ends [`VirtualBoard::trace_everything`], and gives the instructions that were executed since, in their
     /// order.
     pub fn take_everything(&mut self) -> Vec<Executed> {
-        let everything = trace::lock(&self.watched.traces).everything.take();
+        let everything = crate::lock(&self.watched.traces).everything.take();
         everything.unwrap_or_default()
     }
 
@@ -600,11 +560,7 @@ impl VirtualBoard {
     /// before the next instruction.
     pub fn probe_writes(&mut self, register: u64, word: u32) {
         let now = self.now();
-        self.watched
-            .probe_writes
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push((register, word, now));
+        crate::lock(&self.watched.probe_writes).push((register, word, now));
     }
 
     /// Lets a debug probe read a word of one of the core's own registers (0xE000_0000 to 0xE00F_FFFF), after
@@ -615,7 +571,7 @@ impl VirtualBoard {
     /// As [`VirtualBoard::run_for`].
     pub fn probe_reads(&mut self, register: u64) -> Result<Option<u64>> {
         let read = Arc::clone(&self.watched.probe_read);
-        let lock = || read.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = || crate::lock(&read);
         *lock() = (Some(register), None);
         self.run_for(Duration::from_millis(1))?;
         let (_, word) = *lock();
@@ -791,14 +747,11 @@ impl VirtualBoard {
     }
 
     fn line(&self) -> MutexGuard<'_, SerialLine> {
-        self.line.lock().unwrap_or_else(PoisonError::into_inner)
+        crate::lock(&self.line)
     }
 
     fn detours(&self) -> MutexGuard<'_, Detours> {
-        self.watched
-            .detours
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        crate::lock(&self.watched.detours)
     }
 
     fn order(&mut self, order: Order) -> Result<()> {
@@ -831,6 +784,10 @@ impl Drop for VirtualBoard {
             let _ = emulator.join();
         }
     }
+}
+
+fn rate(name: &'static str, per_million: u32) -> Rate {
+    Rate { name, per_million }
 }
 
 fn nanos(time: Duration) -> Nanos {
@@ -922,10 +879,7 @@ impl Driver<Nucleo> for Steps {
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
-        let mut log = self
-            .log_bytes
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut log = crate::lock(&self.log_bytes);
         if self.log_is_read.load(Ordering::Relaxed) {
             rtt::drain(host, self.log_block, &mut log);
         }

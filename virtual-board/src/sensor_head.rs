@@ -29,9 +29,10 @@
 
 use std::collections::VecDeque;
 use std::fmt;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
-use crate::{Nanos, random};
+use crate::violations::Violations;
+use crate::{Nanos, Violation, random};
 
 pub mod limits;
 pub(crate) mod pins;
@@ -47,9 +48,6 @@ pub const ROWS_KEPT: usize = 64;
 
 /// How many pulses of the laser are kept. No exposure has more.
 const PULSES_KEPT: usize = 64;
-
-/// How many violations are kept. The first ones show what is wrong.
-const VIOLATIONS_KEPT: usize = 200;
 
 /// The time in which the light of a row was gathered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -94,26 +92,6 @@ pub struct Row {
     pub counts: Vec<u16>,
     /// The words as they were sent: [`FULL_SCALE`] minus the counts, in the order of the burst.
     pub words: Vec<u16>,
-}
-
-/// A limit that the firmware violated.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Violation {
-    /// When the violation was seen.
-    pub at: Nanos,
-    /// What happened, the limit, and where the limit comes from.
-    pub what: String,
-}
-
-impl fmt::Display for Violation {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            formatter,
-            "at {:.6} ms: {}",
-            self.at as f64 / 1e6,
-            self.what
-        )
-    }
 }
 
 /// A pin's level.
@@ -281,8 +259,7 @@ pub struct SensorHead {
     open_line: Option<OpenLine>,
     /// Whether the pins were checked.
     wiring_checked: bool,
-    violations: Vec<Violation>,
-    violation_count: u64,
+    violations: Violations,
 }
 
 impl fmt::Debug for SensorHead {
@@ -319,8 +296,7 @@ impl SensorHead {
             edges: None,
             open_line: None,
             wiring_checked: false,
-            violations: Vec::new(),
-            violation_count: 0,
+            violations: Violations::default(),
         }
     }
 
@@ -389,13 +365,13 @@ impl SensorHead {
     /// The first violations of the firmware, at most 200, oldest first.
     #[must_use]
     pub fn violations(&self) -> &[Violation] {
-        &self.violations
+        self.violations.first()
     }
 
     /// The number of violations since power-on.
     #[must_use]
     pub fn violation_count(&self) -> u64 {
-        self.violation_count
+        self.violations.count()
     }
 
     /// Sets ICG to `level`.
@@ -412,34 +388,27 @@ impl SensorHead {
 
     fn charge_is_to_be_moved(&mut self, now: Nanos) {
         if self.sh.level == Level::High {
-            self.violated(
-                now,
-                format!("ICG fell while SH was high; {}", sh_after_icg()),
-            );
+            let limit = sh_after_icg();
+            self.violated(now, format!("ICG fell while SH was high; {limit}"));
         }
         if let (Some(_), Some(burst)) = (&self.read_out, &self.burst)
             && burst.first_pixel.is_some()
             && burst.words.len() < PIXELS
         {
             let words = burst.words.len();
-            self.violated(
-                now,
-                format!(
-                    "ICG fell after word {words} of {PIXELS}: \
-                         the row is cut short (TCD1304 timing chart 1)"
-                ),
+            let what = format!(
+                "ICG fell after word {words} of {PIXELS}: the row is cut short (TCD1304 timing chart 1)"
             );
+            self.violated(now, what);
         }
         self.read_out = None;
         self.handed_over = None;
     }
 
     fn charge_is_moved(&mut self, now: Nanos) {
+        let limit = icg_after_sh();
         if self.sh.level == Level::High {
-            self.violated(
-                now,
-                format!("ICG rose while SH was high; {}", icg_after_sh()),
-            );
+            self.violated(now, format!("ICG rose while SH was high; {limit}"));
         }
         // ICG without SH clears the shift register and starts no read-out.
         let Some(exposure) = self.handed_over.take() else {
@@ -447,28 +416,18 @@ impl SensorHead {
         };
         let gap = now - exposure.end;
         if gap < limits::ICG_AFTER_SH {
-            self.violated(
-                now,
-                format!("ICG rose {gap} ns after SH fell; {}", icg_after_sh()),
-            );
+            self.violated(now, format!("ICG rose {gap} ns after SH fell; {limit}"));
         }
         let light = (self.light)(&exposure);
         if light.len() != PIXELS {
-            self.violated(
-                now,
-                format!(
-                    "the light source gave {} pixels, and a row has {PIXELS}",
-                    light.len()
-                ),
-            );
+            let pixels = light.len();
+            let what = format!("the light source gave {pixels} pixels, and a row has {PIXELS}");
+            self.violated(now, what);
         }
         let mut counts: Vec<u16> = light.into_iter().map(quantised).collect();
         counts.resize(PIXELS, 0);
-        let shielded: u32 = counts[limits::SHIELDED]
-            .iter()
-            .copied()
-            .map(u32::from)
-            .sum();
+        let shielded = counts[limits::SHIELDED].iter();
+        let shielded: u32 = shielded.map(|&counts| u32::from(counts)).sum();
         self.unlit = (shielded / limits::SHIELDED.len() as u32) as u16;
         self.read_out = Some(ReadOut {
             exposure,
@@ -490,23 +449,17 @@ impl SensorHead {
                 if let (Level::Low, Some(fell)) = (self.icg.level, self.icg.fell) {
                     let delay = now - fell;
                     if !limits::SH_AFTER_ICG.contains(&delay) {
-                        self.violated(
-                            now,
-                            format!("SH rose {delay} ns after ICG fell; {}", sh_after_icg()),
-                        );
+                        let limit = sh_after_icg();
+                        self.violated(now, format!("SH rose {delay} ns after ICG fell; {limit}"));
                     }
                 }
             }
             Level::Low => {
                 let high = now - self.sh.rose.unwrap_or(now);
                 if high < limits::SH_HIGH {
-                    self.violated(
-                        now,
-                        format!(
-                            "SH was high for {high} ns; at least {} (TCD1304 t3)",
-                            limits::SH_HIGH
-                        ),
-                    );
+                    let least = limits::SH_HIGH;
+                    let what = format!("SH was high for {high} ns; at least {least} (TCD1304 t3)");
+                    self.violated(now, what);
                 }
                 let start = last_fall.unwrap_or(0);
                 let exposure = Exposure {
@@ -516,10 +469,9 @@ impl SensorHead {
                 };
                 if last_fall.is_some() && exposure.duration() < limits::EXPOSURE {
                     let (lasted, least) = (exposure.duration(), limits::EXPOSURE);
-                    self.violated(
-                        now,
-                        format!("the exposure was {lasted} ns; at least {least} (TCD1304 tINT)"),
-                    );
+                    let what =
+                        format!("the exposure was {lasted} ns; at least {least} (TCD1304 tINT)");
+                    self.violated(now, what);
                 }
                 if self.icg.level == Level::Low {
                     self.handed_over = Some(exposure);
@@ -566,7 +518,7 @@ impl SensorHead {
 
     /// Reports a violation of the laser's.
     pub(crate) fn laser_violated(&mut self, now: Nanos, what: &str) {
-        self.violated(now, what.to_owned());
+        self.violated(now, what);
     }
 
     /// For how long the laser was on in this time, by the last pulses.
@@ -602,7 +554,7 @@ impl SensorHead {
     /// Clocks a word of `bits` bits that ends now. Gives the word that the converter sends.
     pub fn word(&mut self, bits: u8, now: Nanos) -> u16 {
         let Some(burst) = &mut self.burst else {
-            self.violated(now, "a word was clocked with chip select high".to_owned());
+            self.violated(now, "a word was clocked with chip select high");
             return 0;
         };
         if bits != limits::WORD_BITS {
@@ -669,25 +621,17 @@ impl SensorHead {
     /// pin is set up, ends no pulse.
     pub fn icg_rose_at(&mut self, part: f64, now: Nanos) {
         if let Some(clocks) = self.clocks {
-            let since = part * 1e9 / clocks.master_hz;
-            self.record(
-                now.saturating_sub(since.round() as Nanos),
-                Edge::MasterClockRose,
-            );
+            let since = (part * 1e9 / clocks.master_hz).round() as Nanos;
+            self.record(now.saturating_sub(since), Edge::MasterClockRose);
         }
         if self.icg.fell.is_some() && !limits::ICG_RISES.contains(&part) {
-            let (found, least, most) = (
-                part * 100.0,
-                limits::ICG_RISES.start() * 100.0,
-                limits::ICG_RISES.end() * 100.0,
+            let found = part * 100.0;
+            let [least, most] = scaled(limits::ICG_RISES, 100.0);
+            let what = format!(
+                "ICG rose at {found:.0} % of fM's period; within {least} % to {most} %, \
+                 while fM is high (TCD1304 t4)"
             );
-            self.violated(
-                now,
-                format!(
-                    "ICG rose at {found:.0} % of fM's period; within {least} % to {most} %, \
-                         while fM is high (TCD1304 t4)"
-                ),
-            );
+            self.violated(now, what);
         }
     }
 
@@ -724,13 +668,10 @@ impl SensorHead {
     /// Checks the address of a DMA buffer for the converter.
     pub fn dma_address(&mut self, address: u64, now: Nanos) {
         if limits::CORE_COUPLED_RAM.contains(&address) {
-            self.violated(
-                now,
-                format!(
-                    "a DMA buffer is at {address:#010x}, \
-                         in core-coupled RAM that no DMA reaches (RM0090 2.3.1)"
-                ),
+            let what = format!(
+                "a DMA buffer is at {address:#010x}, in core-coupled RAM that no DMA reaches (RM0090 2.3.1)"
             );
+            self.violated(now, what);
         }
     }
 
@@ -751,36 +692,30 @@ impl SensorHead {
     fn finish(&mut self, burst: Burst, now: Nanos) {
         let words = burst.words.len();
         if words != PIXELS {
-            self.violated(
-                now,
-                format!("chip select was low for {words} words; a row is exactly {PIXELS}"),
-            );
+            let what = format!("chip select was low for {words} words; a row is exactly {PIXELS}");
+            self.violated(now, what);
         }
         if let Some(bits) = burst.odd_bits {
             let right = limits::WORD_BITS;
-            self.violated(
-                now,
-                format!("a word had {bits} bits; a conversion takes {right} SCLK (ADC122S101)"),
-            );
+            let what =
+                format!("a word had {bits} bits; a conversion takes {right} SCLK (ADC122S101)");
+            self.violated(now, what);
         }
         if burst.unclocked {
-            self.violated(
-                now,
-                "words were clocked during a read-out without the master clock fM".to_owned(),
-            );
+            let what = "words were clocked during a read-out without the master clock fM";
+            self.violated(now, what);
         }
         let (Some(read_out), Some(first_pixel), Some(phase)) =
             (&self.read_out, burst.first_pixel, burst.phase)
         else {
-            self.violated(
-                now,
-                format!(
-                    "{words} words were clocked and none showed a pixel: \
-                         no read-out was under way (ICG rises first)"
-                ),
+            let what = format!(
+                "{words} words were clocked and none showed a pixel: no read-out was under way \
+                 (ICG rises first)"
             );
+            self.violated(now, what);
             return;
         };
+        let counts = burst.counts.into_iter();
         let row = Row {
             number: self.row_count,
             exposure: read_out.exposure,
@@ -788,28 +723,18 @@ impl SensorHead {
             last_word: burst.last_word,
             lead_in: -first_pixel,
             phase,
-            counts: burst
-                .counts
-                .into_iter()
-                .map(|counts| counts.unwrap_or(self.unlit))
-                .collect(),
+            counts: counts.map(|it| it.unwrap_or(self.unlit)).collect(),
             words: burst.words,
         };
         if !(limits::HOLD_PHASE.contains(&phase.0) && limits::HOLD_PHASE.contains(&phase.1)) {
-            let (least, greatest) = (
-                limits::HOLD_PHASE.start() * 100.0,
-                limits::HOLD_PHASE.end() * 100.0,
+            let [least, greatest] = scaled(limits::HOLD_PHASE, 100.0);
+            let (first, last) = (phase.0 * 100.0, phase.1 * 100.0);
+            let what = format!(
+                "the converter held pixels at {first:.1} % to {last:.1} % of their time; \
+                 within {least} % to {greatest} %, \
+                 where the output has settled: move the burst against ICG's rise"
             );
-            self.violated(
-                now,
-                format!(
-                    "the converter held pixels at {:.1} % to {:.1} % of their time; \
-                     within {least} % to {greatest} %, \
-                     where the output has settled: move the burst against ICG's rise",
-                    phase.0 * 100.0,
-                    phase.1 * 100.0
-                ),
-            );
+            self.violated(now, what);
         }
         if !self.keeps_all && self.rows.len() >= ROWS_KEPT {
             self.rows.pop_front();
@@ -818,11 +743,8 @@ impl SensorHead {
         self.row_count += 1;
     }
 
-    fn violated(&mut self, at: Nanos, what: String) {
-        self.violation_count += 1;
-        if self.violations.len() < VIOLATIONS_KEPT {
-            self.violations.push(Violation { at, what });
-        }
+    fn violated(&mut self, at: Nanos, what: impl Into<String>) {
+        self.violations.add(at, what);
     }
 }
 
@@ -832,10 +754,13 @@ fn sh_after_icg() -> String {
 }
 
 fn icg_after_sh() -> String {
-    format!(
-        "ICG has to rise at least {} ns after SH falls (TCD1304 t1)",
-        limits::ICG_AFTER_SH
-    )
+    let least = limits::ICG_AFTER_SH;
+    format!("ICG has to rise at least {least} ns after SH falls (TCD1304 t1)")
+}
+
+/// The ends of a limit in another unit.
+fn scaled(limit: RangeInclusive<f64>, scale: f64) -> [f64; 2] {
+    [limit.start() * scale, limit.end() * scale]
 }
 
 /// Rounds `counts` as the converter does; NaN becomes 0.
@@ -851,30 +776,18 @@ fn clock_faults(clocks: Clocks) -> Vec<String> {
         serial_hz,
     } = clocks;
     if master_hz <= 0.0 {
-        faults.push(
-            "the master clock fM does not run during a read-out (TCD1304 timing chart)".to_owned(),
-        );
-        return faults;
+        let what = "the master clock fM does not run during a read-out (TCD1304 timing chart)";
+        return vec![what.to_owned()];
     }
-    let (least, greatest) = (
-        limits::MASTER_CLOCK.start() / 1e6,
-        limits::MASTER_CLOCK.end() / 1e6,
-    );
-    if !limits::MASTER_CLOCK.contains(&master_hz) {
-        faults.push(format!(
-            "fM is {} MHz; within {least} to {greatest} MHz (TCD1304)",
-            master_hz / 1e6
-        ));
-    }
-    let (least, greatest) = (
-        limits::SERIAL_CLOCK.start() / 1e6,
-        limits::SERIAL_CLOCK.end() / 1e6,
-    );
-    if !limits::SERIAL_CLOCK.contains(&serial_hz) {
-        faults.push(format!(
-            "SCLK is {} MHz; within {least} to {greatest} MHz (ADC122S101)",
-            serial_hz / 1e6
-        ));
+    for (name, hz, limit, source) in [
+        ("fM", master_hz, limits::MASTER_CLOCK, "TCD1304"),
+        ("SCLK", serial_hz, limits::SERIAL_CLOCK, "ADC122S101"),
+    ] {
+        if !limit.contains(&hz) {
+            let ([least, greatest], mhz) = (scaled(limit, 1e-6), hz / 1e6);
+            let within = format!("within {least} to {greatest} MHz ({source})");
+            faults.push(format!("{name} is {mhz} MHz; {within}"));
+        }
     }
     let pixel = clocks.pixel_time();
     let conversion = f64::from(limits::WORD_BITS) * 1e9 / serial_hz;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rigless::chip::{Timeline, spi, uart};
 use rigless::snapshot::store;
@@ -64,14 +64,10 @@ impl SerialLine {
     pub fn hear(&mut self, at: Nanos, byte: u8) {
         self.bytes.push((at, byte));
         if byte == b'\n' {
-            let end = self
-                .unfinished
-                .strip_suffix(b"\r")
-                .unwrap_or(&self.unfinished);
-            self.lines.push(Line {
-                at,
-                text: String::from_utf8_lossy(end).into_owned(),
-            });
+            let line = &self.unfinished;
+            let line = line.strip_suffix(b"\r").unwrap_or(line);
+            let text = String::from_utf8_lossy(line).into_owned();
+            self.lines.push(Line { at, text });
             self.unfinished.clear();
         } else {
             self.unfinished.push(byte);
@@ -122,10 +118,8 @@ impl SerialLine {
             tail += &format!("\n  {line}");
         }
         if !self.unfinished.is_empty() {
-            tail += &format!(
-                "\n  (unfinished) {}",
-                String::from_utf8_lossy(&self.unfinished)
-            );
+            let unfinished = String::from_utf8_lossy(&self.unfinished);
+            tail += &format!("\n  (unfinished) {unfinished}");
         }
         if tail.is_empty() {
             "nothing".to_owned()
@@ -149,18 +143,11 @@ store!(FarEnd {
 impl uart::Peer for FarEnd {
     fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
         let [byte, _] = word.to_le_bytes();
-        self.line
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .hear(context.now().0, byte);
+        crate::lock(&self.line).hear(context.now().0, byte);
     }
 
     fn transmit(&mut self, now: VirtualNanos) -> Option<u16> {
-        self.line
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .next(now.0)
-            .map(u16::from)
+        crate::lock(&self.line).next(now.0).map(u16::from)
     }
 }
 
@@ -177,7 +164,7 @@ store!(DriverEnable {
 
 impl DriverEnable {
     fn edge(&self, rises: bool, now: Nanos) {
-        let mut line = self.line.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut line = crate::lock(&self.line);
         line.driver.push((now, rises));
     }
 }
@@ -206,13 +193,8 @@ mod tests {
         for (at, &byte) in (1..).zip(b"one\r\ntwo\nthr") {
             line.hear(at, byte);
         }
-        assert_eq!(
-            line.find(|text| text == "two"),
-            Some(Line {
-                at: 9,
-                text: "two".into()
-            })
-        );
+        let (at, text) = (9, "two".to_owned());
+        assert_eq!(line.find(|text| text == "two"), Some(Line { at, text }));
         assert_eq!(line.find(|_| true), None, "each line is waited for once");
         assert_eq!(line.take_lines().len(), 2, "waiting takes nothing away");
         assert_eq!(line.take_bytes().len(), 12);
@@ -225,9 +207,7 @@ mod tests {
         line.say(10, b"a");
         line.say(5, b"b");
         assert_eq!((line.next_due(), line.next(9)), (Some(10), None));
-        assert_eq!(
-            [line.next(10), line.next(10), line.next(10)],
-            [Some(b'a'), Some(b'b'), None]
-        );
+        let bytes = [(); 3].map(|()| line.next(10));
+        assert_eq!(bytes, [Some(b'a'), Some(b'b'), None]);
     }
 }

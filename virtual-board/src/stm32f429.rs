@@ -1,7 +1,6 @@
 //! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2, a TIM4 that switches the
-//! laser (module `laser`), a TIM5 whose speed can be chosen,
-//! and a flash interface whose times can be chosen. SPI1 and DMA2 move a read-out's words in
-//! batches (module `burst`).
+//! laser (module `laser`), a TIM5 whose speed can be chosen, and a flash interface whose times can be chosen.
+//! SPI1 and DMA2 move a read-out's words in batches (module `burst`).
 //!
 //! TIM1 makes the sensor's master clock. rigless wakes a timer at each event of its counter: here five
 //! million times a virtual second, which took eight times as long as all else together. No pin of the model
@@ -36,6 +35,7 @@ use crate::Nanos;
 use crate::board::SUPPLY_MILLIVOLTS;
 use crate::burst::{self, BurstDma, BurstSpi, Timing};
 use crate::flash_times::FlashTimes;
+use crate::forward::forward;
 use crate::laser::LaserTimer;
 use crate::sensor_head::pins::{DMA2, SharedHead};
 use crate::trigger::Trigger;
@@ -329,35 +329,16 @@ impl Device for LazyTimer {
         Device::write(&mut self.timer, register, value, registers, context);
     }
 
-    fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
-        Device::peek(&self.timer, register, registers, now)
+    forward! { Device for timer:
+        fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
+        fn layout(&self) -> &'static [RegisterSpec];
     }
 
-    // All that follows only calls the timer.
-
-    fn layout(&self) -> &'static [RegisterSpec] {
-        Device::layout(&self.timer)
-    }
-
-    fn on_request(
-        &mut self,
-        change: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        Device::on_request(&mut self.timer, change, registers, context);
-    }
-
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        Device::on_clock(&mut self.timer, hz, registers, context);
-    }
-
-    fn reset(&mut self) {
-        Device::reset(&mut self.timer);
-    }
-
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        Device::reset_line(&mut self.timer, registers, context);
+    forward! { Device for timer:
+        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn reset(&mut self);
+        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
     }
 }
 
@@ -390,63 +371,18 @@ impl Device for RowTimer {
         Device::on_clock(&mut self.timer, faster(hz, self.speed), registers, context);
     }
 
-    // All that follows only calls the timer.
-
-    fn on_event(
-        &mut self,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        Device::on_event(&mut self.timer, event, registers, context);
+    forward! { Device for timer:
+        fn peek(&self, register: tim2::Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
+        fn layout(&self) -> &'static [RegisterSpec];
     }
 
-    fn read(
-        &mut self,
-        register: tim2::Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) -> Option<u64> {
-        Device::read(&mut self.timer, register, registers, context)
-    }
-
-    fn write(
-        &mut self,
-        register: tim2::Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        Device::write(&mut self.timer, register, value, registers, context);
-    }
-
-    fn peek(
-        &self,
-        register: tim2::Register,
-        registers: &RegisterFile,
-        now: VirtualNanos,
-    ) -> Option<u64> {
-        Device::peek(&self.timer, register, registers, now)
-    }
-
-    fn layout(&self) -> &'static [RegisterSpec] {
-        Device::layout(&self.timer)
-    }
-
-    fn on_request(
-        &mut self,
-        change: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        Device::on_request(&mut self.timer, change, registers, context);
-    }
-
-    fn reset(&mut self) {
-        Device::reset(&mut self.timer);
-    }
-
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        Device::reset_line(&mut self.timer, registers, context);
+    forward! { Device for timer:
+        fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn read(&mut self, what: tim2::Register, at: &mut RegisterFile, context: &mut DeviceContext<'_>)
+            -> Option<u64>;
+        fn write(&mut self, what: tim2::Register, value: u64, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn reset(&mut self);
+        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
     }
 }

@@ -5,7 +5,6 @@
 //! cannot see a difference.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A call that is under way: the address of the instruction that called, and that of the function.
 pub type CallSite = (u64, u64);
@@ -52,11 +51,6 @@ pub(crate) struct Traces {
     pub(crate) calls: Vec<Call>,
     /// All that the core executes, if it is recorded.
     pub(crate) everything: Option<Vec<Executed>>,
-}
-
-/// Locks the traces. A panic in another thread leaves them whole, so a poisoned lock is no error.
-pub(crate) fn lock(traces: &Arc<Mutex<Traces>>) -> MutexGuard<'_, Traces> {
-    traces.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The traced calls that are under way, the outermost first.

@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::{Deref, DerefMut};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use rigless::emulator::{Error, Processor, ProcessorConstructor, Queued};
 use rigless::soc::{Endian, Width};
@@ -38,7 +38,7 @@ struct Warm {
 
 impl WarmCores {
     fn lock(&self) -> MutexGuard<'_, Vec<Warm>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        crate::lock(&self.0)
     }
 
     /// How many cores wait.

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use rigless::emulator::{
     Access, AccessKind, BitAlias, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason,
@@ -15,9 +15,10 @@ use rigless::time::VirtualNanos;
 
 use crate::Nanos;
 use crate::flash::{self, SharedFlash};
+use crate::forward::forward;
 use crate::hang::{Detour, Detours};
 use crate::loads;
-use crate::trace::{self, Executed, Recorder, Traces};
+use crate::trace::{Executed, Recorder, Traces};
 use crate::warm_cores::{BoardCore, WarmCores};
 
 /// The core's registers, as GDB numbers those of ARMv7-M.
@@ -112,21 +113,13 @@ impl Core {
     }
 
     fn serve_the_probe(&mut self) {
-        let mut writes = self
-            .watched
-            .probe_writes
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut writes = crate::lock(&self.watched.probe_writes);
         for (address, word, now) in writes.drain(..) {
             let now = VirtualNanos(now);
             self.inner
                 .debugger_access(Some(word.into()), address, Width::W32, now);
         }
-        let mut read = self
-            .watched
-            .probe_read
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut read = crate::lock(&self.watched.probe_read);
         if let Some(address) = read.0.take() {
             read.1 = self
                 .inner
@@ -135,11 +128,7 @@ impl Core {
     }
 
     fn arm_detours(&mut self) {
-        let wanted = self
-            .watched
-            .detours
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let wanted = crate::lock(&self.watched.detours);
         if self.detours == *wanted {
             return;
         }
@@ -183,7 +172,7 @@ impl Core {
         let (exit, ran) = self.inner.run(1, bus);
         bus.steps = false;
         if ran > 0 {
-            let mut traces = trace::lock(&self.watched.traces);
+            let mut traces = crate::lock(&self.watched.traces);
             if let Some(everything) = &mut traces.everything {
                 everything.push(executed);
             }
@@ -260,34 +249,17 @@ impl CoreBus for BusWithFlash<'_> {
         self.inner.carry_on(instructions, event)
     }
 
-    // All that follows only calls the inner bus.
-
-    fn time(&self, instructions: u64) -> VirtualNanos {
-        self.inner.time(instructions)
+    forward! { inner:
+        fn time(&self, instructions: u64) -> VirtualNanos;
     }
 
-    fn queued(&mut self) -> Vec<Queued> {
-        self.inner.queued()
-    }
-
-    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.inner.acknowledge(line, instructions)
-    }
-
-    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
-        self.inner.read_checked(access, report)
-    }
-
-    fn write_checked(&mut self, access: Access) -> Option<bool> {
-        self.inner.write_checked(access)
-    }
-
-    fn stops_before(&mut self, access: &Access) -> bool {
-        self.inner.stops_before(access)
-    }
-
-    fn send_trace(&mut self, bytes: &[u8]) {
-        self.inner.send_trace(bytes);
+    forward! { inner:
+        fn queued(&mut self) -> Vec<Queued>;
+        fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64>;
+        fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked>;
+        fn write_checked(&mut self, access: Access) -> Option<bool>;
+        fn stops_before(&mut self, access: &Access) -> bool;
+        fn send_trace(&mut self, bytes: &[u8]);
     }
 }
 
@@ -303,7 +275,7 @@ impl Processor for Core {
         self.serve_the_probe();
         self.arm_detours();
         let everything = {
-            let traces = trace::lock(&self.watched.traces);
+            let traces = crate::lock(&self.watched.traces);
             Self::arm(&mut self.inner, &mut self.traced, &traces.functions);
             traces.everything.is_some()
         };
@@ -345,143 +317,42 @@ impl Processor for Core {
         }
     }
 
-    // All that follows only calls the inner core.
-
-    fn retired(&self) -> u64 {
-        self.inner.retired()
+    forward! { inner:
+        fn retired(&self) -> u64;
+        fn maps(&self, start: u64, length: u64) -> bool;
+        fn page_size(&self) -> u64;
+        fn next_event(&self) -> Option<VirtualNanos>;
+        fn waiting(&self) -> bool;
+        fn pc(&self) -> u64;
+        fn gdb_register(&self, number: usize) -> Option<Vec<u8>>;
+        fn target_xml(&self) -> &'static str;
+        fn data_model(&self) -> DataModel;
+        fn byte_order(&self, address: u64) -> Endian;
+        fn save(&self) -> Vec<u8>;
+        fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias>;
+        fn own_ranges(&self) -> Vec<Range<u64>>;
+        fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall>;
     }
 
-    fn ask(&mut self, queued: Queued) {
-        self.inner.ask(queued);
-    }
-
-    fn maps(&self, start: u64, length: u64) -> bool {
-        self.inner.maps(start, length)
-    }
-
-    fn page_size(&self) -> u64 {
-        self.inner.page_size()
-    }
-
-    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
-        self.inner.boot(table, read);
-    }
-
-    fn reset(&mut self) {
-        self.inner.reset();
-    }
-
-    fn take_reset_request(&mut self) -> bool {
-        self.inner.take_reset_request()
-    }
-
-    fn next_event(&self) -> Option<VirtualNanos> {
-        self.inner.next_event()
-    }
-
-    fn on_event(&mut self, now: VirtualNanos) {
-        self.inner.on_event(now);
-    }
-
-    fn waiting(&self) -> bool {
-        self.inner.waiting()
-    }
-
-    fn pc(&self) -> u64 {
-        self.inner.pc()
-    }
-
-    fn add_breakpoint(&mut self, address: u64) -> bool {
-        self.inner.add_breakpoint(address)
-    }
-
-    fn remove_breakpoint(&mut self, address: u64) {
-        self.inner.remove_breakpoint(address);
-    }
-
-    fn pass_breakpoint(&mut self, address: u64) {
-        self.inner.pass_breakpoint(address);
-    }
-
-    fn attach_debugger(&mut self, attached: bool) {
-        self.inner.attach_debugger(attached);
-    }
-
-    fn hold_interrupts(&mut self, held: bool) {
-        self.inner.hold_interrupts(held);
-    }
-
-    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
-        self.inner.gdb_register(number)
-    }
-
-    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
-        self.inner.set_gdb_register(number, bytes)
-    }
-
-    fn debugger_access(
-        &mut self,
-        write: Option<u64>,
-        address: u64,
-        width: Width,
-        now: VirtualNanos,
-    ) -> Option<u64> {
-        self.inner.debugger_access(write, address, width, now)
-    }
-
-    fn take_debugger_trace(&mut self) -> Vec<u8> {
-        self.inner.take_debugger_trace()
-    }
-
-    fn target_xml(&self) -> &'static str {
-        self.inner.target_xml()
-    }
-
-    fn data_model(&self) -> DataModel {
-        self.inner.data_model()
-    }
-
-    fn byte_order(&self, address: u64) -> Endian {
-        self.inner.byte_order(address)
-    }
-
-    fn save(&self) -> Vec<u8> {
-        self.inner.save()
-    }
-
-    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.inner.load(bytes)
-    }
-
-    fn monitor_command(&mut self, command: &str) -> Option<String> {
-        self.inner.monitor_command(command)
-    }
-
-    fn debugger_halted(&mut self, why: HaltReason) -> bool {
-        self.inner.debugger_halted(why)
-    }
-
-    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
-        self.inner.bit_alias(address, width)
-    }
-
-    fn own_ranges(&self) -> Vec<Range<u64>> {
-        self.inner.own_ranges()
-    }
-
-    fn check_reads(&mut self, every: bool) {
-        self.inner.check_reads(every);
-    }
-
-    fn check_words(&mut self, words: &[u64]) {
-        self.inner.check_words(words);
-    }
-
-    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
-        self.inner.host_call(read)
-    }
-
-    fn answer_host_call(&mut self, answer: Option<u64>) {
-        self.inner.answer_host_call(answer);
+    forward! { inner:
+        fn ask(&mut self, queued: Queued);
+        fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>);
+        fn reset(&mut self);
+        fn take_reset_request(&mut self) -> bool;
+        fn on_event(&mut self, now: VirtualNanos);
+        fn add_breakpoint(&mut self, address: u64) -> bool;
+        fn remove_breakpoint(&mut self, address: u64);
+        fn pass_breakpoint(&mut self, address: u64);
+        fn attach_debugger(&mut self, attached: bool);
+        fn hold_interrupts(&mut self, held: bool);
+        fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool;
+        fn debugger_access(&mut self, write: Option<u64>, at: u64, width: Width, now: VirtualNanos) -> Option<u64>;
+        fn take_debugger_trace(&mut self) -> Vec<u8>;
+        fn load(&mut self, bytes: &[u8]) -> Result<(), Error>;
+        fn monitor_command(&mut self, command: &str) -> Option<String>;
+        fn debugger_halted(&mut self, why: HaltReason) -> bool;
+        fn check_reads(&mut self, every: bool);
+        fn check_words(&mut self, words: &[u64]);
+        fn answer_host_call(&mut self, answer: Option<u64>);
     }
 }

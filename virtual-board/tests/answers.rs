@@ -7,7 +7,6 @@ use std::time::Duration;
 use answers_on_chip::answers::{Estimators, MOST_WORDS, ROWS};
 use answers_on_chip::mailbox::{self, Header};
 use judges::hard_cases;
-use rigless::soc::Width;
 use slitrange::centre::Estimator;
 use slitrange::row::Geometry;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
@@ -61,12 +60,8 @@ fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
     let mut estimators = Estimators::new();
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
-            estimators.start(
-                light.len(),
-                header.bits,
-                header.shot_variance_per_count_q16,
-                header.falling,
-            );
+            let variance = header.shot_variance_per_count_q16;
+            estimators.start(light.len(), header.bits, variance, header.falling);
         }
         let mut answers: Vec<Answer> = Estimator::ALL
             .map(|estimator| Answer {
@@ -115,15 +110,9 @@ impl Chip {
             .collect();
         words.push(0);
         assert!(words.len() <= mailbox::ROWS, "{} words", words.len());
-        let (asked, rows) = (self.asked, self.rows);
-        let put = self.board.on_emulator(move |_, host, _| {
-            for (at, word) in (rows..).step_by(4).zip(words) {
-                host.write(at, Width::W32, word.into())?;
-            }
-            host.write(asked, Width::W32, 1)
-        });
-        put.expect("the emulator runs")
-            .expect("the rows are in RAM");
+        let asked = self.asked;
+        self.board.write_words(self.rows, words).expect("RAM");
+        self.board.write_words(asked, vec![1]).expect("RAM");
         // 10 s are 1.7e9 instructions: a row takes up to ten million, all estimators together.
         for _ in 0..10_000 {
             self.board.run_for(Duration::from_millis(1)).expect("a run");
@@ -131,24 +120,14 @@ impl Chip {
                 return self.take_answers();
             }
         }
-        panic!(
-            "no answer within 10 s; the log: {:?}",
-            self.board.take_log()
-        );
+        let log = self.board.take_log();
+        panic!("no answer within 10 s; the log: {log:?}");
     }
 
     fn take_answers(&mut self) -> Vec<u32> {
-        let answers = self.answers;
-        let words = self.board.on_emulator(move |_, host, _| {
-            let mut word = |at| host.read(at, Width::W32).map(|word| word as u32);
-            let count = u64::from(word(answers)?);
-            (1..=count)
-                .map(|i| word(answers + 4 * i))
-                .collect::<Result<Vec<u32>, _>>()
-        });
-        words
-            .expect("the emulator runs")
-            .expect("the answers are in RAM")
+        let count = self.board.read_word(self.answers).expect("RAM");
+        let words = self.board.read_words(self.answers + 4, count as usize);
+        words.expect("the answers are in RAM")
     }
 }
 
@@ -193,9 +172,8 @@ fn difference(questions: &[Question], chip: &[u32], pc: &[Vec<Answer>]) -> Optio
             }
         }
     }
-    words
-        .next()
-        .map(|word| format!("{word} on the chip, nothing on the PC"))
+    let more = words.next();
+    more.map(|word| format!("{word} on the chip, nothing on the PC"))
 }
 
 /// Answers that are the same on the chip and on this PC.
@@ -218,10 +196,8 @@ fn compare<'a>(batches: &[&'a [Question]]) -> (Chip, Compared<'a>) {
         compared.words += words.len();
         for (question, answers) in batch.iter().zip(pc) {
             // The first word is 0 for a centre, and the kind of a fault otherwise.
-            let found = answers
-                .iter()
-                .filter(|answer| answer.words.first() == Some(&0))
-                .count();
+            let centres = answers.iter().filter(|it| it.words.first() == Some(&0));
+            let found = centres.count();
             compared.centres += found;
             compared.faults += answers.len() - found;
             if question.header.first && found == Estimator::ALL.len() {
@@ -271,15 +247,9 @@ fn check_answers(one_in: usize) {
     );
 
     // The comparison notices a change of one count in one pixel.
-    let clean = one
-        .clean
-        .expect("a row with a spot that all estimators find");
-    let (top, _) = clean
-        .light
-        .iter()
-        .enumerate()
-        .max_by_key(|(_, count)| **count)
-        .expect("pixels");
+    let clean = one.clean.expect("a row whose spot all estimators find");
+    let pixels = clean.light.iter().enumerate();
+    let (top, _) = pixels.max_by_key(|(_, count)| **count).expect("pixels");
     let mut light = clean.light.clone();
     light[top] -= 1;
     let changed = [Question {

@@ -9,7 +9,7 @@ use rigless::soc::Width;
 use rigless::soc::stm32f427::generated::flash;
 use virtual_board::board::Conditions;
 use virtual_board::flash::{BASE, BYTES, Operation};
-use virtual_board::jumpers::{Jumpers, Late, Miso};
+use virtual_board::jumpers::{Jumpers, Miso};
 use virtual_board::{Exposure, Firmware, PIXELS, VirtualBoard};
 
 /// The program's mark beside a number of rows: `WRITTEN` in on-chip/silicon-check/src/kept.rs.
@@ -52,11 +52,8 @@ fn lines_up_to(board: &mut VirtualBoard, check: &str, patience: Duration) -> Vec
         line.starts_with("silicon-check:") || of_check.is_some_and(|rest| rest.starts_with(check))
     };
     let last = board.run_until_line(is_last, patience);
-    let lines: Vec<String> = board
-        .take_lines()
-        .into_iter()
-        .map(|line| line.text)
-        .collect();
+    let lines = board.take_lines().into_iter();
+    let lines: Vec<String> = lines.map(|line| line.text).collect();
     last.unwrap_or_else(|error| panic!("{error:#}\n{}", lines.join("\n")));
     lines
 }
@@ -87,14 +84,10 @@ fn passes(rows: u32) -> Vec<String> {
     let text = lines.join("\n");
     assert_eq!(named("FAIL", &lines), [""; 0], "{text}");
     assert_eq!(named("skip", &lines), [""; 0], "{text}");
-    assert_eq!(
-        lines.last().unwrap(),
-        "silicon-check: 21 pass, 0 fail, 0 skipped"
-    );
-    assert!(
-        board.flash().contents() == contents,
-        "the sector is as it was"
-    );
+    let last = "silicon-check: 21 pass, 0 fail, 0 skipped";
+    assert_eq!(lines.last().unwrap(), last);
+    let is_as_before = board.flash().contents() == contents;
+    assert!(is_as_before, "the sector is as it was");
     board.finish().expect("a clean run");
     lines
 }
@@ -141,43 +134,35 @@ fn all_checks_pass_with_ten_thousand_rows() {
     compare_with_documentation(&lines);
 }
 
+/// A board whose conditions and wires differ from good ones.
+fn board_with(change: impl FnOnce(&mut Conditions, &mut Jumpers)) -> VirtualBoard {
+    let (mut conditions, mut jumpers) = (Conditions::default(), Jumpers::default());
+    change(&mut conditions, &mut jumpers);
+    board(jumpers, conditions, ROWS)
+}
+
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn missing_wires_and_a_missing_clock_fail() {
-    let jumpers = Jumpers {
-        fm: false,
-        sclk: false,
-        miso: Miso::Missing,
-        ..Jumpers::default()
-    };
-    let conditions = Conditions {
-        has_clock: false,
-        ..Conditions::default()
-    };
-    fails(
-        board(jumpers, conditions, ROWS),
-        &["clock", "fM", "SCLK edges", "MISO low"],
-        &["t4", "SCLK time"],
-    );
+    let board = board_with(|conditions, jumpers| {
+        (jumpers.fm, jumpers.sclk, jumpers.miso) = (false, false, Miso::Missing);
+        conditions.has_clock = false;
+    });
+    let failing = ["clock", "fM", "SCLK edges", "MISO low"];
+    fails(board, &failing, &["t4", "SCLK time"]);
 }
 
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_late_fall_of_sh_and_an_sclk_with_gaps_fail() {
     // t1 is 4.9 us or less, and at least 1 us is right. MISO is low while it is high or open.
-    let jumpers = Jumpers {
-        late: Late {
-            sh_falls: 168 * 9 / 2,
-            ..Late::default()
-        },
-        miso: Miso::StuckLow,
-        ..Jumpers::default()
-    };
-    let mut board = board(jumpers, Conditions::default(), ROWS);
+    let mut board = board_with(|_, jumpers| {
+        jumpers.late.sh_falls = 168 * 9 / 2;
+        jumpers.miso = Miso::StuckLow;
+    });
     // One period of SCLK after word 1000.
-    board
-        .pause_words(Some((1000, Duration::from_nanos(96))))
-        .expect("the emulator");
+    let pause = (1000, Duration::from_nanos(96));
+    board.pause_words(Some(pause)).expect("the emulator");
     fails(board, &["t1", "SCLK time", "MISO high", "MISO open"], &[]);
 }
 
@@ -185,110 +170,65 @@ fn a_late_fall_of_sh_and_an_sclk_with_gaps_fail() {
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_late_fall_of_icg_and_lost_edges_fail() {
     // t2 is 500 ns, and 100 ns or more are right.
-    let jumpers = Jumpers {
-        late: Late {
-            icg_falls: 75,
-            ..Late::default()
-        },
-        lost_edges: 1,
-        miso: Miso::NoPullUp,
-        ..Jumpers::default()
-    };
-    fails(
-        board(jumpers, Conditions::default(), ROWS),
-        &["t2", "SCLK edges", "MISO open"],
-        &["SCLK time"],
-    );
+    let board = board_with(|_, jumpers| {
+        (jumpers.late.icg_falls, jumpers.lost_edges) = (75, 1);
+        jumpers.miso = Miso::NoPullUp;
+    });
+    fails(board, &["t2", "SCLK edges", "MISO open"], &["SCLK time"]);
 }
 
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_short_pulse_of_sh_and_a_missing_chip_select_fail() {
     // t3 is 3000 ns, and 1000 ns or more are right. t2 is 500 ns and gains 100 ns.
-    let jumpers = Jumpers {
-        late: Late {
-            icg_falls: 168 * 22 / 10,
-            sh_rises: 168 * 23 / 10,
-            ..Late::default()
-        },
-        chip_select: false,
-        miso: Miso::StuckHigh,
-        ..Jumpers::default()
-    };
-    fails(
-        board(jumpers, Conditions::default(), ROWS),
-        &["t3", "SCLK edges", "MISO low"],
-        &["SCLK time"],
-    );
+    let board = board_with(|_, jumpers| {
+        jumpers.late.icg_falls = 168 * 22 / 10;
+        jumpers.late.sh_rises = 168 * 23 / 10;
+        (jumpers.chip_select, jumpers.miso) = (false, Miso::StuckHigh);
+    });
+    fails(board, &["t3", "SCLK edges", "MISO low"], &["SCLK time"]);
 }
 
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_late_rise_of_icg_and_a_slow_flash_fail() {
     // t4 is below 50 ns, and fM is high for 190 ns. An erase takes at most 800 ms, a word 100 us.
-    let jumpers = Jumpers {
-        late: Late {
-            icg_rises: 32,
-            ..Late::default()
-        },
-        ..Jumpers::default()
-    };
-    let conditions = Conditions {
-        flash_erase: 850_000_000,
-        flash_word: 120_000,
-        ..Conditions::default()
-    };
-    fails(
-        board(jumpers, conditions, ROWS),
-        &["t4", "erase", "program"],
-        &[],
-    );
+    let board = board_with(|conditions, jumpers| {
+        jumpers.late.icg_rises = 32;
+        (conditions.flash_erase, conditions.flash_word) = (850_000_000, 120_000);
+    });
+    fails(board, &["t4", "erase", "program"], &[]);
 }
 
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn missing_pulses_fail() {
     let all = ["t1", "t2", "t3", "t4"];
-    let no_icg = Jumpers {
-        icg: false,
-        ..Jumpers::default()
-    };
-    fails(
-        board(no_icg, Conditions::default(), ROWS),
-        &["pulses"],
-        &all,
-    );
-    let no_sh = Jumpers {
-        sh: false,
-        ..Jumpers::default()
-    };
-    fails(board(no_sh, Conditions::default(), ROWS), &["pulses"], &all);
+    fails(board_with(|_, wires| wires.icg = false), &["pulses"], &all);
+    fails(board_with(|_, wires| wires.sh = false), &["pulses"], &all);
 }
 
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_slow_core_fails() {
     // Nearly five clocks an instruction.
-    let conditions = Conditions {
-        instructions_per_second: 36_000_000,
-        ..Conditions::default()
-    };
-    let mut board = board(Jumpers::default(), conditions, ROWS);
+    let mut board = board_with(|it, _| it.instructions_per_second = 36_000_000);
     // The sensor head sees the late edges too.
     board.expect_violations();
-    fails(
-        board,
-        &[
-            "rows",
-            "t4",
-            "cycles centroid",
-            "cycles phase-table",
-            "cycles adaptive",
-            "cycles gauss-newton",
-            "cycles fraunhofer",
-        ],
-        &["MISO low", "MISO high", "MISO open", "erase", "program"],
-    );
+    let names = [
+        "centroid",
+        "phase-table",
+        "adaptive",
+        "gauss-newton",
+        "fraunhofer",
+    ];
+    let cycles = names.map(|name| format!("cycles {name}"));
+    let failing: Vec<&str> = ["rows", "t4"]
+        .into_iter()
+        .chain(cycles.iter().map(String::as_str))
+        .collect();
+    let skipped = ["MISO low", "MISO high", "MISO open", "erase", "program"];
+    fails(board, &failing, &skipped);
 }
 
 #[test]
@@ -335,8 +275,6 @@ fn a_watchdog_that_does_not_bite_fails() {
     }
     let lines = lines_up_to(&mut board, "silicon-check", Duration::from_secs(1));
     assert_eq!(named("FAIL", &lines), ["watchdog"], "{}", lines.join("\n"));
-    assert_eq!(
-        lines.last().unwrap(),
-        "silicon-check: 20 pass, 1 fail, 0 skipped"
-    );
+    let last = "silicon-check: 20 pass, 1 fail, 0 skipped";
+    assert_eq!(lines.last().unwrap(), last);
 }

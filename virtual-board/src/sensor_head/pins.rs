@@ -5,7 +5,7 @@
 //! are ICG and SH. On SPI2 they cannot disturb the converter's words.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use rigless::chip::{Timeline, spi};
 use rigless::device::Level as WireLevel;
@@ -59,7 +59,7 @@ impl SharedHead {
 
     /// Locks the head. A light source that panics ends the run, but the head's rows can still be read.
     pub(crate) fn lock(&self) -> MutexGuard<'_, SensorHead> {
-        self.head.lock().unwrap_or_else(PoisonError::into_inner)
+        crate::lock(&self.head)
     }
 
     /// Connects jumper wires in the converter's place.
@@ -70,7 +70,7 @@ impl SharedHead {
 
     fn note(&self, edge: Edge) {
         if self.jumpers.get().is_some() {
-            let mut edges = self.edges.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut edges = crate::lock(&self.edges);
             edges.push(edge);
         }
     }
@@ -82,7 +82,7 @@ impl SharedHead {
         };
         jumpers.drive_master_clock(processor, now);
         let edges = {
-            let mut edges = self.edges.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut edges = crate::lock(&self.edges);
             std::mem::take(&mut *edges)
         };
         for edge in edges {
@@ -119,13 +119,14 @@ impl SharedHead {
     }
 }
 
+fn select(port: &'static str, number: u8, active: WireLevel) -> Select {
+    let pin = PortPin::new(number).expect("a port has sixteen pins");
+    Select { port, pin, active }
+}
+
 /// Connects the enable pin of the serial line's driver, PD12.
 pub(crate) fn attach_driver(processor: &mut Stm32f429, driver: DriverEnable) {
-    let select = Select {
-        port: "GPIOD",
-        pin: PortPin::new(12).expect("a port has sixteen pins"),
-        active: WireLevel::High,
-    };
+    let select = select("GPIOD", 12, WireLevel::High);
     processor.part.spi[EDGE_BUS].attach_selected(driver, select);
 }
 
@@ -135,19 +136,12 @@ pub(crate) fn attach(processor: &mut Stm32f429, head: &Arc<SharedHead>) {
         pin,
         head: Arc::clone(head),
     };
-    let select = |port, number, active| Select {
-        port,
-        pin: PortPin::new(number).expect("a port has sixteen pins"),
-        active,
-    };
-    processor.converter_bus().attach_selected(
-        chip(HeadPinName::ChipSelect),
-        select("GPIOD", 14, WireLevel::Low),
-    );
-    processor.part.spi[EDGE_BUS]
-        .attach_selected(chip(HeadPinName::Icg), select("GPIOF", 12, WireLevel::High));
-    processor.part.spi[EDGE_BUS]
-        .attach_selected(chip(HeadPinName::Sh), select("GPIOF", 13, WireLevel::High));
+    let chip_select = select("GPIOD", 14, WireLevel::Low);
+    let converter = processor.converter_bus();
+    converter.attach_selected(chip(HeadPinName::ChipSelect), chip_select);
+    let edges = &mut processor.part.spi[EDGE_BUS];
+    edges.attach_selected(chip(HeadPinName::Icg), select("GPIOF", 12, WireLevel::High));
+    edges.attach_selected(chip(HeadPinName::Sh), select("GPIOF", 13, WireLevel::High));
 }
 
 /// Which of the head's pins a chip stands for.
@@ -182,16 +176,17 @@ impl HeadPin {
                 Edge::ChipSelectRose { words, first, last }
             }
         });
-        match (self.pin, selected) {
-            (HeadPinName::ChipSelect, true) => head.chip_select(Level::Low, now),
-            (HeadPinName::ChipSelect, false) => head.chip_select(Level::High, now),
-            (HeadPinName::Icg, true) => {
-                head.icg(Level::High, now);
-                self.head.icg_rose.store(true, Ordering::Relaxed);
+        // Only the converter's chip select is active low.
+        let is_high = selected != matches!(self.pin, HeadPinName::ChipSelect);
+        let level = if is_high { Level::High } else { Level::Low };
+        match self.pin {
+            HeadPinName::ChipSelect => head.chip_select(level, now),
+            HeadPinName::Icg => {
+                head.icg(level, now);
+                let rose = &self.head.icg_rose;
+                rose.fetch_or(is_high, Ordering::Relaxed);
             }
-            (HeadPinName::Icg, false) => head.icg(Level::Low, now),
-            (HeadPinName::Sh, true) => head.sh(Level::High, now),
-            (HeadPinName::Sh, false) => head.sh(Level::Low, now),
+            HeadPinName::Sh => head.sh(level, now),
         }
         if !matches!(self.pin, HeadPinName::Sh) {
             self.head.look.store(true, Ordering::Relaxed);

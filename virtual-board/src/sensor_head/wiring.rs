@@ -20,6 +20,7 @@ const VERY_HIGH: u64 = 0b11;
 const PULL_UP: u64 = 0b01;
 
 /// A pin of the head and what it must be.
+#[derive(Clone, Copy)]
 struct Wanted {
     pin: &'static str,
     port: &'static str,
@@ -33,79 +34,61 @@ struct Wanted {
 
 /// The head's pins. All outputs but the laser's need the fastest speed. SCLK floats while SPI is off, and
 /// DOUT if there is no converter.
-const PINS: [Wanted; 7] = [
-    wanted("PE9 (fM)", "GPIOE", 9).function(1).fast(),
-    wanted("PF12 (ICG)", "GPIOF", 12).fast(),
-    wanted("PF13 (SH)", "GPIOF", 13).fast(),
-    wanted("PD14 (chip select)", "GPIOD", 14).fast(),
-    wanted("PA5 (SCLK)", "GPIOA", 5)
-        .function(5)
-        .fast()
-        .pulled_up(),
-    wanted("PA6 (DOUT)", "GPIOA", 6).function(5).pulled_up(),
-    wanted("PD15 (laser)", "GPIOD", 15).function(2),
-];
+const PINS: [Wanted; 7] = {
+    let (fast, pulled) = (Some(VERY_HIGH), Some(PULL_UP));
+    [
+        wanted("PE9 (fM)", "GPIOE", 9, Some(1), fast, None),
+        wanted("PF12 (ICG)", "GPIOF", 12, None, fast, None),
+        wanted("PF13 (SH)", "GPIOF", 13, None, fast, None),
+        wanted("PD14 (chip select)", "GPIOD", 14, None, fast, None),
+        wanted("PA5 (SCLK)", "GPIOA", 5, Some(5), fast, pulled),
+        wanted("PA6 (DOUT)", "GPIOA", 6, Some(5), None, pulled),
+        wanted("PD15 (laser)", "GPIOD", 15, Some(2), None, None),
+    ]
+};
 
-const fn wanted(pin: &'static str, port: &'static str, number: u64) -> Wanted {
+const fn wanted(
+    pin: &'static str,
+    port: &'static str,
+    number: u64,
+    function: Option<u64>,
+    speed: Option<u64>,
+    pull: Option<u64>,
+) -> Wanted {
     Wanted {
         pin,
         port,
         number,
-        mode: OUTPUT,
-        function: None,
-        speed: None,
-        pull: None,
+        mode: if function.is_some() {
+            ALTERNATE
+        } else {
+            OUTPUT
+        },
+        function,
+        speed,
+        pull,
     }
 }
 
 impl Wanted {
-    const fn function(self, function: u64) -> Self {
-        Self {
-            mode: ALTERNATE,
-            function: Some(function),
-            ..self
-        }
-    }
-
-    const fn fast(self) -> Self {
-        Self {
-            speed: Some(VERY_HIGH),
-            ..self
-        }
-    }
-
-    const fn pulled_up(self) -> Self {
-        Self {
-            pull: Some(PULL_UP),
-            ..self
-        }
-    }
-
     fn faults(&self, registers: &RegisterFile) -> Vec<String> {
         let two_bits = |register: Port| registers.get(register) >> (2 * self.number) & 0b11;
-        let half = if self.number < 8 {
-            Port::Afrl
-        } else {
-            Port::Afrh
-        };
+        let half = [Port::Afrl, Port::Afrh][usize::from(self.number >= 8)];
         let function = registers.get(half) >> (4 * (self.number % 8)) & 0b1111;
-        let is_wrong =
-            |found: u64, wanted: Option<u64>| wanted.is_some_and(|wanted| wanted != found);
-        let parts = [
+        [
             ("mode", two_bits(Port::Moder), Some(self.mode)),
             ("function", function, self.function),
             ("speed", two_bits(Port::Ospeedr), self.speed),
             ("pull", two_bits(Port::Pupdr), self.pull),
-        ];
-        let wrong = parts
-            .into_iter()
-            .filter(|&(_, found, wanted)| is_wrong(found, wanted));
-        wrong
-            .map(|(what, found, wanted)| {
-                let (pin, wanted) = (self.pin, wanted.unwrap_or_default());
-                format!("{pin} has {what} {found}, and needs {wanted} (RM0090 section 8.4)")
-            })
-            .collect()
+        ]
+        .into_iter()
+        .filter_map(|(what, found, wanted)| {
+            let (pin, wanted) = (self.pin, wanted.filter(|&wanted| wanted != found)?);
+            Some(format!(
+                "{pin} has {what} {found}, and needs {wanted} (RM0090 section 8.4)"
+            ))
+        })
+        .collect()
     }
 }
 

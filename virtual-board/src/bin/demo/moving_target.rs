@@ -25,7 +25,7 @@ use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
 use virtual_board::{Exposure, Firmware, Line, VirtualBoard};
 
-use crate::lines::Report;
+use crate::lines::{Reading, Report};
 use crate::{Options, say};
 
 /// The range of the paper's position table, in metres.
@@ -89,6 +89,13 @@ struct Compared {
     repeatability: f64,
     bound: Option<f64>,
     slits: u8,
+}
+
+impl Compared {
+    /// 1 if the error is within twice the claimed uncertainty, otherwise 0.
+    fn is_within_2u(&self) -> f64 {
+        f64::from(u8::from(self.error.abs() <= 2.0 * self.uncertainty))
+    }
 }
 
 /// The scene to show, with the comb that the options ask for, and the first distance of its target.
@@ -244,14 +251,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         // The rows that are being read and computed still show the old place. At most two frames end with
         // such a row.
         for result in 0..2 + results {
-            let line = board
-                .run_until_line(
-                    |line| matches!(Report::parse(line), Ok(Some(_)) | Err(_)),
-                    patience,
-                )
-                .context("the firmware reports nothing")?;
-            let report =
-                Report::parse(&line.text)?.context("the line was a result a moment ago")?;
+            let (line, report) = next_report(&mut board, patience)?;
             readings += u32::from(matches!(report, Report::Reading(_)));
             if result < 2 {
                 continue;
@@ -259,34 +259,15 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             let shown = result == 2 || has_targets && result % 3 == 2;
             let last = last_exposure(&mut board, &line).context("a result came before its rows")?;
             let rows = usize::from(options.rows);
-            let distance = target
-                .mean_distance(&last, rows)
-                .context("too many rows ago")?;
+            let distance = target.mean_distance(&last, rows);
+            let distance = distance.context("too many rows ago")?;
             match report {
                 Report::Reading(reading) => {
-                    let found = compare(
-                        &simulation,
-                        board.head(|head| head.last_row().map(|row| row.exposure.laser)),
-                        distance,
-                        &reading,
-                    )?;
+                    let laser = board.head(|head| head.last_row().map(|row| row.exposure.laser));
+                    let found = compare(&simulation, laser, distance, &reading)?;
                     if shown {
-                        say(
-                            options.json,
-                            &format!(
-                                "{:>10.3} {:>12.4} {:>+9.2} {:>9.2} {:>8.2} {:>5} {:>6} {:>12} {:>10.3}  {}",
-                                distance * 1e3,
-                                reading.distance,
-                                found.error,
-                                found.uncertainty,
-                                found.repeatability,
-                                reading.rows,
-                                reading.slits,
-                                reading.exposure,
-                                line.at as f64 * 1e-9,
-                                reading.flags
-                            ),
-                        );
+                        let at = line.at as f64 * 1e-9;
+                        say(options.json, &table_line(distance, &reading, &found, at));
                     }
                     compared.push(found);
                 }
@@ -313,17 +294,8 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             .map(|reading| reading.bound)
             .collect::<Option<Vec<f64>>>()
             .and_then(|bounds| of_readings(rms(bounds))),
-        max_error_um: compared
-            .iter()
-            .map(|reading| reading.error.abs())
-            .reduce(f64::max),
-        within_2u: (!compared.is_empty()).then(|| {
-            let within = compared
-                .iter()
-                .filter(|reading| reading.error.abs() <= 2.0 * reading.uncertainty)
-                .count();
-            within as f64 / compared.len() as f64
-        }),
+        max_error_um: (compared.iter().map(|it| it.error.abs())).reduce(f64::max),
+        within_2u: of_readings(mean(compared.iter().map(Compared::is_within_2u))),
         median_u_um: of_readings(upper_median(compared.iter().map(|it| it.uncertainty))),
         median_r_um: of_readings(upper_median(compared.iter().map(|it| it.repeatability))),
         slits_used: of_readings(mean(compared.iter().map(|it| f64::from(it.slits)))),
@@ -355,7 +327,7 @@ fn compare(
     simulation: &Simulation,
     exposure: Option<u64>,
     distance: f64,
-    reading: &crate::lines::Reading,
+    reading: &Reading,
 ) -> Result<Compared> {
     let exposure = exposure.context("a reading came before any row")? as f64 * 1e-9;
     ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
@@ -369,6 +341,32 @@ fn compare(
         bound: bound::of_row(simulation, distance, exposure)
             .map(|bound| bound / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
     })
+}
+
+/// A line of the table, for a reading that came at a virtual time in seconds.
+fn table_line(distance: f64, reading: &Reading, found: &Compared, at: f64) -> String {
+    let (truth, reported) = (distance * 1e3, reading.distance);
+    let Compared {
+        error,
+        uncertainty,
+        repeatability,
+        ..
+    } = found;
+    let (rows, slits, exposure) = (reading.rows, reading.slits, reading.exposure);
+    format!(
+        "{truth:>10.3} {reported:>12.4} {error:>+9.2} {uncertainty:>9.2} {repeatability:>8.2} {rows:>5} \
+         {slits:>6} {exposure:>12} {at:>10.3}  {}",
+        reading.flags
+    )
+}
+
+/// The next result.
+pub fn next_report(board: &mut VirtualBoard, patience: Duration) -> Result<(Line, Report)> {
+    let is_result = |line: &str| !matches!(Report::parse(line), Ok(None));
+    let line = board.run_until_line(is_result, patience);
+    let line = line.context("the firmware reports nothing")?;
+    let report = Report::parse(&line.text)?.context("the line was a result a moment ago")?;
+    Ok((line, report))
 }
 
 /// Sends a command that sets a value, and waits until the firmware repeats it.

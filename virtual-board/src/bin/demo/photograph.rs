@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Result, ensure};
 use serde::Serialize;
 use simulator::least_squares::{self, Gaussian};
 use simulator::photograph::Photograph;
@@ -15,6 +15,7 @@ use virtual_board::light::{LIGHT, outputs};
 use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
 
 use crate::lines::{Reading, Report};
+use crate::moving_target::{next_report, tell};
 use crate::say;
 
 /// The least height of a spot that is compared: a twentieth of full scale. In dimmer rows, noise would
@@ -135,25 +136,16 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     });
     let mut board = VirtualBoard::power_on(firmware, light)?;
     let patience = Duration::from_secs(2);
-    board.send("rows 1\r\n");
-    board
-        .run_until_line(|line| line == "rows 1", patience)
-        .context("the firmware did not take the command `rows`")?;
+    tell(&mut board, "rows 1", patience)?;
     // After power-up the firmware clears the sensor with pulses that read no row. The first result shows that
     // this is over.
-    let result = |line: &str| !matches!(Report::parse(line), Ok(None));
-    board
-        .run_until_line(result, patience)
-        .context("the firmware reports nothing")?;
+    next_report(&mut board, patience)?;
     *shown.lock().unwrap_or_else(PoisonError::into_inner) = Some(0);
 
     let mut markers = 0;
     let mut reports = vec![];
     while reports.len() < photograph.height() {
-        let line = board
-            .run_until_line(result, patience)
-            .context("the firmware reports nothing")?;
-        let report = Report::parse(&line.text)?.context("the line was a result a moment ago")?;
+        let (_, report) = next_report(&mut board, patience)?;
         if markers == MARKERS {
             reports.push(report);
         } else if matches!(report, Report::Reading(Reading { centre, .. }) if (centre - MARKER).abs() < 1.0)
@@ -162,12 +154,11 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
         }
     }
     board.send("status\r\n");
-    let dropped =
-        board.run_until_line(|line| line.starts_with("status lines dropped "), patience)?;
+    let is_dropped = |line: &str| line.starts_with("status lines dropped ");
+    let dropped = board.run_until_line(is_dropped, patience)?.text;
     ensure!(
-        dropped.text.ends_with(" 0"),
-        "lines are missing, so lines and rows do not match: {}",
-        dropped.text
+        dropped.ends_with(" 0"),
+        "lines are missing, so lines and rows do not match: {dropped}"
     );
     board.finish()?;
     Ok(reports)
