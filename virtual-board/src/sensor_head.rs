@@ -626,7 +626,7 @@ impl SensorHead {
         }
         if self.icg.fell.is_some() && !limits::ICG_RISES.contains(&part) {
             let found = part * 100.0;
-            let [least, most] = scaled(limits::ICG_RISES, 100.0);
+            let [least, most] = percent(limits::ICG_RISES);
             let what = format!(
                 "ICG rose at {found:.0} % of fM's period; within {least} % to {most} %, \
                  while fM is high (TCD1304 t4)"
@@ -727,7 +727,7 @@ impl SensorHead {
             words: burst.words,
         };
         if !(limits::HOLD_PHASE.contains(&phase.0) && limits::HOLD_PHASE.contains(&phase.1)) {
-            let [least, greatest] = scaled(limits::HOLD_PHASE, 100.0);
+            let [least, greatest] = percent(limits::HOLD_PHASE);
             let (first, last) = (phase.0 * 100.0, phase.1 * 100.0);
             let what = format!(
                 "the converter held pixels at {first:.1} % to {last:.1} % of their time; \
@@ -758,9 +758,9 @@ fn icg_after_sh() -> String {
     format!("ICG has to rise at least {least} ns after SH falls (TCD1304 t1)")
 }
 
-/// The ends of a limit in another unit.
-fn scaled(limit: RangeInclusive<f64>, scale: f64) -> [f64; 2] {
-    [limit.start() * scale, limit.end() * scale]
+/// The ends of a limit in percent.
+fn percent(limit: RangeInclusive<f64>) -> [f64; 2] {
+    [limit.start() * 100.0, limit.end() * 100.0]
 }
 
 /// Rounds `counts` as the converter does; NaN becomes 0.
@@ -784,7 +784,7 @@ fn clock_faults(clocks: Clocks) -> Vec<String> {
         ("SCLK", serial_hz, limits::SERIAL_CLOCK, "ADC122S101"),
     ] {
         if !limit.contains(&hz) {
-            let ([least, greatest], mhz) = (scaled(limit, 1e-6), hz / 1e6);
+            let [least, greatest, mhz] = [*limit.start(), *limit.end(), hz].map(|hz| hz / 1e6);
             let within = format!("within {least} to {greatest} MHz ({source})");
             faults.push(format!("{name} is {mhz} MHz; {within}"));
         }
