@@ -38,7 +38,6 @@ pub mod hang;
 pub mod jumpers;
 mod laser;
 pub mod light;
-mod loads;
 #[cfg(unix)]
 pub mod pty;
 mod random;

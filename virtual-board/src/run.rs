@@ -25,8 +25,8 @@ use crate::rtt::{self, Message};
 use crate::sensor_head::pins::SharedHead;
 use crate::sensor_head::{LightSource, OpenLine, SensorHead};
 use crate::serial_line::{Arrival, Line, SerialLine};
-use crate::trace::{Call, Executed};
-use crate::watched_core::{Code, Watched};
+use crate::trace::Call;
+use crate::watched_core::Watched;
 use crate::{Nanos, Violation};
 
 /// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as
@@ -181,12 +181,10 @@ impl VirtualBoard {
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
-        let segments = firmware.image.segments();
         let watched = Watched {
             flash,
             has_no_clock: !conditions.has_clock,
             warm_cores: firmware.warm_cores.clone(),
-            code: Code::new(segments.map(|(at, bytes)| (at, bytes.to_vec())).collect()),
             ..Watched::default()
         };
         let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
@@ -542,18 +540,6 @@ impl VirtualBoard {
     /// their return.
     pub fn take_calls(&mut self) -> Vec<Call> {
         std::mem::take(&mut crate::lock(&self.watched.traces).calls)
-    }
-
-    /// Records all that the core executes from now on, interrupts included: see [`crate::trace`].
-    pub fn trace_everything(&mut self) {
-        crate::lock(&self.watched.traces).everything = Some(Vec::new());
-    }
-
-    /// Ends [`VirtualBoard::trace_everything`], and gives the instructions that were executed since, in their
-    /// order.
-    pub fn take_everything(&mut self) -> Vec<Executed> {
-        let everything = crate::lock(&self.watched.traces).everything.take();
-        everything.unwrap_or_default()
     }
 
     /// Lets a debug probe write a word to one of the core's own registers (0xE000_0000 to 0xE00F_FFFF),

@@ -1,5 +1,4 @@
-//! Records which instructions each call of a function executes, or all that the core executes. From this, the
-//! time on silicon can be estimated.
+//! Records which instructions each call of a function executes.
 //!
 //! During a traced call the core runs one instruction at a time. This is many times slower, but the firmware
 //! cannot see a difference.
@@ -17,21 +16,10 @@ pub struct Call {
     /// For two addresses: how often the instruction at the second was executed directly after the instruction
     /// at the first. Includes the functions that this function calls, and interrupts.
     pub steps: BTreeMap<(u64, u64), u64>,
-    /// The same instructions in their order.
-    pub path: Vec<Executed>,
     /// The same instructions by the calls that were under way within this one, the outermost first: how often
     /// the instruction at each address was executed. A function that is jumped to and not called (a tail
     /// call) counts as a part of the function that jumps.
     pub stacks: BTreeMap<Vec<CallSite>, BTreeMap<u64, u64>>,
-}
-
-/// An instruction that was executed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Executed {
-    /// Its address.
-    pub address: u32,
-    /// The first address that it loads from; 0 if it loads nothing, or relative to the stack pointer.
-    pub loads: u32,
 }
 
 impl Call {
@@ -49,8 +37,6 @@ pub(crate) struct Traces {
     pub(crate) functions: BTreeSet<u64>,
     /// Their calls, in the order in which they returned.
     pub(crate) calls: Vec<Call>,
-    /// All that the core executes, if it is recorded.
-    pub(crate) everything: Option<Vec<Executed>>,
 }
 
 /// The traced calls that are under way, the outermost first.
@@ -113,13 +99,6 @@ impl Recorder {
         });
     }
 
-    /// Adds an instruction to the paths. Call before [`Recorder::step`].
-    pub(crate) fn add_to_paths(&mut self, executed: Executed) {
-        for open in &mut self.open {
-            open.call.path.push(executed);
-        }
-    }
-
     /// Records that the instruction at `from` was executed and the one at `to` is next. `link` is what the
     /// link register holds then: a call leaves the address behind itself there. Gives the calls that end with
     /// this.
@@ -155,22 +134,6 @@ mod tests {
         let outer = recorder.step(0x104, 0x40, 0x104);
         assert_eq!((outer[0].function, outer[0].instructions()), (0x100, 5));
         assert!(!recorder.is_recording());
-    }
-
-    #[test]
-    fn a_path_has_the_instructions_of_the_calls_within() {
-        let at = |address| Executed { address, loads: 0 };
-        let mut recorder = Recorder::default();
-        recorder.enter(0x100, 0x40);
-        recorder.add_to_paths(at(0x100));
-        recorder.step(0x100, 0x200, 0x104);
-        recorder.enter(0x200, 0x104);
-        recorder.add_to_paths(at(0x200));
-        let inner = recorder.step(0x200, 0x104, 0x104);
-        assert_eq!(inner[0].path, [at(0x200)]);
-        recorder.add_to_paths(at(0x104));
-        let outer = recorder.step(0x104, 0x40, 0x104);
-        assert_eq!(outer[0].path, [at(0x100), at(0x200), at(0x104)]);
     }
 
     /// A function at 0x100 calls one at 0x200 from two places, which jumps to one at 0x300.

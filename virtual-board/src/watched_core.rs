@@ -17,8 +17,7 @@ use crate::Nanos;
 use crate::flash::{self, SharedFlash};
 use crate::forward::forward;
 use crate::hang::{Detour, Detours};
-use crate::loads;
-use crate::trace::{Executed, Recorder, Traces};
+use crate::trace::{Recorder, Traces};
 use crate::warm_cores::{BoardCore, WarmCores};
 
 /// The core's registers, as GDB numbers those of ARMv7-M.
@@ -41,34 +40,12 @@ pub(crate) struct Watched {
     pub(crate) probe_read: Arc<Mutex<(Option<u64>, Option<u64>)>>,
     /// The traced functions, and their calls.
     pub(crate) traces: Arc<Mutex<Traces>>,
-    /// The machine code in flash.
-    pub(crate) code: Code,
     /// The contents of the four sectors, which are not in its memory map.
     pub(crate) flash: SharedFlash,
     /// Whether the external clock never gets ready. rigless's does, at any frequency.
     pub(crate) has_no_clock: bool,
     /// Cores that have run the same program.
     pub(crate) warm_cores: WarmCores,
-}
-
-/// What a program has in flash: addresses, and the bytes from there on.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Code(Arc<Vec<(u64, Vec<u8>)>>);
-
-impl Code {
-    pub(crate) fn new(segments: Vec<(u64, Vec<u8>)>) -> Self {
-        Self(Arc::new(segments))
-    }
-
-    /// The two halfwords from an address on; the second is 0 where the program ends.
-    fn halfwords(&self, address: u64) -> Option<[u16; 2]> {
-        self.0.iter().find_map(|(start, bytes)| {
-            let bytes = bytes.get(usize::try_from(address.checked_sub(*start)?).ok()?..)?;
-            let halfword =
-                |at: usize| Some(u16::from_le_bytes([*bytes.get(at)?, *bytes.get(at + 1)?]));
-            Some([halfword(0)?, halfword(2).unwrap_or_default()])
-        })
-    }
 }
 
 /// Wraps the core that `spec` makes. `watched` controls the wrapped core.
@@ -149,14 +126,6 @@ impl Core {
         u64::from(self.register(LINK_REGISTER) & !1)
     }
 
-    /// Where the instruction at `address` loads from, before it is executed; 0 if nowhere.
-    fn loads_from(&self, address: u64) -> u32 {
-        let load = self.watched.code.halfwords(address).and_then(|halfwords| {
-            loads::address(halfwords, address as u32, |number| self.register(number))
-        });
-        load.unwrap_or_default()
-    }
-
     /// Runs one instruction and records it.
     fn step(&mut self, bus: &mut BusWithFlash<'_>) -> (Exit, u64) {
         let from = self.inner.pc();
@@ -164,37 +133,22 @@ impl Core {
             self.recorder.enter(from, self.return_address());
             self.inner.pass_breakpoint(from);
         }
-        let executed = Executed {
-            address: from as u32,
-            loads: self.loads_from(from),
-        };
         bus.steps = true;
         let (exit, ran) = self.inner.run(1, bus);
         bus.steps = false;
         if ran > 0 {
-            let mut traces = crate::lock(&self.watched.traces);
-            if let Some(everything) = &mut traces.everything {
-                everything.push(executed);
-            }
-            self.recorder.add_to_paths(executed);
             let done = (self.recorder).step(from, self.inner.pc(), self.return_address());
-            traces.calls.extend(done);
+            crate::lock(&self.watched.traces).calls.extend(done);
         }
         (exit, ran)
     }
 
-    /// Runs as `inner` does, but one instruction at a time during a traced call, or always if everything is
-    /// traced.
-    fn run_traced(
-        &mut self,
-        budget: u32,
-        everything: bool,
-        bus: &mut BusWithFlash<'_>,
-    ) -> (Exit, u64) {
+    /// Runs as `inner` does, but one instruction at a time during a traced call.
+    fn run_traced(&mut self, budget: u32, bus: &mut BusWithFlash<'_>) -> (Exit, u64) {
         let mut total = 0;
         while total < u64::from(budget) {
             let arrived = self.traced.contains(&self.inner.pc());
-            let (exit, ran) = if everything || arrived || self.recorder.is_recording() {
+            let (exit, ran) = if arrived || self.recorder.is_recording() {
                 self.step(bus)
             } else {
                 // Below `budget`, which is 32 bits.
@@ -274,15 +228,14 @@ impl Processor for Core {
         self.inner.settle();
         self.serve_the_probe();
         self.arm_detours();
-        let everything = {
-            let traces = crate::lock(&self.watched.traces);
-            Self::arm(&mut self.inner, &mut self.traced, &traces.functions);
-            traces.everything.is_some()
-        };
-        let (exit, ran) = if self.traced.is_empty() && !everything {
-            self.inner.run(budget, bus)
-        } else {
-            self.run_traced(budget, everything, bus)
+        Self::arm(
+            &mut self.inner,
+            &mut self.traced,
+            &crate::lock(&self.watched.traces).functions,
+        );
+        let (exit, ran) = match self.traced.is_empty() {
+            true => self.inner.run(budget, bus),
+            false => self.run_traced(budget, bus),
         };
         if exit == Exit::Breakpoint
             && let Some(&detour) = self.detours.get(&self.inner.pc())

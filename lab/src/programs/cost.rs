@@ -1,7 +1,6 @@
 //! `cargo cost`: what accuracy costs in time.
 //!
-//! Every estimator, and baselines that the firmware does not have, on the same seeded rows against the
-//! Cramér-Rao bound; its instructions on the emulated chip; its time on this computer; and on demand the
+//! Every estimator, and the check's repair, on the same seeded rows against the Cramér-Rao bound; its instructions on the emulated chip; its time on this computer; and on demand the
 //! programs that one would use instead. Prints tables. With `--write` it also rewrites the tables and figures
 //! of README.md and docs/.
 
@@ -15,7 +14,6 @@ mod pareto;
 mod peers;
 mod reading_time;
 mod report;
-mod row_rates;
 #[cfg(test)]
 mod sample_measurements;
 
@@ -48,10 +46,7 @@ pub struct Options {
     /// Only what a distance costs by every form of a calibration
     #[arg(long)]
     distances: bool,
-    /// Only the rates of rows that the chip sustains
-    #[arg(long)]
-    row_rates: bool,
-    /// Only this estimator or baseline
+    /// Only this estimator, or `repair`
     #[arg(long = "estimator", value_name = "NAME", value_parser = method)]
     method: Option<Method>,
     /// Also rewrite the tables and figures that show these results. With --distances: only the table of
@@ -84,9 +79,6 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
         }
         docs::print_hint("cargo cost --distances", ACCURACY);
         return Ok(());
-    }
-    if options.row_rates {
-        return print_row_rates(options.write);
     }
     let measured = measure(options)?;
     if options.json {
@@ -139,7 +131,7 @@ fn peers_beside(chip: &chip::Chip) -> anyhow::Result<peers::Peers> {
     let row = (chip.whole_rows)
         .at_width(Estimator::default(), report::PEERS_WIDTH)
         .context("the chip measured no whole row")?;
-    let row = row.following.steps.total() as f64;
+    let row = row.following.total() as f64;
     for peer in &chip.peers {
         let own = peer.instructions as f64;
         // Some ran on the chip only: with other starting values.
@@ -159,12 +151,8 @@ const ACCURACY: &str = "docs/accuracy.md";
 const ALL: &str = "cargo cost";
 const DISTANCES: &str = "cargo cost --distances";
 const FLOATS: &str = "cargo cost, float functions";
-const ROW_RATES: &str = "cargo cost --row-rates";
 const ROWS: &str = "cargo cost, whole rows";
 const PEERS: &str = "cargo cost --peers --write";
-
-/// The page of the rates of rows.
-const PROOFS: &str = "docs/proofs.md";
 
 /// Rewrites the tables and figures of README.md and docs/.
 fn write(measured: &Measured) -> anyhow::Result<()> {
@@ -178,17 +166,6 @@ fn write(measured: &Measured) -> anyhow::Result<()> {
         docs::write_block(ACCURACY, PEERS, &report::peers_markdown(peers))?;
     }
     write_distances(&measured.distances)
-}
-
-/// Prints the rates of rows, and rewrites their table if it is asked for.
-fn print_row_rates(write: bool) -> anyhow::Result<()> {
-    let table = row_rates::markdown(&row_rates::measure()?);
-    print!("{table}");
-    if write {
-        return docs::write_block(PROOFS, ROW_RATES, &table);
-    }
-    docs::print_hint(ROW_RATES, PROOFS);
-    Ok(())
 }
 
 fn write_distances(distances: &[distances::Distance]) -> anyhow::Result<()> {

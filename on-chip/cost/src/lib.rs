@@ -3,7 +3,6 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-mod baselines;
 pub mod calibrations;
 pub mod float_functions;
 pub mod inputs;

@@ -4,7 +4,6 @@
 //! - **Instructions** of a method are exact: those that the emulated core executed from the method's first to
 //!   its return. The program's own count is checked against them: there its cycle counter counts one
 //!   for each instruction.
-//! - **Cycles** are an estimate from the instructions that were executed: see [`cycles`].
 //! - **Code** is the size of all functions that can be reached from the method's own. What methods share is
 //!   counted for each: see [`program`]. **Tables** are the weights that the method reads.
 //! - **Stack** is what the call wrote to below its caller's.
@@ -14,8 +13,6 @@
 //!
 //! The program prints the same lines on a board, where its cycles are the silicon's: [`on_board`].
 
-mod board_cycles;
-pub mod cycles;
 mod lines;
 pub mod program;
 mod run;
@@ -25,9 +22,8 @@ mod tests;
 pub mod whole_rows;
 
 use std::collections::BTreeSet;
-use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use cost_on_chip::methods::Method;
@@ -37,7 +33,6 @@ use slitrange::centre::tables::{self, TableSet};
 
 use virtual_board::trace::Call;
 
-use cycles::{Model, Range};
 use lines::{Kind, Line};
 use program::Program;
 use run::Run;
@@ -95,8 +90,6 @@ pub struct MethodOnChip {
     pub instructions: u64,
     /// The most over the rows.
     pub instructions_most: u64,
-    /// Estimated cycles: of each figure the median over the rows.
-    pub cycles: Range,
     /// Bytes of all functions that it may call.
     pub code_bytes: u64,
     /// Bytes of weights.
@@ -116,8 +109,6 @@ pub struct FormOnChip {
     pub instructions: u64,
     /// The most over the centres.
     pub instructions_most: u64,
-    /// Estimated cycles: of each figure the median over the centres.
-    pub cycles: Range,
     /// Bytes of stack.
     pub stack_bytes: u64,
 }
@@ -153,32 +144,18 @@ pub fn measure() -> Result<Chip> {
     chip(&run)
 }
 
-/// Flashes and runs the program on a NUCLEO-F429ZI. Prints its lines, whose cycles are the silicon's, and
-/// then each figure beside its estimate from the emulated chip.
+/// Flashes and runs the program on a NUCLEO-F429ZI. It prints its lines, whose cycles are the silicon's.
 ///
 /// # Errors
-/// The emulation fails. `cargo` or `probe-rs` says itself why the program does not run on the board; this
-/// says that it failed.
+/// `cargo` or `probe-rs` says itself why the program does not run on the board; this says that it failed.
 pub fn on_board() -> Result<()> {
-    let estimates = board_cycles::estimates(&Run::of(PACKAGE)?)?;
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut program = Command::new(cargo)
+    let status = Command::new(cargo)
         .args(["run", "--release", "--target", "thumbv7em-none-eabihf"])
         .args(["--package", PACKAGE])
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
-        .stdout(Stdio::piped())
-        .spawn()
+        .status()
         .context("cargo did not start")?;
-    let log = program.stdout.take().context("cargo has no output")?;
-    let mut beside = board_cycles::Table::new(estimates);
-    for line in BufReader::new(log).lines() {
-        let line = line.context("reading the board's log")?;
-        println!("{line}");
-        beside.take(&line);
-    }
-    let status = program.wait().context("cargo did not end")?;
-    // What came before an error helps all the same.
-    print!("{beside}");
     ensure!(
         status.success(),
         "{PACKAGE} did not run on the board ({status}); it needs probe-rs (cargo install probe-rs-tools) and \
@@ -190,7 +167,6 @@ pub fn on_board() -> Result<()> {
 fn chip(run: &Run) -> Result<Chip> {
     check_the_counter(run)?;
     let program = Program::of(&run.firmware)?;
-    let model = Model::of(&program);
     let step = |name| lines::find(&run.lines, Kind::Step, name);
     let per_item =
         |line: &Line| Ok::<f64, anyhow::Error>(line.number("cycles")? / line.number("items")?);
@@ -201,13 +177,13 @@ fn chip(run: &Run) -> Result<Chip> {
         "on the chip {different} inner products or square roots in assembly are not what they are elsewhere"
     );
     Ok(Chip {
-        methods: methods(run, &program, &model)?,
+        methods: methods(run, &program)?,
         search_instructions_per_pixel: per_item(step("spot-find")?)?,
         sweep_instructions_per_pixel: per_item(step("spot-find-again")?)?,
         geometry_instructions_per_word: per_item(step("geometry-row")?)?,
         gauss_newton_instructions_per_iteration: gauss_newton_iteration(run, &program),
-        whole_rows: whole_rows::read(run, &program, &model)?,
-        forms: forms(run, &program, &model)?,
+        whole_rows: whole_rows::read(run, &program)?,
+        forms: forms(run, &program)?,
         peers: lines::all(&run.lines, Kind::Peer)
             .map(peer)
             .collect::<Result<_>>()?,
@@ -229,7 +205,7 @@ fn check_the_counter(run: &Run) -> Result<()> {
     Ok(())
 }
 
-fn methods(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<MethodOnChip>> {
+fn methods(run: &Run, program: &Program) -> Result<Vec<MethodOnChip>> {
     let calls = calls_of_methods(run, program)?;
     let mut counted_methods = Vec::new();
     for method in Method::ALL {
@@ -256,7 +232,6 @@ fn methods(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<Method
                 width,
                 instructions: median,
                 instructions_most: *most,
-                cycles: median_range(model, rows().map(|(_, call)| *call)),
                 code_bytes,
                 table_bytes: table_bytes(method),
                 stack_bytes: line.whole("stack")?,
@@ -290,7 +265,7 @@ fn calls_of_methods<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line
 }
 
 /// The program asks each form for a distance at each of its centres, and prints a line for each.
-fn forms(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<FormOnChip>> {
+fn forms(run: &Run, program: &Program) -> Result<Vec<FormOnChip>> {
     let function = program
         .named(DISTANCE_AT)
         .with_context(|| format!("the chip's program has no function {DISTANCE_AT}"))?;
@@ -324,23 +299,10 @@ fn forms(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<FormOnCh
             name: line.name.clone(),
             instructions: median,
             instructions_most: *most,
-            cycles: median_range(model, calls().copied()),
             stack_bytes: line.whole("stack")?,
         })
     };
     lines::all(&run.lines, Kind::Form).map(form).collect()
-}
-
-/// Of each of the three figures the median over calls.
-fn median_range<'a>(model: &Model<'_>, calls: impl Iterator<Item = &'a Call>) -> Range {
-    let ranges: Vec<Range> = calls.map(|call| model.range(&call.path)).collect();
-    let median =
-        |figure: fn(&Range) -> u64| middle(&sorted(ranges.iter().map(figure))).unwrap_or_default();
-    Range {
-        low: median(|range| range.low),
-        likely: median(|range| range.likely),
-        high: median(|range| range.high),
-    }
 }
 
 /// Calls from the shortest to the longest.
@@ -369,12 +331,8 @@ fn wrapper(name: &str) -> String {
 /// Bytes of the weights that a method reads.
 fn table_bytes(method: Method) -> u64 {
     match method {
-        Method::Estimator(Estimator::Centroid)
-        | Method::Parabola
-        | Method::LogParabola
-        | Method::ZeroCrossing
-        | Method::Estimator(Estimator::GaussNewton) => 0,
-        Method::Blocks | Method::Estimator(Estimator::PhaseTable) => bytes_of(&tables::GAUSSIAN),
+        Method::Estimator(Estimator::Centroid | Estimator::GaussNewton) => 0,
+        Method::Estimator(Estimator::PhaseTable) => bytes_of(&tables::GAUSSIAN),
         Method::Estimator(Estimator::Fraunhofer) => bytes_of(&tables::SLIT),
         Method::Estimator(Estimator::Adaptive) | Method::Repair => {
             let mixes = tables::MIXES.iter().map(|mix| bytes_of(mix.tables));

@@ -29,8 +29,6 @@ pub struct Distance {
     pub instructions: u64,
     /// The most of them.
     pub instructions_most: u64,
-    /// Estimated likely cycles, the median.
-    pub cycles_likely: u64,
     /// Bytes of RAM that its numbers take.
     pub ram_bytes: usize,
     /// Bytes of its record in flash.
@@ -57,7 +55,6 @@ pub fn measure(chip: &Chip) -> anyhow::Result<Vec<Distance>> {
                 error_max_um: error_max_um(form, &calibration)?,
                 instructions: counted.instructions,
                 instructions_most: counted.instructions_most,
-                cycles_likely: counted.cycles.likely,
                 ram_bytes: ram_bytes(form),
                 record_bytes: record_bytes(calibration)?,
             })

@@ -23,7 +23,18 @@ use crate::programs::cost::reading_time;
 use crate::table::{self, cells};
 
 /// The chip's clock in MHz.
-pub const CLOCK_MHZ: f64 = 168.0;
+const CLOCK_MHZ: f64 = 168.0;
+
+/// Cycles that an instruction of a row takes on silicon: the fewest, a typical number, and the most. From the
+/// times in the manual of the Cortex-M4 (ARM DDI 0439, tables 3-1 and 7-1), and five cycles for each line of
+/// flash that neither cache nor prefetch holds (RM0090, section 3.5). Fewest: flash never waits. Most: prefetch
+/// never helps. The rows of `whole-rows.csv` lie within, followed instruction by instruction.
+const CYCLES: [f64; 3] = [1.2, 1.6, 2.9];
+
+/// Estimated microseconds of so many instructions: the least, typical ones, and the most.
+pub fn microseconds(instructions: u64) -> [f64; 3] {
+    CYCLES.map(|cycles| instructions as f64 * cycles / CLOCK_MHZ)
+}
 
 /// The width in pixels whose window has 96 taps.
 pub const WINDOW_OF_96: f64 = 11.3;
@@ -87,16 +98,13 @@ struct Figures {
     pull_max: f64,
     /// The estimator alone.
     chip_instructions_per_row: Option<u64>,
-    chip_cycles_estimated: Option<u64>,
-    chip_cycles_low: Option<u64>,
-    chip_cycles_high: Option<u64>,
     table_bytes: Option<u64>,
     code_bytes: Option<u64>,
     stack_bytes: Option<u64>,
     host_ns_per_row: Option<f64>,
 }
 
-/// An estimator of the firmware with its whole rows, or a baseline.
+/// An estimator of the firmware with its whole rows, or the repair.
 #[derive(Serialize)]
 struct MethodJson {
     #[serde(flatten)]
@@ -109,12 +117,6 @@ impl Measured {
     /// A method on the chip at a width, where it found a centre there.
     pub fn on_chip(&self, method: Method, width: f64) -> Option<&MethodOnChip> {
         on_chip(&self.chip, method, width)
-    }
-
-    /// A method's time per row on the chip at a width, in microseconds.
-    pub fn microseconds(&self, method: Method, width: f64) -> Option<f64> {
-        let counted = self.on_chip(method, width)?;
-        Some(counted.cycles.likely as f64 / CLOCK_MHZ)
     }
 
     /// A method on a window of 96 pixels.
@@ -173,9 +175,6 @@ impl Measured {
                     pull_min: round(worst.pull.0),
                     pull_max: round(worst.pull.1),
                     chip_instructions_per_row: chip.map(|chip| chip.instructions),
-                    chip_cycles_estimated: chip.map(|chip| chip.cycles.likely),
-                    chip_cycles_low: chip.map(|chip| chip.cycles.low),
-                    chip_cycles_high: chip.map(|chip| chip.cycles.high),
                     table_bytes: chip.map(|chip| chip.table_bytes),
                     code_bytes: chip.map(|chip| chip.code_bytes),
                     stack_bytes: chip.map(|chip| chip.stack_bytes),
@@ -196,7 +195,7 @@ impl Measured {
         let _ = writeln!(
             out,
             "\nA whole row on the chip, from its words to its centre with its check, sigma {WIDTH} px: \
-             instructions, and estimated us at 168 MHz"
+             instructions"
         );
         out += &table::text(&self.rows_table());
         let _ = writeln!(
@@ -215,8 +214,7 @@ impl Measured {
         out += &table::text(&self.cost_table());
         let _ = writeln!(
             out,
-            "\nInstructions are those for sigma in px; cycles, microseconds at 168 MHz, flash and \
-             stack for sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the \
+            "\nInstructions are those for sigma in px; flash and stack for sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the \
              first row of a frame, at all widths: {:.2}.",
             self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
         );
@@ -259,7 +257,7 @@ impl Measured {
         format!(
             "### Whole rows\n\n\
              A row's way from its {WORDS} words in memory to its centre with its check: instructions on the \
-             emulated chip, and estimated microseconds at 168 MHz. The spot has σ {WIDTH}. *following*: a \
+             emulated chip. The spot has σ {WIDTH}. *following*: a \
              row after another one of its frame. *first*: the first row of a frame. *slowest*: the slowest \
              row that we know.\n\n\
              {}\n{} {} {} {}\n\n\
@@ -304,15 +302,12 @@ impl Measured {
             ratio(worst.white.max(worst.shot)),
             "PC, synthetic rows".into(),
         ]);
-        let times = self.chip.whole_rows.kinds(default).map(|row| {
-            row.map_or("-".into(), |row| {
-                format!("{:.0}", whole_rows::microseconds(row))
-            })
-        });
+        let counts = (self.chip.whole_rows.kinds(default))
+            .map(|row| row.map_or("-".into(), |row| row.total().to_string()));
         rows.push(vec![
             format!("whole row, `{}`: following; first; slowest", default.name()),
-            format!("{} us", times.join("; ")),
-            "virtual board, estimated".into(),
+            format!("{} instructions", counts.join("; ")),
+            "virtual board".into(),
         ]);
         for (surface, light) in [
             ("no speckle", reading_time::Light::NoiseAlone),
@@ -337,7 +332,7 @@ impl Measured {
         format!(
             "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
              unbiased method with this noise. The ratio is the worst of spot widths (sigma) from 1.2 to 18 \
-             px. A whole row: estimated time at 168 MHz, from the row's words to its centre with its check.\n",
+             px. A whole row: from the row's words to its centre with its check.\n",
             table::markdown(&rows),
         )
     }
@@ -345,10 +340,10 @@ impl Measured {
     /// What README.md says of the estimators.
     pub fn readme_rows(&self) -> String {
         format!(
-            "{}\nInstructions, and estimated microseconds at 168 MHz, from the {WORDS} words of a row to its \
-             centre with its check. {}\n",
+            "{}\nInstructions from the {WORDS} words of a row to its centre with its check. {} {}\n",
             table::markdown(&self.rows_table()),
-            self.readme_text(),
+            self.range_text(),
+            self.share_text(),
         )
     }
 
@@ -388,9 +383,7 @@ impl Measured {
         let widths = self.chip_widths();
         let mut head = vec!["estimator".to_owned()];
         head.extend(widths.iter().map(|width| format!("σ {width}")));
-        head.extend(cells(&[
-            "cycles", "us", "code B", "tables B", "stack B", "host ns",
-        ]));
+        head.extend(cells(&["code B", "tables B", "stack B", "host ns"]));
         let mut rows = vec![head];
         for (&method, ns) in self.methods.iter().zip(&self.host_ns) {
             let mut row = vec![label(method)];
@@ -402,11 +395,6 @@ impl Measured {
             let figure = |of: fn(&MethodOnChip) -> u64| {
                 nominal.map_or("-".into(), |counted| of(counted).to_string())
             };
-            row.push(figure(|counted| counted.cycles.likely));
-            row.push(
-                self.microseconds(method, WINDOW_OF_96)
-                    .map_or("-".into(), |us| format!("{us:.1}")),
-            );
             row.push(figure(|counted| counted.code_bytes));
             row.push(figure(|counted| counted.table_bytes));
             row.push(figure(|counted| counted.stack_bytes));
@@ -506,10 +494,6 @@ impl Measured {
             method: &counted.name,
             width_px: counted.width,
             instructions: counted.instructions,
-            cycles_low: counted.cycles.low,
-            cycles_likely: counted.cycles.likely,
-            cycles_high: counted.cycles.high,
-            microseconds: round(counted.cycles.likely as f64 / CLOCK_MHZ),
             code_bytes: counted.code_bytes,
             table_bytes: counted.table_bytes,
             stack_bytes: counted.stack_bytes,
@@ -531,9 +515,7 @@ impl Measured {
             SituationRecord {
                 situation: situation.name,
                 method: of.method.name(),
-                row_microseconds: self
-                    .row_microseconds(of.method, situation.chip_width)
-                    .map(round),
+                row_instructions: self.row_instructions(of.method, situation.chip_width),
                 rmse_px: round(of.outcome.rmse),
                 rmse_over_bound: round(of.outcome.ratio()),
                 faults: of.outcome.faults,
@@ -559,8 +541,6 @@ fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
         "error um",
         "instructions",
         "most",
-        "cycles",
-        "us",
         "RAM B",
         "record B",
     ])];
@@ -571,8 +551,6 @@ fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
             format!("{:.4}", distance.error_max_um),
             distance.instructions.to_string(),
             distance.instructions_most.to_string(),
-            distance.cycles_likely.to_string(),
-            format!("{:.1}", distance.cycles_likely as f64 / CLOCK_MHZ),
             distance.ram_bytes.to_string(),
             distance.record_bytes.to_string(),
         ]
@@ -603,10 +581,6 @@ struct ChipRecord<'a> {
     method: &'a str,
     width_px: f64,
     instructions: u64,
-    cycles_low: u64,
-    cycles_likely: u64,
-    cycles_high: u64,
-    microseconds: f64,
     code_bytes: u64,
     table_bytes: u64,
     stack_bytes: u64,
@@ -624,7 +598,7 @@ struct BiasRecord {
 struct SituationRecord {
     situation: &'static str,
     method: &'static str,
-    row_microseconds: Option<f64>,
+    row_instructions: Option<u64>,
     rmse_px: f64,
     rmse_over_bound: f64,
     faults: u64,
@@ -656,13 +630,12 @@ fn label(method: Method) -> String {
     match method {
         Method::Estimator(estimator) => estimator.name().to_owned(),
         Method::Repair => "repair (check)".to_owned(),
-        baseline => format!("{} (baseline)", baseline.name()),
     }
 }
 
 /// What the marks of [`label`] mean.
-const LABELS: &str = "The baselines are not in the firmware. *repair* is the robust fit that the check runs \
-                      on a row that fails the check.";
+const LABELS: &str =
+    "*repair* is the robust fit that the check runs on a row that fails the check.";
 
 /// A ratio, with fewer digits where it is large.
 fn ratio(value: f64) -> String {
@@ -729,7 +702,7 @@ mod tests {
         assert!(json.get("peers").is_none());
         assert!(json["sweep_instructions_per_pixel"].is_f64());
         let methods = json["methods"].as_array().expect("an array");
-        assert_eq!(methods.len(), 10);
+        assert_eq!(methods.len(), Method::ALL.len());
         for method in methods {
             assert!(method["name"].is_string());
             for key in [
@@ -738,9 +711,6 @@ mod tests {
                 "pull_min",
                 "pull_max",
                 "chip_instructions_per_row",
-                "chip_cycles_estimated",
-                "chip_cycles_low",
-                "chip_cycles_high",
                 "table_bytes",
                 "code_bytes",
                 "stack_bytes",
@@ -810,12 +780,12 @@ mod tests {
                 "method,width_px,snr,amplitude,electrons_per_count,read_noise,rows,rmse_px,bound_px,\
                  rmse_over_bound,pull,faults,gross"
                     .to_owned(),
-                10 * 12 * 10
+                6 * 12 * 10
             )
         );
-        assert_eq!(lines("methods.csv").1, 10);
-        assert_eq!(lines("bias.csv").1, 10 * 12);
-        assert_eq!(lines("situations.csv").1, 10 * SITUATIONS.len());
+        assert_eq!(lines("methods.csv").1, 6);
+        assert_eq!(lines("bias.csv").1, 6 * 12);
+        assert_eq!(lines("situations.csv").1, 6 * SITUATIONS.len());
         assert_eq!(lines("reading-time.csv").1, 5 * 5 * 7);
         assert_eq!(lines("whole-rows.csv").1, 5 * (2 * 5 + 1 + 2));
         assert_eq!(lines("distances.csv").1, 1);
@@ -823,7 +793,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_name_baselines_and_the_readme_leaves_them_out() {
+    fn tables_name_every_method_and_the_readme_no_repair() {
         let measured = sample_measurements::measured();
         let (page, readme) = (measured.markdown(), measured.short_markdown());
         for method in Method::ALL {

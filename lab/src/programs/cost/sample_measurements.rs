@@ -7,9 +7,8 @@ use slitrange::centre::Estimator;
 use crate::programs::cost::accuracy::{
     Accuracy, Bias, InSituation, MethodOnCell, NOISES, Noise, SITUATIONS, WIDTHS,
 };
-use crate::programs::cost::chip::cycles::Range;
 use crate::programs::cost::chip::steps::Steps;
-use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRow, WholeRows};
+use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRows};
 use crate::programs::cost::chip::{Chip, MethodOnChip};
 use crate::programs::cost::distances::Distance;
 use crate::programs::cost::float_functions::FloatFunctions;
@@ -18,16 +17,12 @@ use crate::programs::cost::report::Measured;
 
 /// Name, RMSE over the bound in white and shot noise, bias at a width of a pixel, instructions, code and
 /// tables in bytes.
-const METHODS: [(f64, f64, f64, u64, u64, u64); 10] = [
+const METHODS: [(f64, f64, f64, u64, u64, u64); 6] = [
     (1.9, 1.3, 0.02, 520, 420, 0),
     (1.06, 1.09, 0.0003, 354, 1100, 9400),
     (1.01, 1.02, 0.0001, 653, 2300, 18_800),
     (1.0, 1.0, 0.00002, 37_600, 4100, 0),
     (1.08, 1.12, 0.004, 354, 1100, 9400),
-    (9.0, 12.0, 0.05, 95, 300, 0),
-    (8.0, 11.0, 0.01, 190, 700, 0),
-    (1.15, 1.55, 0.02, 204, 380, 0),
-    (1.07, 1.1, 0.0005, 299, 900, 9400),
     (1.03, 1.04, 0.0002, 1420, 3400, 28_200),
 ];
 
@@ -92,7 +87,6 @@ pub fn measured() -> Measured {
             error_max_um: 0.01,
             instructions: 60,
             instructions_most: 60,
-            cycles_likely: 100,
             ram_bytes: 64,
             record_bytes: 50,
         }],
@@ -115,7 +109,6 @@ fn chip() -> Chip {
                 width,
                 instructions,
                 instructions_most: instructions,
-                cycles: cycles(instructions),
                 code_bytes,
                 table_bytes,
                 stack_bytes: 200,
@@ -137,30 +130,16 @@ fn chip() -> Chip {
     }
 }
 
-fn cycles(instructions: u64) -> Range {
-    Range {
-        low: instructions,
-        likely: instructions * 14 / 10,
-        high: instructions * 3,
-    }
-}
-
 fn whole_rows() -> WholeRows {
     let mut rows = WholeRows::default();
     for (estimator, (.., estimate, _, _)) in Estimator::ALL.into_iter().zip(METHODS) {
-        let row = |parts: u64| {
-            let steps = Steps {
-                convert: 3000,
-                search: 4000 * parts,
-                estimate,
-                check: 5000 * parts,
-                frame: 460,
-                ..Steps::default()
-            };
-            WholeRow {
-                steps,
-                cycles: cycles(steps.total()),
-            }
+        let row = |parts: u64| Steps {
+            convert: 3000,
+            search: 4000 * parts,
+            estimate,
+            check: 5000 * parts,
+            frame: 460,
+            ..Steps::default()
         };
         for width in [1.5, 4.5, 10.5, 11.3, 25.0] {
             let parts = if width < 6.0 { 3 } else { 1 };
@@ -172,16 +151,13 @@ fn whole_rows() -> WholeRows {
             });
         }
         let mut last = row(1);
-        last.steps.frame += 30_000;
+        last.frame += 30_000;
         rows.once_a_frame.push(OnceAFrame {
             estimator,
             last,
-            distance: WholeRow {
-                steps: Steps {
-                    distance: 600,
-                    ..Steps::default()
-                },
-                cycles: cycles(600),
+            distance: Steps {
+                distance: 600,
+                ..Steps::default()
             },
         });
         rows.slowest.push(Slowest {

@@ -102,9 +102,5 @@ functions! {
     method_adaptive: Method::Estimator(Estimator::Adaptive),
     method_gauss_newton: Method::Estimator(Estimator::GaussNewton),
     method_fraunhofer: Method::Estimator(Estimator::Fraunhofer),
-    method_parabola: Method::Parabola,
-    method_log_parabola: Method::LogParabola,
-    method_zero_crossing: Method::ZeroCrossing,
-    method_blocks: Method::Blocks,
     method_repair: Method::Repair,
 }

@@ -29,92 +29,53 @@ struct Input {
     start: [f32; 4],
 }
 
-/// The centre in pixels from the first one, and how often the sum of squares was asked for.
-#[derive(Clone, Copy, Default)]
-struct Found {
-    centre: f64,
-    evaluations: usize,
-}
-
-/// Where a fit starts.
-#[derive(Clone, Copy)]
-enum Start {
-    /// What the default estimator found in the row before, the target on the move: as the peers on a PC
-    /// start.
-    Moved,
-    /// The same of a target at rest: as the methods on this chip start.
-    AtRest,
-    /// What the coarse search found: half a block from the centre, a factor of two from the width.
-    Search,
-}
-
 /// Counts fits with the crate's default tolerances on [`ROWS`] rows.
 pub fn measure() {
-    let (single, double) = (peer_levenberg_marquardt_f32, peer_levenberg_marquardt_f64);
-    measure_one("levenberg-marquardt-f32", Start::Moved, single);
-    measure_one("levenberg-marquardt-f64", Start::Moved, double);
-    measure_one("levenberg-marquardt-f32-at-rest", Start::AtRest, single);
-    measure_one("levenberg-marquardt-f32-from-search", Start::Search, single);
+    measure_one("levenberg-marquardt-f32", peer_levenberg_marquardt_f32);
+    measure_one("levenberg-marquardt-f64", peer_levenberg_marquardt_f64);
 }
 
-fn measure_one(name: &str, start: Start, peer: Counted<Input, Found>) {
+/// A fit starts where the default estimator found the spot of a target on the move, in the row before.
+fn measure_one(name: &str, peer: Counted<Input, f64>) {
     let geometry = rows::geometry();
     let (mut before, mut now) = ([0; PIXELS], [0; PIXELS]);
     let mut costs = [Cost::default(); ROWS];
-    let mut evaluations = 0;
     for (row, cost) in costs.iter_mut().enumerate() {
-        let turn = match start {
-            Start::Moved => Turn::BeforeMoved,
-            Start::AtRest | Start::Search => Turn::Before,
-        };
-        rows::light(WIDTH, row, turn, &mut before);
+        rows::light(WIDTH, row, Turn::BeforeMoved, &mut before);
         rows::light(WIDTH, row, Turn::Now, &mut now);
         let searched = defmt::unwrap!(inputs::searched(&before).ok());
         let now_searched = defmt::unwrap!(inputs::searched(&now).ok());
-        let spot = now_searched.spot;
+        let level = now_searched.spot.background.level;
         let known = inputs::input(Method::default(), &searched, now_searched, &geometry);
         let known = defmt::unwrap!(known.before);
-        let (amplitude, centre, width) = match start {
-            Start::Moved | Start::AtRest => (
-                known.amplitude.to_f32(),
-                known.centre.to_f32(),
-                known.width.to_f32(),
-            ),
-            Start::Search => (
-                spot.height.to_f32(),
-                spot.centre as f32,
-                0.9 * (1u32 << spot.block_log2) as f32,
-            ),
-        };
+        let centre = known.centre.to_f32();
         let first = centre as usize - FITTED / 2;
         let input = Input {
             pixels: defmt::unwrap!(now[first..][..FITTED].try_into().ok()),
             start: [
-                amplitude,
+                known.amplitude.to_f32(),
                 centre - first as f32,
-                core::f32::consts::FRAC_1_SQRT_2 / width,
-                spot.background.level.to_f32(),
+                core::f32::consts::FRAC_1_SQRT_2 / known.width.to_f32(),
+                level.to_f32(),
             ],
         };
-        let mut found = Found::default();
+        let mut found = 0.0;
         *cost = counter::count(peer, &input, &mut found);
-        evaluations = evaluations.max(found.evaluations);
         defmt::println!(
             "peer-row {} number {} centre {}",
             name,
             row,
-            found.centre + first as f64
+            found + first as f64
         );
         let_the_log_out();
     }
     let cost = counter::summary(costs);
     defmt::println!(
-        "peer {} cycles {} most {} stack {} evaluations {}",
+        "peer {} cycles {} most {} stack {}",
         name,
         cost.median,
         cost.most,
-        cost.stack,
-        evaluations
+        cost.stack
     );
     let_the_log_out();
 }
@@ -168,16 +129,13 @@ macro_rules! peer {
 
         #[inline(never)]
         #[unsafe(no_mangle)]
-        extern "C" fn $function(input: &Input, found: &mut Found) {
+        extern "C" fn $function(input: &Input, centre: &mut f64) {
             let problem = Gaussian {
                 counts: input.pixels.map($number::from),
                 parameters: OVector::from(input.start.map($number::from)),
             };
-            let (problem, report) = LevenbergMarquardt::new().minimize(problem);
-            *found = Found {
-                centre: f64::from(problem.parameters[1]),
-                evaluations: report.number_of_evaluations,
-            };
+            let (problem, _) = LevenbergMarquardt::new().minimize(problem);
+            *centre = f64::from(problem.parameters[1]);
         }
     };
 }

@@ -13,13 +13,11 @@ use super::steps;
 
 /// An instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Instruction {
+struct Instruction {
     /// Its name, with a condition or width if it has one: `ldr.w`.
-    pub mnemonic: String,
+    mnemonic: String,
     /// Its operands, as text.
-    pub operands: String,
-    /// Its bytes: 2 or 4.
-    pub bytes: u64,
+    operands: String,
 }
 
 /// A function.
@@ -64,16 +62,6 @@ impl Program {
         })
     }
 
-    /// A program of the disassembler's lines.
-    #[cfg(test)]
-    pub fn of_lines(text: &str) -> Self {
-        Self {
-            functions: BTreeMap::new(),
-            addresses: BTreeMap::new(),
-            instructions: text.lines().filter_map(parse).collect(),
-        }
-    }
-
     /// The address of a function that keeps its name.
     pub fn address(&self, symbol: &str) -> Option<u64> {
         self.addresses.get(symbol).copied()
@@ -96,11 +84,6 @@ impl Program {
             .chain(self.named(super::GAUSS_NEWTON_ITERATION))
             .chain(self.address(steps::ROW))
             .chain(self.address(steps::READING))
-    }
-
-    /// The instruction at an address.
-    pub fn instruction(&self, address: u64) -> Option<&Instruction> {
-        self.instructions.get(&address)
     }
 
     /// The bytes of all functions that can be reached from `symbol` by a call or a jump, its own and their
@@ -150,7 +133,7 @@ impl Instruction {
     }
 
     /// B, BL, BX, BLX and B with a condition.
-    pub fn is_branch(&self) -> bool {
+    fn is_branch(&self) -> bool {
         const CONDITIONS: [&str; 14] = [
             "eq", "ne", "hs", "lo", "mi", "pl", "vs", "vc", "hi", "ls", "ge", "lt", "gt", "le",
         ];
@@ -218,9 +201,9 @@ fn parse(line: &str) -> Option<(u64, Instruction)> {
     let (address, rest) = line.split_once(':')?;
     let address = u64::from_str_radix(address.trim(), 16).ok()?;
     let mut columns = rest.split('\t');
-    let halfwords = columns.next()?.split_whitespace().count() as u64;
+    let halfwords = columns.next()?.trim();
     let mnemonic = columns.next()?.trim();
-    if halfwords == 0 || mnemonic.is_empty() || mnemonic.starts_with(['.', '<']) {
+    if halfwords.is_empty() || mnemonic.is_empty() || mnemonic.starts_with(['.', '<']) {
         return None;
     }
     let operands = columns.next().unwrap_or_default();
@@ -230,7 +213,6 @@ fn parse(line: &str) -> Option<(u64, Instruction)> {
         Instruction {
             mnemonic: mnemonic.to_owned(),
             operands: operands.to_owned(),
-            bytes: 2 * halfwords,
         },
     ))
 }
@@ -247,13 +229,10 @@ mod tests {
     fn lines_of_the_disassembler() {
         let call = " 80001b0: f00f fc4e    \tbl\t0x800fa50 <__pre_init>  @ imm = #0xf89c";
         let (address, call) = parse(call).unwrap();
-        assert_eq!(
-            (address, call.bytes, call.target()),
-            (0x80001b0, 4, Some(0x800_fa50))
-        );
+        assert_eq!((address, call.target()), (0x80001b0, Some(0x800_fa50)));
         let compare =
             instruction(" 80001b0: b1a2         \tcbz\tr2, 0x80001dc <x+0x40> @ imm = #0x28");
-        assert_eq!((compare.bytes, compare.target()), (2, Some(0x800_01dc)));
+        assert_eq!(compare.target(), Some(0x800_01dc));
         assert_eq!(
             instruction(" 8000220: eeb1 0ac0    \tvsqrt.f32\ts0, s0").target(),
             None
@@ -269,7 +248,6 @@ mod tests {
             Instruction {
                 mnemonic: mnemonic.to_owned(),
                 operands,
-                bytes: 2,
             }
             .is_branch()
         };

@@ -341,7 +341,6 @@ mod tests {
         };
         let call = Call {
             function: 1,
-            path: vec![],
             steps: BTreeMap::new(),
             stacks: BTreeMap::from([
                 (vec![], BTreeMap::from([(1, 10)])),

@@ -5,21 +5,11 @@ use cost_on_chip::whole_rows::{COMB, FRAME};
 use slitrange::centre::Estimator;
 use virtual_board::trace::Call;
 
-use super::cycles::{Model, Range};
 use super::lines::{self, Kind, Line};
 use super::program::Program;
 use super::run::{Run, Slow};
 use super::steps::{self, Functions, Steps};
 use super::{CLOCK_ROUNDS, sorted_by_instructions};
-
-/// What a row takes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WholeRow {
-    /// Its instructions by step. They add up to all that were executed.
-    pub steps: Steps,
-    /// Estimated cycles.
-    pub cycles: Range,
-}
 
 /// What rows with a spot of one width take by one estimator: the medians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,9 +19,9 @@ pub struct AtWidth {
     /// Sigma in pixels.
     pub width: f64,
     /// The first row of a frame.
-    pub first: WholeRow,
+    pub first: Steps,
     /// The second row of a frame.
-    pub following: WholeRow,
+    pub following: Steps,
 }
 
 /// What comes once a frame.
@@ -40,9 +30,9 @@ pub struct OnceAFrame {
     /// The estimator.
     pub estimator: Estimator,
     /// The row that completes the frame.
-    pub last: WholeRow,
+    pub last: Steps,
     /// The reading: a distance with its uncertainty.
-    pub distance: WholeRow,
+    pub distance: Steps,
 }
 
 /// The slowest row that is known.
@@ -53,7 +43,7 @@ pub struct Slowest {
     /// What the row shows.
     pub name: String,
     /// What it takes.
-    pub row: WholeRow,
+    pub row: Steps,
 }
 
 /// All of it.
@@ -73,22 +63,16 @@ pub struct WholeRows {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comb {
     /// The first row of a frame.
-    pub first: WholeRow,
+    pub first: Steps,
     /// The second row of a frame.
-    pub following: WholeRow,
+    pub following: Steps,
     /// The row that completes the frame.
-    pub last: WholeRow,
+    pub last: Steps,
 }
 
 /// Reads what came of a run.
-pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows> {
+pub fn read(run: &Run, program: &Program) -> Result<WholeRows> {
     let functions = Functions::of(&run.firmware)?;
-    let whole_row = |call: &Call| {
-        Ok::<_, anyhow::Error>(WholeRow {
-            steps: functions.steps(call)?,
-            cycles: model.range(&call.path),
-        })
-    };
     let rows = with_calls(run, program, Kind::WholeRow, steps::ROW)?;
     let readings = with_calls(run, program, Kind::Reading, steps::READING)?;
     let mut whole_rows = WholeRows::default();
@@ -101,7 +85,7 @@ pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows
             });
             let calls = sorted_by_instructions(calls.map(|(_, call)| *call));
             let median = calls.get(calls.len() / 2);
-            whole_row(median.context("the chip's program measured no such row")?)
+            functions.steps(median.context("the chip's program measured no such row")?)
         };
         let mut widths: Vec<f64> = vec![];
         for (line, _) in &rows {
@@ -125,7 +109,7 @@ pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows
         whole_rows.once_a_frame.push(OnceAFrame {
             estimator,
             last: of_place(None, f64::from(FRAME))?,
-            distance: whole_row(reading)?,
+            distance: functions.steps(reading)?,
         });
     }
     let of_comb = |place: u16| {
@@ -135,7 +119,7 @@ pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows
         let (_, call) = calls
             .next()
             .context("the chip's program measured no comb")?;
-        whole_row(call)
+        functions.steps(call)
     };
     whole_rows.comb = Some(Comb {
         first: of_comb(1)?,
@@ -151,7 +135,7 @@ pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows
         whole_rows.slowest.push(Slowest {
             estimator: *estimator,
             name: name.clone(),
-            row: whole_row(call)?,
+            row: functions.steps(call)?,
         });
     }
     Ok(whole_rows)

@@ -1,4 +1,4 @@
-//! What the time for a whole row buys, by each method: one panel a situation.
+//! What the instructions of a whole row buy, by each method: one panel a situation.
 
 use std::path::Path;
 
@@ -20,20 +20,20 @@ const WORST: f64 = 60.0;
 /// less.
 const CHANCE: f64 = 0.005;
 
-const TIMES: [f64; 16] = [
-    50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 120.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0, 700.0,
-    1000.0, 1500.0,
+const INSTRUCTIONS: [f64; 14] = [
+    10e3, 12e3, 15e3, 20e3, 25e3, 30e3, 40e3, 50e3, 60e3, 70e3, 80e3, 100e3, 120e3, 150e3,
 ];
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 1500)?;
     let root = root.titled(
-        "What the time for a whole row buys (filled points: no faster method is as accurate)",
+        "What the instructions of a whole row buy (filled points: no faster method is as accurate)",
         bold(TITLE, BLACK),
     )?;
     let times = |of: &&InSituation| {
-        measured.row_microseconds(of.method, SITUATIONS[of.situation].chip_width)
+        let width = SITUATIONS[of.situation].chip_width;
+        (measured.row_instructions(of.method, width)).map(|count| count as f64)
     };
     let all = || {
         measured
@@ -72,8 +72,8 @@ fn draw_situation(
     let x = Axis::new(
         Scale::Log,
         times,
-        "time from a row's words to its checked centre on the chip, us at 168 MHz (estimated)",
-        &TIMES,
+        "instructions from a row's words to its checked centre on the chip",
+        &INSTRUCTIONS,
         |value| value.to_string(),
     );
     let y = axis_of_ratios(WORST);

@@ -10,8 +10,7 @@ use slitrange::centre::Estimator;
 
 use super::style::{CHARACTER, bold, is_default};
 use crate::programs::cost::chip::steps::Steps;
-use crate::programs::cost::chip::whole_rows::WholeRow;
-use crate::programs::cost::report::{CLOCK_MHZ, Measured};
+use crate::programs::cost::report::Measured;
 
 /// Gives the instructions of a step.
 type Instructions = fn(&Steps) -> u64;
@@ -39,7 +38,7 @@ const TITLES: [&str; 3] = [
 
 /// Pixels for the estimators' names, and for the figures beside the bars.
 const NAMES: u32 = 70;
-const FIGURES: i32 = 240;
+const FIGURES: i32 = 140;
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
@@ -52,7 +51,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let rows = &measured.chip.whole_rows;
     draw_legend(&legend, measured)?;
     for (i, area) in root.split_evenly((TITLES.len(), 1)).iter().enumerate() {
-        let bars: Vec<(Estimator, &WholeRow)> = Estimator::ALL
+        let bars: Vec<(Estimator, &Steps)> = Estimator::ALL
             .into_iter()
             .filter_map(|estimator| Some((estimator, rows.kinds(estimator)[i]?)))
             .collect();
@@ -77,15 +76,15 @@ fn draw_legend(area: &Area<'_>, measured: &Measured) -> anyhow::Result<()> {
     let rows = &measured.chip.whole_rows;
     let default = Estimator::default();
     if let Some((mean, once)) = rows.mean(default).zip(rows.once_a_frame(default)) {
-        let distance = once.distance.steps.total();
+        let distance = once.distance.total();
         let label = format!("once a frame: mean {mean}, distance {distance}");
         area.draw(&Text::new(label, (24, y + TEXT + 6), text(TEXT, BLACK)))?;
     }
     Ok(())
 }
 
-fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &WholeRow)]) -> anyhow::Result<()> {
-    let most = bars.iter().map(|(_, row)| row.steps.total()).max();
+fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &Steps)]) -> anyhow::Result<()> {
+    let most = bars.iter().map(|(_, row)| row.total()).max();
     let most = most.unwrap_or(1) as f64;
     let x = Axis::linear((0.0, most * 1.02), "instructions", 6, 0);
     let y = Axis::new(
@@ -104,7 +103,7 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &WholeRow)]) -> a
         );
         let mut from = 0.0;
         for (_, colour, of) in STEPS {
-            let to = from + of(&row.steps) as f64;
+            let to = from + of(row) as f64;
             panel.draw_series([Rectangle::new([(from, top), (to, bottom)], colour.filled())])?;
             from = to;
         }
@@ -112,9 +111,8 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &WholeRow)]) -> a
     let (left, top) = area.get_base_pixel();
     for (place, (estimator, row)) in bars.iter().enumerate() {
         let middle = bars.len() as f64 - place as f64 - 0.5;
-        let total = row.steps.total();
+        let total = row.total();
         let ends = [0.0, most * 1.02].map(|x| panel.backend_coord(&(x, middle)));
-        let microseconds = row.cycles.likely as f64 / CLOCK_MHZ;
         let style = match is_default(Method::Estimator(*estimator)) {
             true => bold(TEXT, BLACK),
             false => text(TEXT, BLACK),
@@ -125,11 +123,7 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &WholeRow)]) -> a
                 HPos::Right,
                 estimator.name().to_owned(),
             ),
-            (
-                (ends[1].0 + 8, ends[1].1),
-                HPos::Left,
-                format!("{total} ({microseconds:.0} us)"),
-            ),
+            ((ends[1].0 + 8, ends[1].1), HPos::Left, total.to_string()),
         ] {
             let style = style.clone().pos(Pos::new(side, VPos::Center));
             area.draw(&Text::new(label, (x - left, y - top), style))?;

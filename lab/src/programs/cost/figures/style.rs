@@ -32,10 +32,6 @@ pub fn is_default(method: Method) -> bool {
 pub const fn colour(method: Method) -> RGBColor {
     match method {
         Method::Estimator(Estimator::Centroid) => ORANGE,
-        Method::Parabola => RGBColor(0x6b, 0x6b, 0x00),
-        Method::LogParabola => RGBColor(0x80, 0x50, 0x45),
-        Method::ZeroCrossing => RGBColor(0xc2, 0x18, 0x7b),
-        Method::Blocks => RGBColor(0x00, 0x7c, 0x89),
         Method::Estimator(Estimator::PhaseTable) => BLACK,
         Method::Estimator(Estimator::Adaptive) => BLUE,
         Method::Repair => PURPLE,

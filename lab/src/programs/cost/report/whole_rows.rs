@@ -5,10 +5,9 @@ use cost_on_chip::whole_rows::{COMB, FRAME, WIDTH};
 use serde::Serialize;
 use slitrange::centre::Estimator;
 
-use super::{CLOCK_MHZ, Measured, ratio};
-use crate::programs::cost::chip::cycles::Range;
+use super::{Measured, microseconds, ratio};
 use crate::programs::cost::chip::steps::Steps;
-use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRow, WholeRows};
+use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRows};
 use crate::table::cells;
 
 /// What rows take by one estimator, from their words to their centre with its check.
@@ -45,21 +44,17 @@ pub struct CombInstructions {
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     total: u64,
-    /// The likely ones of `cycles`.
-    cycles_estimated: u64,
-    microseconds_estimated: f64,
-    cycles: Range,
+    /// The least, typical ones, and the most.
+    microseconds_estimated: [f64; 3],
     steps: Steps,
 }
 
-impl From<&WholeRow> for Row {
-    fn from(row: &WholeRow) -> Self {
+impl From<&Steps> for Row {
+    fn from(steps: &Steps) -> Self {
         Self {
-            total: row.steps.total(),
-            cycles_estimated: row.cycles.likely,
-            cycles: row.cycles,
-            microseconds_estimated: super::round(microseconds(row)),
-            steps: row.steps,
+            total: steps.total(),
+            microseconds_estimated: microseconds(steps.total()).map(super::round),
+            steps: *steps,
         }
     }
 }
@@ -88,11 +83,6 @@ struct Widths {
     first: Row,
 }
 
-/// Estimated microseconds of a row.
-pub fn microseconds(row: &WholeRow) -> f64 {
-    row.cycles.likely as f64 / CLOCK_MHZ
-}
-
 impl WholeRows {
     /// An estimator's rows with a spot of a width.
     pub fn at_width(&self, estimator: Estimator, width: f64) -> Option<&AtWidth> {
@@ -118,29 +108,29 @@ impl WholeRows {
 
     /// Instructions of the frame's mean: what the last row of a frame takes more than the others.
     pub fn mean(&self, estimator: Estimator) -> Option<u64> {
-        let last = self.once_a_frame(estimator)?.last.steps.frame;
-        Some(last.saturating_sub(self.nominal(estimator)?.following.steps.frame))
+        let last = self.once_a_frame(estimator)?.last.frame;
+        Some(last.saturating_sub(self.nominal(estimator)?.following.frame))
     }
 
-    /// What the chip computes for a reading of so many rows, in milliseconds.
+    /// What the chip computes for a reading of so many rows, in milliseconds, typically.
     pub fn reading_milliseconds(&self, estimator: Estimator, rows: u64) -> Option<f64> {
         let (nominal, once) = (self.nominal(estimator)?, self.once_a_frame(estimator)?);
-        // Measured for a frame of the factory's settings. It goes over all rows, so it grows with them.
-        let mean = microseconds(&once.last) - microseconds(&nominal.following);
-        let mean = mean * rows as f64 / f64::from(FRAME);
-        let rows =
-            microseconds(&nominal.first) + (rows - 1) as f64 * microseconds(&nominal.following);
-        Some((rows + mean + microseconds(&once.distance)) / 1e3)
+        let AtWidth {
+            first, following, ..
+        } = nominal;
+        Some(of_reading(first, following, &once.last, once, rows))
     }
 
     /// The same for a comb, by the default estimator.
     pub fn comb_milliseconds(&self, rows: u64) -> Option<f64> {
         let (comb, once) = (self.comb?, self.once_a_frame(Estimator::default())?);
-        let mean = microseconds(&comb.last) - microseconds(&comb.following);
-        let rows = microseconds(&comb.first)
-            + (rows - 1) as f64 * microseconds(&comb.following)
-            + mean * rows as f64 / f64::from(FRAME);
-        Some((rows + microseconds(&once.distance)) / 1e3)
+        Some(of_reading(
+            &comb.first,
+            &comb.following,
+            &comb.last,
+            once,
+            rows,
+        ))
     }
 
     /// What `--json` says of a comb.
@@ -168,7 +158,7 @@ impl WholeRows {
             }),
             once_a_frame: Once {
                 mean: self.mean(estimator)?,
-                distance: self.once_a_frame(estimator)?.distance.steps.total(),
+                distance: self.once_a_frame(estimator)?.distance.total(),
             },
             widths: of_estimator
                 .map(|at| Widths {
@@ -181,12 +171,22 @@ impl WholeRows {
     }
 }
 
+/// The typical milliseconds of a reading. The mean was measured for a frame of the factory's settings. It goes
+/// over all rows, so it grows with them.
+fn of_reading(first: &Steps, following: &Steps, last: &Steps, once: &OnceAFrame, rows: u64) -> f64 {
+    let [first, following, last] = [first, following, last].map(Steps::total);
+    let mean = last.saturating_sub(following) * rows / u64::from(FRAME);
+    let [_, typical, _] =
+        microseconds(first + (rows - 1) * following + mean + once.distance.total());
+    typical / 1e3
+}
+
 /// The kinds of rows. Each kind has its own figures.
 const KINDS: [&str; 3] = ["following", "first", "slowest"];
 
 impl WholeRows {
     /// An estimator's rows in the order of [`KINDS`].
-    pub fn kinds(&self, estimator: Estimator) -> [Option<&WholeRow>; 3] {
+    pub fn kinds(&self, estimator: Estimator) -> [Option<&Steps>; 3] {
         let nominal = self.nominal(estimator);
         [
             nominal.map(|at| &at.following),
@@ -198,7 +198,7 @@ impl WholeRows {
     /// Instructions that `adaptive` takes more than `phase-table` in a following row, and their share of that
     /// row.
     pub fn adaptive_over_phase_table(&self) -> Option<(i64, f64)> {
-        let total = |estimator| Some(self.nominal(estimator)?.following.steps.total());
+        let total = |estimator| Some(self.nominal(estimator)?.following.total());
         let (more, less) = (total(Estimator::Adaptive)?, total(Estimator::PhaseTable)?);
         let difference = more as i64 - less as i64;
         Some((difference, difference as f64 / less as f64))
@@ -210,32 +210,30 @@ impl Measured {
         self.methods.iter().filter_map(|method| method.estimator())
     }
 
-    /// Estimated microseconds of a following row by a method. A method that is not in the firmware takes the
-    /// place of the default estimator, among its conversion, search and check.
-    pub fn row_microseconds(&self, method: Method, width: f64) -> Option<f64> {
+    /// Instructions of a following row by a method. The repair takes the place of the default estimator, among
+    /// its conversion, search and check.
+    pub fn row_instructions(&self, method: Method, width: f64) -> Option<u64> {
+        let at = |estimator| self.chip.whole_rows.at_width(estimator, width);
         if let Some(estimator) = method.estimator() {
-            let at = self.chip.whole_rows.at_width(estimator, width)?;
-            return Some(microseconds(&at.following));
+            return Some(at(estimator)?.following.total());
         }
-        let default = self.chip.whole_rows.at_width(Estimator::default(), width)?;
-        let alone = self.microseconds(Method::default(), width)?;
-        Some(microseconds(&default.following) - alone + self.microseconds(method, width)?)
+        let alone = self.on_chip(Method::default(), width)?.instructions;
+        let rest = at(Estimator::default())?.following.total() - alone;
+        Some(rest + self.on_chip(method, width)?.instructions)
     }
 
     /// Each estimator's error beside what its rows take.
     pub(super) fn rows_table(&self) -> Vec<Vec<String>> {
         let mut head = cells(&["estimator", "error / bound"]);
-        for kind in KINDS {
-            head.extend([format!("{kind} row"), "us".into()]);
-        }
+        head.extend(KINDS.map(|kind| format!("{kind} row")));
         let mut rows = vec![head];
         rows.extend(self.estimators().map(|estimator| {
             let worst = self.accuracy.worst(Method::Estimator(estimator));
             let mut row = vec![named(estimator), ratio(worst.white.max(worst.shot))];
-            for of_kind in self.chip.whole_rows.kinds(estimator) {
-                row.push(of_kind.map_or("-".into(), |row| row.steps.total().to_string()));
-                row.push(of_kind.map_or("-".into(), |row| format!("{:.0}", microseconds(row))));
-            }
+            row.extend(
+                (self.chip.whole_rows.kinds(estimator))
+                    .map(|of_kind| of_kind.map_or("-".into(), |row| row.total().to_string())),
+            );
             row
         }));
         rows
@@ -268,13 +266,13 @@ impl Measured {
         let mut head = vec!["row".to_owned()];
         head.extend(widths.iter().map(|width| format!("σ {width}")));
         let mut rows = vec![head];
-        let kinds: [fn(&AtWidth) -> &WholeRow; 2] = [|at| &at.following, |at| &at.first];
+        let kinds: [fn(&AtWidth) -> &Steps; 2] = [|at| &at.following, |at| &at.first];
         for (kind, row) in KINDS.iter().zip(kinds) {
             for estimator in self.estimators() {
                 let mut line = vec![format!("{kind}, {}", estimator.name())];
                 line.extend(widths.iter().map(|&width| {
                     let at = self.chip.whole_rows.at_width(estimator, width);
-                    at.map_or("-".into(), |at| row(at).steps.total().to_string())
+                    at.map_or("-".into(), |at| row(at).total().to_string())
                 }));
                 rows.push(line);
             }
@@ -292,42 +290,22 @@ impl Measured {
         format!(
             "Once a frame of {FRAME} rows, the mean of its rows takes {mean} instructions more, and the \
              distance with its uncertainty {}.",
-            once.distance.steps.total()
+            once.distance.total()
         )
     }
 
-    /// How well the time of a following row is known, in a sentence.
+    /// What time a following row takes, in sentences.
     pub(super) fn range_text(&self) -> String {
         let default = Estimator::default();
         let Some(nominal) = self.chip.whole_rows.nominal(default) else {
             return String::new();
         };
-        let microseconds = |cycles: u64| cycles as f64 / CLOCK_MHZ;
-        let Range { low, likely, high } = nominal.following.cycles;
+        let [least, _, most] = microseconds(nominal.following.total());
+        let [fewest, _, most_cycles] = super::CYCLES;
         format!(
-            "The microseconds are estimates: a following row of `{}` takes {:.0} us, at least {:.0} and at \
-             most {:.0} us.",
+            "An instruction takes {fewest} to {most_cycles} cycles at 168 MHz. So a following row of `{}` \
+             takes {least:.0} to {most:.0} us.",
             default.name(),
-            microseconds(likely),
-            microseconds(low),
-            microseconds(high),
-        )
-    }
-
-    /// The time of a following row, and how much slower `adaptive` is, in one sentence.
-    pub(super) fn readme_text(&self) -> String {
-        let rows = &self.chip.whole_rows;
-        let nominal = rows.nominal(Estimator::Adaptive);
-        let Some((nominal, (_, share))) = nominal.zip(rows.adaptive_over_phase_table()) else {
-            return String::new();
-        };
-        let Range { low, high, .. } = nominal.following.cycles;
-        format!(
-            "A following row by `adaptive` takes {:.0} to {:.0} us, and {:.1} % more instructions than by \
-             `phase-table`.",
-            low as f64 / CLOCK_MHZ,
-            high as f64 / CLOCK_MHZ,
-            100.0 * share
         )
     }
 
@@ -358,8 +336,7 @@ impl Measured {
     pub(super) fn row_records(&self) -> Vec<RowRecord> {
         let rows = &self.chip.whole_rows;
         let mut records = vec![];
-        let mut add = |row: &'static str, name: &'static str, width, whole: &WholeRow| {
-            let steps = whole.steps;
+        let mut add = |row: &'static str, name: &'static str, width, steps: &Steps| {
             records.push(RowRecord {
                 row,
                 estimator: name,
@@ -372,10 +349,6 @@ impl Measured {
                 distance: steps.distance,
                 other: steps.other,
                 total: steps.total(),
-                cycles_low: whole.cycles.low,
-                cycles_likely: whole.cycles.likely,
-                cycles_high: whole.cycles.high,
-                microseconds: super::round(microseconds(whole)),
             });
         };
         let nominal = Some(f64::from(WIDTH));
@@ -402,8 +375,7 @@ impl Measured {
 }
 
 /// A row's name and its instructions by step.
-fn steps_line(name: String, row: &WholeRow) -> Vec<String> {
-    let steps = row.steps;
+fn steps_line(name: String, steps: &Steps) -> Vec<String> {
     let figures = [
         steps.convert,
         steps.search,
@@ -439,8 +411,4 @@ pub struct RowRecord {
     distance: u64,
     other: u64,
     total: u64,
-    cycles_low: u64,
-    cycles_likely: u64,
-    cycles_high: u64,
-    microseconds: f64,
 }
