@@ -73,7 +73,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     if options.distances {
         let chip = chip::measure().context("on the emulated chip")?;
         let distances = distances::measure(&chip)?;
-        print!("{}", report::distances(&distances));
+        print!("{}", report::distances_markdown(&distances));
         if options.write {
             return write_distances(&distances);
         }
@@ -85,7 +85,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
         println!("{}", serde_json::to_string_pretty(&measured.json())?);
         return Ok(());
     }
-    print!("{}", measured.tables());
+    print!("{}", measured.text());
     if options.write {
         return write(&measured);
     }

@@ -41,10 +41,6 @@ use whole_rows::WholeRows;
 /// The package that runs on the chip.
 const PACKAGE: &str = "cost-on-chip";
 
-/// The function that does one iteration of `gauss-newton`, as Rust names it.
-const GAUSS_NEWTON_ITERATION: &str =
-    "slitrange::centre::gauss_newton::normal_equations::normal_equations";
-
 /// The function that makes a distance of a centre, as Rust names it.
 const DISTANCE_AT: &str = "<slitrange::distance::Calibration>::distance_at";
 
@@ -63,8 +59,6 @@ pub struct Chip {
     pub search_instructions_per_pixel: f64,
     /// Turning the words of a read-out into a row.
     pub geometry_instructions_per_word: f64,
-    /// One iteration of `gauss-newton`, the mean over all of its rows, where it iterates.
-    pub gauss_newton_instructions_per_iteration: Option<f64>,
     /// Words in, centre added to the frame: all that a row takes.
     pub whole_rows: WholeRows,
     /// Every form of a calibration.
@@ -73,9 +67,6 @@ pub struct Chip {
     pub peers: Vec<PeerOnChip>,
     /// The exponential, the logarithm and the square root by each library.
     pub floats: Vec<FloatOnChip>,
-    /// Times that an inner product or a square root in assembly was compared with its portable twin, and was
-    /// the same.
-    pub kernels_compared: u64,
 }
 
 /// One method at one width, over several rows: the spot is known, and so is what the method found in the row
@@ -116,7 +107,7 @@ pub struct FormOnChip {
 /// A peer's fit of eq. (5) to 127 pixels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PeerOnChip {
-    /// The crate, its numbers' type, and where it starts if not from the row before of a target on the move.
+    /// The crate, and its numbers' type.
     pub name: String,
     /// Instructions, the median over the rows.
     pub instructions: u64,
@@ -181,7 +172,6 @@ fn chip(run: &Run) -> Result<Chip> {
         search_instructions_per_pixel: per_item(step("spot-find")?)?,
         sweep_instructions_per_pixel: per_item(step("spot-find-again")?)?,
         geometry_instructions_per_word: per_item(step("geometry-row")?)?,
-        gauss_newton_instructions_per_iteration: gauss_newton_iteration(run, &program),
         whole_rows: whole_rows::read(run, &program)?,
         forms: forms(run, &program)?,
         peers: lines::all(&run.lines, Kind::Peer)
@@ -190,7 +180,6 @@ fn chip(run: &Run) -> Result<Chip> {
         floats: lines::all(&run.lines, Kind::Float)
             .map(float)
             .collect::<Result<_>>()?,
-        kernels_compared: kernels.whole("compared")?,
     })
 }
 
@@ -349,26 +338,9 @@ fn bytes_of(set: &TableSet<'_>) -> u64 {
         .sum::<usize>() as u64
 }
 
-/// The mean over all calls of the function that does one iteration; `None` where the program has none.
-fn gauss_newton_iteration(run: &Run, program: &Program) -> Option<f64> {
-    let iteration = program.named(GAUSS_NEWTON_ITERATION)?;
-    let counts: Vec<u64> = run
-        .calls
-        .iter()
-        .filter(|call| call.function == iteration)
-        .map(Call::instructions)
-        .collect();
-    (!counts.is_empty()).then(|| counts.iter().sum::<u64>() as f64 / counts.len() as f64)
-}
-
 fn peer(line: &Line) -> Result<PeerOnChip> {
     Ok(PeerOnChip {
-        name: line
-            .name
-            .replace("-f32", " f32")
-            .replace("-f64", " f64")
-            .replace("-at-rest", ", target at rest")
-            .replace("-from-search", ", started from the search"),
+        name: line.name.replace("-f32", " f32").replace("-f64", " f64"),
         instructions: line.whole("cycles")?,
         stack_bytes: line.whole("stack")?,
     })

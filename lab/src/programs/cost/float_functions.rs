@@ -83,12 +83,6 @@ fn effect(width: f64) -> Effect {
 }
 
 impl FloatFunctions {
-    /// The tables for a terminal.
-    pub fn tables(&self) -> String {
-        let [functions, effects] = [self.function_table(), self.effect_table()];
-        format!("{}\n{}", table::text(&functions), table::text(&effects))
-    }
-
     /// The tables of `docs/accuracy.md`.
     pub fn markdown(&self) -> String {
         let exponential = |library| {

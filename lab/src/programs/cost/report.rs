@@ -2,7 +2,6 @@
 
 mod whole_rows;
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -79,8 +78,6 @@ pub struct Json {
     methods: Vec<MethodJson>,
     sweep_instructions_per_pixel: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    gauss_newton_instructions_per_iteration: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     comb_row_instructions: Option<CombInstructions>,
     #[serde(skip_serializing_if = "Option::is_none")]
     peers: Option<Vec<Peer>>,
@@ -152,9 +149,6 @@ impl Measured {
                 .collect(),
             sweep_instructions_per_pixel: self.chip.sweep_instructions_per_pixel,
             comb_row_instructions: self.chip.whole_rows.comb_json(),
-            gauss_newton_instructions_per_iteration: self
-                .chip
-                .gauss_newton_instructions_per_iteration,
             peers: self.peers.as_ref().map(|peers| peers.peers.clone()),
         }
     }
@@ -184,72 +178,15 @@ impl Measured {
             .collect()
     }
 
-    /// The tables for a terminal.
-    pub fn tables(&self) -> String {
-        let rows = self.accuracy.rows;
-        let mut out = format!(
-            "Accuracy, {rows} rows a cell: the worst over sigma 1.2 to 18 px (RMSE over the Cramér-Rao \
-             bound)\n{LABELS}\n"
-        );
-        out += &table::text(&self.accuracy_table());
-        let _ = writeln!(
-            out,
-            "\nA whole row on the chip, from its words to its centre with its check, sigma {WIDTH} px: \
-             instructions"
-        );
-        out += &table::text(&self.rows_table());
-        let _ = writeln!(
-            out,
-            "\n{}\n{}\n{}\n{}",
-            self.range_text(),
-            self.share_text(),
-            self.slowest_text(),
-            self.once_a_frame_text()
-        );
-        out += "\nIts steps\n";
-        out += &table::text(&self.steps_table());
-        out += "\nWhole rows with other spots, sigma in px\n";
-        out += &table::text(&self.widths_table());
-        out += "\nThe estimator alone, the window known from the row before\n";
-        out += &table::text(&self.cost_table());
-        let _ = writeln!(
-            out,
-            "\nInstructions are those for sigma in px; flash and stack for sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the \
-             first row of a frame, at all widths: {:.2}.",
-            self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
-        );
-        if let Some(iteration) = self.chip.gauss_newton_instructions_per_iteration {
-            let _ = writeln!(
-                out,
-                "Gauss-Newton: {iteration:.0} instructions an iteration."
-            );
-        }
-        let _ = writeln!(
-            out,
-            "Turning the words over: {:.2} instructions a word.",
-            self.chip.geometry_instructions_per_word,
-        );
-        out += "\nA distance, once a frame, over the paper's range\n";
-        out += &distances(&self.distances);
-        out += "\nFunctions of floats by each library, and what the exponentials do to a centre\n";
-        out += &self.floats.tables();
-        let _ = writeln!(
-            out,
-            "\nAssembly and its portable twin compared {} times: none differs.",
-            self.chip.kernels_compared
-        );
-        out += "\nThe whole sensor, target at 0.8 m, default estimator: error of a reading in um (RMS)\n";
-        out += &table::text(&self.reading_table());
-        if let Some(peers) = &self.peers {
-            let _ = writeln!(
-                out,
-                "\n{peers}\nPeers over the default estimator. fit: a given window of 127 pixels. A user of a \
-                 peer would have to add the conversion of the words, the search for the spot, and the check. \
-                 row: with ours, as a whole following row"
-            );
-            out += &table::text(&peer_table(&peers.peers));
-        }
-        out
+    /// All that the pages show, for a terminal.
+    pub fn text(&self) -> String {
+        let peers = self.peers.as_ref().map(peers_markdown).unwrap_or_default();
+        let [methods, distances, floats] = [
+            self.markdown(),
+            distances_markdown(&self.distances),
+            self.floats.markdown(),
+        ];
+        format!("{methods}\n{distances}\n{floats}\n{peers}")
     }
 
     /// The tables of `docs/accuracy.md`.
@@ -404,43 +341,6 @@ impl Measured {
         rows
     }
 
-    fn reading_table(&self) -> Vec<Vec<String>> {
-        let mut rows = vec![cells(&[
-            "rows",
-            "ms",
-            "noise alone",
-            "bound",
-            "speckle, at rest",
-            "receding",
-            "sliding",
-        ])];
-        let is_default = |point: &&reading_time::Point| point.estimator == Estimator::default();
-        let of = |light, rows| {
-            let point = self
-                .readings
-                .iter()
-                .find(|point| is_default(point) && point.light == light && point.rows == rows);
-            point.map_or(f64::NAN, |point| point.micrometres)
-        };
-        for point in self.readings.iter().filter(is_default) {
-            if point.light == reading_time::Light::NoiseAlone {
-                rows.push(vec![
-                    point.rows.to_string(),
-                    format!("{:.1}", point.milliseconds),
-                    format!("{:.2}", point.micrometres),
-                    format!("{:.2}", point.bound_micrometres),
-                    format!("{:.0}", of(reading_time::Light::SpeckleAtRest, point.rows)),
-                    format!(
-                        "{:.0}",
-                        of(reading_time::Light::SpeckleReceding, point.rows)
-                    ),
-                    format!("{:.0}", of(reading_time::Light::SpeckleSliding, point.rows)),
-                ]);
-            }
-        }
-        rows
-    }
-
     /// Writes everything as CSV files into a directory.
     ///
     /// # Errors
@@ -524,17 +424,8 @@ impl Measured {
     }
 }
 
-/// The table of a calibration's forms for a terminal.
-pub fn distances(distances: &[Distance]) -> String {
-    table::text(&distance_table(distances))
-}
-
-/// The same for `docs/accuracy.md`.
+/// The table of a calibration's forms for `docs/accuracy.md`.
 pub fn distances_markdown(distances: &[Distance]) -> String {
-    table::markdown(&distance_table(distances))
-}
-
-fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
     let mut rows = vec![cells(&[
         "form",
         "knots",
@@ -555,7 +446,7 @@ fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
             distance.record_bytes.to_string(),
         ]
     }));
-    rows
+    table::markdown(&rows)
 }
 
 /// A line of `accuracy.csv`: either `snr`, or the three that follow it.
@@ -655,7 +546,8 @@ fn percent(part: f64) -> String {
     }
 }
 
-fn peer_table(peers: &[Peer]) -> Vec<Vec<String>> {
+/// The table of the peers for `docs/accuracy.md`.
+pub fn peers_markdown(peers: &Peers) -> String {
     let figure = |value: Option<f64>| value.map_or("-".into(), ratio);
     let mut rows = vec![cells(&[
         "peer",
@@ -665,25 +557,22 @@ fn peer_table(peers: &[Peer]) -> Vec<Vec<String>> {
         "row: chip instructions",
         "RMSE / bound",
     ])];
-    rows.extend(peers.iter().map(|peer| {
-        vec![
-            peer.name.clone(),
-            figure(peer.host_time_ratio),
-            figure(peer.chip_instruction_ratio),
-            figure(peer.host_row_time_ratio),
-            figure(peer.chip_row_instruction_ratio),
-            figure(peer.rmse_over_bound),
-        ]
+    rows.extend(peers.peers.iter().map(|peer| {
+        let figures = [
+            peer.host_time_ratio,
+            peer.chip_instruction_ratio,
+            peer.host_row_time_ratio,
+            peer.chip_row_instruction_ratio,
+            peer.rmse_over_bound,
+        ];
+        let mut row = vec![peer.name.clone()];
+        row.extend(figures.map(figure));
+        row
     }));
-    rows
-}
-
-/// The table of the peers for `docs/accuracy.md`.
-pub fn peers_markdown(peers: &Peers) -> String {
     format!(
         "{}\n*fit*: a peer's fit over the step *estimate* of `{}`. *row*: a whole following row with the \
          peer's fit over a whole following row with `{}`.\n",
-        table::markdown(&peer_table(&peers.peers)),
+        table::markdown(&rows),
         Estimator::default().name(),
         Estimator::default().name(),
     )

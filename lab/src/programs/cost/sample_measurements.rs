@@ -119,10 +119,8 @@ fn chip() -> Chip {
     Chip {
         methods,
         sweep_instructions_per_pixel: 2.6,
-        gauss_newton_instructions_per_iteration: Some(12_500.0),
         peers: vec![],
         floats: vec![],
-        kernels_compared: 0,
         search_instructions_per_pixel: 27.0,
         geometry_instructions_per_word: 0.0,
         whole_rows: whole_rows(),

@@ -81,7 +81,6 @@ impl Program {
             .into_iter()
             .filter_map(|method| self.address(&super::wrapper(method.name())))
             .chain(self.named(super::DISTANCE_AT))
-            .chain(self.named(super::GAUSS_NEWTON_ITERATION))
             .chain(self.address(steps::ROW))
             .chain(self.address(steps::READING))
     }

@@ -22,8 +22,7 @@ pub struct Run {
     pub firmware: Firmware,
     /// What it printed.
     pub lines: Vec<Line>,
-    /// Every call of a method, of one iteration of `gauss-newton`, of a calibration, and of a whole row: the
-    /// instructions that were executed.
+    /// Every call of a method, of a calibration, and of a whole row: the instructions that were executed.
     pub calls: Vec<Call>,
     /// The slowest row of each estimator.
     pub slowest: Vec<Slow>,

@@ -36,22 +36,6 @@ pub const REFERENCE: Scene = Scene {
     black_level: 100.0,
 };
 
-/// White noise, in which an unweighted least-squares fit is the best there is.
-pub const WHITE: [Scene; 2] = [
-    Scene {
-        name: "white noise, signal-to-noise ratio 25",
-        read_noise: 80.0,
-        electrons_per_count: None,
-        black_level: 640.0,
-    },
-    Scene {
-        name: "white noise, signal-to-noise ratio 500",
-        read_noise: 4.0,
-        electrons_per_count: None,
-        black_level: 100.0,
-    },
-];
-
 /// 128 pixels around a spot, and what the row before told.
 #[derive(Clone, Debug)]
 pub struct Window {
@@ -63,9 +47,7 @@ pub struct Window {
     pub spot: Spot,
     /// What the default estimator found in the row before, on this window.
     pub before: RowCentre,
-    /// What `adaptive` found there.
-    pub adaptive_before: RowCentre,
-    /// The same as `before`, for the peers.
+    /// Where the peers start: what `phase-table` found in the row before.
     pub start: Parameters,
 }
 
@@ -148,7 +130,7 @@ fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
         centre::centre(estimator, &earlier, &earlier_spot, None, &scene.geometry())
             .map_err(|fault| anyhow!("{fault:?}"))
     };
-    let (before, adaptive_before) = (found(Estimator::PhaseTable)?, found(Estimator::Adaptive)?);
+    let (before, of_default) = (found(Estimator::PhaseTable)?, found(Estimator::default())?);
     let first = before.centre.to_f64().round() as usize - WINDOW / 2;
     let on_window = |found: RowCentre| RowCentre {
         centre: Pixels::from_bits(
@@ -167,8 +149,7 @@ fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
             centre: spot.centre - first,
             ..spot
         },
-        before,
-        adaptive_before: on_window(adaptive_before),
+        before: on_window(of_default),
         start: Parameters {
             amplitude: before.amplitude.to_f64(),
             centre: before.centre.to_f64(),
@@ -184,18 +165,17 @@ mod tests {
 
     #[test]
     fn the_start_of_a_fit_is_near_the_truth() {
-        for scene in [REFERENCE, WHITE[0], WHITE[1]] {
-            // What the row before did not measure better, five standard deviations: the width's bound is
-            // about that of the centre.
-            let noise = 5.0 * scene.bound();
-            for window in scene.windows(300).expect("a spot in each row") {
-                let (start, truth) = (window.start, window.truth);
-                let width = 1.0 / (start.scale * std::f64::consts::SQRT_2);
-                assert!((start.centre - truth).abs() < 0.5 + noise, "{window:?}");
-                assert!((width - 10.5).abs() < 0.05 * 10.5 + noise, "{window:?}");
-                assert!((start.amplitude / 2000.0 - 1.0).abs() < 0.15, "{window:?}");
-                assert!((truth - 64.0).abs() < 1.0 + noise, "{window:?}");
-            }
+        let scene = REFERENCE;
+        // What the row before did not measure better, five standard deviations: the width's bound is
+        // about that of the centre.
+        let noise = 5.0 * scene.bound();
+        for window in scene.windows(300).expect("a spot in each row") {
+            let (start, truth) = (window.start, window.truth);
+            let width = 1.0 / (start.scale * std::f64::consts::SQRT_2);
+            assert!((start.centre - truth).abs() < 0.5 + noise, "{window:?}");
+            assert!((width - 10.5).abs() < 0.05 * 10.5 + noise, "{window:?}");
+            assert!((start.amplitude / 2000.0 - 1.0).abs() < 0.15, "{window:?}");
+            assert!((truth - 64.0).abs() < 1.0 + noise, "{window:?}");
         }
     }
 }

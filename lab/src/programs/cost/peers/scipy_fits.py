@@ -20,19 +20,8 @@ def model(x, a, x0, s, b):
     return a * np.exp(-((s * (x - x0)) ** 2)) + b
 
 
-def derivatives(x, a, x0, s, b):
-    distance = x - x0
-    light = np.exp(-((s * distance) ** 2))
-    common = 2 * a * light * s * distance
-    return np.stack([light, common * s, -common * distance, np.ones_like(x)], axis=1)
-
-
 def fit_curve(x, y, start):
     return curve_fit(model, x, y, start)[0][1]
-
-
-def fit_curve_with_derivatives(x, y, start):
-    return curve_fit(model, x, y, start, jac=derivatives)[0][1]
 
 
 def scaling(start):
@@ -50,32 +39,9 @@ def fit_l_bfgs_b(x, y, start):
     return minimize(cost, start / scale, method="L-BFGS-B").x[1] * scale[1]
 
 
-def fit_l_bfgs_b_with_derivatives(x, y, start):
-    scale, height = scaling(start), start[0]
-
-    def cost_and_gradient(scaled):
-        parameters = scaled * scale
-        residuals = (model(x, *parameters) - y) / height
-        gradient = 2 * residuals @ derivatives(x, *parameters) / height * scale
-        return residuals @ residuals, gradient
-
-    found = minimize(cost_and_gradient, start / scale, jac=True, method="L-BFGS-B")
-    return found.x[1] * scale[1]
-
-
-def fit_l_bfgs_b_unscaled(x, y, start):
-    def cost(parameters):
-        return np.sum((model(x, *parameters) - y) ** 2)
-
-    return minimize(cost, start, method="L-BFGS-B").x[1]
-
-
 FITS = {
     "scipy curve_fit": fit_curve,
-    "scipy curve_fit, analytic derivatives": fit_curve_with_derivatives,
     "scipy L-BFGS-B": fit_l_bfgs_b,
-    "scipy L-BFGS-B, analytic derivatives": fit_l_bfgs_b_with_derivatives,
-    "scipy L-BFGS-B, parameters not scaled": fit_l_bfgs_b_unscaled,
 }
 
 
