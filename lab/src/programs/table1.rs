@@ -91,7 +91,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
         println!("{}", serde_json::to_string_pretty(&report.json())?);
         return Ok(());
     }
-    print!("{}", report.text());
+    print!("{}", report.markdown());
     if options.write {
         return write(&report);
     }

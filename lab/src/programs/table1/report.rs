@@ -1,7 +1,5 @@
 //! What the experiment found, as text and as JSON.
 
-use std::fmt::Write as _;
-
 use serde::Serialize;
 
 use crate::paper::apparatus::{self, Aperture, LASER, POSITIONS, TAN_ANGLE, WANDER};
@@ -131,10 +129,9 @@ impl Report {
              |:--|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
             self.extent()
         );
-        let methods = PAPERS_METHODS.map(|(_, method)| method);
         for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
             let mut line = format!("| {} |", material.name);
-            for method in methods.into_iter().chain(self.best) {
+            for method in PAPERS_METHODS.into_iter().chain(self.best) {
                 let judged = self.judged(i, &method);
                 let ours = judged.map(|judged| Errors {
                     max: judged.max * MICROMETRES,
@@ -252,144 +249,13 @@ impl Report {
             })
             .collect()
     }
-
-    /// The tables.
-    pub fn text(&self) -> String {
-        let mut text = String::new();
-        self.write_table_1(&mut text).expect("a string takes all");
-        self.write_methods(&mut text).expect("a string takes all");
-        self.write_references(&mut text)
-            .expect("a string takes all");
-        text + "\nChosen, because the paper leaves them open:\n" + &chosen()
-    }
-
-    fn write_table_1(&self, text: &mut String) -> std::fmt::Result {
-        writeln!(
-            text,
-            "Table 1: errors in um, simulated (the paper's; the ratio of the two); {}\n",
-            self.extent()
-        )?;
-        write!(text, "{:<20}", "")?;
-        for (name, _) in PAPERS_METHODS {
-            write!(text, "{name:>46}")?;
-        }
-        write!(text, "{:>24}\n{:<20}", "Comb, line sensor", "Material")?;
-        for _ in PAPERS_METHODS {
-            write!(text, "{:>23}{:>23}", "MAX", "MAE")?;
-        }
-        writeln!(text, "{:>12}{:>12}", "MAX", "MAE")?;
-        for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
-            let mut line = format!("{:<20}", material.name);
-            let mut any = false;
-            for (_, method) in PAPERS_METHODS {
-                let judged = self.judged(i, &method);
-                let paper = of_paper(paper, &method);
-                match (judged, paper) {
-                    (Some(judged), Some(paper)) => {
-                        any = true;
-                        for (ours, paper) in [(judged.max, paper.max), (judged.mae, paper.mae)] {
-                            let ours = ours * MICROMETRES;
-                            let ratio = ours / paper;
-                            write!(
-                                line,
-                                "{:>23}",
-                                format!("{ours:.0} ({paper:.0}; {ratio:.2})")
-                            )?;
-                        }
-                    }
-                    _ => write!(line, "{:>46}", "-")?,
-                }
-            }
-            for figure in self.comb(i) {
-                any |= figure.is_some();
-                let figure = figure.map_or("-".into(), |um| format!("{um:.0}"));
-                write!(line, "{figure:>12}")?;
-            }
-            if any {
-                writeln!(text, "{line}")?;
-            }
-        }
-        writeln!(text)
-    }
-
-    fn write_methods(&self, text: &mut String) -> std::fmt::Result {
-        let slits = || self.through(Aperture::Slit);
-        let Some(first) = slits().next() else {
-            return Ok(());
-        };
-        writeln!(
-            text,
-            "Slit: MAE of every method in um, and what it gains over the paper's gaussian in %\n"
-        )?;
-        write!(text, "{:<28}", "")?;
-        for outcome in slits() {
-            write!(text, "{:>20}", MATERIALS[outcome.material].name)?;
-        }
-        writeln!(text)?;
-        for judged in &first.judged {
-            let method = judged.method;
-            let mark = if Some(method) == self.best { " *" } else { "" };
-            write!(text, "{:<28}", method.name() + mark)?;
-            for outcome in slits() {
-                let mae =
-                    |method| find(&outcome.judged, method).map_or(f64::NAN, |judged| judged.mae);
-                let gain = 100.0 * (1.0 - mae(&method) / mae(&Method::PAPERS_GAUSSIAN));
-                let cell = format!("{:.1} ({gain:+.1})", mae(&method) * MICROMETRES);
-                write!(text, "{cell:>20}")?;
-            }
-            writeln!(text)?;
-        }
-        writeln!(
-            text,
-            "\n* the best on other pieces of the materials. A gain is good to some 3 %: the table is as long \
-             as a hundred speckles."
-        )?;
-        for outcome in self.through(Aperture::Lens) {
-            for judged in &outcome.judged {
-                let (name, mae) = (judged.method.name(), judged.mae * MICROMETRES);
-                writeln!(
-                    text,
-                    "{}, lens, {name}: MAE {mae:.1} um",
-                    MATERIALS[outcome.material].name
-                )?;
-            }
-        }
-        writeln!(text)
-    }
-
-    fn write_references(&self, text: &mut String) -> std::fmt::Result {
-        for outcome in &self.outcomes {
-            let without = outcome
-                .judged
-                .iter()
-                .map(|j| j.without_centre)
-                .max()
-                .unwrap_or(0);
-            write!(
-                text,
-                "{}, {}: {} captures, {without} without a centre at most",
-                MATERIALS[outcome.material].name,
-                outcome.aperture.name(),
-                outcome.distances.len(),
-            )?;
-            if let Some(difference) = outcome.reference {
-                write!(
-                    text,
-                    "; core less f64 fit, rms of {} frames: gaussian {:.4} px, sinc^2 {:.4} px",
-                    difference.frames, difference.gaussian, difference.fraunhofer
-                )?;
-            }
-            writeln!(text)?;
-        }
-        Ok(())
-    }
 }
 
 /// The columns of the paper's Table 1.
-const PAPERS_METHODS: [(&str, Method); 3] = [
-    ("Lens", Method::PAPERS_LENS),
-    ("Slit with Gaussian Fit", Method::PAPERS_GAUSSIAN),
-    ("Slit with Fraunhofer Fit", Method::PAPERS_FRAUNHOFER),
+const PAPERS_METHODS: [Method; 3] = [
+    Method::PAPERS_LENS,
+    Method::PAPERS_GAUSSIAN,
+    Method::PAPERS_FRAUNHOFER,
 ];
 
 fn through(outcomes: &[Outcome], aperture: Aperture) -> impl Iterator<Item = &Outcome> {
