@@ -2,17 +2,13 @@
 //!
 //! ```text
 //! format version | the record, by postcard | CRC-32 of all before it, little endian
-//! 1 byte: 3 to 5 | up to 2134 bytes        | 4 bytes
+//! 1 byte: 1      | up to 2134 bytes        | 4 bytes
 //! ```
 //!
-//! A record has the oldest version that can hold it, so that earlier firmware reads it. Version 3 holds a
-//! sensor with one slit, and version 4 one with a comb: its slits follow the rest. Version 5 also holds the
-//! front end: the slits follow the rest or not, and then the front end.
+//! The first byte and the CRC-32 stay where they are in every version, so that [`decode`] can tell a later
+//! version from damage.
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
-//!
-//! [`decode`] also reads the versions that earlier firmware wrote. Version 1 has no uncertainties, and
-//! neither version 1 nor 2 has the sensor's own spot.
 //!
 //! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
 //! distances is not in the bytes: it follows from the calibration and the range of its centres.
@@ -68,21 +64,8 @@ pub struct Record {
     pub front_end: Option<FrontEnd>,
 }
 
-/// The format that this firmware writes for a sensor with one slit.
-pub const VERSION: u8 = 3;
-
-/// The format that this firmware writes for a sensor with a comb: the same, and [`Record::comb`].
-pub const VERSION_OF_COMB: u8 = 4;
-
-/// The format that this firmware writes for a sensor whose front end was measured: [`Record::comb`] as one
-/// that may be there, and [`Record::front_end`].
-pub const VERSION_OF_FRONT_END: u8 = 5;
-
-/// The first format: the same without [`Record::errors`] and [`Record::profile`].
-const VERSION_1: u8 = 1;
-
-/// The second format: the same without [`Record::profile`].
-const VERSION_2: u8 = 2;
+/// The version of the format.
+pub const VERSION: u8 = 1;
 
 /// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, the
 /// sensor's own spot, 16 slits and the front end, each number at its longest.
@@ -103,28 +86,19 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
         bytes: buffer.len(),
     };
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
-    *version = match (&record.comb, &record.front_end) {
-        (_, Some(_)) => VERSION_OF_FRONT_END,
-        (Some(_), None) => VERSION_OF_COMB,
-        (None, None) => VERSION,
-    };
+    *version = VERSION;
     let fields = postcard::to_slice(&fields, rest)
         .map_err(|_| no_room)?
         .len();
     let rest = rest.get_mut(fields..).ok_or(no_room)?;
-    let after = (&record.errors, &record.profile);
-    let errors = postcard::to_slice(&after, rest).map_err(|_| no_room)?.len();
-    let rest = rest.get_mut(errors..).ok_or(no_room)?;
-    let head = match (&record.comb, &record.front_end) {
-        (comb, Some(front_end)) => postcard::to_slice(&(comb, front_end), rest),
-        (Some(comb), None) => postcard::to_slice(comb, rest),
-        (None, None) => Ok(Default::default()),
-    };
-    let head = head.map_err(|_| no_room)?.len();
-    let summed = fields
-        .saturating_add(errors)
-        .saturating_add(head)
-        .saturating_add(1);
+    let after = (
+        &record.errors,
+        &record.profile,
+        &record.comb,
+        &record.front_end,
+    );
+    let after = postcard::to_slice(&after, rest).map_err(|_| no_room)?.len();
+    let summed = fields.saturating_add(after).saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
     let sum = after.first_chunk_mut().ok_or(no_room)?;
     *sum = CRC.checksum(before).to_le_bytes();
@@ -149,50 +123,31 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     let (&version, body) = before
         .split_first()
         .ok_or(RecordError::Short { bytes: bytes.len() })?;
-    if !(VERSION_1..=VERSION_OF_FRONT_END).contains(&version) {
+    if version != VERSION {
         return Err(RecordError::Version { version });
     }
     match &Fields::read(body) {
-        Ok((fields, rest)) => {
-            let (errors, profile, rest) = read_errors(version, rest)?;
-            let (comb, front_end) = read_head(version, rest)?;
-            fields.record(errors, profile, comb, front_end)
-        }
+        Ok((fields, rest)) => fields.record(AfterFields::read(rest)?),
         Err(error) => Err(*error),
     }
 }
 
-/// Reads the uncertainties and the sensor's own spot, which follow the fields. Returns them with the bytes
-/// after them.
-fn read_errors(
-    version: u8,
-    rest: &[u8],
-) -> Result<(CalibrationErrors, Option<Profile>, &[u8]), RecordError> {
-    let read = match version {
-        VERSION_1 => Ok(((CalibrationErrors::Unknown, None), rest)),
-        VERSION_2 => postcard::take_from_bytes(rest).map(|(errors, rest)| ((errors, None), rest)),
-        _ => postcard::take_from_bytes(rest),
-    };
-    match read {
-        Ok(((errors, profile), rest)) => Ok((errors, profile, rest)),
-        Err(_) => Err(RecordError::Shape),
-    }
+/// The uncertainties, the sensor's own spot, the slits and the front end, which follow the fields.
+#[derive(Deserialize)]
+struct AfterFields {
+    errors: CalibrationErrors,
+    profile: Option<Profile>,
+    comb: Option<Comb>,
+    front_end: Option<FrontEnd>,
 }
 
-/// Reads the slits and the front end, which are the last bytes of a record.
-#[inline(never)]
-fn read_head(version: u8, rest: &[u8]) -> Result<(Option<Comb>, Option<FrontEnd>), RecordError> {
-    let read = match version {
-        VERSION_OF_FRONT_END => postcard::take_from_bytes(rest)
-            .map(|((comb, front_end), rest)| ((comb, Some(front_end)), rest)),
-        VERSION_OF_COMB => {
-            postcard::take_from_bytes(rest).map(|(comb, rest)| ((Some(comb), None), rest))
+impl AfterFields {
+    #[inline(never)]
+    fn read(rest: &[u8]) -> Result<Self, RecordError> {
+        match postcard::take_from_bytes(rest) {
+            Ok((after, [])) => Ok(after),
+            _ => Err(RecordError::Shape),
         }
-        _ => Ok(((None, None), rest)),
-    };
-    match read {
-        Ok((head, [])) => Ok(head),
-        _ => Err(RecordError::Shape),
     }
 }
 
@@ -323,16 +278,7 @@ struct Eq1Fields {
 }
 
 #[derive(Serialize, Deserialize)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is no allocation to put the knots into"
-)]
-enum KnotsFields {
-    /// Straight lines between knots, which an earlier firmware had. The knots follow in the bytes, and are
-    /// not read.
-    StraightLines,
-    Cubics(Vec<Knot, MAX_KNOTS>),
-}
+struct KnotsFields(Vec<Knot, MAX_KNOTS>);
 
 impl Fields {
     fn of(record: &Record) -> Result<Self, RecordError> {
@@ -378,29 +324,16 @@ impl Fields {
     /// They are not inlined, so that their copies are not all on the chip's stack at once.
     #[inline(never)]
     fn read(body: &[u8]) -> Result<(Self, &[u8]), RecordError> {
-        match postcard::take_from_bytes::<Self>(body) {
-            Ok((fields, _)) if fields.calibration.has_straight_lines() => {
-                Err(RecordError::StraightLines)
-            }
-            Ok(read) => Ok(read),
-            Err(_) => Err(RecordError::Shape),
-        }
+        postcard::take_from_bytes(body).map_err(|_| RecordError::Shape)
     }
 
     /// Makes the record with the constructors of its parts.
     #[inline(never)]
-    fn record(
-        &self,
-        errors: CalibrationErrors,
-        profile: Option<Profile>,
-        comb: Option<Comb>,
-        front_end: Option<FrontEnd>,
-    ) -> Result<Record, RecordError> {
-        let estimator = Estimator::from_stored_letter(char::from(self.estimator)).ok_or(
-            RecordError::Estimator {
-                letter: self.estimator,
-            },
-        )?;
+    fn record(&self, after: AfterFields) -> Result<Record, RecordError> {
+        let letter = self.estimator;
+        let estimator = (Estimator::ALL.into_iter())
+            .find(|it| it.letter() == char::from(letter))
+            .ok_or(RecordError::Estimator { letter })?;
         let range = |(start, end): (u16, u16)| usize::from(start)..usize::from(end);
         let record = Record {
             serial_number: self.serial_number,
@@ -426,10 +359,10 @@ impl Fields {
                 BlackLevelFields::Frame => BlackLevel::Frame,
             },
             calibration: self.calibration.calibration()?,
-            errors,
-            profile,
-            comb,
-            front_end,
+            errors: after.errors,
+            profile: after.profile,
+            comb: after.comb,
+            front_end: after.front_end,
         };
         record.check()?;
         Ok(record)
@@ -437,14 +370,6 @@ impl Fields {
 }
 
 impl CalibrationFields {
-    const fn has_straight_lines(&self) -> bool {
-        matches!(
-            self,
-            Self::Table(KnotsFields::StraightLines)
-                | Self::Corrected(_, KnotsFields::StraightLines)
-        )
-    }
-
     #[inline(never)]
     fn calibration(&self) -> Result<Calibration, RecordError> {
         match self {
@@ -479,12 +404,12 @@ impl KnotsFields {
             // There is room for all. Collecting would bring a panic for the case that there is not.
             let _ = fields.push(knot);
         }
-        Self::Cubics(fields)
+        Self(fields)
     }
 
     #[inline(never)]
     fn table(&self) -> Result<Calibration, RecordError> {
-        match Table::new(self.knots()?) {
+        match Table::new(&self.0) {
             Ok(table) => Ok(Calibration::Table(table)),
             Err(error) => Err(RecordError::Table(error)),
         }
@@ -492,16 +417,9 @@ impl KnotsFields {
 
     #[inline(never)]
     fn corrected(&self, curve: &Eq1Fields) -> Result<Calibration, RecordError> {
-        match Corrected::new(curve.eq1()?, self.knots()?) {
+        match Corrected::new(curve.eq1()?, &self.0) {
             Ok(corrected) => Ok(Calibration::Corrected(corrected)),
             Err(error) => Err(RecordError::Corrected(error)),
-        }
-    }
-
-    fn knots(&self) -> Result<&[Knot], RecordError> {
-        match self {
-            Self::StraightLines => Err(RecordError::StraightLines),
-            Self::Cubics(knots) => Ok(knots),
         }
     }
 }
@@ -533,8 +451,6 @@ pub enum RecordError {
     },
     /// The CRC is right, but the bytes are not those of a record.
     Shape,
-    /// A table with straight lines between its knots. Earlier firmware had such tables.
-    StraightLines,
     /// The calendar has no such day.
     Date,
     /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter does not
@@ -588,16 +504,12 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION_1} to \
-                {VERSION_OF_FRONT_END}: write it with the tool of this firmware"
+                "the record has version {version}, and this firmware or tool reads version {VERSION}: update \
+                firmware and tool, or calibrate again"
             ),
             Self::Shape => f.write_str(
                 "the CRC is right, but the bytes are not a record: write the calibration with the tool of \
                 this firmware",
-            ),
-            Self::StraightLines => f.write_str(
-                "the record is a table with straight lines between its knots, which this firmware no longer \
-                has: fit again from the points file",
             ),
             Self::Date => f.write_str("the record's date is not a day of the calendar: set the date"),
             Self::Geometry => f.write_str(

@@ -334,6 +334,10 @@ impl Session {
                 self.record = None;
                 self.flash = FlashStatus::Damaged;
             }
+            Stored::Later(version) => {
+                self.record = None;
+                self.flash = FlashStatus::Later(version);
+            }
             Stored::Newest(configuration) => self.load_configuration(configuration),
             Stored::Older(configuration) => {
                 self.load_configuration(configuration);
@@ -347,13 +351,12 @@ impl Session {
     #[inline(never)]
     fn load_configuration(&mut self, Configuration { settings, record }: Configuration) {
         self.settings = settings;
-        if let Some(mut record) = record {
-            let Some(geometry) = record.geometry.clone().in_words_of(&self.geometry) else {
+        if let Some(record) = record {
+            if !record.geometry.is_compatible_with(&self.geometry) {
                 self.record = None;
                 self.flash = FlashStatus::OtherSensor;
                 return;
-            };
-            record.geometry = geometry;
+            }
             self.set_record(record);
         }
         self.note_saved();

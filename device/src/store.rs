@@ -20,7 +20,7 @@ mod sector;
 
 use embedded_storage_async::nor_flash::NorFlash;
 
-use configuration::Configuration;
+use configuration::{Configuration, ConfigurationError};
 pub use error::StoreError;
 use sector::{PageError, Sector};
 
@@ -49,6 +49,8 @@ pub enum Stored {
     /// The configuration of an earlier save. The last save was interrupted, is damaged, or is of a later
     /// firmware.
     Older(Configuration),
+    /// No configuration is usable. The last one is whole, and has this later version of its format.
+    Later(u8),
     /// The flash is not erased, and holds no usable configuration.
     Unusable,
 }
@@ -58,7 +60,7 @@ impl Stored {
     pub const fn configuration(&self) -> Option<&Configuration> {
         match self {
             Self::Newest(configuration) | Self::Older(configuration) => Some(configuration),
-            Self::Nothing | Self::Unusable => None,
+            Self::Nothing | Self::Later(_) | Self::Unusable => None,
         }
     }
 }
@@ -75,6 +77,8 @@ struct Items {
     last: u32,
     /// The usable item with the highest number.
     newest: Option<Item>,
+    /// The sector and the version of the item with the highest number, if its version is a later one.
+    later: Option<(Sector, u8)>,
 }
 
 impl<F: NorFlash> Store<F> {
@@ -98,6 +102,7 @@ impl<F: NorFlash> Store<F> {
             Ok(Items {
                 newest: Some(newest),
                 last,
+                ..
             }) => {
                 let is_last = newest.number == last && self.is_last(&newest).await;
                 let Ok(Some(length)) = self.read_item(&newest).await else {
@@ -109,6 +114,10 @@ impl<F: NorFlash> Store<F> {
                     Err(_) => Stored::Unusable,
                 }
             }
+            Ok(Items {
+                later: Some((_, version)),
+                ..
+            }) => Stored::Later(version),
             Ok(_) if matches!(self.is_blank().await, Ok(true)) => Stored::Nothing,
             _ => Stored::Unusable,
         }
@@ -194,7 +203,11 @@ impl<F: NorFlash> Store<F> {
     pub async fn save(&mut self, configuration: &Configuration) -> Result<(), StoreError> {
         // Refuse what no later read would take.
         configuration::check(configuration::encode(configuration, &mut self.item)?)?;
-        let Items { last, newest } = self.items().await?;
+        let Items {
+            last,
+            newest,
+            later,
+        } = self.items().await?;
         if let Some(newest) = &newest
             && newest.number == last
             && self.is_last_with(newest, configuration).await
@@ -208,8 +221,9 @@ impl<F: NorFlash> Store<F> {
                 }
                 newest.sector.other()
             }
-            // Write beside damaged contents, so that a power cut during this save still leaves them to be
-            // reported.
+            // Write beside unusable contents, so that a power cut during this save still leaves them to be
+            // reported. Keep the last save of later firmware.
+            None if let Some((sector, _)) = later => sector.other(),
             None if Sector::First.is_blank(&mut self.flash).await? => Sector::First,
             None => Sector::Second,
         };
@@ -255,6 +269,7 @@ impl<F: NorFlash> Store<F> {
         let mut items = Items {
             last: 0,
             newest: None,
+            later: None,
         };
         for sector in Sector::BOTH {
             let mut queue = sector.queue(&mut self.flash);
@@ -266,6 +281,7 @@ impl<F: NorFlash> Store<F> {
                     continue;
                 };
                 let number = u32::from_le_bytes(*number);
+                let is_last = number > items.last;
                 items.last = items.last.max(number);
                 if items
                     .newest
@@ -274,7 +290,12 @@ impl<F: NorFlash> Store<F> {
                 {
                     continue;
                 }
-                if configuration::check(bytes).is_ok() {
+                let checked = configuration::check(bytes);
+                if is_last {
+                    let later = checked.err().and_then(ConfigurationError::later_version);
+                    items.later = later.map(|version| (sector, version));
+                }
+                if checked.is_ok() {
                     items.newest = Some(Item { number, sector });
                 }
             }

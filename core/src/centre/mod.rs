@@ -90,22 +90,6 @@ impl Estimator {
             Self::Fraunhofer => 'f',
         }
     }
-
-    /// Finds the estimator for a [`letter`](Self::letter) that was kept. An earlier firmware may
-    /// have written that letter.
-    ///
-    /// Earlier firmware had five more estimators. `robust` was `adaptive` with a check that every estimator
-    /// has now. The others looked for the centre of the same spot with more noise or a larger bias than
-    /// `phase-table`.
-    pub fn from_stored_letter(letter: char) -> Option<Self> {
-        match letter {
-            // robust
-            'r' => Some(Self::Adaptive),
-            // blocks, parabola, log-parabola, zero-crossing
-            'b' | 'p' | 'l' | 'z' => Some(Self::PhaseTable),
-            _ => Self::ALL.into_iter().find(|it| it.letter() == letter),
-        }
-    }
 }
 
 /// What an estimator finds in a row.
@@ -210,34 +194,8 @@ mod tests {
                 .filter(|other| other.letter() == it.letter());
             assert_eq!(same.count(), 1, "{}", it.letter());
         }
-        for letter in ['r', 'b', 'p', 'l', 'z'] {
-            assert!(
-                Estimator::ALL.iter().all(|it| it.letter() != letter),
-                "{letter} is taken"
-            );
-        }
         for name in ["", "Adaptive", "adaptive ", "t"] {
             assert_eq!(Estimator::named(name), None, "{name}");
-        }
-    }
-
-    #[test]
-    fn letters_of_removed_estimators_stand_for_those_that_replace_them() {
-        use Estimator::{Adaptive, PhaseTable};
-        for it in Estimator::ALL {
-            assert_eq!(Estimator::from_stored_letter(it.letter()), Some(it));
-        }
-        for (letter, it) in [
-            ('r', Some(Adaptive)),
-            ('b', Some(PhaseTable)),
-            ('p', Some(PhaseTable)),
-            ('l', Some(PhaseTable)),
-            ('z', Some(PhaseTable)),
-            ('?', None),
-            ('T', None),
-            ('\0', None),
-        ] {
-            assert_eq!(Estimator::from_stored_letter(letter), it, "{letter}");
         }
     }
 }

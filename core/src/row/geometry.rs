@@ -75,23 +75,6 @@ impl Geometry {
             && *bits == other.bits
     }
 
-    /// This geometry, with its pixels in the words of another one. Older firmware may have read the same
-    /// pixels in other words. A calibration stays right then, because pixel 0 is the first light pixel in
-    /// both. `None` if the numbers of light pixels, the polarities or the bits differ.
-    pub fn in_words_of(self, other: &Self) -> Option<Self> {
-        if self.is_compatible_with(other) {
-            return Some(self);
-        }
-        let pixels = self.light.len();
-        let moved = Self {
-            words: other.words,
-            light: other.light.clone(),
-            shielded: other.shielded.clone(),
-            ..self
-        };
-        (pixels == other.light.len() && moved.is_compatible_with(other)).then_some(moved)
-    }
-
     /// Electrons that make a count, by the shot noise. The largest that there can be without shot noise.
     pub fn electrons_per_count(&self) -> Electrons {
         // Electrons have 12 bits after the point: 2^12 * 2^16 / variance.
@@ -361,7 +344,6 @@ mod tests {
             ..geometry()
         };
         assert!(here.is_compatible_with(&here) && here.is_compatible_with(&noisier));
-        // Earlier firmware read the black level from more pixels.
         let fewer_shielded = Geometry {
             shielded: 0..1,
             ..geometry()
@@ -389,34 +371,6 @@ mod tests {
             assert!(!here.is_compatible_with(&other), "{other:?}");
             assert!(!other.is_compatible_with(&here), "{other:?}");
         }
-    }
-
-    #[test]
-    fn a_geometry_goes_with_its_pixels_into_other_words() {
-        let here = geometry();
-        let noisier = Geometry {
-            shot_variance_per_count_q16: 1,
-            ..geometry()
-        };
-        assert_eq!(noisier.clone().in_words_of(&here), Some(noisier.clone()));
-        let there = Geometry {
-            words: here.words + 2,
-            shielded: 0..1,
-            light: here.light.start + 1..here.light.end + 1,
-            ..noisier.clone()
-        };
-        let moved = Geometry {
-            shielded: here.shielded.clone(),
-            ..noisier
-        };
-        assert_eq!(there.clone().in_words_of(&here), Some(moved));
-        let more_pixels = Geometry {
-            light: there.light.start..there.light.end + 1,
-            ..there.clone()
-        };
-        let fewer_bits = Geometry { bits: 10, ..there };
-        assert_eq!(more_pixels.in_words_of(&here), None);
-        assert_eq!(fewer_bits.in_words_of(&here), None);
     }
 
     #[test]

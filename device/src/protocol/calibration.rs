@@ -5,6 +5,7 @@ use core::fmt;
 use super::command::Command;
 use crate::record::encoded::EncodedRecord;
 use crate::settings::Value;
+use crate::store::configuration::ConfigurationError;
 use slitrange::base::units::AsMillimetres;
 use slitrange::distance::Calibration;
 
@@ -15,6 +16,8 @@ pub enum FlashStatus {
     Nothing,
     /// The saved configuration is damaged.
     Damaged,
+    /// The saved configuration has this later version of its format.
+    Later(u8),
     /// The saved calibration is of another sensor head.
     OtherSensor,
     /// The record with this CRC-32.
@@ -28,7 +31,7 @@ impl FlashStatus {
     pub fn holds_other(self, sum: u32) -> bool {
         match self {
             Self::Nothing | Self::Damaged => false,
-            Self::OtherSensor => true,
+            Self::OtherSensor | Self::Later(_) => true,
             Self::Record(stored) | Self::Older(stored) => stored != sum,
         }
     }
@@ -52,6 +55,10 @@ impl fmt::Display for CalibrationAnswer<'_> {
         match self.record {
             None => f.write_str("calibration none")?,
             Some(record) => self.write_record(record, f)?,
+        }
+        if let FlashStatus::Later(version) = self.stored {
+            let error = ConfigurationError::Version { version };
+            write!(f, "\r\ncalibration fault {error}")?;
         }
         if let Some(fault) = self.fault() {
             write!(f, "\r\ncalibration fault {fault}")?;
@@ -105,10 +112,10 @@ impl CalibrationAnswer<'_> {
         }
     }
 
-    /// What is wrong with the contents of the flash.
+    /// What is wrong with the contents of the flash, but for a later version.
     const fn fault(&self) -> Option<&'static str> {
         match self.stored {
-            FlashStatus::Nothing | FlashStatus::Record(_) => None,
+            FlashStatus::Nothing | FlashStatus::Record(_) | FlashStatus::Later(_) => None,
             FlashStatus::Damaged => {
                 Some("what was saved cannot be used: upload it again, or defaults, then save")
             }
@@ -126,7 +133,7 @@ impl CalibrationAnswer<'_> {
     fn stored_word(&self) -> &'static str {
         match self.stored {
             FlashStatus::Nothing => "none",
-            FlashStatus::Damaged | FlashStatus::OtherSensor => "unusable",
+            FlashStatus::Damaged | FlashStatus::OtherSensor | FlashStatus::Later(_) => "unusable",
             FlashStatus::Record(sum) | FlashStatus::Older(sum) => {
                 if self.record.map(EncodedRecord::sum) == Some(sum) {
                     "same"
@@ -222,6 +229,15 @@ mod tests {
                     "fault the last save is unusable, flash holds an earlier one: upload the calibration \
                     again, or save",
                     "stored same",
+                ],
+            ),
+            (
+                FlashStatus::Later(2),
+                &[
+                    "source uploaded",
+                    "fault what was saved has version 2, and this firmware reads version 1: update the \
+                    firmware, or upload a calibration and save",
+                    "stored unusable",
                 ],
             ),
             (

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::store::encoded_map::VERSION;
 use crate::store::pixel_map::StoredMap;
 use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::flat_field::Kind;
@@ -85,6 +86,13 @@ impl fmt::Display for FlatAnswer<'_> {
         if self.has_dark_rows {
             f.write_str("\r\nflat taking: light the sensor evenly, then flat lit")?;
         }
+        if let StoredMap::Later(version) = self.stored {
+            write!(
+                f,
+                "\r\nflat fault the saved map has version {version}, and this firmware reads version \
+                 {VERSION}: update the firmware, or take a map again and flat save"
+            )?;
+        }
         if let Some(fault) = self.fault() {
             write!(f, "\r\nflat fault {fault}")?;
         }
@@ -95,7 +103,7 @@ impl fmt::Display for FlatAnswer<'_> {
 impl FlatAnswer<'_> {
     const fn fault(&self) -> Option<&'static str> {
         match self.stored {
-            StoredMap::Nothing | StoredMap::Newest => None,
+            StoredMap::Nothing | StoredMap::Newest | StoredMap::Later(_) => None,
             StoredMap::Older => Some(
                 "the last save is unusable, flash holds an earlier map: take a map again, or flat save",
             ),
@@ -108,7 +116,7 @@ impl FlatAnswer<'_> {
     const fn stored_word(&self) -> &'static str {
         match self.stored {
             StoredMap::Nothing => "none",
-            StoredMap::Unusable => "unusable",
+            StoredMap::Later(_) | StoredMap::Unusable => "unusable",
             StoredMap::Newest | StoredMap::Older if self.is_stored => "same",
             StoredMap::Newest | StoredMap::Older => "other",
         }
@@ -170,5 +178,16 @@ mod tests {
              flat fault the saved map cannot be used: take a map again and flat save, or flat none\r\n\
              flat stored unusable";
         assert_eq!(none.to_string(), lines);
+        let later = FlatAnswer {
+            stored: StoredMap::Later(2),
+            ..none
+        };
+        assert_eq!(
+            later.to_string().lines().nth(2),
+            Some(
+                "flat fault the saved map has version 2, and this firmware reads version 1: update the \
+                 firmware, or take a map again and flat save"
+            )
+        );
     }
 }

@@ -89,6 +89,7 @@ impl fmt::Display for Selftest<'_> {
             FlashStatus::Record(_) => (true, "the last save"),
             FlashStatus::Older(_) => (false, "the save before the last one"),
             FlashStatus::Damaged => (false, "damaged"),
+            FlashStatus::Later(_) => (false, "of later firmware"),
             FlashStatus::OtherSensor => (false, "of another sensor head"),
         };
         write!(f, "selftest flash {} {state}\r\n", word(is_readable))?;
@@ -226,6 +227,7 @@ mod tests {
         let of_row = |row| Selftest { row, ..good() };
         for (test, line) in [
             (flash(FlashStatus::Damaged), "flash fail damaged"),
+            (flash(FlashStatus::Later(2)), "flash fail of later firmware"),
             (
                 flash(FlashStatus::Older(1)),
                 "flash fail the save before the last one",

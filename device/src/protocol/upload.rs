@@ -135,9 +135,10 @@ impl Upload {
         }
         self.announced = 0;
         let bytes = self.bytes.get(..self.came).unwrap_or_default();
-        let mut record = decode(bytes).map_err(Refusal::Record)?;
-        let geometry = record.geometry.in_words_of(sensor);
-        record.geometry = geometry.ok_or(Refusal::OtherSensor)?;
+        let record = decode(bytes).map_err(Refusal::Record)?;
+        if !record.geometry.is_compatible_with(sensor) {
+            return Err(Refusal::OtherSensor);
+        }
         Ok(record)
     }
 }

@@ -2,24 +2,18 @@
 //!
 //! ```text
 //! format version | length of the lines | lines that set the settings | the record's own bytes, or none
-//! 1 byte: 2      | 2, little endian    | up to 512                    | up to record::MAX_ENCODED
+//! 1 byte: 1      | 2, little endian    | up to 512                    | up to record::MAX_ENCODED
 //! ```
 //!
 //! The lines are those that a person would type, each with a line feed behind it: `rows 16`. So a setting has
 //! one text form, and a firmware that knows more or fewer settings reads the ones that it knows. The store
 //! adds a CRC-32.
-//!
-//! Version 1, which earlier firmware wrote, is read too.
 
 use core::fmt::{self, Write as _};
 
 use crate::record::{self, Record, RecordError};
-use crate::settings::{Setting, Settings, Value, split_words};
+use crate::settings::{Setting, Settings, split_words};
 use crate::text::Text;
-use slitrange::base::units::Counts;
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
 
 /// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,15 +24,8 @@ pub struct Configuration {
     pub record: Option<Record>,
 }
 
-/// The format that this firmware writes.
-pub const VERSION: u8 = 2;
-
-/// The format of earlier firmware: rows (2 bytes), letters of mean, estimator and black level, and the black
-/// level's value (4 bytes).
-const VERSION_1: u8 = 1;
-
-/// Bytes of the settings in [`VERSION_1`], version included.
-const SETTINGS_1: usize = 10;
+/// The version of the format.
+pub const VERSION: u8 = 1;
 
 /// The most bytes of the settings' lines.
 const MAX_LINES: usize = 512;
@@ -101,10 +88,6 @@ pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
             let (lines, record) = rest.split_at_checked(length.into()).ok_or(short)?;
             (read_lines(lines)?, record)
         }
-        [VERSION_1, ..] => {
-            let (settings, record) = bytes.split_first_chunk().ok_or(short)?;
-            (read_version_1(*settings)?, record)
-        }
         [] | [VERSION] | [VERSION, _] => return Err(short),
         [version, ..] => return Err(ConfigurationError::Version { version }),
     };
@@ -141,45 +124,6 @@ fn read_lines(lines: &[u8]) -> Result<Settings, ConfigurationError> {
     Ok(settings)
 }
 
-fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationError> {
-    let [_, low, high, mean, estimator, black, value @ ..] = bytes;
-    let mut settings = Settings {
-        rows: u16::from_le_bytes([low, high]),
-        mean: match mean {
-            b'w' => Mean::Weighted,
-            b'p' => Mean::Plain,
-            _ => return Err(ConfigurationError::Setting(Setting::Mean)),
-        },
-        estimator: Estimator::from_stored_letter(char::from(estimator))
-            .ok_or(ConfigurationError::Setting(Setting::Estimator))?,
-        ..Settings::default()
-    };
-    settings.black_level = match (black, i32::from_le_bytes(value)) {
-        (b's', 0) => BlackLevel::Shielded,
-        (b'f', 0) => BlackLevel::Frame,
-        (b'x', level) => BlackLevel::Fixed(Counts::from_bits(level)),
-        _ => return Err(ConfigurationError::Setting(Setting::Black)),
-    };
-    // A value is valid if a person could type it.
-    for value in [
-        Value::Rows(settings.rows),
-        Value::Black(settings.black_level),
-    ] {
-        let mut line = Text::<32>::default();
-        let _ = write!(line, "{value}");
-        let words = split_words(line.as_str());
-        let Some((setting, values)) = Setting::of_words(&words) else {
-            continue;
-        };
-        match setting.read(values) {
-            // A black level between two counts is rounded.
-            Ok(value) => settings.set(value),
-            Err(_) => return Err(ConfigurationError::Setting(value.setting())),
-        }
-    }
-    Ok(settings)
-}
-
 /// Why bytes are not a configuration, or why a configuration cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConfigurationError {
@@ -206,6 +150,18 @@ pub enum ConfigurationError {
     Record(RecordError),
 }
 
+impl ConfigurationError {
+    /// The version of the settings' or the record's format, if this firmware does not know that version.
+    pub const fn later_version(self) -> Option<u8> {
+        match self {
+            Self::Version { version } | Self::Record(RecordError::Version { version }) => {
+                Some(version)
+            }
+            _ => None,
+        }
+    }
+}
+
 impl From<RecordError> for ConfigurationError {
     fn from(error: RecordError) -> Self {
         Self::Record(error)
@@ -225,7 +181,8 @@ impl fmt::Display for ConfigurationError {
             }
             Self::Version { version } => write!(
                 f,
-                "what was saved has format {version}, and this firmware knows {VERSION}: save again"
+                "what was saved has version {version}, and this firmware reads version {VERSION}: update the \
+                firmware, or upload a calibration and save"
             ),
             Self::NotText => f.write_str("the saved settings are not text: save again"),
             Self::Setting(setting) => {
@@ -291,7 +248,7 @@ mod tests {
 
     #[test]
     fn lines_of_later_firmware_are_skipped_and_missing_ones_are_defaults() {
-        let lines = b"\x02\x19\x00of-later 200\nrows 7\nlamp\n";
+        let lines = b"\x01\x19\x00of-later 200\nrows 7\nlamp\n";
         let found = decode(lines).expect("settings");
         assert_eq!(
             found.settings,
@@ -304,44 +261,21 @@ mod tests {
     }
 
     #[test]
-    fn version_1_is_read() {
-        let bytes = [1, 7, 0, b'p', b'r', b'x', 0, 44, 1, 0];
-        let expected = Settings {
-            rows: 7,
-            mean: Mean::Plain,
-            // The letter r was `robust`, which `adaptive` replaces.
-            estimator: Estimator::Adaptive,
-            black_level: BlackLevel::Fixed(Counts::from_int(300)),
-            ..Settings::default()
-        };
-        assert_eq!(decode(&bytes).map(|found| found.settings), Ok(expected));
-    }
-
-    #[test]
     fn wrong_bytes_are_refused() {
         let setting = ConfigurationError::Setting;
         for (bytes, error) in [
             (&b""[..], ConfigurationError::Short { bytes: 0 }),
-            (b"\x02", ConfigurationError::Short { bytes: 1 }),
-            (b"\x02\x07", ConfigurationError::Short { bytes: 2 }),
+            (b"\x01", ConfigurationError::Short { bytes: 1 }),
+            (b"\x01\x07", ConfigurationError::Short { bytes: 2 }),
             (
-                b"\x02\x08\x00rows 1\n",
+                b"\x01\x08\x00rows 1\n",
                 ConfigurationError::Short { bytes: 10 },
             ),
-            (b"\x02\x01\x00\xff", ConfigurationError::NotText),
-            (b"\x02\x07\x00rows 0\n", setting(Setting::Rows)),
-            (b"\x02\x09\x00rows 1 2\n", setting(Setting::Rows)),
-            (b"\x02\x08\x00mean on\n", setting(Setting::Mean)),
-            (b"\x03", ConfigurationError::Version { version: 3 }),
-            (b"\x01\x07\x00", ConfigurationError::Short { bytes: 3 }),
-            (b"\x01\x00\x00wts\x00\x00\x00\x00", setting(Setting::Rows)),
-            (b"\x01\x10\x00wts\x01\x00\x00\x00", setting(Setting::Black)),
-            (b"\x01\x10\x00wtx\x00\x00\x10\x00", setting(Setting::Black)),
-            (b"\x01\x10\x00qts\x00\x00\x00\x00", setting(Setting::Mean)),
-            (
-                b"\x01\x10\x00wqs\x00\x00\x00\x00",
-                setting(Setting::Estimator),
-            ),
+            (b"\x01\x01\x00\xff", ConfigurationError::NotText),
+            (b"\x01\x07\x00rows 0\n", setting(Setting::Rows)),
+            (b"\x01\x09\x00rows 1 2\n", setting(Setting::Rows)),
+            (b"\x01\x08\x00mean on\n", setting(Setting::Mean)),
+            (b"\x02", ConfigurationError::Version { version: 2 }),
         ] {
             assert_eq!(decode(bytes), Err(error), "{bytes:?}");
         }

@@ -2,7 +2,7 @@
 //!
 //! | words | |
 //! |---|---|
-//! | 1 | `FLT1`: a map, and the version of this layout |
+//! | 1 | `FL`: a map; the version of this layout, 1; and the complement of the version |
 //! | 1 | the number of the save, which rises by one with each |
 //! | 1 | the number of pixels (low half), and of those outside the map's range |
 //! | 1 | the response that remains, Q0.16 (low half), and zero |
@@ -23,7 +23,11 @@ const HEADER: usize = 6;
 /// The words of the longest map.
 pub const MAX_WORDS: usize = HEADER + MAX_MAP_PIXELS + 1;
 
-const NAME: [u8; 4] = *b"FLT1";
+/// The version of the layout.
+pub const VERSION: u8 = 1;
+
+/// The first word. The complement tells a later version from a damaged byte.
+const NAME: [u8; 4] = [b'F', b'L', VERSION, !VERSION];
 
 const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
 
@@ -122,6 +126,8 @@ pub enum Read {
     More,
     /// The last word: the map is whole. Holds the number of the save.
     Whole(u32),
+    /// The words are a map in this later version of the layout.
+    Later(u8),
     /// These words are not a map.
     NoMap,
 }
@@ -140,8 +146,13 @@ impl Reader {
         self.next = at.saturating_add(1);
         let last = HEADER.saturating_add(self.pixels.into());
         match at {
-            0 if word != NAME => return Read::NoMap,
-            0 => {}
+            0 => match word {
+                NAME => {}
+                [b'F', b'L', version, complement] if version == !complement => {
+                    return Read::Later(version);
+                }
+                _ => return Read::NoMap,
+            },
             1 => self.number = u32::from_le_bytes(word),
             2 if low == 0 || usize::from(low) > MAX_MAP_PIXELS => return Read::NoMap,
             2 => (self.pixels, self.outside) = (low, high),

@@ -29,6 +29,8 @@ pub enum StoredMap {
     Newest,
     /// The map of an earlier save. The last save was interrupted, or is damaged.
     Older,
+    /// No map is usable, and one has this later version of its layout.
+    Later(u8),
     /// Contents that are not a map of this sensor.
     Unusable,
 }
@@ -39,6 +41,8 @@ enum Contents {
     Erased,
     /// A whole map: the number of its save.
     Map(u32),
+    /// A map in this later version of its layout.
+    Later(u8),
     Damaged,
 }
 
@@ -60,13 +64,22 @@ pub async fn load<F: NorFlash>(
         None if first == Contents::Erased && second == Contents::Erased => {
             return Ok(StoredMap::Nothing);
         }
-        None => return Ok(StoredMap::Unusable),
+        None => {
+            return Ok(match (first, second) {
+                (Contents::Later(version), _) | (_, Contents::Later(version)) => {
+                    StoredMap::Later(version)
+                }
+                _ => StoredMap::Unusable,
+            });
+        }
     };
     let other = if other == SECTORS[0] { first } else { second };
     match read(flash, start, pixels, Some(&mut *map)).await? {
-        Contents::Map(_) if other == Contents::Damaged => Ok(StoredMap::Older),
+        Contents::Map(_) if matches!(other, Contents::Damaged | Contents::Later(_)) => {
+            Ok(StoredMap::Older)
+        }
         Contents::Map(_) => Ok(StoredMap::Newest),
-        Contents::Erased | Contents::Damaged => {
+        Contents::Erased | Contents::Later(_) | Contents::Damaged => {
             map.clear();
             Ok(StoredMap::Unusable)
         }
@@ -84,6 +97,8 @@ pub async fn save<F: NorFlash>(flash: &mut F, map: &PixelMap) -> Result<(), Stor
     let (start, before) = match (newest(first, second), first, second) {
         (Some(Place::First), Contents::Map(number), _) => (SECTORS[1], number),
         (Some(Place::Second), _, Contents::Map(number)) => (SECTORS[0], number),
+        // Keep the map of later firmware.
+        (_, Contents::Later(_), _) => (SECTORS[1], 0),
         _ => (SECTORS[0], 0),
     };
     // The number ends only after 2^32 saves, which no flash endures.
@@ -180,6 +195,7 @@ async fn read<F: NorFlash>(
                     Read::Whole(number) if reader.pixels() == pixels => {
                         return Ok(Contents::Map(number));
                     }
+                    Read::Later(version) => return Ok(Contents::Later(version)),
                     Read::Whole(_) | Read::NoMap => is_map = false,
                 }
             }
