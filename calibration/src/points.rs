@@ -486,14 +486,6 @@ impl Setup {
                 })?;
                 self.serial_number = Some(number);
             }
-            // Estimators of earlier firmware: see `Estimator::from_stored_letter`.
-            ["estimator", "robust"] => self.estimator = Some(Estimator::Adaptive),
-            [
-                "estimator",
-                "blocks" | "parabola" | "log-parabola" | "zero-crossing",
-            ] => {
-                self.estimator = Some(Estimator::PhaseTable);
-            }
             ["estimator", name] => self.estimator = Some(estimator(name)?),
             ["black", ..] if words.len() <= 3 => self.black_level = Some(black_level(&words[1..])?),
             ["slits", name] => {

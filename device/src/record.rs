@@ -504,8 +504,8 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has version {version}, and this firmware or tool reads version {VERSION}: update \
-                firmware and tool, or calibrate again"
+                "the record has version {version}, this firmware or tool reads {VERSION}: update both, or \
+                calibrate again"
             ),
             Self::Shape => f.write_str(
                 "the CRC is right, but the bytes are not a record: write the calibration with the tool of \

@@ -353,7 +353,11 @@ fn pixels_that_differ_too_much_are_counted() {
 fn map_with(entries: &[Entry]) -> Box<PixelMap> {
     let word =
         |low: u16, high: u16| -> Word { (u32::from(low) | u32::from(high) << 16).to_le_bytes() };
-    let mut words = vec![*b"FLT1", [1, 0, 0, 0], word(entries.len() as u16, 0)];
+    let mut words = vec![
+        [b'F', b'L', 1, !1],
+        [1, 0, 0, 0],
+        word(entries.len() as u16, 0),
+    ];
     words.extend([word(30, 0), word(20, 0), word(1000, 0)]);
     words.extend(
         (entries.iter()).map(|entry| word(entry.offset_q4() as u16, entry.gain_q15() as u16)),

@@ -1850,25 +1850,6 @@ fn a_save_comes_back_after_a_power_cycle() {
     );
     assert!(shown.ends_with("\r\ncalibration stored same"), "{shown}");
 
-    // Older firmware read the same pixels two words earlier.
-    let mut moved = own_record().record().clone();
-    let Geometry {
-        light, shielded, ..
-    } = &mut moved.geometry;
-    for words in [light, shielded] {
-        *words = words.start - 2..words.end - 2;
-    }
-    let mut uploaded = Sensor::new();
-    uploaded.upload(&EncodedRecord::new(moved.clone()).expect("a record"));
-    let moved = Configuration {
-        record: Some(moved),
-        ..saved.clone()
-    };
-    let loaded = Sensor::started(Stored::Newest(moved));
-    for sensor in [uploaded, loaded] {
-        assert_eq!(sensor.session.record(), Some(own_record().record()));
-    }
-
     let other = Configuration {
         record: Some(of_another_head()),
         ..saved

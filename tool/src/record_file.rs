@@ -17,8 +17,8 @@ use slitrange::frame::comb::{CORRECTIONS, SlitMap};
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors};
 use slitrange::row::Polarity;
 use slitrange::row::front_end::{Estimate, FrontEnd};
+use slitrange_device::record::decode;
 use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_device::record::{MAX_ENCODED, decode};
 
 use crate::whole_file;
 
@@ -39,11 +39,6 @@ pub fn read(path: &Path) -> Result<EncodedRecord> {
         !is_points(&bytes),
         "{shown} is a CSV file of points, and no record: `slitrange calibrate fit {shown}` makes a record of \
          it"
-    );
-    let length = bytes.len();
-    ensure!(
-        length <= MAX_ENCODED,
-        "{shown} is no record: it has {length} bytes, and the longest record {MAX_ENCODED}"
     );
     decode(&bytes)
         .and_then(EncodedRecord::new)
@@ -206,7 +201,7 @@ impl ShownSlit {
 /// What a record knows of its errors: the least and the largest standard uncertainty over its centres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ShownErrors {
-    /// Of the curve, in micrometres. None in a record of earlier firmware, and of the nominal calibration.
+    /// Of the curve, in micrometres. None if no fit found it.
     pub curve_um: Option<[f64; 2]>,
     /// By the target's surface, in micrometres, for a spot of the usual height. None if the points did not
     /// tell it: the sensor then takes an estimate.

@@ -8,7 +8,7 @@
 //! head TCD1304DG
 //! rows 16
 //! black shielded
-//! record 03...
+//! record 01...
 //! calibration on
 //! ```
 //!
@@ -28,8 +28,11 @@ use slitrange_device::protocol::packet::{
 use slitrange_device::record::{self, encoded::EncodedRecord};
 use slitrange_device::settings::{Settings, Value};
 
-/// The first line of every recording. The number changes if older programs cannot read the file.
-const FIRST_LINE: &str = "slitrange recording 1";
+/// The first line of every recording: these words, and the version of the format.
+const FIRST_WORDS: &str = "slitrange recording";
+
+/// The version of the format.
+const VERSION: u32 = 1;
 
 /// The most bytes of text before the rows. The longest record takes 5 kB of it, and the settings less.
 const MAX_TEXT: usize = 65_536;
@@ -101,7 +104,7 @@ pub struct Writer(Packets);
 impl Writer {
     /// The first bytes of the file.
     pub fn head(&mut self, sensor: &Sensor) -> Vec<u8> {
-        let mut text = format!("{FIRST_LINE}\r\nhead {}\r\n", sensor.head);
+        let mut text = format!("{FIRST_WORDS} {VERSION}\r\nhead {}\r\n", sensor.head);
         for &setting in slitrange_device::settings::Setting::ALL {
             // Writing to a String cannot fail.
             let _ = write!(text, "{}\r\n", sensor.settings.get(setting));
@@ -146,7 +149,7 @@ pub struct Reader<R> {
 /// The file cannot be read, or is no recording.
 pub fn open(path: &Path) -> Result<Reader<File>> {
     let file = File::open(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    Reader::new(file).with_context(|| format!("{} is no recording", path.display()))
+    Reader::new(file).with_context(|| path.display().to_string())
 }
 
 impl<R: Read> Reader<R> {
@@ -225,9 +228,16 @@ impl<R: Read> Iterator for Reader<R> {
 fn sensor(text: &str) -> Result<Sensor> {
     let mut lines = text.lines();
     let first = lines.next().unwrap_or_default();
+    let version: Option<u32> =
+        (first.strip_prefix(FIRST_WORDS)).and_then(|it| it.trim().parse().ok());
+    let version = version.with_context(|| {
+        format!(
+            "this is no recording: it begins with {first:?}, and not with `{FIRST_WORDS} {VERSION}`"
+        )
+    })?;
     ensure!(
-        first == FIRST_LINE,
-        "it begins with {first:?}, and not with `{FIRST_LINE}`"
+        version == VERSION,
+        "the recording has version {version}, this tool reads {VERSION}: update the tool"
     );
     let (mut head, mut written, mut on) = (None, None, None);
     let mut settings = Settings::default();

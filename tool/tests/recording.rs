@@ -12,6 +12,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Scene, Sensor, Spot, file};
 use slitrange::light::ambient::AmbientMode;
+use slitrange_device::protocol::packet::{Message, Packets};
 use slitrange_device::settings::Settings;
 use slitrange_tool::Command;
 use slitrange_tool::pc::{Pc, Port};
@@ -389,10 +390,17 @@ fn a_hundred_thousand_rows_of_the_firmware_give_the_same_bits_on_a_pc() {
 fn a_file_that_is_no_recording_is_refused() {
     let directory = tempfile::tempdir().expect("a directory");
     let file = directory.path().join("points.csv");
-    std::fs::write(&file, "distance,centre\n800,1770\n").expect("a file");
-    let error = recording::open(&file).expect_err("no recording");
-    assert!(
-        format!("{error:#}").contains("is no recording"),
-        "{error:#}"
-    );
+    let mut packets = Packets::default();
+    let later = packets.encode(Message::Text(b"slitrange recording 2\r\n"));
+    for (bytes, words) in [
+        (&b"distance,centre\n800,1770\n"[..], "this is no recording"),
+        (
+            later,
+            "the recording has version 2, this tool reads 1: update the tool",
+        ),
+    ] {
+        std::fs::write(&file, bytes).expect("a file");
+        let error = recording::open(&file).expect_err("no recording");
+        assert!(format!("{error:#}").contains(words), "{error:#}");
+    }
 }

@@ -1,4 +1,4 @@
-"""The client with a sensor that is played by a test: noise, restarts, earlier firmware, and nobody there."""
+"""The client with a sensor that is played by a test: noise, restarts, and nobody there."""
 
 import os
 import threading
@@ -15,12 +15,15 @@ from slitrange import Reading, line
 READING = "d 800.1234 mm u 0.4372 r 0.0035 x 1770.1234 a 1011 n 16/16"
 BANNER = "slitrange 0.1.0 NUCLEO-F429ZI TCD1304DG, started by watchdog"
 
+COLUMNS = "distance u r centre height rows exposure flags"
+SETTINGS = {"stream": "on", "format": "text", "echo": "off", "output": COLUMNS, "rows": "16"}
+
 
 @dataclass
 class Played:
     """A sensor that knows a few settings. It sends readings only as answers, one for each `stream on`."""
 
-    settings: dict[str, str] = field(default_factory=lambda: {"stream": "on", "echo": "off", "rows": "16"})
+    settings: dict[str, str] = field(default_factory=lambda: SETTINGS.copy())
     heard: list[str] = field(default_factory=list)
     special: Callable[[str], list[str] | None] = lambda _: None
 
@@ -110,10 +113,10 @@ def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
 @pytest.mark.parametrize("streamed", ["on", "off"])
 @pytest.mark.parametrize("echoed", ["on", "off"])
 def test_the_sensor_is_left_as_it_was_found(streamed: str, echoed: str) -> None:
-    sensor = Played({"stream": streamed, "echo": echoed, "rows": "16"})
+    sensor = Played({**SETTINGS, "stream": streamed, "echo": echoed})
     before = dict(sensor.settings)
     with played(sensor) as port, slitrange.open(port) as opened:
-        assert sensor.settings == {"stream": "off", "echo": "off", "rows": "16"}
+        assert sensor.settings == {**SETTINGS, "stream": "off"}
         assert isinstance(next(iter(opened)), Reading)
         opened.set("rows", 3)
         opened.set("rows", 4)
@@ -142,13 +145,7 @@ def test_saved_settings_stay() -> None:
         opened.set("rows", 4)
         opened.save()
         opened.set("rows", 8)
-    assert sensor.settings == {"stream": "on", "echo": "off", "rows": "4"}
-
-
-def test_earlier_firmware_has_no_echo() -> None:
-    sensor = Played({"stream": "on", "rows": "16"})
-    with played(sensor) as port, slitrange.open(port) as opened:
-        assert opened.get("rows") == "16"
+    assert sensor.settings == {**SETTINGS, "rows": "4"}
 
 
 def test_commands_are_sent_again_until_the_answer_is_readable() -> None:

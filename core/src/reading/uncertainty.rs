@@ -48,7 +48,7 @@ pub enum Surface {
 /// The uncertainties of a calibration. They are kept for years: another encoding needs another version.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CalibrationErrors {
-    /// None: a calibration of a library's user, or a record of earlier firmware.
+    /// None: a calibration of a library's user.
     Unknown,
     /// The nominal calibration, for a head that nobody adjusted: [`LENGTH_TOLERANCE`],
     /// [`OFFSET_TOLERANCE_UM`] and [`ANGLE_TOLERANCE`].

@@ -172,7 +172,7 @@ mod tests {
         let lines = "calibration on\r\n\
              calibration source default\r\n\
              calibration kind eq1\r\n\
-             calibration record 49 18a59177\r\n\
+             calibration record 51 745d5073\r\n\
              calibration serial 0\r\n\
              calibration date 0001-01-01\r\n\
              calibration estimator adaptive\r\n\
@@ -235,8 +235,8 @@ mod tests {
                 FlashStatus::Later(2),
                 &[
                     "source uploaded",
-                    "fault what was saved has version 2, and this firmware reads version 1: update the \
-                    firmware, or upload a calibration and save",
+                    "fault the save has version 2, this firmware reads 1: update the firmware, or \
+                    upload, then save",
                     "stored unusable",
                 ],
             ),

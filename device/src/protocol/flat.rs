@@ -89,8 +89,8 @@ impl fmt::Display for FlatAnswer<'_> {
         if let StoredMap::Later(version) = self.stored {
             write!(
                 f,
-                "\r\nflat fault the saved map has version {version}, and this firmware reads version \
-                 {VERSION}: update the firmware, or take a map again and flat save"
+                "\r\nflat fault the saved map has version {version}, this firmware reads {VERSION}: update \
+                 the firmware, or take a map and flat save"
             )?;
         }
         if let Some(fault) = self.fault() {
@@ -185,8 +185,8 @@ mod tests {
         assert_eq!(
             later.to_string().lines().nth(2),
             Some(
-                "flat fault the saved map has version 2, and this firmware reads version 1: update the \
-                 firmware, or take a map again and flat save"
+                "flat fault the saved map has version 2, this firmware reads 1: update the firmware, or \
+                 take a map and flat save"
             )
         );
     }

@@ -429,7 +429,7 @@ mod tests {
         assert!(none.ends_with("\r\ninfo calibration none"), "{none}");
     }
 
-    /// A record of earlier firmware has no uncertainties, a record with a fit has them.
+    /// A record without a fit has no uncertainties, a record with a fit has them.
     #[test]
     fn info_says_where_each_part_of_u_comes_from() {
         let own = |errors| Record {

@@ -181,8 +181,8 @@ impl fmt::Display for ConfigurationError {
             }
             Self::Version { version } => write!(
                 f,
-                "what was saved has version {version}, and this firmware reads version {VERSION}: update the \
-                firmware, or upload a calibration and save"
+                "the save has version {version}, this firmware reads {VERSION}: update the firmware, or \
+                upload, then save"
             ),
             Self::NotText => f.write_str("the saved settings are not text: save again"),
             Self::Setting(setting) => {

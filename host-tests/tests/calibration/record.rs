@@ -1,11 +1,8 @@
 //! The record: encoding and decoding give the same record back, and damaged or unusable records are refused.
 
-use std::collections::BTreeSet;
-
 use proptest::prelude::*;
 use slitrange::base::places::PLACES;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, Knots};
 use slitrange::distance::table::Table;
@@ -14,10 +11,7 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 use slitrange::row::Geometry;
 use slitrange::row::sensor_heads;
-use slitrange_device::record::{
-    MAX_ENCODED, Record, RecordError, VERSION, VERSION_OF_COMB, VERSION_OF_FRONT_END, decode,
-    encode,
-};
+use slitrange_device::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
 
 use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};
@@ -41,36 +35,6 @@ fn encoded(record: &Record) -> Vec<u8> {
     encode(record, &mut [0; MAX_ENCODED])
         .expect("a record")
         .to_vec()
-}
-
-/// A record of earlier firmware, which had more estimators, and tables with straight lines between the knots.
-struct Old {
-    kind: &'static str,
-    estimator: &'static str,
-    /// CRC-32 of the distances and slopes that the earlier firmware computed, at [`digest`]'s centres.
-    distances: u32,
-    bytes: Vec<u8>,
-}
-
-fn old_records() -> Vec<Old> {
-    let old = |line: &'static str| {
-        let [kind, estimator, distances, bytes] = line.split(' ').collect::<Vec<_>>()[..] else {
-            panic!("{line}");
-        };
-        let (pairs, []) = bytes.as_bytes().as_chunks::<2>() else {
-            panic!("{bytes}");
-        };
-        let number = |text: &str| u32::from_str_radix(text, 16).expect("hexadecimal digits");
-        Old {
-            kind,
-            estimator,
-            distances: number(distances),
-            bytes: (pairs.iter())
-                .map(|pair| number(str::from_utf8(pair).expect("ASCII")) as u8)
-                .collect(),
-        }
-    };
-    include_str!("old_records.txt").lines().map(old).collect()
 }
 
 /// CRC-32 of the bits of distances and slopes: at 4001 even centres, and at each knot and its two neighbours.
@@ -100,142 +64,66 @@ fn digest(calibration: &Calibration) -> u32 {
     crc32(&bytes)
 }
 
-/// The format of a record in flash must not change unless its version changes. This firmware decodes the
-/// records of older firmware to the same distances, bit for bit, and says that they know nothing of their
-/// errors.
+/// Kind, estimator, [`digest`] and bytes of a record. The format must not change unless its version changes.
 #[test]
-fn old_records_decode_to_the_same_distances() {
-    let (mut kinds, mut letters) = (BTreeSet::new(), BTreeSet::new());
-    for old in old_records().iter().filter(|old| old.kind != "lines") {
-        let record = decode(&old.bytes).expect("a record");
-        let kind = match &record.calibration {
+fn records_of_version_1_decode_to_the_same_distances() {
+    for line in include_str!("records_of_version_1.txt").lines() {
+        let [kind, estimator, distances, bytes] = line.split(' ').collect::<Vec<_>>()[..] else {
+            panic!("{line}");
+        };
+        let number = |text: &str| u32::from_str_radix(text, 16).expect("hexadecimal digits");
+        let bytes: Vec<u8> = (0..bytes.len())
+            .step_by(2)
+            .map(|at| number(&bytes[at..at + 2]) as u8)
+            .collect();
+        let record = decode(&bytes).expect("a record");
+        let found = match &record.calibration {
             Calibration::Eq1(_) => "eq1",
             Calibration::Table(_) => "table",
             Calibration::Corrected(_) => "corrected",
         };
-        assert_eq!(kind, old.kind);
-        assert_eq!(digest(&record.calibration), old.distances, "{kind}");
-        let estimator = match old.estimator {
-            "robust" => Estimator::Adaptive,
-            "blocks" | "parabola" | "log-parabola" | "zero-crossing" => Estimator::PhaseTable,
-            name => Estimator::named(name).expect("an estimator"),
-        };
-        assert_eq!(record.estimator, estimator, "{}", old.estimator);
-        assert_eq!(record.errors, CalibrationErrors::Unknown);
-        assert_eq!(record.profile, None);
-        // The version differs, and the estimator's letter may differ. Two new bytes say that the record holds
-        // no errors and no spot of the sensor. All other bytes are the same.
-        let letter = 18;
-        let mut bytes = old.bytes[..old.bytes.len() - 4].to_vec();
-        bytes[0] = VERSION;
-        bytes[letter] = estimator.letter() as u8;
-        bytes.extend([0, 0]);
-        assert_eq!(encoded(&record), sealed(bytes), "{} {kind}", old.estimator);
-        kinds.insert(kind);
-        letters.insert(old.bytes[letter]);
+        assert_eq!((found, record.estimator.name()), (kind, estimator));
+        assert_eq!(digest(&record.calibration), number(distances), "{kind}");
+        assert_eq!(encoded(&record), bytes, "{kind}");
     }
-    assert_eq!(kinds.len(), 3);
-    assert_eq!(letters.into_iter().collect::<Vec<u8>>(), b"abglprtz");
+    // A record with all parts.
+    assert_eq!(crc32(&encoded(&longest())), 0x2144_df1c);
 }
 
+/// The slits and the front end are the last bytes of a record: each is 0 if there is none.
 #[test]
-fn straight_lines_are_refused_with_advice() {
-    let old = old_records();
-    let lines: Vec<&Old> = old.iter().filter(|old| old.kind == "lines").collect();
-    assert_eq!(lines.len(), 2);
-    for old in lines {
-        assert_eq!(decode(&old.bytes), Err(RecordError::StraightLines));
-        // Whatever its knots are: there may be more than a record has room for.
-        let mut body = old.bytes[..old.bytes.len() - 4].to_vec();
-        body.resize(2637, 0x80);
-        assert_eq!(decode(&sealed(body)), Err(RecordError::StraightLines));
-    }
-}
-
-/// Format 2 ends with the uncertainties.
-#[test]
-fn records_of_format_2_decode_without_a_profile() {
-    let without = Record {
-        profile: None,
-        comb: None,
-        front_end: None,
-        ..longest()
-    };
-    let mut bytes = encoded(&without);
-    bytes.truncate(bytes.len() - 5);
-    bytes[0] = 2;
-    assert_eq!(decode(&sealed(bytes.clone())), Ok(without));
-    bytes.push(0);
-    assert_eq!(decode(&sealed(bytes)), Err(RecordError::Shape));
-}
-
-/// Firmware from before the comb reads the records of sensors with one slit.
-#[test]
-fn only_a_comb_changes_the_format() {
+fn slits_and_front_end_end_a_record() {
     let bytes = encoded(&nominal());
-    assert_eq!(bytes[0], VERSION);
-    let with = Record {
-        comb: Some(Comb::nominal()),
-        ..nominal()
-    };
-    let of_comb = encoded(&with);
-    assert_eq!(of_comb[0], VERSION_OF_COMB);
     let end = bytes.len() - 4;
-    assert_eq!(of_comb[1..end], bytes[1..end]);
-    let slits = &of_comb[end..of_comb.len() - 4];
-    println!(
-        "{} bytes, {} of them for 16 slits",
-        of_comb.len(),
-        slits.len()
-    );
-    assert_eq!(decode(&of_comb), Ok(with));
-
-    // Without slits, with too few, with more bytes, or with more slits than there may be.
-    let refused = |slits: &[u8], error| {
-        let body = [&of_comb[..end], slits].concat();
-        assert_eq!(decode(&sealed(body)), Err(error));
+    let (before, none) = bytes[..end].split_at(end - 2);
+    assert_eq!(none, [0, 0]);
+    let refused = |tail: &[u8], error| {
+        assert_eq!(decode(&sealed([before, tail].concat())), Err(error));
     };
-    refused(&[], RecordError::Shape);
-    refused(&[0], RecordError::Comb(CombError::Few { slits: 0 }));
-    refused(&slits[..slits.len() - 1], RecordError::Shape);
-    refused(&[slits, &[0]].concat(), RecordError::Shape);
-    refused(&[&[17], &slits[1..], &[0; 5]].concat(), RecordError::Shape);
-}
-
-/// Firmware from before `head measure` reads the records of sensors whose front end nobody measured.
-#[test]
-fn only_a_measured_front_end_gives_format_5() {
-    let bytes = encoded(&nominal());
-    let front_end = longest().front_end;
-    for comb in [None, Some(Comb::nominal())] {
+    for (comb, front_end) in [
+        (Some(Comb::nominal()), None),
+        (None, longest().front_end),
+        (Some(Comb::nominal()), longest().front_end),
+    ] {
         let with = Record {
             comb,
             front_end,
             ..nominal()
         };
-        let of_both = encoded(&with);
-        assert_eq!(of_both[0], VERSION_OF_FRONT_END);
-        let end = bytes.len() - 4;
-        assert_eq!(of_both[1..end], bytes[1..end]);
-        let head = &of_both[end..of_both.len() - 4];
-        println!(
-            "{} bytes for {:?} and the front end",
-            head.len(),
-            with.comb.is_some()
-        );
-        assert_eq!(decode(&of_both), Ok(with));
-
-        let refused = |head: &[u8], error| {
-            let body = [&of_both[..end], head].concat();
-            assert_eq!(decode(&sealed(body)), Err(error));
-        };
+        let bytes = encoded(&with);
+        assert_eq!(bytes[..before.len()], *before);
+        let tail = &bytes[before.len()..bytes.len() - 4];
+        println!("{} bytes for slits and front end", tail.len());
+        assert_eq!(decode(&bytes), Ok(with));
         refused(&[], RecordError::Shape);
-        refused(&head[..head.len() - 1], RecordError::Shape);
-        refused(&[head, &[0]].concat(), RecordError::Shape);
+        refused(&tail[..tail.len() - 1], RecordError::Shape);
+        refused(&[tail, &[0]].concat(), RecordError::Shape);
     }
+    // Too few slits, and more slits than there may be.
+    refused(&[1, 0, 0], RecordError::Comb(CombError::Few { slits: 0 }));
+    refused(&[&[1, 17], &[0; 200][..]].concat(), RecordError::Shape);
     // A gain of zero: zigzag and varint of 0.
-    let impossible = [&[5], &bytes[1..bytes.len() - 4], &[0, 0], &[0; 7]].concat();
-    assert_eq!(decode(&sealed(impossible)), Err(RecordError::FrontEnd));
+    refused(&[&[0, 1], &[0; 8][..]].concat(), RecordError::FrontEnd);
 }
 
 #[test]
@@ -301,11 +189,11 @@ fn damaged_and_cut_off_records_are_refused() {
         Err(RecordError::Short { bytes: 4 })
     );
     let mut newer = body;
-    newer[0] = VERSION_OF_FRONT_END + 1;
+    newer[0] = VERSION + 1;
     assert_eq!(
         decode(&sealed(newer)),
         Err(RecordError::Version {
-            version: VERSION_OF_FRONT_END + 1
+            version: VERSION + 1
         })
     );
 }
@@ -458,7 +346,6 @@ fn errors_say_what_is_wrong_and_what_to_do() {
         },
         RecordError::Version { version: 2 },
         RecordError::Shape,
-        RecordError::StraightLines,
         RecordError::Date,
         RecordError::Geometry,
         RecordError::Estimator { letter: b'?' },

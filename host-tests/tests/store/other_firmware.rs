@@ -1,15 +1,12 @@
-//! A whole item of later or earlier firmware that this firmware cannot use: the configuration before it is
-//! used.
+//! A whole item of later firmware that this firmware cannot use: the configuration before it is used, and
+//! without one the later version is reported.
 
-use slitrange::base::units::Counts;
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
-use slitrange_device::settings::Settings;
+use crc::{CRC_32_ISO_HDLC, Crc};
+use slitrange_device::record;
 use slitrange_device::store::Stored;
 use slitrange_device::store::configuration::VERSION;
 
-use super::flash::Flash;
+use super::flash::{Flash, SECTOR};
 use super::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_check};
 
 /// The library's checksum of an item, from its definition: CRC-32C from another start.
@@ -44,11 +41,48 @@ fn an_item_of_later_firmware_is_passed_over() {
     save_and_check(&mut flash, &third);
     let numbers: Vec<u8> = (0..3).map(|i| flash.bytes[start(i) + HEADER]).collect();
     assert_eq!(numbers, [1, 2, 3]);
-    // Alone, the unknown item is unusable, not nothing.
+    // Alone, the item is of a later version. A save leaves the item there.
     flash.bytes.copy_within(start(1)..start(2), start(0));
     flash.bytes[start(1)..start(3)].fill(0xff);
-    assert_eq!(read(&mut flash), Stored::Unusable);
-    save_and_check(&mut flash, &third);
+    assert_eq!(read(&mut flash), Stored::Later(VERSION + 1));
+    // In the second sector it is later as well, and damaged it is unusable.
+    let mut moved = flash.clone();
+    moved.bytes.copy_within(..SECTOR, SECTOR);
+    moved.bytes[..SECTOR].fill(0xff);
+    let mut damaged = flash.clone();
+    damaged.bytes[start(0) + HEADER + NUMBER + 1] ^= 1;
+    assert_eq!(read(&mut damaged), Stored::Unusable);
+    for (mut flash, later) in [(flash, 0), (moved, SECTOR)] {
+        assert_eq!(read(&mut flash), Stored::Later(VERSION + 1));
+        let kept = later..later + SECTOR;
+        let before = flash.bytes[kept.clone()].to_vec();
+        save_and_check(&mut flash, &third);
+        assert!(
+            flash.bytes[kept] == before,
+            "the save of later firmware is gone"
+        );
+    }
+}
+
+/// The record in a configuration has a version of its own.
+#[test]
+fn a_record_of_a_later_version_is_reported() {
+    let mut flash = Flash::erased();
+    let saved = sample(Size::Middle, 0);
+    save_and_check(&mut flash, &saved);
+    let mut record = [0; record::MAX_ENCODED];
+    let record = record::encode(saved.record.as_ref().expect("a record"), &mut record);
+    let length = record.expect("usable").len();
+    let item = &mut flash.bytes[4..][..item_bytes(Size::Middle)];
+    let from = item.len() - length;
+    assert_eq!(item[from], record::VERSION);
+    item[from] += 1;
+    let end = item.len() - 4;
+    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&item[from..end]);
+    item[end..].copy_from_slice(&crc.to_le_bytes());
+    let whole = sum(&item[HEADER..]).to_le_bytes();
+    item[..4].copy_from_slice(&whole);
+    assert_eq!(read(&mut flash), Stored::Later(record::VERSION + 1));
 }
 
 /// The library's checksum of an item's length, from its definition: CRC-16 with the reflected polynomial
@@ -61,7 +95,7 @@ fn length_sum(length: u16) -> u16 {
     })
 }
 
-/// Earlier firmware had records of up to 2641 bytes: tables with straight lines.
+/// Records of later firmware may be longer.
 #[test]
 fn an_item_that_is_too_long_is_passed_over() {
     let [first, second, third] = [0, 1, 2].map(|i| sample(Size::Middle, i));
@@ -84,40 +118,4 @@ fn an_item_that_is_too_long_is_passed_over() {
     assert_eq!(read(&mut flash), Stored::Older(first));
     save_and_check(&mut flash, &second);
     save_and_check(&mut flash, &third);
-}
-
-/// What the first firmware left in flash after two saves: `rows 7`, `mean plain`, `black fixed 300` and
-/// `estimator robust`, each with the nominal calibration under another serial number.
-const VERSION_1: &str = "\
-00000000a89de3de45006dfa01000000010700707278002c010001ffffffff0fea0f0b15ee1c121f22e21c010c9a3374\
-0080e00300bbe2951c869fffb0d09240bbe2a2248080b84a8080f0a50184da68dd000000\
-14fded5845006dfa02000000010700707278002c010001fcffffff0fea0f0b15ee1c121f22e21c010c9a3374\
-0080e00300bbe2951c869fffb0d09240bbe2a2248080b84a8080f0a501d6f64a8a000000";
-
-#[test]
-fn a_configuration_of_the_first_firmware_is_the_newest_until_a_change() {
-    let mut flash = Flash::erased();
-    for (i, place) in (0..VERSION_1.len()).step_by(2).zip(&mut flash.bytes) {
-        *place = u8::from_str_radix(&VERSION_1[i..i + 2], 16).expect("a byte");
-    }
-    let Stored::Newest(found) = read(&mut flash) else {
-        panic!("{:?}", read(&mut flash));
-    };
-    let expected = Settings {
-        rows: 7,
-        mean: Mean::Plain,
-        // The successor of `robust`.
-        estimator: Estimator::Adaptive,
-        black_level: BlackLevel::Fixed(Counts::from_int(300)),
-        ..Settings::default()
-    };
-    assert_eq!(found.settings, expected);
-    let serial_number = found.record.as_ref().map(|record| record.serial_number);
-    assert_eq!(serial_number, Some(u32::MAX - 3));
-    // Saved again, it is written in today's form, once. A change is the newest.
-    save_and_check(&mut flash, &found);
-    let before = flash.bytes.clone();
-    save_and_check(&mut flash, &found);
-    assert!(flash.bytes == before);
-    save_and_check(&mut flash, &sample(Size::Middle, 1));
 }

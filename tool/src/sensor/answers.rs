@@ -5,8 +5,7 @@ use slitrange::base::exposure::Exposure;
 use slitrange::frame::comb::MAX_SLITS;
 
 /// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62131
-/// o 0.00012 -0.00310 0.01203 0.00010 -0.00020`, and ` t 187`, ` m 3` and ` c 3` as in a reading. Earlier
-/// firmware sends neither `w` nor `o`.
+/// o 0.00012 -0.00310 0.01203 0.00010 -0.00020`, and ` t 187`, ` m 3` and ` c 3` as in a reading.
 ///
 /// A comb has ` k 16` after the shape, and a second line with the image of each slit: `slits 912.12345/1830 -
 /// ...`.
@@ -24,7 +23,7 @@ pub struct Centre {
     pub rows: u16,
     /// The estimator's letter.
     pub estimator: char,
-    /// The spot's shape. None if the firmware does not send it, or could not measure it.
+    /// The spot's shape. None if the sensor could not measure it.
     pub shape: Option<Shape>,
     /// Rows that did not look like their spot.
     pub misfits: u32,
@@ -88,7 +87,7 @@ fn slit_images(words: &str) -> Option<SlitImages> {
 /// The first line, and whether it is that of a comb.
 fn reading(line: &str) -> Option<(Centre, bool)> {
     let words: Vec<&str> = line.split(' ').collect();
-    let (measured, flags) = words.split_at_checked(12)?;
+    let (measured, flags) = words.split_at_checked(20)?;
     let &[
         "x",
         x,
@@ -102,26 +101,27 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         black,
         "e",
         letter,
+        "w",
+        width,
+        "o",
+        o0,
+        o1,
+        o2,
+        o3,
+        o4,
     ] = measured
     else {
         return None;
     };
-    let (shape, flags) = match flags.split_first_chunk() {
-        Some((&["w", width, "o", o0, o1, o2, o3, o4], flags)) => {
-            let shape = Shape {
-                width_px: five_decimals(width)?,
-                components_px: [
-                    five_decimals(o0)?,
-                    five_decimals(o1)?,
-                    five_decimals(o2)?,
-                    five_decimals(o3)?,
-                    five_decimals(o4)?,
-                ],
-            };
-            // All are zero if the sensor could not measure the shape.
-            (Some(shape).filter(|shape| shape.width_px > 0.0), flags)
-        }
-        _ => (None, flags),
+    let shape = Shape {
+        width_px: five_decimals(width)?,
+        components_px: [
+            five_decimals(o0)?,
+            five_decimals(o1)?,
+            five_decimals(o2)?,
+            five_decimals(o3)?,
+            five_decimals(o4)?,
+        ],
     };
     let (exposure, flags) = match *flags {
         ["t", us, ref flags @ ..] => (Exposure::from_us(us.parse().ok()?)?, flags),
@@ -155,7 +155,8 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         exposure_us: exposure.us(),
         rows: Some(rows).filter(|&rows| used <= rows)?,
         estimator: letters.next().filter(|_| letters.next().is_none())?,
-        shape,
+        // All are zero if the sensor could not measure the shape.
+        shape: Some(shape).filter(|shape| shape.width_px > 0.0),
         misfits: misfits.map_or(Some(0), |count| count.parse().ok())?,
         correlated: match correlated {
             Some(rows) => Some(rows.parse().ok()?),
@@ -193,8 +194,8 @@ pub struct RecordInUse {
     pub crc: u32,
     /// The sensor's serial number.
     pub serial_number: u32,
-    /// Whether the record may hold a measured front end. Earlier firmware, and a line that was lost, do not
-    /// say that it holds none.
+    /// Whether the record may hold a measured front end. A line that was lost does not say that the record
+    /// holds none.
     pub may_have_front_end: bool,
 }
 
@@ -322,13 +323,13 @@ mod tests {
         };
         assert_eq!(exposed("187"), Some(Ok(short)));
         assert_eq!((exposed("9"), exposed("5601")), (None, None));
-        // Earlier firmware sends no shape, and a shape of zeros is none.
+        // A line without a shape is no answer, and a shape of zeros is none.
         let (before, _) = plain.split_once(" w ").expect("a shape");
         let without = Centre {
             shape: None,
             ..unflagged
         };
-        assert_eq!(centre(&lines(before)), Some(Ok(without)));
+        assert_eq!(centre(&lines(before)), None);
         let zeros = format!("{before} w 0.00000 o{}", " 0.00000".repeat(5));
         assert_eq!(centre(&lines(&zeros)), Some(Ok(without)));
     }

@@ -217,11 +217,8 @@ impl<'a> Monitor<'a> {
     /// Asks for what `monitor` must know, and sets the columns that it needs. Gives the rows lost and lines
     /// dropped.
     fn prepare(&mut self, session: &mut Session<'_>) -> Result<(u32, u32), LineError> {
-        // Earlier firmware has neither setting, sends every result, and sends all columns.
-        let rate = session.value_if_known(Setting::Rate)?;
-        let output = session.value_if_known(Setting::Output)?;
-        self.statistics.leaves_out = rate.is_some_and(|rate| rate != Value::Rate(0));
-        if let Some(Value::Output(columns)) = output
+        self.statistics.leaves_out = session.value(Setting::Rate)? != Value::Rate(0);
+        if let Value::Output(columns) = session.value(Setting::Output)?
             && !columns.has(Column::Distance)
         {
             session.borrow(Value::Output(columns.with(Column::Distance)))?;

@@ -73,8 +73,8 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
     // A row is recorded as it was read, and both would need rows or a map that the file does not have.
     session.borrow_without_map()?;
     session.borrow(Value::Ambient(AmbientMode::Off))?;
-    // Rows come only if frames need no trigger. Earlier firmware has no trigger.
-    session.borrow_if_known(Value::Trigger(Trigger::Continuous))?;
+    // Rows come only if frames need no trigger.
+    session.borrow(Value::Trigger(Trigger::Continuous))?;
     let sensor = sensor(&mut session)?;
     let mut file = BufWriter::new(file);
     let mut writer = Writer::default();
@@ -108,10 +108,7 @@ fn sensor(session: &mut Session<'_>) -> Result<Sensor> {
     let record = record_in_use(session)?;
     let mut settings = Settings::default();
     for &setting in Setting::ALL {
-        // Earlier firmware has fewer settings.
-        if let Some(value) = session.value_if_known(setting)? {
-            settings.set(value);
-        }
+        settings.set(session.value(setting)?);
     }
     let lines = session.line().ask("calibration", ANSWER, |lines| {
         answers::in_use(lines).map(|_| lines.to_vec())

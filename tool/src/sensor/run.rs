@@ -202,14 +202,6 @@ fn list(distances: &[f64]) -> String {
 /// Asks a sensor for its setup.
 fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     let record = session.calibration()?.record;
-    // Earlier firmware has no such settings: then the sensor is set as by default.
-    let mut value = |setting| match session.value(setting) {
-        Ok(value) => Ok(Some(value)),
-        Err(LineError::Refused { .. }) => Ok(None),
-        Err(error) => Err(error),
-    };
-    let slits = value(Setting::Slits)?;
-    let (region, peak) = (value(Setting::Region)?, value(Setting::SpotChoice)?);
     Ok(Setup {
         head: Some(session.head().to_owned()),
         serial_number: Some(record.map_or(0, |record| record.serial_number)),
@@ -221,16 +213,16 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
             Value::Black(level) => Some(level),
             _ => None,
         },
-        slits: match slits {
-            Some(Value::Slits(slits)) => slits,
+        slits: match session.value(Setting::Slits)? {
+            Value::Slits(slits) => slits,
             _ => Slits::One,
         },
-        region: match region {
-            Some(Value::Region(region)) => region,
+        region: match session.value(Setting::Region)? {
+            Value::Region(region) => region,
             _ => Region::ALL,
         },
-        peak: match peak {
-            Some(Value::SpotChoice(peak)) => peak,
+        peak: match session.value(Setting::SpotChoice)? {
+            Value::SpotChoice(peak) => peak,
             _ => SpotChoice::Strongest,
         },
     })

@@ -111,8 +111,7 @@ impl<'a> Session<'a> {
             is_binary: false,
         };
         session.stop_echo()?;
-        // Earlier firmware has text only.
-        session.borrow_if_known(Value::Format(Format::Text))?;
+        session.borrow(Value::Format(Format::Text))?;
         session.set(Command::Set(Value::Stream(false)))?;
         session.streams = false;
         let info = Command::Info.to_string();
@@ -122,8 +121,7 @@ impl<'a> Session<'a> {
 
     /// Switches the echo off for as long as the session lasts.
     fn stop_echo(&mut self) -> Result<(), LineError> {
-        // Earlier firmware has no echo.
-        self.borrowed.echo = self.value_if_known(Setting::Echo)? == Some(Value::Echo(true));
+        self.borrowed.echo = self.value(Setting::Echo)? == Value::Echo(true);
         if self.borrowed.echo {
             // The echo of this line may be taken for its answer, which then still comes.
             self.set(Command::Set(Value::Echo(false)))?;
@@ -219,18 +217,6 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// The same. `None` if the firmware is older than the setting, and refuses it.
-    ///
-    /// # Errors
-    /// No answer came.
-    pub fn value_if_known(&mut self, of: Setting) -> Result<Option<Value>, LineError> {
-        match self.value(of) {
-            Ok(value) => Ok(Some(value)),
-            Err(LineError::Refused { .. }) => Ok(None),
-            Err(error) => Err(error),
-        }
-    }
-
     /// Sets a value.
     ///
     /// # Errors
@@ -276,29 +262,10 @@ impl<'a> Session<'a> {
             return self.set(Command::Set(value));
         }
         let found = self.value(value.setting())?;
-        self.borrow_from(found, value)
-    }
-
-    /// The same. Does nothing if the firmware does not know the setting.
-    ///
-    /// # Errors
-    /// No answer came, or the firmware knows the setting and refuses the value.
-    pub fn borrow_if_known(&mut self, value: Value) -> Result<(), LineError> {
-        match self.value_if_known(value.setting())? {
-            Some(found) => self.borrow_from(found, value),
-            None => Ok(()),
-        }
-    }
-
-    /// Sets a value in place of the one that was found, for as long as the session lasts.
-    fn borrow_from(&mut self, found: Value, value: Value) -> Result<(), LineError> {
-        let setting = value.setting();
         if found == value {
             return Ok(());
         }
-        if self.found(setting).is_none() {
-            self.borrowed.values.push(found);
-        }
+        self.borrowed.values.push(found);
         self.set(Command::Set(value))
     }
 

@@ -100,7 +100,6 @@ pub fn settings(
         Some(SettingsCommand::Get { name }) => {
             let setting = named(name)?;
             let value = value(&mut options.port.open(pc)?, setting)?;
-            let value = value.with_context(|| unknown_to_sensor(setting))?;
             writeln!(output, "{}", text(value))?;
         }
         Some(SettingsCommand::Set { words }) => {
@@ -197,28 +196,21 @@ fn ensure_alone(value: Value) -> Result<()> {
     Ok(())
 }
 
-/// Asks for a value as it was before the session. `None` if the firmware does not know the setting.
-fn value(session: &mut Session<'_>, setting: Setting) -> Result<Option<Value>> {
-    if let Some(value) = session.found(setting) {
-        return Ok(Some(value));
+/// Asks for a value as it was before the session.
+fn value(session: &mut Session<'_>, setting: Setting) -> Result<Value> {
+    match session.found(setting) {
+        Some(value) => Ok(value),
+        None => Ok(session.value(setting)?),
     }
-    Ok(session.value_if_known(setting)?)
 }
 
-fn unknown_to_sensor(setting: Setting) -> String {
-    format!(
-        "the sensor's firmware does not know the setting `{}`: flash newer firmware, or leave it out",
-        setting.name()
-    )
-}
-
-/// The values of all settings that flash can hold and the firmware knows, but for the sensor's address:
-/// another sensor has another one.
+/// The values of all settings that flash can hold, but for the sensor's address: another sensor has another
+/// one.
 fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
     let mut values = Vec::new();
     for &setting in Setting::ALL {
         if !matches!(setting.affects(), Affects::Session | Affects::Connection) {
-            values.extend(value(session, setting)?);
+            values.push(value(session, setting)?);
         }
     }
     Ok(values)
@@ -229,9 +221,7 @@ fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
     let mut rows = vec![["setting", "value", "what it sets: values"].map(str::to_owned)];
     let factory = Settings::default();
     for &setting in Setting::ALL {
-        let Some(value) = value(session, setting)? else {
-            continue;
-        };
+        let value = value(session, setting)?;
         let default = factory.get(setting);
         let (mark, of_factory) = match value == default {
             true => ("", String::new()),
@@ -282,7 +272,7 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
 /// Sets a value, and says what it was.
 fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
     let setting = new.setting();
-    let before = value(session, setting)?.with_context(|| unknown_to_sensor(setting))?;
+    let before = value(session, setting)?;
     if before == new {
         writeln!(output, "{new} (as before)")?;
         return Ok(());
@@ -382,7 +372,7 @@ fn load(
     let mut changes = Vec::new();
     for &new in values {
         let setting = new.setting();
-        let before = value(session, setting)?.with_context(|| unknown_to_sensor(setting))?;
+        let before = value(session, setting)?;
         if before != new {
             changes.push((before, new));
         }

@@ -26,14 +26,6 @@ fn header(slits: Slits) -> String {
     }
 }
 
-/// The line above the points of an earlier program, which wrote fewer columns.
-fn header_before(columns: usize) -> String {
-    columns::ONE_SLIT[..columns].join(",")
-}
-
-/// How many columns earlier programs wrote.
-const COLUMNS_BEFORE: [usize; 2] = [8, 9];
-
 /// A distance in millimetres with three decimals, or with as many as it takes.
 pub struct Millimetres(pub f64);
 
@@ -66,9 +58,9 @@ pub struct Taken {
     pub misfits: u32,
     /// As how few independent rows a frame's may count: the least of those that the sensor flagged.
     pub correlated: Option<u16>,
-    /// The spot's height in counts, the mean of the frames'. Earlier programs did not note it.
+    /// The spot's height in counts, the mean of the frames'.
     pub height_counts: Option<f64>,
-    /// The spot's shape, the mean of the frames'. Earlier programs did not note it.
+    /// The spot's shape, the mean of the frames'.
     pub shape: Option<Shape>,
     /// The images of a comb's slits, the means of the frames'.
     pub slits: Option<SlitImages>,
@@ -131,8 +123,7 @@ impl Taken {
             None => (rest, None),
         };
         let (height, shape) = match *rest {
-            [] => ("", None),
-            [height] | [height, "", "", "", "", "", ""] => (height, None),
+            [height, "", "", "", "", "", ""] => (height, None),
             [height, width, o0, o1, o2, o3, o4] => {
                 let shape = Shape {
                     width_px: number(width)?,
@@ -215,8 +206,6 @@ struct Content {
     /// Remarks below.
     remarks: Vec<String>,
     torn: Option<String>,
-    /// The columns are those of an earlier program.
-    is_old: bool,
     /// The slits of the sensor.
     slits: Slits,
 }
@@ -240,7 +229,6 @@ impl PointsFile {
                 points: Vec::new(),
                 remarks: Vec::new(),
                 torn: None,
-                is_old: false,
                 slits: setup.slits,
             }
         } else {
@@ -253,7 +241,7 @@ impl PointsFile {
         if let Some(torn) = &content.torn {
             content.remarks.push(format!("# cut off: {torn}"));
         }
-        if bytes.is_empty() || content.torn.is_some() || content.is_old {
+        if bytes.is_empty() || content.torn.is_some() {
             content.write(path)?;
         }
         let file = open_to_append(path)?;
@@ -435,7 +423,6 @@ impl Content {
             points: Vec::new(),
             remarks: Vec::new(),
             torn: (!rest.is_empty()).then(|| rest.escape_ascii().to_string()),
-            is_old: false,
             slits: Slits::One,
         };
         let text = std::str::from_utf8(whole).context("it is not text")?;
@@ -446,15 +433,11 @@ impl Content {
         );
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
-            content.is_old = COLUMNS_BEFORE
-                .map(header_before)
-                .iter()
-                .any(|it| it == line);
             if line == header(Slits::Comb) {
                 content.slits = Slits::Comb;
                 break;
             }
-            if line == header(Slits::One) || content.is_old {
+            if line == header(Slits::One) {
                 break;
             }
             ensure!(
@@ -760,45 +743,6 @@ mod tests {
         };
         let (_, path) = file(&directory, &[point, typed]);
         insta::assert_snapshot!(std::fs::read_to_string(path).expect("text"));
-    }
-
-    /// Earlier programs did not note the spot's height or shape. More points can be added to their files.
-    #[test]
-    fn a_file_of_an_earlier_program_takes_more_points() {
-        let line = "1770.987710,800.000,0.000700,8,0.001950,0.001900,0,3";
-        for (columns, line, height_counts) in [
-            (8, line.to_owned(), None),
-            (9, format!("{line},1011.0"), Some(1011.0)),
-        ] {
-            let directory = tempfile::tempdir().expect("a directory");
-            let (_, path) = file(&directory, &[]);
-            let text = std::fs::read_to_string(&path).expect("text");
-            let [now, then] = [header(Slits::One), header_before(columns)];
-            let before = text.replace(&now, &then) + &line + "\n";
-            std::fs::write(&path, before).expect("written");
-            let mut file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
-            assert_eq!(file.points()[0].height_counts, height_counts);
-            assert_eq!(file.points()[0].shape, None);
-            let later = Taken {
-                d_mm: 810.0,
-                height_counts: Some(900.0),
-                shape: Some(Shape {
-                    width_px: 7.625,
-                    components_px: [0.001, 0.0, 0.002, 0.0, -0.001],
-                }),
-                ..file.points()[0]
-            };
-            file.add(later).expect("added");
-            let again = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
-            assert_eq!(again.points()[1], later);
-            // The fit finds all of it.
-            let read = Points::read(&path).expect("points").points;
-            assert_eq!(read[0].height_counts, height_counts);
-            assert_eq!(
-                read[1].shape.map(|known| Some(known.shape)),
-                Some(later.shape)
-            );
-        }
     }
 
     #[test]

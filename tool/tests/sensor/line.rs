@@ -204,29 +204,17 @@ fn a_bad_line_slows_a_session_and_changes_no_value() {
     session.line().synchronise().expect("in order again");
 }
 
-/// What earlier firmware does not have is left alone, and what a sensor has is put back at the end.
+/// What a sensor has is put back at the end.
 #[test]
-fn a_setting_that_the_firmware_may_not_have_is_borrowed() {
-    let triggered = Value::Trigger(Trigger::Serial);
+fn a_setting_is_borrowed_for_a_session() {
     let continuous = Value::Trigger(Trigger::Continuous);
-    for unknown in [None, Some(Setting::Trigger), Some(Setting::Format)] {
-        let sensor = StandIn::new(1, Trouble::default());
-        sensor.state().type_line("trigger serial");
-        sensor.state().unknown = unknown;
-        let mut session = Session::open(&sensor, &sensor.port()).expect("a sensor");
-        session.borrow_if_known(continuous).expect("an answer");
-        let is_known = unknown != Some(Setting::Trigger);
-        let now = sensor.state().settings().trigger;
-        assert_eq!(now == Trigger::Continuous, is_known);
-        let found = session.value_if_known(Setting::Trigger).expect("an answer");
-        assert_eq!(found, is_known.then_some(continuous));
-        assert_eq!(
-            session.found(Setting::Trigger),
-            is_known.then_some(triggered)
-        );
-        // A program that needs the setting says so.
-        assert_eq!(session.borrow(continuous).is_ok(), is_known);
-        drop(session);
-        assert_eq!(sensor.state().settings().trigger, Trigger::Serial);
-    }
+    let sensor = StandIn::new(1, Trouble::default());
+    sensor.state().type_line("trigger serial");
+    let mut session = Session::open(&sensor, &sensor.port()).expect("a sensor");
+    session.borrow(continuous).expect("an answer");
+    assert_eq!(sensor.state().settings().trigger, Trigger::Continuous);
+    let found = session.found(Setting::Trigger);
+    assert_eq!(found, Some(Value::Trigger(Trigger::Serial)));
+    drop(session);
+    assert_eq!(sensor.state().settings().trigger, Trigger::Serial);
 }

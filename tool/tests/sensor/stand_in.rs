@@ -32,7 +32,7 @@ use slitrange::row::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::row::pixels::map::MapSummary;
 use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange::row::{Geometry, Polarity};
-use slitrange_device::protocol::command::{Command, Error, parse};
+use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::input::{Echo, Input};
 use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
@@ -42,7 +42,7 @@ use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::session::flat::{Job, Outcome};
 use slitrange_device::session::{Actions, Event, Session};
-use slitrange_device::settings::{Setting, Settings};
+use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::Configuration;
 use slitrange_device::store::pixel_map::StoredMap;
 use slitrange_device::store::{StoreError, Stored};
@@ -122,8 +122,6 @@ pub struct State {
     /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it
     /// is lost.
     pub spoil: Option<(usize, bool)>,
-    /// A setting that its firmware does not have.
-    pub unknown: Option<Setting>,
     /// It hears nothing any more, once a piece of a record has come.
     pub deaf_after_piece: bool,
     /// So many times the light is wrong for a map of the pixels.
@@ -411,7 +409,6 @@ impl StandIn {
             off_until: None,
             unplugged_until: None,
             spoil: None,
-            unknown: None,
             deaf_after_piece: false,
             wrong_light: 0,
             has_saved_map: false,
@@ -713,15 +710,6 @@ impl Sensor {
             };
             let Some(command) = command else {
                 continue;
-            };
-            let setting = match command {
-                Ok(Command::Show(setting)) => Some(setting),
-                Ok(Command::Set(value)) => Some(value.setting()),
-                _ => None,
-            };
-            let command = match setting {
-                Some(_) if setting == self.state.unknown => Err(Error::Unknown(None)),
-                _ => command,
             };
             if command == Ok(Command::Centre) {
                 let late = self.random.random_bool(self.state.trouble.late);

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
 use slitrange_device::store::pixel_map::StoredMap;
-use virtual_board::flash::SharedFlash;
+use virtual_board::flash::{Contents, SECTOR_BYTES, SharedFlash};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, VirtualBoard};
 
@@ -200,20 +200,39 @@ fn a_power_cut_leaves_the_old_map_or_the_new_one() {
 }
 
 #[test]
-fn a_damaged_map_is_not_used() {
+fn a_map_that_is_damaged_or_of_a_later_version_is_not_used() {
     let (mut board, _) = boot(paper(0.8));
     take(&mut board);
     assert_eq!(paused(&mut board, "flat save"), "flat save");
-    let mut contents = board.flash().contents();
+    let whole = board.flash().contents();
     board.finish().expect("a clean run");
-    // A bit of an entry in the first sector of the map.
-    contents.flip_bits(2 * virtual_board::flash::SECTOR_BYTES + 5000, 0x10);
-    let mut board = boot_with(&SharedFlash::holding(contents), paper(0.8));
-    let lines = shown(&mut board);
-    println!("{lines:#?}");
-    assert_eq!(lines[0], "flat none");
-    assert!(lines[1].starts_with("flat fault the saved map cannot be used"));
-    assert_eq!(lines[2], "flat stored unusable");
-    assert!(is_reading(&fresh_results(&mut board, 1)[0]));
-    board.finish().expect("a clean run");
+    let start = 2 * SECTOR_BYTES;
+    // A bit of an entry in the first sector of the map; the version and its complement, 1 to 2.
+    for (flips, fault) in [
+        (&[(5000, 0x10)][..], "the saved map cannot be used: "),
+        (
+            &[(2, 3), (3, 3)],
+            "the saved map has version 2, this firmware reads 1: update the firmware, or ",
+        ),
+    ] {
+        let mut contents = whole.clone();
+        for &(at, bits) in flips {
+            contents.flip_bits(start + at, bits);
+        }
+        let mut board = boot_with(&SharedFlash::holding(contents.clone()), paper(0.8));
+        let lines = shown(&mut board);
+        println!("{lines:#?}");
+        assert_eq!(lines[0], "flat none");
+        assert!(lines[1].starts_with(&format!("flat fault {fault}")));
+        assert_eq!(lines[2], "flat stored unusable");
+        assert!(is_reading(&fresh_results(&mut board, 1)[0]));
+        if flips.len() == 2 {
+            // A save leaves the map of later firmware.
+            take(&mut board);
+            assert_eq!(paused(&mut board, "flat save"), "flat save");
+            let later = |contents: Contents| contents.bytes()[start..][..SECTOR_BYTES].to_vec();
+            assert!(later(board.flash().contents()) == later(contents));
+        }
+        board.finish().expect("a clean run");
+    }
 }

@@ -58,12 +58,13 @@ pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Stored) -> Option<Encode
             Some(record) => Some(EncodedRecord::new(record).expect("a usable one")),
             None => EncodedRecord::nominal(),
         },
-        Stored::Unusable => None,
+        Stored::Later(_) | Stored::Unusable => None,
     };
     let stored = match (kept, &calibration) {
         (Stored::Newest(_), Some(written)) => FlashStatus::Record(written.sum()),
         (Stored::Older(_), Some(written)) => FlashStatus::Older(written.sum()),
         (Stored::Nothing, _) => FlashStatus::Nothing,
+        (&Stored::Later(version), _) => FlashStatus::Later(version),
         _ => FlashStatus::Damaged,
     };
     assert_shown(board, calibration.as_ref(), stored);

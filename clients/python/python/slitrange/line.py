@@ -126,8 +126,7 @@ class Line:
                 return "binary"
             if line == "format csv":
                 return "csv"
-            # Earlier firmware does not know the word, and sends lines.
-            return "text" if line == "format text" or line.startswith("E1 ") else None
+            return "text" if line == "format text" else None
 
         before = self._question("format", format_of)
         if before != "text":

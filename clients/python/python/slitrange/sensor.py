@@ -95,20 +95,16 @@ class Sensor:
     def _begin(self) -> None:
         self._format = self._line.use_text()
         self._streamed = self._line.synchronise()
-        # Earlier firmware has no echo.
-        with suppress(Refused):
-            self._echoed = self._value("echo") == "on"
+        self._echoed = self._value("echo") == "on"
         if self._echoed:
             # The echo of this line may be taken for its answer, which then still comes.
             self._ask_setting("echo", "off")
             self._line.synchronise()
         self._stream(False)
-        # Earlier firmware sends all columns.
-        with suppress(Refused):
-            output = self._value("output")
-            if _missing(output):
-                self._output = output
-                self._add_columns()
+        output = self._value("output")
+        if _missing(output):
+            self._output = output
+            self._add_columns()
         # Readings from before are not those of this program.
         self._waiting.clear()
 

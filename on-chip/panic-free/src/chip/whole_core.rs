@@ -450,6 +450,7 @@ fn stored() -> Stored {
         0 => Stored::Nothing,
         1 => Stored::Newest(configuration),
         2 => Stored::Older(configuration),
+        3 => Stored::Later(any(0)),
         _ => Stored::Unusable,
     }
 }

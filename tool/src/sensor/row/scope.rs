@@ -159,12 +159,7 @@ impl InUse {
     fn of(session: &mut Session<'_>) -> Result<Self> {
         let exposure = session.value(Setting::Exposure)?;
         let estimator = session.value(Setting::Estimator)?;
-        let region = match session.value(Setting::Region) {
-            Ok(region) => region,
-            // Earlier firmware has no regions.
-            Err(LineError::Refused { .. }) => Value::Region(Region::ALL),
-            Err(error) => return Err(error.into()),
-        };
+        let region = session.value(Setting::Region)?;
         match (exposure, estimator, region) {
             (Value::Exposure(exposure), Value::Estimator(estimator), Value::Region(region)) => {
                 Ok(Self {

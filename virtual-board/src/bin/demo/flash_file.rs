@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use virtual_board::SharedFlash;
-use virtual_board::flash::{BYTES, Contents};
+use virtual_board::flash::Contents;
 
 /// A file with the contents of flash.
 pub struct FlashFile {
@@ -22,11 +22,7 @@ impl FlashFile {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref().to_owned();
         let contents = match fs::read(&path) {
-            Ok(mut bytes) => {
-                // Earlier versions had half as many sectors.
-                if bytes.len() == BYTES / 2 {
-                    bytes.resize(BYTES, 0xFF);
-                }
+            Ok(bytes) => {
                 Contents::new(bytes).with_context(|| format!("reading {}", path.display()))?
             }
             Err(error) if error.kind() == ErrorKind::NotFound => Contents::erased(),
