@@ -160,7 +160,9 @@ pub fn correct_pixels() {
         while any(true) {
             match reader.take(any([0; 4]), any(true).then(|| field.place())) {
                 Read::Whole(number) => reached(number as i32),
-                Read::More | Read::NoMap => reached(i32::from(reader.summary().outside)),
+                Read::More | Read::Later(_) | Read::NoMap => {
+                    reached(i32::from(reader.summary().outside))
+                }
             }
         }
         reached(reader.pixels() as i32);
