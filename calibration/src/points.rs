@@ -696,22 +696,6 @@ mod tests {
     }
 
     #[test]
-    fn files_name_estimators_of_earlier_firmware() {
-        for (name, estimator) in [
-            ("robust", Estimator::Adaptive),
-            ("blocks", Estimator::PhaseTable),
-            ("parabola", Estimator::PhaseTable),
-            ("log-parabola", Estimator::PhaseTable),
-            ("zero-crossing", Estimator::PhaseTable),
-            ("gauss-newton", Estimator::GaussNewton),
-        ] {
-            let text = format!("# estimator {name}\nx_px,d_mm\n1500,600");
-            let read = Points::parse(&text).expect("points");
-            assert_eq!(read.setup.estimator, Some(estimator), "{name}");
-        }
-    }
-
-    #[test]
     fn a_setup_is_read_as_it_was_written() {
         for black_level in [
             BlackLevel::Shielded,
