@@ -478,8 +478,8 @@ impl Shell {
         // Signs of life before and after: the first one of the flash may take half a second, and so may the
         // first frame after the save.
         COUNTERS.results.add();
-        let result = match &self.session.configuration() {
-            Some(configuration) => self.store.save(configuration).await,
+        let result = match self.session.configuration() {
+            Some(configuration) => self.store.save(&configuration).await,
             // The session asks for a save only with a configuration.
             None => Ok(()),
         };

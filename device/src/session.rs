@@ -214,12 +214,11 @@ impl Session {
 
     /// What `save` writes to flash: without a record if it is that of the factory. `None` without a
     /// calibration, because the next start would then take the nominal one.
-    #[inline(never)]
-    pub fn configuration(&self) -> Option<Configuration> {
+    pub fn configuration(&self) -> Option<Configuration<&Record>> {
         let record = self.record()?;
         Some(Configuration {
             settings: self.settings,
-            record: (!record.is_of_factory()).then(|| record.clone()),
+            record: (!record.is_of_factory()).then_some(record),
         })
     }
 

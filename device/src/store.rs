@@ -20,6 +20,7 @@ mod sector;
 
 use embedded_storage_async::nor_flash::NorFlash;
 
+use crate::record::Record;
 use configuration::{Configuration, ConfigurationError};
 pub use error::StoreError;
 use sector::{PageError, Sector};
@@ -132,7 +133,11 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Whether flash holds this item, and no save was started after it.
-    async fn is_last_with(&mut self, newest: &Item, configuration: &Configuration) -> bool {
+    async fn is_last_with(
+        &mut self,
+        newest: &Item,
+        configuration: &Configuration<&Record>,
+    ) -> bool {
         match self.write_item(newest.number, configuration) {
             Ok(length) => self.is_at_the_end(newest.sector, length).await,
             Err(_) => false,
@@ -159,7 +164,7 @@ impl<F: NorFlash> Store<F> {
     fn write_item(
         &mut self,
         number: u32,
-        configuration: &Configuration,
+        configuration: &Configuration<&Record>,
     ) -> Result<usize, StoreError> {
         let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
         *head = number.to_le_bytes();
@@ -200,7 +205,7 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// [`StoreError`] says why the save failed.
-    pub async fn save(&mut self, configuration: &Configuration) -> Result<(), StoreError> {
+    pub async fn save(&mut self, configuration: &Configuration<&Record>) -> Result<(), StoreError> {
         // Refuse what no later read would take.
         configuration::check(configuration::encode(configuration, &mut self.item)?)?;
         let Items {
@@ -248,7 +253,7 @@ impl<F: NorFlash> Store<F> {
         &mut self,
         sector: Sector,
         last: u32,
-        configuration: &Configuration,
+        configuration: &Configuration<&Record>,
     ) -> Result<bool, StoreError> {
         // The number ends only after 2^32 saves, which no flash endures.
         let number = last.checked_add(1).ok_or(StoreError::Worn)?;

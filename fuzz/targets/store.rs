@@ -68,7 +68,7 @@ fn step(flash: &mut Flash, what: u8, a: u8, [b, c, d]: [u16; 3]) {
             // can be used, and no more.
             let torn = (a & 0x80 != 0).then_some(d.into());
             flash.cut_after(usize::from(c) % 1024, torn);
-            let _ = block_on(Store::new(&mut *flash).save(&sample(a, b)));
+            let _ = block_on(Store::new(&mut *flash).save(&sample(a, b).as_ref()));
             flash.power_on();
         }
         _ => check(flash),
@@ -151,7 +151,7 @@ fn check(flash: &mut Flash) {
 
 /// Saves over any contents, and reads the configuration back.
 fn save(flash: &mut Flash, saved: &Configuration) {
-    assert_eq!(block_on(Store::new(&mut *flash).save(saved)), Ok(()));
+    assert_eq!(block_on(Store::new(&mut *flash).save(&saved.as_ref())), Ok(()));
     let stored = block_on(Store::new(&mut *flash).read());
     assert!(stored == Stored::Newest(saved.clone()), "{stored:?}");
 }

@@ -138,7 +138,11 @@ impl Sensor {
     fn save(&mut self) -> Configuration {
         assert_eq!(self.ask("save"), "save pauses the stream");
         assert!(self.actions.save);
-        let saved = self.session.configuration().expect("something to save");
+        let saved = self
+            .session
+            .configuration()
+            .map(Configuration::cloned)
+            .expect("something to save");
         assert_eq!(self.take(Event::Saved(Ok(()))), "save");
         saved
     }
@@ -455,7 +459,11 @@ fn with_modbus_only_requests_are_answered() {
     // A save is answered by its request, and the format is saved with the address.
     assert_eq!(sensor.ask_modbus(&[17, 6, 0, 6, 0, 1]), [17, 6, 0, 6, 0, 1]);
     assert!(sensor.actions.save);
-    let saved = sensor.session.configuration().expect("something to save");
+    let saved = sensor
+        .session
+        .configuration()
+        .map(Configuration::cloned)
+        .expect("something to save");
     assert_eq!(sensor.take(Event::Saved(Ok(()))), "");
     let mut session = Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn);
     let mut actions = Actions::default();
@@ -1911,7 +1919,11 @@ fn save_replaces_a_stored_calibration_by_the_nominal_one_only_if_told_so() {
         assert!(!sensor.actions.save);
         assert_eq!(sensor.ask("save nominal"), "save pauses the stream");
         assert!(sensor.actions.save);
-        let saved = sensor.session.configuration().expect("the nominal one");
+        let saved = sensor
+            .session
+            .configuration()
+            .map(Configuration::cloned)
+            .expect("the nominal one");
         assert_eq!(saved.record, None);
         assert_eq!(sensor.take(Event::Saved(Ok(()))), "save");
         // Flash now holds the nominal calibration: nothing can be lost.
@@ -1950,7 +1962,7 @@ proptest! {
             );
             prop_assert_eq!(answer.is_empty(), is_silent, "{}: {}", line, answer);
         }
-        let saved = sensor.session.configuration().expect("the nominal calibration at least");
+        let saved = sensor.session.configuration().map(Configuration::cloned).expect("the nominal calibration at least");
         let again = Sensor::started(Stored::Newest(saved));
         prop_assert_eq!(again.session.record(), sensor.session.record());
         let restarted = Settings {

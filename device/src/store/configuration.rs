@@ -15,13 +15,34 @@ use crate::record::{self, Record, RecordError};
 use crate::settings::{Setting, Settings, split_words};
 use crate::text::Text;
 
-/// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Configuration {
+/// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own. A record
+/// has 3 KB, so a configuration to be written borrows its record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Configuration<R = Record> {
     /// The settings. Those that affect the session only are not written.
     pub settings: Settings,
     /// The sensor's own calibration. Without it the nominal one holds.
-    pub record: Option<Record>,
+    pub record: Option<R>,
+}
+
+impl Configuration {
+    /// To be written.
+    pub const fn as_ref(&self) -> Configuration<&Record> {
+        Configuration {
+            settings: self.settings,
+            record: self.record.as_ref(),
+        }
+    }
+}
+
+impl Configuration<&Record> {
+    /// With a record of its own.
+    pub fn cloned(self) -> Configuration {
+        Configuration {
+            settings: self.settings,
+            record: self.record.cloned(),
+        }
+    }
 }
 
 /// The version of the format.
@@ -39,7 +60,7 @@ pub const MAX_ENCODED: usize = 3 + MAX_LINES + record::MAX_ENCODED;
 /// # Errors
 /// [`ConfigurationError::NoRoom`], or the record's error.
 pub fn encode<'a>(
-    configuration: &Configuration,
+    configuration: &Configuration<&Record>,
     buffer: &'a mut [u8],
 ) -> Result<&'a [u8], ConfigurationError> {
     let no_room = ConfigurationError::NoRoom {
@@ -53,7 +74,7 @@ pub fn encode<'a>(
     *head = [VERSION, low, high];
     let (place, rest) = rest.split_at_mut_checked(lines.len()).ok_or(no_room)?;
     place.copy_from_slice(lines);
-    let record = match &configuration.record {
+    let record = match configuration.record {
         Some(record) => record::encode(record, rest)?.len(),
         None => 0,
     };
@@ -209,7 +230,9 @@ mod tests {
             settings,
             record: None,
         };
-        encode(&configuration, &mut buffer).expect("room").to_vec()
+        encode(&configuration.as_ref(), &mut buffer)
+            .expect("room")
+            .to_vec()
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::samples::{Size, sample};
 use crate::records::{cases, records};
 
 fn encoded(configuration: &Configuration) -> Vec<u8> {
-    encode(configuration, &mut [0; MAX_ENCODED])
+    encode(&configuration.as_ref(), &mut [0; MAX_ENCODED])
         .expect("it can be used")
         .to_vec()
 }
@@ -52,7 +52,7 @@ fn the_longest_configuration_fits_and_shorter_buffers_are_refused() {
     assert!(bytes.len() <= MAX_ENCODED);
     let settings = settings_bytes(&longest);
     for room in (0..bytes.len()).step_by(97).chain(0..80) {
-        let error = encode(&longest, &mut vec![0; room]).err();
+        let error = encode(&longest.as_ref(), &mut vec![0; room]).err();
         let expected = if room < settings {
             ConfigurationError::NoRoom { bytes: room }
         } else {

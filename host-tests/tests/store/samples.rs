@@ -52,7 +52,7 @@ pub fn sample(size: Size, i: u32) -> Configuration {
 /// not count.
 pub fn item_bytes(size: Size) -> usize {
     let mut buffer = [0; MAX_ENCODED];
-    let bytes = encode(&sample(size, 0), &mut buffer).expect("a usable configuration");
+    let bytes = encode(&sample(size, 0).as_ref(), &mut buffer).expect("a usable configuration");
     HEADER + NUMBER + bytes.len()
 }
 
@@ -73,7 +73,7 @@ pub fn read(flash: &mut Flash) -> Stored {
 }
 
 pub fn save(flash: &mut Flash, saved: &Configuration) -> Result<(), StoreError> {
-    block_on(Store::new(flash).save(saved))
+    block_on(Store::new(flash).save(&saved.as_ref()))
 }
 
 /// Saves, and checks that the configuration is there.

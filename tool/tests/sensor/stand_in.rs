@@ -236,7 +236,7 @@ impl State {
         }
         let result = match self.session.configuration() {
             Some(configuration) if self.flash_works => {
-                self.flash = Stored::Newest(configuration);
+                self.flash = Stored::Newest(configuration.cloned());
                 Ok(())
             }
             _ => Err(StoreError::Flash),

@@ -19,7 +19,7 @@ use super::records::assert_shown;
 
 /// Saves to `contents` as the firmware does.
 pub fn save(contents: &mut Contents, saved: &Configuration) {
-    let done = block_on(Store::new(Flash(contents)).save(saved));
+    let done = block_on(Store::new(Flash(contents)).save(&saved.as_ref()));
     done.expect("sound flash");
 }
 

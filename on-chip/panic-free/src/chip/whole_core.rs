@@ -232,7 +232,8 @@ pub fn find_distances() {
         Err(error) => say(&error),
     }
     let settings = any::settings();
-    match configuration::encode(&Configuration { settings, record }, any::bytes(&mut buffer)) {
+    let configuration = Configuration { settings, record };
+    match configuration::encode(&configuration.as_ref(), any::bytes(&mut buffer)) {
         Ok(written) => reached(written.len() as i32),
         Err(error) => say(&StoreError::Configuration(error)),
     }
