@@ -15,7 +15,7 @@ use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::session::flat::{Job, Outcome};
 use slitrange_device::session::{Actions, AddressPrefix, Event, Session};
 use slitrange_device::settings::trigger::Trigger;
-use slitrange_device::store::{Store, pixel_map};
+use slitrange_device::store::{Found, Store, pixel_map};
 use slitrange_device::text::Text;
 use static_cell::ConstStaticCell;
 
@@ -159,13 +159,20 @@ impl Shell {
 
     /// Loads what flash holds, sends the banner, and lets measuring begin.
     pub async fn start(&mut self) {
-        let stored = self.store.read().await;
-        self.update_session(Event::Started(stored));
+        let found = self.store.find().await;
+        self.start_session(found);
         self.apply();
         self.send().await;
         // No answer is due, so the text is that of the banner.
         self.load_map(FLAT.take()).await;
         MEASURING.resume();
+    }
+
+    /// Not inlined, so that it uses the stack only while it runs.
+    #[inline(never)]
+    fn start_session(&mut self, found: Found) {
+        let stored = self.store.stored(found);
+        self.session.start(&stored, &mut self.actions);
     }
 
     /// Takes the result of a frame and carries out the actions.

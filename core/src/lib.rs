@@ -49,13 +49,13 @@
 //! |---|---|
 //! | [`Measurement`], with the frame under way, the sums over blocks, and the mean ambient light | 17,030 |
 //! | [`Calibration`] | 2144 |
-//! | [`row::pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
+//! | [`row::pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 25,800 |
 //! | [`Measured`], with the centre of each slit of a comb | 236 |
 //! | [`Reading`], [`Geometry`], [`Options`] | 92 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
-//! that rises along the row is removed first. A row of a comb takes 24 KB. At most 55,228 bytes were measured
-//! on the virtual board, in a save that reads the longest record again (docs/proofs.md says how).
+//! that rises along the row is removed first. A row of a comb takes 24 KB. docs/proofs.md says what the
+//! firmware takes at most.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), warn(clippy::cast_possible_truncation))]

@@ -13,7 +13,7 @@
 //!
 //! | static RAM on a 32-bit chip | bytes |
 //! |---|---|
-//! | [`session::Session`], with copies of settings and record, and the readings of `average` | 10,330 |
+//! | [`session::Session`], with settings, record, an upload, and the readings of `average` | 8184 |
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2912 |
 //! | [`Settings`] | 92 |
 #![cfg_attr(not(test), no_std)]

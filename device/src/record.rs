@@ -105,6 +105,23 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     buffer.get(..summed.saturating_add(SUM)).ok_or(no_room)
 }
 
+/// Shows a record's bytes to a function: none if [`encode`] refuses the record. Not inlined, so that the bytes
+/// are on the stack only meanwhile.
+#[inline(never)]
+pub fn with_bytes<T>(record: &Record, show: impl FnOnce(&[u8]) -> T) -> T {
+    show(encode(record, &mut [0; MAX_ENCODED]).unwrap_or_default())
+}
+
+/// The CRC-32 at the end of a record's bytes.
+pub fn sum(record: &Record) -> u32 {
+    with_bytes(record, sum_of)
+}
+
+/// The CRC-32 at the end of these bytes of a record.
+pub fn sum_of(bytes: &[u8]) -> u32 {
+    u32::from_le_bytes(bytes.last_chunk().copied().unwrap_or_default())
+}
+
 /// Bytes of the CRC.
 const SUM: usize = size_of::<u32>();
 

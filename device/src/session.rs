@@ -1,8 +1,8 @@
 //! What the sensor does with commands and frames, without hardware: events in, actions out.
 //!
 //! ```text
-//! flash's contents ─┐                       ┌─ text to send
-//! command ──────────┼─> Session::take ──────┼─ settings for the measurement
+//! flash's contents ──> Session::start ─┐    ┌─ text to send
+//! command ──────────┬─> Session::take ──┴────┼─ settings for the measurement
 //! result of a frame ┘    (+ vitals)         └─ settings and record for flash
 //! ```
 //!
@@ -27,8 +27,7 @@ use crate::protocol::refusal::Refusal;
 use crate::protocol::selftest::{RowTest, Selftest};
 use crate::protocol::status::{StartCause, Vitals};
 use crate::protocol::upload::Upload;
-use crate::record::Record;
-use crate::record::encoded::EncodedRecord;
+use crate::record::{self, Record};
 use crate::settings::serial_line::{Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use crate::settings::{Settings, Value};
@@ -42,13 +41,9 @@ use slitrange::row::Geometry;
 use slitrange::row::front_end::FrontEnd;
 use slitrange::row::pixels::PixelErrors;
 
-/// What happens to the sensor.
+/// What happens to the sensor after its start.
 #[derive(Debug)]
-// One at a time, on the stack of whoever brings it.
-#[expect(clippy::large_enum_variant)]
 pub enum Event {
-    /// The sensor starts. Flash holds this.
-    Started(Stored),
     /// A line came in.
     Line(Result<Command, Error>),
     /// A line for all sensors of the line came in. Nobody answers.
@@ -85,7 +80,7 @@ pub struct Session {
     geometry: Geometry,
     started_by: StartCause,
     settings: Settings,
-    record: Option<EncodedRecord>,
+    record: Option<Record>,
     flash: FlashStatus,
     /// Whether frames become distances.
     calibration_on: bool,
@@ -138,8 +133,8 @@ impl Session {
     }
 
     /// The record in use, if there is one.
-    pub fn record(&self) -> Option<&Record> {
-        self.record.as_ref().map(EncodedRecord::record)
+    pub const fn record(&self) -> Option<&Record> {
+        self.record.as_ref()
     }
 
     /// The geometry of the rows: the driver's, with what was measured of the front end.
@@ -222,19 +217,23 @@ impl Session {
         })
     }
 
+    /// Starts with what flash holds, and writes into `actions` what must be done.
+    #[inline(never)]
+    pub fn start(&mut self, stored: &Stored, actions: &mut Actions) {
+        actions.start(self.settings.address);
+        self.load(stored);
+        actions.apply = Some(self.applied());
+        if self.is_alone() {
+            actions.add_line(&Banner(&self.hardware, self.started_by));
+        }
+    }
+
     /// Takes an event, and writes into `actions` what must be done. `vitals` is what the firmware has counted
     /// so far.
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
         actions.start(self.settings.address);
         let spoke_modbus = self.speaks_modbus();
         match event {
-            Event::Started(stored) => {
-                self.load(stored);
-                actions.apply = Some(self.applied());
-                if self.is_alone() {
-                    actions.add_line(&Banner(&self.hardware, self.started_by));
-                }
-            }
             Event::Line(Ok(command)) => self.take_command(command, vitals, actions),
             Event::Line(Err(error)) => actions.add_line(&error),
             Event::LineForAll(Ok(command)) if command.is_for_all() => {
@@ -326,7 +325,7 @@ impl Session {
     /// Loads what flash holds. A saved calibration that cannot be used is not replaced by the nominal one,
     /// whose distances would be wrong without a warning.
     #[inline(never)]
-    fn load(&mut self, stored: Stored) {
+    fn load(&mut self, stored: &Stored) {
         match stored {
             Stored::Nothing => {}
             Stored::Unusable => {
@@ -335,7 +334,7 @@ impl Session {
             }
             Stored::Later(version) => {
                 self.record = None;
-                self.flash = FlashStatus::Later(version);
+                self.flash = FlashStatus::Later(*version);
             }
             Stored::Newest(configuration) => self.load_configuration(configuration),
             Stored::Older(configuration) => {
@@ -348,24 +347,18 @@ impl Session {
     }
 
     #[inline(never)]
-    fn load_configuration(&mut self, Configuration { settings, record }: Configuration) {
-        self.settings = settings;
+    fn load_configuration(&mut self, Configuration { settings, record }: &Configuration) {
+        self.settings = *settings;
         if let Some(record) = record {
             if !record.geometry.is_compatible_with(&self.geometry) {
                 self.record = None;
                 self.flash = FlashStatus::OtherSensor;
                 return;
             }
-            self.set_record(record);
+            self.record = Some(record.clone());
+            self.forget_readings();
         }
         self.note_saved();
-    }
-
-    #[inline(never)]
-    fn set_record(&mut self, record: Record) {
-        // A record that was read can be written.
-        self.record = EncodedRecord::new(record).ok();
-        self.forget_readings();
     }
 
     /// Forgets the readings of before a change of what readings must share, if their errors are to be
@@ -377,7 +370,7 @@ impl Session {
 
     fn note_saved(&mut self) {
         if let Some(record) = &self.record {
-            self.flash = FlashStatus::Record(record.sum());
+            self.flash = FlashStatus::Record(record::sum(record));
         }
     }
 
@@ -395,9 +388,8 @@ impl Session {
 
 /// The nominal calibration. A sensor of another geometry than its own has no calibration.
 #[inline(never)]
-fn record_of_factory(geometry: &Geometry) -> Option<EncodedRecord> {
-    EncodedRecord::nominal()
-        .filter(|nominal| nominal.record().geometry.is_compatible_with(geometry))
+fn record_of_factory(geometry: &Geometry) -> Option<Record> {
+    Record::nominal().filter(|nominal| nominal.geometry.is_compatible_with(geometry))
 }
 
 /// An address before a line, `@17 `: from which sensor the line is.

@@ -66,6 +66,24 @@ impl Stored {
     }
 }
 
+/// What [`Store::find`] found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found {
+    /// Nothing was ever saved.
+    Nothing,
+    /// An item of so many bytes, which the store now holds.
+    Item {
+        /// Its bytes.
+        length: usize,
+        /// It is the last save.
+        is_last: bool,
+    },
+    /// See [`Stored::Later`].
+    Later(u8),
+    /// See [`Stored::Unusable`].
+    Unusable,
+}
+
 /// Which of the usable items.
 struct Item {
     number: u32,
@@ -99,6 +117,13 @@ impl<F: NorFlash> Store<F> {
     /// Reads the configuration of the last save, or of the newest earlier save that is usable. Never writes.
     /// Flash that cannot be read counts as unusable.
     pub async fn read(&mut self) -> Stored {
+        let found = self.find().await;
+        self.stored(found)
+    }
+
+    /// Finds what [`read`](Self::read) reads, for [`stored`](Self::stored). A task that waits for flash so needs
+    /// no memory for a configuration, which has 3 KB.
+    pub async fn find(&mut self) -> Found {
         match self.items().await {
             Ok(Items {
                 newest: Some(newest),
@@ -106,21 +131,33 @@ impl<F: NorFlash> Store<F> {
                 ..
             }) => {
                 let is_last = newest.number == last && self.is_last(&newest).await;
-                let Ok(Some(length)) = self.read_item(&newest).await else {
-                    return Stored::Unusable;
-                };
+                match self.read_item(&newest).await {
+                    Ok(Some(length)) => Found::Item { length, is_last },
+                    _ => Found::Unusable,
+                }
+            }
+            Ok(Items {
+                later: Some((_, version)),
+                ..
+            }) => Found::Later(version),
+            Ok(_) if matches!(self.is_blank().await, Ok(true)) => Found::Nothing,
+            _ => Found::Unusable,
+        }
+    }
+
+    /// What flash holds, after [`find`](Self::find) and before the next use of the store.
+    pub fn stored(&self, found: Found) -> Stored {
+        match found {
+            Found::Nothing => Stored::Nothing,
+            Found::Later(version) => Stored::Later(version),
+            Found::Unusable => Stored::Unusable,
+            Found::Item { length, is_last } => {
                 match configuration::decode(self.item.get(NUMBER..length).unwrap_or_default()) {
                     Ok(configuration) if is_last => Stored::Newest(configuration),
                     Ok(configuration) => Stored::Older(configuration),
                     Err(_) => Stored::Unusable,
                 }
             }
-            Ok(Items {
-                later: Some((_, version)),
-                ..
-            }) => Stored::Later(version),
-            Ok(_) if matches!(self.is_blank().await, Ok(true)) => Stored::Nothing,
-            _ => Stored::Unusable,
         }
     }
 

@@ -82,7 +82,8 @@ impl Line {
     }
 
     fn take(&mut self, step: Step) {
-        let taken = self.upload.take(step, &tcd1304dg());
+        let mut record = None;
+        let taken = (self.upload.take(step, &tcd1304dg(), &mut record)).map(|_| record);
         if let Err(refusal) = &taken {
             assert!(refusal.to_string().starts_with('E'), "{refusal}");
         }

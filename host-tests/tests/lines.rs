@@ -306,7 +306,7 @@ impl Sensor {
             is_zero_asked: false,
             counts: BTreeMap::new(),
         };
-        sensor.event(Event::Started(Stored::Nothing));
+        sensor.session.start(&Stored::Nothing, &mut sensor.actions);
         sensor
     }
 

@@ -90,9 +90,9 @@ impl Sensor {
             session: Session::new(HARDWARE, geometry, StartCause::PowerOn),
             actions: Actions::default(),
         };
-        let banner = sensor.take(Event::Started(stored));
-        let expected = Banner(&HARDWARE, StartCause::PowerOn);
-        assert_eq!(banner, expected.to_string());
+        sensor.session.start(&stored, &mut sensor.actions);
+        let banner = Banner(&HARDWARE, StartCause::PowerOn).to_string() + "\r\n";
+        assert_eq!(sensor.actions.text.as_str(), banner);
         sensor
     }
 
@@ -467,11 +467,7 @@ fn with_modbus_only_requests_are_answered() {
     assert_eq!(sensor.take(Event::Saved(Ok(()))), "");
     let mut session = Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn);
     let mut actions = Actions::default();
-    session.take(
-        Event::Started(Stored::Newest(saved)),
-        &vitals(),
-        &mut actions,
-    );
+    session.start(&Stored::Newest(saved), &mut actions);
     assert_eq!(actions.text.as_str(), "");
     assert!(session.speaks_modbus());
     // No result yet.
@@ -556,11 +552,7 @@ fn a_sensor_with_an_address_sends_nothing_unasked() {
     // Started with an address: no banner, and the address is known.
     let mut session = Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn);
     let mut actions = Actions::default();
-    session.take(
-        Event::Started(Stored::Newest(saved)),
-        &vitals(),
-        &mut actions,
-    );
+    session.start(&Stored::Newest(saved), &mut actions);
     assert_eq!(actions.text.as_str(), "");
     for_all(&mut sensor, "reset");
     assert!(sensor.actions.reset);

@@ -80,10 +80,11 @@ impl Core {
             session: Session::new(hardware, geometry, StartCause::PowerOn),
             actions: Actions::default(),
         };
-        core.take(Event::Started(Stored::Newest(Configuration {
+        let stored = Stored::Newest(Configuration {
             settings,
             record: (!record.is_of_factory()).then_some(record),
-        })));
+        });
+        core.session.start(&stored, &mut core.actions);
         core.take(Event::Line(Ok(Command::Calibration(Some(
             sensor.is_calibration_on,
         )))));

@@ -115,9 +115,10 @@ impl AmbientMean {
             self.clear();
         }
         let mut step = Step::after(self.rows, self.turn);
-        for (mean, count) in self.pixels.iter_mut().zip(light.iter()) {
-            *mean = step.towards(*mean, count.saturating_mul(ONE));
-        }
+        let (words, inverted) = light.words();
+        for_each_pair(&mut self.pixels, words, |mean, word| {
+            *mean = step.towards(*mean, (word ^ inverted).saturating_mul(ONE));
+        });
         let black = match row.shielded() {
             shielded if shielded.is_empty() => level,
             shielded => mean(shielded),
@@ -163,20 +164,38 @@ impl AmbientMean {
         // Half a count, so that the shift rounds.
         let raised = kept + i32::from(ONE / 2);
         let words = words.get_mut(geometry.light.clone())?;
-        for (word, mean) in words.iter_mut().zip(&self.pixels) {
+        for_each_pair(words, &self.pixels, |word, mean| {
             let count = *word ^ inverted;
             if count >= saturation {
-                continue;
+                return;
             }
             // Each term is below 2^18.
             let above = i32::from(count) * i32::from(ONE) - i32::from(*mean);
             let rounded = numeric::add_i32(above, raised) >> FRACTION;
             *word = numeric::i32_to_u16(rounded.clamp(0, highest)) ^ inverted;
-        }
+        });
         let lower = numeric::sub_i32(i32::from(self.level), kept).max(0);
         Some(Counts::from_bits(
             lower * (1 << (Counts::FRACTION - FRACTION)),
         ))
+    }
+}
+
+/// Changes each number with the one at the same place of the other slice. Eight places in a turn of the loop:
+/// a program that is linked for size would have one.
+fn for_each_pair(changed: &mut [u16], other: &[u16], mut change: impl FnMut(&mut u16, &u16)) {
+    let length = changed.len().min(other.len());
+    let changed = changed.get_mut(..length).unwrap_or_default();
+    let other = other.get(..length).unwrap_or_default();
+    let (eights, rest) = changed.as_chunks_mut::<8>();
+    let (other_eights, other_rest) = other.as_chunks::<8>();
+    for (changed, other) in eights.iter_mut().zip(other_eights) {
+        for (changed, other) in changed.iter_mut().zip(other) {
+            change(changed, other);
+        }
+    }
+    for (changed, other) in rest.iter_mut().zip(other_rest) {
+        change(changed, other);
     }
 }
 

@@ -147,10 +147,10 @@ impl Default for Filter {
 impl Filter {
     /// Forgets all readings.
     pub fn clear(&mut self) {
-        *self = Self {
-            average: self.average,
-            ..Self::default()
-        };
+        // In place: the window has 2.6 KB.
+        self.window.fill(None);
+        self.next = 0;
+        self.recursive = None;
     }
 
     /// Takes a result. Returns the filter's reading, or the fault. Another `average` starts the filter again.

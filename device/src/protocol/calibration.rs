@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::command::Command;
-use crate::record::encoded::EncodedRecord;
+use crate::record::{self, Record};
 use crate::settings::Value;
 use crate::store::configuration::ConfigurationError;
 use slitrange::base::units::AsMillimetres;
@@ -43,7 +43,7 @@ impl FlashStatus {
 #[derive(Clone, Copy, Debug)]
 pub struct CalibrationAnswer<'a> {
     /// The calibration in use, if there is one.
-    pub record: Option<&'a EncodedRecord>,
+    pub record: Option<&'a Record>,
     /// Whether frames become distances.
     pub is_on: bool,
     /// What flash holds.
@@ -68,17 +68,16 @@ impl fmt::Display for CalibrationAnswer<'_> {
 }
 
 impl CalibrationAnswer<'_> {
-    fn write_record(&self, encoded: &EncodedRecord, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let record = encoded.record();
+    fn write_record(&self, record: &Record, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = match record.calibration {
             Calibration::Eq1(_) => "eq1",
             Calibration::Table(_) => "table",
             Calibration::Corrected(_) => "corrected",
         };
         write!(f, "{}", Command::Calibration(Some(self.is_on)))?;
-        write!(f, "\r\ncalibration source {}", self.source(encoded))?;
+        write!(f, "\r\ncalibration source {}", self.source(record))?;
         write!(f, "\r\ncalibration kind {kind}")?;
-        let (bytes, sum) = (encoded.bytes().len(), encoded.sum());
+        let (bytes, sum) = record::with_bytes(record, |bytes| (bytes.len(), record::sum_of(bytes)));
         write!(f, "\r\ncalibration record {bytes} {sum:08x}")?;
         write!(f, "\r\ncalibration serial {}", record.serial_number)?;
         write!(f, "\r\ncalibration date {}", record.date)?;
@@ -102,8 +101,8 @@ impl CalibrationAnswer<'_> {
         Ok(())
     }
 
-    fn source(&self, encoded: &EncodedRecord) -> &'static str {
-        if encoded.record().is_nominal() {
+    fn source(&self, record: &Record) -> &'static str {
+        if record.is_nominal() {
             "default"
         } else if self.stored_word() == "same" {
             "stored"
@@ -135,7 +134,7 @@ impl CalibrationAnswer<'_> {
             FlashStatus::Nothing => "none",
             FlashStatus::Damaged | FlashStatus::OtherSensor | FlashStatus::Later(_) => "unusable",
             FlashStatus::Record(sum) | FlashStatus::Older(sum) => {
-                if self.record.map(EncodedRecord::sum) == Some(sum) {
+                if self.record.map(record::sum) == Some(sum) {
                     "same"
                 } else {
                     "other"
@@ -148,7 +147,6 @@ impl CalibrationAnswer<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::Record;
     use crate::record::date::Date;
     use slitrange::base::units::Counts;
     use slitrange::light::black_level::BlackLevel;
@@ -157,13 +155,9 @@ mod tests {
         Record::nominal().expect("a record")
     }
 
-    fn written(record: Record) -> EncodedRecord {
-        EncodedRecord::new(record).expect("a record")
-    }
-
     #[test]
     fn the_nominal_calibration_is_shown() {
-        let written = written(nominal());
+        let written = nominal();
         let shown = CalibrationAnswer {
             record: Some(&written),
             is_on: true,
@@ -184,7 +178,7 @@ mod tests {
         assert_eq!(shown.to_string(), lines);
         let same = CalibrationAnswer {
             is_on: false,
-            stored: FlashStatus::Record(written.sum()),
+            stored: FlashStatus::Record(record::sum(&written)),
             ..shown
         };
         let lines = lines
@@ -195,25 +189,23 @@ mod tests {
 
     #[test]
     fn source_and_contents_of_flash_are_shown() {
-        let own = written(Record {
+        let own = Record {
             serial_number: u32::MAX,
             date: Date::new(2026, 11, 21).expect("a day"),
             black_level: BlackLevel::Fixed(Counts::from_int(4095)),
             ..nominal()
-        });
+        };
+        let sum = record::sum(&own);
         for (stored, lines) in [
             (
                 FlashStatus::Nothing,
                 &["source uploaded", "stored none"] as &[&str],
             ),
             (
-                FlashStatus::Record(!own.sum()),
+                FlashStatus::Record(!sum),
                 &["source uploaded", "stored other"],
             ),
-            (
-                FlashStatus::Record(own.sum()),
-                &["source stored", "stored same"],
-            ),
+            (FlashStatus::Record(sum), &["source stored", "stored same"]),
             (
                 FlashStatus::Damaged,
                 &[
@@ -223,7 +215,7 @@ mod tests {
                 ],
             ),
             (
-                FlashStatus::Older(own.sum()),
+                FlashStatus::Older(sum),
                 &[
                     "source stored",
                     "fault the last save is unusable, flash holds an earlier one: upload the calibration \
@@ -273,10 +265,10 @@ mod tests {
 
     #[test]
     fn the_slits_of_a_comb_are_counted() {
-        let own = written(Record {
+        let own = Record {
             comb: Some(slitrange::frame::comb::Comb::nominal()),
             ..nominal()
-        });
+        };
         let shown = CalibrationAnswer {
             record: Some(&own),
             is_on: true,

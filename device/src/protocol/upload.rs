@@ -68,24 +68,25 @@ impl Upload {
         }
     }
 
-    /// Takes a step. Returns the record if the step completes it.
+    /// Takes a step. If the step completes a record, that one replaces `record`, and the result is true. A record
+    /// has 3 KB, so it does not go through the result.
     ///
     /// # Errors
     /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces, or got a wrong one, goes
     /// on as if that step had not come. An upload whose record is refused is over.
-    pub fn take(&mut self, step: Step, sensor: &Geometry) -> Result<Option<Record>, Refusal> {
+    pub fn take(
+        &mut self,
+        step: Step,
+        sensor: &Geometry,
+        record: &mut Option<Record>,
+    ) -> Result<bool, Refusal> {
         match step {
-            Step::Begin(bytes) => {
-                self.begin(bytes);
-                Ok(None)
-            }
-            Step::Piece(piece) => self.add(&piece).map(|()| None),
-            Step::Commit => self.commit(sensor).map(Some),
-            Step::Abort => {
-                self.announced = 0;
-                Ok(None)
-            }
+            Step::Begin(bytes) => self.begin(bytes),
+            Step::Piece(piece) => self.add(&piece)?,
+            Step::Commit => self.commit(sensor, record)?,
+            Step::Abort => self.announced = 0,
         }
+        Ok(step == Step::Commit)
     }
 
     /// Begins an upload, and drops the one before.
@@ -123,7 +124,7 @@ impl Upload {
         }
     }
 
-    fn commit(&mut self, sensor: &Geometry) -> Result<Record, Refusal> {
+    fn commit(&mut self, sensor: &Geometry, record: &mut Option<Record>) -> Result<(), Refusal> {
         if self.announced == 0 {
             return Err(Refusal::NoUpload);
         }
@@ -135,11 +136,12 @@ impl Upload {
         }
         self.announced = 0;
         let bytes = self.bytes.get(..self.came).unwrap_or_default();
-        let record = decode(bytes).map_err(Refusal::Record)?;
-        if !record.geometry.is_compatible_with(sensor) {
+        let decoded = decode(bytes).map_err(Refusal::Record)?;
+        if !decoded.geometry.is_compatible_with(sensor) {
             return Err(Refusal::OtherSensor);
         }
-        Ok(record)
+        *record = Some(decoded);
+        Ok(())
     }
 }
 
@@ -189,11 +191,23 @@ mod tests {
 
     /// Takes a step that completes nothing.
     fn go(upload: &mut Upload, step: Step) {
-        assert_eq!(upload.take(step, &tcd1304dg()), Ok(None), "{step}");
+        assert_eq!(taken(upload, step, &tcd1304dg()), Ok(None), "{step}");
     }
 
     fn refused(upload: &mut Upload, step: Step) -> Refusal {
-        upload.take(step, &tcd1304dg()).expect_err("a refusal")
+        taken(upload, step, &tcd1304dg()).expect_err("a refusal")
+    }
+
+    /// What a sensor does with a step: the record that it completes.
+    fn taken(
+        upload: &mut Upload,
+        step: Step,
+        sensor: &Geometry,
+    ) -> Result<Option<Record>, Refusal> {
+        let mut record = None;
+        let is_whole = upload.take(step, sensor, &mut record)?;
+        assert_eq!(record.is_some(), is_whole);
+        Ok(record)
     }
 
     /// Takes all steps of an upload but the last.
@@ -205,7 +219,7 @@ mod tests {
     }
 
     fn commit(upload: &mut Upload) -> Record {
-        let taken = upload.take(Step::Commit, &tcd1304dg());
+        let taken = taken(upload, Step::Commit, &tcd1304dg());
         taken.expect("no refusal").expect("a record")
     }
 
@@ -350,7 +364,8 @@ mod tests {
             ..tcd1304dg()
         };
         send(&mut upload, written.bytes());
-        assert_eq!(upload.take(Step::Commit, &other), Err(Refusal::OtherSensor));
+        let taken_by_other = taken(&mut upload, Step::Commit, &other);
+        assert_eq!(taken_by_other, Err(Refusal::OtherSensor));
         assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
         send(&mut upload, written.bytes());
         assert_eq!(commit(&mut upload), *written.record());
@@ -361,7 +376,7 @@ mod tests {
             ..tcd1304dg()
         };
         send(&mut upload, written.bytes());
-        let taken = upload.take(Step::Commit, &noisier);
+        let taken = taken(&mut upload, Step::Commit, &noisier);
         assert_eq!(taken, Ok(Some(written.record().clone())));
     }
 }

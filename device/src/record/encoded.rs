@@ -1,6 +1,6 @@
 //! A record with its bytes: the record to compute with, the bytes to send, to compare and to store.
 
-use super::{MAX_ENCODED, Record, RecordError, encode};
+use super::{MAX_ENCODED, Record, RecordError, encode, sum_of};
 
 /// A record with its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,8 +42,6 @@ impl EncodedRecord {
 
     /// The CRC-32 at the end of the bytes.
     pub fn sum(&self) -> u32 {
-        // Every record ends with one.
-        let sum = self.bytes().last_chunk().copied().unwrap_or_default();
-        u32::from_le_bytes(sum)
+        sum_of(self.bytes())
     }
 }

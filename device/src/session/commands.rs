@@ -9,6 +9,7 @@ use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::status::{Errors, Status, Uptime, Vitals};
 use crate::protocol::upload::Step;
+use crate::record;
 use crate::session::{Actions, Session, record_of_factory};
 use crate::settings::serial_line::Format;
 use crate::settings::trigger::Trigger;
@@ -108,7 +109,7 @@ impl Session {
                 }
             }
             Command::Calibration(None) => actions.add_line(&CalibrationAnswer {
-                record: self.record.as_ref(),
+                record: self.record(),
                 is_on: self.calibration_on,
                 stored: self.flash,
             }),
@@ -152,11 +153,9 @@ impl Session {
     /// Refuses a `save`, or a `save nominal`, that has nothing to save or would lose a calibration.
     pub(super) fn check_save(&self, command: Command) -> Result<(), Refusal> {
         let record = (self.record.as_ref()).ok_or_else(|| self.no_calibration())?;
-        let (is_nominal, is_of_factory) = (
-            record.record().is_nominal(),
-            record.record().is_of_factory(),
-        );
-        if command == Command::Save && is_of_factory && self.flash.holds_other(record.sum()) {
+        let (is_nominal, is_of_factory) = (record.is_nominal(), record.is_of_factory());
+        if command == Command::Save && is_of_factory && self.flash.holds_other(record::sum(record))
+        {
             return Err(Refusal::WouldReplace);
         }
         if command == Command::SaveNominal && !is_nominal {
@@ -185,21 +184,23 @@ impl Session {
 
     fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
         let record = (self.record.as_ref()).ok_or_else(|| self.no_calibration())?;
-        let bytes = record.bytes();
-        Piece::of(bytes, offset).ok_or(Refusal::NoPiece {
-            offset,
-            bytes: bytes.len(),
+        record::with_bytes(record, |bytes| {
+            Piece::of(bytes, offset).ok_or(Refusal::NoPiece {
+                offset,
+                bytes: bytes.len(),
+            })
         })
     }
 
     #[inline(never)]
     fn upload(&mut self, step: Step, actions: &mut Actions) -> Result<(), Refusal> {
-        if let Some(record) = self.upload.take(step, &self.geometry)? {
+        let is_whole = (self.upload).take(step, &self.geometry, &mut self.record)?;
+        if is_whole && let Some(record) = &self.record {
             // Centres and black level are found as when the record was made, behind the same slits.
             self.settings.estimator = record.estimator;
             self.settings.black_level = record.black_level;
             self.settings.slits = record.slits();
-            self.set_record(record);
+            self.forget_readings();
             actions.apply = Some(self.applied());
         }
         Ok(())

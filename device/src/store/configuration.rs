@@ -102,16 +102,7 @@ fn lines(settings: &Settings) -> Option<Text<MAX_LINES>> {
 /// # Errors
 /// [`ConfigurationError`] says why the bytes cannot be used.
 pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
-    let short = ConfigurationError::Short { bytes: bytes.len() };
-    let (settings, record) = match *bytes {
-        [VERSION, low, high, ref rest @ ..] => {
-            let length = u16::from_le_bytes([low, high]);
-            let (lines, record) = rest.split_at_checked(length.into()).ok_or(short)?;
-            (read_lines(lines)?, record)
-        }
-        [] | [VERSION] | [VERSION, _] => return Err(short),
-        [version, ..] => return Err(ConfigurationError::Version { version }),
-    };
+    let (settings, record) = split(bytes)?;
     let record = match record {
         [] => None,
         record => Some(record::decode(record)?),
@@ -122,10 +113,27 @@ pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
 /// Whether [`decode`] takes these bytes. Not inlined, so that it uses the stack only while it runs.
 ///
 /// # Errors
-/// Those of [`decode`].
+/// As [`decode`].
 #[inline(never)]
-pub fn check(bytes: &[u8]) -> Result<(), ConfigurationError> {
-    decode(bytes).map(drop)
+pub(super) fn check(bytes: &[u8]) -> Result<(), ConfigurationError> {
+    match split(bytes)? {
+        (_, []) => Ok(()),
+        (_, record) => Ok(record::decode(record).map(|_| ())?),
+    }
+}
+
+/// The settings, and the bytes of the record.
+fn split(bytes: &[u8]) -> Result<(Settings, &[u8]), ConfigurationError> {
+    let short = ConfigurationError::Short { bytes: bytes.len() };
+    match *bytes {
+        [VERSION, low, high, ref rest @ ..] => {
+            let length = u16::from_le_bytes([low, high]);
+            let (lines, record) = rest.split_at_checked(length.into()).ok_or(short)?;
+            Ok((read_lines(lines)?, record))
+        }
+        [] | [VERSION] | [VERSION, _] => Err(short),
+        [version, ..] => Err(ConfigurationError::Version { version }),
+    }
 }
 
 /// Skips the lines of settings that this firmware does not know: later firmware has more.

@@ -391,7 +391,7 @@ mod tests {
     fn the_calibration_in_use_is_known_at_its_last_line() {
         let written = EncodedRecord::nominal().expect("a record");
         let shown = CalibrationAnswer {
-            record: Some(&written),
+            record: Some(written.record()),
             is_on: true,
             stored: FlashStatus::Record(!written.sum()),
         };

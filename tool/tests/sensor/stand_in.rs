@@ -199,7 +199,8 @@ impl State {
     fn start(&mut self) -> String {
         self.session = new_session();
         (self.started, self.results) = (self.now, 0);
-        self.take(Event::Started(self.flash.clone()))
+        self.session.start(&self.flash, &mut self.actions);
+        self.actions.text.as_str().to_owned()
     }
 
     /// Gives the text that an event brings. Its last line ends like all others.

@@ -224,7 +224,7 @@ pub fn assert_shown(
     written: Option<&EncodedRecord>,
     stored: FlashStatus,
 ) {
-    let (record, is_on) = (written, true);
+    let (record, is_on) = (written.map(EncodedRecord::record), true);
     let expected = CalibrationAnswer {
         record,
         is_on,

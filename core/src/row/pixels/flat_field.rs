@@ -216,12 +216,12 @@ struct Dark {
     pattern: Counts,
 }
 
-/// A map, and the sums of the rows from which a new one is made. 29 KB: keep it in static memory.
+/// A map, and the sums of the rows from which a new one is made. 26 KB: keep it in static memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatField {
     /// Becomes whole when lit rows were taken.
     map: PixelMap,
-    sums: [u32; MAX_MAP_PIXELS],
+    sums: [Sum; MAX_MAP_PIXELS],
     shielded_sum: u32,
     shielded_pixels: u32,
     pixels: usize,
@@ -236,7 +236,7 @@ impl FlatField {
     pub const fn new() -> Self {
         Self {
             map: PixelMap::EMPTY,
-            sums: [0; MAX_MAP_PIXELS],
+            sums: [Sum::ZERO; MAX_MAP_PIXELS],
             shielded_sum: 0,
             shielded_pixels: 0,
             pixels: 0,
@@ -271,7 +271,7 @@ impl FlatField {
         if kind == Kind::Lit && !self.dark.as_ref().is_some_and(is_of_this) {
             return Err(TakeError::NoDark);
         }
-        self.sums = [0; MAX_MAP_PIXELS];
+        self.sums.fill(Sum::ZERO);
         self.shielded_sum = 0;
         self.shielded_pixels = 0;
         self.pixels = pixels;
@@ -317,8 +317,7 @@ impl FlatField {
             }
         }
         for (sum, count) in self.sums.iter_mut().zip(light.iter()) {
-            // At most 2^8 rows of 2^12 counts.
-            *sum = numeric::add_u32(*sum, count.into());
+            sum.add(count);
         }
         for count in row.shielded().iter() {
             self.shielded_sum = self.shielded_sum.saturating_add(count.into());
@@ -330,7 +329,7 @@ impl FlatField {
     }
 
     /// The sums of the light pixels.
-    fn light_sums(&self) -> &[u32] {
+    fn light_sums(&self) -> &[Sum] {
         self.sums.get(..self.pixels).unwrap_or_default()
     }
 
@@ -338,7 +337,7 @@ impl FlatField {
     fn mean_q4(&self) -> i32 {
         // Below 2^12 pixels of 2^20: 2^32, and 2^36 in Q4. A pixel's mean is below 2^12.
         let sum = (self.light_sums().iter())
-            .fold(0, |sum, &of_one| numeric::add_u64(sum, u64::from(of_one)));
+            .fold(0, |sum, of_one| numeric::add_u64(sum, of_one.get().into()));
         let counts = (self.pixels as u64).saturating_mul(self.rows.into());
         let mean = sum.saturating_mul(1 << OFFSET_FRACTION).checked_div(counts);
         numeric::i64_to_i32(mean.unwrap_or_default().cast_signed())
@@ -366,8 +365,8 @@ impl FlatField {
         let mut pixel = 0u16;
         for sums in self.light_sums().chunks(BLOCK) {
             const HOT: i32 = LARGEST_HOT << OFFSET_FRACTION;
-            let above = sums.iter().fold(0i32, |all, &sum| {
-                all.saturating_add(offset(sum).clamp(-HOT, HOT))
+            let above = sums.iter().fold(0i32, |all, sum| {
+                all.saturating_add(offset(sum.get()).clamp(-HOT, HOT))
             });
             let above = (above / numeric::to_i32(BLOCK)) >> OFFSET_FRACTION;
             if above > LARGEST_SPOT {
@@ -382,8 +381,8 @@ impl FlatField {
         self.map.clear();
         let (mut outside, mut steps, mut before) = (0u16, 0u64, 0i32);
         let sums = self.sums.get(..self.pixels).unwrap_or_default();
-        for (entry, &sum) in self.map.entries.iter_mut().zip(sums) {
-            let offset = offset(sum);
+        for (entry, sum) in self.map.entries.iter_mut().zip(sums) {
+            let offset = offset(sum.get());
             const LARGEST: i32 = LARGEST_OFFSET as i32;
             let held = offset.clamp(-LARGEST, LARGEST);
             outside = outside.saturating_add(u16::from(held != offset));
@@ -545,10 +544,29 @@ const MOST_SUM: u32 = ROWS as u32 * LARGEST_COUNT as u32;
 // In Q4, a sum is exact and far below 2^31.
 const _: () = assert!(MOST_SUM << OFFSET_FRACTION < 1 << 24);
 
+/// The counts of a pixel in up to [`ROWS`] rows, in 24 bits: there is one for each pixel, so 32 bits would
+/// take 3.6 KB more of RAM.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Sum([u8; 3]);
+
+impl Sum {
+    const ZERO: Self = Self([0; 3]);
+
+    const fn get(self) -> u32 {
+        let Self([low, middle, high]) = self;
+        u32::from_le_bytes([low, middle, high, 0])
+    }
+
+    fn add(&mut self, count: u16) {
+        let [low, middle, high, _] = numeric::add_u32(self.get(), count.into()).to_le_bytes();
+        *self = Self([low, middle, high]);
+    }
+}
+
 /// The light of a pixel.
-fn light(sums: &[u32], entries: &[Entry], at: usize, light_of: impl Fn(u32, &Entry) -> i32) -> i64 {
+fn light(sums: &[Sum], entries: &[Entry], at: usize, light_of: impl Fn(u32, &Entry) -> i32) -> i64 {
     match (sums.get(at), entries.get(at)) {
-        (Some(&sum), Some(entry)) => light_of(sum, entry).into(),
+        (Some(sum), Some(entry)) => light_of(sum.get(), entry).into(),
         _ => 0,
     }
 }

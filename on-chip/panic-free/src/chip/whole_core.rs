@@ -269,11 +269,11 @@ pub fn talk() {
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut session = Session::new(hardware, any::geometry(), any(StartCause::PowerOn));
     let mut actions = Actions::default();
+    session.start(&stored(), &mut actions);
     let (mut packets, mut decoder) = (Packets::default(), Decoder::new());
     let vitals = any(Vitals::default());
     while any(true) {
         let event = match any(0) {
-            0 => Event::Started(stored()),
             1 => Event::Frame(any(true).then(any::measured).ok_or(any::fault())),
             2 => Event::Saved(any(Ok(()))),
             4 => Event::Flat(outcome()),
