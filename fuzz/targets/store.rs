@@ -144,7 +144,7 @@ fn check(flash: &mut Flash) {
     );
     if let Some(saved) = stored.configuration() {
         let mut buffer = [0; MAX_ENCODED];
-        let bytes = encode(saved, &mut buffer).expect("what was read can be saved");
+        let bytes = encode(&saved.as_ref(), &mut buffer).expect("what was read can be saved");
         assert_eq!(decode(bytes).as_ref(), Ok(saved));
     }
 }

@@ -91,14 +91,13 @@ const MASTER_CLOCK_HIGH: u32 = CYCLES_A_MASTER_CLOCK / 2;
 /// From the fall of ICG to the rise of SH: 100 to 1000 ns (data sheet, t2).
 const ICG_TO_SH: u32 = cycles_in_ns(500);
 
-/// SH stays high for at least 1000 ns (data sheet, t3). If a row is read, SH is high for longer: until the
-/// transfer runs.
+/// SH stays high for at least 1000 ns (data sheet, t3).
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From the fall of ICG to the start of the transfer: fixed to fM, after SH rose. With the eighth of a
-/// period, the wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual
-/// board).
-const TRANSFER_START: u32 = 2 * CYCLES_A_MASTER_CLOCK + CYCLES_A_MASTER_CLOCK / 8;
+/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell and the laser began. So a slow
+/// core has little to do between the transfer's start and the rise of ICG. With seven eighths of a period,
+/// wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual board).
+const TRANSFER_START: u32 = 8 * CYCLES_A_MASTER_CLOCK + 7 * CYCLES_A_MASTER_CLOCK / 8;
 
 /// From the fall of SH to the rise of ICG, at least (data sheet, t1).
 const SH_TO_ICG: u32 = cycles_in_ns(1000);
@@ -129,7 +128,7 @@ const _: () = {
     assert!(ICG_TO_SH > cycles_in_ns(100) && ICG_TO_SH < cycles_in_ns(1000));
     assert!(SH_HIGH > cycles_in_ns(1000));
     assert!(ICG_LOW - ICG_TO_SH - SH_HIGH > SH_TO_ICG);
-    assert!(ICG_TO_SH < TRANSFER_START);
+    assert!(ICG_TO_SH + SH_HIGH < TRANSFER_START);
 };
 
 /// From the fall of ICG to its rise.
@@ -249,11 +248,11 @@ impl Tcd1304 {
             let started = poll_fn(|context| {
                 Poll::Ready(cortex_m::interrupt::free(|_| {
                     let icg_fell = pins.raise_sh();
+                    let sh_fell = pins.lower_sh(icg_fell);
                     wait_until(icg_fell, TRANSFER_START);
                     // SCLK floats until the transfer enables SPI, so the converter listens only now.
                     pins.chip_select.set_low();
                     let started = transfer.as_mut().poll(context);
-                    let sh_fell = pins.lower_sh(icg_fell);
                     word_0 = pins.raise_icg_after_word_0(icg_fell, sh_fell, icg_rise);
                     look = Instant::now() + LOOK;
                     started
