@@ -94,3 +94,6 @@ pub use measurement::{Measurement, Options};
 pub use reading::uncertainty::{CalibrationErrors, Surface};
 pub use reading::{Measured, Reading};
 pub use row::{Geometry, Polarity, Row, sensor_heads};
+
+#[cfg(test)]
+mod tests;

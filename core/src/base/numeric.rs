@@ -8,152 +8,77 @@
 //! no panic is reachable. These functions have no such panic. With debug assertions, as in all tests and in
 //! fuzzing, they panic on an overflow.
 
-/// a + b.
-#[inline(always)]
-pub(crate) const fn add_u32(a: u32, b: u32) -> u32 {
-    debug_assert!(a.checked_add(b).is_some());
-    a.wrapping_add(b)
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "`as` saturates, or keeps the number"
+)]
+#![expect(clippy::cast_sign_loss, reason = "`as` makes a negative float 0")]
+
+macro_rules! exact {
+    ($($name:ident: $number:ty, $checked:ident, $wrapping:ident;)*) => {
+        $(
+            /// The sum, difference or product.
+            #[inline(always)]
+            pub(crate) const fn $name(a: $number, b: $number) -> $number {
+                debug_assert!(a.$checked(b).is_some());
+                a.$wrapping(b)
+            }
+        )*
+    };
 }
 
-/// a + b.
-#[inline(always)]
-pub(crate) const fn add_u64(a: u64, b: u64) -> u64 {
-    debug_assert!(a.checked_add(b).is_some());
-    a.wrapping_add(b)
+exact! {
+    add_u32: u32, checked_add, wrapping_add;
+    add_u64: u64, checked_add, wrapping_add;
+    sub_u64: u64, checked_sub, wrapping_sub;
+    mul_u64: u64, checked_mul, wrapping_mul;
+    add_i32: i32, checked_add, wrapping_add;
+    sub_i32: i32, checked_sub, wrapping_sub;
+    mul_i32: i32, checked_mul, wrapping_mul;
+    add_i64: i64, checked_add, wrapping_add;
+    sub_i64: i64, checked_sub, wrapping_sub;
+    mul_i64: i64, checked_mul, wrapping_mul;
+    add_usize: usize, checked_add, wrapping_add;
 }
 
-/// a - b.
-#[inline(always)]
-pub(crate) const fn sub_u64(a: u64, b: u64) -> u64 {
-    debug_assert!(a.checked_sub(b).is_some());
-    a.wrapping_sub(b)
+macro_rules! same_number {
+    ($($name:ident: $from:ty as $to:ty;)*) => {
+        $(
+            /// The same number in another type.
+            #[inline(always)]
+            pub(crate) const fn $name(value: $from) -> $to {
+                debug_assert!(value as i64 == value as $to as i64);
+                value as $to
+            }
+        )*
+    };
 }
 
-/// a * b.
-#[inline(always)]
-pub(crate) const fn mul_u64(a: u64, b: u64) -> u64 {
-    debug_assert!(a.checked_mul(b).is_some());
-    a.wrapping_mul(b)
+same_number! {
+    to_u16: usize as u16;
+    to_u32: usize as u32;
+    to_i32: usize as i32;
+    i64_to_i32: i64 as i32;
+    i32_to_u16: i32 as u16;
 }
 
-/// a + b.
-#[inline(always)]
-pub(crate) const fn add_i32(a: i32, b: i32) -> i32 {
-    debug_assert!(a.checked_add(b).is_some());
-    a.wrapping_add(b)
+macro_rules! whole_part {
+    ($($name:ident: $to:ty;)*) => {
+        $(
+            /// The whole part, limited to what the type holds. Not-a-number becomes 0.
+            #[inline(always)]
+            pub(crate) const fn $name(value: f32) -> $to {
+                value as $to
+            }
+        )*
+    };
 }
 
-/// a - b.
-#[inline(always)]
-pub(crate) const fn sub_i32(a: i32, b: i32) -> i32 {
-    debug_assert!(a.checked_sub(b).is_some());
-    a.wrapping_sub(b)
-}
-
-/// a * b.
-#[inline(always)]
-pub(crate) const fn mul_i32(a: i32, b: i32) -> i32 {
-    debug_assert!(a.checked_mul(b).is_some());
-    a.wrapping_mul(b)
-}
-
-/// a + b.
-#[inline(always)]
-pub(crate) const fn add_i64(a: i64, b: i64) -> i64 {
-    debug_assert!(a.checked_add(b).is_some());
-    a.wrapping_add(b)
-}
-
-/// a - b.
-#[inline(always)]
-pub(crate) const fn sub_i64(a: i64, b: i64) -> i64 {
-    debug_assert!(a.checked_sub(b).is_some());
-    a.wrapping_sub(b)
-}
-
-/// a * b.
-#[inline(always)]
-pub(crate) const fn mul_i64(a: i64, b: i64) -> i64 {
-    debug_assert!(a.checked_mul(b).is_some());
-    a.wrapping_mul(b)
-}
-
-/// a + b.
-#[inline(always)]
-pub(crate) const fn add_usize(a: usize, b: usize) -> usize {
-    debug_assert!(a.checked_add(b).is_some());
-    a.wrapping_add(b)
-}
-
-/// The same number as a u16.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
-pub(crate) const fn to_u16(value: usize) -> u16 {
-    debug_assert!(value <= u16::MAX as usize);
-    value as u16
-}
-
-/// The same number as a u32.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
-pub(crate) const fn to_u32(value: usize) -> u32 {
-    debug_assert!(value as u64 <= u32::MAX as u64);
-    value as u32
-}
-
-/// The same number as an i32.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
-pub(crate) const fn to_i32(value: usize) -> i32 {
-    debug_assert!(value <= i32::MAX as usize);
-    value as i32
-}
-
-/// The same number as an i32.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
-pub(crate) const fn i64_to_i32(value: i64) -> i32 {
-    debug_assert!(value == value as i32 as i64);
-    value as i32
-}
-
-/// The same number as a u16.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "stands beside each use")]
-pub(crate) const fn i32_to_u16(value: i32) -> u16 {
-    debug_assert!(matches!(value, 0..=0xffff));
-    value.cast_unsigned() as u16
-}
-
-/// The whole part, limited to a usize. Not-a-number becomes 0.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
-#[expect(clippy::cast_sign_loss, reason = "`as` makes a negative number 0")]
-pub(crate) const fn whole_usize(value: f32) -> usize {
-    value as usize
-}
-
-/// The whole part, limited to a u32. Not-a-number becomes 0.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
-#[expect(clippy::cast_sign_loss, reason = "`as` makes a negative number 0")]
-pub(crate) const fn whole_u32(value: f32) -> u32 {
-    value as u32
-}
-
-/// The whole part, limited to a u16. Not-a-number becomes 0.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
-#[expect(clippy::cast_sign_loss, reason = "`as` makes a negative number 0")]
-pub(crate) const fn whole_u16(value: f32) -> u16 {
-    value as u16
-}
-
-/// The whole part, limited to an i32. Not-a-number becomes 0.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
-pub(crate) const fn whole_i32(value: f32) -> i32 {
-    value as i32
+whole_part! {
+    whole_usize: usize;
+    whole_u32: u32;
+    whole_u16: u16;
+    whole_i32: i32;
 }
 
 /// Counts the values that are true. They are in memory, so a `usize` holds their number. The compiler cannot

@@ -245,28 +245,14 @@ fn interpolated(light: Light<'_>, place: i32) -> Option<i32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::row::background::Background;
+    use crate::tests::{found_at, gaussian, spot_at};
 
-    fn row(centre: f32, width: f32) -> std::vec::Vec<u16> {
-        (0..1000)
-            .map(|i| {
-                let u = (i as f32 - centre) / width;
-                (200.0 + 3000.0 * libm::expf(-0.5 * u * u)) as u16
-            })
-            .collect()
+    fn row(centre: f32, width: f32) -> [u16; 1000] {
+        core::array::from_fn(|i| (200.0 + 3000.0 * gaussian(i, centre, width)) as u16)
     }
 
     fn spot(centre: usize, block_log2: u32) -> Spot {
-        Spot {
-            centre,
-            block_log2,
-            height: Counts::from_int(1000),
-            background: Background {
-                level: Counts::from_int(200),
-                noise: Counts::from_int(1),
-            },
-            black_level: Counts::from_int(200),
-        }
+        spot_at(centre, block_log2, 1000.0, (200.0, 1.0))
     }
 
     /// The rows hold sampled gaussians. A spot of this width that pixels integrate has a sigma of
@@ -284,12 +270,9 @@ mod tests {
         ] {
             let sampled = libm::sqrtf(width * width + 1.0 / 12.0);
             for phase in [0.0, 0.2, 0.5] {
-                let found = super::width(
-                    row(500.0 + phase, sampled)[..].into(),
-                    &spot(500, block_log2),
-                    None,
-                )
-                .expect("a width");
+                let light = row(500.0 + phase, sampled);
+                let found = super::width((&light).into(), &spot(500, block_log2), None);
+                let found = found.expect("a width");
                 println!("{width} at {phase}: {found}");
                 assert!((found / width - 1.0).abs() < tolerance, "{width}: {found}");
             }
@@ -299,40 +282,22 @@ mod tests {
     #[test]
     fn the_row_before_serves_while_it_is_near() {
         let light = row(500.0, 10.0);
-        let before = RowCentre {
-            centre: Pixels::from_int(492),
-            uncertainty: Pixels::from_bits(1),
-            amplitude: Counts::from_int(1),
-            width: Pixels::from_int(9),
-            class: Default::default(),
-            shape: Default::default(),
-            misfit: false,
+        let width = |before| {
+            let before = found_at(before, 9.0);
+            width((&light).into(), &spot(500, 3), Some(&before)).expect("a width")
         };
-        assert_eq!(
-            width(light[..].into(), &spot(500, 3), Some(&before)),
-            Ok(9.0)
-        );
-        let far = RowCentre {
-            centre: Pixels::from_int(490),
-            ..before
-        };
-        let found = width(light[..].into(), &spot(500, 3), Some(&far)).expect("a width");
-        assert!((found - 10.0).abs() < 0.1, "{found}");
+        assert_eq!(width(492.0), 9.0);
+        assert!((width(490.0) - 10.0).abs() < 0.1);
     }
 
     #[test]
     fn following_arrives() {
         for (width, start) in [(2.0, 1.4), (10.5, 7.0), (10.5, 16.0)] {
             let light = row(500.3, width);
-            let mut found = start;
-            for _ in 0..30 {
-                found = follow(
-                    light[..].into(),
-                    &spot(500, 3),
-                    Pixels::from_f32(500.3),
-                    found,
-                );
-            }
+            let centre = Pixels::from_f32(500.3);
+            let found = (0..30).fold(start, |width, _| {
+                follow((&light).into(), &spot(500, 3), centre, width)
+            });
             println!("{width} from {start}: {found}");
             assert!((found / width - 1.0).abs() < 0.03, "{width}: {found}");
         }
@@ -341,13 +306,10 @@ mod tests {
     #[test]
     fn a_cut_spot_has_one_side() {
         let light = row(5.0, 10.0);
-        let half = find(light[..].into(), &spot(6, 3)).expect("half of it");
-        assert_eq!(half.left, None);
-        assert!(half.right.is_some());
-        assert!(matches!(
-            width(light[..].into(), &spot(6, 3), None),
-            Err(Fault::SpotAtEdge { .. })
-        ));
+        let half = find((&light).into(), &spot(6, 3)).expect("half of it");
+        assert!(half.left.is_none() && half.right.is_some());
+        let found = width((&light).into(), &spot(6, 3), None);
+        assert!(matches!(found, Err(Fault::SpotAtEdge { .. })));
     }
 
     #[test]
@@ -355,7 +317,7 @@ mod tests {
         let mut light = [300u16; 1000];
         light[999] = 200;
         for block_log2 in [0, 3, 7, 31] {
-            let found = width(light[..].into(), &spot(500, block_log2), None);
+            let found = width((&light).into(), &spot(500, block_log2), None);
             assert!(matches!(found, Err(Fault::NoSpot { .. })), "{found:?}");
         }
     }

@@ -479,36 +479,15 @@ impl Fit<'_> {
 mod tests {
     use super::*;
     use crate::centre::tables::GAUSSIAN;
+    use crate::tests::{row, spot_at, tcd1304dg};
 
     #[test]
     fn a_candidate_beside_the_row_is_at_the_edge() {
-        let light = [100u16; 64];
-        let row = Row::new(&light, &[], 4095).expect("a row");
-        let background = crate::row::background::Background {
-            level: Counts::from_int(100),
-            noise: Counts::from_int(1),
-        };
-        for centre in [64, 32_768, usize::MAX] {
-            let spot = Spot {
-                centre,
-                block_log2: 31,
-                height: Counts::from_int(0),
-                background,
-                black_level: background.level,
-            };
-            let fault = centre_of(&row, &spot);
+        for place in [64, 32_768, usize::MAX] {
+            let (light, spot) = ([100; 64], spot_at(place, 31, 0.0, (100.0, 1.0)));
+            let (row, geometry) = (row(&light), tcd1304dg());
+            let fault = centre(&row, &spot, None, &geometry, &GAUSSIAN, Sampling::Fine);
             assert!(matches!(fault, Err(Fault::SpotAtEdge { .. })), "{fault:?}");
         }
-    }
-
-    fn centre_of(row: &Row<'_>, spot: &Spot) -> Result<RowCentre, Fault> {
-        centre(
-            row,
-            spot,
-            None,
-            &crate::row::sensor_heads::tcd1304dg(),
-            &GAUSSIAN,
-            Sampling::Fine,
-        )
     }
 }

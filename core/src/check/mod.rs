@@ -183,45 +183,27 @@ fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use crate::base::units::{Counts, Pixels};
-
-    pub fn found_at(centre: f32, width: f32) -> RowCentre {
-        RowCentre {
-            centre: Pixels::from_f32(centre),
-            uncertainty: Pixels::from_f32(0.25),
-            amplitude: Counts::from_int(1000),
-            width: Pixels::from_f32(width),
-            class: Default::default(),
-            shape: Default::default(),
-            misfit: false,
-        }
-    }
+    use crate::tests::{found_at, row};
 
     #[test]
     fn a_spot_is_whole_if_five_widths_fit_on_both_sides_and_nothing_is_saturated() {
         let mut light = [300; 101];
         for (centre, is_so) in [(49.5, false), (50.0, true), (50.5, false)] {
-            let row = Row::new(&light, &[], 4095).expect("12 bits");
-            assert_eq!(is_whole(&row, &found_at(centre, 10.0)), is_so, "{centre}");
+            let found = is_whole(&row(&light), &found_at(centre, 10.0));
+            assert_eq!(found, is_so, "{centre}");
         }
         light[3] = 4095;
-        let row = Row::new(&light, &[], 4095).expect("12 bits");
-        assert!(!is_whole(&row, &found_at(50.0, 10.0)));
+        assert!(!is_whole(&row(&light), &found_at(50.0, 10.0)));
     }
 
     #[test]
     fn a_cut_spot_needs_a_small_uncertainty_and_a_row_of_eight_widths() {
-        let light = [300; 101];
-        let row = Row::new(&light, &[], 4095).expect("12 bits");
         // 32 * 0.25 = 8, and 8 * 12.625 = 101.
         for (width, is_so) in [(7.9, false), (8.0, true), (12.625, true), (12.7, false)] {
-            assert_eq!(
-                is_certain_cut(&row, &found_at(1.0, width)),
-                is_so,
-                "{width}"
-            );
+            let found = is_certain_cut(&row(&[300; 101]), &found_at(1.0, width));
+            assert_eq!(found, is_so, "{width}");
         }
     }
 }

@@ -617,30 +617,24 @@ fn level(window: &Window, at: &Parameters) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::{found_at, gaussian, hash, row, tcd1304dg};
 
     /// Whether a repair masks the light of a second spot of this height, six widths from a spot of 2000
     /// counts, in noise of 0 to 31 counts.
-    fn masks_second(height: f32, seed: u32) -> bool {
-        let geometry = crate::row::sensor_heads::tcd1304dg();
-        let light: std::vec::Vec<u16> = (0..1000u32)
-            .map(|i| {
-                let spot = |centre: f32| {
-                    let u = (i as f32 - centre) / 8.0;
-                    libm::expf(-0.5 * u * u)
-                };
-                let noise = (i + 1000 * seed).wrapping_mul(2_654_435_761) >> 27;
-                (300.0 + 2000.0 * spot(500.3) + height * spot(548.3)) as u16 + noise as u16
-            })
-            .collect();
-        let row = Row::new(&light, &[], 4095).expect("12 bits");
-        let (spot, _) = crate::spot::find(&row).expect("a spot");
+    fn masks_second(height: f32, seed: usize) -> bool {
+        let light: [u16; 1000] = core::array::from_fn(|i| {
+            let spots = 2000.0 * gaussian(i, 500.3, 8.0) + height * gaussian(i, 548.3, 8.0);
+            (300.0 + spots) as u16 + (hash(i + 1000 * seed) >> 27) as u16
+        });
+        let row = row(&light);
+        let (spot, budget) = crate::spot::find(&row).expect("a spot");
         let scene = Scene {
             row: &row,
             spot: &spot,
-            geometry: &geometry,
+            geometry: &tcd1304dg(),
             profile: None,
-            found: crate::check::tests::found_at(500.3, 8.0),
-            budget: Cell::new(WorkBudget::of_row()),
+            found: found_at(500.3, 8.0),
+            budget: Cell::new(budget),
         };
         let start = Start::find(&row, &spot).expect("a start");
         let mut window = Window::empty();

@@ -137,46 +137,11 @@ impl Odd {
 #[cfg(test)]
 impl Odd {
     pub(super) fn all(&self) -> [f32; 19] {
-        let Self {
-            m1,
-            m2,
-            m3,
-            m4,
-            m5,
-            m6,
-            m7,
-            tt,
-            t1,
-            t3,
-            t5,
-            t7,
-            z1,
-            z3,
-            z5,
-            z7,
-            zt,
-            ..
-        } = *self;
+        let it = self;
+        let [squares, worst] = [it.squares, it.worst];
         [
-            m1,
-            m2,
-            m3,
-            m4,
-            m5,
-            m6,
-            m7,
-            tt,
-            t1,
-            t3,
-            t5,
-            t7,
-            z1,
-            z3,
-            z5,
-            z7,
-            zt,
-            self.squares,
-            self.worst,
+            it.m1, it.m2, it.m3, it.m4, it.m5, it.m6, it.m7, it.tt, it.t1, it.t3, it.t5, it.t7,
+            it.z1, it.z3, it.z5, it.z7, it.zt, squares, worst,
         ]
     }
 }

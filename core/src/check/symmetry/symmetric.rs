@@ -146,30 +146,19 @@ impl Even {
 }
 
 #[cfg(test)]
+impl Norms {
+    fn sums(&self) -> [f32; 8] {
+        let it = self;
+        [it.l0, it.l1, it.l2, it.m0, it.m1, it.m2, it.m3, it.m4]
+    }
+}
+
+#[cfg(test)]
 impl Even {
-    pub(super) fn all(&self) -> [f32; 14] {
-        let Norms {
-            samples,
-            l0,
-            l1,
-            l2,
-            m0,
-            m1,
-            m2,
-            m3,
-            m4,
-        } = self.norms;
-        let Self {
-            p,
-            p0,
-            p1,
-            p2,
-            squares,
-            ..
-        } = *self;
-        [
-            samples, l0, l1, l2, m0, m1, m2, m3, m4, p, p0, p1, p2, squares,
-        ]
+    /// All sums, the norms first.
+    pub(super) fn all(&self) -> impl Iterator<Item = f32> {
+        let norms = [self.norms.samples].into_iter().chain(self.norms.sums());
+        norms.chain([self.p, self.p0, self.p1, self.p2, self.squares])
     }
 }
 
@@ -207,33 +196,15 @@ mod tests {
                 for i in 0..number {
                     let u = f64::from(first) + i as f64 * f64::from(pitch);
                     let e = libm::exp(-0.5 * u * u);
-                    for (sum, (power, part)) in sums.iter_mut().zip([
-                        (0, e),
-                        (2, e),
-                        (4, e),
-                        (0, e * e),
-                        (2, e * e),
-                        (4, e * e),
-                        (6, e * e),
-                        (8, e * e),
-                    ]) {
-                        *sum += libm::pow(u, f64::from(power)) * part;
+                    let parts = [0, 2, 4].map(|power| (power, e)).into_iter();
+                    let parts = parts.chain([0, 2, 4, 6, 8].map(|power| (power, e * e)));
+                    for (sum, (power, part)) in sums.iter_mut().zip(parts) {
+                        *sum += u.powi(power) * part;
                     }
                 }
                 let norms = Norms::of_all(first, pitch, number);
                 assert_eq!(norms.samples, number as f32);
-                let Norms {
-                    l0,
-                    l1,
-                    l2,
-                    m0,
-                    m1,
-                    m2,
-                    m3,
-                    m4,
-                    ..
-                } = norms;
-                for (norm, sum) in [l0, l1, l2, m0, m1, m2, m3, m4].into_iter().zip(sums) {
+                for (norm, sum) in norms.sums().into_iter().zip(sums) {
                     let error = (f64::from(norm) / sum - 1.0).abs();
                     worst = worst.max(error);
                     assert!(error < 1.5e-6, "{width} {to_right}: {norm} {sum}");
