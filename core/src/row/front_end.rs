@@ -116,19 +116,15 @@ mod tests {
     use crate::row::sensor_heads::tcd1304dg;
 
     fn counts(value: f32, u: f32) -> Estimate<Counts> {
-        Estimate {
-            value: Counts::from_f32(value),
-            u: Counts::from_f32(u),
-        }
+        let [value, u] = [value, u].map(Counts::from_f32);
+        Estimate { value, u }
     }
 
     fn front_end() -> FrontEnd {
+        let [value, u] = [8.0, 0.1].map(Electrons::from_f32);
         FrontEnd {
             polarity: Polarity::Falling,
-            gain: Estimate {
-                value: Electrons::from_f32(8.0),
-                u: Electrons::from_f32(0.1),
-            },
+            gain: Estimate { value, u },
             read_noise: counts(5.5, 0.1),
             saturation: Some(counts(2700.25, 0.5)),
             black_level: counts(320.0, 0.1),
@@ -137,20 +133,21 @@ mod tests {
 
     #[test]
     fn measured_values_replace_those_of_the_driver() {
-        let driver = tcd1304dg();
-        let expected = Geometry {
-            // One over 8, times 2^16.
-            shot_variance_per_count_q16: 8192,
-            // 2700.25 less four times 5.5.
-            saturation: 2678,
-            ..driver.clone()
-        };
-        assert_eq!(front_end().geometry(&driver), expected);
-        let rising = FrontEnd {
-            polarity: Polarity::Rising,
-            ..front_end()
-        };
-        assert_eq!(rising.geometry(&driver).polarity, Polarity::Rising);
+        for polarity in [Polarity::Falling, Polarity::Rising] {
+            let expected = Geometry {
+                polarity,
+                // One over 8, times 2^16.
+                shot_variance_per_count_q16: 8192,
+                // 2700.25 less four times 5.5.
+                saturation: 2678,
+                ..tcd1304dg()
+            };
+            let front_end = FrontEnd {
+                polarity,
+                ..front_end()
+            };
+            assert_eq!(front_end.geometry(&tcd1304dg()), expected);
+        }
     }
 
     #[test]
@@ -187,26 +184,24 @@ mod tests {
     #[test]
     fn values_out_of_range_are_not_sensible() {
         assert!(front_end().is_sensible());
-        let change = |change: fn(&mut FrontEnd)| {
-            let mut front_end = front_end();
-            change(&mut front_end);
-            front_end
-        };
-        for wrong in [
-            change(|it| it.gain.value = Electrons::from_f32(0.99)),
-            change(|it| it.gain.value = Electrons::from_int(1001)),
-            change(|it| it.gain.u = Electrons::from_bits(-1)),
-            change(|it| it.read_noise.value = Counts::from_bits(-1)),
-            change(|it| it.read_noise.u = Counts::from_int(4096)),
-            change(|it| it.black_level.value = Counts::from_int(4096)),
-            change(|it| it.black_level.u = Counts::MIN),
-            change(|it| it.saturation = Some(counts(4096.0, 1.0))),
+        let changes: [fn(&mut FrontEnd); 11] = [
+            |it| it.gain.value = Electrons::from_f32(0.99),
+            |it| it.gain.value = Electrons::from_int(1001),
+            |it| it.gain.u = Electrons::from_bits(-1),
+            |it| it.read_noise.value = Counts::from_bits(-1),
+            |it| it.read_noise.u = Counts::from_int(4096),
+            |it| it.black_level.value = Counts::from_int(4096),
+            |it| it.black_level.u = Counts::MIN,
+            |it| it.saturation = Some(counts(4096.0, 1.0)),
             // Below the black level.
-            change(|it| it.saturation = Some(counts(320.0, 1.0))),
+            |it| it.saturation = Some(counts(320.0, 1.0)),
             // Four times the read noise below it lies the black level.
-            change(|it| it.saturation = Some(counts(342.0, 1.0))),
-            change(|it| it.read_noise = counts(600.0, 1.0)),
-        ] {
+            |it| it.saturation = Some(counts(342.0, 1.0)),
+            |it| it.read_noise = counts(600.0, 1.0),
+        ];
+        for change in changes {
+            let mut wrong = front_end();
+            change(&mut wrong);
             assert!(!wrong.is_sensible(), "{wrong:?}");
             // Any geometry that follows is usable all the same.
             let geometry = wrong.geometry(&tcd1304dg());

@@ -222,13 +222,9 @@ mod tests {
 
     fn geometry() -> Geometry {
         Geometry {
-            words: 8,
             shielded: 1..3,
             light: 3..7,
-            polarity: Polarity::Falling,
-            bits: 12,
-            shot_variance_per_count_q16: 6554,
-            saturation: LARGEST_COUNT,
+            ..crate::tests::bare(8, Polarity::Falling)
         }
     }
 
@@ -237,8 +233,8 @@ mod tests {
     fn words_above_full_scale_are_impossible() {
         for bits in 1..=12 {
             let full_scale = (1 << bits) - 1;
+            let geometry = Geometry { bits, ..geometry() };
             for word in [0, 1, full_scale / 2, full_scale - 1, full_scale] {
-                let geometry = Geometry { bits, ..geometry() };
                 let words = [word; 8];
                 let row = geometry.row(&words).expect("a row");
                 assert_eq!(row.light().get(0), Some(full_scale - word));
@@ -248,10 +244,8 @@ mod tests {
                         let mut words = words;
                         words[place] = beyond;
                         let bits = word | beyond;
-                        assert_eq!(
-                            geometry.row(&words).err(),
-                            Some(RowError::Impossible { bits })
-                        );
+                        let error = geometry.row(&words).err();
+                        assert_eq!(error, Some(RowError::Impossible { bits }));
                     }
                 }
             }
@@ -294,10 +288,8 @@ mod tests {
                 assert_eq!(geometry.saturated_from(), from);
                 let limit = geometry.height_limit(Counts::from_int(100));
                 assert_eq!(limit, Counts::from_int(i32::from(from) - 100));
-                for count in [0, 199, 200, 254, 255, 2499, 2500, 4094, 4095] {
-                    if count > geometry.full_scale() {
-                        continue;
-                    }
+                let counts = [0, 199, 200, 254, 255, 2499, 2500, 4094, 4095].into_iter();
+                for count in counts.filter(|&count| count <= geometry.full_scale()) {
                     let words = [count ^ geometry.inverted(); 8];
                     let row = geometry.row(&words).expect("a row");
                     assert_eq!(row.saturated_from(), from);
@@ -313,85 +305,65 @@ mod tests {
         let words = [0, 4000, 4001, 4095, 4000, 0, 3000, 7];
         let geometry = geometry();
         let row = geometry.row(&words).expect("a row");
-        let light = [0, 95, 4095, 1095];
-        assert!(row.light().iter().eq(light));
-        assert!(row.light().iter().rev().eq([1095, 4095, 95, 0]));
-        assert!(row.light().chunks::<2>().eq([[0, 95], [4095, 1095]]));
-        assert_eq!(row.light().get(3), Some(1095));
-        let (left, right) = row.light().split(1);
+        let light = row.light();
+        assert!(light.iter().eq([0, 95, 4095, 1095]));
+        assert!(light.iter().rev().eq([1095, 4095, 95, 0]));
+        assert!(light.chunks::<2>().eq([[0, 95], [4095, 1095]]));
+        assert_eq!(light.get(3), Some(1095));
+        let (left, right) = light.split(1);
         assert!(left.iter().eq([0]) && right.iter().eq([95, 4095, 1095]));
-        assert_eq!(row.light().slice(1..3).map(Light::len), Some(2));
-        assert_eq!(row.light().slice(1..5), None);
+        assert_eq!(light.slice(1..3).map(Light::len), Some(2));
+        assert_eq!(light.slice(1..5), None);
         assert!(row.shielded().iter().eq([95, 94]));
-        let rising = [0, 1, 2, 3, 4, 5, 6, 7];
-        let geometry = Geometry {
+        let rising = Geometry {
             polarity: Polarity::Rising,
             ..geometry
         };
-        let row = geometry.row(&rising).expect("a row");
+        let row = rising.row(&[0, 1, 2, 3, 4, 5, 6, 7]).expect("a row");
         assert!(row.light().iter().eq([3, 4, 5, 6]));
     }
 
     #[test]
     fn noise_saturation_and_shielded_pixels_do_not_change_what_words_mean() {
-        let here = geometry();
-        let noisier = Geometry {
-            shot_variance_per_count_q16: 1,
-            ..geometry()
-        };
-        let smaller_well = Geometry {
-            saturation: 2500,
-            ..geometry()
-        };
-        assert!(here.is_compatible_with(&here) && here.is_compatible_with(&noisier));
-        let fewer_shielded = Geometry {
-            shielded: 0..1,
-            ..geometry()
-        };
-        assert!(here.is_compatible_with(&smaller_well));
-        assert!(here.is_compatible_with(&fewer_shielded));
-        for other in [
-            Geometry {
-                words: 9,
-                ..geometry()
-            },
-            Geometry {
-                light: 3..8,
-                ..geometry()
-            },
-            Geometry {
-                polarity: Polarity::Rising,
-                ..geometry()
-            },
-            Geometry {
-                bits: 10,
-                ..geometry()
-            },
-        ] {
-            assert!(!here.is_compatible_with(&other), "{other:?}");
-            assert!(!other.is_compatible_with(&here), "{other:?}");
+        let changes: [fn(&mut Geometry); 8] = [
+            |_| {},
+            |it| it.shot_variance_per_count_q16 = 1,
+            |it| it.saturation = 2500,
+            |it| it.shielded = 0..1,
+            |it| it.words = 9,
+            |it| it.light = 3..8,
+            |it| it.polarity = Polarity::Rising,
+            |it| it.bits = 10,
+        ];
+        for (number, change) in changes.into_iter().enumerate() {
+            let is_compatible = number < 4;
+            let (here, mut other) = (geometry(), geometry());
+            change(&mut other);
+            assert_eq!(here.is_compatible_with(&other), is_compatible, "{other:?}");
+            assert_eq!(other.is_compatible_with(&here), is_compatible, "{other:?}");
         }
     }
 
     #[test]
     fn malformed_rows_are_rejected() {
-        let error = |words: &[u16]| geometry().row(words).expect_err("no row");
-        assert_eq!(error(&[1, 2, 3]), RowError::Length { words: 3 });
-        assert_eq!(
-            error(&[0, 1, 2, 3, 4, 5, 6, 0x8007]),
-            RowError::Impossible { bits: 0x8007 }
-        );
         let beyond = Geometry {
             light: 3..9,
             ..geometry()
         };
-        assert_eq!(
-            beyond.row(&[0, 1, 2, 3, 4, 5, 6, 7]).expect_err("no row"),
-            RowError::Length { words: 8 }
-        );
-        assert_eq!(
-            Row::new(&[1, 4096], &[], LARGEST_COUNT).expect_err("too large"),
-            RowError::Impossible { bits: 4097 }
-        );
+        let words = [0, 1, 2, 3, 4, 5, 6, 7];
+        let impossible = [0, 1, 2, 3, 4, 5, 6, 0x8007];
+        for (geometry, words, error) in [
+            (&geometry(), &words[..3], RowError::Length { words: 3 }),
+            (
+                &geometry(),
+                &impossible,
+                RowError::Impossible { bits: 0x8007 },
+            ),
+            (&beyond, &words, RowError::Length { words: 8 }),
+        ] {
+            assert_eq!(geometry.row(words).expect_err("no row"), error);
+        }
+        let error = Row::new(&[1, 4096], &[], LARGEST_COUNT).expect_err("too large");
+        assert_eq!(error, RowError::Impossible { bits: 4097 });
     }
 }

@@ -268,6 +268,7 @@ pub struct Extremes {
 mod tests {
     use super::*;
     use crate::row::LARGEST_COUNT;
+    use crate::tests::hash;
 
     /// Of all lengths, in words that rise and that fall.
     #[test]
@@ -275,7 +276,7 @@ mod tests {
         let words: [u16; 40] = core::array::from_fn(|i| match i % 7 {
             3 => 0,
             4 => LARGEST_COUNT,
-            _ => (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4,
+            _ => hash(i) as u16 >> 4,
         });
         for length in 0..=words.len() {
             for inverted in [0, LARGEST_COUNT] {
@@ -304,9 +305,9 @@ mod tests {
             4094,
             4095,
             4096,
-            32_766,
-            32_767,
-            32_768,
+            0x7FFE,
+            0x7FFF,
+            0x8000,
             u32::MAX,
         ];
         let about = light.iter().flat_map(|count| {
@@ -321,11 +322,18 @@ mod tests {
 
     /// Compares [`Light::extremes`] with the counts, for saturations about each count and at all ends.
     fn assert_extremes(light: Light<'_>) {
+        let full_scale = match light.inverted {
+            0 => LARGEST_COUNT,
+            inverted => inverted,
+        };
         let about = light.iter().flat_map(|count| {
-            let most = count.saturating_add(1).min(LARGEST_COUNT);
+            let most = count.saturating_add(1).min(full_scale);
             [count.saturating_sub(1), count, most]
         });
-        for saturation in [0, 1, 2048, LARGEST_COUNT].into_iter().chain(about) {
+        for saturation in [0, 1, full_scale / 2 + 1, full_scale]
+            .into_iter()
+            .chain(about)
+        {
             let of_counts = Extremes {
                 zero: light.iter().any(|count| count == 0),
                 saturated: light.iter().any(|count| count >= saturation),
@@ -334,31 +342,36 @@ mod tests {
         }
     }
 
-    /// The lowest and the highest count in each place, with no other near them. No other count may borrow a
-    /// hit from its neighbour.
+    /// The lowest and the highest count in each place, with no other near them, in words of 12 and 10 bits. No
+    /// other count may borrow a hit from its neighbour.
     #[test]
     fn extremes_are_seen_in_any_place() {
-        // Miri takes its time.
-        let step = if cfg!(miri) { 13 } else { 1 };
-        for inverted in [0, LARGEST_COUNT] {
-            for place in (0..27).step_by(step) {
-                for count in [0, 1, 2499, 2500, LARGEST_COUNT] {
-                    let mut words = [1000 ^ inverted; 27];
+        for (inverted, full_scale) in [(0, 4095), (4095, 4095), (1023, 1023)] {
+            let half = full_scale / 2;
+            for (length, place) in places() {
+                for count in [0, 1, half, half + 1, full_scale - 1, full_scale] {
+                    let mut words = [300 ^ inverted; 27];
                     words[place] = count ^ inverted;
-                    assert_extremes(Light::new(&words, inverted));
+                    assert_extremes(Light::new(&words[..length], inverted));
                 }
             }
         }
+    }
+
+    /// Lengths of rows, and all places on them.
+    fn places() -> impl Iterator<Item = (usize, usize)> {
+        let lengths = [1, 7, 8, 9, 27].into_iter();
+        lengths.flat_map(|length| (0..length).map(move |place| (length, place)))
     }
 
     /// The highest count in each place, with no other near the ends of the range.
     #[test]
     fn a_limit_is_exceeded_in_any_place() {
         for inverted in [0, LARGEST_COUNT] {
-            for place in 0..27 {
+            for (length, place) in places() {
                 let mut words = [1000 ^ inverted; 27];
                 words[place] = 1003 ^ inverted;
-                assert_exceeds(Light::new(&words, inverted));
+                assert_exceeds(Light::new(&words[..length], inverted));
             }
         }
         // The widest words: sums over blocks, and all 15 bits.

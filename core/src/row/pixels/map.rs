@@ -250,11 +250,10 @@ pub fn window(centre: usize, block_log2: u32, width: Option<Pixels>) -> Range<us
 
 #[cfg(test)]
 mod tests {
-    use super::Correction::OffsetAndGain;
+    use super::Correction::{Gain, OffsetAndGain};
     use super::*;
     use crate::row::Polarity;
-
-    const BLACK: Counts = Counts::from_int(300);
+    use crate::tests::tcd1304dg;
 
     fn map(entries: &[(i16, i16)]) -> PixelMap {
         let mut map = PixelMap::EMPTY;
@@ -265,11 +264,23 @@ mod tests {
         map
     }
 
-    /// A sensor whose words rise with light.
-    fn rising() -> Geometry {
-        Geometry {
-            polarity: Polarity::Rising,
-            ..crate::row::sensor_heads::tcd1304dg()
+    /// Corrects counts above a black level of 300, in words that rise with light and in words that fall.
+    fn assert_corrected<const N: usize>(
+        map: &PixelMap,
+        counts: [u16; N],
+        (window, saturation, correction): (Range<usize>, u16, Correction),
+        expected: [u16; N],
+    ) {
+        for polarity in [Polarity::Rising, Polarity::Falling] {
+            let geometry = Geometry {
+                polarity,
+                saturation,
+                ..tcd1304dg()
+            };
+            let mut words = counts.map(|count| count ^ geometry.inverted());
+            let black = Counts::from_int(300);
+            map.correct(&mut words, window.clone(), black, &geometry, correction);
+            assert_eq!(words.map(|word| word ^ geometry.inverted()), expected);
         }
     }
 
@@ -277,76 +288,56 @@ mod tests {
     fn offsets_are_subtracted_and_light_is_scaled() {
         // 10 counts less; a quarter more light; both; unchanged.
         let map = map(&[(160, 0), (0, 1 << 13), (-160, -(1 << 13)), (0, 0)]);
-        let mut light = [310, 700, 690, 123];
-        map.correct(&mut light, 0..4, BLACK, &rising(), OffsetAndGain);
-        assert_eq!(light, [300, 800, 600, 123]);
-        // Words that fall with light.
-        let mut words = [310, 700, 690, 123].map(|count| 4095 - count);
-        let falling = crate::row::sensor_heads::tcd1304dg();
-        map.correct(&mut words, 0..4, BLACK, &falling, OffsetAndGain);
-        assert_eq!(words, light.map(|count| 4095 - count));
+        let corrected = [300, 800, 600, 123];
+        assert_corrected(
+            &map,
+            [310, 700, 690, 123],
+            (0..4, 4095, OffsetAndGain),
+            corrected,
+        );
         // A row from which the offsets were subtracted already.
-        let mut light = [300, 700, 700, 123];
-        map.correct(&mut light, 0..4, BLACK, &rising(), Correction::Gain);
-        assert_eq!(light, [300, 800, 600, 123]);
+        assert_corrected(&map, [300, 700, 700, 123], (0..4, 4095, Gain), corrected);
     }
 
     #[test]
     fn saturated_pixels_stay_and_no_other_becomes_one() {
         let map = map(&[(0, 1 << 14), (0, 1 << 14), (1 << 14, 0), (0, -(1 << 14))]);
-        let mut light = [4095, 4094, 5, 4095];
-        map.correct(&mut light, 0..4, BLACK, &rising(), OffsetAndGain);
-        assert_eq!(light, [4095, 4094, 0, 4095]);
-        let geometry = Geometry {
-            saturation: 2500,
-            ..rising()
-        };
-        let mut light = [2500, 2400, 5, 4095];
-        map.correct(&mut light, 0..4, BLACK, &geometry, OffsetAndGain);
-        assert_eq!(light, [2500, 2499, 0, 4095]);
+        for (counts, saturation, corrected) in [
+            ([4095, 4094, 5, 4095], 4095, [4095, 4094, 0, 4095]),
+            ([2500, 2400, 5, 4095], 2500, [2500, 2499, 0, 4095]),
+        ] {
+            assert_corrected(&map, counts, (0..4, saturation, OffsetAndGain), corrected);
+        }
     }
 
     #[test]
     fn only_the_window_is_corrected_and_only_with_the_right_map() {
         let map = map(&[(160, 0); 4]);
-        let mut light = [100; 4];
-        map.correct(
-            &mut light,
-            1..3,
-            Counts::default(),
-            &rising(),
-            OffsetAndGain,
-        );
-        assert_eq!(light, [100, 90, 90, 100]);
-        let mut longer = [100; 5];
-        map.correct(
-            &mut longer,
-            1..3,
-            Counts::default(),
-            &rising(),
-            OffsetAndGain,
-        );
-        assert_eq!(longer, [100; 5]);
+        let how = || (1..3, 4095, OffsetAndGain);
+        assert_corrected(&map, [400; 4], how(), [400, 390, 390, 400]);
+        assert_corrected(&map, [400; 5], how(), [400; 5]);
     }
 
     #[test]
     fn entries_beyond_their_range_are_refused() {
         assert!(Entry::new(1 << 14, -(1 << 14)).is_some());
-        assert_eq!(Entry::new((1 << 14) + 1, 0), None);
-        assert_eq!(Entry::new(0, -(1 << 14) - 1), None);
-        assert_eq!(Entry::new(i16::MIN, 0), None);
+        for (offset, gain) in [((1 << 14) + 1, 0), (0, -(1 << 14) - 1), (i16::MIN, 0)] {
+            assert_eq!(Entry::new(offset, gain), None);
+        }
     }
 
     #[test]
     fn the_noise_of_a_row_loses_the_share_of_the_offsets() {
         let mut map = map(&[(0, 0)]);
         map.summary.pattern = Counts::from_int(3);
-        let background = |noise| Background {
-            level: Counts::from_int(300),
-            noise: Counts::from_int(noise),
-        };
-        assert_eq!(map.background_of(background(5)), background(4));
-        let least = map.background_of(background(3)).noise;
-        assert_eq!(least.to_bits(), 74);
+        let level = Counts::from_int(300);
+        for (noise, bits) in [(5, 4 << Counts::FRACTION), (3, 74)] {
+            let noise = Counts::from_int(noise);
+            let expected = Background {
+                level,
+                noise: Counts::from_bits(bits),
+            };
+            assert_eq!(map.background_of(Background { level, noise }), expected);
+        }
     }
 }

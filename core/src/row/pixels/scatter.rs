@@ -58,27 +58,21 @@ impl Scatter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::uniform;
 
     #[test]
     fn the_variance_is_that_of_the_pixels_and_not_of_the_lamp() {
-        // Fewer rows under Miri, which know the variance to 15 %.
-        let (rows, most) = if cfg!(miri) { (4, 4.0) } else { (256, 0.5) };
         let mut scatter = Scatter::NONE;
+        let mut random = 1;
         // Pixels alternate by 6 counts, each in its own phase: a variance of 9. The lamp flickers by 100.
-        for row in 0u32..rows {
-            let light: std::vec::Vec<u16> = (0u32..3648)
-                .map(|pixel| {
-                    let mut random = (row * 4096 + pixel).wrapping_mul(0x9E37_79B9);
-                    for _ in 0..2 {
-                        random = (random ^ (random >> 15)).wrapping_mul(0x85EB_CA6B);
-                    }
-                    (1000 + (row % 5) * 20 + if random >> 31 == 0 { 0 } else { 6 }) as u16
-                })
-                .collect();
-            scatter.add(light.as_slice().into());
+        for row in 0..256 {
+            let light: [u16; 3648] = core::array::from_fn(|_| {
+                1000 + row % 5 * 20 + u16::from(uniform(&mut random) < 0.5) * 6
+            });
+            scatter.add((&light).into());
         }
         let variance = scatter.variance();
         println!("{variance}");
-        assert!((variance - 9.0).abs() < most, "{variance}");
+        assert!((variance - 9.0).abs() < 0.5, "{variance}");
     }
 }
