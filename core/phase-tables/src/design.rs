@@ -122,7 +122,6 @@ pub struct Table {
 /// the flanks decide the width. A slit has brighter flanks than a gaussian: at a Fresnel number of 0.55, a
 /// ratio of 0.006 finds 1.5 times the width, and this ratio 1.0 times.
 const LEAST_STRETCH_RATIO: f64 = 0.23;
-
 /// A narrower table, in pixels, keeps the stretch for its own noise ratio. Such a spot has few pixels: if one
 /// at its top is dead, only the flanks tell the width.
 const NARROW: f64 = 2.0;

@@ -87,14 +87,11 @@ fn for_mix(noise: Counts, height: f32, geometry: &Geometry) -> &'static TableSet
 
 /// Pixels in a flank: the background on one side of the spot, which is tested for a tilt.
 const FLANK: usize = 16;
-
 /// The standard deviation of the flanks' difference, over that of a pixel: sqrt(2 * FLANK).
 const DEVIATION: f32 = 5.657;
-
 /// The least difference of the flanks that is a tilt, in standard deviations. Noise alone gets there in one
 /// row of 16,000.
 const TILT: f32 = 4.0;
-
 /// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 4.5 % of
 /// its peak at four widths, are 1 % there.
 const CLEAR: f32 = 6.0;

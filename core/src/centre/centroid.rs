@@ -46,16 +46,12 @@ use crate::spot::Spot;
 
 /// Half of the window over sigma.
 const HALF_WINDOW: f32 = 3.0;
-
 /// k above, for three sigma.
 const WINDOW_FACTOR: f32 = 0.973_3;
-
 /// A gaussian's light within three sigma over height times sigma: sqrt(2 pi) (2 Phi(3) - 1).
 const LIGHT: f32 = 2.499_9;
-
 /// The window is moved at most this often. Each pass leaves 1 - k of the distance, and noise.
 const MAX_PASSES: usize = 6;
-
 /// A window that moves by less than this rests: 2^-8 pixel. The last pass leaves some 3 % of its step.
 const REST: u32 = 1 << 8;
 

@@ -15,13 +15,10 @@ use crate::spot::Spot;
 
 /// Estimator and check take work from the budget only for a spot that is wider than this, in pixels.
 const USUAL_WIDTH: usize = 16;
-
 /// They take so much for each pixel that the spot is wider.
 const WORK_OF_PIXEL: usize = 15;
-
 /// The work of the robust estimate of a narrow spot, where the estimator has found another centre.
 const WORK_OF_ROBUST_ESTIMATE: usize = 300;
-
 /// It takes so much more for each pixel that the spot may be wide.
 const WORK_OF_MEASURED_PIXEL: usize = 9;
 

@@ -35,39 +35,29 @@ use crate::spot::Spot;
 /// The most pixels on one side of the centre. With 64 degrees of freedom, shot noise alone shows that a spot
 /// is not cut, however wide and flat its top is.
 const MOST_BESIDE: usize = 32;
-
 /// The pixels of the first comparison are so many sixteenths of the width from the centre. A gaussian is 5 %
 /// lower there. A spot of 1.05 times the well is flat so far.
 const SIXTEENTHS: i32 = 5;
-
 /// The most by which a pixel of a flat top differs from the middle one, in standard deviations of the read
 /// noise: 4.2 of the difference.
 const NEAR: i32 = 6;
-
 /// A spot's top may have so much of a gaussian's curvature.
 const FLATTER: f32 = 0.5;
-
 /// 2 x: x = ln(32 * 10^5).
 const FALSE_ALARM: f32 = 29.957;
-
 /// y: at most one miss in 1000.
 const MISS: f32 = 6.908;
-
 /// The noise's variance may be so much larger than the row's estimate. The noise is known to 3 %: this is two
 /// standard deviations.
 const NOISE: f32 = 1.12;
-
 /// The variance of rounding to a count, in counts squared.
 const ROUNDING: f32 = 1.0 / 12.0;
-
 /// The least read noise for the test, rounding included: a standard deviation in counts. With less, the steps
 /// of the converter hide the noise, and pixels are equal although none is saturated.
 const LEAST_NOISE: f32 = 0.5;
-
 /// The least height in standard deviations of the read noise. The width of a dimmer spot is not known well
 /// enough.
 const LEAST_HEIGHT: f32 = 16.0;
-
 /// How far below the mean of a flat top its pixels are, in standard deviations of the read noise: all but one
 /// pixel in 30,000.
 const BELOW: f32 = 4.0;

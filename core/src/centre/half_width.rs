@@ -17,7 +17,6 @@ use crate::spot::Spot;
 
 /// A gaussian's full width at half maximum over sigma: sqrt(8 ln 2).
 const FULL_WIDTH: f32 = 2.354_82;
-
 /// The narrowest and the widest spot in pixels. A hot pixel alone looks like a spot of 0.3. A spot of 0.6,
 /// which is narrower than any optics makes it, looks like one of at least 0.55. At the other end
 /// [`crate::spot::find`] gives up.
@@ -145,7 +144,6 @@ fn highest(near: Light<'_>, pixels: usize) -> Option<(usize, i32)> {
     Some(best)
 }
 
-/// Moves a sum by one pixel.
 fn moved(sum: i32, enters: u16, leaves: u16) -> i32 {
     numeric::add_i32(sum, i32::from(enters) - i32::from(leaves))
 }
@@ -162,7 +160,6 @@ const MOST_SMOOTHED: u32 = 64;
 const _: () =
     assert!((2 * LARGEST_COUNT as u64 * MOST_SMOOTHED as u64) << Counts::FRACTION < 1 << 31);
 
-/// How a walk ended.
 #[derive(Clone, Copy, PartialEq)]
 enum Walk {
     /// The counts fell to half at this distance in pixels.

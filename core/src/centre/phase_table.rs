@@ -45,7 +45,6 @@ const fn slack(pass: usize) -> (f32, f32) {
 /// Where a window reaches over the sensor's edge, a table this much narrower is tried. The coarse search may
 /// take a spot for twice as wide as it is, and its place may be off by half the width.
 const NARROWER: f32 = 0.7;
-
 /// Near the sensor's edge only narrow tables fit on the row. If the table that fits has less than this part
 /// of the coarse search's width, it fits a ripple on a spot that is cut.
 const RIPPLE: f32 = 0.4;
@@ -189,7 +188,6 @@ pub(super) struct Fit<'a> {
     /// The spot's width over the table's.
     pub(super) ratio: f32,
     pub(super) slope: f32,
-    /// 1 / slope.
     pub(super) per_slope: f32,
     pub(super) class: WidthClass,
     pub(super) table: &'a Table<'a>,
@@ -269,7 +267,7 @@ fn measure_at<'a>(
     if source == WidthSource::Measured {
         let measured = table_width * (1.0 + window.stretch(&score));
         width += (measured - width) * SMOOTHING;
-        let is_within = table.mismatch(width, class.block) <= tables.largest_mismatch();
+        let is_within = table.mismatch(width, class.block) <= tables.largest_mismatch;
         if !is_within {
             return None;
         }

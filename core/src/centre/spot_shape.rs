@@ -55,20 +55,16 @@ pub struct OwnSpot {
 /// set of their calibration, so the least is enough: 97 to 98 % of simulated readings of a skewed beam are
 /// within 2u.
 const BETWEEN_SETS: f32 = 0.1;
-
 /// The hidden shift over each component. Of the flaws in host-tests/tests/shape.rs, 99 % are hidden by less
 /// than five times what these factors give.
 const HIDDEN: [f32; COMPONENTS] = [2.0, 1.0, 5.0, 3.0, 2.0];
-
 /// The hidden shift over the change of the width. Wide shadows that leave a spot symmetric move it by 0.5 to
 /// 7 times the change; half of them by less than 1.5 times.
 const HIDDEN_BY_WIDTH: f32 = 2.0;
-
 /// The largest sum of squares of the components, in variances, that counts as noise. Noise exceeds it in 1.5
 /// % of the spots (chi square of four degrees of freedom: the estimator makes the shift zero), and then u
 /// grows. On average over all spots it grows by 4 %.
 const NOISE: f32 = 12.3;
-
 /// As [`NOISE`] with the width, for a sensor that knows its own spot: 2 % (five degrees of freedom).
 const NOISE_WITH_WIDTH: f32 = 13.4;
 

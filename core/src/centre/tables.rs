@@ -44,10 +44,10 @@ pub struct Table<'a> {
 pub struct TableSet<'a> {
     tables: &'a [Table<'a>],
     /// Tells the sets of the core apart in a [`WidthClass`].
-    number: u8,
+    pub(crate) number: u8,
     /// How far a spot's width may be from a table's, relative. Half a step between the widths, beyond which
     /// another table fits better, and a tenth of a step for noise.
-    largest_mismatch: f32,
+    pub(super) largest_mismatch: f32,
 }
 
 /// Why tables cannot be used.
@@ -71,7 +71,6 @@ pub enum TableError {
 /// The number of every set that is not the core's own. The core cannot tell such sets apart, so a result of
 /// one of them must not be the `before` of another.
 const FOREIGN: u8 = u8::MAX;
-
 /// The largest sample that tables are proven for.
 pub const LARGEST_SAMPLE: u16 = 8 * LARGEST_COUNT;
 
@@ -79,7 +78,6 @@ const _: () = assert!(LARGEST_SAMPLE <= dual_mac::LARGEST_SAMPLE);
 
 /// The longest window in samples, with the one that makes it even.
 pub const MAX_TAPS: usize = 116;
-
 /// Sizes of a sample in pixels. The sum of up to 8 pixels fits [`LARGEST_SAMPLE`], and so does half of the
 /// sum of 16. A constant on the row adds a whole number to each sample.
 pub const BLOCKS: [u8; 5] = [1, 2, 4, 8, 16];
@@ -238,16 +236,6 @@ impl<'a> TableSet<'a> {
         self.tables.get(usize::from(class.table))
     }
 
-    /// See the field.
-    pub(crate) const fn number(&self) -> u8 {
-        self.number
-    }
-
-    /// See the field.
-    pub(super) const fn largest_mismatch(&self) -> f32 {
-        self.largest_mismatch
-    }
-
     /// The pixels in a sample and the table that match a width in pixels best.
     pub(super) fn choose(
         &self,
@@ -256,7 +244,7 @@ impl<'a> TableSet<'a> {
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         let [block, ..] = BLOCKS;
         // The widest table still serves half a step beyond its own width.
-        let widest = self.tables.last()?.width * (1.0 + self.largest_mismatch());
+        let widest = self.tables.last()?.width * (1.0 + self.largest_mismatch);
         let block = match sampling {
             Sampling::Fine => BLOCKS
                 .into_iter()
@@ -386,7 +374,6 @@ impl Table<'_> {
 
 /// No optics makes a spot narrower than this, in pixels: a hot pixel alone looks like one of 0.3.
 pub(super) const NARROWEST: f32 = 0.6;
-
 /// The coarse search finds no wider spots, in pixels.
 const WIDEST: f32 = 150.0;
 

@@ -54,13 +54,10 @@ use crate::spot::Spot;
 /// A narrower spot, in pixels, is flagged. Three bad pixels side by side look like a spot of 0.95, and with
 /// noise like one of up to 1.2. Nothing in a row tells them from a spot.
 const NARROWEST_SURE: f32 = 1.2;
-
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
-
 /// If the shape's part of u exceeds this many widths, the row is flagged.
 const LARGEST_SHAPE: f32 = 0.5;
-
 /// A narrower spot, in pixels, is flagged if it is not symmetric: a single bad pixel looks like a shape
 /// there.
 const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;

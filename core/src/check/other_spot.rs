@@ -17,32 +17,24 @@ use crate::spot::Spot;
 
 /// Widths from the centre to the nearest other spot. A closer one shows in the row's mirror image.
 const NEAREST_OTHER: f32 = 4.0;
-
 /// The least share of the spot's height that another spot has. The coarse search confuses two spots from a
 /// share of 0.8 on. A box of half a width loses up to a tenth more of a spot that is 0.7 times as wide, or
 /// that lies between two boxes.
 const SHARE: f32 = 0.62;
-
 /// The most boxes in [`NEAREST_OTHER`] widths, rounded up. A box has all whole pixels of half a width, at
 /// least one: four widths have most boxes of one pixel, just below a width of 4.
 const MOST_APART: usize = 16;
-
 /// A spot further to the left replaces the highest one only if it is higher by one part in this many. So on a
 /// row with a thousand rising spots, the highest one changes about fifty times.
 const HIGHER: u16 = 8;
-
 /// The places whose heights are compared in one go.
 const PART: usize = 1024;
-
 /// Heights of a part and of both sides, rounded up to whole fours.
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
-
 /// The work of the comparison, without that of its pixels and places.
 const WORK: usize = 240;
-
 /// So many pixels are summed in one unit of work.
 const PIXELS_IN_A_UNIT: usize = 20;
-
 /// So many places are compared in one unit of work.
 const PLACES_IN_A_UNIT: usize = 5;
 
@@ -388,7 +380,6 @@ impl Highest {
             })
     }
 
-    /// Compares four heights.
     #[cold]
     #[inline(never)]
     fn take(&mut self, fours: Fours<'_>, four: usize, places: usize) {

@@ -35,72 +35,52 @@ use crate::spot::Spot;
 /// The least deviation of an outlier, in standard deviations. In one row of a hundred, one of 128 good pixels
 /// gets there.
 const OUTLIER: f32 = 4.0;
-
 /// How well the shape of a spot is known, as a share of its height. An exact Fresnel pattern lies up to 7 %
 /// from the gaussian that fits it best, most of it within a width.
 const SHAPE_UNCERTAINTY: f32 = 0.02;
-
 /// How well the shape is known from pixel to pixel, as a multiple of [`SHAPE_UNCERTAINTY`], times the square
 /// of the width in pixels: half of the second difference of lobes that are 2.66 widths apart,
 /// (2 pi / 2.66)^2 / 2.
 const NEIGHBOUR_UNCERTAINTY: f32 = 2.8;
-
 /// A narrower spot, in pixels, has too few pixels to mask any.
 const NARROWEST: f32 = 1.0;
-
 /// If a fit with masked pixels finds a narrower spot, in pixels, it is flagged: the few bad pixels that are
 /// left may fit by chance.
 pub(crate) const NARROWEST_SURE_REFIT: f32 = 2.5;
-
 /// The most bad pixels side by side, in samples. More samples side by side are light, which may be the spot.
 const BAD_PIXELS: u32 = 3;
-
 /// Half of a window, in widths: room for a second spot at five widths, with three widths to either side of
 /// it. A window is no larger than that of [`gauss_newton`].
 const HALF_WINDOW: f32 = 8.0;
-
 /// A width has at most so many samples, where the light of a second spot is searched. A repair fits the row
 /// many times, so they are fewer than in [`gauss_newton`].
 const SAMPLES_A_WIDTH: f32 = 8.0;
-
 /// Up to this width, in pixels, bad pixels are searched in samples of one pixel: larger samples hide them.
 const SINGLE_PIXELS: f32 = 11.0;
-
 /// The fewest samples to either side, from which the level is known.
 const FEWEST: usize = 16;
-
 /// The most fits that each mask more pixels than the one before.
 const PIXEL_ROUNDS: usize = 4;
-
 /// The most fits that each mask the second light anew.
 const LIGHT_ROUNDS: usize = 2;
-
 /// The most steps of a fit before samples are masked anew. A fit that has not arrived goes on in the next
 /// round.
 const STEPS_OF_ROUND: usize = 4;
-
 /// The most steps of the fit to the spot's top and the dark. It is only a start.
 const STEPS_OF_TOP: usize = 3;
-
 /// The work of a repair besides what it pays pass by pass: it clears its window and masks, and compares a
 /// fit with the first centre.
 const WORK_OF_REPAIR: usize = 420;
-
 /// The work of a step besides its sums: four exponentials, and the equations' solution.
 const WORK_OF_STEP: usize = 12;
-
 /// The work of comparing the row with its mirror image, masked samples left out.
 const WORK_OF_CHECK: usize = 210;
-
 /// The comparison takes so much more for each pixel of the width.
 const WORK_OF_CHECKED_PIXEL: usize = 6;
-
 /// The work of finding a start for a narrow spot's top.
 const WORK_OF_START: usize = 30;
-
 /// The start takes so much more for each pixel of the spot's block.
 const WORK_OF_STARTING_PIXEL: usize = 3;
-
 /// So many pixels are summed into samples in one unit of work.
 const PIXELS_IN_A_UNIT: usize = 10;
 
@@ -116,7 +96,7 @@ pub fn repair(
     budget: &mut WorkBudget,
 ) -> Option<RowCentre> {
     // The tilt tables ignore a slope. The fits below would take it for outliers.
-    if first.class.set == TILTED.number() {
+    if first.class.set == TILTED.number {
         return None;
     }
     budget.pay(WORK_OF_REPAIR)?;
@@ -133,7 +113,6 @@ pub fn repair(
     found
 }
 
-/// Why samples are masked.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cause {
     /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are a background that is
@@ -148,11 +127,9 @@ struct Scene<'a> {
     row: &'a Row<'a>,
     spot: &'a Spot,
     geometry: &'a Geometry,
-    /// The sensor's own spot.
     profile: Option<&'a Profile>,
     /// The first centre.
     found: RowCentre,
-    /// The work that is left.
     budget: Cell<WorkBudget>,
 }
 
@@ -595,7 +572,6 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
 
 /// A second spot's top is further than this many widths from the first's.
 const NEAREST_SECOND: f32 = 1.5;
-
 /// The spot's height over the most light of a second spot that stays unmasked.
 const HEIGHT_OVER_UNMASKED: f32 = 1000.0;
 

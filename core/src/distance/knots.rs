@@ -11,7 +11,6 @@ use crate::base::units::{Micrometres, Pixels};
 
 /// The most knots of a curve.
 pub const MAX_KNOTS: usize = 129;
-
 /// The least distance between two knots: a sixteenth of a pixel. It bounds the slope between any two values
 /// to 2^26 um a pixel.
 pub const CLOSEST: Pixels = Pixels::from_bits(1 << (Pixels::FRACTION - 4));

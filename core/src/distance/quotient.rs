@@ -30,7 +30,6 @@ pub struct Quotient {
 
 /// 2^12, less eight roundings of 2^-24.
 const RECIPROCAL_OF: f32 = UNIT * (1.0 - 8.0 / (1u32 << 24) as f32);
-
 /// f32 takes the rest that the first digit leaves in units of this.
 const UNIT: f32 = (1u32 << UNIT_SHIFT) as f32;
 const UNIT_SHIFT: u32 = 12;

@@ -15,30 +15,23 @@ use super::{
 /// Tukey's constant c, in standard deviations. For normal errors this mean has 95 % of the efficiency of the
 /// best one (A. E. Beaton and J. W. Tukey, Technometrics 16, 147 (1974)).
 const REACH: f32 = 4.685;
-
 /// A standard deviation over the median of absolute deviations, for a normal distribution.
 const DEVIATION_PER_MEDIAN: f32 = 1.4826;
-
 /// A row agrees with the mean within this share of the reach, 2.3 standard deviations: 98 % of normal errors
 /// do. A row that is just within reach counts for little, and does not confirm the others.
 const AGREES: f32 = 0.5;
-
 /// How often the weights are computed.
 const REWEIGHTS: usize = 5;
-
 /// How often a motion is estimated and subtracted: a motion makes the rows scatter, so wrong rows may mislead
 /// the first estimate.
 const MOTION_PASSES: usize = 4;
-
 /// A row counts at most as if it were so many times as certain as the median row. So a row that claims too
 /// small an uncertainty weighs at most as much as 64 others.
 const MOST_CERTAIN: f32 = 8.0;
-
 /// From so many rows on, their own scatter tells how far from the mean a good row may lie. The median
 /// deviation of n normal values is known to 1.17 / sqrt(n), 41 % for 8 rows. With fewer rows only their
 /// uncertainties tell it.
 const ENOUGH_TO_SCATTER: usize = motion::ENOUGH;
-
 /// From so many rows on, a frame without a majority is always a fault. With fewer rows the mean of all does
 /// not claim too much: for two groups it is off by at most sqrt(n - 1) times the uncertainty that n rows with
 /// such a scatter claim, four times for 17.

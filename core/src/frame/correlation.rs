@@ -28,14 +28,11 @@ pub(super) struct Correlated {
 /// rows with a true sum t it is t / (1 + 6.5 t/n). This holds within 10 % of the median for t of 2 to 16, for
 /// rows that each depend on the one before.
 const LOST: f32 = 6.5;
-
 /// The estimated number of independent rows may be so many times too large. In one frame of twenty it is.
 const MARGIN: f32 = 2.5;
-
 /// The least excess of the neighbours' autocorrelation over that of independent rows, in standard deviations.
 /// 0.2 % of the frames of independent rows exceed it.
 const SIGNIFICANT: f32 = 2.88;
-
 /// The same for rows that scatter more than their noise explains. Other causes than noise seldom differ from
 /// row to row, so a weaker sign is enough; one frame of six shows it by chance.
 const SIGNIFICANT_IN_EXCESS: f32 = 1.0;

@@ -558,12 +558,10 @@ fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
     dual_mac::square_root(squares / n)
 }
 
-/// The sum of a value over the members.
 fn total(members: &[Member<'_>], value: impl Fn(&Member<'_>) -> f32) -> f32 {
     members.iter().map(value).sum()
 }
 
-/// Counts the members for which `is_so` is true.
 fn count_where(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
     numeric::count(members.iter().map(is_so))
 }

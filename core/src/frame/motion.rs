@@ -47,7 +47,6 @@ pub(super) struct Line {
     /// The weighted sum of the squares of the rows' numbers, taken from `middle`. It is the inverse of the
     /// slope's variance, if the weights are 1/u^2.
     pub moment: f32,
-    /// The sum of the weights.
     weights: f32,
 }
 

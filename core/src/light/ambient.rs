@@ -42,22 +42,17 @@ impl AmbientMode {
 /// The latest row counts in the mean with one in 2^7 = 128. A shorter mean follows the light faster, and has
 /// more noise: a frame of 16 rows then has, of the background's noise, 16/255 more variance.
 pub const LONGEST_LOG2: u32 = 7;
-
 /// After so many rows, the mean is at its longest.
 const LONGEST: u8 = 1 << LONGEST_LOG2;
-
 /// Light that differs from the mean by more than this counts as other light, in counts. The mean over all
 /// pixels of a row has a noise below one count.
 const OTHER_LIGHT: u16 = 16;
-
 /// After so many rows of other light in succession, all brighter than the mean or all darker, the mean begins
 /// again. Under a lamp that flickers, at most four rows in succession are brighter than the mean: a row comes
 /// every 11.4 ms, so the phase moves by 0.14 periods from row to row at 100 Hz, and by 0.37 at 120 Hz.
 const ROWS_OF_OTHER_LIGHT: i8 = 8;
-
 /// Bits after the binary point of a mean. Counts have 12 bits, so a mean fits 16.
 const FRACTION: u32 = 4;
-
 /// One count, in the steps of a mean.
 const ONE: u16 = 1 << FRACTION;
 

@@ -16,36 +16,27 @@ use crate::base::units::Counts;
 /// The height at which auto exposure aims, in percent of the room. A TCD1304DG may saturate at 75 % of the
 /// converter's range (0.45 V of 0.6 V, data sheet). The target is below that.
 pub const TARGET_PERCENT: u32 = 70;
-
 /// A spot that is lower than this, in percent of the room, gets a longer exposure.
 pub const LEAST_PERCENT: u32 = 50;
-
 /// A spot that is higher than this, in percent of the room, gets a shorter exposure.
 pub const MOST_PERCENT: u32 = 85;
-
 /// How much longer the exposure becomes after a row that shows no spot. A spot that is not found is below
 /// some 25 counts in a dark room, so after this step the spot is below 2500 counts.
 const AFTER_NO_SPOT: u32 = 100;
-
 /// How much shorter the exposure becomes after a row that is saturated. Two steps go from the longest
 /// exposure nearly to the shortest, and a spot that was only just saturated is still found after one step: it
 /// then has a 32nd of the range, 120 counts.
 const AFTER_SATURATED: u32 = 32;
-
 /// How much shorter the exposure becomes if at most [`FEW_PIXELS`] pixels are saturated. The spot is then not
 /// much too bright.
 const AFTER_FEW_SATURATED: u32 = 4;
-
 /// A spot with a sigma of 8.6 pixels has so many saturated pixels if its light is six times what fits.
 const FEW_PIXELS: u16 = 32;
-
 /// After so many rows without a spot, one row gets the longest exposure: whatever hides the spot in a shorter
 /// one, as a lamp that saturates the sensor, may leave it visible there.
 const LOST_ROWS: u16 = 32;
-
 /// A flat top of so many pixels fills a block, whose mean is then the saturation.
 const WHOLE_TOP: u16 = 8;
-
 /// The room that saturation leaves grows again by a count after so many rows with a spot: a top may have
 /// looked flat by chance.
 const ROWS_A_COUNT: u16 = 64;

@@ -85,7 +85,6 @@ pub struct Measurement {
     options: Options,
     /// Whether the option `peak` has chosen a spot in the frame under way.
     is_chosen: bool,
-    /// The sensor's own spot.
     profile: Option<Profile>,
     /// The blocks of the row under way, and what follows from them. They have their place here because
     /// clearing room for them would take time in each row.
@@ -401,7 +400,7 @@ impl Measurement {
         let how = self.options.black_level;
         let mut black = BlackPixels::default();
         match how {
-            BlackLevel::Frame => black.add_outside(&row, found.span()),
+            BlackLevel::Frame => black.add_outside(&row, found.span.clone()),
             BlackLevel::Fixed(_) | BlackLevel::Shielded => black.add(how, &row, None),
         }
         self.black.merge(black);
@@ -443,7 +442,6 @@ impl Measurement {
         self.frame.add_exposed(centre, self.exposure);
     }
 
-    /// Tells auto exposure about a row.
     #[inline]
     fn follow_light(&mut self, centre: &Result<RowCentre, Fault>) {
         if let (ExposureMode::Auto, Some(exposure)) = (self.options.exposure, self.exposure) {

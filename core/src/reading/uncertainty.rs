@@ -83,26 +83,21 @@ pub struct FittedSurface {
 ///
 /// sigma_spot / (b sqrt 2), where sigma_spot is a quarter of the spot's diameter of 1 mm and b = 300 mm.
 pub const SPECKLE: f32 = 0.25 / 300.0 * core::f32::consts::FRAC_1_SQRT_2;
-
 /// The usual height of a spot in counts if no calibration tells it: a quarter of full scale, as in the paper.
 pub const USUAL_HEIGHT: f32 = 1000.0;
-
 /// Up to this many times the usual brightness, a spot is a bright speckle of the usual target. From twice as
 /// much on, it belongs to a brighter target: speckle makes 2 % of the readings of metal so bright (one
 /// polarisation, light with an exponential distribution), and 0.3 % of paper.
 const BRIGHT_SPECKLE: f32 = 2.0;
-
 /// The surface's variance over that at the usual height, for a target whose usual brightness is not known:
 /// two polarisations. The displacement then has Student's t distribution with four degrees of freedom, whose
 /// variance is 4 / (4 - 2).
 const ANY_BRIGHTNESS: f32 = 2.0;
-
 /// The memory of speckle in micrometres at the range [`MEMORY_RANGE_UM`]: the step along the beam after which
 /// the errors of two readings by the surface have the correlation 1/e. It is that of a laser spot of 1 mm
 /// before the nominal head. A smaller spot's memory is longer, in inverse proportion, and a difference is
 /// then better than it claims.
 pub const MEMORY_UM: f32 = 840.0;
-
 /// From the slit to the target in micrometres, where the memory is [`MEMORY_UM`].
 pub const MEMORY_RANGE_UM: f32 = 854_400.0;
 
@@ -115,10 +110,8 @@ pub(crate) fn memory_um(distance_um: f32) -> f32 {
 /// The standard uncertainty of baseline and focal length, over themselves, of a head that was put together by
 /// its drawing and never adjusted: uniform within 1 %.
 pub const LENGTH_TOLERANCE: f32 = 0.0058;
-
 /// The standard uncertainty of d0 in micrometres, of such a head: uniform within 5 mm.
 pub const OFFSET_TOLERANCE_UM: f32 = 2890.0;
-
 /// The standard uncertainty of the angle u in radians, of such a head. A laser module's beam is 0.25 to 0.5
 /// degrees off its housing.
 pub const ANGLE_TOLERANCE: f32 = 0.006_67;

@@ -7,8 +7,6 @@ use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS};
 
 /// Blocks of 2^3 = 8 pixels: a block's sum fits 16 bits.
 pub(crate) const BLOCK_LOG2: u32 = 3;
-
-/// Pixels in a block.
 pub(crate) const BLOCK: usize = 1 << BLOCK_LOG2;
 
 const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
@@ -24,13 +22,11 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
-    /// No blocks.
     pub(crate) const NONE: Self = Self {
         sums: [0; MAX_BLOCKS],
         length: 0,
     };
 
-    /// The blocks of a row.
     pub(crate) fn of(light: Light<'_>) -> Self {
         let mut blocks = Self::NONE;
         blocks.sum(light);
@@ -52,12 +48,10 @@ impl Blocks {
         dual_mac::sum_blocks(blocks, sign, of_eight, &mut self.sums)
     }
 
-    /// Forgets the sums.
     pub(crate) fn clear(&mut self) {
         self.length = 0;
     }
 
-    /// The sums.
     #[inline]
     pub(crate) fn sums(&self) -> &[u16] {
         self.sums.get(..self.length).unwrap_or_default()

@@ -43,10 +43,8 @@ pub struct FrontEnd {
 
 /// The smallest gain that can be used, in electrons a count: a geometry holds one over the gain in 16 bits.
 pub const LEAST_GAIN: Electrons = Electrons::from_int(1);
-
 /// The largest gain that can be used, in electrons a count: a well of four million electrons.
 pub const LARGEST_GAIN: Electrons = Electrons::from_int(1000);
-
 /// The read noise comes after the well, so a saturated pixel may read so many of its standard deviations
 /// less.
 const NOISE_BELOW_SATURATION: i32 = 4;

@@ -211,7 +211,6 @@ impl Geometry {
     }
 }
 
-/// All bits that are set in any of the words.
 fn all_bits(words: &[u16]) -> u16 {
     words.iter().fold(0, |bits, &word| bits | word)
 }

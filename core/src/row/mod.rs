@@ -19,7 +19,6 @@ pub use light_pixels::{Extremes, Light};
 /// The largest count of a row: that of a 12-bit converter. The arithmetic of the core is proven for counts up
 /// to this.
 pub const LARGEST_COUNT: u16 = 4095;
-
 /// The most pixels in the light range of a row, and the most in its shielded range.
 pub const MAX_PIXELS: usize = 4096;
 

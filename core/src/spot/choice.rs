@@ -28,14 +28,11 @@ pub enum SpotChoice {
 
 /// The most searches for all spots of a frame's first row. Each takes as long as the search of a first row.
 const SEARCHES: usize = 6;
-
 /// How far a spot reaches from its centre, in blocks of the search: 4 to 16 widths. A gaussian has less than
 /// a thousandth of its height left there.
 const REACH: usize = 8;
-
 /// Spots below a tenth of the first spot's height do not count: halos make them.
 const LEAST_SHARE: i32 = 10;
-
 /// The least response of a spot in standard deviations of its noise. A spot that is bright enough for a
 /// centre has that much, and noise does not.
 const LEAST_RESPONSE: u64 = 10;
@@ -148,14 +145,12 @@ struct Lump {
     reach: usize,
 }
 
-/// What the search finds.
 enum Found {
     One(Lump),
     /// The places of two spots of similar height.
     Two(usize, usize),
 }
 
-/// The searches of parts of a row.
 struct Search<'a> {
     words: &'a [u16],
     geometry: &'a Geometry,
@@ -163,7 +158,6 @@ struct Search<'a> {
     coarse: &'a mut Coarse,
     /// The background's level where the first spot was found. That of a short part may be off.
     level: Option<Counts>,
-    /// How many searches are left.
     left: usize,
 }
 

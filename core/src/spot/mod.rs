@@ -42,10 +42,8 @@ use crate::spot::tilt::Tilt;
 
 /// The shortest row that is searched, in pixels of its light range.
 pub const MIN_PIXELS: usize = 32;
-
 /// The largest block has 2^7 = 128 pixels, for widths up to 130 pixels.
 const LARGEST_BLOCK_LOG2: u32 = 7;
-
 /// The least response of a spot, in halves of a standard deviation of its noise. At 4.5 standard deviations
 /// the search misses a spot of 1.5 pixels' width with a peak of five times the noise once in some thousand
 /// rows. Noise alone gets there in one row of forty: the estimator rejects those rows as too dim.
@@ -68,7 +66,6 @@ pub struct Spot {
 }
 
 impl Spot {
-    /// The pixels in a block.
     pub(crate) const fn block(&self) -> usize {
         let log2 = if self.block_log2 < LARGEST_BLOCK_LOG2 {
             self.block_log2
@@ -143,7 +140,6 @@ const NOTHING: Fault = Fault::NoSpot {
 
 /// The work of a search in blocks of all sizes.
 const WORK_OF_ALL_SIZES: usize = 1100;
-
 /// The work of searching a row again without its tilt.
 const WORK_OF_LEVEL: usize = 1100;
 
@@ -338,10 +334,8 @@ fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) 
 /// These tests are not paid from the budget, so their number has a limit: where more blocks stand out, all
 /// sizes are searched. A spot that fits blocks of 8 pixels stands out on less than ten of them.
 const MOST_TRIED: u32 = 16;
-
 /// On a row of fewer pixels all sizes are searched.
 const SHORT: usize = 1024;
-
 /// How much darker than the level noise makes a pixel, in standard deviations: one in 30,000 is darker.
 const DARKEST: i32 = 4;
 
@@ -501,7 +495,6 @@ impl Candidate {
     }
 }
 
-/// See [`Candidate::height`].
 fn height(response: i32, block_log2: u32) -> Counts {
     Counts::from_bits(response >> (2 + block_log2.min(LARGEST_BLOCK_LOG2)))
 }
@@ -557,7 +550,6 @@ struct Steps {
 }
 
 impl Steps {
-    /// No sums yet, of so many pixels.
     #[inline(always)]
     fn of(pixels: usize) -> Self {
         Self {

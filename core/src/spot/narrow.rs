@@ -23,7 +23,6 @@ use crate::spot::{Background, Spot, above, height, in_q8, middle, needed, noise,
 
 /// The smallest block has 2 pixels, for widths from 1 pixel. Blocks of one pixel would double the cost.
 const SMALLEST_BLOCK_LOG2: u32 = 1;
-
 /// The largest block has 2^4 = 16 pixels, for widths up to 20 pixels.
 const LARGEST_BLOCK_LOG2: u32 = 4;
 
@@ -49,37 +48,28 @@ const fn most_parts(block_log2: u32) -> usize {
 
 /// The blocks of a place and those of its sides.
 const BLOCKS: usize = 2 * REACH + 1;
-
 /// The work of a search, without its looks at parts.
 pub(super) const WORK: usize = 870;
-
 /// What a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
 /// all. That is enough for narrow spots and speckle on wide light, and for four hot pixels that are brighter.
 const LOOKS: u32 = 3400;
-
 /// Units of [`LOOKS`] in one unit of work, which is 40 instructions.
 const LOOKS_IN_A_UNIT: u32 = 5;
-
 /// Looking at a part.
 const LOOK: u32 = 75;
-
 /// Measuring the contrast and the bend of a place. Testing whether it is one pixel costs as much again.
 const PLACE: u32 = 14;
-
 /// Parts of a group. The highest rank of each group is stored, so that two short searches find the highest
 /// part.
 const GROUP: usize = 12;
-
 /// The least contrast, in halves of a standard deviation of a response's noise. A spot that is bright enough
 /// for a centre has about as much. The difference of two responses has 1.4 times that noise, so noise alone
 /// has to reach seven standard deviations.
 pub(super) const LEAST_CONTRAST: u16 = 20;
-
 /// The least bend (see [`Place::bend`]), in the same unit. A spot's bend is 0.28 to 0.5 of its contrast. The
 /// noise of a bend is 0.9 of a response's noise, so noise alone has to reach 5.6 standard deviations, and on
 /// the top of wide light only.
 const LEAST_BEND: u16 = 10;
-
 /// Pixels to either side of a spot in which its noise is measured: bright light has more noise than the rest
 /// of the row.
 const NOISE_REACH: usize = 256;
@@ -141,7 +131,6 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// No parts yet.
     const fn none(sums: &'a Sums<'a>, looks_left: u32) -> Self {
         Self {
             sums,

@@ -35,17 +35,12 @@ const fn is_high_enough(height: i32, highest: i32) -> bool {
 /// 5.5 standard deviations in one row of 10,000 (8000 places). A spot that is bright enough for a centre has
 /// ten.
 pub(super) const LEAST_OTHER: u16 = 11;
-
 /// Blocks to either side of the spot that are divided into finer ones. [`find_far_spot`] tests the rest.
 pub(super) const NEAR: usize = 4;
-
 /// A fine block is an eighth of the spot's block. Blocks of a quarter would do for the narrowest two spots
 /// that the search takes for one.
 const FINE_LOG2: u32 = 3;
-
-/// Number of fine blocks.
 const FINE: usize = (2 * NEAR) << FINE_LOG2;
-
 /// The work of dividing the light into smaller blocks once more. The first pass belongs to the plain
 /// search, and a pass that finds no two spots is not paid.
 const WORK_OF_SMALLER_BLOCKS: usize = 220;
@@ -311,12 +306,10 @@ impl Lump {
     }
 }
 
-/// The pixels of so many blocks.
 fn pixels(blocks: usize, block_log2: u32) -> usize {
     blocks.saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2))
 }
 
-/// The block that a pixel is in.
 fn block_of(pixel: usize, block_log2: u32) -> usize {
     pixel >> block_log2.min(LARGEST_BLOCK_LOG2)
 }

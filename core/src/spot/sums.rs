@@ -38,7 +38,6 @@ pub(crate) struct Coarse {
 }
 
 impl Coarse {
-    /// Nothing summed.
     pub(crate) const fn new() -> Self {
         Self {
             sums_16: [0; MAX_PIXELS >> 4],
@@ -88,7 +87,6 @@ pub(super) struct Fine {
 }
 
 impl Fine {
-    /// Nothing summed.
     pub(super) const fn new() -> Self {
         Self {
             sums_2: [0; MAX_PIXELS >> 1],
@@ -148,7 +146,6 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// The number of blocks on the row.
     pub(super) fn number(&self, block_log2: u32) -> usize {
         self.light.len() >> block_log2.min(LARGEST_BLOCK_LOG2)
     }
@@ -476,7 +473,6 @@ fn fill(sums: &mut [u32], values: impl Iterator<Item = u32>) {
     }
 }
 
-/// The first values.
 fn first<T>(values: &[T], number: usize) -> &[T] {
     values.get(..number).unwrap_or(values)
 }

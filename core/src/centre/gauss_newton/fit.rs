@@ -5,29 +5,22 @@ use crate::base::numeric;
 
 /// The most steps. Two or three are usual, and four for a spot that is cut off.
 pub(crate) const MAX_STEPS: usize = 8;
-
 /// The last step's square in standard deviations is at most this.
 const LAST_STEP: f32 = 0.01;
-
 /// The same for a repair, which fits a row many times. What such a step leaves is still far below the noise.
 const LAST_STEP_OF_REPAIR: f32 = 0.06;
-
 /// A fit whose last step was longer than half a standard deviation has not arrived.
 const ARRIVED: f32 = 0.25;
-
 /// A profile whose fit is so much wider than its half maximum has brighter flanks than a gaussian.
 const BRIGHT_FLANKS: f32 = 1.06;
-
 /// The least ratio of the read noise's variance to that of the shot noise at the peak, in the weights of a
 /// profile with bright flanks: that of the tables of the estimator `phase-table`, which finds the width of
 /// such a profile to 3 %. A fit of a gaussian would lose 9 % in pure shot noise.
 const LEAST_MIX: f32 = 0.23;
-
 /// The centre's variance in pure shot noise with weights of [`LEAST_MIX`], over the variance where the noise
 /// is what the weights say: the sum of u^2 e^3 / (e + m)^2 over that of u^2 e^2 / (e + m), m = 0.23.
 const OTHER_MIX_VARIANCE: f32 = 0.611;
 
-/// The result of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fit {
     pub(crate) parameters: Parameters,
@@ -38,12 +31,10 @@ pub(crate) struct Fit {
     /// Square of the last step in standard deviations of the noise, or of what the fit leaves if that is
     /// more.
     last_step: f32,
-    /// How many steps were taken.
     pub(crate) steps: usize,
 }
 
 impl Fit {
-    /// Whether the last step was short.
     pub(crate) fn has_arrived(&self) -> bool {
         self.last_step <= ARRIVED
     }
@@ -59,7 +50,6 @@ pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32, most: usize)
     fit_profile(samples, start, shot, f32::INFINITY, &until)
 }
 
-/// When a fit ends.
 pub(super) struct Until {
     /// After so many steps.
     steps: usize,

@@ -4,16 +4,13 @@ use crate::base::numeric::{self, limited};
 
 /// Samples in a window.
 pub const SAMPLES: usize = 128;
-
 /// s in samples: from half a pixel to half of the window.
 const SMALLEST_S: f32 = 0.57;
 /// See [`SMALLEST_S`].
 const LARGEST_S: f32 = 64.0;
-
 /// The variance of a saturated sample, in counts squared. It masks the sample: the sample weighs nothing
 /// beside any other.
 pub(super) const SATURATED: f32 = 1e30;
-
 /// The variance of a sample that the check masks. [`Window::row_centre`] still counts the sample among the
 /// degrees of freedom, so a caller that masks samples must test the misfit again.
 const MASKED_BY_CHECK: f32 = 2e30;
@@ -93,7 +90,6 @@ pub struct NormalEquations {
     pub(super) squares: f32,
 }
 
-/// A solution of the normal equations.
 pub(super) struct Step {
     pub(super) b: f32,
     pub(super) a: f32,
@@ -166,7 +162,6 @@ impl Scale {
 }
 
 impl NormalEquations {
-    /// Adds a sample with this sign.
     #[inline(always)]
     pub(super) fn add(&mut self, sample: &Sample, scale: &Scale, u: f32, e: f32, sign: f32) {
         let weight = sign / (sample.variance + scale.shot * e);

@@ -12,7 +12,6 @@ use crate::spot::Spot;
 
 /// A width has at most so many samples: half of a window then has at least five widths.
 const SAMPLES_A_WIDTH: f32 = 12.8;
-
 /// The most pixels in a sample. The widest spot needs 170 * 10 / 128 = 13.3. The sum of this many counts is
 /// below 2^16.
 const LARGEST_SAMPLE: usize = 16;
@@ -26,11 +25,9 @@ const _: () = assert!(
 /// A spot with saturated pixels needs this many other samples within three widths: one more than the
 /// unknowns that only the spot's own pixels tell.
 const FEWEST_SAMPLES: usize = 4;
-
 /// The sum of squares may exceed its expectation by this many standard deviations. For n degrees of freedom
 /// the expectation is n.
 const MISFIT: f32 = 5.0;
-
 /// The relative uncertainty of the noise's variance: [`crate::spot::find`] knows the noise to 3 % on a row of
 /// 3648 pixels. The variance of the sum of squares is 2 n from its own scatter, and (this times n)^2 from
 /// that of the noise.
@@ -62,7 +59,6 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    /// No samples.
     pub(crate) fn empty() -> Self {
         Self {
             first: 0,
@@ -148,7 +144,6 @@ impl Window {
         }
     }
 
-    /// The pixels of the samples that are masked.
     pub(crate) fn masked_pixels(&self) -> MaskedPixels {
         MaskedPixels {
             first: self.first,
@@ -202,7 +197,6 @@ impl Window {
         (self.block as f32 - 1.0) * 0.5
     }
 
-    /// Converts start values to samples.
     pub(crate) fn parameters(&self, start: &Start) -> Parameters {
         let block = self.block as f32;
         let first = Pixels::from_int(numeric::to_i32(self.first));
@@ -237,7 +231,6 @@ impl Window {
         }
     }
 
-    /// Converts a fit to pixels.
     pub(crate) fn row_centre(&self, fit: &Fit) -> RowCentre {
         let block = self.block as f32;
         let Parameters {

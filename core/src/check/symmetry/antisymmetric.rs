@@ -40,7 +40,6 @@ impl Odd {
         }
     }
 
-    /// Adds all products of pairs.
     #[inline(always)]
     pub(super) fn add_products(&mut self, pairs: &[Pair]) {
         for pair in pairs {

@@ -15,7 +15,6 @@ use crate::row::Light;
 /// The most pairs. A sample has at least a sixth of the width, so the pitch is at least 0.166: s is below
 /// 6.01 samples.
 const MOST_PAIRS: usize = 37;
-
 /// The most pixels of a sample for which 2^-16 counts are a unit in which the sums of a pair, and the level
 /// under it, are below 2^31: 2 * 4 * 4095 * 2^16.
 const MOST_EXACT: usize = 4;

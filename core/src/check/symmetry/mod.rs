@@ -46,69 +46,52 @@ use crate::spot::Spot;
 
 /// How far the pairs reach from the centre, in widths.
 const REACH: f32 = 6.0;
-
 /// Samples in a width. A sample has at least one pixel, so a narrow spot has fewer samples.
 const SAMPLES_A_WIDTH: f32 = 6.0;
-
 /// How much the third derivative of real profiles differs from a gaussian's: a standard deviation, as a share
 /// of the correction for that derivative. For sinc^2 of a width of 0.8 pixels, the correction is 5 % of the
 /// height, and the difference is less than a third of the correction.
 const OTHER_PROFILE: f32 = 0.3;
-
 /// The fewest pairs for a check.
 const FEWEST_PAIRS: f32 = 3.0;
-
 /// The fewest pairs for a check where samples were masked so that the others fit.
 const FEWEST_OF_A_PART: f32 = 5.0;
-
 /// Limits of tilt and skew, in standard deviations. Noise exceeds them in one row of 7000 and in one of 5000.
 const TILT: f32 = 3.8;
 /// See [`TILT`].
 const SKEW: f32 = 3.7;
-
 /// Limit of the worst pair, in standard deviations. Noise exceeds it in one row of 12,000 that have 32 pairs.
 const WORST: f32 = 4.7;
-
 /// The sum of squares of n pairs may exceed n by so many standard deviations, and by a constant more, because
 /// a chi-square is skewed: (2/3)(3.7^2 - 1), after Cornish and Fisher.
 const SCATTER: f32 = 3.7;
 /// See [`SCATTER`].
 const SCATTER_SKEWED: f32 = 8.5;
-
 /// The square of the relative uncertainty of the noise's variance. That uncertainty is 6 %, because the noise
 /// is known to 3 % (see [`crate::spot::find`]).
 const NOISE_VARIANCE_UNCERTAINTY_SQUARED: f32 = 0.0036;
-
 /// Limit of the shift: so many times the uncertainty, and [`SHIFTED_PIXELS`] more.
 const SHIFTED: f32 = 4.0;
 /// Pixels by which profiles other than the gaussian, and a table's rounding, move a centre.
 const SHIFTED_PIXELS: f32 = 0.02;
-
 /// The largest leverage of a pair, for a distance of one width between the pairs: the maximum of (u e)^2 over
 /// its integral, e^-1 / (sqrt(pi) / 4).
 const LEVERAGE_A_PITCH: f32 = 0.83;
-
 /// The lowest k4: between that of sinc^2 (-0.040) and that of two equal spots 1.8 widths apart.
 const FLAT: f32 = -0.05;
-
 /// Limit of the shape's misfit, which is the mean square that the fit leaves of the even part, over that of
 /// the spot. Fresnel's patterns have 0.003 at the nominal slit's Fresnel number of 0.33, and 0.011 at 0.55 if
 /// the width is that of the gaussian that fits best. With the widths and the heights that the estimators find
 /// there, they have up to 0.015.
 const SHAPE_MISFIT: f32 = 0.018;
-
 /// The same for a spot so narrow that it may be bad pixels: twice that of the nominal slit's pattern.
 const SHAPE_MISFIT_OF_NARROW: f32 = 0.006;
-
 /// How many standard deviations k4 and the shape's misfit may be beyond their limits.
 const EVEN: f32 = 4.0;
-
 /// The same for a spot so narrow that it may be bad pixels: these are likelier than so much noise.
 const EVEN_OF_NARROW: f32 = 2.5;
-
 /// Factor of all other limits for such a spot.
 const TRUST_OF_NARROW: f32 = 0.7;
-
 /// The least norm of u^4 e that is left without its parts along the other functions, over its full norm. With
 /// less, k4 is only rounding: three or four pairs have too few samples for the four functions of the even
 /// part.
@@ -274,12 +257,10 @@ fn is_sharp(light: Light<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometr
 
 /// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
 const SHARP_WIDTH: f32 = 1.5;
-
 /// The largest rise from pixel to pixel plus the largest fall, over the height of the highest pixel. A width
 /// of 0.8 with a pixel's edge in its middle has 1.5, sinc^2 has 1.6. The sum of rise and fall has the noise
 /// of about four pixels.
 const SHARPEST: f32 = 1.6;
-
 /// How many standard deviations of noise that sum may be beyond its limit.
 const SHARP: f32 = 2.5;
 
@@ -414,7 +395,7 @@ impl Symmetry {
             dark: noise + profile_deviation * profile_deviation,
             shot,
         };
-        let is_tilted = found.class.set == TILTED.number();
+        let is_tilted = found.class.set == TILTED.number;
         let (odd, mut even) = pairs.sums(&with_noise, is_tilted);
         let number = even.norms.samples;
         if let Some(middle) = pairs.middle() {

@@ -81,7 +81,6 @@ impl Norms {
     }
 }
 
-/// The solution of the even part.
 pub(super) struct Shape {
     /// The coefficient of u^2 e over that of e: how much wider the light is than the spot.
     pub(super) wider: f32,
@@ -109,7 +108,6 @@ impl Even {
         self.squares += p * p;
     }
 
-    /// Adds the sample at the centre.
     pub(super) fn add_middle(&mut self, p: f32) {
         self.add::<true>(p, 0.0, 1.0);
     }

@@ -19,14 +19,11 @@ use crate::row::MAX_PIXELS;
 /// The fewest slits that make a measurement: with fewer, their scatter says little of the error, and noise
 /// or reflections might agree by chance.
 pub const FEWEST: usize = 4;
-
 /// The score of the best x0 must exceed that of any other by so much: one false peak adds at most 1.
 pub const LEAD: f32 = 1.5;
-
 /// An image may be so far from its place, in pixels: 4.5 times what speckle of a 1 mm spot on metal does (2.7
 /// px RMS at 0.8 m).
 pub const TOLERANCE: f32 = 12.0;
-
 /// Pixels in a bin of x0, and bins that agree: twice the tolerance.
 const BIN: f32 = 8.0;
 const AGREEING: usize = 3;
@@ -34,7 +31,6 @@ const AGREEING: usize = 3;
 /// A peak within [`TOLERANCE`] of its slit's place says an x0 that is at most so many bins off: images move
 /// by at least half as much as x0. (Corrections of some pixels change that little.)
 const REACH: usize = 3;
-
 /// Bins for the x0 of a row.
 const BINS: usize = MAX_PIXELS / numeric::whole_usize(BIN);
 
@@ -146,7 +142,6 @@ struct Scored {
 }
 
 impl Scored {
-    /// Nothing fits.
     const NONE: Self = Self {
         x0: Pixels::MIN,
         score: 0.0,
@@ -163,7 +158,6 @@ impl Scored {
     }
 }
 
-/// The fault of too few slits.
 pub(super) fn few(found: usize) -> Fault {
     Fault::FewSlits {
         found: numeric::to_u16(found),
@@ -176,7 +170,6 @@ fn agreeing(votes: &[u16]) -> u8 {
     slits_in(votes.iter().fold(0, |all, votes| all | votes))
 }
 
-/// The number of slits whose bit is set.
 fn slits_in(votes: u16) -> u8 {
     (votes.count_ones() & 0xff) as u8
 }

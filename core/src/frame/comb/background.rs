@@ -13,7 +13,6 @@ use crate::spot::noise_of;
 
 /// The most blocks from which the level is taken.
 const MOST: usize = 64;
-
 /// Fewer pixels do not tell level and noise.
 const LEAST: usize = 512;
 

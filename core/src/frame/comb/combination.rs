@@ -19,7 +19,6 @@ use crate::frame::comb::assignment::{self, FEWEST};
 /// An image is left out if it is so many standard deviations from the mean of the others, times Student's
 /// factor for the number of the others.
 const OUTLIER: f32 = 4.5;
-
 /// How much the errors of the mean exceed what the scatter of independent images says, because neighbouring
 /// images share some of their speckle. Speckles of a 0.42 mm laser spot are wider than the gaps. For that
 /// spot the factor is 1.05 in light of a single wavelength. A line of 1 nm, as cheap laser diodes have, draws
@@ -208,7 +207,6 @@ impl Scatter {
 /// A slit in the combination.
 #[derive(Clone, Copy, Debug, Default)]
 struct Member {
-    /// Whether it counts.
     counts: bool,
     /// Its mean x0 from the frame's, in pixels: below 2^17.
     off: f32,

@@ -36,17 +36,12 @@ pub(crate) struct CombRow {
     peaks: Maxima,
     assignment: Assignment,
     /// The pixels from the first slit's image to the last one's.
-    span: Range<usize>,
+    pub span: Range<usize>,
     /// Level and noise of the row away from the images.
     pub background: Background,
 }
 
 impl CombRow {
-    /// The pixels from the first slit's image to the last one's.
-    pub fn span(&self) -> Range<usize> {
-        self.span.clone()
-    }
-
     /// The rough places of the images, in pixels.
     pub fn images(&self) -> impl Iterator<Item = usize> + '_ {
         let peaks = self.assignment.peaks.iter().flatten();
@@ -109,7 +104,6 @@ impl CombMeasurement {
         })
     }
 
-    /// The pixels from the first slit's image to the last one's.
     fn span(&self, assignment: &Assignment) -> Range<usize> {
         let places = || {
             let slits = self.comb.slits().iter();

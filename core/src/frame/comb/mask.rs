@@ -2,7 +2,6 @@
 
 /// The most slits of a comb.
 pub const MAX_SLITS: usize = 16;
-
 /// Width of each slit of the nominal mask, in micrometres: the paper's.
 pub const SLIT_WIDTH_UM: i32 = 200;
 

@@ -12,21 +12,16 @@ use crate::row::background::Background;
 
 /// The most peaks of a row. If there are more, the highest are kept.
 pub const MAX_MAXIMA: usize = 32;
-
 /// A peak is the highest response within so many blocks: 40 pixels, half of the way between the images of the
 /// nearest two slits less the width of one.
 const APART: usize = 5;
-
 /// Side lobes of a slit are sought within so many blocks: 88 pixels. The next slit's image is farther.
 const LOBES: usize = 11;
-
 /// A slit's side lobes beyond [`APART`] have less than 1 / [`LOBE`] of its peak: the third one has 0.8 %
 /// (sinc^2 at 3.47).
 const LOBE: u32 = 32;
-
 /// The least response in standard deviations of its noise.
 const DETECTION: u32 = 5;
-
 /// Standard deviation of the kernel's noise over that of a pixel: sqrt((1 + 4 + 1) 8) = 6.93, rounded up.
 const KERNEL_NOISE: u32 = 7;
 
@@ -42,7 +37,6 @@ pub struct Maximum {
 /// The peaks of a row.
 pub type Maxima = Vec<Maximum, MAX_MAXIMA>;
 
-/// Finds the peaks on a row's blocks.
 pub(crate) fn find(blocks: &[u16], background: Background, peaks: &mut Maxima) {
     peaks.clear();
     let noise = background.noise.to_bits().max(0).unsigned_abs();

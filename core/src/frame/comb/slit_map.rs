@@ -31,13 +31,10 @@ pub struct SlitMap {
 
 /// Pixels in a unit of the correction's argument.
 pub const UNIT: f32 = 1024.0;
-
 /// cos u of the nominal geometry: 1 / sqrt(1 + tan^2 u), tan u = 2.6.
 const COS: f32 = 0.358_979_08;
-
 /// The largest place of a slit in micrometres: half of a row of 4096 pixels of 8 um.
 pub const LARGEST_PLACE_UM: i32 = 16_384;
-
 /// The largest coefficient of a correction in pixels. x0 then always rises with the centre: t is within 1.8,
 /// so a correction changes by less than 64 (1 + 2 t + 3 t^2) / 1024 = 0.9 pixels a pixel.
 pub const LARGEST_CORRECTION: i32 = 64;

@@ -21,16 +21,13 @@ use crate::row::{Geometry, LARGEST_COUNT, Row};
 /// Rows of each kind. Their noise is what limits a map: 256 rows of 2000 counts leave 0.05 %. They last 1.5
 /// s.
 pub const ROWS: u16 = 256;
-
 /// Half of the neighbourhood of a pixel, in pixels. At the ends of the sensor, it is as far as the end.
 ///
 /// The mean over the neighbourhood has a noise of its own, which differs little between the two sides of a
 /// spot: [`SLOW`].
 const HALF_NEIGHBOURHOOD: usize = 512;
-
 /// The shortest half of a neighbourhood.
 const SHORTEST_HALF: usize = 8;
-
 /// The share of the responses that is so slow that it stays, as a spot of 10 pixels' width sees it.
 ///
 /// A response of pixel i that differs by d_i moves the centre of a gaussian fit by the sum of a_i d_i, with
@@ -38,31 +35,23 @@ const SHORTEST_HALF: usize = 8;
 /// is 0.632 sqrt(sigma) standard deviations. For the mean of such d over n pixels it is 0.893 sigma^1.5 / n.
 /// The ratio of the two is 1.41 sigma / n.
 const SLOW: f32 = 1.41 * 10.0 / (2 * HALF_NEIGHBOURHOOD + 1) as f32;
-
 /// Full scale divided by this is the least mean light of lit rows. Each neighbourhood needs half of it.
 const LEAST_LIGHT_DIVISOR: u16 = 10;
-
 /// Full scale divided by this is how much brighter dark rows may be than the shielded pixels.
 const LARGEST_DARK_DIVISOR: u16 = 20;
-
 /// Pixels that are compared with their neighbourhood together, where light that is not even is looked for.
 const BLOCK: usize = 8;
-
 /// By how much a block may be brighter or darker than its neighbourhood, in shares of the light. Eight pixels
 /// whose response has a standard deviation of 2.8 % have a mean with 1 %.
 const LARGEST_UNEVENNESS: f32 = 0.06;
-
 /// A pixel counts as no further from its neighbourhood than this, so that a bad pixel does not look like
 /// light that is not even.
 const LARGEST_SHARE: f32 = 0.2;
-
 /// By how many counts a block of the dark row may be brighter than the mean of all pixels.
 const LARGEST_SPOT: i32 = 32;
-
 /// A pixel counts as no brighter than this in a dark row, in counts, so that a hot pixel does not look like a
 /// spot.
 const LARGEST_HOT: i32 = 100;
-
 /// The most pixels that may be saturated in a row of even light.
 const MOST_SATURATED: usize = 16;
 
@@ -205,7 +194,6 @@ impl core::error::Error for TakeError {}
 /// The dark rows, as far as the lit rows need them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Dark {
-    /// The number of pixels.
     pixels: u16,
     /// The mean count of all pixels, Q12.4.
     mean_q4: i32,
@@ -328,7 +316,6 @@ impl FlatField {
         Ok(())
     }
 
-    /// The sums of the light pixels.
     fn light_sums(&self) -> &[Sum] {
         self.sums.get(..self.pixels).unwrap_or_default()
     }
@@ -563,7 +550,6 @@ impl Sum {
     }
 }
 
-/// The light of a pixel.
 fn light(sums: &[Sum], entries: &[Entry], at: usize, light_of: impl Fn(u32, &Entry) -> i32) -> i64 {
     match (sums.get(at), entries.get(at)) {
         (Some(sum), Some(entry)) => light_of(sum.get(), entry).into(),

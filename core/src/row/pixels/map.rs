@@ -13,26 +13,19 @@ use crate::row::{Geometry, LARGEST_COUNT};
 
 /// The most pixels of a map. With a header and a checksum it then fits 16 KB.
 pub const MAX_MAP_PIXELS: usize = 3648;
-
 /// Bits after the binary point of an offset: steps of 1/16 count.
 pub(super) const OFFSET_FRACTION: u32 = 4;
-
 /// Bits after the binary point of a gain.
 pub(super) const GAIN_FRACTION: u32 = 15;
-
 /// The largest offset that an entry holds, either sign: 1024 counts.
 pub(super) const LARGEST_OFFSET: i16 = 1 << 14;
-
 /// The largest gain that an entry holds, either sign: one half. Responses from 0.67 to 2 of the mean fit.
 pub(super) const LARGEST_GAIN: i16 = 1 << 14;
-
 /// How far estimator and check read from a centre, in widths. The check reads furthest: its `REACH`.
 const REACH: i32 = 6;
-
 /// Pixels beyond [`REACH`] widths: the check reads four more, and the spot may have moved since the row
 /// before.
 const MARGIN: usize = 6;
-
 /// The least noise of a row, in the bits of [`Counts`]: that of rounding to a count, as the search says it.
 const ROUNDING: f32 = 74.0;
 

@@ -6,7 +6,6 @@ use crate::row::{LARGEST_COUNT, Light};
 /// Pixels whose scatter is followed. 64 pixels in 256 rows tell the variance to 1 %.
 const FOLLOWED: usize = 64;
 
-/// The scatter of the rows that were added.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Scatter {
     /// The followed pixels of the row before.
