@@ -1,4 +1,4 @@
-//! The inner products and the square root in assembly.
+//! Inner products, sums and sweeps in assembly.
 //!
 //! Both inner products: LDM loads registers in the order of their numbers. So the assembly names r2, r4, r5
 //! and r8, and r3 for the counter. LDM also advances its address. The compiler chooses a register for the
@@ -8,29 +8,28 @@
 //! (`pure`), and leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum
 //! wraps), so `preserves_flags` is not among the options.
 
-#[cfg(has_dsp)]
+/// Instructions, a line each, of literals.
+macro_rules! lines {
+    ($([$($part:tt)+])+) => {
+        concat!($($($part,)+ "\n",)+)
+    };
+}
+
 mod slope;
-#[cfg(has_dsp)]
 mod sweep;
 
 use core::arch::asm;
 
-#[cfg(has_dsp)]
 pub use crate::cortex_m::slope::{subtract_slope, subtract_to_12_bits};
-#[cfg(has_dsp)]
 pub use crate::cortex_m::sweep::{sweep, sweep_wide};
 
-#[cfg(has_dsp)]
 use crate::{BLOCK, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART};
 
 // The layout of the weights that the assembly relies on.
-#[cfg(has_dsp)]
 const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);
-#[cfg(has_dsp)]
 const _: () = assert!(size_of::<Pairs>() == 8 && align_of::<Pairs>() == 4);
 
 /// Four pairs of samples in one inner product.
-#[cfg(has_dsp)]
 macro_rules! four_pairs {
     () => {
         "ldm {weight}!, {{r2, r4, r5, r8}}
@@ -46,7 +45,6 @@ macro_rules! four_pairs {
 }
 
 /// Two pairs of samples in two inner products.
-#[cfg(has_dsp)]
 macro_rules! two_pairs {
     () => {
         "ldm {weight}!, {{r2, r4, r5, r8}}
@@ -60,7 +58,6 @@ macro_rules! two_pairs {
 }
 
 /// See [`crate::portable::dot`].
-#[cfg(has_dsp)]
 #[inline(always)]
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let pairs = (samples.len() / 2).min(weights.len());
@@ -112,7 +109,6 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
 }
 
 /// See [`crate::portable::dot2`].
-#[cfg(has_dsp)]
 #[inline(always)]
 pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     let pairs = (samples.len() / 2).min(weights.len());
@@ -168,7 +164,6 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 }
 
 /// A block of eight samples: its bits and its sum.
-#[cfg(has_dsp)]
 macro_rules! one_block {
     () => {
         "ldm {sample}!, {{r2, r4, r5, r8}}
@@ -185,7 +180,6 @@ macro_rules! one_block {
 }
 
 /// See [`crate::portable::sum_blocks`]. Twice as fast where the samples are aligned to 4 bytes.
-#[cfg(has_dsp)]
 #[inline(never)]
 pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
     let number = blocks.len().min(sums.len());
@@ -236,7 +230,6 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
 }
 
 /// The steps of two fours: SSUB16 subtracts both from both, and remembers for SEL which result is positive.
-#[cfg(has_dsp)]
 macro_rules! two_steps {
     () => {
         "ldr {x}, [{sample}], #8
@@ -251,7 +244,6 @@ macro_rules! two_steps {
 }
 
 /// See [`crate::portable::sum_of_steps`].
-#[cfg(has_dsp)]
 #[inline(always)]
 pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
     let (many, rest) = fours.as_chunks::<4>();
@@ -284,33 +276,21 @@ pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
 
 /// Two responses of the kernel [1 2 1]: their middles are the second sample of the pair `$before` and the
 /// first one of the pair `$here`. Each is subtracted from `below` in two steps.
-#[cfg(has_dsp)]
 macro_rules! two_responses {
     ($before:literal, $here:literal) => {
-        concat!(
-            "ldr ",
-            $here,
-            ", [{sample}], #4\n",
-            "smlad {x}, ",
-            $before,
-            ", {one_two}, {below}\n",
-            "smlad {y}, ",
-            $before,
-            ", {none_one}, {below}\n",
-            "smlad {x}, ",
-            $here,
-            ", {one_none}, {x}\n",
-            "smlad {y}, ",
-            $here,
-            ", {two_one}, {y}\n",
-            "orr {signs}, {signs}, {x}\n",
-            "orr {signs}, {signs}, {y}",
-        )
+        lines! {
+            ["ldr " $here ", [{sample}], #4"]
+            ["smlad {x}, " $before ", {one_two}, {below}"]
+            ["smlad {y}, " $before ", {none_one}, {below}"]
+            ["smlad {x}, " $here ", {one_none}, {x}"]
+            ["smlad {y}, " $here ", {two_one}, {y}"]
+            ["orr {signs}, {signs}, {x}"]
+            ["orr {signs}, {signs}, {y}"]
+        }
     };
 }
 
 /// See [`crate::portable::reaches`].
-#[cfg(has_dsp)]
 #[inline(never)]
 pub fn reaches(samples: &[u16], least: i32) -> bool {
     const fn negative(even: i16, odd: i16) -> u32 {
@@ -364,86 +344,51 @@ pub fn reaches(samples: &[u16], least: i32) -> bool {
 
 /// The responses of two neighbouring samples, each a quarter: `$word`, which holds the last two samples,
 /// takes them, and `$next` takes the next two samples. UHADD16 adds both halves and divides by two.
-#[cfg(has_dsp)]
 macro_rules! quarters {
     ($word:literal, $next:literal) => {
-        concat!(
-            "ldr {x}, [{sample}, #2]\n",
-            "ldr ",
-            $next,
-            ", [{sample}, #4]!\n",
-            "uhadd16 ",
-            $word,
-            ", ",
-            $word,
-            ", ",
-            $next,
-            "\n",
-            "uhadd16 ",
-            $word,
-            ", ",
-            $word,
-            ", {x}",
-        )
+        lines! {
+            ["ldr {x}, [{sample}, #2]"]
+            ["ldr " $next ", [{sample}, #4]!"]
+            ["uhadd16 " $word ", " $word ", " $next]
+            ["uhadd16 " $word ", " $word ", {x}"]
+        }
     };
 }
 
 /// Takes the contrasts of the two samples at `$here`. `$left` has the responses to their left and is free
 /// afterwards; `$word` and `$next` are as in [`quarters`], and give those to their right. USUB16 remembers
 /// for SEL which half is higher; UQSUB16 gives zero for what is negative.
-#[cfg(has_dsp)]
 macro_rules! two_contrasts {
     ($left:literal, $here:literal, $word:literal, $next:literal) => {
         concat!(
             quarters!($word, $next),
-            "\nusub16 {x}, ",
-            $left,
-            ", ",
-            $word,
-            "\nsel ",
-            $left,
-            ", ",
-            $left,
-            ", ",
-            $word,
-            "\nuqsub16 ",
-            $left,
-            ", ",
-            $here,
-            ", ",
-            $left,
-            "\nusub16 {x}, {both}, ",
-            $left,
-            "\nsel {both}, {both}, ",
-            $left,
+            lines! {
+                ["usub16 {x}, " $left ", " $word]
+                ["sel " $left ", " $left ", " $word]
+                ["uqsub16 " $left ", " $here ", " $left]
+                ["usub16 {x}, {both}, " $left]
+                ["sel {both}, {both}, " $left]
+            },
         )
     };
 }
 
 /// Twelve samples: six registers hold the responses before them, the last word and the next one. Each pair
 /// turns them by one.
-#[cfg(has_dsp)]
 macro_rules! half_a_part {
     () => {
         concat!(
             two_contrasts!("{a}", "{c}", "{e}", "{f}"),
-            "\n",
             two_contrasts!("{b}", "{d}", "{f}", "{a}"),
-            "\n",
             two_contrasts!("{c}", "{e}", "{a}", "{b}"),
-            "\n",
             two_contrasts!("{d}", "{f}", "{b}", "{c}"),
-            "\n",
             two_contrasts!("{e}", "{a}", "{c}", "{d}"),
-            "\n",
             two_contrasts!("{f}", "{b}", "{d}", "{e}"),
-            "\n"
         )
     };
 }
 
 /// See [`crate::portable::contrasts`].
-#[cfg(has_dsp)]
 #[inline(never)]
 pub fn contrasts(samples: &[u16], highest: &mut [u16]) {
     let Some(last) = samples.last_chunk::<SAMPLES_OF_PART>() else {
@@ -460,7 +405,6 @@ pub fn contrasts(samples: &[u16], highest: &mut [u16]) {
 
 /// As [`contrasts`], for parts that are all there: the samples are [`PLACES_OF_PART`] for each, and [`REACH`]
 /// to both sides. Writes nothing where there are fewer.
-#[cfg(has_dsp)]
 fn contrasts_of_parts(samples: &[u16], highest: &mut [u16]) {
     let parts = highest.len();
     if parts == 0 || (samples.len().saturating_sub(2 * REACH) / PLACES_OF_PART) < parts {
@@ -502,27 +446,4 @@ fn contrasts_of_parts(samples: &[u16], highest: &mut [u16]) {
             options(nostack),
         );
     }
-}
-
-/// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other
-/// way to it.
-#[cfg(has_fpu)]
-#[inline]
-pub fn square_root(value: f32) -> f32 {
-    let mut bits = value.to_bits();
-    // SAFETY: works on registers only. Rust knows neither this target's floating-point unit nor its registers
-    // by class, but takes one of them as clobbered. No `preserves_flags`: VSQRT sets FPSCR's exception flags,
-    // inexact above all.
-    unsafe {
-        asm!(
-            ".fpu fpv4-sp-d16",
-            "vmov s0, {bits}",
-            "vsqrt.f32 s0, s0",
-            "vmov {bits}, s0",
-            bits = inout(reg) bits,
-            out("s0") _,
-            options(pure, nomem, nostack),
-        );
-    }
-    f32::from_bits(bits)
 }

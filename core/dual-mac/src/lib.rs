@@ -29,11 +29,11 @@ extern crate std;
 pub mod portable;
 
 // `build.rs` says which of these the target has.
-#[cfg(any(has_dsp, has_fpu))]
+#[cfg(has_dsp)]
 mod cortex_m;
-
 #[cfg(has_fpu)]
-pub use cortex_m::square_root;
+mod vsqrt;
+
 #[cfg(has_dsp)]
 pub use cortex_m::{
     contrasts, dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
@@ -46,6 +46,8 @@ pub use portable::{
     contrasts, dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
     sweep, sweep_wide,
 };
+#[cfg(has_fpu)]
+pub use vsqrt::square_root;
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -8,13 +8,6 @@ use core::arch::asm;
 
 use crate::PART;
 
-/// Instructions, a line each, of literals.
-macro_rules! lines {
-    ($([$($part:tt)+])+) => {
-        concat!($($($part,)+ "\n",)+)
-    };
-}
-
 /// One pair of each half of a part. `$here` and `$there` hold the words of the two pairs, and then the pairs'
 /// sums and their second samples. `$two` and `$last` hold what these are of the pairs before. `$respond`
 /// makes responses of {x} and `$last`; `$free` is one more register for that.
