@@ -149,25 +149,21 @@ mod tests {
     #[test]
     fn eight_independent_rows_are_enough() {
         let worth = |rows| Correlated { rows, growth: 1.0 }.rows_if_few();
-        assert_eq!(
-            [worth(20.0), worth(19.9), worth(1.0)],
-            [None, Some(7), Some(1)]
-        );
+        for (rows, expected) in [(20.0, None), (19.9, Some(7)), (1.0, Some(1))] {
+            assert_eq!(worth(rows), expected);
+        }
     }
 
     #[test]
     fn motion_equal_rows_and_opposite_neighbours_are_no_correlation() {
-        assert_eq!(of((0..64).map(|i| 0.1 * i as f32)), None, "steady motion");
-        assert_eq!(of((0..64).map(|_| 0.5)), None, "rows that are equal");
-        assert_eq!(
-            of((0..64).map(|i| (i % 2) as f32)),
-            None,
-            "opposite neighbours"
-        );
-        assert_eq!(
-            of((0..7).map(|i| (i / 4) as f32)),
-            None,
-            "too few rows to tell"
-        );
+        let found = |rows: usize, offset: fn(usize) -> f32| of((0..rows).map(offset));
+        for (case, found) in [
+            ("steady motion", found(64, |i| 0.1 * i as f32)),
+            ("rows that are equal", found(64, |_| 0.5)),
+            ("opposite neighbours", found(64, |i| (i % 2) as f32)),
+            ("too few rows to tell", found(7, |i| (i / 4) as f32)),
+        ] {
+            assert_eq!(found, None, "{case}");
+        }
     }
 }

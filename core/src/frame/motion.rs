@@ -178,26 +178,13 @@ mod tests {
     use super::*;
     use crate::frame::tests::row;
 
-    /// The motion that eight rows show if only some of them count. The target moves by `speed` pixels a row,
+    /// What eight rows show of which some count. Their places are a function of their numbers from the middle,
     /// and each row claims an uncertainty of 0.02 pixels.
-    fn motion(counting: &[usize], speed: f32) -> Option<f32> {
-        let row = row(0.0, 0.02).expect("a centre");
-        let members: [Member<'_>; 8] = core::array::from_fn(|number| Member {
-            row: &row,
-            rows_from_middle: number as f32 - 3.5,
-            offset: speed * number as f32,
-            uncertainty: 0.02,
-            weight: if counting.contains(&number) {
-                2500.0
-            } else {
-                0.0
-            },
-        });
-        of(&members)
-    }
-
-    /// Eight rows of which some count, at places that are a function of their numbers from the middle.
-    fn parabola(counting: &[usize], place: impl Fn(f32) -> f32) -> Option<Parabola> {
+    fn of_eight<T>(
+        counting: &[usize],
+        place: impl Fn(f32) -> f32,
+        show: impl Fn(&[Member<'_>]) -> Option<T>,
+    ) -> Option<T> {
         let row = row(0.0, 0.02).expect("a centre");
         let members: [Member<'_>; 8] = core::array::from_fn(|number| Member {
             row: &row,
@@ -210,7 +197,15 @@ mod tests {
                 0.0
             },
         });
-        Parabola::through(&members)
+        show(&members)
+    }
+
+    fn motion(counting: &[usize], speed: f32) -> Option<f32> {
+        of_eight(counting, |x| speed * x, of)
+    }
+
+    fn parabola(counting: &[usize], place: impl Fn(f32) -> f32) -> Option<Parabola> {
+        of_eight(counting, place, Parabola::through)
     }
 
     #[test]
@@ -227,10 +222,8 @@ mod tests {
             }
             assert!(found.is_motion(1.0), "{counting:?}");
         }
-        assert!(
-            parabola(&[0, 3, 7], place).is_none(),
-            "three rows have no rest"
-        );
+        // Nothing is left of three rows.
+        assert!(parabola(&[0, 3, 7], place).is_none());
     }
 
     /// Eight rows: the squares of the shape x^2 - 21/4 sum to 168. A curvature of four standard deviations is

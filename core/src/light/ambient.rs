@@ -243,28 +243,26 @@ impl Step {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::row::{LARGEST_COUNT, Polarity};
+    use crate::row::Polarity;
+    use crate::tests::{bare, uniform};
 
     const SHIELDED: usize = 4;
     const PIXELS: usize = 64;
 
     fn geometry(polarity: Polarity) -> Geometry {
         Geometry {
-            words: SHIELDED + PIXELS,
             shielded: 0..SHIELDED,
             light: SHIELDED..SHIELDED + PIXELS,
-            polarity,
-            bits: 12,
-            shot_variance_per_count_q16: 6554,
-            saturation: LARGEST_COUNT,
+            ..bare(SHIELDED + PIXELS, polarity)
         }
     }
 
     /// The words of a row: shielded pixels at 300, and light pixels.
-    fn words(geometry: &Geometry, light: impl Fn(usize) -> u16) -> std::vec::Vec<u16> {
-        let shielded = [300; SHIELDED].into_iter();
-        let counts = shielded.chain((0..PIXELS).map(light));
-        counts.map(|count| count ^ geometry.inverted()).collect()
+    fn words(geometry: &Geometry, light: impl Fn(usize) -> u16) -> [u16; SHIELDED + PIXELS] {
+        core::array::from_fn(|word| {
+            let count = word.checked_sub(SHIELDED).map_or(300, &light);
+            count ^ geometry.inverted()
+        })
     }
 
     fn take(mean: &mut AmbientMean, geometry: &Geometry, light: impl Fn(usize) -> u16) {
@@ -272,9 +270,19 @@ mod tests {
         mean.take(&geometry.row(&words).expect("a row"));
     }
 
-    fn light(geometry: &Geometry, words: &[u16]) -> std::vec::Vec<u16> {
-        let row = geometry.row(words).expect("a row");
-        row.light().iter().collect()
+    /// The counts of a row from which the mean is subtracted, and by how much its background became lower.
+    fn subtracted(
+        mean: &AmbientMean,
+        geometry: &Geometry,
+        light: impl Fn(usize) -> u16,
+    ) -> ([u16; PIXELS], Counts) {
+        let mut words = words(geometry, light);
+        let lower = mean.subtract(&mut words, geometry).expect("subtracted");
+        let row = geometry.row(&words).expect("a row");
+        (
+            core::array::from_fn(|i| row.light().get(i).expect("a pixel")),
+            lower,
+        )
     }
 
     /// Subtraction removes a slope and a pattern, to the count, for words that rise and words that fall.
@@ -284,31 +292,18 @@ mod tests {
             let geometry = geometry(polarity);
             let ambient = |pixel: usize| 500 + 5 * pixel as u16 + 7 * (pixel as u16 % 3);
             let mut mean = AmbientMean::EMPTY;
+            // No row with the laser off yet.
             let mut row = words(&geometry, ambient);
             assert_eq!(mean.subtract(&mut row, &geometry), None);
-            assert_eq!(
-                row,
-                words(&geometry, ambient),
-                "no row with the laser off yet"
-            );
-            for _ in 0..10 {
-                take(&mut mean, &geometry, ambient);
-            }
+            assert_eq!(row, words(&geometry, ambient));
+            (0..10).for_each(|_| take(&mut mean, &geometry, ambient));
             let spot = |pixel: usize| if pixel.abs_diff(30) < 5 { 2000 } else { 0 };
-            let mut row = words(&geometry, |pixel| ambient(pixel) + spot(pixel));
-            let lower = mean.subtract(&mut row, &geometry).expect("subtracted");
-            let found = light(&geometry, &row);
-            let expected: std::vec::Vec<_> = (0..PIXELS).map(|pixel| 300 + spot(pixel)).collect();
-            assert_eq!(found, expected);
+            let (found, lower) = subtracted(&mean, &geometry, |it| ambient(it) + spot(it));
+            assert_eq!(found, core::array::from_fn(|pixel| 300 + spot(pixel)));
             // The mean of the ambient light above the black level.
-            let level = (0..PIXELS)
-                .map(|pixel| f64::from(ambient(pixel)))
-                .sum::<f64>();
-            let level = level / PIXELS as f64 - 300.0;
-            assert!(
-                (lower.to_f64() - level).abs() <= 1.0 / 16.0,
-                "{lower} {level}"
-            );
+            let sum: f64 = (0..PIXELS).map(|pixel| f64::from(ambient(pixel))).sum();
+            let off = lower.to_f64() - (sum / PIXELS as f64 - 300.0);
+            assert!(off.abs() <= 1.0 / 16.0, "{lower} {off}");
         }
     }
 
@@ -318,18 +313,11 @@ mod tests {
         geometry.saturation = 2500;
         let mut mean = AmbientMean::EMPTY;
         // Pixel 1 is darker than the black level.
-        take(
-            &mut mean,
-            &geometry,
-            |pixel| if pixel == 1 { 200 } else { 400 },
-        );
-        let counts = [2500, 2499, 4095, 2499, 0];
-        let mut row = words(&geometry, |pixel| counts.get(pixel).copied().unwrap_or(400));
-        mean.subtract(&mut row, &geometry).expect("subtracted");
-        assert_eq!(
-            light(&geometry, &row)[..6],
-            [2500, 2499, 4095, 2399, 0, 300]
-        );
+        let dark = |pixel| if pixel == 1 { 200 } else { 400 };
+        take(&mut mean, &geometry, dark);
+        let counts = [2500, 2499, 4095, 2499, 0, 400];
+        let (found, _) = subtracted(&mean, &geometry, |pixel| counts[pixel.min(5)]);
+        assert_eq!(found[..6], [2500, 2499, 4095, 2399, 0, 300]);
     }
 
     /// A lamp goes out. The background stays at the black level, where it would lie below zero.
@@ -338,17 +326,14 @@ mod tests {
         let geometry = geometry(Polarity::Rising);
         let mut mean = AmbientMean::EMPTY;
         take(&mut mean, &geometry, |pixel| 1300 + pixel as u16);
-        let mut row = words(&geometry, |_| 300);
-        let lower = mean.subtract(&mut row, &geometry).expect("subtracted");
+        let (found, lower) = subtracted(&mean, &geometry, |_| 300);
         assert_eq!(lower, Counts::default());
-        let found = light(&geometry, &row);
         let (least, most) = (found.iter().min(), found.iter().max());
         assert_eq!((least, most), (Some(&269), Some(&332)));
     }
 
     /// Rows of other light in succession begin the mean again; light that flickers does not.
     #[test]
-    #[cfg_attr(miri, ignore = "takes a minute; the other tests run the same code")]
     fn the_mean_begins_again_in_other_light() {
         let geometry = geometry(Polarity::Rising);
         let mut mean = AmbientMean::EMPTY;
@@ -378,25 +363,19 @@ mod tests {
     /// The share is the variance of the mean. The mean over all pixels is right to a tenth of a count,
     /// because rounding has no direction.
     #[test]
-    #[cfg_attr(miri, ignore = "takes minutes; the other tests run the same code")]
     fn the_mean_has_the_noise_that_it_states() {
         const NOISE: f64 = 4.0;
         let geometry = geometry(Polarity::Rising);
-        let mut state = 19u32;
-        // From -1 to 1 (the generator of Numerical Recipes).
-        let mut uniform = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(state >> 8) / f64::from(1 << 23) - 1.0
-        };
+        let mut state = 19;
+        let mut even = || 2.0 * f64::from(uniform(&mut state)) - 1.0;
         for rows in [1, 2, 3, 6, 12, 30, 80, 128, 400] {
             let (mut sum, mut squares, mut share) = (0.0, 0.0, 0.0);
             const REPEATS: usize = 160;
             for _ in 0..REPEATS {
                 let mut mean = AmbientMean::EMPTY;
                 for _ in 0..rows {
-                    let row: std::vec::Vec<u16> = (0..PIXELS)
-                        .map(|_| (400.5 + uniform() * NOISE * 3f64.sqrt()) as u16)
-                        .collect();
+                    let row: [u16; PIXELS] =
+                        core::array::from_fn(|_| (400.5 + even() * NOISE * 3f64.sqrt()) as u16);
                     take(&mut mean, &geometry, |pixel| row[pixel]);
                 }
                 for eight in mean.pixels[..PIXELS].as_chunks::<8>().0 {
@@ -414,10 +393,8 @@ mod tests {
             println!("{rows} rows: share {share:.4}, measured {measured:.4}, error {error:.3}");
             // The relative standard deviation of a variance from 1280 sums is 4 %.
             assert!((measured / share - 1.0).abs() < 0.16, "{rows} rows");
-            assert!(
-                error.abs() < 0.1 + 4.0 * (variance / pixels / 8.0).sqrt(),
-                "{rows} rows: {error}"
-            );
+            let most = 0.1 + 4.0 * (variance / pixels / 8.0).sqrt();
+            assert!(error.abs() < most, "{rows} rows: {error}");
         }
     }
 
@@ -439,7 +416,6 @@ mod tests {
 
     /// Light without noise that changes by a count: no pixel's step is a whole one, and yet all follow.
     #[test]
-    #[cfg_attr(miri, ignore = "takes a minute; the other tests run the same code")]
     fn the_mean_follows_a_small_change() {
         let geometry = geometry(Polarity::Rising);
         let mut mean = AmbientMean::EMPTY;

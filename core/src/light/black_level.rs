@@ -145,33 +145,29 @@ const _: () =
 mod tests {
     use super::*;
 
-    fn row_with_a_spot() -> [u16; 1000] {
-        // Black of 100 and 101 in turn, mean 100.5; a triangle of light around pixel 300.
-        core::array::from_fn(|i| {
-            100 + (i % 2) as u16 + 60u16.saturating_sub(i.abs_diff(300) as u16) * 20
-        })
+    fn background(level: f32, noise: f32) -> Background {
+        let [level, noise] = [level, noise].map(Counts::from_f32);
+        Background { level, noise }
     }
 
     #[test]
     fn the_level_is_fixed_or_the_mean_of_shielded_or_of_unlit_pixels() {
-        let light = row_with_a_spot();
+        // Black of 100 and 101 in turn, mean 100.5; a triangle of light around pixel 300.
+        let light: [u16; 1000] = core::array::from_fn(|i| {
+            100 + (i % 2) as u16 + 60u16.saturating_sub(i.abs_diff(300) as u16) * 20
+        });
         let row = Row::new(&light, &[90, 92, 94], 4095).expect("a row");
-        let background = Background {
-            level: Counts::from_f32(100.5),
-            noise: Counts::from_f32(1.0),
-        };
-        let level = |how| {
+        let background = background(100.5, 1.0);
+        assert_eq!(centroid((&light).into(), background), Some(300));
+        for (how, level) in [
+            (BlackLevel::Fixed(Counts::from_int(77)), 77.0),
+            (BlackLevel::Shielded, 92.0),
+            (BlackLevel::Frame, 100.5),
+        ] {
             let mut black = BlackPixels::default();
             black.add(how, &row, Some(background));
-            black.level(how).expect("black pixels")
-        };
-        assert_eq!(
-            level(BlackLevel::Fixed(Counts::from_int(77))),
-            Counts::from_int(77)
-        );
-        assert_eq!(level(BlackLevel::Shielded), Counts::from_int(92));
-        assert_eq!(centroid((&light).into(), background), Some(300));
-        assert_eq!(level(BlackLevel::Frame), Counts::from_f32(100.5));
+            assert_eq!(black.level(how), Some(Counts::from_f32(level)));
+        }
     }
 
     #[test]
@@ -179,10 +175,7 @@ mod tests {
         for how in [BlackLevel::Shielded, BlackLevel::Frame] {
             assert_eq!(BlackPixels::default().level(how), None);
         }
-        let background = Background {
-            level: Counts::from_int(4000),
-            noise: Counts::from_int(100),
-        };
-        assert_eq!(centroid((&[4095; 20]).into(), background), None);
+        let found = centroid((&[4095; 20]).into(), background(4000.0, 100.0));
+        assert_eq!(found, None);
     }
 }

@@ -331,19 +331,16 @@ fn square(value: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::found_at;
 
-    fn image(slit: usize, off: f32, noise: f32, height: i32) -> Image {
+    fn image(slit: usize, off: f32, noise: f32, height: f32) -> Image {
+        let found = RowCentre {
+            amplitude: Counts::from_f32(height),
+            ..found_at(1000.0 + off, 8.0)
+        };
         Image {
             slit,
-            found: RowCentre {
-                centre: Pixels::from_f32(1000.0 + off),
-                uncertainty: Pixels::from_f32(noise),
-                amplitude: Counts::from_int(height),
-                width: Pixels::from_int(8),
-                class: Default::default(),
-                shape: Default::default(),
-                misfit: false,
-            },
+            found,
             off,
             noise,
         }
@@ -352,11 +349,28 @@ mod tests {
     /// Speckle of some pixels for each slit.
     const OFFS: [f32; 8] = [0.5, -1.0, 2.0, -0.25, 0.75, -2.0, 1.5, -0.5];
 
+    /// The light of a slit's image.
+    fn light_of(slit: usize) -> f32 {
+        500.0 + 100.0 * slit as f32
+    }
+
+    /// The sum over the slits, weighed by their light.
+    fn weighed(value: impl Fn(usize) -> f32) -> f32 {
+        (0..OFFS.len())
+            .map(|slit| light_of(slit) * value(slit))
+            .sum()
+    }
+
+    /// The mean of [`OFFS`] by light: 700 / 6800.
+    fn mean_off() -> f32 {
+        weighed(|slit| OFFS[slit]) / weighed(|_| 1.0)
+    }
+
     /// A row of a target at rest whose mean is at `at`, without some slits.
     fn row(at: f32, but: &[usize]) -> std::vec::Vec<Image> {
         let slits = (0..OFFS.len()).filter(|slit| !but.contains(slit));
         slits
-            .map(|slit| image(slit, at + OFFS[slit], 0.01, 500 + 100 * slit as i32))
+            .map(|slit| image(slit, at + OFFS[slit], 0.01, light_of(slit)))
             .collect()
     }
 
@@ -364,27 +378,15 @@ mod tests {
     fn images_that_are_missing_in_some_rows_do_not_move_a_target_at_rest() {
         let mut scatter = Scatter::default();
         let (first, noise) = scatter.add(&row(3.0, &[])).expect("a mean");
-        // sum w = 6800, sum w off = 3.0 * 6800 + 700, and sum w^2 = 6.2e6.
-        let weights: f32 = (0..8).map(|slit| 500.0 + 100.0 * slit as f32).sum();
-        let sum: f32 = (0..8)
-            .map(|slit| (500.0 + 100.0 * slit as f32) * OFFS[slit])
-            .sum();
-        assert!((first - (3.0 + sum / weights)).abs() < 1e-5);
-        let squares: f32 = (0..8)
-            .map(|slit| (500.0 + 100.0 * slit as f32).powi(2))
-            .sum();
-        assert!((noise - 0.01 * squares.sqrt() / weights).abs() < 1e-6);
+        assert!((first - (3.0 + mean_off())).abs() < 1e-5);
+        let expected = 0.01 * weighed(light_of).sqrt() / weighed(|_| 1.0);
+        assert!((noise - expected).abs() < 1e-6);
         for but in [&[0usize] as &[usize], &[2, 5], &[1, 3, 6, 7], &[]] {
             let (mean, _) = scatter.add(&row(3.0, but)).expect("a mean");
-            assert!(
-                (mean - first).abs() < 1e-5,
-                "without {but:?}: {mean} and {first}"
-            );
+            assert!((mean - first).abs() < 1e-5, "without {but:?}: {mean}");
         }
-        assert_eq!(
-            scatter.add(&row(3.0, &[0, 1, 2, 3, 4])),
-            Err(assignment::few(3))
-        );
+        let few = scatter.add(&row(3.0, &[0, 1, 2, 3, 4]));
+        assert_eq!(few, Err(assignment::few(3)));
     }
 
     #[test]
@@ -396,12 +398,8 @@ mod tests {
         let combined = scatter.combine().expect("slits");
         assert_eq!(combined.used, 8);
         // The frame's mean counts it: the weighted mean of all eight.
-        let weights: f32 = (0..8).map(|slit| 500.0 + 100.0 * slit as f32).sum();
-        let sum: f32 = (0..8)
-            .map(|slit| (500.0 + 100.0 * slit as f32) * OFFS[slit])
-            .sum();
         let mean = first + combined.shift.to_f32();
-        assert!((mean - (3.0 + sum / weights)).abs() < 1e-3, "{mean}");
+        assert!((mean - (3.0 + mean_off())).abs() < 1e-3, "{mean}");
         let later = combined.centres[5].expect("an image");
         assert_eq!((later.rows.get(), later.height), (1, 1000));
     }
@@ -411,50 +409,32 @@ mod tests {
         let mut scatter = Scatter::default();
         scatter.add(&row(3.0, &[])).expect("a mean");
         let combined = scatter.combine().expect("slits");
-        let light = |slit: usize| 500.0 + 100.0 * slit as f64;
-        let total: f64 = (0..8).map(light).sum();
-        let mean = (0..8)
-            .map(|it| light(it) * f64::from(OFFS[it]))
-            .sum::<f64>()
-            / total;
-        let squares: f64 = (0..8)
-            .map(|it| light(it) * (f64::from(OFFS[it]) - mean).powi(2))
-            .sum();
+        let squares = weighed(|slit| square(OFFS[slit] - mean_off()));
         // Noise of 0.01 px is nothing beside this.
-        let expected = (squares / 7.0 / total).sqrt();
-        let factor = f64::from(small_sample(8) * NEIGHBOURS);
-        let found = combined.surface.to_f64() / factor;
+        let expected = (squares / 7.0 / weighed(|_| 1.0)).sqrt();
+        let found = combined.surface.to_f32() / (small_sample(8) * NEIGHBOURS);
         assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
         // Scatter that noise explains is no speckle.
         let mut noisy = Scatter::default();
-        let images: std::vec::Vec<Image> = (0..8)
-            .map(|slit| image(slit, OFFS[slit], 3.0, 1000))
-            .collect();
+        let images = [0, 1, 2, 3, 4, 5, 6, 7].map(|slit| image(slit, OFFS[slit], 3.0, 1000.0));
         noisy.add(&images).expect("a mean");
         assert_eq!(noisy.combine().expect("slits").surface, Pixels::default());
     }
 
     #[test]
     fn an_image_far_from_the_others_is_left_out() {
-        let mut scatter = Scatter::default();
         let mut images = row(3.0, &[]);
-        scatter.add(&images).expect("a mean");
-        let good = scatter.combine().expect("slits");
-        images.push(image(12, 3.0 + 12.0, 0.01, 400));
-        let mut scatter = Scatter::default();
-        let (mean, _) = scatter.add(&images).expect("a mean");
-        let combined = scatter.combine().expect("slits");
-        assert_eq!((combined.used, good.used), (8, 8));
-        assert!((combined.surface.to_f32() - good.surface.to_f32()).abs() < 1e-4);
-        let expected: f32 = row(3.0, &[])
-            .iter()
-            .map(|it| it.off * it.found.amplitude.to_f32())
-            .sum();
-        let total: f32 = row(3.0, &[])
-            .iter()
-            .map(|it| it.found.amplitude.to_f32())
-            .sum();
-        assert!((mean + combined.shift.to_f32() - expected / total).abs() < 1e-3);
+        let combined = |images: &[Image]| {
+            let mut scatter = Scatter::default();
+            let (mean, _) = scatter.add(images).expect("a mean");
+            (mean, scatter.combine().expect("slits"))
+        };
+        let (_, good) = combined(&images);
+        images.push(image(12, 3.0 + 12.0, 0.01, 400.0));
+        let (mean, found) = combined(&images);
+        assert_eq!((found.used, good.used), (8, 8));
+        assert!((found.surface.to_f32() - good.surface.to_f32()).abs() < 1e-4);
+        assert!((mean + found.shift.to_f32() - (3.0 + mean_off())).abs() < 1e-3);
     }
 
     #[test]
@@ -468,11 +448,8 @@ mod tests {
             (11, 2.284),
             (16, 2.181),
         ] {
-            let factor = small_sample(values);
-            assert!(
-                (factor / (t / 2.0) - 1.0).abs() < 0.02,
-                "{values}: {factor}"
-            );
+            let ratio = small_sample(values) / (t / 2.0);
+            assert!((ratio - 1.0).abs() < 0.02, "{values}: {ratio}");
         }
     }
 }
