@@ -62,7 +62,7 @@ mod tests {
         assert_eq!(ranked(0, &[]), None);
         assert_eq!(ranked(2, &[1, 2]), None);
         // Bits in any order: keys that spread over all of their range, and keys of which many are equal.
-        for (count, shift) in [
+        let cases = [
             (1, 0),
             (2, 0),
             (7, 28),
@@ -70,7 +70,8 @@ mod tests {
             (33, 0),
             (63, 30),
             (64, 12),
-        ] {
+        ];
+        for (count, shift) in cases {
             let values = (1..=count).map(|i: i32| i.wrapping_mul(-1_640_531_527) >> shift);
             let extremes = [i32::MIN, i32::MAX];
             let values: std::vec::Vec<i32> = values.chain(extremes).collect();

@@ -214,25 +214,20 @@ const _: () =
 mod tests {
     use super::*;
 
+    fn moments_of(light: &[u16], level: i32, at: f32, half_window: f32) -> Option<Moments> {
+        let [at, half_window] = [at, half_window].map(Pixels::from_f32);
+        moments(light.into(), level, at, half_window)
+    }
+
     /// The sums as eq. (2) defines them, in f64.
     #[test]
     fn moments_are_those_of_the_window() {
-        let light: std::vec::Vec<u16> = (0..400u32)
-            .map(|i| (i.wrapping_mul(2_654_435_761) >> 20) as u16)
-            .collect();
+        let light: [u16; 400] = core::array::from_fn(|i| (crate::tests::hash(i) >> 20) as u16);
         let level = 1234.5f64;
         for (at, half_window) in [(200.0, 30.0), (200.3, 30.7), (57.77, 1.5), (199.51, 190.2)] {
-            let found = moments(
-                light[..].into(),
-                (level * 256.0) as i32,
-                Pixels::from_f32(at),
-                Pixels::from_f32(half_window),
-            )
-            .expect("on the row");
-            let (at, half_window) = (
-                Pixels::from_f32(at).to_f64(),
-                Pixels::from_f32(half_window).to_f64(),
-            );
+            let found = moments_of(&light, (level * 256.0) as i32, at, half_window);
+            let found = found.expect("on the row");
+            let [at, half_window] = [at, half_window].map(|it| Pixels::from_f32(it).to_f64());
             let (mut gathered, mut moment) = (0.0, 0.0);
             for (i, &count) in light.iter().enumerate() {
                 let distance = (i as f64 - at).abs();
@@ -249,36 +244,24 @@ mod tests {
 
     #[test]
     fn the_largest_window_does_not_overflow() {
-        let light = [4095u16; 1100];
         for level in [0, 4095 << 8] {
-            let found = moments(
-                light[..].into(),
-                level,
-                Pixels::from_int(550),
-                Pixels::from_int(510),
-            );
+            let found = moments_of(&[4095; 1100], level, 550.0, 510.0);
             assert_eq!(found.expect("on the row").moment, 0);
         }
     }
 
     #[test]
     fn a_window_over_the_edge_has_no_moments() {
-        let light = [100u16; 100];
-        for (at, half_window, whole) in [
-            (50, 49, true),
-            (50, 50, false),
-            (49, 49, true),
-            (10, 11, false),
+        for (at, half_window, is_whole) in [
+            (50.0, 49.0, true),
+            (50.0, 50.0, false),
+            (49.0, 49.0, true),
+            (10.0, 11.0, false),
+            (f32::MAX, 510.0, false),
+            (f32::MIN, 510.0, false),
         ] {
-            let found = moments(
-                light[..].into(),
-                0,
-                Pixels::from_int(at),
-                Pixels::from_int(half_window),
-            );
-            assert_eq!(found.is_some(), whole, "{at} {half_window}");
+            let found = moments_of(&[100; 100], 0, at, half_window);
+            assert_eq!(found.is_some(), is_whole, "{at} {half_window}");
         }
-        assert!(moments(light[..].into(), 0, Pixels::MAX, Pixels::from_int(510)).is_none());
-        assert!(moments(light[..].into(), 0, Pixels::MIN, Pixels::from_int(510)).is_none());
     }
 }

@@ -98,28 +98,27 @@ mod tests {
         };
         let centre = Pixels::from_f32(32.5);
         assert_eq!(count(&light, 4095, centre, 2.0), 0);
-        light[27] = 4095;
-        light[37] = 4095;
-        light[32] = 2500;
-        assert_eq!(count(&light, 4095, centre, 2.0), 2);
-        assert_eq!(count(&light, 2501, centre, 2.0), 2);
-        assert_eq!(count(&light, 2500, centre, 2.0), 3);
-        assert_eq!(count(&light, 4095, centre, 1.4), 0);
-        assert_eq!(count(&light, 4095, Pixels::MAX, f32::MAX), 2);
+        (light[27], light[32], light[37]) = (4095, 2500, 4095);
+        for (saturation, centre, width, expected) in [
+            (4095, centre, 2.0, 2),
+            (2501, centre, 2.0, 2),
+            (2500, centre, 2.0, 3),
+            (4095, centre, 1.4, 0),
+            (4095, Pixels::MAX, f32::MAX, 2),
+        ] {
+            assert_eq!(count(&light, saturation, centre, width), expected);
+        }
         assert_eq!(count(&[], 4095, Pixels::MIN, f32::NAN), 0);
     }
 
     #[test]
     fn an_eighth_of_the_width() {
+        let [amplitude, needed] = [100, 200].map(Counts::from_int);
+        let too_dim = Err(Fault::TooDim { amplitude, needed });
         assert_eq!(check_uncertainty(100.0, 0.25, 2.0), Ok(()));
-        assert_eq!(
-            check_uncertainty(100.0, 0.5, 2.0),
-            Err(Fault::TooDim {
-                amplitude: Counts::from_int(100),
-                needed: Counts::from_int(200),
-            })
-        );
-        assert!(check_uncertainty(100.0, f32::NAN, 2.0).is_err());
-        assert!(check_uncertainty(100.0, 0.1, f32::NAN).is_err());
+        assert_eq!(check_uncertainty(100.0, 0.5, 2.0), too_dim);
+        for (uncertainty, width) in [(f32::NAN, 2.0), (0.1, f32::NAN)] {
+            assert!(check_uncertainty(100.0, uncertainty, width).is_err());
+        }
     }
 }

@@ -166,10 +166,8 @@ mod tests {
         // A symmetric spot is a flaw then.
         assert!(spot([0.0; 5]).uncertainty(Some(&OWN)) > Pixels::from_int(2));
         // So is another width: 0.3 pixels, 180 variances.
-        let narrower = SpotShape {
-            width: Pixels::from_f32(7.7),
-            ..own
-        };
+        let width = Pixels::from_f32(7.7);
+        let narrower = SpotShape { width, ..own };
         let expected = 2.0 * 0.3 * libm::sqrtf(1.0 - 13.4 * 5e-4 / 0.09);
         assert!((narrower.uncertainty(Some(&OWN)).to_f32() - expected).abs() < 1e-3);
         assert_eq!(narrower.uncertainty(None), own.uncertainty(None));
@@ -185,20 +183,14 @@ mod tests {
         let by_sets = |own| same.uncertainty_by_sets(own).to_f32();
         assert!((by_sets(Some(&own)) - 0.1 * 5.0).abs() < 1e-4);
         assert_eq!(same.uncertainty(Some(&own)).to_f32(), 0.0);
-        for own in [
-            None,
-            Some(&OwnSpot {
-                components: [0.0; 5],
-                ..OWN
-            }),
-        ] {
+        let components = [0.0; 5];
+        let symmetric = OwnSpot { components, ..OWN };
+        for own in [None, Some(&symmetric)] {
             assert_eq!(by_sets(own), same.uncertainty(own).to_f32());
         }
         // 1.2 pixels of a flaw and 0.5 make 1.3.
-        let bad_pixels = SpotShape {
-            rest: Pixels::from_f32(1.2),
-            ..same
-        };
+        let rest = Pixels::from_f32(1.2);
+        let bad_pixels = SpotShape { rest, ..same };
         let all = bad_pixels.uncertainty_by_sets(Some(&own));
         assert!((all.to_f32() - 1.3).abs() < 1e-4);
     }

@@ -92,20 +92,14 @@ mod tests {
         let empty = Profile { last, ..profile };
         assert_eq!(empty.at(Pixels::from_int(1000)).width, 7.0);
         assert!(profile.is_sensible());
-        for spoilt in [
-            Profile {
-                width: rising(-1),
-                ..profile
-            },
-            Profile {
-                width_deviation: Pixels::from_bits(-1),
-                ..profile
-            },
-            Profile {
-                deviation: Pixels::from_bits(-1),
-                ..profile
-            },
-        ] {
+        let spoil: [fn(&mut Profile); 3] = [
+            |it| it.width[0] = Pixels::default(),
+            |it| it.width_deviation = Pixels::from_bits(-1),
+            |it| it.deviation = Pixels::from_bits(-1),
+        ];
+        for spoil in spoil {
+            let mut spoilt = profile;
+            spoil(&mut spoilt);
             assert!(!spoilt.is_sensible(), "{spoilt:?}");
         }
     }

@@ -125,11 +125,8 @@ mod tests {
                     continue;
                 }
                 let quotient = Dividend::new(value).divide_by(divisor);
-                assert_eq!(
-                    u64::from(quotient.rounded),
-                    exact(value, divisor),
-                    "{value} / {divisor}"
-                );
+                let rounded = u64::from(quotient.rounded);
+                assert_eq!(rounded, exact(value, divisor), "{value} / {divisor}");
                 if value > 0 {
                     let ratio = value as f64 / f64::from(divisor);
                     let shortfall = (1.0 - f64::from(quotient.estimate) / ratio) * 2f64.powi(24);
@@ -150,11 +147,9 @@ mod tests {
             for value in [0, 1, most, most - 1, u64::from(divisor) - 1] {
                 // `most` may be beyond 2^63 for wide divisors.
                 let value = value.min((1 << 63) - 1);
-                assert_eq!(
-                    u64::from(Dividend::new(value).divide_by(divisor).rounded),
-                    exact(value, divisor),
-                    "{value} / {divisor}"
-                );
+                let quotient = Dividend::new(value).divide_by(divisor);
+                let rounded = u64::from(quotient.rounded);
+                assert_eq!(rounded, exact(value, divisor), "{value} / {divisor}");
             }
         }
     }

@@ -181,21 +181,16 @@ pub(crate) fn exponentials(at: &Parameters, light: &mut [f32; SAMPLES]) {
 #[cfg(test)]
 mod tests {
     use super::super::normal_equations::SATURATED;
-    use super::super::normal_equations::tests::{AT, model, samples};
+    use super::super::normal_equations::tests::{AT, model, samples, samples_of};
     use super::*;
 
     #[test]
     fn four_parameters_need_more_than_a_flank() {
-        let at = Parameters {
-            centre: -60.0,
-            ..AT
-        };
+        let centre = -60.0;
+        let at = Parameters { centre, ..AT };
         assert!(normal_equations(&samples(&at), &at, 0.0).solve().is_none());
         assert!(normal_equations(&[], &AT, 0.0).solve().is_none());
-        let all_full = [Sample {
-            counts: 4000.0,
-            variance: SATURATED,
-        }; SAMPLES];
+        let all_full = samples_of(|_| 4000.0, SATURATED);
         let fitted = fit(&all_full, AT, 0.0, MAX_STEPS);
         let uncertain = fitted.is_none_or(|fit| fit.uncertainty > 1e6);
         assert!(uncertain, "{fitted:?}");
@@ -204,10 +199,7 @@ mod tests {
     #[test]
     fn steps_arrive() {
         let truth = Parameters { level: -2.0, ..AT };
-        let samples: [Sample; SAMPLES] = core::array::from_fn(|i| Sample {
-            counts: model(&truth, i) as f32,
-            variance: 4.0,
-        });
+        let samples = samples_of(|i| model(&truth, i), 4.0);
         for (off, width, amplitude) in [(0.0, 1.0, 1.0), (0.8, 0.6, 0.5), (-0.8, 1.5, 1.5)] {
             let start = Parameters {
                 centre: truth.centre + off * truth.width,
@@ -227,30 +219,25 @@ mod tests {
     /// limit on the mix widens to cover the flare.
     #[test]
     fn bright_flanks_widen_the_fit_little() {
-        let samples: [Sample; SAMPLES] = core::array::from_fn(|i| {
+        let light = |i: usize| {
             let u = (i as f64 - 63.37) / 8.0;
-            let light = libm::exp(-u * u / 2.0) + 0.1 * libm::exp(-u * u / 18.0);
-            Sample {
-                counts: (3000.0 * light) as f32,
-                variance: 4.0,
-            }
-        });
+            3000.0 * (libm::exp(-u * u / 2.0) + 0.1 * libm::exp(-u * u / 18.0))
+        };
         let start = Parameters {
             centre: 62.5,
             width: 8.0,
             amplitude: 3200.0,
             level: 0.0,
         };
-        let fitted =
-            |noise| fit_profile(&samples, start, 0.1, noise, &Until::PRECISE).expect("a fit");
-        let [without, with] = [f32::INFINITY, 4.0].map(fitted);
-        println!("{without:?}\n{with:?}");
-        for found in [&without, &with] {
-            assert!(found.has_arrived(), "{found:?}");
-            assert!((found.parameters.centre - 63.37).abs() < 0.002, "{found:?}");
-        }
-        assert!(with.parameters.width < 1.15 * 8.0);
-        assert!(without.parameters.width > 1.05 * with.parameters.width);
+        let [without, with] = [f32::INFINITY, 4.0].map(|noise| {
+            let samples = samples_of(light, 4.0);
+            let found = fit_profile(&samples, start, 0.1, noise, &Until::PRECISE).expect("a fit");
+            println!("{found:?}");
+            assert!(found.has_arrived());
+            assert!((found.parameters.centre - 63.37).abs() < 0.002);
+            found.parameters.width
+        });
+        assert!(with < 1.15 * 8.0 && without > 1.05 * with);
     }
 
     /// The claim with the limited mix is the centre's standard deviation with these weights in this noise:
@@ -258,15 +245,12 @@ mod tests {
     #[test]
     fn the_claim_with_a_limited_mix_is_that_of_its_weights() {
         let (noise, shot) = (4.0, 0.1f32);
-        let samples: [Sample; SAMPLES] = core::array::from_fn(|i| Sample {
-            counts: model(&AT, i) as f32,
-            variance: noise,
-        });
         // Too narrow, so that the fit seems to have bright flanks.
-        let start = Parameters {
-            width: 0.9 * AT.width,
-            ..AT
-        };
+        let width = 0.9 * AT.width;
+        let (samples, start) = (
+            samples_of(|i| model(&AT, i), noise),
+            Parameters { width, ..AT },
+        );
         let found = fit_profile(&samples, start, shot, noise, &Until::PRECISE).expect("a fit");
         let (mut product, mut norm) = (0.0, 0.0);
         for i in 0..SAMPLES {

@@ -237,12 +237,19 @@ pub(super) mod tests {
         f64::from(at.level) + f64::from(at.amplitude) * libm::exp(-0.5 * u * u)
     }
 
+    /// Samples of a light and a variance.
+    pub fn samples_of(light: impl Fn(usize) -> f64, variance: f32) -> [Sample; SAMPLES] {
+        core::array::from_fn(|i| Sample {
+            counts: light(i) as f32,
+            variance,
+        })
+    }
+
     /// A spot that is a little off the model, so that all sums have something to add.
     pub fn samples(at: &Parameters) -> [Sample; SAMPLES] {
-        core::array::from_fn(|i| Sample {
-            counts: (model(at, i) + (i * i * i % 11) as f64 * 10.0) as f32,
-            variance: if i == 60 { SATURATED } else { 4.0 },
-        })
+        let mut all = samples_of(|i| model(at, i) + (i * i * i % 11) as f64 * 10.0, 4.0);
+        all[60].variance = SATURATED;
+        all
     }
 
     /// The sums with an exponential for each pixel, in f64.
@@ -329,12 +336,8 @@ pub(super) mod tests {
         assert!((f64::from(step.length) / length - 1.0).abs() < 1e-3);
         for j in 0..4 {
             let left: f64 = (0..4).map(|k| m[j][k] * x[k]).sum();
-            let scale = (m[j][j] * squares).sqrt();
-            assert!(
-                (left - right[j]).abs() < 1e-4 * scale,
-                "{j}: {left} {}",
-                right[j]
-            );
+            let off = (left - right[j]) / (m[j][j] * squares).sqrt();
+            assert!(off.abs() < 1e-4, "{j}: {left} {}", right[j]);
         }
         // If level, height and width were known, the variance of the centre would be one over its own
         // element. It cannot be smaller.

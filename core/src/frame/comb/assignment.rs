@@ -337,22 +337,14 @@ mod tests {
 
     /// A window that is not looked at could not have won.
     #[test]
-    #[cfg_attr(
-        miri,
-        ignore = "takes a minute; `each_slit_gets_its_own_peak` runs the same code"
-    )]
+    #[cfg_attr(miri, ignore = "`each_slit_gets_its_own_peak` runs the same code")]
     fn no_score_exceeds_its_bound() {
         let comb = Comb::nominal();
-        let mut seed = 1u32;
+        let mut state = 1;
         let mut tightest = f32::MAX;
         for _ in 0..200 {
-            let peaks: std::vec::Vec<Maximum> = (0..24)
-                .map(|_| {
-                    // A linear congruential generator (Numerical Recipes).
-                    seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                    peak((seed >> 8) as f32 * (3648.0 / 16_777_216.0))
-                })
-                .collect();
+            let peaks: [Maximum; 24] =
+                core::array::from_fn(|_| peak(3648.0 * crate::tests::uniform(&mut state)));
             let mut candidates = Candidates::NONE;
             candidates.add_all(&peaks, &comb);
             let bounds = candidates.bounds().into_iter().enumerate();
@@ -368,10 +360,7 @@ mod tests {
     }
 
     #[test]
-    #[cfg_attr(
-        miri,
-        ignore = "takes a minute; `each_slit_gets_its_own_peak` runs the same code"
-    )]
+    #[cfg_attr(miri, ignore = "`each_slit_gets_its_own_peak` runs the same code")]
     fn too_few_peaks_and_peaks_of_no_comb_are_faults() {
         let comb = Comb::nominal();
         let some = peaks(&comb, 1823.5, &[]);
@@ -380,12 +369,8 @@ mod tests {
             assert_eq!(assign(&some[..number], &comb), Err(few(number)));
         }
         // Even gaps fit all gaps of 860 and 880 um that follow one another, in several places.
-        let even: std::vec::Vec<Maximum> =
-            (0..16).map(|i| peak(900.0 + 112.0 * i as f32)).collect();
-        let unclear = assign(&even, &comb);
-        assert!(
-            matches!(unclear, Err(Fault::SlitsUnclear { .. })),
-            "{unclear:?}"
-        );
+        let even = core::array::from_fn::<_, 16, _>(|i| peak(900.0 + 112.0 * i as f32));
+        let is_unclear = matches!(assign(&even, &comb), Err(Fault::SlitsUnclear { .. }));
+        assert!(is_unclear);
     }
 }
