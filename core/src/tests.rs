@@ -15,9 +15,7 @@ pub fn found_at(centre: f32, width: f32) -> RowCentre {
         uncertainty: Pixels::from_f32(0.25),
         amplitude: Counts::from_int(1000),
         width: Pixels::from_f32(width),
-        class: Default::default(),
-        shape: Default::default(),
-        misfit: false,
+        ..RowCentre::default()
     }
 }
 

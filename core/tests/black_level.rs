@@ -1,16 +1,12 @@
 //! What the setting `black` changes: the centroid, its height and the greatest height that can be measured;
 //! no bit of any other estimator.
 
-use slitrange::base::fault::Fault;
 use slitrange::base::units::Counts;
-use slitrange::centre::{Estimator, half_width};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::reading::Measured;
+use slitrange::centre::half_width;
 use slitrange::row::sensor_heads::tcd1304dg;
-use slitrange::row::{Geometry, Row};
-use slitrange::spot;
+use slitrange::{
+    BlackLevel, Estimator, Fault, Geometry, Measured, Measurement, Options, Row, spot,
+};
 
 /// What a shielded pixel reads, and what a light pixel reads besides it where no spot is.
 const DARK: f64 = 200.0;
@@ -33,7 +29,9 @@ fn counts(centre: f64, width: f64, height: f64) -> Vec<u16> {
     (0..head.words).map(count).collect()
 }
 
-fn measured(
+/// Measures a frame of one row of these counts.
+fn measured_by(
+    head: Geometry,
     counts: &[u16],
     estimator: Estimator,
     black_level: BlackLevel,
@@ -45,30 +43,27 @@ fn measured(
         ..Options::default()
     };
     let mut words: Vec<u16> = counts.iter().map(|count| 4095 - count).collect();
-    let mut measurement = Measurement::new(tcd1304dg(), options);
-    measurement
-        .row(&mut words)
-        .expect("a frame of one row is complete")
+    let frame = Measurement::new(head, options).row(&mut words);
+    frame.expect("a frame of one row is complete")
+}
+
+fn measured(counts: &[u16], estimator: Estimator, how: BlackLevel) -> Result<Measured, Fault> {
+    measured_by(tcd1304dg(), counts, estimator, how)
 }
 
 /// All ways to find the black level, and what each gives in f64 for a row whose spot is narrower than 10
 /// pixels.
 fn black_levels(counts: &[u16], centre: f64) -> Vec<(BlackLevel, f64)> {
     let head = tcd1304dg();
-    let mean = |pixels: &mut dyn Iterator<Item = u16>| {
-        let (sum, number) = pixels.fold((0.0, 0.0), |(sum, n), count| {
-            (sum + f64::from(count), n + 1.0)
-        });
-        sum / number
+    let mean = |pixels: &[u16]| {
+        let sum: f64 = pixels.iter().map(|&count| f64::from(count)).sum();
+        sum / pixels.len() as f64
     };
-    let shielded = mean(&mut counts[head.shielded].iter().copied());
-    let light = &counts[head.light];
+    let shielded = mean(&counts[head.shielded]);
+    let light = counts[head.light].iter().enumerate();
     let is_far = |i: usize| (i as f64 - centre).abs() > 64.0;
-    let unlit = mean(
-        &mut (light.iter().enumerate())
-            .filter(|(i, _)| is_far(*i))
-            .map(|it| *it.1),
-    );
+    let unlit: Vec<u16> = light.filter(|(i, _)| is_far(*i)).map(|it| *it.1).collect();
+    let unlit = mean(&unlit);
     let mut all = vec![(BlackLevel::Shielded, shielded), (BlackLevel::Frame, unlit)];
     for level in [0, 200, 450, 900] {
         all.push((BlackLevel::Fixed(Counts::from_int(level)), f64::from(level)));
@@ -144,19 +139,14 @@ fn the_centroid_and_its_height_follow_the_black_level() {
             worst = worst.max((found.frame.centre.to_f64() - centre).abs());
             let above_black = height + background - level;
             let off = found.frame.amplitude.to_f64() - above_black;
-            assert!(
-                off.abs() < 1e-3 * height,
-                "{black_level:?}: {found:?} {above_black}"
-            );
+            assert!(off.abs() < 1e-3 * height, "{black_level:?}: {off}");
             // Steps of 1/256, and a pixel more or less beside the window of `frame`.
             assert!((found.black_level.to_f64() - level).abs() < 0.01);
             (lowest, highest) = (lowest.min(centre), highest.max(centre));
         }
         most_apart = most_apart.max(highest - lowest);
     }
-    println!(
-        "centroids up to {worst:.1e} px off the reference; levels move it by up to {most_apart:.1e} px"
-    );
+    println!("centroids up to {worst:.1e} px off the reference, moved by {most_apart:.1e} px");
     // 2^-8 pixel is the last step of a window, of which 3 % are left.
     assert!(worst < 2e-4, "{worst}");
     // A centroid with any other level would not pass.
@@ -173,14 +163,8 @@ fn ambient_light_changes_neither_the_width_nor_the_uncertainty_of_a_centroid() {
     let (width, uncertainty) = of(BlackLevel::Frame);
     for (black_level, _) in black_levels(&counts, 1800.3) {
         let found = of(black_level);
-        assert!(
-            (found.0 / width - 1.0).abs() < 1e-3,
-            "{black_level:?} {found:?}"
-        );
-        assert!(
-            (found.1 / uncertainty - 1.0).abs() < 1e-2,
-            "{black_level:?} {found:?}"
-        );
+        let (wider, more) = (found.0 / width - 1.0, found.1 / uncertainty - 1.0);
+        assert!(wider.abs() < 1e-3 && more.abs() < 1e-2, "{black_level:?}");
     }
 }
 
@@ -194,21 +178,14 @@ fn heights_up_to_the_limit_above_the_black_level_can_be_measured() {
         let limit = f64::from(head.full_scale()) - level;
         let found = measured(&below, Estimator::Centroid, black_level).expect("a centre");
         let found_limit = head.height_limit(found.black_level).to_f64();
-        assert!(
-            (found_limit - limit).abs() < 0.01,
-            "{black_level:?}: {found_limit} {limit}"
-        );
+        assert!((found_limit - limit).abs() < 0.01, "{black_level:?}");
         // The dither raises the top to the limit, and the mean height to two counts below it.
         let height = found.frame.amplitude.to_f64();
-        assert!(
-            (limit - 20.0..limit).contains(&height),
-            "{black_level:?}: {height} {limit}"
-        );
+        let heights = limit - 20.0..limit;
+        assert!(heights.contains(&height), "{black_level:?}: {height}");
         let found = measured(&beyond, Estimator::Centroid, black_level);
-        assert!(
-            matches!(found, Err(Fault::Saturated { .. })),
-            "{black_level:?}: {found:?}"
-        );
+        let is_saturated = matches!(found, Err(Fault::Saturated { .. }));
+        assert!(is_saturated, "{black_level:?}: {found:?}");
     }
 }
 
@@ -227,15 +204,7 @@ fn a_sensor_without_shielded_pixels_takes_the_background() {
         ..tcd1304dg()
     };
     let counts = counts(1800.3, 9.0, 1000.0);
-    let mut words: Vec<u16> = counts.iter().map(|count| 4095 - count).collect();
-    let options = Options {
-        rows: 1,
-        estimator: Estimator::Centroid,
-        ..Options::default()
-    };
-    let found = Measurement::new(head, options)
-        .row(&mut words)
-        .expect("a frame");
+    let found = measured_by(head, &counts, Estimator::Centroid, BlackLevel::Shielded);
     let height = found.expect("a centre").frame.amplitude.to_f64();
     assert!((height - 1000.0).abs() < 10.0, "{height}");
 }

@@ -81,6 +81,23 @@ whole_part! {
     whole_i32: i32;
 }
 
+#[inline(always)]
+pub(crate) fn square(value: f32) -> f32 {
+    value * value
+}
+
+/// The larger of two values; `least` if the value is not a number.
+#[inline(always)]
+pub(crate) fn at_least(value: f32, least: f32) -> f32 {
+    if value > least { value } else { least }
+}
+
+/// The smaller of two values; `most` if the value is not a number.
+#[inline(always)]
+pub(crate) fn at_most(value: f32, most: f32) -> f32 {
+    if value < most { value } else { most }
+}
+
 /// Counts the values that are true. They are in memory, so a `usize` holds their number. The compiler cannot
 /// prove that the sum in the `count` of a filter does not overflow.
 #[inline(always)]

@@ -38,9 +38,8 @@ use crate::base::fault::Fault;
 use crate::base::numeric;
 use crate::base::numeric::limited;
 use crate::base::units::{Counts, Pixels};
-use crate::centre::half_width;
 use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
-use crate::centre::{RowCentre, WidthClass};
+use crate::centre::{RowCentre, half_width};
 use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
 use crate::spot::Spot;
 
@@ -119,9 +118,7 @@ pub fn centre(
         uncertainty: Pixels::from_f32(uncertainty),
         amplitude: Counts::from_f32(amplitude),
         width: Pixels::from_f32(half_width::follow(light, spot, at, width)),
-        class: WidthClass::default(),
-        shape: Default::default(),
-        misfit: false,
+        ..RowCentre::default()
     })
 }
 

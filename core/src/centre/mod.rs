@@ -93,7 +93,7 @@ impl Estimator {
 }
 
 /// What an estimator finds in a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RowCentre {
     /// The spot's centre.
     pub centre: Pixels,

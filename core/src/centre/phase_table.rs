@@ -467,8 +467,7 @@ impl Fit<'_> {
             amplitude: Counts::from_positive_f32(amplitude),
             width: Pixels::from_f32(self.width),
             class: self.class,
-            shape: Default::default(),
-            misfit: false,
+            ..RowCentre::default()
         })
     }
 }

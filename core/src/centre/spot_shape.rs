@@ -15,6 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::base::numeric::square;
 use crate::base::units::Pixels;
 
 /// Number of the components of the antisymmetric light.
@@ -117,10 +118,6 @@ impl SpotShape {
         let variance = square(by_flaws.to_f32()) + square(BETWEEN_SETS) * lopsided;
         Pixels::from_f32(dual_mac::square_root(variance))
     }
-}
-
-fn square(value: f32) -> f32 {
-    value * value
 }
 
 #[cfg(test)]

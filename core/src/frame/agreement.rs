@@ -5,11 +5,11 @@
 //! others. It is left out if a majority agrees; without a majority nothing tells which rows are wrong. A
 //! steady motion of the target is subtracted first.
 
-use crate::base::numeric;
+use crate::base::numeric::{self, at_least, at_most, square};
 
 use super::{
     Member, Members, birge_ratio, count_where, from_ordered, median, motion, ordered, ranked,
-    scatter, square, weighted_mean,
+    scatter, weighted_mean,
 };
 
 /// Tukey's constant c, in standard deviations. For normal errors this mean has 95 % of the efficiency of the
@@ -132,16 +132,8 @@ fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
 fn limit_certainty(members: &mut [Member<'_>]) {
     let (mut least, mut most) = (f32::INFINITY, 0.0);
     for member in members.iter() {
-        least = if member.uncertainty < least {
-            member.uncertainty
-        } else {
-            least
-        };
-        most = if member.uncertainty > most {
-            member.uncertainty
-        } else {
-            most
-        };
+        least = at_most(member.uncertainty, least);
+        most = at_least(member.uncertainty, most);
     }
     // The median is at most `most`: no row is so certain.
     if most <= MOST_CERTAIN * least {

@@ -12,8 +12,8 @@
 use heapless::Vec;
 
 use super::motion::Line;
-use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance, square};
-use crate::base::numeric::{limited, whole_u16};
+use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance};
+use crate::base::numeric::{at_most, limited, square, whole_u16};
 
 /// What rows with similar errors are worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,7 +82,7 @@ pub(super) fn estimate(members: &[Member<'_>], fitted: f32) -> Option<Correlated
         if pair <= 0.0 {
             break;
         }
-        before = if pair < before { pair } else { before };
+        before = at_most(pair, before);
         sum += 2.0 * before;
     }
     // The sum is above 1, because its first pair is.

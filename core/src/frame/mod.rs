@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 pub use crate::base::MAX_ROWS;
 use crate::base::exposure::Exposure;
 use crate::base::fault::Fault;
-use crate::base::numeric;
+use crate::base::numeric::{self, at_least, square};
 use crate::base::order_statistic::{self, from_ordered, ordered};
 use crate::base::units::{Counts, Pixels};
 use crate::centre::RowCentre;
@@ -524,11 +524,7 @@ fn spread(members: &[Member<'_>], how: Mean) -> f32 {
     let excess = total(members, |it| {
         share(it) * (square(it.offset - centre) - square(it.uncertainty))
     }) / shares;
-    if excess > 0.0 {
-        dual_mac::square_root(excess)
-    } else {
-        0.0
-    }
+    dual_mac::square_root(at_least(excess, 0.0))
 }
 
 /// The rows' scatter over the scatter that their uncertainties explain, or 1 if chance explains it. `fitted`
@@ -564,10 +560,6 @@ fn total(members: &[Member<'_>], value: impl Fn(&Member<'_>) -> f32) -> f32 {
 
 fn count_where(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
     numeric::count(members.iter().map(is_so))
-}
-
-fn square(value: f32) -> f32 {
-    value * value
 }
 
 // Twice the sum of a frame's values of 32 bits, and their number, fit 64.

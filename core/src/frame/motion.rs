@@ -1,6 +1,7 @@
 //! How the rows' centres move during the frame: a straight line through them, and a parabola.
 
-use super::{Member, count_where, square, total};
+use super::{Member, count_where, total};
+use crate::base::numeric::{at_least, square};
 
 /// From so many rows on, the rows can show a motion: their own scatter then tells how large a slope chance
 /// gives.
@@ -96,8 +97,7 @@ impl Line {
         let rest: f32 = (members.iter())
             .map(|it| it.weight * square(it.offset - self.at(it.rows_from_middle)))
             .sum();
-        let variance = rest / (counting as f32 - 2.0);
-        let variance = if variance > 1.0 { variance } else { 1.0 };
+        let variance = at_least(rest / (counting as f32 - 2.0), 1.0);
         square(self.slope) * self.moment > square(SIGNIFICANT) * variance
     }
 }
@@ -141,8 +141,7 @@ impl Parabola {
         let squares = total(members, |it| {
             it.weight * square(rest(it) - curvature * shape(it))
         });
-        let variance = squares / (counting as f32 - 3.0);
-        let variance = if variance > 1.0 { variance } else { 1.0 };
+        let variance = at_least(squares / (counting as f32 - 3.0), 1.0);
         (moment > 0.0).then_some(Self {
             line,
             curvature,

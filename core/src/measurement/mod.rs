@@ -549,7 +549,7 @@ impl Measurement {
         let frame = self.frame.centre(self.options.mean)?;
         let comb = match self.options.slits {
             Slits::One => None,
-            Slits::Comb => Some(self.comb.combine()?),
+            Slits::Comb => Some(self.comb.scatter.combine()?),
         };
         let shift = comb.map_or(0, |comb: Combined| comb.shift.to_bits());
         let centre = Pixels::from_bits(frame.centre.to_bits().saturating_add(shift));

@@ -1,5 +1,6 @@
 //! What the differences between pixels do to a centre.
 
+use crate::base::numeric::at_least;
 use crate::base::units::{Counts, Pixels};
 use crate::centre::Estimator;
 use crate::row::pixels::PixelErrors;
@@ -17,15 +18,13 @@ impl PixelErrors {
     ) -> f32 {
         let (by_response, by_offset) = weights(estimator);
         let response = f32::from(self.response_q16) / 65536.0;
-        let height = height.to_f32();
-        let height = if height > 1.0 { height } else { 1.0 };
+        let height = at_least(height.to_f32(), 1.0);
         // Ambient light makes an offset of a response that differs.
         let offset = self.offset.to_f32();
         let under = response * ambient.to_f32();
         let offset = dual_mac::square_root(offset * offset + under * under) / height;
         let (response, offset) = (by_response * response, by_offset * offset);
-        let width = width.to_f32();
-        let width = if width > 0.0 { width } else { 0.0 };
+        let width = at_least(width.to_f32(), 0.0);
         dual_mac::square_root(width * (response * response + offset * offset))
     }
 }

@@ -24,6 +24,7 @@
 //! is below 2^16 widths, because a width counts as at least a pixel. The memory is above 100 um, so D is
 //! below 2^19 memories. The squares of both are below 2^38, of which expf makes 0.
 
+use crate::base::numeric::at_least;
 use crate::base::units::Micrometres;
 use crate::reading::Reading;
 use crate::reading::uncertainty::{Parts, memory_um};
@@ -66,8 +67,7 @@ fn root(a: Micrometres, b: Micrometres, correlation: f32) -> Micrometres {
     let between = a - b;
     // a^2 + b^2 - 2 rho a b, without the loss of digits where rho is near 1.
     let variance = between * between + 2.0 * (1.0 - correlation) * a * b;
-    let variance = if variance > 0.0 { variance } else { 0.0 };
-    Micrometres::from_f32(dual_mac::square_root(variance))
+    Micrometres::from_f32(dual_mac::square_root(at_least(variance, 0.0)))
 }
 
 /// Pixels act with the weight u exp(-u^2), with u from the centre in widths, as an unweighted fit has it. Its

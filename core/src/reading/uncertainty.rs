@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::drawing::{DRAWING, Drawing};
 use crate::base::exposure::Exposure;
+use crate::base::numeric::{at_least, at_most, square};
 use crate::base::places::{PLACES, place_at};
 use crate::base::units::{Counts, Micrometres, Pixels};
 use crate::frame::FrameCentre;
@@ -217,8 +218,7 @@ impl Place {
         let variance = square(deviation) * by_brightness(seen / height);
         let rest = variance - square(frame.spread.to_f32() * self.slope);
         let least = variance / f32::from(frame.rows_used.max(1));
-        let variance = if rest > least { rest } else { least };
-        Micrometres::from_f32(dual_mac::square_root(variance))
+        Micrometres::from_f32(dual_mac::square_root(at_least(rest, least)))
     }
 
     /// The surface's part of a comb's reading: the scatter of the slits, and what all slits share. The
@@ -319,12 +319,7 @@ fn by_brightness(times: f32) -> f32 {
         return 1.0 / times;
     }
     // 1/2 at twice the usual brightness, 2 at four times.
-    let joined = times * times / 8.0;
-    if joined < ANY_BRIGHTNESS {
-        joined
-    } else {
-        ANY_BRIGHTNESS
-    }
+    at_most(times * times / 8.0, ANY_BRIGHTNESS)
 }
 
 /// The height that the spot would have at the longest exposure, in counts: 1 to 2^33.
@@ -332,8 +327,7 @@ fn brightness(frame: &FrameCentre) -> f32 {
     let factor = frame.exposure.map_or(1.0, |exposure| {
         f32::from(Exposure::LONGEST.us()) / f32::from(exposure.us())
     });
-    let seen = frame.amplitude.to_f32() * factor;
-    if seen > 1.0 { seen } else { 1.0 }
+    at_least(frame.amplitude.to_f32() * factor, 1.0)
 }
 
 /// Linear interpolation. `along` is limited to 0 to 1; not-a-number counts as 0.
@@ -343,10 +337,6 @@ fn between(values: &[f32; PLACES], along: f32) -> f32 {
         Some([from, to, ..]) => from + (to - from) * part,
         _ => 0.0,
     }
-}
-
-fn square(value: f32) -> f32 {
-    value * value
 }
 
 #[cfg(test)]

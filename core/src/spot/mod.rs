@@ -163,7 +163,7 @@ impl<'a> First<'a> {
         Some(Self {
             background: Background {
                 level,
-                noise: noise(light)?,
+                noise: noise(&[light])?,
             },
             best: Candidate::best(&sums, level)?,
             sums,
@@ -172,30 +172,22 @@ impl<'a> First<'a> {
 
     /// The background's tilt, if it may hide the spot.
     fn tilt(&self) -> Option<Tilt> {
-        let Self {
-            sums,
-            background,
-            best,
-        } = self;
-        sums.tilt_that_may_hide(best.height(), background.noise)
+        let height = self.best.height();
+        self.sums.tilt_that_may_hide(height, self.background.noise)
     }
 
     /// Searches a row whose tilt hides nothing.
     #[inline(never)]
     fn search(&self, budget: &mut WorkBudget) -> Result<Spot, Fault> {
-        let Self {
-            sums,
-            background,
-            best,
-        } = self;
+        let (sums, best, background) = (&self.sums, &self.best, self.background);
         // The width is tested first, because the other test takes much more time.
         if !best.is_too_wide(sums, background.level)
-            && best.is_best_of_all_sizes(sums, *background)
-            && let Some(found) = take(sums, best, *background, budget)
+            && best.is_best_of_all_sizes(sums, background)
+            && let Some(found) = take(sums, best, background, budget)
         {
             return found;
         }
-        search_all_sizes(sums, *background, budget)
+        search_all_sizes(sums, background, budget)
     }
 }
 
@@ -526,62 +518,33 @@ fn middle(block: usize, block_log2: u32) -> usize {
 const MEDIAN_BLOCKS: usize = 32;
 
 /// Estimates the noise of a pixel from the mean absolute difference of neighbours, which is sigma 2/sqrt(pi)
-/// for white noise. Takes the median of these means over parts of the row.
-fn noise(light: Light<'_>) -> Option<Counts> {
-    let mut steps = Steps::of(light.len());
-    steps.add(light);
-    steps.noise()
-}
-
-/// As [`noise`], over two parts of a row.
-pub(crate) fn noise_of(left: Light<'_>, right: Light<'_>) -> Option<Counts> {
-    let pixels = left.len().saturating_add(right.len());
-    let mut steps = Steps::of(pixels);
-    steps.add(left);
-    steps.add(right);
-    steps.noise()
-}
-
-/// Sums of the steps between neighbours, over parts of a row.
-struct Steps {
-    sums: Vec<u32, MEDIAN_BLOCKS>,
-    /// Pixels in a part.
-    part: usize,
-}
-
-impl Steps {
-    #[inline(always)]
-    fn of(pixels: usize) -> Self {
-        Self {
-            sums: Vec::new(),
-            part: pixels.div_ceil(MEDIAN_BLOCKS).max(8),
-        }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, light: Light<'_>) {
+/// for white noise. Takes the median of these means over pieces of the row, whose parts are given.
+#[inline(never)]
+pub(crate) fn noise(parts: &[Light<'_>]) -> Option<Counts> {
+    /// 1/sqrt(12) of a count in Q8.
+    const ROUNDING: i32 = 74;
+    let pixels = parts
+        .iter()
+        .fold(0, |all, part| part.len().saturating_add(all));
+    let piece = pixels.div_ceil(MEDIAN_BLOCKS).max(8);
+    let mut sums: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
+    for light in parts {
         // A step has the same size in words that rise and in words that fall.
         let (words, _) = light.words();
-        for pixels in words.chunks_exact(self.part.max(8)) {
+        for pixels in words.chunks_exact(piece) {
             // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
             let fours = pixels.as_chunks::<4>().0;
             // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
-            let _ = self.sums.push(dual_mac::sum_of_steps(fours));
+            let _ = sums.push(dual_mac::sum_of_steps(fours));
         }
     }
-
-    #[inline(always)]
-    fn noise(&self) -> Option<Counts> {
-        // All parts have as many steps, at least two.
-        let mean = in_q8(median(&self.sums)?).cast_unsigned();
-        let mean = mean.checked_div(numeric::to_u32(self.part) / 4)?;
-        // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
-        let noise = (u64::from(mean) * 58_080) >> 16;
-        /// 1/sqrt(12) of a count in Q8.
-        const ROUNDING: i32 = 74;
-        let noise = numeric::i64_to_i32(noise.cast_signed());
-        Some(Counts::from_bits(noise.max(ROUNDING)))
-    }
+    // All pieces have as many steps, at least two.
+    let mean = in_q8(median(&sums)?).cast_unsigned();
+    let mean = mean.checked_div(numeric::to_u32(piece) / 4)?;
+    // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
+    let noise = (u64::from(mean) * 58_080) >> 16;
+    let noise = numeric::i64_to_i32(noise.cast_signed());
+    Some(Counts::from_bits(noise.max(ROUNDING)))
 }
 
 /// The median. Of an even number of values, the upper one of the middle two.

@@ -99,7 +99,7 @@ pub(super) fn find(
     let centre = middle(best.block, best.block_log2);
     let to = centre.saturating_add(NOISE_REACH).min(sums.light.len());
     let near = sums.light.slice(centre.saturating_sub(NOISE_REACH)..to)?;
-    let noise = noise(near)?.max(row_noise);
+    let noise = noise(&[near])?.max(row_noise);
     if !best.stands_out(noise) {
         return None;
     }

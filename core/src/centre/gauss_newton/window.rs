@@ -6,7 +6,7 @@ use super::normal_equations::{Parameters, SAMPLES, SATURATED, Sample};
 use super::start::Start;
 use crate::base::numeric;
 use crate::base::units::{Counts, Pixels};
-use crate::centre::{RowCentre, WidthClass};
+use crate::centre::RowCentre;
 use crate::row::{Geometry, LARGEST_COUNT, Row};
 use crate::spot::Spot;
 
@@ -254,9 +254,8 @@ impl Window {
             // The light, height times width, is the same in pixels and in samples.
             amplitude: Counts::from_f32(amplitude * s / width),
             width: Pixels::from_f32(width),
-            class: WidthClass::default(),
-            shape: Default::default(),
             misfit: !is_noise,
+            ..RowCentre::default()
         }
     }
 }

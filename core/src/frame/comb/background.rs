@@ -9,7 +9,7 @@ use crate::base::order_statistic;
 use crate::base::units::Counts;
 use crate::row::background::Background;
 use crate::row::{BLOCK, Light};
-use crate::spot::noise_of;
+use crate::spot::noise;
 
 /// The most blocks from which the level is taken.
 const MOST: usize = 64;
@@ -46,6 +46,6 @@ pub(crate) fn background(
     let (_, right) = light.split(images.end);
     Some(Background {
         level: Counts::from_bits(level),
-        noise: noise_of(left, right)?,
+        noise: noise(&[left, right])?,
     })
 }

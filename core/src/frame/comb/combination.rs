@@ -10,7 +10,7 @@ use core::num::NonZeroU16;
 use serde::{Deserialize, Serialize};
 
 use crate::base::fault::Fault;
-use crate::base::numeric;
+use crate::base::numeric::{self, at_least, square};
 use crate::base::units::{Counts, Pixels};
 use crate::centre::RowCentre;
 use crate::frame::comb::MAX_SLITS;
@@ -163,6 +163,7 @@ impl Scatter {
     ///
     /// # Errors
     /// [`Fault::FewSlits`] if fewer than [`FEWEST`] slits have images and agree.
+    #[inline(never)]
     pub fn combine(&self) -> Result<Combined, Fault> {
         let mut members = [Member::default(); MAX_SLITS];
         let mut centres = SlitCentres::default();
@@ -244,12 +245,7 @@ impl Mean {
             scatter += it.light * square(it.off - centre);
             explained -= square(it.light) * it.variance / weights;
         }
-        let of_one_count = (scatter - explained) / (count - 1.0);
-        let of_one_count = if of_one_count > 0.0 {
-            of_one_count
-        } else {
-            0.0
-        };
+        let of_one_count = at_least((scatter - explained) / (count - 1.0), 0.0);
         let (mut weights, mut sum, mut by_speckle) = (0.0, 0.0, 0.0);
         for it in counting(members) {
             let speckle = of_one_count / it.light;
@@ -322,10 +318,6 @@ fn number(members: &[Member]) -> usize {
 /// A height in counts, at least 1.
 fn light(height: Counts) -> f32 {
     height.max(Counts::from_int(1)).to_f32()
-}
-
-fn square(value: f32) -> f32 {
-    value * value
 }
 
 #[cfg(test)]

@@ -7,13 +7,10 @@ use heapless::Vec;
 use crate::base::fault::Fault;
 use crate::base::numeric;
 use crate::base::units::{Counts, Pixels};
-use crate::centre::spot_shape::SpotShape;
-use crate::centre::{self, Estimator, RowCentre, WidthClass};
+use crate::centre::{self, Estimator, RowCentre};
 use crate::frame::comb::combination::Image;
 use crate::frame::comb::maxima::{self, Maxima};
-use crate::frame::comb::{
-    Assignment, Comb, Combined, FEWEST, MAX_SLITS, Scatter, assign, background,
-};
+use crate::frame::comb::{Assignment, Comb, FEWEST, MAX_SLITS, Scatter, assign, background};
 use crate::row::background::Background;
 use crate::row::{BLOCK_LOG2, Row};
 use crate::spot::Spot;
@@ -25,7 +22,7 @@ const REACH: usize = 56;
 #[derive(Clone, Debug)]
 pub(crate) struct CombMeasurement {
     comb: Comb,
-    scatter: Scatter,
+    pub scatter: Scatter,
     /// Each slit's image in the row before.
     before: [Option<RowCentre>; MAX_SLITS],
 }
@@ -192,19 +189,9 @@ impl CombMeasurement {
             uncertainty: Pixels::from_f32(noise),
             amplitude: Counts::from_f32(share(|it| it.amplitude.to_f32())),
             width: Pixels::from_f32(share(|it| it.width.to_f32())),
-            class: WidthClass::default(),
-            // The scatter of the slits holds what the shape of an image does to its centre.
-            shape: SpotShape::default(),
             misfit: uses_misfits && misfits > 0,
+            // No shape: the scatter of the slits holds what the shape of an image does to its centre.
+            ..RowCentre::default()
         })
-    }
-
-    /// Combines the slits of a frame.
-    ///
-    /// # Errors
-    /// Those of [`Scatter::combine`].
-    #[inline(never)]
-    pub fn combine(&self) -> Result<Combined, Fault> {
-        self.scatter.combine()
     }
 }
