@@ -60,11 +60,10 @@ pub struct NoExposure {
 
 impl fmt::Display for NoExposure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (shortest, longest) = (Exposure::SHORTEST.us(), Exposure::LONGEST.us());
+        let [us, shortest, longest] = [self.us, Exposure::SHORTEST.us(), Exposure::LONGEST.us()];
         write!(
             f,
-            "an exposure of {} us: the range is {shortest} to {longest} us",
-            self.us
+            "an exposure of {us} us: the range is {shortest} to {longest} us"
         )
     }
 }

@@ -122,12 +122,9 @@ impl fmt::Display for AsMillimetres {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Rounded to tenths of micrometres; |bits| < 2^31, so ten times that fits an i64 with room.
         let half = 1i64 << (Micrometres::FRACTION - 1);
-        let tenths = (i64::from(self.0.to_bits()).abs() * 10 + half) >> Micrometres::FRACTION;
-        let sign = if self.0.to_bits() < 0 && tenths != 0 {
-            "-"
-        } else {
-            ""
-        };
+        let bits = i64::from(self.0.to_bits());
+        let tenths = (bits.abs() * 10 + half) >> Micrometres::FRACTION;
+        let sign = if bits < 0 && tenths != 0 { "-" } else { "" };
         write!(f, "{sign}{}.{:04}", tenths / 10_000, tenths % 10_000)
     }
 }
@@ -166,29 +163,18 @@ impl fmt::Display for InUnits {
 
 /// Writes `bits` / 2^`fraction` with `decimals` (at most 6) digits after the point.
 fn decimal(f: &mut fmt::Formatter<'_>, bits: i32, fraction: u32, decimals: usize) -> fmt::Result {
-    let (decimals, scale) = match decimals {
-        0 => (0, 1),
-        1 => (1, 10),
-        2 => (2, 100),
-        3 => (3, 1000),
-        4 => (4, 10_000),
-        5 => (5, 100_000),
-        _ => (6, 1_000_000u64),
-    };
+    const SCALES: [u64; 7] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000];
+    let decimals = decimals.min(6);
+    let scale = SCALES[decimals];
     // |bits| <= 2^31 and scale <= 10^6 < 2^20: the product is below 2^51.
     let scaled = u64::from(bits.unsigned_abs()) * scale;
     let rounded = (scaled + (1u64 << (fraction - 1))) >> fraction;
     let sign = if bits < 0 && rounded != 0 { "-" } else { "" };
     if decimals == 0 {
-        write!(f, "{sign}{rounded}")
-    } else {
-        write!(
-            f,
-            "{sign}{}.{:0decimals$}",
-            rounded / scale,
-            rounded % scale
-        )
+        return write!(f, "{sign}{rounded}");
     }
+    let (whole, part) = (rounded / scale, rounded % scale);
+    write!(f, "{sign}{whole}.{part:0decimals$}")
 }
 
 #[cfg(test)]

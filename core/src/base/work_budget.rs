@@ -37,8 +37,7 @@ impl WorkBudget {
 
     /// Uses some units, or all that are left.
     pub(crate) fn pay_at_most(&mut self, units: usize) {
-        self.0 = self
-            .0
-            .saturating_sub(u16::try_from(units).unwrap_or(u16::MAX));
+        let units = u16::try_from(units).unwrap_or(u16::MAX);
+        self.0 = self.0.saturating_sub(units);
     }
 }

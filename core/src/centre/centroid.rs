@@ -24,15 +24,8 @@
 //!
 //! which is 1.6 times the bound in white noise, and 1.01 in shot noise. The window's ends on whole pixels
 //! leave an error of up to 0.005 pixel for a width of 0.8, 0.003 for 1.2 and 0.001 for 2. u does not include
-//! that error.
-//!
-//! | | |
-//! |---|---|
-//! | counts | 12 bits |
-//! | sums of up to 1022 counts | u32: of counts below 2^23, of those sums below 2^32 |
-//! | window's ends | Q16 of a pixel |
-//! | light and moment above the level | Q24 in i64: below 2^47 and 2^58 |
-//! | division | f32: 24 bits on a quotient below a pixel once the window rests |
+//! that error. All sums are integers; the one division is of f32, on a quotient below a pixel once the window
+//! rests.
 
 use crate::base::fault::Fault;
 use crate::base::numeric;
@@ -91,10 +84,8 @@ pub fn centre(
         }
         let shift = moment_of_spot as f32 / light_of_spot as f32;
         let reach = HALF_WINDOW * width;
-        let next = moments
-            .origin
-            .to_bits()
-            .saturating_add(Pixels::from_f32(limited(shift, -reach, reach)).to_bits());
+        let shift = Pixels::from_f32(limited(shift, -reach, reach));
+        let next = (moments.origin.to_bits()).saturating_add(shift.to_bits());
         rests = next.abs_diff(at.to_bits()) <= REST;
         at = Pixels::from_bits(next);
         gathered = light_of_spot as f32 / (1u32 << LIGHT_FRACTION) as f32;
@@ -164,10 +155,8 @@ fn moments(light: Light<'_>, level: i32, at: Pixels, half_window: Pixels) -> Opt
     // The sum of sums takes the first pixel n times and the last once. A level is below 2^20: within 2^31 and
     // 2^40.
     let light = numeric::sub_i64(i64::from(sum) * COUNT, n * level);
-    let light_of_sums = numeric::sub_i64(
-        i64::from(sum_of_sums) * COUNT,
-        numeric::mul_i64(n_sums, level),
-    );
+    let level_of_sums = numeric::mul_i64(n_sums, level);
+    let light_of_sums = numeric::sub_i64(i64::from(sum_of_sums) * COUNT, level_of_sums);
     let origin = at.checked_add(HALF)? >> Pixels::FRACTION;
     let distance_past_last = i64::from(first) + n - i64::from(origin);
     // Within 2^10 pixels of the origin: within 2^41.

@@ -114,12 +114,9 @@ pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
     // A place is below 4096 pixels. The middle of a sum over n pixels is (n - 1) / 2 pixels to the right of
     // its first.
     let half_sum = (in_sum - 1) * (1 << (Pixels::FRACTION - 1));
+    let first = Pixels::from_int(numeric::to_i32(first)).to_bits();
     Ok(HalfMaximum {
-        top: Pixels::from_bits(
-            Pixels::from_int(numeric::to_i32(first))
-                .to_bits()
-                .saturating_add(half_sum),
-        ),
+        top: Pixels::from_bits(first.saturating_add(half_sum)),
         left: left.distance(),
         right: right.distance(),
         height: height as f32 / (in_sum * (1 << Counts::FRACTION)) as f32,
@@ -131,9 +128,7 @@ pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
 /// are fewer pixels.
 fn highest(near: Light<'_>, pixels: usize) -> Option<(usize, i32)> {
     let (first, entering) = (near.slice(..pixels)?, near.slice(pixels..)?);
-    let mut sum = first
-        .iter()
-        .fold(0, |sum, count| numeric::add_i32(sum, i32::from(count)));
+    let mut sum = first.iter().map(i32::from).fold(0, numeric::add_i32);
     let mut best = (0, sum);
     for (i, (enters, leaves)) in (1..MAX_PIXELS).zip(entering.iter().zip(near.iter())) {
         sum = moved(sum, enters, leaves);

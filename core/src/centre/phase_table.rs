@@ -5,16 +5,10 @@
 //! from a table's phase. A third product, stretch / slope, says how far the spot's width is from the table's,
 //! and so picks the table.
 //!
-//! | | |
-//! |---|---|
-//! | samples | u16, at most 32760: counts of 12 bits, or sums of up to 8 pixels, or halved sums of more |
-//! | weights | i16, each row summing to zero, so a constant on the samples changes no bit |
-//! | products | i32: no overflow, because sum of abs(weight) * 32760 < 2^31, proven by [`TableSet::new`] |
-//! | division | f32: 24 bits on a quotient of at most a few pixels is 1e-7 pixel; one instruction |
-//! | centre | Q16.16 pixels |
-//!
-//! Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC agree bit for
-//! bit.
+//! The inner products of 16-bit samples and weights fit an i32, and each row of weights sums to zero:
+//! [`TableSet::new`] proves both. The division is of f32: 24 bits on a quotient of at most a few pixels is
+//! 1e-7 pixel. Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC
+//! agree bit for bit.
 
 use dual_mac::square_root;
 
@@ -93,14 +87,8 @@ fn track_blocks(
     geometry: &Geometry,
     tables: &TableSet<'_>,
 ) -> Option<Result<RowCentre, Fault>> {
-    let fit = track_once(
-        row,
-        spot,
-        before,
-        before.class,
-        tables,
-        WidthSource::Previous,
-    )?;
+    let source = WidthSource::Previous;
+    let fit = track_once(row, spot, before, before.class, tables, source)?;
     Some(finish(row, spot, before, &fit, geometry))
 }
 
@@ -208,16 +196,8 @@ fn track_once<'a>(
     if !is_near(spot, before) {
         return None;
     }
-    measure_at(
-        row.light(),
-        before.centre,
-        before.width,
-        class,
-        tables,
-        table,
-        source,
-    )?
-    .ok()
+    let (light, at, width) = (row.light(), before.centre, before.width);
+    measure_at(light, at, width, class, tables, table, source)?.ok()
 }
 
 /// Measures the spot twice with the table of the row before: first at the centre of the row before, then at

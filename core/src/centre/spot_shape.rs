@@ -1,9 +1,9 @@
 //! The shape of a spot, and how far a flaw that changed it may have moved the centre.
 //!
 //! A spot that is not its own mirror image has no single centre: two estimators find two. The check
-//! ([`crate::check`]) compares a row with its mirror image about the centre. It writes the difference as a
-//! sum of u e, u, u^3 e, u^5 e and u^7 e, with u the distance from the centre in widths and e = exp(-u^2/2).
-//! Each function is made orthogonal to those before it, with the weights of the pixels' noise.
+//! ([`crate::check`]) writes the difference of a row and its mirror image as a sum of u e, u, u^3 e, u^5 e
+//! and u^7 e, with u the distance from the centre in widths and e = exp(-u^2/2). Each function is made
+//! orthogonal to those before it, with the weights of the pixels' noise.
 //!
 //! A flaw is hidden as far as it looks like a shift, u e: the estimator moves the centre until that part is
 //! gone. The other parts stay. They tell how large the hidden part may be, because a flaw seldom looks like a

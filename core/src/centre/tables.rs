@@ -121,27 +121,18 @@ pub struct Mix {
 /// designed for ratios of infinity, 0.23, 0.07, 0.02 and 0.006. Between these ratios they lose at most 2.1 %
 /// (at 0.9), and 3.4 % half a step from a table's width.
 pub static MIXES: [Mix; 5] = [
-    Mix {
-        least: 0.9,
-        tables: &READ_NOISE,
-    },
-    Mix {
-        least: 0.12,
-        tables: &GAUSSIAN,
-    },
-    Mix {
-        least: 0.037,
-        tables: &MOSTLY_SHOT_NOISE,
-    },
-    Mix {
-        least: 0.011,
-        tables: &SHOT_NOISE,
-    },
-    Mix {
-        least: 0.0,
-        tables: &PURE_SHOT_NOISE,
-    },
+    Mix::from(0.9, &READ_NOISE),
+    Mix::from(0.12, &GAUSSIAN),
+    Mix::from(0.037, &MOSTLY_SHOT_NOISE),
+    Mix::from(0.011, &SHOT_NOISE),
+    Mix::from(0.0, &PURE_SHOT_NOISE),
 ];
+
+impl Mix {
+    const fn from(least: f32, tables: &'static TableSet<'static>) -> Self {
+        Self { least, tables }
+    }
+}
 
 static READ_NOISE: TableSet<'static> = proven(3, generated::READ_NOISE);
 static MOSTLY_SHOT_NOISE: TableSet<'static> = proven(4, generated::MOSTLY_SHOT_NOISE);

@@ -144,13 +144,11 @@ impl<'r, 't> Window<'r, 't> {
         } else {
             self.far(straight)
         };
+        // Saturates as the reference does; a distance is below 1.5 * 116 * 16 < 2^12 pixels.
+        let from_reference = Pixels::from_f32(distance * block).to_bits();
+        let centre = self.reference.to_bits().saturating_add(from_reference);
         Some(Score {
-            // Saturates as the reference does; a distance is below 1.5 * 116 * 16 < 2^12 pixels.
-            centre: Pixels::from_bits(
-                self.reference
-                    .to_bits()
-                    .saturating_add(Pixels::from_f32(distance * block).to_bits()),
-            ),
+            centre: Pixels::from_bits(centre),
             distance,
             near_limit,
             is_near,
@@ -213,11 +211,8 @@ impl<'r, 't> Window<'r, 't> {
 
     #[inline(always)]
     fn stretch_of(&self, product: i32, score: &Score) -> f32 {
-        limited(
-            product as f32 * score.per_slope * self.table.stretch_per_ratio,
-            -0.4,
-            0.7,
-        )
+        let stretch = product as f32 * score.per_slope * self.table.stretch_per_ratio;
+        limited(stretch, -0.4, 0.7)
     }
 
     // Not inlined: the sums take room on the stack and time to clear it, and single pixels need no sums.

@@ -17,24 +17,13 @@
 //! where a chi-square of 60 pixels needs one of 7. The worst pair shows a bad pixel, and the sum of squares
 //! the rest.
 //!
-//! | component | statistic | its noise |
-//! |---|---|---|
-//! | shift, tilt, skew | r = sum w f z | sum w f^2, less its parts along those before |
-//! | worst pair | w z^2 | 1 |
-//! | squares | sum w z^2 of n pairs | 2 n + (0.06 n)^2 |
-//!
-//! with z the difference of a pair and 1 / w = 2 noise^2 + g p its variance: the row's noise and the shot
-//! noise of its own light p.
-//!
 //! A symmetric flaw moves the centre of no single spot. But two equal spots have a centre between them, and
 //! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
 //! a gaussian, loosely.
 //!
-//! If a row fails the check, the measurement tries [`repair`], which masks samples and fits the rest. Its
-//! centre replaces the first one if the row, without those samples, passes the check about it. Otherwise the
-//! first centre stays, because in speckle the robust fit is worse than a plain one. The spot's shape then
-//! makes u larger ([`crate::centre::spot_shape`]), and the row is flagged only where u cannot express the
-//! error. `other_spot` searches the rest of the row for a second spot.
+//! If a row fails the check, the measurement tries [`repair`]. If that finds no better centre, the spot's
+//! shape makes u larger ([`crate::centre::spot_shape`]), and the row is flagged only where u cannot express
+//! the error. `other_spot` searches the rest of the row for a second spot.
 
 pub(crate) mod other_spot;
 pub mod own_spot;

@@ -73,10 +73,8 @@ pub(crate) fn check(
     };
     // Place k is the two boxes about pixel (k + 1) half. A spot has light on both sides. The spot itself is
     // between the places to its left and those to its right.
-    let (before, behind) = (
-        centre.saturating_sub(separation),
-        centre.saturating_add(separation),
-    );
+    let before = centre.saturating_sub(separation);
+    let behind = centre.saturating_add(separation);
     let end = (light.len() / half).saturating_sub(apart.saturating_add(1));
     let left = before.div_ceil(half).saturating_sub(1);
     let right = behind / half;
@@ -92,15 +90,14 @@ pub(crate) fn check(
     for places in sides.into_iter().flatten() {
         search.parts(row, places);
     }
-    match search.other {
-        None => Ok(true),
-        Some(place) => Err(Fault::TwoSpots {
-            centre: found.centre,
-            other: Pixels::from_int(numeric::to_i32(
-                place.saturating_add(1).saturating_mul(half),
-            )),
-        }),
-    }
+    let Some(place) = search.other else {
+        return Ok(true);
+    };
+    let other = numeric::to_i32(place.saturating_add(1).saturating_mul(half));
+    Err(Fault::TwoSpots {
+        centre: found.centre,
+        other: Pixels::from_int(other),
+    })
 }
 
 /// The height of the spot itself: the most that two boxes about its centre exceed the light beside them. The
@@ -217,11 +214,9 @@ impl Search {
         let blocks = pixels.start / BLOCK..pixels.end.div_ceil(BLOCK);
         // A row without blocks is searched.
         let blocks = row.blocks().get(blocks);
-        blocks.is_none_or(|blocks| Light::from(blocks).exceeds(of_block))
-            && row
-                .light()
-                .slice(pixels)
-                .is_none_or(|light| light.exceeds(of_pixel))
+        let may_exceed = |light: Option<Light<'_>>, of| light.is_none_or(|light| light.exceeds(of));
+        may_exceed(blocks.map(Light::from), of_block)
+            && may_exceed(row.light().slice(pixels), of_pixel)
     }
 
     /// Searches at most [`PART`] places.
@@ -263,14 +258,12 @@ impl Search {
             above: self.above,
             number: None,
         };
-        highest.compare(
-            Fours {
-                right,
-                middle,
-                left,
-            },
-            places.len(),
-        );
+        let fours = Fours {
+            right,
+            middle,
+            left,
+        };
+        highest.compare(fours, places.len());
         self.above = highest.above;
         if let Some(number) = highest.number {
             self.other = Some(places.end.saturating_sub(number.saturating_add(1)));

@@ -13,10 +13,9 @@
 //! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad. The
 //!    normal equations tell which single pixels to mask: see `gauss_newton::least_without`.
 //!
-//! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
-//! Otherwise the first centre stays. A repair ends when the
-//! row's budget is used up ([`WorkBudget`]): a sample in one pass is one unit. The pass of a step, which sums
-//! up the normal equations, takes 37 instructions a sample.
+//! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains. A
+//! repair ends when the row's budget is used up ([`WorkBudget`]): a sample in one pass is one unit. The pass
+//! of a step, which sums up the normal equations, takes 37 instructions a sample.
 
 use core::cell::Cell;
 
@@ -84,8 +83,7 @@ const WORK_OF_STARTING_PIXEL: usize = 3;
 /// So many pixels are summed into samples in one unit of work.
 const PIXELS_IN_A_UNIT: usize = 10;
 
-/// Searches samples that do not belong to the spot, and fits the rest. `None` where there is no better centre
-/// than the first one, which failed the check.
+/// Fits the row again. `None` where there is no better centre than the first one, which failed the check.
 #[inline(never)]
 pub fn repair(
     row: &Row<'_>,

@@ -148,10 +148,8 @@ impl Eq1 {
     /// Whether |K|/(x - xp)^2 is below the least slope where it is least: at the end of the range that is
     /// further from xp.
     const fn is_flat(&self) -> bool {
-        let (from, to) = (
-            self.pixels_from_pole(self.valid.0),
-            self.pixels_from_pole(self.valid.1),
-        );
+        let (first, last) = self.valid;
+        let (from, to) = (self.pixels_from_pole(first), self.pixels_from_pole(last));
         let span = (if from > to { from } else { to }) as u128;
         // Q16 over Q32 to 2^-4: |K| 2^16 2^4 against the square. Below 2^75, and 2^64.
         (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + LEAST_SLOPE_HALVINGS))
@@ -195,10 +193,8 @@ impl Eq1 {
         // The sum fits an i32 (`has_distance`), even if a part of it wraps.
         let above_d = (quotient.rounded as i32).wrapping_mul(self.above_d);
         let distance = Micrometres::from_bits(self.d.to_bits().wrapping_add(above_d));
-        Ok((
-            distance,
-            quotient.estimate * (quotient.reciprocal * self.slope),
-        ))
+        let slope = quotient.estimate * (quotient.reciprocal * self.slope);
+        Ok((distance, slope))
     }
 
     /// D.

@@ -3,10 +3,8 @@
 //! The value is a whole number of steps of Q24.8 micrometres, computed with integers by [`between`] alone.
 //! The result of `between` never falls where one of its arguments rises. A cubic is evaluated as straight
 //! lines between straight lines (P. de Casteljau, 1959). Its four control points are in order, so the points
-//! of each round are in order too, and the value rises or falls with the centre to the last bit.
-//!
-//! Error: at most 2^-22 of the difference between the two knots (the fraction of the way and the control
-//! points have 24 bits), and three steps.
+//! of each round are in order too, and the value rises or falls with the centre to the last bit. The fraction
+//! of the way and the control points have 24 bits: [`Knots`](super::knots::Knots) states the error.
 
 use serde::{Deserialize, Serialize};
 

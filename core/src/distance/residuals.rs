@@ -6,7 +6,7 @@ use core::ops::RangeInclusive;
 
 use super::knots::{Knot, Knots, KnotsError};
 use crate::base::fault::Fault;
-use crate::base::numeric::limited;
+use crate::base::numeric::{at_most, limited};
 use crate::base::units::{Micrometres, Pixels};
 use crate::distance::eq1::Eq1;
 
@@ -65,20 +65,11 @@ impl Corrected {
         let mut intervals = (1..self.residuals.len()).zip(self.residuals.steepest());
         intervals.find_map(|(index, (from, to, steepest))| {
             // The curve is least steep at the end that is further from its pole.
-            let slopes = (
-                self.curve.distance_at(from.centre),
-                self.curve.distance_at(to.centre),
-            );
-            let (Ok((_, at_from)), Ok((_, at_to))) = slopes else {
+            let at = |knot: Knot| self.curve.distance_at(knot.centre);
+            let (Ok((_, at_from)), Ok((_, at_to))) = (at(from), at(to)) else {
                 return Some((index, to));
             };
-            let most = 0.5
-                * if at_from.abs() < at_to.abs() {
-                    at_from
-                } else {
-                    at_to
-                }
-                .abs();
+            let most = 0.5 * at_most(at_from.abs(), at_to.abs());
             (steepest > most).then_some((index, to))
         })
     }
@@ -97,10 +88,8 @@ impl Corrected {
             .ok_or(Fault::OutOfRange { centre })?;
         // `new` allows half of the slope. Over a short interval the tangent's rounding may exceed that.
         let most = 0.5 * slope.abs();
-        Ok((
-            Micrometres::from_bits(bits),
-            slope + limited(change, -most, most),
-        ))
+        let slope = slope + limited(change, -most, most);
+        Ok((Micrometres::from_bits(bits), slope))
     }
 
     /// Eq. (1).

@@ -8,11 +8,9 @@
 //! the rows scatter by more than the spot's width, they do not show one spot: the frame has no centre.
 //!
 //! If the target moves, both means hold at one time: half-way between the frame's first row and its last. The
-//! steady part of the motion is a line through the rows (`motion`). That line is no scatter, so the
-//! uncertainty leaves it out. If the mean of the rows' times is not the middle of the frame, because rows are
-//! missing or count less, the line takes the centre to the middle. From a target that accelerates the mean
-//! lies off its place in the middle of the frame; [`FrameCentre::motion`] says by how much. Frames of fewer
-//! than eight rows show no motion: there the motion is scatter, and widens the uncertainty.
+//! steady part of the motion is a line through the rows (`motion`). If the mean of the rows' times is not the
+//! middle of the frame, because rows are missing or count less, the line takes the centre to the middle.
+//! Frames of fewer than eight rows show no motion: there the motion is scatter, and widens the uncertainty.
 
 mod agreement;
 pub mod comb;
@@ -202,16 +200,12 @@ impl Frame {
     pub fn centre(&self, how: Mean) -> Result<FrameCentre, Fault> {
         if self.centres.len() <= usize::from(self.rows) / 2 {
             let most = self.faults.iter().max_by_key(|(count, _)| *count);
-            return Err(most
-                .and_then(|&(_, fault)| fault)
-                .unwrap_or(Fault::SensorSilent));
+            let latest = most.and_then(|&(_, fault)| fault);
+            return Err(latest.unwrap_or(Fault::SensorSilent));
         }
         // Distances are taken from the median centre, so that fractions of a pixel keep all 24 bits of an
         // f32.
-        let keys = self
-            .centres
-            .iter()
-            .map(|(_, row)| ordered(row.centre.to_bits()));
+        let keys = (self.centres.iter()).map(|(_, row)| ordered(row.centre.to_bits()));
         let origin = median(keys).map_or(0, from_ordered);
         let mut members = Members::new();
         self.list(origin, &mut members);
@@ -234,7 +228,8 @@ impl Frame {
         let excess = birge_ratio(&members, offset, fitted);
         let growth = correlated.map_or(1.0, |it| it.growth);
         let uncertainty = propagated(&members, &course) * excess * growth;
-        let spread = if excess > 1.0 && members.len() as f32 - fitted >= 2.0 {
+        let shows_spread = excess > 1.0 && members.len() as f32 - fitted >= 2.0;
+        let spread = if shows_spread {
             spread(&members, how)
         } else {
             0.0
@@ -383,10 +378,8 @@ fn agreeing_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
         weight: agreement::certainty(it),
         ..*it
     });
-    Some((
-        weighted_mean(members)?,
-        Course::of(members, &certain, speed),
-    ))
+    let mean = weighted_mean(members)?;
+    Some((mean, Course::of(members, &certain, speed)))
 }
 
 /// The weighted mean in pixels from the frame's origin. `None` if no row counts.
@@ -473,10 +466,9 @@ fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
         weights += member.weight;
         variance += square(member.weight * member.uncertainty);
     }
-    let of_motion = if course.speed == 0.0 {
-        0.0
-    } else {
-        square(mean_number(members)) / course.moment
+    let of_motion = match course.speed {
+        0.0 => 0.0,
+        _ => square(mean_number(members)) / course.moment,
     };
     dual_mac::square_root(variance / square(weights) + of_motion)
 }

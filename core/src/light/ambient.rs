@@ -170,9 +170,8 @@ impl AmbientMean {
             *word = numeric::i32_to_u16(rounded.clamp(0, highest)) ^ inverted;
         });
         let lower = numeric::sub_i32(i32::from(self.level), kept).max(0);
-        Some(Counts::from_bits(
-            lower * (1 << (Counts::FRACTION - FRACTION)),
-        ))
+        let bits = lower * (1 << (Counts::FRACTION - FRACTION));
+        Some(Counts::from_bits(bits))
     }
 }
 

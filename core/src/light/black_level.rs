@@ -45,20 +45,10 @@ impl BlackPixels {
             (BlackLevel::Fixed(_), _) | (BlackLevel::Frame, None) => {}
             (BlackLevel::Shielded, _) => self.add_pixels(row.shielded()),
             (BlackLevel::Frame, Some(background)) => {
-                let light = row.light();
-                let Some(centroid) = centroid(light, background) else {
-                    return;
-                };
-                self.add_pixels(
-                    light
-                        .slice(..centroid.saturating_sub(HALF_WINDOW))
-                        .unwrap_or_default(),
-                );
-                self.add_pixels(
-                    light
-                        .slice(centroid.saturating_add(HALF_WINDOW)..)
-                        .unwrap_or_default(),
-                );
+                if let Some(centroid) = centroid(row.light(), background) {
+                    let end = centroid.saturating_add(HALF_WINDOW);
+                    self.add_outside(row, centroid.saturating_sub(HALF_WINDOW)..end);
+                }
             }
         }
     }
@@ -78,11 +68,8 @@ impl BlackPixels {
     }
 
     fn add_pixels(&mut self, pixels: Light<'_>) {
-        self.sum = self.sum.saturating_add(
-            pixels
-                .iter()
-                .fold(0, |sum, count| numeric::add_u32(sum, count.into())),
-        );
+        let counts = pixels.iter().map(u32::from);
+        self.sum = self.sum.saturating_add(counts.fold(0, numeric::add_u32));
         self.pixels = self.pixels.saturating_add(numeric::to_u32(pixels.len()));
     }
 
@@ -115,12 +102,8 @@ const _: () =
 /// only counts more than four standard deviations above the background are summed. `None` if no count is that
 /// high.
 pub fn centroid(light: Light<'_>, background: Background) -> Option<usize> {
-    let threshold = background
-        .noise
-        .to_bits()
-        .saturating_mul(4)
-        .saturating_add(background.level.to_bits())
-        >> Counts::FRACTION;
+    let four_deviations = background.noise.to_bits().saturating_mul(4);
+    let threshold = four_deviations.saturating_add(background.level.to_bits()) >> Counts::FRACTION;
     let (mut weight, mut moment) = (0u64, 0u64);
     for (place, count) in (0..numeric::to_u32(MAX_PIXELS)).zip(light.iter()) {
         // At most MOST_ABOVE each, for which the sums are proven.
@@ -129,9 +112,7 @@ pub fn centroid(light: Light<'_>, background: Background) -> Option<usize> {
         weight = numeric::add_u64(weight, above);
         moment = numeric::add_u64(moment, above * u64::from(place));
     }
-    moment
-        .checked_div(weight)
-        .and_then(|centroid| usize::try_from(centroid).ok())
+    usize::try_from(moment.checked_div(weight)?).ok()
 }
 
 /// The most that a count can be above a threshold: both are the whole part of a Q24.8 number.

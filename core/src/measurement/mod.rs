@@ -562,10 +562,7 @@ impl Measurement {
         let own = (self.profile.as_ref()).map(|profile| profile.at(frame.centre));
         Ok(Measured {
             frame,
-            black_level: self
-                .black
-                .level(self.options.black_level)
-                .unwrap_or_default(),
+            black_level: (self.black.level(self.options.black_level)).unwrap_or_default(),
             ambient: self.ambient,
             estimator: self.options.estimator,
             by_shape: (self.options.estimator).by_shape(&frame.shape, own.as_ref()),

@@ -153,9 +153,7 @@ impl Parts {
     /// The combined standard uncertainty u. Never zero: if it is below the finest step, it is the step.
     pub fn combined(&self) -> Micrometres {
         // Seven squares of at most 2^23 um.
-        let squares: f32 = self
-            .named()
-            .iter()
+        let squares: f32 = (self.named().iter())
             .map(|part| square(part.1.to_f32()))
             .sum();
         Micrometres::from_f32(dual_mac::square_root(squares)).max(Micrometres::from_bits(1))

@@ -159,9 +159,8 @@ impl Geometry {
         }
         let row = self.part_of_valid(words, part).ok_or(length)?;
         let (before, rest) = words.split_at_checked(part.start).ok_or(length)?;
-        let (_, after) = rest
-            .split_at_checked(row.light.len() / BLOCK * BLOCK)
-            .ok_or(length)?;
+        let whole = row.light.len() / BLOCK * BLOCK;
+        let (_, after) = rest.split_at_checked(whole).ok_or(length)?;
         let bits = blocks.sum(row.light) | all_bits(before) | all_bits(after);
         // Full scale is 2^bits - 1: a larger word sets a bit that no valid word has.
         if bits > self.full_scale() {

@@ -240,18 +240,12 @@ impl<'a> Light<'a> {
             take(word, word);
         }
         let (least, largest) = (less & HIGHEST != 0, more & HIGHEST != 0);
-        if self.inverted == 0 {
-            Extremes {
-                zero: least,
-                saturated: largest,
-            }
-        } else {
-            // The words fall with light, from full scale down.
-            Extremes {
-                zero: largest,
-                saturated: least,
-            }
-        }
+        // Words that fall with light go from full scale down.
+        let (zero, saturated) = match self.inverted {
+            0 => (least, largest),
+            _ => (largest, least),
+        };
+        Extremes { zero, saturated }
     }
 }
 

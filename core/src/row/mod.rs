@@ -46,10 +46,7 @@ impl<'a> Row<'a> {
                 words: light.len().max(shielded.len()),
             });
         }
-        let bits = light
-            .iter()
-            .chain(shielded)
-            .fold(0, |bits, &count| bits | count);
+        let bits = (light.iter().chain(shielded)).fold(0, |bits, &count| bits | count);
         if bits > LARGEST_COUNT {
             return Err(RowError::Impossible { bits });
         }

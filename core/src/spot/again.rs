@@ -51,10 +51,8 @@ pub(crate) fn find_again_in(
         .take_while(|&log2| width >= Pixels::from_int((3 << log2) / 4))
         .last()
         .unwrap_or(BLOCK_LOG2);
-    let groups = Groups {
-        blocks,
-        log2: block_log2 - BLOCK_LOG2,
-    };
+    let log2 = block_log2 - BLOCK_LOG2;
+    let groups = Groups { blocks, log2 };
     let level = Counts::from_bits(before.background.level_bits());
     let background = under_the_kernel(level, block_log2);
     let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
@@ -154,12 +152,10 @@ impl Groups<'_> {
         let near = near.get(..self.blocks_in(number)).unwrap_or(near);
         match self.log2 {
             0 => peak(start, first, near.iter().map(|&sum| sum.into())),
-            log2 => peak(
-                start,
-                first,
-                near.chunks_exact(1usize.wrapping_shl(log2).max(1))
-                    .map(sum_of_group),
-            ),
+            log2 => {
+                let groups = near.chunks_exact(1usize.wrapping_shl(log2).max(1));
+                peak(start, first, groups.map(sum_of_group))
+            }
         }
     }
 
@@ -253,7 +249,5 @@ impl Kernel {
 /// The sum over blocks of at most 128 pixels together.
 #[inline(always)]
 fn sum_of_group(blocks: &[u16]) -> u32 {
-    blocks
-        .iter()
-        .fold(0, |all, &sum| numeric::add_u32(all, sum.into()))
+    (blocks.iter()).fold(0, |all, &sum| numeric::add_u32(all, sum.into()))
 }

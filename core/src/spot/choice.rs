@@ -171,10 +171,8 @@ impl Search<'_> {
         match spot::find_in(&row, row.blocks(), self.coarse, &mut WorkBudget::of_row()) {
             Ok(spot) => {
                 let level = *self.level.get_or_insert(spot.background.level);
-                let top = spot
-                    .height
-                    .to_bits()
-                    .saturating_add(spot.background.level.to_bits());
+                let under = spot.background.level.to_bits();
+                let top = spot.height.to_bits().saturating_add(under);
                 let height = top.saturating_sub(level.to_bits()).max(0);
                 stands_out(height, &spot).then(|| {
                     Found::One(Lump {

@@ -67,12 +67,10 @@ pub struct Spot {
 
 impl Spot {
     pub(crate) const fn block(&self) -> usize {
-        let log2 = if self.block_log2 < LARGEST_BLOCK_LOG2 {
-            self.block_log2
-        } else {
-            LARGEST_BLOCK_LOG2
-        };
-        1 << log2
+        match self.block_log2 {
+            log2 @ 0..LARGEST_BLOCK_LOG2 => 1 << log2,
+            _ => 1 << LARGEST_BLOCK_LOG2,
+        }
     }
 
     /// The black level in the bits of [`Counts`], limited to what a row can hold.
@@ -82,9 +80,8 @@ impl Spot {
 
     /// Converts a height above the background to a height above the black level.
     pub const fn above_black(&self, height: Counts) -> Counts {
-        let above = height
-            .to_bits()
-            .saturating_add(self.background.level.to_bits());
+        let level = self.background.level.to_bits();
+        let above = height.to_bits().saturating_add(level);
         Counts::from_bits(above.saturating_sub(self.black_level.to_bits()))
     }
 
@@ -376,10 +373,8 @@ impl Candidate {
         let Background { level, noise } = background;
         let root = self.root_of_significance();
         let shadow = (level.to_bits()).saturating_sub(sums.darkest(level).to_bits());
-        let darkest = noise
-            .to_bits()
-            .saturating_mul(DARKEST)
-            .saturating_add(shadow);
+        let darkest = noise.to_bits().saturating_mul(DARKEST);
+        let darkest = darkest.saturating_add(shadow);
         let least = root.saturating_sub(darkest.saturating_mul(32));
         // Elsewhere noise alone would respond as much, by six standard deviations: sqrt(6 * 8) * 6 = 42. A
         // short row does not tell how dark its background is.
@@ -395,9 +390,8 @@ impl Candidate {
             if tried > MOST_TRIED {
                 return false;
             }
-            let pixels =
-                block.wrapping_shl(BLOCK_LOG2)..block.saturating_add(1).wrapping_shl(BLOCK_LOG2);
-            self.is_better_than_fine(sums.light, pixels, level)
+            let end = block.saturating_add(1).wrapping_shl(BLOCK_LOG2);
+            self.is_better_than_fine(sums.light, block.wrapping_shl(BLOCK_LOG2)..end, level)
         };
         // The larger kernel does not have its middle on the blocks of the row's ends. The last block may have
         // no other to pair with.
@@ -498,9 +492,7 @@ fn above(response: u32, block_log2: u32, level: Counts) -> i32 {
 
 /// The kernel's response to the background alone, in Q24.8 counts.
 fn under_the_kernel(level: Counts, block_log2: u32) -> i32 {
-    level
-        .to_bits()
-        .saturating_mul(4 << block_log2.min(LARGEST_BLOCK_LOG2))
+    (level.to_bits()).saturating_mul(4 << block_log2.min(LARGEST_BLOCK_LOG2))
 }
 
 /// Converts a response, or a smaller sum, to Q24.8 counts.

@@ -88,10 +88,8 @@ pub(super) fn find(
     let mut parts = Parts::none(sums, looks);
     parts.measure(row_noise);
     let found = parts.best(row_noise);
-    let used = looks
-        .saturating_sub(parts.looks_left)
-        .div_ceil(LOOKS_IN_A_UNIT);
-    budget.pay_at_most(used as usize);
+    let used = looks.saturating_sub(parts.looks_left);
+    budget.pay_at_most(used.div_ceil(LOOKS_IN_A_UNIT) as usize);
     let best = match found {
         Ok(best) => best?,
         Err(fault) => return Some(Err(fault)),

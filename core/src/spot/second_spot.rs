@@ -137,10 +137,8 @@ impl Near {
     /// Takes the light near a spot. In place, because copies take time. `None` where the row has no block
     /// near the spot.
     fn look(&mut self, sums: &Sums<'_>, spot: &Spot) -> Option<&Self> {
-        let block_log2 = spot
-            .block_log2
-            .min(LARGEST_BLOCK_LOG2)
-            .saturating_sub(FINE_LOG2);
+        let largest = spot.block_log2.min(LARGEST_BLOCK_LOG2);
+        let block_log2 = largest.saturating_sub(FINE_LOG2);
         let finer = spot.block_log2.saturating_sub(block_log2).min(FINE_LOG2);
         let reach = NEAR * (1 << finer);
         self.first = block_of(spot.centre, block_log2).saturating_sub(reach);
@@ -224,35 +222,23 @@ impl Near {
         let (left, right) = self.smooth.get(..self.length)?.split_at_checked(top)?;
         let half = right.first()? / 2;
         let is_below = |light: &i32| *light <= half;
-        let from = left
-            .iter()
-            .rposition(is_below)
-            .map_or(0, |below| below.saturating_add(1));
-        let to = right
-            .iter()
-            .position(is_below)
-            .map_or(self.length, |below| top.saturating_add(below));
+        let below = left.iter().rposition(is_below);
+        let from = below.map_or(0, |below| below.saturating_add(1));
+        let below = right.iter().position(is_below);
+        let to = below.map_or(self.length, |below| top.saturating_add(below));
         let about = from.saturating_sub(1)..to.saturating_add(1).min(self.length);
         let threes = self.light.get(about)?.windows(3);
         let height = threes
-            .map(|three| {
-                three
-                    .iter()
-                    .fold(0i32, |sum, &light| sum.saturating_add(light))
-            })
+            .map(|three| (three.iter()).fold(0i32, |sum, &light| sum.saturating_add(light)))
             .max()?;
+        let twice_first = self.first.saturating_mul(2);
+        let twice_middle = twice_first.saturating_add(from).saturating_add(to);
         Some(Lump {
             top,
             from,
             to,
             height,
-            middle: pixels(
-                self.first
-                    .saturating_mul(2)
-                    .saturating_add(from)
-                    .saturating_add(to),
-                self.block_log2,
-            ) / 2,
+            middle: pixels(twice_middle, self.block_log2) / 2,
             full_width: pixels(to.saturating_sub(from), self.block_log2),
         })
     }
@@ -320,10 +306,8 @@ const MOST_TESTED: u32 = 16;
 /// Finds another spot further away than [`NEAR`] blocks, and returns its pixel. It may be a single pixel if
 /// there are more than [`MOST_TESTED`] of these.
 fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
-    let (block_log2, level) = (
-        spot.block_log2.min(LARGEST_BLOCK_LOG2),
-        spot.background.level,
-    );
+    let block_log2 = spot.block_log2.min(LARGEST_BLOCK_LOG2);
+    let level = spot.background.level;
     let here = block_of(spot.centre, block_log2);
     let response = |block| Some(above(sums.response(block_log2, block)?, block_log2, level));
     // The spot's middle may lie in the next block.

@@ -160,9 +160,8 @@ impl<'a> Sums<'a> {
             0 => self.light.get(block).map(u32::from),
             1 | 2 => {
                 let start = block.wrapping_shl(block_log2);
-                let pixels = self
-                    .light
-                    .slice(start..start.saturating_add(1 << block_log2))?;
+                let end = start.saturating_add(1 << block_log2);
+                let pixels = self.light.slice(start..end)?;
                 // At most four counts.
                 Some(pixels.iter().map(u32::from).fold(0, numeric::add_u32))
             }
@@ -176,9 +175,8 @@ impl<'a> Sums<'a> {
 
     /// Writes the sums over the blocks from one on, as far as there are blocks and places. Returns how many.
     pub(super) fn blocks_from(&self, block_log2: u32, block: usize, sums: &mut [u32]) -> usize {
-        let end = self
-            .number(block_log2)
-            .min(block.saturating_add(sums.len()));
+        let end = block.saturating_add(sums.len());
+        let end = end.min(self.number(block_log2));
         let blocks = block..end.max(block);
         let number = blocks.len();
         let pixels = blocks.start.wrapping_shl(block_log2)..blocks.end.wrapping_shl(block_log2);
@@ -193,10 +191,8 @@ impl<'a> Sums<'a> {
             }
             3 | 4 => {
                 let small = self.small_blocks(block_log2).get(blocks);
-                fill(
-                    sums,
-                    small.unwrap_or_default().iter().map(|&sum| sum.into()),
-                );
+                let small = small.unwrap_or_default().iter();
+                fill(sums, small.map(|&sum| sum.into()));
             }
             _ => {
                 let large: &[u32] = match block_log2 {
@@ -298,10 +294,8 @@ impl<'a> Sums<'a> {
             (2, Some(fine)) => &fine.parts_4,
             _ => {
                 let size = block_log2.wrapping_sub(BLOCK_LOG2) as usize;
-                self.coarse
-                    .parts
-                    .get(size)
-                    .map_or(&[], <[u32; _]>::as_slice)
+                let parts = self.coarse.parts.get(size);
+                parts.map_or(&[], <[u32; _]>::as_slice)
             }
         };
         // The first pair of blocks is in no part.
@@ -327,12 +321,8 @@ impl<'a> Sums<'a> {
             found = Some(block);
             false
         };
-        self.all_above(
-            block_log2,
-            blocks,
-            response.checked_sub(1)?,
-            &mut take_first,
-        );
+        let least = response.checked_sub(1)?;
+        self.all_above(block_log2, blocks, least, &mut take_first);
         found
     }
 
@@ -341,10 +331,8 @@ impl<'a> Sums<'a> {
     pub(super) fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
         let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
         let from = block.saturating_sub(2).saturating_mul(size);
-        let to = block
-            .saturating_add(3)
-            .saturating_mul(size)
-            .min(self.light.len());
+        let to = block.saturating_add(3).saturating_mul(size);
+        let to = to.min(self.light.len());
         let pixels = self.light.slice(from..to).unwrap_or_default();
         // At most 640 pixels of 12 bits in Q8: below 2^30.
         let background = numeric::mul_i32(level.to_bits(), numeric::to_i32(pixels.len()));
@@ -370,10 +358,8 @@ impl<'a> Sums<'a> {
     /// may stand out from the background beside it, and not from the level. (The noise of a block of 128
     /// pixels is an eleventh of a pixel's, so noise alone makes no block so dark.)
     pub(super) fn has_darker_background(&self, level: Counts, noise: Counts) -> bool {
-        level
-            .to_bits()
-            .saturating_sub(self.darkest(level).to_bits())
-            > noise.to_bits()
+        let darkest = self.darkest(level).to_bits();
+        level.to_bits().saturating_sub(darkest) > noise.to_bits()
     }
 
     /// The level of the darkest block of the largest size, but at most `level`: wide light may raise the

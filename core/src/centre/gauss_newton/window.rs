@@ -104,10 +104,8 @@ impl Window {
         let saturation = row.saturated_from();
         if block == 1 {
             let counts = pixels.iter();
-            self.fill(
-                level,
-                counts.map(|count| (count.into(), count >= saturation)),
-            );
+            let counts = counts.map(|count| (count.into(), count >= saturation));
+            self.fill(level, counts);
         } else {
             let groups = pixels.groups(block);
             self.fill(level, groups.map(|pixels| pixels.sum_of_few(saturation)));
@@ -240,16 +238,13 @@ impl Window {
             ..
         } = fit.parameters;
         let width = dual_mac::square_root((s * s - 1.0 / 12.0).max(0.0)) * block;
+        let first = Pixels::from_int(numeric::to_i32(self.first));
         let from_first = Pixels::from_f32(centre * block + self.half_sample());
         // No more than 128 each.
         let freedom = self.length as f32 - self.saturated as f32 - 4.0;
         let is_noise = fit.squares <= freedom + allowed_scatter(freedom);
         RowCentre {
-            centre: Pixels::from_bits(
-                Pixels::from_int(numeric::to_i32(self.first))
-                    .to_bits()
-                    .saturating_add(from_first.to_bits()),
-            ),
+            centre: Pixels::from_bits(first.to_bits().saturating_add(from_first.to_bits())),
             uncertainty: Pixels::from_f32(fit.uncertainty * block),
             // The light, height times width, is the same in pixels and in samples.
             amplitude: Counts::from_f32(amplitude * s / width),

@@ -340,6 +340,7 @@ struct Ends {
 
 /// The sums of the pixels of a pair, right less left and right plus left, and how they rise with the part of
 /// a pixel by which the samples move.
+#[derive(Default)]
 struct Sums {
     difference: i32,
     both: i32,
@@ -360,18 +361,11 @@ impl Ends {
     fn next(&mut self, right: &[u16], left: &[u16]) -> Sums {
         let (Some((behind, right)), Some((first, left))) = (right.split_last(), left.split_first())
         else {
-            return Sums {
-                difference: 0,
-                both: 0,
-                rise_of_difference: 0,
-                rise_of_both: 0,
-            };
+            return Sums::default();
         };
         let (behind, first) = (i32::from(*behind), i32::from(*first));
-        let (rise_right, rise_left) = (
-            behind.wrapping_sub(self.right),
-            self.left.wrapping_sub(first),
-        );
+        let rise_right = behind.wrapping_sub(self.right);
+        let rise_left = self.left.wrapping_sub(first);
         let (right, left) = (sum(self.right, right), sum(first, left));
         *self = Self {
             right: behind,
@@ -437,11 +431,8 @@ impl AboveLevel {
         };
         let difference = between(sums.difference, sums.rise_of_difference);
         let both = between(sums.both, sums.rise_of_both).wrapping_sub(self.level_bits);
-        (
-            difference as f32,
-            both as f32,
-            (both & !(both >> 31)) as f32,
-        )
+        let lit = both & !(both >> 31);
+        (difference as f32, both as f32, lit as f32)
     }
 
     /// As [`Self::exact`] in counts, for any number of pixels. Subtracts the level in whole numbers and then

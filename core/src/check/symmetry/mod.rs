@@ -17,7 +17,8 @@
 //!   degree of freedom. The last two have no limit of their own: they count in the spot's shape
 //!   ([`crate::centre::spot_shape`]).
 //!
-//! In what remains, no single pair may stand out, and the sum of squares must be one that noise explains.
+//! In what remains, no single pair may stand out (w z^2 has the variance 1), and the sum of squares must be
+//! one that noise explains: that of n pairs has the variance 2 n + (0.06 n)^2.
 //!
 //! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040
 //! (sinc^2; Fresnel -0.022); two equal spots 2 widths apart have -0.077. The fit without k4 leaves a rest,
@@ -420,11 +421,8 @@ impl Symmetry {
             width: width * (1.0 + shape.wider),
             flatness: shape.k4.map(|(k4, norm)| {
                 // The noise at the top, where most of it comes from.
-                let variance = (noise + 2.0 * shot * height) / norm;
-                (
-                    k4 * per_height,
-                    dual_mac::square_root(variance) * per_height,
-                )
+                let deviation = dual_mac::square_root((noise + 2.0 * shot * height) / norm);
+                (k4 * per_height, deviation * per_height)
             }),
             shape_misfit: (shape.rest - (even.norms.samples - 3.0) * variance) * per_square
                 / even.norms.m0,
@@ -515,8 +513,8 @@ mod tests {
         symmetry.is_spot(trust) && symmetry.is_symmetric(found, trust)
     }
 
-    /// Compares spots with shot and read noise with their mirror images. The table in `check` gives the
-    /// variance of each statistic. So the mean square of each component is 1. The squares of n pairs have a
+    /// Compares spots with shot and read noise with their mirror images. The module gives the variance of
+    /// each statistic. So the mean square of each component is 1. The squares of n pairs have a
     /// mean of n - 1, because the shift takes one. The mean of 4000 squares is known to 2.2 %; the test
     /// allows five times this.
     #[test]

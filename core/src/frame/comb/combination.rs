@@ -150,9 +150,8 @@ impl Scatter {
                 slit.sum += slit.latest;
                 slit.variance += square(image.noise);
                 slit.height += light(image.found.amplitude);
-                slit.centre = slit
-                    .centre
-                    .saturating_add(image.found.centre.to_bits().into());
+                let centre = image.found.centre.to_bits();
+                slit.centre = slit.centre.saturating_add(centre.into());
                 slit.rows = slit.rows.saturating_add(1);
             }
         }

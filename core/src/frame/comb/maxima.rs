@@ -64,11 +64,8 @@ pub(crate) fn find(blocks: &[u16], background: Background, peaks: &mut Maxima) {
         let (left, right, middle) = (left as f32, right as f32, response as f32);
         // The vertex of the parabola through three responses, at most half a block from the middle one.
         let bend = 2.0 * middle - left - right;
-        let off = if bend > 0.0 {
-            0.5 * (right - left) / bend
-        } else {
-            0.0
-        };
+        let rise = 0.5 * (right - left);
+        let off = if bend > 0.0 { rise / bend } else { 0.0 };
         let peak = Maximum {
             place: (block as f32 + 0.5 + off) * BLOCK as f32 - 0.5,
             height: Counts::from_bits((above.saturating_mul(1 << (Counts::FRACTION - 5))) as i32),
@@ -104,10 +101,8 @@ fn highest_near(blocks: &[u16], block: usize, reach: usize) -> (u32, u32) {
         let responses = blocks.unwrap_or_default().windows(3).filter_map(response);
         responses.max().unwrap_or(0)
     };
-    let to = block
-        .saturating_add(reach)
-        .saturating_add(2)
-        .min(blocks.len());
+    let to = block.saturating_add(reach).saturating_add(2);
+    let to = to.min(blocks.len());
     (
         highest(blocks.get(from..block.saturating_add(1))),
         highest(blocks.get(block..to)),
