@@ -336,9 +336,7 @@ pub fn reaches(samples: &[u16], least: i32) -> bool {
             options(readonly, nostack, pure),
         );
     }
-    let last = samples
-        .get(samples.len().saturating_sub(3)..)
-        .unwrap_or_default();
+    let last = (samples.get(samples.len().saturating_sub(3)..)).unwrap_or_default();
     (signs as i32) < 0 || !rest.is_empty() && crate::portable::reaches(last, least)
 }
 

@@ -43,11 +43,8 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
     let mut bits = 0;
     for (block, sum) in blocks.iter().zip(sums) {
-        let pairs = block
-            .as_chunks::<2>()
-            .0
-            .iter()
-            .map(|&[even, odd]| u32::from(even) | u32::from(odd) << 16);
+        let pairs = block.as_chunks::<2>().0.iter();
+        let pairs = pairs.map(|&[even, odd]| u32::from(even) | u32::from(odd) << 16);
         bits |= pairs.clone().fold(0, |bits, pair| bits | pair);
         let both = pairs.fold(0, u32::wrapping_add);
         let all = two_products((both & 0xffff) as u16, (both >> 16) as u16, weights);

@@ -99,10 +99,8 @@ proptest! {
         let samples = &samples[..2 * pairs];
         let pair_sums: Vec<u32> = samples.chunks(2).map(|pair| pair[0] + pair[1]).collect();
         let responses: Vec<u32> = samples.windows(3).map(|it| it[0] + 2 * it[1] + it[2]).collect();
-        let highest: Vec<u32> = responses
-            .chunks(2 * PART)
-            .map(|part| part.iter().copied().max().unwrap_or_default())
-            .collect();
+        let parts = responses.chunks(2 * PART);
+        let highest: Vec<u32> = parts.map(|part| *part.iter().max().expect("some")).collect();
         let (mut sums, mut parts) = (vec![7; pairs + 1], vec![7; highest.len() + 1]);
         sweep(&words, inverted, &mut sums, &mut parts);
         for _ in 0..2 {
@@ -122,10 +120,8 @@ proptest! {
     ) {
         let mut differences = vec![7; words.len() + 1];
         let lowest = subtract_slope(&words, inverted, start, step, &mut differences);
-        let expected: Vec<i32> = (0..)
-            .zip(&words)
-            .map(|(i, word)| i32::from(word ^ inverted) - ((start + step * i) >> 16))
-            .collect();
+        let below = |(i, word): (i32, &u16)| i32::from(word ^ inverted) - ((start + step * i) >> 16);
+        let expected: Vec<i32> = (0..).zip(&words).map(below).collect();
         let with_room = expected.iter().copied().chain([7]);
         prop_assert!(differences.iter().map(|&it| i32::from(it as i16)).eq(with_room));
         prop_assert_eq!(i32::from(lowest), expected.iter().copied().min().unwrap_or(i16::MAX.into()));

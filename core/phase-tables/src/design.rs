@@ -163,9 +163,8 @@ pub fn design(
         table.score.push(score);
         table.slope.push(slope);
         table.stretch.push(stretch);
-        table
-            .profile
-            .push(shape.sample(profile, centre, shape.width));
+        let light = shape.sample(profile, centre, shape.width);
+        table.profile.push(light);
         table.gradient.push(shape.by_centre(profile, centre));
     }
     table.bend = fit.bend();
@@ -217,16 +216,9 @@ fn best_linear_unbiased(
     columns: &[&DVector<f64>],
     inverse_noise: &DVector<f64>,
 ) -> Vec<DVector<f64>> {
-    let lengths: Vec<f64> = columns
-        .iter()
-        .map(|c| {
-            c.iter()
-                .zip(inverse_noise)
-                .map(|(c, v)| c * c * v)
-                .sum::<f64>()
-                .sqrt()
-        })
-        .collect();
+    let square =
+        |c: &DVector<f64>| -> f64 { c.iter().zip(inverse_noise).map(|(c, v)| c * c * v).sum() };
+    let lengths: Vec<f64> = columns.iter().map(|c| square(c).sqrt()).collect();
     let taps = inverse_noise.len();
     let jacobian = DMatrix::from_fn(taps, columns.len(), |i, j| columns[j][i] / lengths[j]);
     let weighted = DMatrix::from_fn(columns.len(), taps, |j, i| {

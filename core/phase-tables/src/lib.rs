@@ -135,13 +135,8 @@ pub fn set(profile: Profile<'_>, plan: Plan) -> Vec<IntegerTable> {
         .take(plan.widths.count)
         .map(|i| {
             let width = plan.widths.narrowest * plan.widths.ratio.powi(i);
-            design(
-                profile,
-                plan.shape(width),
-                plan.noise_ratio,
-                plan.background,
-            )
-            .quantise()
+            let shape = plan.shape(width);
+            design(profile, shape, plan.noise_ratio, plan.background).quantise()
         })
         .collect()
 }

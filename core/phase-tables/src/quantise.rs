@@ -56,13 +56,9 @@ impl Table {
                 per_noise += weight * weight / phases;
                 per_height += weight * weight * light / phases;
                 response += slope_weight * slope_scale * light / phases;
-                gain.add(
-                    self.score[k][i],
-                    self.slope[k][i],
-                    self.gradient[k][i],
-                    *light,
-                );
-                rounded_gain.add(weight, slope_weight, self.gradient[k][i], *light);
+                let gradient = self.gradient[k][i];
+                gain.add(self.score[k][i], self.slope[k][i], gradient, *light);
+                rounded_gain.add(weight, slope_weight, gradient, *light);
             }
         }
         let centre_per_ratio = slope_scale / score_scale * gain.ratio() / rounded_gain.ratio();
@@ -123,20 +119,12 @@ fn integers(rows: &[DVector<f64>], profiles: &[DVector<f64>]) -> (Vec<i16>, f64)
         let mut rounded: Vec<i64> = exact.iter().map(|weight| weight.round() as i64).collect();
         make_sum_zero(&mut rounded, &exact);
         restore_response(&mut rounded, &exact, profile);
-        assert_eq!(
-            rounded.iter().sum::<i64>(),
-            0,
-            "rounding leaves at most half a unit a weight"
-        );
-        assert!(
-            rounded.iter().map(|weight| weight.abs()).sum::<i64>() * LARGEST_SAMPLE
-                <= i64::from(i32::MAX)
-        );
-        weights.extend(
-            rounded
-                .into_iter()
-                .map(|weight| i16::try_from(weight).expect("scaled to fit 16 bits")),
-        );
+        // Rounding leaves at most half a unit a weight.
+        assert_eq!(rounded.iter().sum::<i64>(), 0);
+        let magnitudes: i64 = rounded.iter().map(|weight| weight.abs()).sum();
+        assert!(magnitudes * LARGEST_SAMPLE <= i64::from(i32::MAX));
+        let narrow = |weight| i16::try_from(weight).expect("scaled to fit 16 bits");
+        weights.extend(rounded.into_iter().map(narrow));
     }
     (weights, scale)
 }
@@ -270,14 +258,10 @@ mod tests {
                     }
                     assert!(largest_sum * super::LARGEST_SAMPLE <= i64::from(i32::MAX));
                     // A scale that wastes bits would pass the proof and lose accuracy.
-                    let of_sums =
-                        largest_sum as f64 * super::LARGEST_SAMPLE as f64 / f64::from(i32::MAX);
+                    let largest_product = (largest_sum * super::LARGEST_SAMPLE) as f64;
+                    let of_sums = largest_product / f64::from(i32::MAX);
                     let used = of_sums.max(largest as f64 / f64::from(i16::MAX));
-                    assert!(
-                        used > 0.99,
-                        "width {}: {used} of the range is used",
-                        table.shape.width
-                    );
+                    assert!(used > 0.99, "width {}: {used}", table.shape.width);
                 }
             }
             println!("r = {noise_ratio}: {bytes} bytes of weights");
@@ -296,18 +280,12 @@ mod tests {
                     for mismatch in [0.95, 1.0, 1.05] {
                         let shift = f64::from(step) / 10.0 * table.shape.near_limit();
                         let dot = |weights: &[i16]| {
-                            weights
-                                .iter()
-                                .enumerate()
-                                .map(|(i, &weight)| {
-                                    let offset = i as f64 - table.shape.half_width as f64;
-                                    f64::from(weight)
-                                        * gaussian(
-                                            offset - table.shape.phase(k) - shift,
-                                            mismatch * table.shape.width,
-                                        )
-                                })
-                                .sum::<f64>()
+                            let response = |(i, &weight): (usize, &i16)| {
+                                let place = i as f64 - table.shape.half_width as f64;
+                                let offset = place - table.shape.phase(k) - shift;
+                                f64::from(weight) * gaussian(offset, mismatch * table.shape.width)
+                            };
+                            weights.iter().enumerate().map(response).sum::<f64>()
                         };
                         let ratio = dot(score) / dot(slope) * table.centre_per_ratio;
                         let distance = ratio - table.bend * ratio.powi(3);
@@ -315,17 +293,11 @@ mod tests {
                     }
                 }
             }
-            println!(
-                "width {:.2}: off by {worst:.1e} px at most",
-                table.shape.width
-            );
+            let width = table.shape.width;
+            println!("width {width:.2}: off by {worst:.1e} px at most");
             // Narrower than a pixel, what the pixels leave of a spot changes with its phase.
-            let limit = if table.shape.width < 1.0 {
-                3e-4
-            } else {
-                2.5e-4
-            };
-            assert!(worst < limit, "width {}: {worst}", table.shape.width);
+            let limit = if width < 1.0 { 3e-4 } else { 2.5e-4 };
+            assert!(worst < limit, "width {width}: {worst}");
         }
     }
 }

@@ -33,12 +33,12 @@ pub fn check_saturation(row: &Row<'_>, centre: Pixels, width: f32) -> Result<(),
 pub fn count_saturated_pixels(row: &Row<'_>, centre: Pixels, width: f32) -> u16 {
     let (light, saturation) = (row.light(), row.saturated_from());
     let Range { start, end } = two_widths(centre, width);
-    let near = light
-        .slice(start.min(light.len())..end.min(light.len()))
-        .map(Light::iter);
-    near.into_iter().flatten().fold(0, |pixels, count| {
-        u16::saturating_add(pixels, (count >= saturation).into())
-    })
+    let near = light.slice(start.min(light.len())..end.min(light.len()));
+    near.into_iter()
+        .flat_map(Light::iter)
+        .fold(0, |pixels, count| {
+            u16::saturating_add(pixels, (count >= saturation).into())
+        })
 }
 
 /// The pixels within two widths of the centre, to one pixel.

@@ -237,10 +237,10 @@ impl<'a> TableSet<'a> {
         // The widest table still serves half a step beyond its own width.
         let widest = self.tables.last()?.width * (1.0 + self.largest_mismatch);
         let block = match sampling {
-            Sampling::Fine => BLOCKS
+            Sampling::Fine => (BLOCKS
                 .into_iter()
-                .find(|&block| width <= widest * f32::from(block))
-                .or(BLOCKS.last().copied()),
+                .find(|&block| width <= widest * f32::from(block)))
+            .or(BLOCKS.last().copied()),
             Sampling::Coarse => BLOCKS
                 .into_iter()
                 .rfind(|&block| width >= FEWEST_SAMPLES * f32::from(block)),

@@ -81,9 +81,9 @@ pub(crate) fn check(
     // On nearly all rows, no pixel there is high.
     let sides = [right.max(apart)..end, apart..left.min(end)]
         .map(|places| search.may_be_high(row, places.clone()).then_some(places));
-    let units = WORK
-        .saturating_add(light.len() / PIXELS_IN_A_UNIT)
-        .saturating_add(light.len() / half / PLACES_IN_A_UNIT);
+    let of_pixels = light.len() / PIXELS_IN_A_UNIT;
+    let of_places = light.len() / half / PLACES_IN_A_UNIT;
+    let units = WORK.saturating_add(of_pixels).saturating_add(of_places);
     if sides.iter().any(Option::is_some) && budget.pay(units).is_none() {
         return Ok(false);
     }
@@ -110,9 +110,8 @@ fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32
         let from = numeric::to_i32(from).saturating_sub(numeric::to_i32(to_left));
         heights(light, from, half)
     };
-    let sides = heights(first, separation)
-        .into_iter()
-        .zip(heights(first.saturating_add(separation), 0));
+    let right = heights(first.saturating_add(separation), 0);
+    let sides = heights(first, separation).into_iter().zip(right);
     let steps = (0..MAX_PIXELS).zip(heights(first, 0).into_iter().zip(sides));
     steps
         .filter(|(step, _)| first.saturating_add(offset(*step, half)) <= centre)
@@ -531,12 +530,8 @@ mod tests {
             });
             let sums: [u32; 2330] = core::array::from_fn(|i| {
                 let sum = |i: usize| {
-                    light
-                        .iter()
-                        .skip(i)
-                        .take(half)
-                        .map(|&it| u32::from(it))
-                        .sum()
+                    let light = light.iter().skip(i).take(half);
+                    light.map(|&it| u32::from(it)).sum()
                 };
                 u32::min(sum(i * half), sum((i + 1) * half))
             });

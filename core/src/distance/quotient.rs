@@ -76,9 +76,7 @@ impl Dividend {
         let too_large = u32::from(rest < 0);
         Quotient {
             // Below 2^32, and right modulo 2^32.
-            rounded: first_digit
-                .wrapping_add(second_digit)
-                .wrapping_sub(too_large),
+            rounded: (first_digit.wrapping_add(second_digit)).wrapping_sub(too_large),
             estimate,
             reciprocal,
         }

@@ -82,10 +82,8 @@ impl Corrected {
         let (residual, change) = self.residuals.at(centre)?;
         let (distance, slope) = self.curve.distance_at(centre)?;
         // It always fits: both ends do, with a margin, and rounding takes less than that margin.
-        let bits = distance
-            .to_bits()
-            .checked_add(residual.to_bits())
-            .ok_or(Fault::OutOfRange { centre })?;
+        let bits = (distance.to_bits()).checked_add(residual.to_bits());
+        let bits = bits.ok_or(Fault::OutOfRange { centre })?;
         // `new` allows half of the slope. Over a short interval the tangent's rounding may exceed that.
         let most = 0.5 * slope.abs();
         let slope = slope + limited(change, -most, most);

@@ -170,10 +170,8 @@ fn scale(members: &[Member<'_>], centre: f32) -> f32 {
 /// The median of the offsets.
 fn middle(members: &[Member<'_>]) -> f32 {
     // Orders the offsets by their bits, with those of negative numbers turned over.
-    let keys = members
-        .iter()
-        .map(|it| ordered(in_order(it.offset.to_bits().cast_signed())));
-    median(keys).map_or(0.0, |key| {
+    let key = |it: &Member<'_>| ordered(in_order(it.offset.to_bits().cast_signed()));
+    median(members.iter().map(key)).map_or(0.0, |key| {
         f32::from_bits(in_order(from_ordered(key)).cast_unsigned())
     })
 }

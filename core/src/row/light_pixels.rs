@@ -111,9 +111,7 @@ impl<'a> Light<'a> {
     pub(crate) fn sum(self) -> u32 {
         let (many, rest) = self.words.as_chunks::<16>();
         let few = |words| Self { words, ..self }.sum_of_few(0).0;
-        let sum = many
-            .iter()
-            .fold(0, |sum, words| numeric::add_u32(sum, few(words)));
+        let sum = (many.iter()).fold(0, |sum, words| numeric::add_u32(sum, few(words)));
         numeric::add_u32(sum, few(rest))
     }
 
@@ -156,13 +154,12 @@ impl<'a> Light<'a> {
                 self.any_pair(rest.wrapping_mul(ONES), |a, b| a | b, has_hit)
             });
         }
-        u32::from(self.inverted)
-            .checked_sub(limit)
-            .is_some_and(|least| {
-                let rest = (LARGEST + 1).wrapping_sub(least);
-                let has_hit = |bits: u32| bits & HIGHEST != HIGHEST;
-                self.any_pair(rest.wrapping_mul(ONES), |a, b| a & b, has_hit)
-            })
+        let least = u32::from(self.inverted).checked_sub(limit);
+        least.is_some_and(|least| {
+            let rest = (LARGEST + 1).wrapping_sub(least);
+            let has_hit = |bits: u32| bits & HIGHEST != HIGHEST;
+            self.any_pair(rest.wrapping_mul(ONES), |a, b| a & b, has_hit)
+        })
     }
 
     /// Adds `rest` to both halves of each pair of words, and tests whether any sum has a hit. `combine`

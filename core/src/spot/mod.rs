@@ -277,11 +277,9 @@ fn search_level(
     let blocks = Blocks::of(untilted);
     let first = First::look(untilted, blocks.sums(), coarse).ok_or(NOTHING)?;
     let spot = first.search(budget)?;
-    let level = Counts::from_bits(
-        (spot.background.level.to_bits())
-            .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
-            .saturating_add(tilt.height_at(light, spot.centre)),
-    );
+    let lowest = lowest.saturating_mul(1 << Counts::FRACTION);
+    let level = spot.background.level.to_bits().saturating_add(lowest);
+    let level = Counts::from_bits(level.saturating_add(tilt.height_at(light, spot.centre)));
     Ok(Spot {
         background: Background {
             level,
@@ -515,9 +513,7 @@ const MEDIAN_BLOCKS: usize = 32;
 pub(crate) fn noise(parts: &[Light<'_>]) -> Option<Counts> {
     /// 1/sqrt(12) of a count in Q8.
     const ROUNDING: i32 = 74;
-    let pixels = parts
-        .iter()
-        .fold(0, |all, part| part.len().saturating_add(all));
+    let pixels = (parts.iter()).fold(0, |all, part| part.len().saturating_add(all));
     let piece = pixels.div_ceil(MEDIAN_BLOCKS).max(8);
     let mut sums: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
     for light in parts {

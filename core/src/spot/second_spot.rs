@@ -228,9 +228,9 @@ impl Near {
         let to = below.map_or(self.length, |below| top.saturating_add(below));
         let about = from.saturating_sub(1)..to.saturating_add(1).min(self.length);
         let threes = self.light.get(about)?.windows(3);
-        let height = threes
-            .map(|three| (three.iter()).fold(0i32, |sum, &light| sum.saturating_add(light)))
-            .max()?;
+        let sum =
+            |three: &[i32]| (three.iter()).fold(0i32, |sum, &light| sum.saturating_add(light));
+        let height = threes.map(sum).max()?;
         let twice_first = self.first.saturating_mul(2);
         let twice_middle = twice_first.saturating_add(from).saturating_add(to);
         Some(Lump {
@@ -311,9 +311,8 @@ fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     let here = block_of(spot.centre, block_log2);
     let response = |block| Some(above(sums.response(block_log2, block)?, block_log2, level));
     // The spot's middle may lie in the next block.
-    let highest = (here.saturating_sub(1)..here.saturating_add(2))
-        .filter_map(response)
-        .max()?;
+    let near = here.saturating_sub(1)..here.saturating_add(2);
+    let highest = near.filter_map(response).max()?;
     // Responses above the background are below 2^30. What is at most so many whole counts, background
     // included.
     let with_background = |above: i32| {

@@ -276,9 +276,7 @@ impl<'a> Sums<'a> {
             return all_above(near.unwrap_or_default(), start, least, see);
         }
         let mut near = [0; 2 * PART + 2];
-        let near = near
-            .get_mut(..end.saturating_sub(start))
-            .unwrap_or_default();
+        let near = (near.get_mut(..end.saturating_sub(start))).unwrap_or_default();
         let number = self.blocks_from(block_log2, start, near);
         all_above(near.get(..number).unwrap_or_default(), start, least, see)
     }
@@ -299,9 +297,8 @@ impl<'a> Sums<'a> {
             }
         };
         // The first pair of blocks is in no part.
-        let number = (self.number(block_log2) / 2)
-            .saturating_sub(1)
-            .div_ceil(PART);
+        let pairs = self.number(block_log2) / 2;
+        let number = pairs.saturating_sub(1).div_ceil(PART);
         // A part holds the kernels whose last block is in it. The first pair of blocks only starts the first
         // kernel, so the first middle is block 1.
         let starts = (0..most_parts(0)).map(|part| part.saturating_mul(2 * PART).saturating_add(1));
@@ -386,9 +383,8 @@ impl<'a> Sums<'a> {
 
     /// The blocks of the largest size of which the row has 16 or more, and that size.
     fn blocks_of_background(&self) -> Option<(u32, Vec<u32, MEDIAN_BLOCKS>)> {
-        let block_log2 = (1..=LARGEST_BLOCK_LOG2)
-            .take_while(|&log2| self.number(log2) >= 16)
-            .last()?;
+        let sizes = 1..=LARGEST_BLOCK_LOG2;
+        let block_log2 = sizes.take_while(|&log2| self.number(log2) >= 16).last()?;
         let mut blocks = Vec::new();
         blocks.resize(self.number(block_log2), 0).ok()?;
         self.blocks_from(block_log2, 0, &mut blocks);

@@ -276,9 +276,7 @@ impl Pairs<'_> {
                 to_left.map(|furthest| (end.saturating_sub(last), furthest)),
             ];
             for (nearest, furthest) in sides.into_iter().flatten() {
-                let first = nearest
-                    .saturating_sub(pixels.saturating_add(1))
-                    .div_ceil(pixels);
+                let first = (nearest.saturating_sub(pixels.saturating_add(1))).div_ceil(pixels);
                 // The pairs up to the last, without those before the first.
                 let end = (furthest / pixels).saturating_add(1);
                 gaps |= below(end) & !below(first);
@@ -503,9 +501,7 @@ impl Place {
         const HALF_LOG2: u32 = Pixels::FRACTION - 1;
         let halves = centre.to_bits().saturating_add(1 << (HALF_LOG2 - 1)) >> HALF_LOG2;
         // Within 2^14 of zero.
-        let offset = centre
-            .to_bits()
-            .wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
+        let offset = (centre.to_bits()).wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
         let halves = usize::try_from(halves).unwrap_or_default();
         let right = (halves / 2).wrapping_add(1);
         Self {

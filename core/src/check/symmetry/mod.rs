@@ -192,9 +192,7 @@ fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
     // More changes never make a step coarser: a few pixels of most rows tell that it is fine.
     let mut changes = 0;
     for counts in near.chunks(8) {
-        changes = counts
-            .iter()
-            .fold(changes, |changes, count| changes | (count ^ first));
+        changes = (counts.iter()).fold(changes, |changes, count| changes | (count ^ first));
         if changes != 0 && !is_coarse(changes) {
             return false;
         }
@@ -228,9 +226,8 @@ fn extremes_near(row: &Row<'_>, found: &RowCentre) -> Extremes {
     // Whole eights are quicker.
     let pixels = end.saturating_sub(start).saturating_add(7) & !7;
     let (_, near) = light.split(start);
-    near.slice(..pixels)
-        .unwrap_or(near)
-        .extremes(row.saturated_from())
+    let near = near.slice(..pixels).unwrap_or(near);
+    near.extremes(row.saturated_from())
 }
 
 /// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look

@@ -181,11 +181,9 @@ impl CombMeasurement {
         let share = |value: fn(&RowCentre) -> f32| {
             images.iter().map(|image| value(&image.found)).sum::<f32>() / count
         };
-        let centre = origin
-            .to_bits()
-            .saturating_add(Pixels::from_f32(mean).to_bits());
+        let mean = Pixels::from_f32(mean).to_bits();
         Ok(RowCentre {
-            centre: Pixels::from_bits(centre),
+            centre: Pixels::from_bits(origin.to_bits().saturating_add(mean)),
             uncertainty: Pixels::from_f32(noise),
             amplitude: Counts::from_f32(share(|it| it.amplitude.to_f32())),
             width: Pixels::from_f32(share(|it| it.width.to_f32())),

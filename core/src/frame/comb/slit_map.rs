@@ -78,9 +78,7 @@ impl SlitMap {
 
     /// Whether no coefficient is beyond [`LARGEST_CORRECTION`].
     pub(super) fn has_small_correction(&self) -> bool {
-        let most = Pixels::from_int(LARGEST_CORRECTION)
-            .to_bits()
-            .unsigned_abs();
+        let most = (Pixels::from_int(LARGEST_CORRECTION).to_bits()).unsigned_abs();
         let mut terms = self.correction.iter();
         terms.all(|term| term.to_bits().unsigned_abs() <= most)
     }

@@ -157,9 +157,7 @@ impl PixelMap {
 
     /// The entries of the light pixels.
     pub fn entries(&self) -> &[Entry] {
-        self.entries
-            .get(..usize::from(self.pixels))
-            .unwrap_or_default()
+        (self.entries.get(..usize::from(self.pixels))).unwrap_or_default()
     }
 
     /// Corrects the light pixels of `window` in place: subtracts the offset, and multiplies the light above
