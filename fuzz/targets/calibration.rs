@@ -5,9 +5,7 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use libfuzzer_sys::fuzz_target;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Pixels;
-use slitrange::distance::Calibration;
+use slitrange::{Calibration, Fault, Pixels};
 use slitrange_device::record::{MAX_ENCODED, Record, decode, encode};
 
 /// No mutation would meet it: each input is also tried with the sum that it should have.
@@ -42,12 +40,8 @@ fn usable(calibration: &Calibration, places: &[u8]) {
     let range = calibration.distances().expect("the ends are in the range");
     // Of a range of a few steps they may be the same.
     assert!(range.start() <= range.end());
-    let mut centres: Vec<i32> = places
-        .as_chunks()
-        .0
-        .iter()
-        .map(|&four| i32::from_le_bytes(four))
-        .collect();
+    let fours = places.as_chunks().0.iter();
+    let mut centres: Vec<i32> = fours.map(|&four| i32::from_le_bytes(four)).collect();
     // Close to each other too, where a step back would show, and where knots meet.
     centres.extend(first.to_bits()..=first.to_bits().saturating_add(40));
     for i in 0..64 {
@@ -70,11 +64,8 @@ fn usable(calibration: &Calibration, places: &[u8]) {
                 assert!(inside.contains(&distance), "{distance} at {centre}");
                 assert!(slope.is_finite(), "{slope} at {centre}");
                 if let Some(before) = before {
-                    let back = if falls {
-                        distance.saturating_sub(before)
-                    } else {
-                        before.saturating_sub(distance)
-                    };
+                    let rise = distance.saturating_sub(before);
+                    let back = if falls { rise } else { rise.saturating_neg() };
                     assert!(back <= rounding, "{back} steps back at {centre}");
                 }
                 before = Some(distance);
@@ -92,14 +83,13 @@ fn rounding(calibration: &Calibration) -> i32 {
     let Calibration::Corrected(corrected) = calibration else {
         return 0;
     };
-    let residuals: Vec<i32> = corrected
-        .residuals()
-        .iter()
-        .map(|knot| knot.value.to_bits())
-        .collect();
-    let most = residuals
-        .windows(2)
-        .map(|pair| pair[0].abs_diff(pair[1]))
-        .max();
+    let residuals = || {
+        corrected
+            .residuals()
+            .iter()
+            .map(|knot| knot.value.to_bits())
+    };
+    let steps = residuals().zip(residuals().skip(1));
+    let most = steps.map(|(a, b)| a.abs_diff(b)).max();
     4 + (most.unwrap_or_default() >> 22) as i32
 }

@@ -1,6 +1,5 @@
 //! Bytes on the serial line: whatever comes, it is a command, an error or nothing, and a command's text is
-//! that command. And no
-//! order of an upload's lines lets a record through that was not sent whole.
+//! that command. And no order of an upload's lines lets a record through that was not sent whole.
 #![no_main]
 #![forbid(unsafe_code)]
 
@@ -122,10 +121,8 @@ impl Line {
                 }
                 self.announced = None;
                 let record = decode(&self.came).ok()?;
-                record
-                    .geometry
-                    .is_compatible_with(&tcd1304dg())
-                    .then_some(Some(record))
+                let is_of_this_head = record.geometry.is_compatible_with(&tcd1304dg());
+                is_of_this_head.then_some(Some(record))
             }
         }
     }

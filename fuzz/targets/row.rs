@@ -2,25 +2,18 @@
 //! true, or a fault.
 //!
 //! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte
-//! first. They paint a row of
-//! light and hand it over; see [`Bench::step`]. What is left over at the end does nothing.
+//! first. They paint a row of light and hand it over; see [`Bench::step`]. What is left over at the end does
+//! nothing.
 #![no_main]
 #![forbid(unsafe_code)]
 
 use libfuzzer_sys::fuzz_target;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
 use slitrange::frame::comb::{Comb, FEWEST, Slits};
-use slitrange::frame::{FEWEST_INDEPENDENT, MAX_ROWS, Mean};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::reading::Reading;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity};
+use slitrange::frame::{FEWEST_INDEPENDENT, MAX_ROWS};
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Fault, Geometry, Mean,
+    Measurement, Micrometres, Options, Pixels, Polarity, Reading, Surface, sensor_heads,
+};
 use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::line::{FaultLine, ReadingLine};
 
@@ -75,6 +68,15 @@ fn geometry(first: u8) -> Geometry {
     }
 }
 
+/// Only some values mean a bit.
+fn stuck_bit(which: u8) -> u16 {
+    if which & 0xF0 == 0xF0 {
+        1 << (which & 0xF)
+    } else {
+        0
+    }
+}
+
 /// A sensor, the light on it, and the pipeline.
 struct Bench {
     geometry: Geometry,
@@ -91,9 +93,6 @@ impl Bench {
     fn new(geometry: Geometry) -> Self {
         let options = Options {
             rows: 1,
-            mean: Mean::Weighted,
-            estimator: Estimator::default(),
-            black_level: BlackLevel::Shielded,
             ..Options::default()
         };
         Self {
@@ -115,11 +114,8 @@ impl Bench {
             0..=95 => f64::from(a + 1) / 16.0,
             _ => f64::from(a - 90) * 1.36,
         };
-        let pixels = self
-            .light
-            .iter_mut()
-            .zip(0u32..)
-            .map(|(light, i)| (light, f64::from(i)));
+        let pixels = self.light.iter_mut().zip(0u32..);
+        let pixels = pixels.map(|(light, i)| (light, f64::from(i)));
         match what {
             0 => self.light.fill(f64::from(b % 4096)),
             1 => pixels.for_each(|(light, i)| {
@@ -131,13 +127,10 @@ impl Bench {
                 let u = (i - place) / (0.85 * width);
                 *light += height * if u == 0.0 { 1.0 } else { (u.sin() / u).powi(2) };
             }),
-            3 => pixels.for_each(|(light, i)| {
-                *light += if (i - place).abs() < width {
-                    height
-                } else {
-                    0.0
-                }
-            }),
+            3 => {
+                let inside = pixels.filter(|(_, i)| (i - place).abs() < width);
+                inside.for_each(|(light, _)| *light += height);
+            }
             4 => {
                 pixels.for_each(|(light, i)| *light += (i - place) * (f64::from(a) - 128.0) / 25.0)
             }
@@ -182,22 +175,14 @@ impl Bench {
         let estimators = Estimator::ALL;
         self.options = Options {
             rows: if b & 0x8000 != 0 { b } else { b % 20 },
-            mean: if a & 1 == 0 {
-                Mean::Weighted
-            } else {
-                Mean::Plain
-            },
+            mean: [Mean::Weighted, Mean::Plain][usize::from(a & 1)],
             estimator: estimators[usize::from(c) % estimators.len()],
             black_level: match a >> 1 & 3 {
                 0 => BlackLevel::Shielded,
                 1 => BlackLevel::Frame,
                 _ => BlackLevel::Fixed(Counts::from_int(i32::from(d))),
             },
-            slits: if a & 0x40 == 0 {
-                Slits::One
-            } else {
-                Slits::Comb
-            },
+            slits: Slits::ALL[usize::from(a >> 6 & 1)],
             ..Options::default()
         };
         self.calibration = Calibration::nominal().filter(|_| a & 0x80 != 0);
@@ -225,15 +210,11 @@ impl Bench {
             (random >> 40) as f64 / (1 << 24) as f64 - 0.5
         };
         let full_scale = self.geometry.full_scale();
-        let (zero, one) = (
-            self.stuck_bit(stuck as u8),
-            self.stuck_bit((stuck >> 8) as u8),
-        );
+        let [zero, one] = stuck.to_le_bytes().map(stuck_bit);
         let mut row: Vec<u16> = (0..words)
             .map(|i| {
-                let light = i
-                    .checked_sub(self.geometry.light.start)
-                    .and_then(|i| self.light.get(i));
+                let pixel = i.checked_sub(self.geometry.light.start);
+                let light = pixel.and_then(|pixel| self.light.get(pixel));
                 // `as` saturates.
                 let count = (light.unwrap_or(&300.0) + noise * 3.46 * next() + 0.5) as u16;
                 let count = count.min(full_scale);
@@ -248,60 +229,35 @@ impl Bench {
         let result = self.measurement.row(&mut row);
         let due = self.rows >= self.options.rows.clamp(1, MAX_ROWS as u16);
         assert_eq!(result.is_some(), due, "after {} rows", self.rows);
-        if let Some(result) = result {
-            self.rows = 0;
-            match result.and_then(|measured| {
-                measured.reading(
-                    self.calibration.as_ref(),
-                    &CalibrationErrors::Nominal,
-                    Surface::Auto,
-                )
-            }) {
-                Ok(reading) => self.check(&reading),
-                Err(fault) => self.check_fault(fault),
-            }
-        }
-    }
-
-    /// Only some values mean a bit.
-    fn stuck_bit(&self, which: u8) -> u16 {
-        if which & 0xF0 == 0xF0 {
-            1 << (which & 0xF)
-        } else {
-            0
+        let Some(result) = result else {
+            return;
+        };
+        self.rows = 0;
+        let (calibration, errors) = (self.calibration.as_ref(), CalibrationErrors::Nominal);
+        match result.and_then(|it| it.reading(calibration, &errors, Surface::Auto)) {
+            Ok(reading) => self.check(&reading),
+            Err(fault) => self.check_fault(fault),
         }
     }
 
     fn check(&self, reading: &Reading) {
         let said = ReadingLine(reading).to_string();
         assert!(said.starts_with("d ") && said.is_ascii(), "{said}");
-        let calibration = self
-            .calibration
-            .as_ref()
-            .expect("a distance without calibration");
+        let calibration = self.calibration.as_ref().expect("no distance without one");
         self.check_centre(reading.centre, reading.centre_uncertainty);
         let range = calibration.distances().expect("the ends are in the range");
         assert!(range.contains(&reading.distance), "{said}");
-        assert!(
-            reading.uncertainty >= Micrometres::from_int(0),
-            "{reading:?}"
-        );
-        assert!(reading.width > Pixels::from_int(0), "{reading:?}");
-        assert!(reading.amplitude > Counts::from_int(0), "{reading:?}");
-        assert!(
-            reading.rows == self.options.rows.clamp(1, MAX_ROWS as u16),
-            "{reading:?}"
-        );
+        assert!(reading.uncertainty >= Micrometres::default(), "{reading:?}");
+        assert!(reading.width > Pixels::default(), "{reading:?}");
+        assert!(reading.amplitude > Counts::default(), "{reading:?}");
+        let asked = self.options.rows.clamp(1, MAX_ROWS as u16);
+        assert_eq!(reading.rows, asked, "{reading:?}");
         // More than half of the rows have a centre, two thirds of those fit, and two thirds of those agree.
         let (used, rows) = (reading.rows_used, reading.rows);
         assert!(9 * used >= 2 * rows && used <= rows, "{reading:?}");
         assert!(reading.misfits <= reading.rows_used, "{reading:?}");
-        assert!(
-            reading
-                .correlated
-                .is_none_or(|worth| (1..FEWEST_INDEPENDENT).contains(&worth)),
-            "{reading:?}"
-        );
+        let is_few = |worth| (1..FEWEST_INDEPENDENT).contains(&worth);
+        assert!(reading.correlated.is_none_or(is_few), "{reading:?}");
         assert_eq!(reading.estimator, self.options.estimator);
         match self.options.slits {
             Slits::One => assert_eq!(reading.slits_used, 1),
@@ -313,17 +269,13 @@ impl Bench {
     fn check_centre(&self, centre: Pixels, uncertainty: Pixels) {
         let pixels = self.geometry.light.len() as f64;
         let place = centre.to_f64();
-        if self.options.slits == Slits::Comb {
+        let is_there = match self.options.slits {
+            Slits::One => place >= -0.5 && place <= pixels - 0.5,
             // Where a slit on the axis would show the spot: it may lie beyond the row.
-            assert!(place.abs() < 5000.0, "{centre}");
-            assert!(uncertainty > Pixels::from_int(0), "{centre}: {uncertainty}");
-            return;
-        }
-        assert!(
-            place >= -0.5 && place <= pixels - 0.5,
-            "{centre} of {pixels}"
-        );
-        assert!(uncertainty > Pixels::from_int(0), "{centre}: {uncertainty}");
+            Slits::Comb => place.abs() < 5000.0,
+        };
+        assert!(is_there, "{centre} of {pixels}");
+        assert!(uncertainty > Pixels::default(), "{centre}: {uncertainty}");
     }
 
     fn check_fault(&self, fault: Fault) {

@@ -12,15 +12,12 @@ mod flash;
 use crc::{Algorithm, Crc};
 use embassy_futures::block_on;
 use libfuzzer_sys::fuzz_target;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::table::Table;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange::row::sensor_heads;
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Mean, Micrometres, Pixels,
+    sensor_heads,
+};
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
 use slitrange_device::settings::Settings;
@@ -52,9 +49,8 @@ fn step(flash: &mut Flash, what: u8, a: u8, [b, c, d]: [u16; 3]) {
         2 => {
             let words = [c, d].map(u16::to_le_bytes);
             let bytes = flash.bytes[place..].iter_mut();
-            bytes
-                .zip(words.as_flattened())
-                .for_each(|(old, &new)| *old = new);
+            let both = bytes.zip(words.as_flattened());
+            both.for_each(|(old, &new)| *old = new);
         }
         3 => flash.bytes[place..end.min(place + length)].fill(a),
         4 => item(flash, place & !3, length, a),
@@ -78,15 +74,10 @@ fn step(flash: &mut Flash, what: u8, a: u8, [b, c, d]: [u16; 3]) {
 /// Makes of what is at a place an item that the library takes for whole; or not quite, as `a` says.
 fn item(flash: &mut Flash, place: usize, length: usize, a: u8) {
     let length = length % SECTOR;
-    let Some([head, data]) = flash
-        .bytes
-        .get_mut(place..)
-        .and_then(|bytes| bytes.split_at_mut_checked(8))
-        .map(|(head, data)| [head, data])
+    let item = flash.bytes.get_mut(place..);
+    let item = item.and_then(|bytes| bytes.split_at_mut_checked(8));
+    let Some((head, data)) = item.and_then(|(head, data)| Some((head, data.get_mut(..length)?)))
     else {
-        return;
-    };
-    let Some(data) = data.get_mut(..length) else {
         return;
     };
     // Its number: not the last that there is.
