@@ -1,9 +1,8 @@
 //! Rows, spots and centres for the tests of all modules.
 
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Pixels};
 use crate::centre::RowCentre;
-use crate::row::background::Background;
-use crate::row::{Geometry, LARGEST_COUNT, Polarity, Row};
+use crate::row::{Background, Geometry, LARGEST_COUNT, Polarity, Row};
 use crate::spot::Spot;
 
 pub use crate::row::sensor_heads::tcd1304dg;

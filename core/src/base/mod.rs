@@ -9,5 +9,10 @@ pub mod places;
 pub mod units;
 pub mod work_budget;
 
+pub(crate) use exposure::{Exposure, ExposureMode};
+pub(crate) use fault::Fault;
+pub(crate) use units::{Counts, Electrons, Micrometres, Pixels};
+pub(crate) use work_budget::WorkBudget;
+
 /// The most rows in a frame.
 pub const MAX_ROWS: u32 = 64;

@@ -8,9 +8,7 @@
 //! count a pixel would shift a centre by hundredths of a pixel (narrow spots) to whole ones (wide, dim ones).
 //! As long as the tilt lasts, each row takes two more measurements.
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Fault, Pixels, numeric};
 use crate::centre::RowCentre;
 use crate::centre::phase_table::{self, Fit, WidthSource};
 use crate::centre::plausible::check_uncertainty;
@@ -19,9 +17,6 @@ use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
 
 /// Finds the centre of a spot.
-///
-/// # Errors
-/// See [`crate::centre::centre`].
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
@@ -32,9 +27,6 @@ pub fn centre(
 }
 
 /// Finds the table that fits, in the set that serves the row best.
-///
-/// # Errors
-/// See [`crate::centre::centre`].
 #[inline(always)]
 pub(super) fn fit(
     row: &Row<'_>,

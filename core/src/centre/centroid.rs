@@ -27,10 +27,8 @@
 //! that error. All sums are integers; the one division is of f32, on a quotient below a pixel once the window
 //! rests.
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::numeric::limited;
-use crate::base::units::{Counts, Pixels};
+use crate::base::numeric::{self, limited};
+use crate::base::{Counts, Fault, Pixels};
 use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
 use crate::centre::{RowCentre, half_width};
 use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
@@ -48,9 +46,6 @@ const MAX_PASSES: usize = 6;
 const REST: u32 = 1 << 8;
 
 /// Finds the centre of a spot that [`crate::spot::find`] found.
-///
-/// # Errors
-/// As [`crate::centre::centre`].
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,

@@ -5,9 +5,7 @@
 //! From then on the pixels of the top count as saturated: [`gauss_newton`] measures by the flanks, and the
 //! other estimators have the fault [`Fault::Saturated`].
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Fault, WorkBudget, numeric};
 use crate::centre::plausible::count_saturated_pixels;
 use crate::centre::{self, Estimator, RowCentre, adaptive, flat_top, gauss_newton, half_width};
 use crate::row::{Geometry, Row};
@@ -49,9 +47,6 @@ impl<'a> Estimate<'a> {
     }
 
     /// Measures a spot with a flat top again, by its flanks.
-    ///
-    /// # Errors
-    /// Those of [`measure_flanks`].
     #[inline(always)]
     fn of(
         estimator: Estimator,

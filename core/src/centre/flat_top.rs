@@ -26,8 +26,7 @@
 //! Most rows end at the first comparison: the middle pixel differs by more than [`NEAR`] from one of two
 //! pixels beside it.
 
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Pixels, numeric};
 use crate::centre::RowCentre;
 use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;

@@ -10,16 +10,13 @@
 //! spot blurs by up to a width, in read noise, shot noise, on a slope, and with unequal pixels. The error on
 //! the pattern of a point is 0.97 of `phase-table`'s in white noise, and 1.04 in shot noise.
 
-use crate::base::fault::Fault;
+use crate::base::Fault;
 use crate::centre::tables::{SLIT, Sampling};
 use crate::centre::{RowCentre, phase_table};
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
 /// Finds the centre of a spot.
-///
-/// # Errors
-/// See [`crate::centre::centre`].
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,

@@ -6,10 +6,8 @@
 //! the pixel's own width included; this is subtracted again. Crossings are interpolated linearly. The width
 //! found is up to a fifth too large for spots of 0.8 to 1.2 pixels, and up to 3 % from 2 pixels.
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::numeric::limited;
-use crate::base::units::{Counts, Pixels};
+use crate::base::numeric::{self, limited};
+use crate::base::{Counts, Fault, Pixels};
 use crate::centre::RowCentre;
 use crate::centre::plausible::position_on_row;
 use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS};

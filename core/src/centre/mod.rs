@@ -23,8 +23,7 @@ mod window;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::fault::Fault;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Fault, Pixels};
 use crate::centre::spot_shape::{OwnSpot, SpotShape};
 use crate::centre::tables::Sampling;
 use crate::row::{Geometry, Row};

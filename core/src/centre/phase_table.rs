@@ -12,8 +12,7 @@
 
 use dual_mac::square_root;
 
-use crate::base::fault::Fault;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Fault, Pixels};
 use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
 use crate::centre::tables::{NARROWEST, Sampling, Table, TableSet, halvings, is_spot_width};
 use crate::centre::window::Window;
@@ -119,9 +118,6 @@ pub(super) enum WidthSource {
 }
 
 /// Finds the table that fits, and the centre by it.
-///
-/// # Errors
-/// See [`crate::centre::centre`].
 #[inline(always)]
 pub(super) fn fit<'a>(
     row: &Row<'_>,

@@ -3,9 +3,7 @@
 
 use core::ops::Range;
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Fault, Pixels, numeric};
 use crate::row::{Light, Row};
 use crate::spot::Spot;
 

@@ -15,8 +15,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::base::Pixels;
 use crate::base::numeric::square;
-use crate::base::units::Pixels;
 
 /// Number of the components of the antisymmetric light.
 pub const COMPONENTS: usize = 5;

@@ -2,8 +2,8 @@
 
 use dual_mac::{Pair, Pairs, dot, dot2};
 
+use crate::base::Pixels;
 use crate::base::numeric::limited;
-use crate::base::units::Pixels;
 use crate::centre::WidthClass;
 use crate::centre::tables::{MAX_TAPS, Table, halvings};
 use crate::row::Light;

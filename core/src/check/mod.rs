@@ -30,8 +30,7 @@ pub mod own_spot;
 pub mod repair;
 mod symmetry;
 
-use crate::base::numeric;
-use crate::base::work_budget::WorkBudget;
+use crate::base::{WorkBudget, numeric};
 use crate::centre::RowCentre;
 use crate::centre::estimate::Estimate;
 use crate::centre::gauss_newton::MaskedPixels;

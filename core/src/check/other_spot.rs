@@ -7,10 +7,7 @@
 
 use core::ops::Range;
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Counts, Fault, Pixels, WorkBudget, numeric};
 use crate::centre::RowCentre;
 use crate::row::{BLOCK, Light, MAX_PIXELS, Row};
 use crate::spot::Spot;

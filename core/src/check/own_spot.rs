@@ -8,8 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::base::Pixels;
 use crate::base::places::{PLACES, place_at};
-use crate::base::units::Pixels;
 use crate::centre::spot_shape::{COMPONENTS, OwnSpot};
 
 /// The sensor's own spot at [`PLACES`] centres, evenly from the first to the last.

@@ -19,8 +19,7 @@
 
 use core::cell::Cell;
 
-use crate::base::numeric;
-use crate::base::work_budget::WorkBudget;
+use crate::base::{WorkBudget, numeric};
 use crate::centre::RowCentre;
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start, Window};
 use crate::centre::half_width::WIDTHS;

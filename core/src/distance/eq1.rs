@@ -9,9 +9,7 @@ use core::ops::RangeInclusive;
 
 use super::quotient::Dividend;
 use crate::base::drawing::{DRAWING, T};
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Micrometres, Pixels};
+use crate::base::{Fault, Micrometres, Pixels, numeric};
 
 /// Eq. (1) as d = D + K/(x - xp), valid over a range of centres.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,9 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::numeric;
-use crate::base::numeric::limited;
-use crate::base::units::{Micrometres, Pixels};
+use crate::base::numeric::{self, limited};
+use crate::base::{Micrometres, Pixels};
 
 /// A point of the curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -6,8 +6,7 @@ use heapless::Vec;
 
 pub use super::interpolation::Knot;
 use super::interpolation::{Controls, Interval, MAX_RISE, controls};
-use crate::base::fault::Fault;
-use crate::base::units::{Micrometres, Pixels};
+use crate::base::{Fault, Micrometres, Pixels};
 
 /// The most knots of a curve.
 pub const MAX_KNOTS: usize = 129;

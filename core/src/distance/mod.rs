@@ -9,8 +9,7 @@ pub mod table;
 
 use core::ops::RangeInclusive;
 
-use crate::base::fault::Fault;
-use crate::base::units::{Micrometres, Pixels};
+use crate::base::{Fault, Micrometres, Pixels};
 use crate::distance::eq1::{Eq1, NOMINAL};
 use residuals::Corrected;
 use table::Table;

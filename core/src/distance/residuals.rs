@@ -5,9 +5,8 @@ use core::fmt;
 use core::ops::RangeInclusive;
 
 use super::knots::{Knot, Knots, KnotsError};
-use crate::base::fault::Fault;
 use crate::base::numeric::{at_most, limited};
-use crate::base::units::{Micrometres, Pixels};
+use crate::base::{Fault, Micrometres, Pixels};
 use crate::distance::eq1::Eq1;
 
 /// Eq. (1) plus residuals, valid from their first knot to their last.

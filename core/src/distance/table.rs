@@ -3,8 +3,7 @@
 use core::fmt;
 
 use super::knots::{Knot, Knots, KnotsError};
-use crate::base::fault::Fault;
-use crate::base::units::{Micrometres, Pixels};
+use crate::base::{Fault, Micrometres, Pixels};
 use crate::distance::eq1::LEAST_SLOPE_HALVINGS;
 
 /// Distances at knots. They all rise or all fall with the centre, by at least a sixteenth of a micrometre a

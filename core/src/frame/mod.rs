@@ -21,11 +21,9 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 pub use crate::base::MAX_ROWS;
-use crate::base::exposure::Exposure;
-use crate::base::fault::Fault;
 use crate::base::numeric::{self, at_least, square};
 use crate::base::order_statistic::{self, from_ordered, ordered};
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Exposure, Fault, Pixels};
 use crate::centre::RowCentre;
 use crate::centre::spot_shape::{COMPONENTS, SpotShape};
 

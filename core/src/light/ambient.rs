@@ -7,8 +7,7 @@
 //! one: it follows the light with a time constant of 128 rows with the laser off, 1.5 s.
 //! [`AmbientMean::share`] says how much noise it has.
 
-use crate::base::numeric;
-use crate::base::units::Counts;
+use crate::base::{Counts, numeric};
 use crate::row::{Geometry, Light, MAX_PIXELS, Row};
 
 /// What is done about ambient light.

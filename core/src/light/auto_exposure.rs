@@ -9,9 +9,7 @@
 //! A flat top tells where the sensor saturates, if that is below the level that its geometry states. From
 //! then on the room ends there.
 
-use crate::base::exposure::Exposure;
-use crate::base::fault::Fault;
-use crate::base::units::Counts;
+use crate::base::{Counts, Exposure, Fault};
 
 /// The height at which auto exposure aims, in percent of the room. A TCD1304DG may saturate at 75 % of the
 /// converter's range (0.45 V of 0.6 V, data sheet). The target is below that.

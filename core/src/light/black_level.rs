@@ -8,11 +8,8 @@
 
 use core::ops::Range;
 
-use crate::base::MAX_ROWS;
-use crate::base::numeric;
-use crate::base::units::Counts;
-use crate::row::background::Background;
-use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS, Row};
+use crate::base::{Counts, MAX_ROWS, numeric};
+use crate::row::{Background, LARGEST_COUNT, Light, MAX_PIXELS, Row};
 
 /// How the black level is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,11 +9,7 @@ pub mod steps;
 
 use core::ops::Range;
 
-use crate::base::exposure::{Exposure, ExposureMode};
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Counts, Exposure, ExposureMode, Fault, Pixels, WorkBudget, numeric};
 use crate::centre::{self, Estimator, RowCentre};
 use crate::check::own_spot::Profile;
 use crate::frame::comb::{Comb, CombMeasurement, Combined, Slits};
@@ -22,10 +18,9 @@ use crate::light::ambient::{AmbientMean, AmbientMode};
 use crate::light::auto_exposure::{AutoExposure, Brightness};
 use crate::light::black_level::{self, BlackLevel, BlackPixels};
 use crate::reading::Measured;
-use crate::row::background::Background;
 use crate::row::pixels::PixelErrors;
 use crate::row::pixels::map::{self, Correction, PixelMap};
-use crate::row::{BLOCK, BLOCK_LOG2, Blocks, Geometry};
+use crate::row::{BLOCK, BLOCK_LOG2, Background, Blocks, Geometry};
 use crate::spot::choice::SpotChoice;
 use crate::spot::region::Region;
 use crate::spot::{self, Coarse, Spot};

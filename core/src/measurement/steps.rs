@@ -1,7 +1,6 @@
 //! The steps of a spot that was found on a row: estimate, verdict, repair.
 
-use crate::base::fault::Fault;
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Fault, WorkBudget};
 use crate::centre::estimate::{estimate, estimate_image, estimate_robustly};
 use crate::centre::{Estimator, RowCentre};
 use crate::check::own_spot::Profile;

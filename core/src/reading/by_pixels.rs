@@ -1,7 +1,7 @@
 //! What the differences between pixels do to a centre.
 
 use crate::base::numeric::at_least;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Pixels};
 use crate::centre::Estimator;
 use crate::row::pixels::PixelErrors;
 

@@ -6,9 +6,7 @@ pub mod uncertainty;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::exposure::Exposure;
-use crate::base::fault::Fault;
-use crate::base::units::{Counts, Micrometres, Pixels};
+use crate::base::{Counts, Exposure, Fault, Micrometres, Pixels};
 use crate::centre::Estimator;
 use crate::distance::Calibration;
 use crate::frame::FrameCentre;

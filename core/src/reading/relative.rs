@@ -24,8 +24,8 @@
 //! is below 2^16 widths, because a width counts as at least a pixel. The memory is above 100 um, so D is
 //! below 2^19 memories. The squares of both are below 2^38, of which expf makes 0.
 
+use crate::base::Micrometres;
 use crate::base::numeric::at_least;
-use crate::base::units::Micrometres;
 use crate::reading::Reading;
 use crate::reading::uncertainty::{Parts, memory_um};
 

@@ -27,10 +27,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::base::drawing::{DRAWING, Drawing};
-use crate::base::exposure::Exposure;
 use crate::base::numeric::{at_least, at_most, square};
 use crate::base::places::{PLACES, place_at};
-use crate::base::units::{Counts, Micrometres, Pixels};
+use crate::base::{Counts, Exposure, Micrometres, Pixels};
 use crate::frame::FrameCentre;
 
 /// Where the surface's part comes from.

@@ -1,6 +1,6 @@
 //! What a row shows where no spot is.
 
-use crate::base::units::Counts;
+use crate::base::Counts;
 use crate::row::{Geometry, LARGEST_COUNT};
 
 /// Level and noise of a row away from the spot.

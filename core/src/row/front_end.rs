@@ -13,7 +13,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::units::{Counts, Electrons};
+use crate::base::{Counts, Electrons};
 use crate::row::{Geometry, LARGEST_COUNT, Polarity};
 
 /// A measured value with its standard uncertainty.

@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::units::{Counts, Electrons};
+use crate::base::{Counts, Electrons};
 use crate::row::blocks::{BLOCK, Blocks};
 use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS, Row};
 

@@ -10,8 +10,9 @@ pub mod sensor_heads;
 
 use core::ops::Range;
 
-use crate::base::units::Pixels;
+use crate::base::Pixels;
 
+pub(crate) use background::Background;
 pub(crate) use blocks::{BLOCK, BLOCK_LOG2, Blocks};
 pub use geometry::{Geometry, Polarity, RowError};
 pub use light_pixels::{Extremes, Light};

@@ -3,10 +3,7 @@
 //! The peak of the kernel's responses is searched near the place of the row before. Then the sweep over the
 //! rest of the row only tests whether any response there is similar to the peak.
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Counts, Fault, Pixels, WorkBudget, numeric};
 use crate::row::{BLOCK_LOG2, Blocks, MAX_PIXELS, Row};
 use crate::spot::{
     Coarse, DETECTION, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8, middle,

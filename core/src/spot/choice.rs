@@ -8,9 +8,7 @@
 
 use core::ops::Range;
 
-use crate::base::fault::Fault;
-use crate::base::units::{Counts, Pixels};
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Counts, Fault, Pixels, WorkBudget};
 use crate::row::{Blocks, Geometry};
 use crate::spot::{self, Coarse, Spot};
 

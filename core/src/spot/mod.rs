@@ -26,12 +26,8 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::order_statistic;
-use crate::base::units::Counts;
-use crate::base::work_budget;
-use crate::base::work_budget::WorkBudget;
+use crate::base::work_budget::{self, WorkBudget};
+use crate::base::{Counts, Fault, numeric, order_statistic};
 use crate::row::background::{Background, level_bits};
 use crate::row::{BLOCK_LOG2, Blocks, LARGEST_COUNT, Light, MAX_PIXELS, Row};
 pub use crate::spot::again::find_again;

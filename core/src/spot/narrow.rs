@@ -12,10 +12,7 @@
 use dual_mac::{BESIDE, PLACES_OF_PART, REACH, SAMPLES_OF_PART};
 use heapless::Vec;
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::Counts;
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Counts, Fault, WorkBudget, numeric};
 use crate::row::MAX_PIXELS;
 use crate::spot::second_spot::{LEAST_OTHER, NEAR, check_near, has_similar_height, two_spots};
 use crate::spot::sums::Sums;

@@ -9,10 +9,7 @@
 //!
 //! Further away the kernel's responses decide: a response nearly as high as the spot's is another spot.
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
-use crate::base::work_budget::WorkBudget;
+use crate::base::{Counts, Fault, Pixels, WorkBudget, numeric};
 use crate::spot::sums::Sums;
 use crate::spot::{
     LARGEST_BLOCK_LOG2, Spot, above, height, in_q8, middle, needed, square, under_the_kernel,

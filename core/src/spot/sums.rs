@@ -12,8 +12,7 @@ use dual_mac::portable::sweep_of;
 use dual_mac::{PART, sweep, sweep_wide};
 use heapless::Vec;
 
-use crate::base::numeric;
-use crate::base::units::Counts;
+use crate::base::{Counts, numeric};
 use crate::row::{BLOCK_LOG2, LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::tilt::Tilt;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, in_q8, median};

@@ -5,9 +5,8 @@
 
 use heapless::Vec;
 
-use crate::base::numeric;
 use crate::base::order_statistic::{from_ordered, ordered};
-use crate::base::units::Counts;
+use crate::base::{Counts, numeric};
 use crate::row::Light;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 

@@ -45,7 +45,7 @@ mod normal_equations;
 mod start;
 mod window;
 
-use crate::base::fault::Fault;
+use crate::base::Fault;
 use crate::centre::RowCentre;
 use crate::centre::half_width::WIDTHS;
 use crate::centre::plausible::{check_uncertainty, count_saturated_pixels};

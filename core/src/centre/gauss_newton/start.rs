@@ -1,8 +1,7 @@
 //! The start values of the fit, from the half maximum.
 
-use crate::base::fault::Fault;
 use crate::base::numeric::{self, limited};
-use crate::base::units::Pixels;
+use crate::base::{Fault, Pixels};
 use crate::centre::half_width::{self, WIDTHS};
 use crate::row::Row;
 use crate::spot::Spot;

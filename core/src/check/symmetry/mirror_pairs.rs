@@ -7,8 +7,7 @@ use heapless::Vec;
 use super::REACH;
 use super::antisymmetric::Odd;
 use super::symmetric::{Even, FINE_PITCH, Norms};
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Pixels, numeric};
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::row::Light;
 

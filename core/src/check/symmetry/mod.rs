@@ -36,8 +36,7 @@ mod mirror_pairs;
 mod symmetric;
 
 use self::mirror_pairs::{Correction, Gaps, Noise, Pairs, Place};
-use crate::base::numeric;
-use crate::base::units::Pixels;
+use crate::base::{Pixels, numeric};
 use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::spot_shape::{COMPONENTS, OwnSpot, SpotShape};

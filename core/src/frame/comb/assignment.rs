@@ -9,10 +9,7 @@ use core::cell::Cell;
 
 use heapless::Vec;
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::order_statistic;
-use crate::base::units::Pixels;
+use crate::base::{Fault, Pixels, numeric, order_statistic};
 use crate::frame::comb::{Comb, MAX_MAXIMA, MAX_SLITS, Maximum};
 use crate::row::MAX_PIXELS;
 

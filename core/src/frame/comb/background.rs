@@ -4,11 +4,8 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::base::numeric;
-use crate::base::order_statistic;
-use crate::base::units::Counts;
-use crate::row::background::Background;
-use crate::row::{BLOCK, Light};
+use crate::base::{Counts, numeric, order_statistic};
+use crate::row::{BLOCK, Background, Light};
 use crate::spot::noise;
 
 /// The most blocks from which the level is taken.

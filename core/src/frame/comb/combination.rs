@@ -9,9 +9,8 @@ use core::num::NonZeroU16;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::fault::Fault;
 use crate::base::numeric::{self, at_least, square};
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Fault, Pixels};
 use crate::centre::RowCentre;
 use crate::frame::comb::MAX_SLITS;
 use crate::frame::comb::assignment::{self, FEWEST};

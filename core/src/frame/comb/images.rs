@@ -4,15 +4,12 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::base::fault::Fault;
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
+use crate::base::{Counts, Fault, Pixels, numeric};
 use crate::centre::{self, Estimator, RowCentre};
 use crate::frame::comb::combination::Image;
 use crate::frame::comb::maxima::{self, Maxima};
 use crate::frame::comb::{Assignment, Comb, FEWEST, MAX_SLITS, Scatter, assign, background};
-use crate::row::background::Background;
-use crate::row::{BLOCK_LOG2, Row};
+use crate::row::{BLOCK_LOG2, Background, Row};
 use crate::spot::Spot;
 
 /// An image reaches so many pixels to both sides of its peak: half of the way to the next one.

@@ -5,10 +5,8 @@
 
 use heapless::Vec;
 
-use crate::base::numeric;
-use crate::base::units::Counts;
-use crate::row::BLOCK;
-use crate::row::background::Background;
+use crate::base::{Counts, numeric};
+use crate::row::{BLOCK, Background};
 
 /// The most peaks of a row. If there are more, the highest are kept.
 pub const MAX_MAXIMA: usize = 32;

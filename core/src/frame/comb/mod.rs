@@ -27,7 +27,7 @@ use core::fmt;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::base::units::Micrometres;
+use crate::base::Micrometres;
 
 pub use assignment::{Assignment, FEWEST, LEAD, TOLERANCE, assign};
 pub(crate) use background::background;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::base::drawing::{DRAWING, T};
-use crate::base::units::{Micrometres, Pixels};
+use crate::base::{Micrometres, Pixels};
 
 /// Coefficients of a slit's correction.
 pub const CORRECTIONS: usize = 4;

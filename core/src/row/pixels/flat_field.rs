@@ -8,8 +8,7 @@
 
 use core::fmt;
 
-use crate::base::numeric;
-use crate::base::units::Counts;
+use crate::base::{Counts, numeric};
 use crate::row::pixels::PixelErrors;
 use crate::row::pixels::map::{
     Entry, GAIN_FRACTION, LARGEST_GAIN, LARGEST_OFFSET, MAX_MAP_PIXELS, MapSummary,

@@ -5,11 +5,9 @@
 
 use core::ops::Range;
 
-use crate::base::numeric;
-use crate::base::units::{Counts, Pixels};
-use crate::row::background::Background;
+use crate::base::{Counts, Pixels, numeric};
 use crate::row::pixels::PixelErrors;
-use crate::row::{Geometry, LARGEST_COUNT};
+use crate::row::{Background, Geometry, LARGEST_COUNT};
 
 /// The most pixels of a map. With a header and a checksum it then fits 16 KB.
 pub const MAX_MAP_PIXELS: usize = 3648;

@@ -9,7 +9,7 @@ pub mod scatter;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::units::Counts;
+use crate::base::Counts;
 
 /// How far pixels differ from each other, as standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
