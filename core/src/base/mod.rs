@@ -1,5 +1,27 @@
 //! What all steps share: units, faults, exposures, arithmetic, and the work that a row may cost.
 
+/// Gives an enum the list of its values, their names, and the value of a name.
+macro_rules! named {
+    ($type:ident { $($value:ident: $name:literal),* }) => {
+        impl $type {
+            /// All values.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$value),*];
+
+            /// Its name in texts.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$value => $name,)*
+                }
+            }
+
+            /// The value with this [`name`](Self::name).
+            pub fn named(name: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|it| it.name() == name)
+            }
+        }
+    };
+}
+
 pub mod drawing;
 pub mod exposure;
 pub mod fault;
@@ -11,6 +33,7 @@ pub mod work_budget;
 
 pub(crate) use exposure::{Exposure, ExposureMode};
 pub(crate) use fault::Fault;
+pub(crate) use named;
 pub(crate) use units::{Counts, Electrons, Micrometres, Pixels};
 pub(crate) use work_budget::WorkBudget;
 

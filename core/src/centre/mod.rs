@@ -23,7 +23,7 @@ mod window;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Counts, Fault, Pixels};
+use crate::base::{Counts, Fault, Pixels, named};
 use crate::centre::spot_shape::{OwnSpot, SpotShape};
 use crate::centre::tables::Sampling;
 use crate::row::{Geometry, Row};
@@ -45,38 +45,23 @@ pub enum Estimator {
     Fraunhofer,
 }
 
-impl Estimator {
-    /// All estimators.
-    pub const ALL: [Self; 5] = [
-        Self::Centroid,
-        Self::PhaseTable,
-        Self::Adaptive,
-        Self::GaussNewton,
-        Self::Fraunhofer,
-    ];
-
-    /// Its name in texts.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Centroid => "centroid",
-            Self::PhaseTable => "phase-table",
-            Self::Adaptive => "adaptive",
-            Self::GaussNewton => "gauss-newton",
-            Self::Fraunhofer => "fraunhofer",
-        }
+named! {
+    Estimator {
+        Centroid: "centroid",
+        PhaseTable: "phase-table",
+        Adaptive: "adaptive",
+        GaussNewton: "gauss-newton",
+        Fraunhofer: "fraunhofer"
     }
+}
 
+impl Estimator {
     /// The standard uncertainty of a calibrated centre by the spot's shape. `own` is the sensor's own spot.
     pub fn by_shape(self, shape: &SpotShape, own: Option<&OwnSpot>) -> Pixels {
         match self {
             Self::Adaptive => shape.uncertainty_by_sets(own),
             _ => shape.uncertainty(own),
         }
-    }
-
-    /// Finds an estimator by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| it.name() == name)
     }
 
     /// The letter in the line of a reading, which has no room for a name.

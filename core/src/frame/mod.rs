@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 pub use crate::base::MAX_ROWS;
 use crate::base::numeric::{self, at_least, square};
 use crate::base::order_statistic::{self, from_ordered, ordered};
-use crate::base::{Counts, Exposure, Fault, Pixels};
+use crate::base::{Counts, Exposure, Fault, Pixels, named};
 use crate::centre::RowCentre;
 use crate::centre::spot_shape::{COMPONENTS, SpotShape};
 
@@ -42,23 +42,7 @@ pub enum Mean {
     Weighted,
 }
 
-impl Mean {
-    /// All ways.
-    pub const ALL: [Self; 2] = [Self::Plain, Self::Weighted];
-
-    /// Its name in texts.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Plain => "plain",
-            Self::Weighted => "weighted",
-        }
-    }
-
-    /// Finds a mean by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|mean| mean.name() == name)
-    }
-}
+named! { Mean { Plain: "plain", Weighted: "weighted" } }
 
 /// Below this effective number of rows, their scatter underestimates the error.
 pub const FEWEST_INDEPENDENT: u16 = 8;

@@ -7,7 +7,7 @@
 //! one: it follows the light with a time constant of 128 rows with the laser off, 1.5 s.
 //! [`AmbientMean::share`] says how much noise it has.
 
-use crate::base::{Counts, numeric};
+use crate::base::{Counts, named, numeric};
 use crate::row::{Geometry, Light, MAX_PIXELS, Row};
 
 /// What is done about ambient light.
@@ -20,23 +20,7 @@ pub enum AmbientMode {
     Subtract,
 }
 
-impl AmbientMode {
-    /// All modes.
-    pub const ALL: [Self; 2] = [Self::Off, Self::Subtract];
-
-    /// Its name in texts.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Off => "off",
-            Self::Subtract => "subtract",
-        }
-    }
-
-    /// Finds a mode by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|mode| mode.name() == name)
-    }
-}
+named! { AmbientMode { Off: "off", Subtract: "subtract" } }
 
 /// The latest row counts in the mean with one in 2^7 = 128. A shorter mean follows the light faster, and has
 /// more noise: a frame of 16 rows then has, of the background's noise, 16/255 more variance.

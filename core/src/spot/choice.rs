@@ -8,7 +8,7 @@
 
 use core::ops::Range;
 
-use crate::base::{Counts, Fault, Pixels, WorkBudget};
+use crate::base::{Counts, Fault, Pixels, WorkBudget, named};
 use crate::row::{Blocks, Geometry};
 use crate::spot::{self, Coarse, Spot};
 
@@ -24,6 +24,8 @@ pub enum SpotChoice {
     Last,
 }
 
+named! { SpotChoice { Strongest: "strongest", First: "first", Last: "last" } }
+
 /// The most searches for all spots of a frame's first row. Each takes as long as the search of a first row.
 const SEARCHES: usize = 6;
 /// How far a spot reaches from its centre, in blocks of the search: 4 to 16 widths. A gaussian has less than
@@ -36,23 +38,6 @@ const LEAST_SHARE: i32 = 10;
 const LEAST_RESPONSE: u64 = 10;
 
 impl SpotChoice {
-    /// All.
-    pub const ALL: [Self; 3] = [Self::Strongest, Self::First, Self::Last];
-
-    /// Its name in texts.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Strongest => "strongest",
-            Self::First => "first",
-            Self::Last => "last",
-        }
-    }
-
-    /// The one with that name.
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| it.name() == name)
-    }
-
     /// The part of `whole` in which the chosen spot is the strongest, and no other has a third of its height.
     /// `whole` is a part of the light range, in words. All of it if the spots are too close to be parted.
     /// `None` if no spot is found.

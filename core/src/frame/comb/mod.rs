@@ -27,7 +27,7 @@ use core::fmt;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::base::Micrometres;
+use crate::base::{Micrometres, named};
 
 pub use assignment::{Assignment, FEWEST, LEAD, TOLERANCE, assign};
 pub(crate) use background::background;
@@ -47,23 +47,7 @@ pub enum Slits {
     Comb,
 }
 
-impl Slits {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::One, Self::Comb];
-
-    /// Its name in texts.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::One => "one",
-            Self::Comb => "comb",
-        }
-    }
-
-    /// Finds what is before the sensor by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| it.name() == name)
-    }
-}
+named! { Slits { One: "one", Comb: "comb" } }
 
 /// The slits of a comb, in the order of their places. They are kept for years: another encoding needs another
 /// version.
