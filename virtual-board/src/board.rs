@@ -92,7 +92,6 @@ impl Default for Conditions {
 /// [`INSTRUCTIONS_PER_SECOND`], or what `SLITRANGE_MIPS` says.
 ///
 /// # Panics
-///
 /// The variable is not a number from 1 to 168.
 fn default_speed() -> u64 {
     let Ok(millions) = std::env::var("SLITRANGE_MIPS") else {

@@ -29,7 +29,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::device::{Device, DeviceContext as Context, RegisterFile as Registers, RequestChange};
 use rigless::soc::Width;
 use rigless::soc::stm32f427::generated::dma2::{self, s0cr, s0fcr};
 use rigless::soc::stm32f427::generated::spi1::{self, cr1, cr2, sr};
@@ -139,7 +139,7 @@ struct Pace {
 impl Pace {
     /// The words of `head` from `start` on.
     fn new(start: Nanos, bit_hz: u64, head: &SharedHead, timing: Timing) -> Self {
-        let last_timed = match head.lock().has_rate_limit() {
+        let last_timed = match head.lock().has_rate_limit {
             true => u64::MAX,
             // The firmware raises ICG in word 3, and word 4 shows the first pixel.
             false => 3,
@@ -203,12 +203,12 @@ impl Burst {
     }
 
     /// Moves the words that have ended by now to memory.
-    fn catch_up(&mut self, context: &mut DeviceContext<'_>) {
+    fn catch_up(&mut self, context: &mut Context<'_>) {
         self.move_words(context, Pace::end_of_word);
     }
 
     /// Moves the words to memory of which the time that `due` gives has come.
-    fn move_words(&mut self, context: &mut DeviceContext<'_>, due: fn(&Pace, u64) -> Nanos) {
+    fn move_words(&mut self, context: &mut Context<'_>, due: fn(&Pace, u64) -> Nanos) {
         let State::Running { words, pace } = &mut self.state else {
             return;
         };
@@ -306,8 +306,8 @@ impl BurstSpi {
     /// Calls rigless's model. While words move in batches, the model must not request DMA.
     fn inner<T>(
         &mut self,
-        registers: &mut RegisterFile,
-        call: impl FnOnce(&mut Spi, &mut RegisterFile) -> T,
+        registers: &mut Registers,
+        call: impl FnOnce(&mut Spi, &mut Registers) -> T,
     ) -> T {
         if matches!(lock(&self.burst).state, State::Idle) {
             return call(&mut self.spi, registers);
@@ -321,7 +321,7 @@ impl BurstSpi {
     }
 
     /// Begins the batches when SPI1 and both streams are on, and ends them when SPI1 is off.
-    fn look(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn look(&mut self, registers: &mut Registers, context: &mut Context<'_>) {
         let mut burst = lock(&self.burst);
         let runs = clocks_words(registers) && self.clock_hz > 0;
         match burst.state {
@@ -345,7 +345,7 @@ impl BurstSpi {
 }
 
 /// Whether SPI1 is on as a master of plain 16-bit words, both ways by DMA.
-fn clocks_words(registers: &RegisterFile) -> bool {
+fn clocks_words(registers: &Registers) -> bool {
     let (first, second) = (
         registers.get(spi1::Register::Cr1),
         registers.get(spi1::Register::Cr2),
@@ -359,7 +359,7 @@ fn clocks_words(registers: &RegisterFile) -> bool {
         && !cr2::FRF.is_set(second)
 }
 
-fn set_busy(registers: &mut RegisterFile, busy: bool) {
+fn set_busy(registers: &mut Registers, busy: bool) {
     let status = registers.get(spi1::Register::Sr);
     registers.set(spi1::Register::Sr, sr::BSY.set(status, busy.into()));
 }
@@ -367,12 +367,7 @@ fn set_busy(registers: &mut RegisterFile, busy: bool) {
 impl Device for BurstSpi {
     type Register = spi1::Register;
 
-    fn on_event(
-        &mut self,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>) {
         if self.next != Some(event) {
             self.inner(registers, |spi, registers| {
                 Device::on_event(spi, event, registers, context)
@@ -407,8 +402,8 @@ impl Device for BurstSpi {
     fn read(
         &mut self,
         register: spi1::Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) -> Option<u64> {
         lock(&self.burst).catch_up(context);
         self.inner(registers, |spi, registers| {
@@ -420,8 +415,8 @@ impl Device for BurstSpi {
         &mut self,
         register: spi1::Register,
         value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         lock(&self.burst).catch_up(context);
         self.inner(registers, |spi, registers| {
@@ -433,14 +428,14 @@ impl Device for BurstSpi {
     fn on_request(
         &mut self,
         change: RequestChange,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         lock(&self.burst).catch_up(context);
         Device::on_request(&mut self.spi, change, registers, context);
     }
 
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_clock(&mut self, hz: u64, registers: &mut Registers, context: &mut Context<'_>) {
         let mut burst = lock(&self.burst);
         burst.catch_up(context);
         if matches!(burst.state, State::Running { .. }) {
@@ -456,12 +451,12 @@ impl Device for BurstSpi {
         });
     }
 
-    fn on_refused(&mut self, _: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_refused(&mut self, _: u64, _: &mut Registers, context: &mut Context<'_>) {
         context.tell("DR", "a read-out's word went where no memory is");
     }
 
     forward! { Device for spi:
-        fn peek(&self, register: spi1::Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
+        fn peek(&self, register: spi1::Register, registers: &Registers, now: VirtualNanos) -> Option<u64>;
     }
 
     fn reset(&mut self) {
@@ -469,7 +464,7 @@ impl Device for BurstSpi {
         Device::reset(&mut self.spi);
     }
 
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn reset_line(&mut self, registers: &mut Registers, context: &mut Context<'_>) {
         lock(&self.burst).state = State::Idle;
         Device::reset_line(&mut self.spi, registers, context);
     }
@@ -493,8 +488,8 @@ impl BurstDma {
         &mut self,
         stream: &Stream,
         words: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         let control = registers.get(stream.control);
         registers.set(stream.control, s0cr::EN.set(control, 0));
@@ -509,12 +504,7 @@ impl BurstDma {
     }
 
     /// A receiving stream is switched on: its words move in batches if it is a plain stream.
-    fn receive(
-        &mut self,
-        stream: &Stream,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn receive(&mut self, stream: &Stream, registers: &mut Registers, context: &mut Context<'_>) {
         let count = registers.get(stream.count);
         let control = registers.get(stream.control);
         if self.shortens
@@ -533,12 +523,7 @@ impl BurstDma {
     }
 
     /// A sending stream is switched on: it must match the receiving stream.
-    fn send(
-        &mut self,
-        stream: &Stream,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn send(&mut self, stream: &Stream, registers: &mut Registers, context: &mut Context<'_>) {
         let mut burst = lock(&self.burst);
         let State::Receiving(words) = burst.state else {
             return;
@@ -560,7 +545,7 @@ impl BurstDma {
 
 /// Whether a stream that is being switched on is plain: it moves one half word between SPI1 and memory for
 /// each request, and then ends.
-fn is_plain(stream: &Stream, direction: u64, registers: &RegisterFile) -> bool {
+fn is_plain(stream: &Stream, direction: u64, registers: &Registers) -> bool {
     let free = [
         s0cr::EN,
         s0cr::DMEIE,
@@ -586,8 +571,8 @@ impl Device for BurstDma {
         &mut self,
         register: dma2::Register,
         value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         lock(&self.burst).catch_up(context);
         let streams = RECEIVERS.iter().chain(&SENDERS).enumerate();
@@ -609,8 +594,8 @@ impl Device for BurstDma {
     fn read(
         &mut self,
         register: dma2::Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) -> Option<u64> {
         let mut burst = lock(&self.burst);
         burst.move_words(context, Pace::count_of_word);
@@ -627,8 +612,8 @@ impl Device for BurstDma {
         &mut self,
         token: u64,
         value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         if token == TOKEN {
             return;
@@ -643,12 +628,7 @@ impl Device for BurstDma {
         }
     }
 
-    fn on_refused(
-        &mut self,
-        token: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_refused(&mut self, token: u64, registers: &mut Registers, context: &mut Context<'_>) {
         if token == TOKEN {
             context.tell("S0M0AR", "a read-out's word went where no memory is");
         } else {
@@ -657,7 +637,7 @@ impl Device for BurstDma {
     }
 
     forward! { Device for dma:
-        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn on_request(&mut self, change: RequestChange, at: &mut Registers, context: &mut Context<'_>);
     }
 
     fn reset(&mut self) {
@@ -666,7 +646,7 @@ impl Device for BurstDma {
         Device::reset(&mut self.dma);
     }
 
-    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn reset_line(&mut self, registers: &mut Registers, context: &mut Context<'_>) {
         self.enabled = [false; 4];
         lock(&self.burst).state = State::Idle;
         Device::reset_line(&mut self.dma, registers, context);

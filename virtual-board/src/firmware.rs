@@ -41,7 +41,6 @@ impl Firmware {
     /// a moment.
     ///
     /// # Errors
-    ///
     /// As [`Firmware::build_package`].
     pub fn build() -> Result<Self> {
         Self::build_package("slitrange-firmware")
@@ -50,7 +49,6 @@ impl Firmware {
     /// Builds the program of a package of this workspace, which is named as its package, and loads it.
     ///
     /// # Errors
-    ///
     /// The build fails (its messages are on stderr or in the error), or the ELF file cannot be loaded.
     pub fn build_package(package: &str) -> Result<Self> {
         let mut command = cargo();
@@ -83,7 +81,6 @@ impl Firmware {
     /// Loads the ELF file at `path`.
     ///
     /// # Errors
-    ///
     /// The file cannot be read, is no ELF file, or has no defmt table.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
@@ -111,19 +108,16 @@ impl Firmware {
     }
 
     /// How many cores wait that have run it. Its next board continues in one of them.
-    #[must_use]
     pub fn warm_cores(&self) -> usize {
         self.warm_cores.count()
     }
 
     /// Where the ELF file is.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// The ELF file's bytes.
-    #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.image.bytes()
     }
@@ -131,7 +125,6 @@ impl Firmware {
     /// The address that `symbol` names; a function's is that of its first instruction, without the Thumb bit.
     ///
     /// # Errors
-    ///
     /// The firmware has no such symbol. Rust mangles names: mark the function with `#[unsafe(no_mangle)]`.
     pub fn address_of(&self, symbol: &str) -> Result<u64> {
         self.symbols
@@ -141,7 +134,6 @@ impl Firmware {
 }
 
 /// A cargo command in this workspace, without the variables for a build on the PC.
-#[must_use]
 pub fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command
@@ -157,7 +149,6 @@ pub fn cargo() -> Command {
 }
 
 /// The executable that cargo's JSON messages name.
-#[must_use]
 pub fn executable(messages: &[u8]) -> Option<PathBuf> {
     serde_json::Deserializer::from_slice(messages)
         .into_iter::<serde_json::Value>()

@@ -104,7 +104,6 @@ impl Default for SharedFlash {
 
 impl SharedFlash {
     /// Flash that holds `contents`.
-    #[must_use]
     pub fn holding(contents: Contents) -> Self {
         Self(Arc::new(Mutex::new(Flash {
             history: History::since(contents.clone()),
@@ -118,7 +117,6 @@ impl SharedFlash {
     }
 
     /// The contents now.
-    #[must_use]
     pub fn contents(&self) -> Contents {
         self.lock().contents.clone()
     }
@@ -138,7 +136,6 @@ impl SharedFlash {
     }
 
     /// The number of operations since the last call of [`SharedFlash::take_history`].
-    #[must_use]
     pub fn operation_count(&self) -> usize {
         self.lock().history.operations().len()
     }
@@ -151,13 +148,11 @@ impl SharedFlash {
 
     /// The first violations since the last power-on: accesses that silicon answers with an error or by
     /// stopping the core.
-    #[must_use]
     pub fn violations(&self) -> Vec<Violation> {
         self.lock().violations.first().to_vec()
     }
 
     /// The number of violations since the last power-on.
-    #[must_use]
     pub fn violation_count(&self) -> u64 {
         self.lock().violations.count()
     }

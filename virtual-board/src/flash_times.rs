@@ -3,7 +3,7 @@
 
 use std::num::NonZeroU32;
 
-use rigless::device::{Device, DeviceContext, RegisterFile};
+use rigless::device::{Device, DeviceContext as Context, RegisterFile as Registers};
 use rigless::soc::stm32f427::generated::flash::{Register, cr, sr};
 use rigless::soc::stm32f427::peripherals::flash::Flash;
 use rigless::soc::stm32f427::peripherals::rcc;
@@ -41,7 +41,7 @@ impl FlashTimes {
     }
 
     /// A word is busy until then.
-    pub(crate) fn word_ends(&mut self, at: Nanos, context: &mut DeviceContext<'_>) {
+    pub(crate) fn word_ends(&mut self, at: Nanos, context: &mut Context<'_>) {
         self.word = Some(context.schedule(VirtualNanos(at.max(context.now().0))));
     }
 }
@@ -49,12 +49,7 @@ impl FlashTimes {
 impl Device for FlashTimes {
     type Register = Register;
 
-    fn on_event(
-        &mut self,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>) {
         if self.word == Some(event) {
             self.word = None;
             let status = registers.get(Register::Sr);
@@ -78,7 +73,7 @@ impl Device for FlashTimes {
     }
 
     forward! { Device for interface:
-        fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
-        fn write(&mut self, what: Register, value: u64, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn on_clock(&mut self, hz: u64, registers: &mut Registers, context: &mut Context<'_>);
+        fn write(&mut self, what: Register, value: u64, at: &mut Registers, context: &mut Context<'_>);
     }
 }

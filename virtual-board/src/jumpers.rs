@@ -7,15 +7,15 @@
 //! counted as its words, when chip select rises. Interrupts, flags and polarities of the captures are
 //! rigless's.
 
-use rigless::device::{Level as WireLevel, RegisterFile};
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::{gpioa, tim1, tim2};
+use rigless::soc::stm32f427::generated::{tim1, tim2};
 use rigless::soc::stm32f427::peripherals::tim::Channel;
 use rigless::time::VirtualNanos;
 
 use crate::Nanos;
+use crate::port_pin::{OUTPUT, Pin};
 use crate::sensor_head::{OpenLine, limits};
 use crate::stm32f429::Stm32f429;
 
@@ -117,10 +117,6 @@ const SH: (&str, u64, u64) = ("GPIOC", 8, 3);
 const SCLK: (&str, u64, u64) = ("GPIOA", 0, 1);
 const CHIP_SELECT: (&str, u64, u64) = ("GPIOB", 5, 2);
 
-/// MISO's driver, and MISO.
-const MISO_DRIVER: u64 = 12;
-const MISO: u64 = 6;
-
 /// fM's period in TIM8's steps.
 const PERIOD: u64 = 64;
 
@@ -204,17 +200,14 @@ impl Jumpers {
         registers.set(Register::Sr, sr::CC2IF.set(flags, 1));
     }
 
-    /// What SPI1 reads while MISO is driven by its wire.
+    /// What SPI1 reads while MISO (PA6) is driven by its wire (from PB12).
     pub(crate) fn miso(&self, part: &Stm32f427) -> OpenLine {
-        use gpioa::Register::{Moder, Odr, Pupdr};
-        let port_b = port(part, "GPIOB");
-        let drives = port_b.get(Moder) >> (2 * MISO_DRIVER) & 0b11 == 1;
-        let is_high = port_b.get(Odr) >> MISO_DRIVER & 1 == 1;
-        let pulls_up = port(part, "GPIOA").get(Pupdr) >> (2 * MISO) & 0b11 == 1;
+        let driver = Pin::of(part, "GPIOB", 12);
+        let pulls_up = Pin::of(part, "GPIOA", 6).pull == 1;
         let is_high = match self.miso {
             Miso::StuckLow => false,
             Miso::StuckHigh => true,
-            Miso::Wired | Miso::NoPullUp if drives => is_high,
+            Miso::Wired | Miso::NoPullUp if driver.mode == OUTPUT => driver.is_high,
             Miso::NoPullUp => false,
             Miso::Wired | Miso::Missing => pulls_up,
         };
@@ -236,7 +229,7 @@ fn drive_tim8(
 ) {
     let channel = Channel::new(channel).expect("1 to 4");
     part.drive_advanced_timer(VirtualNanos(now), TIM8, |timer, registers, context| {
-        timer.drive_input(channel, level(high), registers, context);
+        timer.drive_input(channel, high.into(), registers, context);
         let count = registers.get(captured);
         registers.set(captured, (count + late) & 0xFFFF);
     });
@@ -246,12 +239,8 @@ fn drive_tim8(
 fn drive_tim3(part: &mut Stm32f427, high: bool, now: Nanos) {
     let channel = Channel::new(2).expect("1 to 4");
     part.drive_timer(VirtualNanos(now), TIM3, |timer, registers, context| {
-        timer.drive_input(channel, level(high), registers, context);
+        timer.drive_input(channel, high.into(), registers, context);
     });
-}
-
-fn level(high: bool) -> WireLevel {
-    WireLevel::from(high)
 }
 
 /// Whether TIM2 starts at SCLK's first rise and captures each, and TIM3 counts the captures.
@@ -269,19 +258,6 @@ fn counts_sclk(part: &mut Stm32f427) -> bool {
 }
 
 /// Whether a pin has the function that connects it to its timer.
-fn is_connected(part: &Stm32f427, (name, pin, function): (&'static str, u64, u64)) -> bool {
-    use gpioa::Register::{Afrh, Afrl, Moder};
-    let registers = port(part, name);
-    let (functions, place) = match pin {
-        0..8 => (registers.get(Afrl), pin),
-        _ => (registers.get(Afrh), pin - 8),
-    };
-    registers.get(Moder) >> (2 * pin) & 0b11 == 0b10
-        && functions >> (4 * place) & 0b1111 == function
-}
-
-fn port<'a>(part: &'a Stm32f427, name: &'static str) -> &'a RegisterFile {
-    use rigless::mcu::Mcu as _;
-    let slot = part.bus().slot(name).expect("the part has this port");
-    part.bus().slots()[slot].registers()
+fn is_connected(part: &Stm32f427, (port, pin, function): (&'static str, u64, u64)) -> bool {
+    Pin::of(part, port, pin).has_function(function)
 }

@@ -6,8 +6,7 @@
 
 use std::sync::Arc;
 
-use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
-use rigless::mcu::Mcu as _;
+use rigless::device::{Device, DeviceContext as Context, RegisterFile as Registers, RequestChange};
 use rigless::soc::RegisterSpec;
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::tim2::{Register, ccer, ccmr2_output, cr1};
@@ -16,6 +15,7 @@ use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::forward::forward;
+use crate::port_pin::Pin;
 use crate::sensor_head::pins::SharedHead;
 
 /// PWM mode 2: the output is low while the counter is below the compare value (RM0090 section 18.4.8).
@@ -23,9 +23,6 @@ const PWM_MODE_2: u64 = 0b111;
 
 /// The function of PD15 that connects it to TIM4 (STM32F429 data sheet, table 12).
 const TIMER_FUNCTION: u64 = 2;
-
-/// The mode of a pin that a peripheral drives (RM0090 section 8.4.1).
-const ALTERNATE: u64 = 0b10;
 
 /// TIM4.
 #[derive(Debug)]
@@ -49,7 +46,7 @@ impl LaserTimer {
     }
 
     /// Finds out whether a pulse begins or is broken off.
-    fn watch(&mut self, written: Register, registers: &RegisterFile, now: VirtualNanos) {
+    fn watch(&mut self, written: Register, registers: &Registers, now: VirtualNanos) {
         let control = registers.get(Register::Cr1);
         let runs = cr1::CEN.is_set(control);
         let began = runs && (!self.runs || written == Register::Egr);
@@ -61,7 +58,7 @@ impl LaserTimer {
         let rise = registers.get(Register::Ccr4);
         if !runs && is_enabled && mode == PWM_MODE_2 && rise == 0 {
             let what = "the laser is on while its timer stands still: set the compare value first";
-            self.head.lock().laser_violated(now.0, what);
+            self.head.lock().violated(now.0, what);
         }
         if began || ended || !is_enabled {
             self.head.lock().laser_off(now.0);
@@ -71,7 +68,7 @@ impl LaserTimer {
         }
         if !cr1::OPM.is_set(control) || mode != PWM_MODE_2 || ccer::CC4P.is_set(enable) {
             let what = "the laser's timer started without one-pulse mode: nothing ends the pulse";
-            self.head.lock().laser_violated(now.0, what);
+            self.head.lock().violated(now.0, what);
             return;
         }
         let tick = (registers.get(Register::Psc) + 1) as f64 * 1e9 / self.hz as f64;
@@ -84,31 +81,19 @@ impl LaserTimer {
 }
 
 /// Whether PD15 is the output of TIM4.
-pub fn is_pin_connected(processor: &mut Stm32f427) -> bool {
-    use rigless::soc::stm32f427::generated::gpioa::Register::{Afrh, Moder};
-    let Ok(slot) = processor.bus().slot("GPIOD") else {
-        return false;
-    };
-    let registers = processor.bus().slots()[slot].registers();
-    let mode = registers.get(Moder) >> 30 & 0b11;
-    let function = registers.get(Afrh) >> 28 & 0b1111;
-    mode == ALTERNATE && function == TIMER_FUNCTION
+pub fn is_pin_connected(processor: &Stm32f427) -> bool {
+    Pin::of(processor, "GPIOD", 15).has_function(TIMER_FUNCTION)
 }
 
 impl Device for LaserTimer {
     type Register = Register;
 
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_clock(&mut self, hz: u64, registers: &mut Registers, context: &mut Context<'_>) {
         self.hz = hz;
         Device::on_clock(&mut self.timer, hz, registers, context);
     }
 
-    fn on_event(
-        &mut self,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>) {
         Device::on_event(&mut self.timer, event, registers, context);
         // The timer stops by itself at the end of a pulse.
         self.runs = cr1::CEN.is_set(registers.get(Register::Cr1));
@@ -118,22 +103,22 @@ impl Device for LaserTimer {
         &mut self,
         register: Register,
         value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         Device::write(&mut self.timer, register, value, registers, context);
         self.watch(register, registers, context.now());
     }
 
     forward! { Device for timer:
-        fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
+        fn peek(&self, register: Register, registers: &Registers, now: VirtualNanos) -> Option<u64>;
         fn layout(&self) -> &'static [RegisterSpec];
     }
 
     forward! { Device for timer:
-        fn read(&mut self, what: Register, at: &mut RegisterFile, context: &mut DeviceContext<'_>) -> Option<u64>;
-        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn read(&mut self, what: Register, at: &mut Registers, context: &mut Context<'_>) -> Option<u64>;
+        fn on_request(&mut self, change: RequestChange, at: &mut Registers, context: &mut Context<'_>);
         fn reset(&mut self);
-        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn reset_line(&mut self, registers: &mut Registers, context: &mut Context<'_>);
     }
 }

@@ -38,6 +38,7 @@ pub mod hang;
 pub mod jumpers;
 mod laser;
 pub mod light;
+pub mod port_pin;
 #[cfg(unix)]
 pub mod pty;
 mod random;

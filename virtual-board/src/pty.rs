@@ -42,7 +42,6 @@ impl PseudoTerminal {
     /// Opens a pseudo-terminal.
     ///
     /// # Errors
-    ///
     /// The system gives no pseudo-terminal.
     pub fn open() -> Result<Self> {
         let ends = openpty(None, None).context("opening a pseudo-terminal")?;
@@ -64,7 +63,6 @@ impl PseudoTerminal {
     }
 
     /// The path that a program opens.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -80,7 +78,6 @@ impl PseudoTerminal {
     /// says every 2 s at what share of wall time the board runs.
     ///
     /// # Errors
-    ///
     /// The pseudo-terminal failed, or an error of [`VirtualBoard::run_for`].
     pub fn serve(
         &mut self,

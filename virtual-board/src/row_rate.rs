@@ -22,7 +22,6 @@ const TOGETHER: u64 = 40;
 
 /// White paper whose spot moves by half a pixel, with noise. The rows are made beforehand, because a run
 /// takes thousands.
-#[must_use]
 pub fn light() -> LightSource {
     let scene = Scene {
         spot: Some(Spot {
@@ -42,16 +41,13 @@ pub fn light() -> LightSource {
 /// light does not depend on the laser, whose pulse takes longer than such a row.
 ///
 /// # Errors
-///
 /// The emulator fails, or the firmware does not answer.
 pub fn start(firmware: &Firmware, rows_per_second: f64, rows: u16) -> Result<VirtualBoard> {
     let mut board = VirtualBoard::power_on_without_rate_limit(firmware, light(), rows_per_second)?;
     let starts = |line: &str| line.starts_with("slitrange ");
     board.run_until_line(starts, PATIENCE)?;
-    for command in ["exposure 5600", &format!("rows {rows}")] {
-        board.send(&format!("{command}\r\n"));
-        board.run_until_line(|line| line == command, PATIENCE)?;
-    }
+    board.tell("exposure 5600", PATIENCE)?;
+    board.tell(&format!("rows {rows}"), PATIENCE)?;
     board.run_for(SETTLING)?;
     Ok(board)
 }
@@ -59,7 +55,6 @@ pub fn start(firmware: &Firmware, rows_per_second: f64, rows: u16) -> Result<Vir
 /// Lets the board read `count` rows. Gives the rows that it lost meanwhile.
 ///
 /// # Errors
-///
 /// The emulator fails, or the rows do not come.
 pub fn lost_rows(board: &mut VirtualBoard, rows_per_second: f64, count: u64) -> Result<u64> {
     let period = 1e9 / rows_per_second;

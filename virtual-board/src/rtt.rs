@@ -1,8 +1,6 @@
 //! Reads the firmware's log (defmt frames in RTT's up-channel 0) from the emulated RAM, as a debug probe
 //! does.
 
-use std::fmt;
-
 use defmt_decoder::{DecodeError, Table};
 use rigless::emulator::Host;
 use rigless::soc::Width;
@@ -16,18 +14,6 @@ pub struct Message {
     pub timestamp: Option<String>,
     /// The message.
     pub text: String,
-}
-
-impl fmt::Display for Message {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(timestamp) = &self.timestamp {
-            write!(formatter, "{timestamp} ")?;
-        }
-        if let Some(level) = &self.level {
-            write!(formatter, "{} ", level.to_uppercase())?;
-        }
-        formatter.write_str(&self.text)
-    }
 }
 
 /// Offsets in SEGGER's control block: the first up-channel's descriptor follows a 16-byte identifier and two

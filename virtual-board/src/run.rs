@@ -1,7 +1,6 @@
 //! Runs the board step by step, from a test or a tool. The emulator has a thread of its own and waits at each
 //! stop for the next order. So nothing happens while the caller looks, and the same calls give the same run.
 
-use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -50,6 +49,11 @@ enum Order {
 }
 
 /// A NUCLEO-F429ZI that runs slitrange's firmware, under the caller's control.
+///
+/// # Errors
+/// All methods that give a `Result` fail if the emulator failed. A method that lets the board run also fails
+/// if the firmware violated a limit of the sensor head or of flash, unless this was expected
+/// ([`VirtualBoard::expect_violations`]).
 pub struct VirtualBoard {
     firmware: Firmware,
     head: Arc<SharedHead>,
@@ -67,15 +71,6 @@ pub struct VirtualBoard {
     expects_violations: bool,
 }
 
-impl fmt::Debug for VirtualBoard {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter
-            .debug_struct("VirtualBoard")
-            .field("now", &self.now)
-            .finish_non_exhaustive()
-    }
-}
-
 /// The statistics of a run so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
@@ -89,7 +84,6 @@ pub struct Statistics {
 
 impl Statistics {
     /// The share of the time in which the core executed nothing, 0 to 1.
-    #[must_use]
     pub fn asleep(&self) -> f64 {
         1.0 - self.instructions as f64 / (INSTRUCTIONS_PER_SECOND as f64 * self.seconds)
     }
@@ -100,7 +94,6 @@ impl VirtualBoard {
     /// light on its sensor.
     ///
     /// # Errors
-    ///
     /// The emulator refuses the board or the firmware.
     pub fn power_on(firmware: &Firmware, light: LightSource) -> Result<Self> {
         Self::power_on_with_flash(firmware, light, SharedFlash::default())
@@ -110,7 +103,6 @@ impl VirtualBoard {
     /// still write.
     ///
     /// # Errors
-    ///
     /// The emulator refuses the board or the firmware, or the firmware uses the sectors of `flash`.
     pub fn power_on_with_flash(
         firmware: &Firmware,
@@ -128,10 +120,6 @@ impl VirtualBoard {
     /// times are shorter by one factor: the row's period, timeouts, and the uptime that it states. The core
     /// executes as many instructions a second as before. A row's words are in memory about 10 us after the
     /// row is due.
-    ///
-    /// # Errors
-    ///
-    /// As [`VirtualBoard::power_on`].
     pub fn power_on_without_rate_limit(
         firmware: &Firmware,
         light: LightSource,
@@ -148,10 +136,6 @@ impl VirtualBoard {
     }
 
     /// As [`VirtualBoard::power_on`], under other conditions.
-    ///
-    /// # Errors
-    ///
-    /// As [`VirtualBoard::power_on`].
     pub fn power_on_under(
         firmware: &Firmware,
         light: LightSource,
@@ -230,17 +214,11 @@ impl VirtualBoard {
     }
 
     /// Virtual time since power-on. The core may be up to one instruction ahead.
-    #[must_use]
     pub fn now(&self) -> Nanos {
         self.now
     }
 
     /// Lets the board run for `time`.
-    ///
-    /// # Errors
-    ///
-    /// The firmware violated one of the limits of the sensor head or of flash and
-    /// [`VirtualBoard::expect_violations`] was not called, or the emulator failed.
     pub fn run_for(&mut self, time: Duration) -> Result<()> {
         self.run_to(self.now() + nanos(time))
     }
@@ -249,8 +227,7 @@ impl VirtualBoard {
     /// before count too, unless another wait has already seen them.
     ///
     /// # Errors
-    ///
-    /// The line does not arrive within `timeout` of virtual time, or an error of [`VirtualBoard::run_for`].
+    /// The line does not arrive within `timeout` of virtual time.
     pub fn run_until_line(
         &mut self,
         mut wanted: impl FnMut(&str) -> bool,
@@ -274,8 +251,7 @@ impl VirtualBoard {
     /// Lets the board run until `count` more rows have been read.
     ///
     /// # Errors
-    ///
-    /// The rows are not read within `timeout` of virtual time, or an error of [`VirtualBoard::run_for`].
+    /// The rows are not read within `timeout` of virtual time.
     pub fn run_until_rows(&mut self, count: u64, timeout: Duration) -> Result<()> {
         let deadline = self.now() + nanos(timeout);
         let first = self.head.lock().row_count();
@@ -295,6 +271,17 @@ impl VirtualBoard {
     /// Sends `text` to the firmware from now on.
     pub fn send(&mut self, text: &str) {
         self.send_at(self.now(), text.as_bytes());
+    }
+
+    /// Sends a command that the firmware answers by repeating it, as one that sets a value.
+    ///
+    /// # Errors
+    /// The firmware does not repeat the command within `timeout`.
+    pub fn tell(&mut self, command: &str, timeout: Duration) -> Result<()> {
+        self.send(&format!("{command}\r\n"));
+        self.run_until_line(|line| line == command, timeout)
+            .with_context(|| format!("the firmware did not take the command `{command}`"))?;
+        Ok(())
     }
 
     /// Sends `bytes` to the firmware from `at` on, after all bytes that still wait.
@@ -327,8 +314,7 @@ impl VirtualBoard {
     /// Lets a debug probe ask for the log's blocking mode, as probe-rs does, and never read the log again.
     ///
     /// # Errors
-    ///
-    /// The emulator failed, or the firmware has no log.
+    /// The firmware has no log.
     pub fn lose_log_reader(&mut self) -> Result<()> {
         self.log_is_read.store(false, Ordering::Relaxed);
         let block = self.log_block;
@@ -336,10 +322,6 @@ impl VirtualBoard {
     }
 
     /// The size of the log's buffer in bytes, and where in it the firmware writes next.
-    ///
-    /// # Errors
-    ///
-    /// As [`VirtualBoard::lose_log_reader`].
     pub fn log_size_and_place(&mut self) -> Result<[u64; 2]> {
         let block = self.log_block;
         self.on_emulator(move |_, host, _| rtt::size_and_place(host, block))?
@@ -347,10 +329,6 @@ impl VirtualBoard {
 
     /// Garbles the bytes that the firmware receives from now on. Of a million bytes, `noise` have noise and
     /// `framing` have a framing error, each with flipped bits. `seed` decides which bytes.
-    ///
-    /// # Errors
-    ///
-    /// The emulator failed.
     pub fn garble_serial_line(&mut self, noise: u32, framing: u32, seed: u64) -> Result<()> {
         self.on_emulator(move |session, _, _| {
             let errors = session.board_mut().processor.part.usart[SERIAL_PORT].errors_mut();
@@ -362,10 +340,6 @@ impl VirtualBoard {
 
     /// Lets the firmware's receiver take these bytes, one every 100 us, while the board runs. The line must
     /// have 115200 baud, and no other byte may wait.
-    ///
-    /// # Errors
-    ///
-    /// As [`VirtualBoard::run_for`].
     pub fn arrive(&mut self, arrivals: &[Arrival]) -> Result<()> {
         for arrival in arrivals {
             let has_stop_bit = arrival.has_stop_bit;
@@ -387,7 +361,7 @@ impl VirtualBoard {
 
     /// Shows the sensor `light` from the next read-out on.
     pub fn set_light(&mut self, light: LightSource) {
-        self.head.lock().set_light(light);
+        self.head.lock().light = light;
     }
 
     /// Gives access to the sensor head: its rows and violations.
@@ -396,21 +370,16 @@ impl VirtualBoard {
     }
 
     /// The flash that outlives this board.
-    #[must_use]
     pub fn flash(&self) -> &SharedFlash {
         &self.watched.flash
     }
 
     /// Disconnects the converter from the next word on, or connects it again.
     pub fn open_line(&mut self, line: Option<OpenLine>) {
-        self.head.lock().open_line(line);
+        self.head.lock().open_line = line;
     }
 
     /// Pauses SCLK for `pause` after word `word` (from 0) of each read-out to come. `None` ends the pauses.
-    ///
-    /// # Errors
-    ///
-    /// The emulator failed.
     pub fn pause_words(&mut self, gap: Option<(u64, Duration)>) -> Result<()> {
         let gap = gap.map(|(word, pause)| (word, nanos(pause)));
         self.on_emulator(move |session, _, _| session.board_mut().processor.pause_words(gap))
@@ -419,26 +388,31 @@ impl VirtualBoard {
     /// The 32-bit word of memory at `address`. For peripherals see [`VirtualBoard::on_emulator`].
     ///
     /// # Errors
-    ///
-    /// `address` is not in memory or not a multiple of 4, or the emulator failed.
+    /// As [`VirtualBoard::read_words`].
     pub fn read_word(&mut self, address: u64) -> Result<u32> {
-        ensure!(
-            address.is_multiple_of(4),
-            "{address:#010x} is not the address of a word: it is no multiple of 4"
-        );
-        let kept = self.flash().word(address);
-        let word = self.on_emulator(move |_, host, _| {
-            kept.map_or_else(|| host.read(address, Width::W32), Ok)
+        Ok(self.read_words(address, 1)?[0])
+    }
+
+    /// Reads so many 32-bit words of memory from `address` on.
+    ///
+    /// # Errors
+    /// `address` is not in memory or not a multiple of 4.
+    pub fn read_words(&mut self, address: u64, count: usize) -> Result<Vec<u32>> {
+        ensure_word(address)?;
+        let flash = self.flash().clone();
+        let words = self.on_emulator(move |_, host, _| {
+            let places = (address..).step_by(4).take(count);
+            let mut read = |at| flash.word(at).map_or_else(|| host.read(at, Width::W32), Ok);
+            let words = places.map(|at| read(at).map(|word| word as u32));
+            words.collect::<Result<_, _>>()
         })?;
-        let word = word.with_context(|| format!("reading the word at {address:#010x}"))?;
-        Ok(u32::try_from(word).expect("32 bits were read"))
+        words.with_context(|| format!("reading words from {address:#010x} on"))
     }
 
     /// Writes the 32-bit word of RAM at `address`.
     ///
     /// # Errors
-    ///
-    /// `address` is not in RAM or not a multiple of 4, or the emulator failed.
+    /// As [`VirtualBoard::write_words`].
     pub fn write_word(&mut self, address: u64, word: u32) -> Result<()> {
         self.write_words(address, vec![word])
     }
@@ -446,13 +420,9 @@ impl VirtualBoard {
     /// Writes 32-bit words of RAM, the first at `address`.
     ///
     /// # Errors
-    ///
-    /// As [`VirtualBoard::write_word`].
+    /// `address` is not in RAM or not a multiple of 4.
     pub fn write_words(&mut self, address: u64, words: Vec<u32>) -> Result<()> {
-        ensure!(
-            address.is_multiple_of(4),
-            "{address:#010x} is not the address of a word: it is no multiple of 4"
-        );
+        ensure_word(address)?;
         let written = self.on_emulator(move |_, host, _| {
             (address..)
                 .step_by(4)
@@ -462,62 +432,40 @@ impl VirtualBoard {
         written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
     }
 
-    /// Reads so many 32-bit words of RAM from `address` on.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::read_word`].
-    pub fn read_words(&mut self, address: u64, count: usize) -> Result<Vec<u32>> {
-        let words = self.on_emulator(move |_, host, _| {
-            let places = (address..).step_by(4).take(count);
-            let words = places.map(|at| host.read(at, Width::W32).map(|word| word as u32));
-            words.collect::<Result<_, _>>()
-        })?;
-        words.with_context(|| format!("reading words from {address:#010x} on"))
-    }
-
     /// Makes the firmware hang at each call of the function `symbol`, also after a reset, until
     /// [`VirtualBoard::unhang`]. Interrupts are still served.
     ///
     /// # Errors
-    ///
     /// The firmware has no such symbol: it needs `#[unsafe(no_mangle)]` and `#[inline(never)]`.
     pub fn hang_at(&mut self, symbol: &str) -> Result<()> {
-        let address = self.firmware.address_of(symbol)?;
-        let trap = self.trap;
-        self.detours().insert(address, Detour::GoOnAt(trap));
-        Ok(())
+        self.detour(symbol, Detour::GoOnAt(self.trap))
     }
 
     /// Makes the firmware panic at each call of the function `symbol`, also after a reset, until
     /// [`VirtualBoard::unhang`].
     ///
     /// # Errors
-    ///
     /// As [`VirtualBoard::hang_at`], or the firmware has no function that panics.
     pub fn panic_at(&mut self, symbol: &str) -> Result<()> {
-        let address = self.firmware.address_of(symbol)?;
         let panic = u32::try_from(self.firmware.address_of(hang::PANIC)?)?;
-        self.detours().insert(address, Detour::GoOnAt(panic));
-        Ok(())
+        self.detour(symbol, Detour::GoOnAt(panic))
     }
 
     /// Makes the firmware hang as [`VirtualBoard::hang_at`], with its stack pointer at `stack`.
-    ///
-    /// # Errors
-    ///
-    /// As [`VirtualBoard::hang_at`].
     pub fn hang_with_stack_at(&mut self, symbol: &str, stack: u32) -> Result<()> {
-        let address = self.firmware.address_of(symbol)?;
         let trap = self.trap;
-        (self.detours()).insert(address, Detour::HangWithStackAt { trap, stack });
+        self.detour(symbol, Detour::HangWithStackAt { trap, stack })
+    }
+
+    fn detour(&mut self, symbol: &str, detour: Detour) -> Result<()> {
+        let address = self.firmware.address_of(symbol)?;
+        self.detours().insert(address, detour);
         Ok(())
     }
 
     /// Lets the function `symbol` run again. A core that already hangs or has panicked needs a reset.
     ///
     /// # Errors
-    ///
     /// The firmware has no such symbol.
     pub fn unhang(&mut self, symbol: &str) -> Result<()> {
         let address = self.firmware.address_of(symbol)?;
@@ -551,10 +499,6 @@ impl VirtualBoard {
 
     /// Lets a debug probe read a word of one of the core's own registers (0xE000_0000 to 0xE00F_FFFF), after
     /// the next instruction. `None` if the core has no such register.
-    ///
-    /// # Errors
-    ///
-    /// As [`VirtualBoard::run_for`].
     pub fn probe_reads(&mut self, register: u64) -> Result<Option<u64>> {
         let read = Arc::clone(&self.watched.probe_read);
         let lock = || crate::lock(&read);
@@ -565,10 +509,6 @@ impl VirtualBoard {
     }
 
     /// Drives the trigger's pin, PA3, low or high.
-    ///
-    /// # Errors
-    ///
-    /// The emulator failed.
     pub fn drive_trigger(&mut self, high: bool) -> Result<()> {
         self.on_emulator(move |session, _, stop| {
             let processor = &mut session.board_mut().processor;
@@ -577,10 +517,6 @@ impl VirtualBoard {
     }
 
     /// Presses the reset button. The flash does not end what it is doing.
-    ///
-    /// # Errors
-    ///
-    /// The emulator failed.
     pub fn reset_pin(&mut self) -> Result<()> {
         let flash = self.flash().clone();
         self.on_emulator(move |session, host, stop| {
@@ -593,10 +529,6 @@ impl VirtualBoard {
     /// above that of the power-down reset (1.7 V), which raises the flags of a power-on. The chip starts with
     /// the flag of a brown-out only (RM0090 section 6.3.21), and with noise in all of its RAM. The flash does
     /// not end what it is doing.
-    ///
-    /// # Errors
-    ///
-    /// The emulator failed.
     pub fn dip_supply(&mut self) -> Result<()> {
         let flash = self.flash().clone();
         let done = self.on_emulator(move |session, host, stop| {
@@ -618,16 +550,11 @@ impl VirtualBoard {
 
     /// All resets since power-on, each with its instant and cause: the pin (also for a dip of the supply),
     /// the firmware (`Core`) or the watchdog (`Model("IWDG")`).
-    ///
-    /// # Errors
-    ///
-    /// The emulator failed.
     pub fn resets(&mut self) -> Result<Vec<Reset>> {
         self.on_emulator(|session, _, _| session.resets().to_vec())
     }
 
     /// How the run went so far.
-    #[must_use]
     pub fn statistics(&self) -> Statistics {
         Statistics {
             seconds: self.now() as f64 / 1e9,
@@ -642,10 +569,6 @@ impl VirtualBoard {
     }
 
     /// Runs `errand` on the emulator's thread, between two instructions. Use it for what has no method here.
-    ///
-    /// # Errors
-    ///
-    /// The emulator has failed.
     pub fn on_emulator<T: Send + 'static>(
         &mut self,
         errand: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) -> T + Send + 'static,
@@ -661,7 +584,6 @@ impl VirtualBoard {
     /// Ends the run and reports on it.
     ///
     /// # Errors
-    ///
     /// Lists all violations (unless they were expected), and all that the firmware did that the emulated
     /// processor does not model, or that the manual forbids.
     pub fn finish(mut self) -> Result<Statistics> {
@@ -774,6 +696,14 @@ impl Drop for VirtualBoard {
 
 fn rate(name: &'static str, per_million: u32) -> Rate {
     Rate { name, per_million }
+}
+
+fn ensure_word(address: u64) -> Result<()> {
+    ensure!(
+        address.is_multiple_of(4),
+        "{address:#010x} is not the address of a word: it is no multiple of 4"
+    );
+    Ok(())
 }
 
 fn nanos(time: Duration) -> Nanos {

@@ -43,7 +43,7 @@ pub use limits::PIXELS;
 /// Full scale of the 12-bit converter, counts.
 pub const FULL_SCALE: u16 = 4095;
 
-/// How many of the last rows are kept, unless `keep_all_rows` keeps all.
+/// How many of the last rows are kept, unless `keeps_all_rows` keeps all.
 pub const ROWS_KEPT: usize = 64;
 
 /// How many pulses of the laser are kept. No exposure has more.
@@ -62,7 +62,6 @@ pub struct Exposure {
 
 impl Exposure {
     /// How long it lasted, ns.
-    #[must_use]
     pub fn duration(&self) -> Nanos {
         self.end - self.start
     }
@@ -232,7 +231,8 @@ struct Burst {
 
 /// The sensor head.
 pub struct SensorHead {
-    light: LightSource,
+    /// Lights the sensor from the next read-out on.
+    pub light: LightSource,
     icg: Pin,
     sh: Pin,
     chip_select: Pin,
@@ -246,17 +246,19 @@ pub struct SensorHead {
     /// For how long the laser was on in the pulses before these.
     laser_before: Nanos,
     /// Whether the laser's pin is the timer's output. Otherwise the laser is off.
-    laser_pin: bool,
+    pub(crate) laser_pin: bool,
     /// What the output shows outside a read-out, counts of light: the last row's shielded pixels.
     unlit: u16,
     rows: VecDeque<Row>,
     row_count: u64,
-    keeps_all: bool,
-    has_rate_limit: bool,
+    /// Whether all rows are kept from now on (15 KB each).
+    pub keeps_all_rows: bool,
+    /// Whether words take their time.
+    pub(crate) has_rate_limit: bool,
     /// The edges since they are recorded.
     edges: Option<Vec<(Nanos, Edge)>>,
-    /// What SPI1 reads; `None` if the converter is connected.
-    open_line: Option<OpenLine>,
+    /// What SPI1 reads from the next word on; `None` if the converter is connected.
+    pub open_line: Option<OpenLine>,
     /// Whether the pins were checked.
     wiring_checked: bool,
     violations: Violations,
@@ -274,7 +276,6 @@ impl fmt::Debug for SensorHead {
 
 impl SensorHead {
     /// A sensor head at power-on, lit by `light`.
-    #[must_use]
     pub fn new(light: LightSource) -> Self {
         Self {
             light,
@@ -291,7 +292,7 @@ impl SensorHead {
             unlit: 0,
             rows: VecDeque::new(),
             row_count: 0,
-            keeps_all: false,
+            keeps_all_rows: false,
             has_rate_limit: true,
             edges: None,
             open_line: None,
@@ -301,27 +302,11 @@ impl SensorHead {
     }
 
     /// The same sensor head with words that come at once: see the module.
-    #[must_use]
     pub fn without_rate_limit(self) -> Self {
         Self {
             has_rate_limit: false,
             ..self
         }
-    }
-
-    /// Whether words take their time.
-    pub(crate) fn has_rate_limit(&self) -> bool {
-        self.has_rate_limit
-    }
-
-    /// Disconnects the converter from the next word on, or connects it again.
-    pub fn open_line(&mut self, line: Option<OpenLine>) {
-        self.open_line = line;
-    }
-
-    /// Lights the sensor with `light` from the next read-out on.
-    pub fn set_light(&mut self, light: LightSource) {
-        self.light = light;
     }
 
     /// The rows that are kept, oldest first: the last [`ROWS_KEPT`], or all.
@@ -330,20 +315,13 @@ impl SensorHead {
     }
 
     /// The row that was read last.
-    #[must_use]
     pub fn last_row(&self) -> Option<&Row> {
         self.rows.back()
     }
 
     /// How many rows were read since power-on.
-    #[must_use]
     pub fn row_count(&self) -> u64 {
         self.row_count
-    }
-
-    /// Whether all rows are kept from now on (15 KB each).
-    pub fn keep_all_rows(&mut self, all: bool) {
-        self.keeps_all = all;
     }
 
     /// Records the edges at the head's wires from now on: some 4000 a row.
@@ -363,13 +341,11 @@ impl SensorHead {
     }
 
     /// The first violations of the firmware, at most 200, oldest first.
-    #[must_use]
     pub fn violations(&self) -> &[Violation] {
         self.violations.first()
     }
 
     /// The number of violations since power-on.
-    #[must_use]
     pub fn violation_count(&self) -> u64 {
         self.violations.count()
     }
@@ -499,7 +475,6 @@ impl SensorHead {
     }
 
     /// For how long the laser was on from power-on until now.
-    #[must_use]
     pub fn laser_time(&self, now: Nanos) -> Nanos {
         self.laser_before + self.laser_within(0..now)
     }
@@ -509,16 +484,6 @@ impl SensorHead {
         for pulse in &mut self.laser {
             pulse.end = pulse.end.min(now).max(pulse.start);
         }
-    }
-
-    /// Whether the laser's pin is the timer's output.
-    pub(crate) fn laser_pin(&mut self, is_connected: bool) {
-        self.laser_pin = is_connected;
-    }
-
-    /// Reports a violation of the laser's.
-    pub(crate) fn laser_violated(&mut self, now: Nanos, what: &str) {
-        self.violated(now, what);
     }
 
     /// For how long the laser was on in this time, by the last pulses.
@@ -642,13 +607,6 @@ impl SensorHead {
         is_due
     }
 
-    /// Reports what is wrong with the pins.
-    pub(crate) fn wiring(&mut self, faults: Vec<String>, now: Nanos) {
-        for fault in faults {
-            self.violated(now, fault);
-        }
-    }
-
     /// Sets the clocks. Call it after each edge of ICG and of chip select.
     pub fn clocks(&mut self, clocks: Clocks, now: Nanos) {
         self.clocks = Some(clocks);
@@ -736,14 +694,15 @@ impl SensorHead {
             );
             self.violated(now, what);
         }
-        if !self.keeps_all && self.rows.len() >= ROWS_KEPT {
+        if !self.keeps_all_rows && self.rows.len() >= ROWS_KEPT {
             self.rows.pop_front();
         }
         self.rows.push_back(row);
         self.row_count += 1;
     }
 
-    fn violated(&mut self, at: Nanos, what: impl Into<String>) {
+    /// Reports a violation.
+    pub(crate) fn violated(&mut self, at: Nanos, what: impl Into<String>) {
         self.violations.add(at, what);
     }
 }

@@ -55,7 +55,6 @@ impl SerialLine {
     }
 
     /// When the next byte for the firmware is due.
-    #[must_use]
     pub fn next_due(&self) -> Option<Nanos> {
         self.due.front().map(|&(at, _)| at)
     }
@@ -111,7 +110,6 @@ impl SerialLine {
     }
 
     /// The last lines and the unfinished line, for an error message.
-    #[must_use]
     pub fn tail(&self) -> String {
         let mut tail = String::new();
         for line in self.lines.iter().rev().take(5).rev() {

@@ -16,7 +16,8 @@
 use std::sync::Arc;
 
 use rigless::device::{
-    Device, DeviceContext, ErasedDevice, RegisterFile, RequestChange, ResetCause,
+    Device, DeviceContext as Context, ErasedDevice, RegisterFile as Registers, RequestChange,
+    ResetCause,
 };
 use rigless::edge::Pulse;
 use rigless::mcu::Mcu;
@@ -140,7 +141,7 @@ impl Stm32f429 {
     }
 
     /// The registers of the flash interface.
-    pub(crate) fn flash_interface(&self) -> &RegisterFile {
+    pub(crate) fn flash_interface(&self) -> &Registers {
         self.part.bus().slots()[self.flash_slot].registers()
     }
 
@@ -176,7 +177,7 @@ fn take_dma2(part: &mut Stm32f427) -> Dma {
 }
 
 /// The timer clocks of TIM1's period.
-fn period_clocks(registers: &RegisterFile) -> u64 {
+fn period_clocks(registers: &Registers) -> u64 {
     (registers.get(Register::Psc) + 1) * (registers.get(Register::Arr) + 1)
 }
 
@@ -267,7 +268,7 @@ impl LazyTimer {
 
     /// Whether events are skipped. They are not if one of them has an effect: an interrupt, a DMA request,
     /// the end of a single pulse, or another timer.
-    fn sleeps(&self, registers: &RegisterFile, now: VirtualNanos) -> bool {
+    fn sleeps(&self, registers: &Registers, now: VirtualNanos) -> bool {
         now.0 >= self.awake_until
             && period_clocks(registers) < SLOW
             && registers.get(Register::Dier) == 0
@@ -278,7 +279,7 @@ impl LazyTimer {
 
     /// The counter's value while its wraps are skipped; `None` if it cannot be computed. A counter that
     /// counts up then wraps at 2^16, so its value modulo a period that divides 2^16 is right.
-    fn slept_count(&self, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+    fn slept_count(&self, registers: &Registers, now: VirtualNanos) -> Option<u64> {
         let control = registers.get(Register::Cr1);
         let counts_up = !cr1::DIR.is_set(control) && cr1::CMS.get(control) == 0;
         let period = registers.get(Register::Arr) + 1;
@@ -292,12 +293,7 @@ impl LazyTimer {
 impl Device for LazyTimer {
     type Register = Register;
 
-    fn on_event(
-        &mut self,
-        event: EventId,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>) {
         if !self.sleeps(registers, context.now()) {
             Device::on_event(&mut self.timer, event, registers, context);
         }
@@ -306,8 +302,8 @@ impl Device for LazyTimer {
     fn read(
         &mut self,
         register: Register,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) -> Option<u64> {
         if register == Register::Cnt
             && self.sleeps(registers, context.now())
@@ -322,23 +318,23 @@ impl Device for LazyTimer {
         &mut self,
         register: Register,
         value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         self.awake_until = context.now().0 + AWAKE_AFTER_WRITE;
         Device::write(&mut self.timer, register, value, registers, context);
     }
 
     forward! { Device for timer:
-        fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
+        fn peek(&self, register: Register, registers: &Registers, now: VirtualNanos) -> Option<u64>;
         fn layout(&self) -> &'static [RegisterSpec];
     }
 
     forward! { Device for timer:
-        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
-        fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn on_request(&mut self, change: RequestChange, at: &mut Registers, context: &mut Context<'_>);
+        fn on_clock(&mut self, hz: u64, registers: &mut Registers, context: &mut Context<'_>);
         fn reset(&mut self);
-        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn reset_line(&mut self, registers: &mut Registers, context: &mut Context<'_>);
     }
 }
 
@@ -367,22 +363,22 @@ fn faster(hz: u64, speed: f64) -> u64 {
 impl Device for RowTimer {
     type Register = tim2::Register;
 
-    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+    fn on_clock(&mut self, hz: u64, registers: &mut Registers, context: &mut Context<'_>) {
         Device::on_clock(&mut self.timer, faster(hz, self.speed), registers, context);
     }
 
     forward! { Device for timer:
-        fn peek(&self, register: tim2::Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64>;
+        fn peek(&self, register: tim2::Register, registers: &Registers, now: VirtualNanos) -> Option<u64>;
         fn layout(&self) -> &'static [RegisterSpec];
     }
 
     forward! { Device for timer:
-        fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
-        fn read(&mut self, what: tim2::Register, at: &mut RegisterFile, context: &mut DeviceContext<'_>)
+        fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>);
+        fn read(&mut self, what: tim2::Register, at: &mut Registers, context: &mut Context<'_>)
             -> Option<u64>;
-        fn write(&mut self, what: tim2::Register, value: u64, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
-        fn on_request(&mut self, change: RequestChange, at: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn write(&mut self, what: tim2::Register, value: u64, at: &mut Registers, context: &mut Context<'_>);
+        fn on_request(&mut self, change: RequestChange, at: &mut Registers, context: &mut Context<'_>);
         fn reset(&mut self);
-        fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>);
+        fn reset_line(&mut self, registers: &mut Registers, context: &mut Context<'_>);
     }
 }

@@ -24,7 +24,6 @@ pub struct Call {
 
 impl Call {
     /// The number of instructions that were executed.
-    #[must_use]
     pub fn instructions(&self) -> u64 {
         self.steps.values().sum()
     }

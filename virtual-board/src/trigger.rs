@@ -4,7 +4,7 @@
 //! pending flag of one line (RM0090 section 12.3). Firmware that selects another port in SYSCFG, which has no
 //! model either, fails a clean run.
 
-use rigless::device::{Device, DeviceContext, Level, RegisterFile};
+use rigless::device::{Device, DeviceContext as Context, Level, RegisterFile as Registers};
 use rigless::soc::stm32f427::generated::exti::Register;
 
 /// The line, and its interrupt's place in the list of EXTI's interrupts.
@@ -19,12 +19,7 @@ pub struct Trigger {
 
 impl Trigger {
     /// Drives the pin.
-    pub fn drive(
-        &mut self,
-        high: bool,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    pub fn drive(&mut self, high: bool, registers: &mut Registers, context: &mut Context<'_>) {
         let rises = high && !self.is_high;
         self.is_high = high;
         if rises && registers.get(Register::Rtsr) >> LINE & 1 == 1 {
@@ -36,7 +31,7 @@ impl Trigger {
 }
 
 /// The line's interrupt is the level of its flag and its mask.
-fn interrupt(registers: &RegisterFile, context: &mut DeviceContext<'_>) {
+fn interrupt(registers: &Registers, context: &mut Context<'_>) {
     let raised = registers.get(Register::Pr) & registers.get(Register::Imr);
     let level = match raised >> LINE & 1 {
         0 => Level::Low,
@@ -52,8 +47,8 @@ impl Device for Trigger {
         &mut self,
         register: Register,
         value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
+        registers: &mut Registers,
+        context: &mut Context<'_>,
     ) {
         match register {
             // A one clears.

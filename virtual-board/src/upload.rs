@@ -12,7 +12,6 @@ use crate::VirtualBoard;
 /// The pieces of a record, in order.
 ///
 /// # Errors
-///
 /// The record is longer than any record of the core.
 pub fn pieces(record: &[u8]) -> Result<Vec<Piece>> {
     let offsets = (0..record.len()).step_by(PIECE);
@@ -28,7 +27,6 @@ pub fn pieces(record: &[u8]) -> Result<Vec<Piece>> {
 /// Sends a record, except the commit.
 ///
 /// # Errors
-///
 /// The firmware does not repeat each command within `patience`.
 pub fn send(board: &mut VirtualBoard, record: &[u8], patience: Duration) -> Result<()> {
     let bytes = u16::try_from(record.len()).context("the record is too long")?;
@@ -36,24 +34,14 @@ pub fn send(board: &mut VirtualBoard, record: &[u8], patience: Duration) -> Resu
     [Step::Begin(bytes)]
         .into_iter()
         .chain(pieces)
-        .try_for_each(|step| take(board, step, patience))
+        .try_for_each(|step| board.tell(&Command::Upload(step).to_string(), patience))
 }
 
 /// Sends a record and puts it into use.
 ///
 /// # Errors
-///
 /// As [`send`].
 pub fn upload(board: &mut VirtualBoard, record: &[u8], patience: Duration) -> Result<()> {
     send(board, record, patience)?;
-    take(board, Step::Commit, patience)
-}
-
-fn take(board: &mut VirtualBoard, step: Step, patience: Duration) -> Result<()> {
-    let command = Command::Upload(step).to_string();
-    board.send(&format!("{command}\r\n"));
-    board
-        .run_until_line(|line| line == command, patience)
-        .with_context(|| format!("the firmware did not take the command `{command}`"))?;
-    Ok(())
+    board.tell(&Command::Upload(Step::Commit).to_string(), patience)
 }

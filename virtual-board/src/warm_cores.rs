@@ -207,7 +207,6 @@ impl BoardCore {
     /// As [`Processor::map`].
     ///
     /// # Safety
-    ///
     /// As [`Processor::map`], until this is dropped.
     pub(crate) unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         let place = (start, length, writable);

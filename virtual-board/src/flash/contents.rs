@@ -41,15 +41,6 @@ pub enum Operation {
     },
 }
 
-impl fmt::Display for Operation {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Erase { sector } => write!(formatter, "erase of sector {sector}"),
-            Self::Program { address, word } => write!(formatter, "{word:#010x} to {address:#010x}"),
-        }
-    }
-}
-
 /// The bytes of sectors 12 to 15.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Contents(Vec<u8>);
@@ -63,7 +54,6 @@ impl fmt::Debug for Contents {
 
 impl Contents {
     /// Erased sectors, as in a new chip.
-    #[must_use]
     pub fn erased() -> Self {
         Self(vec![ERASED; BYTES])
     }
@@ -71,7 +61,6 @@ impl Contents {
     /// Contents from [`BYTES`] bytes.
     ///
     /// # Errors
-    ///
     /// The number of bytes is not [`BYTES`].
     pub fn new(bytes: Vec<u8>) -> Result<Self> {
         ensure!(
@@ -83,7 +72,6 @@ impl Contents {
     }
 
     /// All bytes, sector 12's first.
-    #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.0
     }
@@ -91,7 +79,6 @@ impl Contents {
     /// Does all of `operation`.
     ///
     /// # Panics
-    ///
     /// The operation is outside the sectors.
     pub fn apply(&mut self, operation: Operation) {
         match operation {
@@ -109,7 +96,6 @@ impl Contents {
     /// fully.
     ///
     /// # Panics
-    ///
     /// The operation is outside the sectors.
     pub fn apply_torn(&mut self, operation: Operation, seed: u64) {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -136,7 +122,6 @@ impl Contents {
     /// Flips `mask`'s bits in the byte at `offset` from [`BASE`], as an upset would.
     ///
     /// # Panics
-    ///
     /// `offset` is not below [`BYTES`].
     pub fn flip_bits(&mut self, offset: usize, mask: u8) {
         self.0[offset] ^= mask;

@@ -21,20 +21,17 @@ pub struct History {
 
 impl History {
     /// A history that begins with `first` and has no operations.
-    #[must_use]
     pub fn since(first: Contents) -> Self {
         let done = vec![];
         Self { first, done }
     }
 
     /// The operations, in order.
-    #[must_use]
     pub fn operations(&self) -> &[Done] {
         &self.done
     }
 
     /// How often one of the sectors 12 to 15 was erased.
-    #[must_use]
     pub fn erases_of(&self, sector: usize) -> usize {
         let erase = Operation::Erase { sector };
         self.done
@@ -46,9 +43,7 @@ impl History {
     /// What flash held after the first `count` operations.
     ///
     /// # Panics
-    ///
     /// The history has fewer operations.
-    #[must_use]
     pub fn after(&self, count: usize) -> Contents {
         let mut contents = self.first.clone();
         for done in &self.done[..count] {
@@ -61,9 +56,7 @@ impl History {
     /// how much of that one was done.
     ///
     /// # Panics
-    ///
     /// The history has no operation after the first `count`.
-    #[must_use]
     pub fn torn_after(&self, count: usize, seed: u64) -> Contents {
         let mut contents = self.after(count);
         contents.apply_torn(self.done[count].operation, seed);

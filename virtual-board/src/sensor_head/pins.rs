@@ -87,7 +87,7 @@ impl SharedHead {
         };
         for edge in edges {
             jumpers.drive(edge, processor, now);
-            self.lock().open_line(Some(jumpers.miso(&processor.part)));
+            self.lock().open_line = Some(jumpers.miso(&processor.part));
         }
     }
 
@@ -98,7 +98,7 @@ impl SharedHead {
         if self.look.swap(false, Ordering::Relaxed) {
             let clocks = clocks(processor);
             let buffers = dma_addresses(&mut processor.part);
-            let laser_pin = laser::is_pin_connected(&mut processor.part);
+            let laser_pin = laser::is_pin_connected(&processor.part);
             let icg_rose = self.icg_rose.swap(false, Ordering::Relaxed);
             let part = icg_rose
                 .then(|| processor.part_of_master_clock(now))
@@ -108,10 +108,12 @@ impl SharedHead {
                 head.icg_rose_at(part, now);
             }
             if head.wants_wiring() {
-                head.wiring(wiring::faults(&mut processor.part), now);
+                for fault in wiring::faults(&mut processor.part) {
+                    head.violated(now, fault);
+                }
             }
             head.clocks(clocks, now);
-            head.laser_pin(laser_pin);
+            head.laser_pin = laser_pin;
             for address in buffers {
                 head.dma_address(address, now);
             }

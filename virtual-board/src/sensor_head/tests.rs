@@ -199,7 +199,7 @@ fn either_the_last_rows_or_all_rows_are_kept() {
     run(&mut head, 0, 70);
     assert_eq!((head.row_count(), head.rows().len()), (70, ROWS_KEPT));
     assert_eq!(head.rows().next().unwrap().number, 6);
-    head.keep_all_rows(true);
+    head.keeps_all_rows = true;
     run(&mut head, 70, 80);
     assert_eq!(head.rows().len(), ROWS_KEPT + 10);
 }
@@ -245,31 +245,62 @@ fn each_limit_that_a_sequence_breaks_is_a_violation() {
     }
 }
 
-#[test]
-fn sh_that_is_high_when_icg_falls_is_a_violation() {
+/// Asserts that this breaks one limit, whose violation says all of these words.
+#[track_caller]
+fn breaks_only(words: &str, edges: impl FnOnce(&mut SensorHead)) {
     let mut head = head();
-    head.sh(Level::High, 1000);
-    head.icg(Level::Low, 1500);
-    head.sh(Level::Low, 3000);
-    says_only(&head, "ICG fell while SH was high");
+    edges(&mut head);
+    says_only(&head, words);
 }
 
 #[test]
-fn icg_that_rises_while_sh_is_high_is_a_violation() {
-    let mut head = head();
-    head.icg(Level::Low, 1000);
-    head.sh(Level::High, 1500);
-    head.icg(Level::High, 3000);
-    says_only(&head, "ICG rose while SH was high");
-}
-
-#[test]
-fn a_too_short_exposure_is_a_violation() {
-    let mut head = head();
-    head.sh(Level::High, 990_000);
-    head.sh(Level::Low, 992_001);
-    GOOD.run(&mut head);
-    says_only(&head, "the exposure was 9999 ns, at least 10000, tINT");
+fn each_limit_that_single_edges_break_is_a_violation() {
+    breaks_only("ICG fell while SH was high", |head| {
+        head.sh(Level::High, 1000);
+        head.icg(Level::Low, 1500);
+        head.sh(Level::Low, 3000);
+    });
+    breaks_only("ICG rose while SH was high", |head| {
+        head.icg(Level::Low, 1000);
+        head.sh(Level::High, 1500);
+        head.icg(Level::High, 3000);
+    });
+    breaks_only("the exposure was 9999 ns, at least 10000, tINT", |head| {
+        head.sh(Level::High, 990_000);
+        head.sh(Level::Low, 992_001);
+        GOOD.run(head);
+    });
+    let lengths = "a pixel lasts 1523.505 ns, a conversion 1523.810 ns, 0.0001";
+    breaks_only(lengths, |head| {
+        let mut fault = GOOD;
+        fault.clocks.master_hz *= 1.0002;
+        fault.pulses(head);
+    });
+    breaks_only("with chip select high", |head| {
+        assert_eq!(head.word(16, 1000), 0);
+    });
+    breaks_only("3694 words, none showed a pixel", |head| {
+        head.clocks(CLOCKS, 0);
+        GOOD.burst(head, 1_000_000);
+        assert_eq!(head.row_count(), 0);
+    });
+    // ICG alone starts no read-out.
+    breaks_only("none showed a pixel", |head| {
+        head.icg(Level::Low, 1_000_000);
+        head.icg(Level::High, 1_003_000);
+        head.clocks(CLOCKS, 1_003_000);
+        GOOD.burst(head, 1_003_000);
+    });
+    breaks_only("ICG fell after word 1 of 3694, cut short", |head| {
+        GOOD.pulses(head);
+        head.chip_select(Level::Low, 1_004_000);
+        head.word(16, 1_006_000);
+        head.icg(Level::Low, 1_007_000);
+    });
+    breaks_only("0x10008000, core-coupled RAM, RM0090", |head| {
+        head.dma_address(0x2000_0000, 5);
+        head.dma_address(0x1000_8000, 6);
+    });
 }
 
 #[test]
@@ -301,23 +332,6 @@ fn a_stopped_master_clock_is_a_violation() {
 }
 
 #[test]
-fn pixels_and_conversions_of_different_length_are_a_violation() {
-    let clocks = Clocks {
-        master_hz: 2.625e6 * 1.0002,
-        ..CLOCKS
-    };
-    let fault = Sequence {
-        clocks,
-        burst_after: 900.0,
-        ..GOOD
-    };
-    let mut head = head();
-    fault.pulses(&mut head);
-    let words = "a pixel lasts 1523.505 ns, a conversion 1523.810 ns, 0.0001";
-    says_only(&head, words);
-}
-
-#[test]
 fn wrong_clocks_are_reported_once_a_row() {
     let clocks = Clocks {
         master_hz: 2.7e6,
@@ -327,50 +341,6 @@ fn wrong_clocks_are_reported_once_a_row() {
     Sequence { clocks, ..GOOD }.pulses(&mut head);
     head.clocks(clocks, 2_000_000);
     assert_eq!(head.violation_count(), 1);
-}
-
-#[test]
-fn a_word_clocked_with_chip_select_high_is_a_violation() {
-    let mut head = head();
-    assert_eq!(head.word(16, 1000), 0);
-    says_only(&head, "with chip select high");
-}
-
-#[test]
-fn a_burst_without_a_read_out_is_a_violation() {
-    let mut head = head();
-    head.clocks(CLOCKS, 0);
-    GOOD.burst(&mut head, 1_000_000);
-    says_only(&head, "3694 words, none showed a pixel");
-    assert_eq!(head.row_count(), 0);
-}
-
-#[test]
-fn icg_alone_starts_no_read_out() {
-    let mut head = head();
-    head.icg(Level::Low, 1_000_000);
-    head.icg(Level::High, 1_003_000);
-    head.clocks(CLOCKS, 1_003_000);
-    GOOD.burst(&mut head, 1_003_000);
-    says_only(&head, "none showed a pixel");
-}
-
-#[test]
-fn a_row_that_icg_cuts_short_is_a_violation() {
-    let mut head = head();
-    GOOD.pulses(&mut head);
-    head.chip_select(Level::Low, 1_004_000);
-    head.word(16, 1_006_000);
-    head.icg(Level::Low, 1_007_000);
-    says_only(&head, "ICG fell after word 1 of 3694, cut short");
-}
-
-#[test]
-fn a_dma_buffer_in_core_coupled_ram_is_a_violation() {
-    let mut head = head();
-    head.dma_address(0x2000_0000, 5);
-    head.dma_address(0x1000_8000, 6);
-    says_only(&head, "0x10008000, core-coupled RAM, RM0090");
 }
 
 #[test]

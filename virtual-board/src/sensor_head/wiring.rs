@@ -1,17 +1,11 @@
 //! What the firmware sets up for the sensor head's pins: functions, speeds, pulls, and SPI's mode. The
 //! emulator's models work with other values too, so they are checked here, at the first row.
 
-use rigless::device::RegisterFile;
-use rigless::mcu::Mcu as _;
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::gpioa::Register as Port;
 use rigless::soc::stm32f427::generated::spi1::{self, cr1};
 
 use super::pins::CONVERTER_BUS;
-
-/// Modes of a pin (RM0090 section 8.4.1).
-const OUTPUT: u64 = 0b01;
-const ALTERNATE: u64 = 0b10;
+use crate::port_pin::{ALTERNATE, OUTPUT, Pin};
 
 /// The fastest speed of an output (RM0090 section 8.4.3).
 const VERY_HIGH: u64 = 0b11;
@@ -19,94 +13,58 @@ const VERY_HIGH: u64 = 0b11;
 /// Pulls of a pin (RM0090 section 8.4.4).
 const PULL_UP: u64 = 0b01;
 
-/// A pin of the head and what it must be.
-#[derive(Clone, Copy)]
-struct Wanted {
-    pin: &'static str,
-    port: &'static str,
-    number: u64,
-    mode: u64,
-    /// The alternate function (STM32F429 data sheet, table 12).
-    function: Option<u64>,
-    speed: Option<u64>,
-    pull: Option<u64>,
-}
+/// A pin of the head and what it must be: its name, port and number, the alternate function (STM32F429 data
+/// sheet, table 12) or `None` for a plain output, the speed and the pull.
+type Wanted = (
+    &'static str,
+    &'static str,
+    u64,
+    Option<u64>,
+    Option<u64>,
+    Option<u64>,
+);
 
 /// The head's pins. All outputs but the laser's need the fastest speed. SCLK floats while SPI is off, and
 /// DOUT if there is no converter.
 const PINS: [Wanted; 7] = {
     let (fast, pulled) = (Some(VERY_HIGH), Some(PULL_UP));
     [
-        wanted("PE9 (fM)", "GPIOE", 9, Some(1), fast, None),
-        wanted("PF12 (ICG)", "GPIOF", 12, None, fast, None),
-        wanted("PF13 (SH)", "GPIOF", 13, None, fast, None),
-        wanted("PD14 (chip select)", "GPIOD", 14, None, fast, None),
-        wanted("PA5 (SCLK)", "GPIOA", 5, Some(5), fast, pulled),
-        wanted("PA6 (DOUT)", "GPIOA", 6, Some(5), None, pulled),
-        wanted("PD15 (laser)", "GPIOD", 15, Some(2), None, None),
+        ("PE9 (fM)", "GPIOE", 9, Some(1), fast, None),
+        ("PF12 (ICG)", "GPIOF", 12, None, fast, None),
+        ("PF13 (SH)", "GPIOF", 13, None, fast, None),
+        ("PD14 (chip select)", "GPIOD", 14, None, fast, None),
+        ("PA5 (SCLK)", "GPIOA", 5, Some(5), fast, pulled),
+        ("PA6 (DOUT)", "GPIOA", 6, Some(5), None, pulled),
+        ("PD15 (laser)", "GPIOD", 15, Some(2), None, None),
     ]
 };
-
-const fn wanted(
-    pin: &'static str,
-    port: &'static str,
-    number: u64,
-    function: Option<u64>,
-    speed: Option<u64>,
-    pull: Option<u64>,
-) -> Wanted {
-    Wanted {
-        pin,
-        port,
-        number,
-        mode: if function.is_some() {
-            ALTERNATE
-        } else {
-            OUTPUT
-        },
-        function,
-        speed,
-        pull,
-    }
-}
-
-impl Wanted {
-    fn faults(&self, registers: &RegisterFile) -> Vec<String> {
-        let two_bits = |register: Port| registers.get(register) >> (2 * self.number) & 0b11;
-        let half = [Port::Afrl, Port::Afrh][usize::from(self.number >= 8)];
-        let function = registers.get(half) >> (4 * (self.number % 8)) & 0b1111;
-        [
-            ("mode", two_bits(Port::Moder), Some(self.mode)),
-            ("function", function, self.function),
-            ("speed", two_bits(Port::Ospeedr), self.speed),
-            ("pull", two_bits(Port::Pupdr), self.pull),
-        ]
-        .into_iter()
-        .filter_map(|(what, found, wanted)| {
-            let (pin, wanted) = (self.pin, wanted.filter(|&wanted| wanted != found)?);
-            Some(format!(
-                "{pin} has {what} {found}, and needs {wanted} (RM0090 section 8.4)"
-            ))
-        })
-        .collect()
-    }
-}
 
 /// Lists what is wrong with the pins and with SPI1.
 pub(crate) fn faults(processor: &mut Stm32f427) -> Vec<String> {
     let mut faults: Vec<String> = Vec::new();
-    for wanted in &PINS {
-        match processor.bus().slot(wanted.port) {
-            Ok(slot) => faults.extend(wanted.faults(processor.bus().slots()[slot].registers())),
-            Err(_) => faults.push(format!("the emulator has no {}", wanted.port)),
+    for (name, port, number, function, speed, pull) in PINS {
+        let pin = Pin::of(processor, port, number);
+        let mode = if function.is_some() {
+            ALTERNATE
+        } else {
+            OUTPUT
+        };
+        for (what, found, wanted) in [
+            ("mode", pin.mode, Some(mode)),
+            ("function", pin.function, function),
+            ("speed", pin.speed, speed),
+            ("pull", pin.pull, pull),
+        ] {
+            if let Some(wanted) = wanted.filter(|&wanted| wanted != found) {
+                faults.push(format!(
+                    "{name} has {what} {found}, and needs {wanted} (RM0090 section 8.4)"
+                ));
+            }
         }
     }
     // PA7 is CRS_DV of the board's Ethernet, which drives it.
-    if let Ok(slot) = processor.bus().slot("GPIOA") {
-        let mode = processor.bus().slots()[slot].registers().get(Port::Moder) >> 14 & 0b11;
-        if mode == OUTPUT || mode == ALTERNATE {
-            faults.push("PA7 is driven, and so does the board's Ethernet (UM1974)".to_owned());
-        }
+    if matches!(Pin::of(processor, "GPIOA", 7).mode, OUTPUT | ALTERNATE) {
+        faults.push("PA7 is driven, and so does the board's Ethernet (UM1974)".to_owned());
     }
     let (_, registers) = processor.serial(CONVERTER_BUS);
     let control = registers.get(spi1::Register::Cr1);

@@ -3,9 +3,8 @@
 
 use virtual_board::VirtualBoard;
 
-use super::common::{
-    self, assert_readings, await_text, boot, is_reading, paper, run_ms, set, take_texts,
-};
+use super::common;
+use super::common::*;
 
 /// A bit at 115200 baud, ns.
 const BIT: u64 = 8681;
@@ -121,5 +120,4 @@ fn a_sensor_with_an_address_talks_only_if_asked() {
     assert_eq!(lines[0], "@247 address 0");
     assert!(lines.len() > 2);
     assert_readings(&lines[1..]);
-    board.finish().expect("a clean run");
 }

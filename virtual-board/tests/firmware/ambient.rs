@@ -11,10 +11,7 @@ use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, VirtualBoard};
 
-use super::common::{
-    Status, assert_readings, await_line, await_text, boot, cycles_an_instruction, is_reading,
-    number, results, run_ms, set, take_results, take_texts,
-};
+use super::common::*;
 use super::identical::{assert_same, on_this_pc, run, with_fixed_exposure};
 
 fn beside_a_window() -> LightSource {
@@ -73,7 +70,6 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     assert!(off.last().is_some_and(|&most| most < 72_000), "{off:?}");
     assert!(on.first().is_some_and(|&least| least < 98_000), "{on:?}");
     assert!(on.last().is_some_and(|&most| most < 135_000), "{on:?}");
-    board.finish().expect("a clean run");
 }
 
 /// What comes up to the end of a row that a command asks for.
@@ -118,7 +114,6 @@ fn a_raw_row_has_the_laser_on_and_no_ambient_light() {
     }
     set(&mut board, "laser off");
     await_line(&mut board, |line| line.starts_with("f laser off"));
-    board.finish().expect("a clean run");
 }
 
 /// The rows under way were exposed with the laser off when the setting changes. None of them is measured or
@@ -151,5 +146,4 @@ fn dark_rows_are_not_measured_after_the_laser_is_on_in_all_rows() {
         wrong.retain(|line| !line.starts_with("f laser off"));
         assert!(wrong.is_empty(), "round {round}: {wrong:?}");
     }
-    board.finish().expect("a clean run");
 }

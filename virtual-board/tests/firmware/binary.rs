@@ -9,10 +9,7 @@ use slitrange_device::protocol::packet::{
 use slitrange_device::settings::serial_line::Baud;
 use virtual_board::{Nanos, VirtualBoard};
 
-use super::common::{
-    Status, await_text, cycles_an_instruction, is_reading, measuring, measuring_at_full_speed,
-    number, run_ms, say, set,
-};
+use super::common::*;
 
 /// A reader of the firmware's bytes.
 #[derive(Debug, Default)]
@@ -128,7 +125,6 @@ fn results_and_answers_come_as_packets_until_text_is_asked_for() {
     board.send("format text\r\n");
     await_text(&mut board, "format text");
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 /// The shortest time from one byte to the next, in bits at a rate.
@@ -161,7 +157,6 @@ fn the_answer_to_baud_is_at_the_old_rate_and_all_later_bytes_are_at_the_new_one(
         board.take_lines();
     }
     Status::ask(&mut board).assert_none(&["lines dropped", "serial framing", "serial overrun"]);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -201,5 +196,4 @@ fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
     println!("{} rows in 2 s, {per_second:.1} a second", whole.len());
     // 6.1 KB a row, 92 KB a second, less the frame for `distance`.
     assert!(whole.len() >= 24, "{}", whole.len());
-    board.finish().expect("a clean run");
 }

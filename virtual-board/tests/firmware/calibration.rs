@@ -16,11 +16,7 @@ use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::VirtualBoard;
 use virtual_board::light::{Target, of_scene};
 
-use super::common::{
-    PATIENCE, Status, ask, ask_for_lines, assert_readings, boot, fresh_results, is_reading,
-    keep_all_rows, kept_rows, measuring, number, press_reset, save, say, set, spot_at,
-    stop_the_stream, take_texts,
-};
+use super::common::*;
 use super::records::{
     CENTRE, assert_shown, eq1, every_kind, longest, of_another_head, of_comb, pieces, read_back,
     record, send, shown, upload, written,
@@ -37,7 +33,6 @@ fn an_uncalibrated_sensor_uses_the_nominal_calibration() {
     assert_eq!(shown(&mut board)[0], "calibration off");
     set(&mut board, "calibration on");
     assert!(is_reading(&fresh_results(&mut board, 1)[0]));
-    board.finish().expect("a clean run");
 }
 
 /// Uploads each kind of calibration while readings stream, and reads it back. Then each frame's line is the
@@ -68,7 +63,6 @@ fn readings_use_the_uploaded_calibration() {
         assert!(agree(&lines, last, &written), "{lines:#?}");
     }
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 /// Uploads and saves the record of a comb, and cuts the power. Then readings use the record's slits, as the
@@ -112,7 +106,6 @@ fn readings_use_the_slits_of_a_saved_comb() {
     let images: Vec<&str> = both[1].split(' ').collect();
     assert_eq!((images[0], images.len()), ("slits", 17));
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 /// The lines of frames of six rows, of which the first frame begins with the first row.
@@ -235,7 +228,6 @@ fn a_refused_upload_changes_nothing() {
     assert_eq!(in_use(&mut board), before);
     assert_readings(&fresh_results(&mut board, 2));
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 /// One byte in fifty is garbled. The test repeats each line until the answer is right.
@@ -266,7 +258,6 @@ fn an_upload_over_a_noisy_line_arrives_whole() {
     assert!(again >= 10, "{again}");
     set(&mut board, "calibration commit");
     assert_eq!(read_back(&mut board), bytes);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -283,7 +274,6 @@ fn defaults_restores_the_state_of_a_new_sensor() {
     set(&mut board, "defaults");
     assert_eq!(in_use(&mut board), new);
     assert_eq!(ask(&mut board, "mean"), "mean weighted");
-    board.finish().expect("a clean run");
 }
 
 /// The centre of a spot inside and outside the range of the nominal calibration, and without a calibration.
@@ -318,7 +308,6 @@ fn a_centre_needs_no_calibration() {
                         or send `defaults` (TCD1304DG only))";
         assert_eq!(advice, expected);
         assert!(centre.starts_with("x "), "{centre}");
-        board.finish().expect("a clean run");
     }
 }
 
@@ -335,6 +324,5 @@ fn a_frame_without_a_centre_gives_its_fault_with_advice() {
             panic!("{texts:#?}");
         };
         assert!(said.starts_with(fault) && advice.starts_with('('));
-        board.finish().expect("a clean run");
     }
 }

@@ -20,10 +20,7 @@ use virtual_board::trace::Call;
 use virtual_board::upload::upload;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
-use super::common::{
-    DISTANCE, PATIENCE, Status, boot, boot_under, firmware, fresh_results, full_speed, is_reading,
-    keep_all_rows, kept_rows, number, paper, results, run_ms, set,
-};
+use super::common::*;
 use super::faults::{assert_all_are, assert_distance_gives_advice};
 use super::identical::{
     assert_same, calibrated_on_this_pc, logarithmic, on_this_pc, run, with_fixed_exposure,
@@ -66,12 +63,12 @@ fn settings(rows: u16) -> Options {
 }
 
 /// Starts a board, and sends it `slits comb`.
-fn measuring(light: LightSource, rows: u16) -> VirtualBoard {
+fn measuring(light: LightSource, rows: u16) -> CleanBoard {
     measuring_under(light, rows, Conditions::default())
 }
 
 /// The same under these conditions.
-fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> VirtualBoard {
+fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> CleanBoard {
     let (mut board, _) = boot_under(light, conditions);
     set(&mut board, "slits comb");
     set(&mut board, &format!("rows {rows}"));
@@ -118,7 +115,6 @@ fn a_comb_is_measured_once_the_firmware_is_told() {
     let lines = fresh_results(&mut board, 4);
     println!("{}", lines[0]);
     assert_readings(&lines, Some(16));
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -128,7 +124,6 @@ fn one_slit_is_too_few_until_the_setting_is_right_again() {
     assert_eq!(line, "f too few slits: 1, needs 4");
     set(&mut board, "slits one");
     assert_readings(&fresh_results(&mut board, 4), None);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -145,7 +140,6 @@ fn a_mask_with_even_gaps_is_unclear() {
     // Older results wait behind the answer to `status`.
     results(&mut board, 8);
     assert_readings(&fresh_results(&mut board, 4), Some(16));
-    board.finish().expect("a clean run");
 }
 
 /// Rows of white paper with speckle behind the nominal comb that come one after the other, again and again.
@@ -168,7 +162,7 @@ fn assert_rate(frame: u16, seconds: u64) {
     let mut board = measuring_under(recurring(), frame, full_speed());
     let before = Status::ask(&mut board);
     run_ms(&mut board, 300);
-    let (began, rows) = (board.statistics(), board.head(|head| head.row_count()));
+    let (began, rows) = (board.statistics(), board.statistics().rows);
     for second in 1..=seconds {
         run_ms(&mut board, 1_000);
         board.take_lines();
@@ -177,7 +171,7 @@ fn assert_rate(frame: u16, seconds: u64) {
         }
     }
     let ended = board.statistics();
-    let rows = (board.head(|head| head.row_count()) - rows) as f64;
+    let rows = (board.statistics().rows - rows) as f64;
     let instructions = (ended.instructions - began.instructions) as f64;
     let elapsed = ended.seconds - began.seconds;
     let free = 1.0 - instructions / (INSTRUCTIONS_PER_SECOND as f64 * elapsed);
@@ -196,7 +190,6 @@ fn assert_rate(frame: u16, seconds: u64) {
     let off = rows - ROWS_PER_SECOND * elapsed;
     assert!(off.abs() <= 2.0, "{rows} rows");
     assert!(free >= 0.5, "{free} of the time is free");
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -233,7 +226,6 @@ fn a_row_of_a_comb_costs_less_than_half_of_its_time() {
         all[all.len() - 1],
     );
     assert!(mean < 0.5 * period, "{mean} of {period}");
-    board.finish().expect("a clean run");
 }
 
 #[test]

@@ -15,10 +15,7 @@ use slitrange_device::settings::Settings;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
-use super::common::{
-    DISTANCE, Status, ask, ask_for_lines, assert_readings, await_line, await_text, boot,
-    fresh_results, is_reading, measuring, number, paper, run_ms, say, set, take_results,
-};
+use super::common::*;
 
 const HARDWARE: Hardware = Hardware {
     board: "NUCLEO-F429ZI",
@@ -31,10 +28,9 @@ const HARDWARE: Hardware = Hardware {
 
 #[test]
 fn the_banner_names_the_device_and_the_cause_of_the_start() {
-    let (board, banner) = boot(paper());
+    let (_board, banner) = boot(paper());
     let expected = Banner(&HARDWARE, StartCause::PowerOn).to_string();
     assert_eq!(banner.text, expected);
-    board.finish().expect("a clean run");
 }
 
 /// Asserts that a command has these lines as its answer.
@@ -61,7 +57,6 @@ fn help_and_info_match_the_core() {
         .to_string();
         assert_answer(&mut board, "info", &info);
     }
-    board.finish().expect("a clean run");
 }
 
 /// u is made of its parts, and the difference to `zero` loses what both readings share: all but noise and
@@ -94,7 +89,6 @@ fn the_parts_of_u_and_the_zero_are_given() {
     assert!(u < r.hypot(1.3 * off) + 3e-4, "{line}");
     set(&mut board, "zero off");
     await_line(&mut board, |line| line.starts_with("d "));
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -125,7 +119,7 @@ fn status_counts_what_happened() {
     let uptime = number(&lines[1], "uptime ", " s");
     let ago = board.now() as f64 * 1e-9 - uptime;
     assert!(0.0 < ago && ago <= 0.15, "{uptime} s, {ago} s ago");
-    let rows = board.head(|head| head.row_count());
+    let rows = board.statistics().rows;
     // The firmware read some more rows while it sent the answer: 900 characters take 78 ms.
     let more = rows.checked_sub(status.count("rows read"));
     assert!(more.is_some_and(|more| more <= 16), "{rows}");
@@ -143,7 +137,6 @@ fn status_counts_what_happened() {
     assert!((faults - 3..=faults).contains(&counted), "{results:#?}");
     status.assert_nothing_lost();
     status.assert_none(&["fault no spot", "serial noise", "serial framing"]);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -165,7 +158,6 @@ fn with_the_stream_off_distance_gives_one_reading() {
     assert_eq!(ask(&mut board, "stream"), "stream off");
     set(&mut board, "stream on");
     fresh_results(&mut board, 3);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -179,7 +171,6 @@ fn a_frame_has_as_many_rows_as_set() {
         let used = format!(" n {rows}/{rows} ");
         assert!(lines[0].contains(&used), "{lines:?}");
     }
-    board.finish().expect("a clean run");
 }
 
 /// A spot whose row `row` is at `centre(row)`.
@@ -219,7 +210,6 @@ fn the_set_mean_is_used() {
         assert_eq!(ask(&mut board, command), "E2 expected mean plain|weighted");
     }
     assert_eq!(ask(&mut board, "mean"), "mean weighted");
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -236,7 +226,6 @@ fn rows_with_similar_errors_are_flagged() {
         }
         board.set_light(spot_that_moves(|_| 1800.0));
     }
-    board.finish().expect("a clean run");
 }
 
 /// Stray light that shielded pixels do not see, counts.
@@ -273,7 +262,6 @@ fn the_set_black_level_is_used() {
         let level = number(&centre, " b ", " e ");
         assert!((level - expected).abs() <= tolerance, "{command}: {centre}");
     }
-    board.finish().expect("a clean run");
 }
 
 /// Every estimator measures the same target, within its uncertainty and its bias.
@@ -308,7 +296,6 @@ fn the_set_estimator_is_used() {
     let error = "E2 expected estimator NAME, try help estimator";
     assert_eq!(ask(&mut board, "estimator gauss newton"), error);
     assert_eq!(ask(&mut board, "estimator"), "estimator fraunhofer");
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -327,7 +314,6 @@ fn help_estimator_lists_every_estimator_and_loses_no_reading() {
     fresh_results(&mut board, 4);
     Status::ask(&mut board).assert_nothing_lost();
     assert_eq!(ask(&mut board, "help rows"), "E2 expected help [estimator]");
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -349,7 +335,6 @@ fn unknown_commands_are_answered_by_numbered_errors() {
         assert_eq!(ask(&mut board, ""), error);
     }
     assert_eq!(ask(&mut board, "rows"), "rows 16", "nothing was set");
-    board.finish().expect("a clean run");
 }
 
 /// A person types beside the stream: each key comes back, and no reading tears the line. Readings go on after
@@ -380,5 +365,4 @@ fn typed_keys_are_shown_and_readings_wait_for_the_end_of_the_line() {
     board.send("\u{3}echo off\r");
     await_text(&mut board, "echo off");
     Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
-    board.finish().expect("a clean run");
 }

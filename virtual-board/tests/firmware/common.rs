@@ -1,5 +1,6 @@
 //! Functions that the tests share: they boot a board and ask it.
 
+use std::ops::{Deref, DerefMut};
 use std::sync::OnceLock;
 use std::time::Duration;
 
@@ -8,7 +9,10 @@ use simulator::scene::{Scene, Spot};
 use slitrange::base::fault::Fault;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, LightSource, Line, Row, SharedFlash, VirtualBoard};
+use virtual_board::port_pin::{OUTPUT, Pin};
+use virtual_board::{
+    Exposure, Firmware, LightSource, Line, Row, SharedFlash, Statistics, VirtualBoard,
+};
 
 /// The longest wait in virtual time: longer than any frame and any answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
@@ -47,29 +51,72 @@ pub fn firmware() -> &'static Firmware {
     FIRMWARE.get_or_init(|| Firmware::build().expect("the firmware builds"))
 }
 
+/// A board whose run ends when it is dropped. The run must then have been clean.
+pub struct CleanBoard(Option<VirtualBoard>);
+
+impl CleanBoard {
+    /// A board before its first instruction.
+    pub fn power_on(light: LightSource, conditions: Conditions) -> Self {
+        Self::of(VirtualBoard::power_on_under(firmware(), light, conditions))
+    }
+
+    pub fn of(board: anyhow::Result<VirtualBoard>) -> Self {
+        Self(Some(board.expect("the board starts")))
+    }
+
+    /// Ends the run.
+    pub fn finish(mut self) -> anyhow::Result<Statistics> {
+        self.0.take().expect("it is there until its end").finish()
+    }
+}
+
+impl Drop for CleanBoard {
+    fn drop(&mut self) {
+        // A test that has failed already must not panic again.
+        if let Some(board) = self.0.take()
+            && !std::thread::panicking()
+        {
+            board.finish().expect("a clean run");
+        }
+    }
+}
+
+impl Deref for CleanBoard {
+    type Target = VirtualBoard;
+
+    fn deref(&self) -> &VirtualBoard {
+        self.0.as_ref().expect("it is there until its end")
+    }
+}
+
+impl DerefMut for CleanBoard {
+    fn deref_mut(&mut self) -> &mut VirtualBoard {
+        self.0.as_mut().expect("it is there until its end")
+    }
+}
+
 /// Boots a board. Gives the board and its banner.
-pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
+pub fn boot(light: LightSource) -> (CleanBoard, Line) {
     boot_under(light, Conditions::default())
 }
 
 /// The same under these conditions.
-pub fn boot_under(light: LightSource, conditions: Conditions) -> (VirtualBoard, Line) {
-    let mut board =
-        VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
+pub fn boot_under(light: LightSource, conditions: Conditions) -> (CleanBoard, Line) {
+    let mut board = CleanBoard::power_on(light, conditions);
     let banner = await_banner(&mut board);
     (board, banner)
 }
 
 /// Boots a board that has this flash.
-pub fn boot_with(flash: &SharedFlash, light: LightSource) -> VirtualBoard {
+pub fn boot_with(flash: &SharedFlash, light: LightSource) -> CleanBoard {
     let board = VirtualBoard::power_on_with_flash(firmware(), light, flash.clone());
-    let mut board = board.expect("the board starts");
+    let mut board = CleanBoard::of(board);
     await_banner(&mut board);
     board
 }
 
 /// Cuts the power and restores it, in this light.
-pub fn power_cycle(board: VirtualBoard, light: LightSource) -> VirtualBoard {
+pub fn power_cycle(board: CleanBoard, light: LightSource) -> CleanBoard {
     let flash = board.flash().clone();
     board.finish().expect("a clean run");
     boot_with(&flash, light)
@@ -123,14 +170,14 @@ pub fn say(board: &mut VirtualBoard, line: &str, ms: u64) {
 }
 
 /// A board with white paper at [`DISTANCE`] and `rows` rows in a frame.
-pub fn measuring(rows: u16) -> VirtualBoard {
+pub fn measuring(rows: u16) -> CleanBoard {
     let (mut board, _) = boot(paper());
     set(&mut board, &format!("rows {rows}"));
     board
 }
 
 /// As [`measuring`], on a board with one instruction a cycle.
-pub fn measuring_at_full_speed(rows: u16) -> VirtualBoard {
+pub fn measuring_at_full_speed(rows: u16) -> CleanBoard {
     let (mut board, _) = boot_under(paper(), full_speed());
     set(&mut board, &format!("rows {rows}"));
     board
@@ -178,15 +225,9 @@ pub fn stop_the_transfer(board: &mut VirtualBoard) {
 
 /// The level of PE11, the switching output. `None` if the pin is no output.
 pub fn switching_output(board: &mut VirtualBoard) -> Option<bool> {
-    use rigless::mcu::Mcu as _;
-    use rigless::soc::stm32f427::generated::gpioa::Register::{Moder, Odr};
-    const PIN: u32 = 11;
     let level = board.on_emulator(|session, _, _| {
-        let bus = session.board_mut().processor.part.bus();
-        let slot = bus.slot("GPIOE").expect("the port");
-        let registers = bus.slots()[slot].registers();
-        let is_output = registers.get(Moder) >> (2 * PIN) & 0b11 == 0b01;
-        is_output.then(|| registers.get(Odr) >> PIN & 1 == 1)
+        let pin = Pin::of(&session.board_mut().processor.part, "GPIOE", 11);
+        (pin.mode == OUTPUT).then_some(pin.is_high)
     });
     level.expect("the emulator")
 }
@@ -210,7 +251,7 @@ pub fn assert_readings(lines: &[String]) {
 
 /// Lets the sensor head keep all rows from now on.
 pub fn keep_all_rows(board: &mut VirtualBoard) {
-    board.head(|head| head.keep_all_rows(true));
+    board.head(|head| head.keeps_all_rows = true);
 }
 
 /// The rows that the sensor head keeps.

@@ -1,6 +1,6 @@
 //! Tests of what silicon needs and the emulated core does not: an erratum's bit, and a log that nobody reads.
 
-use super::common::{Status, assert_readings, fresh_results, measuring, run_ms};
+use super::common::*;
 
 /// The auxiliary control register (ARMv7-M manual, B3.2.2) and its bit that switches the write buffer off.
 const ACTLR: u64 = 0xE000_E008;
@@ -15,7 +15,6 @@ fn the_start_switches_the_write_buffer_off() {
         .expect("a run")
         .expect("a register");
     assert_eq!(register & DISDEFWBUF, DISDEFWBUF, "{register:#x}");
-    board.finish().expect("a clean run");
 }
 
 /// probe-rs sets the log's blocking mode. If it then goes away, the firmware must not wait for it: the rows
@@ -45,5 +44,4 @@ fn a_log_that_nobody_reads_stops_nothing() {
     assert_readings(&lines);
     assert_eq!(board.resets().expect("resets"), []);
     Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "rows late"]);
-    board.finish().expect("a clean run");
 }

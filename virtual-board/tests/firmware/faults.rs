@@ -9,11 +9,7 @@ use slitrange_device::protocol::advice::advice;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, OpenLine, VirtualBoard};
 
-use super::common::{
-    DISTANCE, Status, ask, assert_readings, await_line, boot, fresh_results, is_reading, measuring,
-    number, results, run_into_a_row, run_ms, set, spot_at, stop_the_transfer, take_results,
-    take_texts,
-};
+use super::common::*;
 
 /// A spot that is neither dim nor saturated, counts.
 const BRIGHT: f64 = 2000.0;
@@ -185,7 +181,6 @@ fn the_settings_region_and_peak_choose_one_of_two_spots() {
     let slowest = Status::ask(&mut board).count("slowest row cycles");
     println!("slowest row: {slowest} cycles of the virtual board");
     assert!(slowest < 957_600);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -254,7 +249,6 @@ fn without_calibration_there_is_a_centre_and_no_distance() {
 
     set(&mut board, "calibration on");
     assert_all_measure(&fresh_results(&mut board, 4));
-    board.finish().expect("a clean run");
 }
 
 /// Asserts that all lines are readings of the target's distance.
@@ -284,7 +278,6 @@ fn a_disconnected_converter_is_a_silent_sensor_until_it_is_back() {
         fresh_results(&mut board, 4);
     }
     assert_all_measure(&fresh_results(&mut board, 2));
-    board.finish().expect("a clean run");
 }
 
 /// No row arrives for 100 ms, because no read-out ends.
@@ -310,7 +303,6 @@ fn read_outs_that_never_end_are_a_silent_sensor() {
     let silent = lines.iter().filter(|line| *line == "f sensor silent");
     assert_eq!(silent.count(), 3, "one every 100 ms: {lines:#?}");
     assert_all_measure(&fresh_results(&mut board, 4));
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -328,7 +320,6 @@ fn an_impossible_word_spoils_only_its_own_row() {
     let (readings, faults): (Vec<_>, Vec<_>) = lines.iter().partition(|line| is_reading(line));
     assert_eq!(faults, ["f sensor silent"], "{lines:#?}");
     assert_eq!(readings.len(), 9);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -348,5 +339,4 @@ fn a_read_out_that_stops_half_way_is_dropped_and_measuring_continues() {
     let violations = board.head(|head| head.violations().to_vec());
     println!("stopped at {:.3} ms: {violations:#?}", moment as f64 * 1e-6);
     assert_eq!(violations.len(), 1, "and no other: {violations:#?}");
-    board.finish().expect("a clean run");
 }

@@ -12,9 +12,7 @@ use slitrange_device::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};
 use virtual_board::{SharedFlash, VirtualBoard};
 
-use super::common::{
-    Status, await_banner, boot_with, press_reset, run_into_a_row, run_ms, save, set, spot_at,
-};
+use super::common::*;
 use super::kept;
 use super::records::{CENTRE, longest, upload};
 
@@ -49,7 +47,7 @@ fn with_saves(count: u16) -> SharedFlash {
 }
 
 /// Powers a board on with `flash` and waits for its banner.
-fn power_on(flash: &SharedFlash) -> VirtualBoard {
+fn power_on(flash: &SharedFlash) -> CleanBoard {
     boot_with(flash, spot_at(CENTRE, 2000.0))
 }
 
@@ -64,11 +62,10 @@ fn run_into_a_save(board: &mut VirtualBoard, operations: usize) {
 }
 
 /// The board can save another configuration.
-fn assert_saves(mut board: VirtualBoard) {
+fn assert_saves(mut board: CleanBoard) {
     set(&mut board, "rows 21");
     save(&mut board);
     assert_eq!(kept::saved_in(&board.flash().contents()), saved(21));
-    board.finish().expect("a clean run");
 }
 
 /// The operations of the firmware on flash in a save.
@@ -137,7 +134,6 @@ fn assert_board_starts_with(contents: &Contents) {
     let mut board = power_on(&flash);
     kept::assert_in_use(&mut board, &kept::read(contents));
     assert_eq!(flash.contents(), *contents, "a start only reads");
-    board.finish().expect("a clean run");
 }
 
 /// Cuts the power after each operation of a save, and during each. The store then finds the old configuration
@@ -304,7 +300,6 @@ fn assert_board_starts_all_along(history: &History) {
         press_reset(&mut board);
         kept::assert_shown_as(&mut board, &kept::read(&flash.contents()));
     }
-    board.finish().expect("a clean run");
 }
 
 #[test]

@@ -9,10 +9,7 @@ use virtual_board::flash::{Contents, SECTOR_BYTES, SharedFlash};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, VirtualBoard};
 
-use super::common::{
-    Status, ask, ask_in_a_pause, ask_until, boot, boot_with, fresh_results, is_reading, number,
-    power_cycle, set,
-};
+use super::common::*;
 use super::kept;
 
 /// Longer than 256 rows or an erase take.
@@ -152,7 +149,6 @@ fn a_map_lowers_the_error_and_survives_a_power_cycle() {
     assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
     let mut board = power_cycle(board, paper(0.8));
     assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -196,7 +192,6 @@ fn a_power_cut_leaves_the_old_map_or_the_new_one() {
     assert_eq!(lines[0], "flat on");
     assert!(lines[3].starts_with("flat fault the last save is unusable"));
     assert_eq!(lines[4], "flat stored same");
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -233,6 +228,5 @@ fn a_map_that_is_damaged_or_of_a_later_version_is_not_used() {
             let later = |contents: Contents| contents.bytes()[start..][..SECTOR_BYTES].to_vec();
             assert!(later(board.flash().contents()) == later(contents));
         }
-        board.finish().expect("a clean run");
     }
 }

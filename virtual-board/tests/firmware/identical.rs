@@ -21,9 +21,7 @@ use slitrange::{sensor_heads, spot};
 use slitrange_device::protocol::line::{FaultLine, ReadingLine};
 use virtual_board::{Exposure, LightSource, Row};
 
-use super::common::{
-    PATIENCE, Status, boot, is_reading, keep_all_rows, kept_rows, run_ms, set, take_results,
-};
+use super::common::*;
 
 /// The numbers of pixels that an estimator may sum to one sample.
 const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;

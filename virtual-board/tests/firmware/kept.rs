@@ -14,7 +14,7 @@ use slitrange_device::store::{Store, Stored};
 use virtual_board::VirtualBoard;
 use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
 
-use super::common::{ask, fresh_results, is_reading};
+use super::common::*;
 use super::records::assert_shown;
 
 /// Saves to `contents` as the firmware does.

@@ -11,10 +11,7 @@ use slitrange::Calibration;
 use slitrange::measurement::Options;
 use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
 
-use super::common::{
-    DISTANCE, await_line, await_text, cycles_an_instruction, is_reading, measuring, number,
-    press_reset, results, run_ms, save, set,
-};
+use super::common::*;
 use super::identical::{assert_same, logarithmic, on_this_pc, run};
 
 /// For how long the laser was on since power-on.
@@ -56,7 +53,6 @@ fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row() {
     board.send("info\r\n");
     let rate = await_line(&mut board, |line| line.starts_with("info rate ")).text;
     assert!(rate.ends_with(&format!(" to {longest} us")), "{rate}");
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -77,7 +73,6 @@ fn a_laser_that_is_set_off_stays_off_and_the_answer_says_so() {
     set(&mut board, "laser on");
     results(&mut board, 2);
     assert!(laser_time(&mut board) > before);
-    board.finish().expect("a clean run");
 }
 
 /// A panic stops everything. The pulse under way ends by itself, and the reset brings no other before the
@@ -117,7 +112,6 @@ fn the_laser_goes_off_when_the_firmware_stops() {
     let later = laser_time(&mut board) - at_reset;
     assert!(later as f64 <= most, "{later} ns");
     results(&mut board, 1);
-    board.finish().expect("a clean run");
 }
 
 /// White paper's spot on targets whose brightness jumps to any value within 10,000 to 1, every `rows` rows.

@@ -3,9 +3,7 @@
 
 use virtual_board::VirtualBoard;
 
-use super::common::{
-    ask, assert_readings, await_text, boot, fresh_results, number, paper, run_ms, set,
-};
+use super::common::*;
 
 const NOTHING: [u8; 0] = [];
 
@@ -100,5 +98,4 @@ fn a_master_reads_results_and_writes_settings() {
     let results = fresh_results(&mut board, 2);
     assert_readings(&results);
     assert_eq!(ask(&mut board, "rows"), "rows 5");
-    board.finish().expect("a clean run");
 }

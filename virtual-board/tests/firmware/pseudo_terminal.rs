@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use simulator::distorted_optics::DistortedOptics;
 use simulator::optics::Optics;
 
-use super::common::{is_reading, is_result, number};
+use super::common::*;
 
 /// The most lines before an answer. Results never end, so this limit ends a failed test.
 const LINES: usize = 200;

@@ -1,9 +1,6 @@
 //! Tests of the settings that act between a frame's reading and its line.
 
-use super::common::{
-    DISTANCE, PATIENCE, Status, await_line, await_text, fresh_results, measuring, number, paper,
-    results, run_ms, spot_at, switching_output,
-};
+use super::common::*;
 use simulator::scene::Scene;
 use virtual_board::VirtualBoard;
 use virtual_board::light::{Target, of_scene};
@@ -124,7 +121,6 @@ fn each_setting_of_the_lines_acts() {
     set(&mut board, "defaults");
     Status::ask(&mut board).assert_nothing_lost();
     fresh_results(&mut board, 1);
-    board.finish().expect("a clean run");
 }
 
 /// A result that waits for the serial line while a setting changes is not held afterwards: it was measured
@@ -143,5 +139,4 @@ fn results_of_before_a_change_are_dropped() {
     let answer = board.run_until_line(|line| line.ends_with("laser off"), 3 * PATIENCE);
     answer.expect("the answer");
     assert_eq!(results(&mut board, 4), ["f laser off"; 4]);
-    board.finish().expect("a clean run");
 }

@@ -23,7 +23,7 @@ use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::{VirtualBoard, upload};
 
-use super::common::{PATIENCE, ask, ask_until, number};
+use super::common::*;
 
 /// A pixel inside the range of each of [`every_kind`].
 pub const CENTRE: f64 = 2300.4;

@@ -13,10 +13,7 @@ use slitrange_device::settings::Settings;
 use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, VirtualBoard};
 
 use super::comb::paper_behind_a_comb;
-use super::common::{
-    Status, ask, assert_readings, await_line, boot, fresh_results, is_reading, is_result,
-    keep_all_rows, number, paper, run_ms, set, take_texts,
-};
+use super::common::*;
 
 /// 114 lines of some 110 characters at 115,200 baud take 1.1 s.
 const SENDING: Duration = Duration::from_secs(3);
@@ -117,17 +114,16 @@ fn answer_as_here(board: &mut VirtualBoard, part: RowPart, settings: Settings) -
 }
 
 /// Boots a board that keeps all rows.
-fn boot_keeping(light: LightSource) -> VirtualBoard {
+fn boot_keeping(light: LightSource) -> CleanBoard {
     let (mut board, _) = boot(light);
     keep_all_rows(&mut board);
     board
 }
 
 /// No row was lost while a row was sent, and readings stream again.
-fn assert_streaming(mut board: VirtualBoard) {
+fn assert_streaming(mut board: CleanBoard) {
     assert_readings(&fresh_results(&mut board, 2));
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -179,13 +175,13 @@ fn readings_of_single_rows_go_on_at_once() {
     let mut board = boot_keeping(paper());
     set(&mut board, "rows 1");
     Answer::ask(&mut board, RowPart::Whole);
-    let (sent, rows) = (board.now(), board.head(|head| head.row_count()));
+    let (sent, rows) = (board.now(), board.statistics().rows);
     let next = await_line(&mut board, is_reading);
     let waited = Duration::from_nanos(next.at - sent);
     println!("the next reading came after {waited:?}");
     assert!(waited < Duration::from_millis(50));
     fresh_results(&mut board, 50);
-    assert!(board.head(|head| head.row_count()) - rows <= 65);
+    assert!(board.statistics().rows - rows <= 65);
     assert_streaming(board);
 }
 
@@ -232,7 +228,6 @@ fn a_range_has_the_exposure_of_its_row() {
     assert_eq!((answer.first, answer.counts.len()), (3640, 8));
     let error = "E3 out of range, expected row [window|FIRST LAST]";
     assert_eq!(ask(&mut board, "row 1839 1700"), error);
-    board.finish().expect("a clean run");
 }
 
 /// A row without a spot can be looked at, which is when one wants to. Its window is empty.
@@ -258,5 +253,4 @@ fn rows_without_a_spot_and_without_a_sensor_are_answered() {
     assert!(silent.counts.iter().all(|&count| count == level));
     board.open_line(None);
     fresh_results(&mut board, 2);
-    board.finish().expect("a clean run");
 }

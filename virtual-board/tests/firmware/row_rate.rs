@@ -7,17 +7,17 @@ use slitrange::reading::uncertainty::CalibrationErrors;
 use virtual_board::Row;
 use virtual_board::row_rate::{lost_rows, start};
 
-use super::common::{Status, firmware, keep_all_rows, kept_rows, take_results};
+use super::common::*;
 use super::identical::{lines_of_pc, with_fixed_exposure};
 
 /// Runs the firmware with the default estimator for `count` rows. Every row must be read, and every line must
 /// be that of the core on a PC.
 fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
-    let mut board = start(firmware(), rows_per_second, rows).expect("the board starts");
+    let mut board = CleanBoard::of(start(firmware(), rows_per_second, rows));
     keep_all_rows(&mut board);
     board.take_lines();
     let before = board.statistics();
-    let (began, first) = (board.now(), board.head(|head| head.row_count()));
+    let (began, first) = (board.now(), board.statistics().rows);
     assert_eq!(
         lost_rows(&mut board, rows_per_second, count).expect("rows"),
         0
@@ -26,7 +26,7 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
     let busy = (after.instructions - before.instructions) as f64
         / (168e6 * (after.seconds - before.seconds));
     // Rows come at the rate that was asked for, to a row at either end.
-    let read = board.head(|head| head.row_count()) - first;
+    let read = board.statistics().rows - first;
     let due = (board.now() - began) as f64 * 1e-9 * rows_per_second;
     assert!((read as f64 - due).abs() <= 2.0, "{read} rows of {due}");
     let lines = take_results(&mut board);
@@ -41,7 +41,6 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
         100.0 * busy
     );
     assert_same_lines(&shown, rows, &lines);
-    board.finish().expect("a clean run");
 }
 
 /// The chip's lines are the PC's, in order. The serial line may be too slow for all of them.

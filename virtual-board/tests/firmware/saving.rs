@@ -13,11 +13,7 @@ use virtual_board::board::Conditions;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
 use virtual_board::{Line, VirtualBoard};
 
-use super::common::{
-    PATIENCE, Status, ask, ask_in_a_pause, assert_readings, await_text, boot, boot_under,
-    boot_with, fresh_results, is_reading, is_result, measuring, number, paper, power_cycle, run_ms,
-    save, set, spot_at,
-};
+use super::common::*;
 use super::faults::assert_all_are;
 use super::kept;
 use super::records::{assert_shown, eq1, longest, of_another_head, read_back, shown, upload};
@@ -71,7 +67,6 @@ fn saved_settings_are_used_after_a_power_cycle() {
     assert_shown(&mut board, Some(&nominal), stored);
     assert_eq!(ask(&mut board, "rows"), "rows 16");
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 /// Saves the longest record again and again. When the first sector is full, the other one is erased. The
@@ -133,7 +128,6 @@ fn saving_pauses_the_stream_and_nothing_else() {
     let mut board = power_cycle(board, paper());
     assert_shown(&mut board, Some(&own), FlashStatus::Record(own.sum()));
     assert_eq!(ask(&mut board, "rows"), "rows 5");
-    board.finish().expect("a clean run");
 }
 
 /// The longest frame takes 365 ms and the erase another 400 ms. The watchdog must not reset the chip.
@@ -152,7 +146,6 @@ fn the_watchdog_waits_for_an_erase() {
     board.run_for(2 * PATIENCE).expect("a run");
     assert_eq!(board.resets().expect("resets"), []);
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 /// The longest times of the data sheet: a word takes 100 us and an erase 800 ms. No row is lost, and the
@@ -190,7 +183,6 @@ fn the_slowest_flash_loses_no_row_and_makes_no_reset() {
     Status::ask(&mut board).assert_nothing_lost();
     let mut board = power_cycle(board, paper());
     assert_eq!(ask(&mut board, "rows"), "rows 10");
-    board.finish().expect("a clean run");
 }
 
 /// The core's register that switches interrupts off (NVIC_ICER0), and the bit of flash's interrupt (RM0090
@@ -214,7 +206,6 @@ fn the_watchdog_resets_if_the_flash_never_answers() {
     let shown = shown(&mut board);
     assert_eq!(shown[shown.len() - 1], "calibration stored none");
     save(&mut board);
-    board.finish().expect("a clean run");
 }
 
 /// No operation reaches the flash.
@@ -233,7 +224,6 @@ fn a_failed_save_is_reported_and_the_old_configuration_is_kept() {
     let mut board = power_cycle(board, paper());
     assert_shown(&mut board, Some(&own), stored);
     assert_eq!(ask(&mut board, "rows"), "rows 4");
-    board.finish().expect("a clean run");
 }
 
 fn damaged() -> Contents {
@@ -283,7 +273,6 @@ fn without_a_usable_calibration_there_is_no_distance() {
         save(&mut board);
         let mut board = power_cycle(board, paper());
         assert_shown(&mut board, Some(&own), FlashStatus::Record(own.sum()));
-        board.finish().expect("a clean run");
     }
 }
 
@@ -299,5 +288,4 @@ fn defaults_brings_back_the_nominal_calibration() {
     let stored = FlashStatus::Record(nominal.sum());
     assert_shown(&mut board, Some(&nominal), stored);
     assert_readings(&fresh_results(&mut board, 1));
-    board.finish().expect("a clean run");
 }

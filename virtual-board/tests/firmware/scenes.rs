@@ -5,7 +5,7 @@ use simulator::scene::{Scene, Sensor, file};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Line, VirtualBoard};
 
-use super::common::{await_line, boot, is_reading, is_result, number, paper, set};
+use super::common::*;
 
 /// The largest allowed error of a reading in pixels: four standard deviations of the strongest speckle.
 const GROSS: f64 = 3.5;
@@ -103,5 +103,4 @@ fn every_scene_gives_readings_or_its_own_fault() {
     // An empty folder must fail the test.
     println!("{readings} scenes gave readings, {faults} faults, {combs} combs");
     assert!(readings >= 8 && faults >= 3 && combs >= 1);
-    board.finish().expect("a clean run");
 }

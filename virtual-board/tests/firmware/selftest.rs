@@ -2,7 +2,7 @@
 
 use virtual_board::{OpenLine, VirtualBoard};
 
-use super::common::{ask_until, boot, fresh_results, paper, run_ms, set, spot_at};
+use super::common::*;
 
 /// The answer, without the first word of its lines.
 fn selftest(board: &mut VirtualBoard) -> Vec<String> {
@@ -33,5 +33,4 @@ fn a_good_sensor_passes_and_a_bad_one_says_why() {
     let lines = selftest(&mut board);
     assert!(lines[1].starts_with("rows fail "));
     assert_eq!(lines.last().expect("a line"), "fail 1");
-    board.finish().expect("a clean run");
 }

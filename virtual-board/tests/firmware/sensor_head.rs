@@ -3,15 +3,11 @@
 use std::time::Duration;
 
 use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
+use virtual_board::Row;
 use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
-use virtual_board::{Row, VirtualBoard};
 
-use super::common::{
-    Status, assert_readings, await_banner, boot, cycles_an_instruction, firmware, fresh_results,
-    full_speed, is_reading, is_result, keep_all_rows, kept_rows, measuring, number, run_into_a_row,
-    run_ms, set, slower_sampling, spot_at, stop_the_transfer, take_results, take_texts,
-};
+use super::common::*;
 
 /// The place of the spot in these tests.
 const CENTRE: f64 = 1770.3;
@@ -43,10 +39,10 @@ fn one_reading_a_row_for_a_second_loses_no_row() {
     fresh_results(&mut board, 1);
     board.take_lines();
     keep_all_rows(&mut board);
-    let (start, first) = (board.now(), board.head(|head| head.row_count()));
+    let (start, first) = (board.now(), board.statistics().rows);
     run_ms(&mut board, 1_000);
     let seconds = (board.now() - start) as f64 * 1e-9;
-    let read = board.head(|head| head.row_count()) - first;
+    let read = board.statistics().rows - first;
     let lines = board.take_lines();
     let rows: Vec<Row> = kept_rows(&mut board);
     let rows = &rows[rows.len() - read as usize..];
@@ -67,7 +63,6 @@ fn one_reading_a_row_for_a_second_loses_no_row() {
     assert!(most - least < 0.1 + slower_sampling(), "{least} to {most}");
 
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 }
 
 /// Rows come at the period that the firmware states, each pixel in its word and sampled in the middle of its
@@ -77,11 +72,11 @@ fn rows_come_on_time() {
     let mut board = measuring(16);
     run_ms(&mut board, 200);
     keep_all_rows(&mut board);
-    let (before, first) = (board.statistics(), board.head(|head| head.row_count()));
+    let (before, first) = (board.statistics(), board.statistics().rows);
     board.take_lines();
     run_ms(&mut board, 500);
     let after = board.statistics();
-    let count = board.head(|head| head.row_count()) - first;
+    let count = board.statistics().rows - first;
     let rows: Vec<Row> = kept_rows(&mut board);
     let rows = &rows[rows.len() - count as usize..];
 
@@ -110,7 +105,6 @@ fn rows_come_on_time() {
     let status = Status::ask(&mut board);
     println!("a row took {} cycles", status.count("row cycles"));
     status.assert_none(&["rows lost", "rows failed", "rows late", "lines dropped"]);
-    board.finish().expect("a clean run");
 }
 
 /// The centre that the firmware finds is that of the light, to a twentieth of a pixel.
@@ -126,7 +120,6 @@ fn centres_are_right() {
         let error = number(line, "x ", " ") - CENTRE;
         assert!(error.abs() < 0.05, "{line}");
     }
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -151,8 +144,7 @@ fn words_in_batches_are_the_same_as_words_one_by_one() {
             most_dma_latency: 0,
             ..full_speed()
         };
-        let mut board =
-            VirtualBoard::power_on_under(firmware(), light, conditions).expect("the board starts");
+        let mut board = CleanBoard::power_on(light, conditions);
         if word_by_word {
             let switch = board.on_emulator(|session, _, _| {
                 session.board_mut().processor.move_word_by_word();
@@ -211,8 +203,7 @@ fn slow_cores_reject_late_rows_and_move_no_centre() {
             ..Conditions::default()
         };
         let light = spot_at(CENTRE, 1500.0);
-        let board = VirtualBoard::power_on_under(firmware(), light, conditions);
-        let mut board = board.expect("the board starts");
+        let mut board = CleanBoard::power_on(light, conditions);
         if is_too_slow {
             // The head sees the edges of the rows that the firmware rejects.
             board.expect_violations();
@@ -252,7 +243,6 @@ fn slow_cores_reject_late_rows_and_move_no_centre() {
             assert!(error.abs() < 0.1, "{line}");
         }
         assert!(is_too_slow || readings.len() > 10, "{readings:#?}");
-        board.finish().expect("a clean run");
     }
 }
 
@@ -281,9 +271,9 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
         board.pause_words(Some((word, pause))).expect("a gap");
         run_ms(&mut board, 20);
         board.take_lines();
-        let before = board.head(|head| head.row_count());
+        let before = board.statistics().rows;
         run_ms(&mut board, 100);
-        let rows = board.head(|head| head.row_count()) - before;
+        let rows = board.statistics().rows - before;
         let lines = board.take_lines();
         board.pause_words(None).expect("no gap");
         // The row under way still has its gap.
@@ -302,5 +292,4 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
     let status = Status::ask(&mut board);
     status.assert_none(&["rows lost", "rows failed"]);
     assert_eq!(status.count("rows late"), late_before, "{status:#?}");
-    board.finish().expect("a clean run");
 }

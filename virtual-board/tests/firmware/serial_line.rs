@@ -10,10 +10,7 @@ use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::input::Input;
 use virtual_board::{Arrival, Line, Nanos, VirtualBoard};
 
-use super::common::{
-    Status, ask, await_line, await_text, fresh_results, is_reading, is_result, measuring, number,
-    run_ms, say, set, take_texts,
-};
+use super::common::*;
 
 /// The number of random bytes.
 const BYTES: usize = 10 * 1024;
@@ -100,7 +97,6 @@ fn random_bytes_are_answered_by_errors_and_measuring_continues() {
         .filter(|line| is_error(line));
     assert_eq!(errors.collect::<Vec<_>>(), errors_about(&bytes));
     assert_lives_on(&mut board);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -124,7 +120,6 @@ fn noise_and_framing_errors_are_counted_and_the_line_still_works() {
         assert!((800..1300).contains(&count), "{kind}: {count} of {BYTES}");
     }
     assert_lives_on(&mut board);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -137,7 +132,6 @@ fn commands_typed_without_a_pause_are_all_answered() {
     answers.retain(|line| !is_result(line));
     assert_eq!(answers, commands);
     assert_eq!(ask(&mut board, "rows"), "rows 64");
-    board.finish().expect("a clean run");
 }
 
 /// The rate that the firmware receives at, bits a second.
@@ -296,7 +290,6 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     assert!(missed.is_some_and(|missed| missed <= 3), "{missed:?}");
     status.assert_nothing_lost();
     status.assert_none(&["serial noise"]);
-    board.finish().expect("a clean run");
 }
 
 /// USART3, which serves the serial line.
@@ -335,7 +328,6 @@ fn an_overrun_is_counted_and_the_next_command_is_answered() {
     assert_eq!(status.count("serial overrun"), 1);
     status.assert_none(&["rows lost", "lines dropped"]);
     status.assert_none(&["serial noise", "serial framing"]);
-    board.finish().expect("a clean run");
 }
 
 /// During a save nobody takes bytes. Those that find the buffer full are lost, and counted.
@@ -358,5 +350,4 @@ fn bytes_that_find_the_buffer_full_are_counted() {
     println!("{answered} lines answered, {lost} bytes lost");
     assert!(lost > 0);
     assert_eq!(answered, (LINES * "rows\r".len() - lost) / "rows\r".len());
-    board.finish().expect("a clean run");
 }

@@ -3,12 +3,11 @@
 use rigless::soc::Width;
 use slitrange::centre::Estimator;
 use std::ops::Range;
+use virtual_board::board::Conditions;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::comb::{any_combs, paper_behind_a_comb};
-use super::common::{
-    await_banner, await_text, firmware, paper, press_reset, results, say, set, spot_at,
-};
+use super::common::*;
 use super::records::{longest_of_comb, upload};
 
 /// The pattern in unused stack.
@@ -25,7 +24,7 @@ const MOST: u64 = 40_000;
 fn the_stack_stays_far_from_the_statics() {
     let address = |symbol| firmware().address_of(symbol).expect("the symbol");
     let (start, end) = (address("_stack_start"), address("__sheap"));
-    let mut board = VirtualBoard::power_on(firmware(), paper()).expect("the board starts");
+    let mut board = CleanBoard::power_on(paper(), Conditions::default());
     board
         .on_emulator(move |_, host, _| {
             (end..start)
@@ -65,7 +64,6 @@ fn the_stack_stays_far_from_the_statics() {
     assert!(used > 4 * 1024, "{used} of {room}");
     // More than half of the room stays free.
     assert!(used < MOST.min(room / 2), "{used} of {room}");
-    board.finish().expect("a clean run");
 }
 
 /// Lets each estimator see each light for some results.

@@ -6,7 +6,7 @@ use std::time::Duration;
 use virtual_board::{Line, Nanos, VirtualBoard};
 
 use super::binary::Reader;
-use super::common::{Status, await_text, measuring, measuring_at_full_speed, number, say, set};
+use super::common::*;
 
 /// The length of the long runs in seconds of virtual time. `SLITRANGE_SECONDS` sets another one.
 const AN_HOUR: u64 = 3600;
@@ -111,11 +111,10 @@ fn assert_text_arrives(time: Duration) {
     println!("text: {lines} lines, the last one is {last:?}");
     let fewest = (time.as_nanos() / frame.as_nanos()) as u64 - 2;
     assert!(lines >= fewest, "{lines} of {fewest}");
-    let rows = board.head(|head| head.row_count());
+    let rows = board.statistics().rows;
     let ago = since(&board, asked);
     let status = Status::ask(&mut board);
     assert_counters_agree(&status, last, ago, frame, rows);
-    board.finish().expect("a clean run");
 }
 
 fn since(board: &VirtualBoard, then: Nanos) -> Duration {
@@ -194,13 +193,12 @@ fn assert_windows_arrive(time: Duration) {
         last = now;
     }
     board.take_lines();
-    let rows = board.head(|head| head.row_count());
+    let rows = board.statistics().rows;
     let ago = since(&board, asked);
     say(&mut board, "status", 50);
     let text = reader.read(&mut board).text;
     let status = Status(text.lines().map(str::to_owned).collect());
     assert_counters_agree(&status, last, ago, ROW, rows);
-    board.finish().expect("a clean run");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use virtual_board::{Exposure, LightSource, OpenLine, VirtualBoard};
 
-use super::common::{Status, await_line, boot, is_result, number, run_ms, say, set, spot_at};
+use super::common::*;
 
 /// The time from row to row, as the firmware states it, ns.
 const ROW_PERIOD: u64 = 5_700_000;
@@ -108,7 +108,6 @@ fn a_frame_has_the_first_rows_that_began_after_the_edge() {
     set(&mut board, "trigger serial");
     pulse(&mut board);
     assert_silent(&mut board, Duration::from_millis(250));
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -144,5 +143,4 @@ fn measure_gives_one_result_of_rows_that_began_after_it() {
     board.send("measure\r\n");
     let fault = await_line(&mut board, is_result);
     assert!(fault.text.starts_with("f sensor silent"), "{fault}");
-    board.finish().expect("a clean run");
 }

@@ -2,7 +2,7 @@
 
 use virtual_board::{Firmware, VirtualBoard};
 
-use super::common::{paper, run_ms};
+use super::common::*;
 
 /// The lines with their times, the log, and the statistics of a run with commands, a hang and a reset.
 fn run(firmware: &Firmware) -> String {

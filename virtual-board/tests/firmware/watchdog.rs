@@ -6,10 +6,7 @@ use rigless::soc::stm32f427::generated::usart6;
 use virtual_board::board::Conditions;
 use virtual_board::{Nanos, OpenLine, VirtualBoard};
 
-use super::common::{
-    PATIENCE, ask, ask_for_lines, assert_readings, await_banner, await_line, await_text, boot,
-    boot_under, firmware, fresh_results, measuring, number, paper, run_into_a_row, run_ms, set,
-};
+use super::common::*;
 
 /// USART3, in the emulator's order.
 const SERIAL_PORT: usize = 2;
@@ -66,7 +63,6 @@ fn the_watchdog_resets_after_a_logged_panic() {
     assert_eq!(log.matches("panicked").count(), 1, "{log}");
     assert_starts_again(&mut board, "watchdog");
     only_reset(&mut board, WATCHDOG);
-    board.finish().expect("a clean run");
 }
 
 /// A flipped bit in the serial port's register stops only the serial line. An answer then waits for ever, and
@@ -96,7 +92,6 @@ fn the_watchdog_resets_if_the_serial_line_hangs() {
     assert!(rows > 170.0 * lasted, "rows are read on: {rows}");
     assert!((1.5..2.5).contains(&lasted), "{lasted} s");
     assert_starts_again(&mut board, "watchdog");
-    board.finish().expect("a clean run");
 }
 
 /// The core's register for a reset by software (AIRCR), and the word that requests it. A debug probe starts
@@ -111,7 +106,6 @@ fn the_banner_names_a_reset_by_software() {
     board.probe_writes(register, word);
     assert_starts_again(&mut board, "software");
     only_reset(&mut board, "Core");
-    board.finish().expect("a clean run");
 }
 
 /// The answer is whole, although the chip resets right after it.
@@ -130,7 +124,6 @@ fn the_command_reset_is_answered_and_starts_the_firmware_again() {
     println!("{uptime}, {since} s after the reset");
     let uptime = number(&uptime, "status uptime ", " s");
     assert!((since - 0.15..since).contains(&uptime));
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -146,7 +139,6 @@ fn the_watchdog_resets_if_a_computation_hangs() {
     assert!((1.5..2.5).contains(&lasted), "{lasted} s");
     assert_starts_again(&mut board, "watchdog");
     only_reset(&mut board, WATCHDOG);
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -157,7 +149,6 @@ fn the_banner_names_the_reset_pin_and_settings_are_those_of_a_start() {
     board.reset_pin().expect("the emulator");
     assert_starts_again(&mut board, "reset pin");
     only_reset(&mut board, "Pin");
-    board.finish().expect("a clean run");
 }
 
 #[test]
@@ -167,17 +158,16 @@ fn a_silent_sensor_does_not_make_the_watchdog_reset() {
     // This is longer than the watchdog waits.
     run_ms(&mut board, 2500);
     assert_eq!(board.resets().expect("resets"), []);
-    board.finish().expect("a clean run");
 }
 
 /// Lets the firmware hang with its stack there, until the next reset. Gives the rows of 100 ms.
 fn rows_of_a_hang(board: &mut VirtualBoard, stack: u32) -> u64 {
     let hung = board.hang_with_stack_at("measure_row", stack);
     hung.expect("the function");
-    let rows = board.head(|head| head.row_count());
+    let rows = board.statistics().rows;
     run_ms(board, 100);
     board.unhang("measure_row").expect("the function");
-    board.head(|head| head.row_count()) - rows
+    board.statistics().rows - rows
 }
 
 /// Without a guard the stack would grow into the statics, and nobody would notice.
@@ -210,8 +200,7 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
         has_clock: false,
         ..Conditions::default()
     };
-    let mut board =
-        VirtualBoard::power_on_under(firmware(), paper(), conditions).expect("the board starts");
+    let mut board = CleanBoard::power_on(paper(), conditions);
     let banner = board
         .run_until_line(|line| line.contains("slitrange "), Duration::from_secs(6))
         .expect("a banner");
@@ -222,7 +211,6 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
     assert_readings(&fresh_results(&mut board, 2));
     let info = ask_for_lines(&mut board, "info", 7).join("\n");
     assert!(info.contains("\ninfo clock internal"), "{info}");
-    board.finish().expect("a clean run");
 }
 
 /// The watchdog's clock may run at 17 to 47 kHz. At both ends a start, a save and `selftest` end without a
@@ -252,6 +240,5 @@ fn the_watchdog_works_with_the_slowest_and_the_fastest_clock() {
         let range = least..most;
         assert!(range.contains(&seconds), "{watchdog_hz} Hz: {seconds}");
         await_line(&mut board, |line| line.ends_with("started by watchdog"));
-        board.finish().expect("a clean run");
     }
 }

@@ -219,15 +219,15 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let patience = patience(options.rows);
     upload(&mut board, record.bytes(), patience)?;
-    tell(&mut board, &command, patience)?;
+    board.tell(&command, patience)?;
     if !has_surface && has_targets {
         // The scene has no speckle.
-        tell(&mut board, "surface off", patience)?;
+        board.tell("surface off", patience)?;
     }
     for line in &options.set {
-        tell(&mut board, line, patience)?;
+        board.tell(line, patience)?;
     }
-    tell(&mut board, &format!("rows {}", options.rows), patience)?;
+    board.tell(&format!("rows {}", options.rows), patience)?;
 
     say(
         options.json,
@@ -367,15 +367,6 @@ pub fn next_report(board: &mut VirtualBoard, patience: Duration) -> Result<(Line
     let line = line.context("the firmware reports nothing")?;
     let report = Report::parse(&line.text)?.context("the line was a result a moment ago")?;
     Ok((line, report))
-}
-
-/// Sends a command that sets a value, and waits until the firmware repeats it.
-pub fn tell(board: &mut VirtualBoard, command: &str, patience: Duration) -> Result<()> {
-    board.send(&format!("{command}\r\n"));
-    board
-        .run_until_line(|line| line == command, patience)
-        .with_context(|| format!("the firmware did not take the command `{command}`"))?;
-    Ok(())
 }
 
 /// The rows that the firmware lost or failed to read, by its own count.

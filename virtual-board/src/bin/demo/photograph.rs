@@ -15,7 +15,7 @@ use virtual_board::light::{LIGHT, outputs};
 use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
 
 use crate::lines::{Reading, Report};
-use crate::moving_target::{next_report, tell};
+use crate::moving_target::next_report;
 use crate::say;
 
 /// The least height of a spot that is compared: a twentieth of full scale. In dimmer rows, noise would
@@ -136,7 +136,7 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     });
     let mut board = VirtualBoard::power_on(firmware, light)?;
     let patience = Duration::from_secs(2);
-    tell(&mut board, "rows 1", patience)?;
+    board.tell("rows 1", patience)?;
     // After power-up the firmware clears the sensor with pulses that read no row. The first result shows that
     // this is over.
     next_report(&mut board, patience)?;

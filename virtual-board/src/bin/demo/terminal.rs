@@ -35,7 +35,7 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
         board
             .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
             .context("the firmware did not start")?;
-        moving_target::tell(&mut board, &command, PATIENCE)?;
+        board.tell(&command, PATIENCE)?;
     }
     let mut terminal = PseudoTerminal::open()?;
     println!("serial line: {}", terminal.path().display());

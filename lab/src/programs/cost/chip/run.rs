@@ -84,7 +84,7 @@ fn run_to_the_end(board: &mut VirtualBoard) -> Result<(Vec<Line>, Vec<Call>)> {
                 return Ok((lines, calls));
             }
             if message.level.is_some() {
-                bail!("the chip's program ended with: {message}");
+                bail!("the chip's program ended with: {message:?}");
             }
             lines.push(Line::parse(&message.text)?);
         }
