@@ -29,53 +29,6 @@ pub use truth::Truth;
 
 use simulator::scene::Sensor;
 
-/// What kind of difficulty a case is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Group {
-    /// Rows without a spot, or with what cannot be one.
-    NoSpot,
-    /// The spot is dim or bright.
-    Height,
-    /// The spot's top is cut off.
-    Saturation,
-    /// The spot is narrow or wide.
-    Width,
-    /// The spot is at the row's edge.
-    Edge,
-    /// The background is not level.
-    Background,
-    /// Pixels are bad.
-    BadPixels,
-    /// There is more than one spot.
-    SecondSpot,
-    /// The spot is no gaussian.
-    Shape,
-    /// Noise and interference are not white.
-    Interference,
-    /// The converter is coarse or broken.
-    Converter,
-    /// The row is short.
-    ShortRow,
-}
-
-impl Group {
-    /// All of them, in the order of the catalogue, with their headings.
-    pub const ALL: [(Self, &str); 12] = [
-        (Self::NoSpot, "No spot"),
-        (Self::Height, "Dim and bright"),
-        (Self::Saturation, "Saturated"),
-        (Self::Width, "Narrow and wide"),
-        (Self::Edge, "At the sensor's edge"),
-        (Self::Background, "Background"),
-        (Self::BadPixels, "Bad pixels"),
-        (Self::SecondSpot, "A second spot"),
-        (Self::Shape, "Other shapes"),
-        (Self::Interference, "Interference"),
-        (Self::Converter, "Converter"),
-        (Self::ShortRow, "Short rows"),
-    ];
-}
-
 /// What the measurement owes for a row, whichever estimator is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Due {
@@ -97,8 +50,8 @@ pub enum Due {
 pub struct RowCase {
     /// What it is, in a few words. No two cases have the same.
     pub name: String,
-    /// Its group.
-    pub group: Group,
+    /// The heading of its group: what kind of difficulty it is.
+    pub group: &'static str,
     /// Why it is hard.
     pub why: &'static str,
     /// What must come out.
@@ -116,6 +69,12 @@ pub enum Source {
     Recipe(Recipe),
     /// Counts of the row of a number, which have no noise of a sensor.
     Pattern(fn(u64) -> Vec<u16>),
+}
+
+impl From<Recipe> for Source {
+    fn from(recipe: Recipe) -> Self {
+        Self::Recipe(recipe)
+    }
 }
 
 /// Rows of each case in the table.

@@ -50,119 +50,44 @@ use slitrange::row::Geometry;
 
 use crate::optics::Optics;
 pub use crate::sensor::{Sensor, sensor_outputs};
-pub use ambient::Ambient;
-pub use black_level::BlackLevel;
 pub use comb::Comb;
-pub use diffraction::Diffraction;
 pub use exposure::Exposure;
-pub use fixed_pattern::FixedPattern;
-pub use flare::Flare;
-pub use front_end::FrontEnd;
-pub use hot_pixels::HotPixels;
-pub use lag::Lag;
-pub use laser_spot::LaserSpot;
-pub use lens::{Coma, Defocus, Distortion};
-pub use mains_light::MainsLight;
-pub use motion::Motion;
-pub use obliquity::Obliquity;
-pub use quantisation::{Quantisation, quantise};
-pub use read_noise::ReadNoise;
-pub use reflectivity::Reflectivity;
-pub use response::Response;
-pub use saturation::Saturation;
-pub use second_reflection::SecondReflection;
-pub use settling::Settling;
-pub use shot_noise::ShotNoise;
+pub use quantisation::quantise;
 pub use simulation::Simulation;
-pub use speckle::Speckle;
-pub use specular_lobe::SpecularLobe;
 pub use spot::Spot;
-pub use temperature::Temperature;
-pub use texture::Texture;
 
-/// What rows are made of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Scene {
-    /// What it shows, in a sentence.
-    #[serde(default)]
-    pub about: String,
-    /// Seed of every random stream.
-    pub seed: u64,
-    /// Distance of the target in metres, where nobody moves it.
-    pub distance: f64,
-    /// Time between the pulses that start and end an exposure, in seconds.
-    pub exposure: f64,
-    /// The sensor whose rows these are.
-    pub sensor: Sensor,
-    /// Where light falls for a distance, and through what.
-    pub optics: Optics,
-    /// The mask of several slits in place of the one slit of `optics`.
-    #[serde(default)]
-    pub comb: Option<Comb>,
-
-    /// The laser's light on the sensor, where the laser is on.
-    pub spot: Option<Spot>,
-    /// The pattern of the slit or the lens, in place of a gaussian.
-    pub diffraction: Option<Diffraction>,
-    /// The laser's spot on the target is no point.
-    pub laser_spot: Option<LaserSpot>,
-    /// Light that comes in at an angle makes an asymmetric pattern.
-    pub obliquity: Option<Obliquity>,
-    /// A rough target lit by coherent light.
-    pub speckle: Option<Speckle>,
-    /// The target is not equally bright everywhere.
-    pub texture: Option<Texture>,
-    /// The target shines towards its mirror direction.
-    pub specular_lobe: Option<SpecularLobe>,
-    /// Targets of different reflectivity, one after the other.
-    pub reflectivity: Option<Reflectivity>,
-    /// The lens is not focused on the target.
-    pub defocus: Option<Defocus>,
-    /// The lens draws points off its axis with a tail.
-    pub coma: Option<Coma>,
-    /// The lens's scale changes towards the edge.
-    pub distortion: Option<Distortion>,
-    /// Light that bounces between sensor and lens.
-    pub flare: Option<Flare>,
-    /// A second spot, by way of another surface.
-    pub second_reflection: Option<SecondReflection>,
-    /// Light that is not the laser's.
-    pub ambient: Option<Ambient>,
-    /// Lamps that flicker with the mains.
-    pub mains_light: Option<MainsLight>,
-    /// The target moves.
-    pub motion: Option<Motion>,
-    /// The sensor warms up, and its geometry with it.
-    pub temperature: Option<Temperature>,
-    /// Pixels differ in what they make of light.
-    pub response: Option<Response>,
-    /// Charge stays in a pixel for the next row.
-    pub lag: Option<Lag>,
-    /// Noise of the light.
-    pub shot_noise: Option<ShotNoise>,
-    /// A pixel holds so much and no more.
-    pub saturation: Option<Saturation>,
-    /// Counts of an unlit pixel.
-    pub black_level: Option<BlackLevel>,
-    /// Unlit pixels differ.
-    pub fixed_pattern: Option<FixedPattern>,
-    /// A few pixels leak.
-    pub hot_pixels: Option<HotPixels>,
-    /// The output has not settled when the converter samples it.
-    pub settling: Option<Settling>,
-    /// The amplifier's gain and offset are not the nominal ones, and it clips.
-    pub front_end: Option<FrontEnd>,
-    /// Noise of the sensor.
-    pub read_noise: Option<ReadNoise>,
-    /// The converter has coarse steps.
-    pub quantisation: Option<Quantisation>,
-}
-
-/// Declares the effects that a scene can list: the number of each one's random stream, and its field of
-/// [`Scene`].
+/// Declares a scene and the effects that it can list: what each does, its type, the number of its random
+/// stream, and its field of [`Scene`].
 macro_rules! effects {
-    ($($effect:ident = $number:literal in $field:ident,)+) => {
+    ($($(#[$what:meta])+ $module:ident::$effect:ident = $number:literal in $field:ident,)+) => {
+        $(pub use $module::$effect;)+
+
+        /// What rows are made of.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct Scene {
+            /// What it shows, in a sentence.
+            #[serde(default)]
+            pub about: String,
+            /// Seed of every random stream.
+            pub seed: u64,
+            /// Distance of the target in metres, where nobody moves it.
+            pub distance: f64,
+            /// Time between the pulses that start and end an exposure, in seconds.
+            pub exposure: f64,
+            /// The sensor whose rows these are.
+            pub sensor: Sensor,
+            /// Where light falls for a distance, and through what.
+            pub optics: Optics,
+            /// The mask of several slits in place of the one slit of `optics`.
+            #[serde(default)]
+            pub comb: Option<Comb>,
+
+            /// The laser's light on the sensor, where the laser is on.
+            pub spot: Option<Spot>,
+            $($(#[$what])+ pub $field: Option<$effect>,)+
+        }
+
         /// The effects that a scene can list, in the order in which they are computed. The number is that of
         /// the random stream.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -217,33 +142,60 @@ macro_rules! effects {
 }
 
 effects! {
-    Diffraction = 1 in diffraction,
-    LaserSpot = 2 in laser_spot,
-    Obliquity = 3 in obliquity,
-    Speckle = 4 in speckle,
-    Texture = 5 in texture,
-    SpecularLobe = 6 in specular_lobe,
-    Reflectivity = 27 in reflectivity,
-    Defocus = 7 in defocus,
-    Coma = 8 in coma,
-    Distortion = 9 in distortion,
-    Flare = 10 in flare,
-    SecondReflection = 11 in second_reflection,
-    Ambient = 12 in ambient,
-    MainsLight = 26 in mains_light,
-    Motion = 13 in motion,
-    Temperature = 14 in temperature,
-    Response = 15 in response,
-    Lag = 25 in lag,
-    ShotNoise = 16 in shot_noise,
-    Saturation = 17 in saturation,
-    BlackLevel = 18 in black_level,
-    FixedPattern = 19 in fixed_pattern,
-    HotPixels = 20 in hot_pixels,
-    Settling = 24 in settling,
-    FrontEnd = 23 in front_end,
-    ReadNoise = 21 in read_noise,
-    Quantisation = 22 in quantisation,
+    /// The pattern of the slit or the lens, in place of a gaussian.
+    diffraction::Diffraction = 1 in diffraction,
+    /// The laser's spot on the target is no point.
+    laser_spot::LaserSpot = 2 in laser_spot,
+    /// Light that comes in at an angle makes an asymmetric pattern.
+    obliquity::Obliquity = 3 in obliquity,
+    /// A rough target lit by coherent light.
+    speckle::Speckle = 4 in speckle,
+    /// The target is not equally bright everywhere.
+    texture::Texture = 5 in texture,
+    /// The target shines towards its mirror direction.
+    specular_lobe::SpecularLobe = 6 in specular_lobe,
+    /// Targets of different reflectivity, one after the other.
+    reflectivity::Reflectivity = 27 in reflectivity,
+    /// The lens is not focused on the target.
+    lens::Defocus = 7 in defocus,
+    /// The lens draws points off its axis with a tail.
+    lens::Coma = 8 in coma,
+    /// The lens's scale changes towards the edge.
+    lens::Distortion = 9 in distortion,
+    /// Light that bounces between sensor and lens.
+    flare::Flare = 10 in flare,
+    /// A second spot, by way of another surface.
+    second_reflection::SecondReflection = 11 in second_reflection,
+    /// Light that is not the laser's.
+    ambient::Ambient = 12 in ambient,
+    /// Lamps that flicker with the mains.
+    mains_light::MainsLight = 26 in mains_light,
+    /// The target moves.
+    motion::Motion = 13 in motion,
+    /// The sensor warms up, and its geometry with it.
+    temperature::Temperature = 14 in temperature,
+    /// Pixels differ in what they make of light.
+    response::Response = 15 in response,
+    /// Charge stays in a pixel for the next row.
+    lag::Lag = 25 in lag,
+    /// Noise of the light.
+    shot_noise::ShotNoise = 16 in shot_noise,
+    /// A pixel holds so much and no more.
+    saturation::Saturation = 17 in saturation,
+    /// Counts of an unlit pixel.
+    black_level::BlackLevel = 18 in black_level,
+    /// Unlit pixels differ.
+    fixed_pattern::FixedPattern = 19 in fixed_pattern,
+    /// A few pixels leak.
+    hot_pixels::HotPixels = 20 in hot_pixels,
+    /// The output has not settled when the converter samples it.
+    settling::Settling = 24 in settling,
+    /// The amplifier's gain and offset are not the nominal ones, and it clips.
+    front_end::FrontEnd = 23 in front_end,
+    /// Noise of the sensor.
+    read_noise::ReadNoise = 21 in read_noise,
+    /// The converter has coarse steps.
+    quantisation::Quantisation = 22 in quantisation,
 }
 
 impl Scene {
@@ -294,13 +246,7 @@ impl Scene {
     ///
     /// A scene of which many rows are wanted is prepared once: [`Simulation`].
     pub fn row(&self, row: u64, distance: f64, exposure: impl Into<Exposure>) -> Vec<f32> {
-        simulation::row(
-            self,
-            &simulation::Prepared::new(self),
-            row,
-            distance,
-            exposure.into(),
-        )
+        Simulation::new(self.clone()).row(row, distance, exposure)
     }
 
     /// The same for a spot whose centre is given, in pixels of the light range.

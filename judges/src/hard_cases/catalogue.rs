@@ -2,7 +2,7 @@
 
 use crate::hard_cases::flaw::{Bad, Flaw, Second};
 use crate::hard_cases::recipe::{Place, Recipe};
-use crate::hard_cases::{Due, Group, RowCase, Shape, Source, patterns};
+use crate::hard_cases::{Due, RowCase, Shape, Source, patterns};
 use simulator::bound;
 
 /// The spot for which accuracy is quoted: that of the nominal slit on the paper's sensor.
@@ -33,55 +33,41 @@ pub fn rows() -> Vec<RowCase> {
     .concat()
 }
 
+type Words = &'static str;
+
 /// The cases of a group.
 struct Cases {
-    group: Group,
+    group: Words,
     all: Vec<RowCase>,
 }
 
 impl Cases {
-    fn of(group: Group) -> Self {
+    fn of(group: Words) -> Self {
         Self { group, all: vec![] }
     }
 
-    fn push(&mut self, name: String, why: &'static str, due: Due, source: Source) -> &mut RowCase {
+    fn add<N, S>(&mut self, name: N, why: Words, due: Due, source: S) -> &mut RowCase
+    where
+        N: Into<String>,
+        S: Into<Source>,
+    {
         self.all.push(RowCase {
-            name,
+            name: name.into(),
             group: self.group,
             why,
             due,
             repair_within: None,
-            source,
+            source: source.into(),
         });
         self.all.last_mut().expect("a case was pushed")
     }
 
-    fn add(
-        &mut self,
-        name: impl Into<String>,
-        why: &'static str,
-        due: Due,
-        recipe: Recipe,
-    ) -> &mut RowCase {
-        self.push(name.into(), why, due, Source::Recipe(recipe))
-    }
-
-    fn honest(
-        &mut self,
-        name: impl Into<String>,
-        why: &'static str,
-        recipe: Recipe,
-    ) -> &mut RowCase {
+    fn honest(&mut self, name: impl Into<String>, why: Words, recipe: Recipe) -> &mut RowCase {
         self.add(name, why, Due::Honest, recipe)
     }
 
     /// A case whose flaw ought to change nothing.
-    fn clean(
-        &mut self,
-        name: impl Into<String>,
-        why: &'static str,
-        recipe: Recipe,
-    ) -> &mut RowCase {
+    fn clean(&mut self, name: impl Into<String>, why: Words, recipe: Recipe) -> &mut RowCase {
         self.add(name, why, as_the_bound(&recipe), recipe)
     }
 }
@@ -99,6 +85,36 @@ fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
     // Phases differ: that of the least of the spot.
     let bound = spot.bound_cut(widths * spot.width - 0.5);
     Due::Centre(5.0 * 1.4 * bound + 0.05)
+}
+
+/// A clean spot of so many counts.
+fn high(width: f64, amplitude: f64) -> Recipe {
+    Recipe::clean(width).spot(|spot| spot.amplitude = amplitude)
+}
+
+/// A clean spot on so many pixels.
+fn on(pixels: usize, width: f64) -> Recipe {
+    Recipe {
+        pixels,
+        ..Recipe::clean(width)
+    }
+}
+
+/// A second spot of a share of the height, so many widths off.
+fn second(share: f64, offset: f64) -> Flaw {
+    Flaw::Second(Second {
+        share,
+        offset,
+        widths: 1.0,
+    })
+}
+
+/// A step of 50 counts, so many widths off.
+fn step(offset: f64) -> Flaw {
+    Flaw::Step {
+        counts: 50.0,
+        offset,
+    }
 }
 
 fn clean_spot(recipe: &Recipe) -> bound::Spot {
@@ -136,9 +152,9 @@ fn no_spot() -> Vec<RowCase> {
         ("half black, half full", "the highest block is at the edge", NONE, patterns::halves),
         ("any words", "noise over the whole range of the converter", NONE, patterns::any_words),
     ];
-    let mut cases = Cases::of(Group::NoSpot);
+    let mut cases = Cases::of("No spot");
     for (name, why, due, rows) in patterns {
-        cases.push(name.into(), why, due, Source::Pattern(rows));
+        cases.add(name, why, due, Source::Pattern(rows));
     }
     let noisy = |read_noise| Recipe {
         read_noise,
@@ -159,10 +175,6 @@ fn no_spot() -> Vec<RowCase> {
             from_spot: (0.0, 15.0),
         })
     };
-    let step = Flaw::Step {
-        counts: 50.0,
-        offset: 0.0,
-    };
     let ripple = Flaw::Ripple {
         counts: 50.0,
         period: 60.0,
@@ -174,7 +186,7 @@ fn no_spot() -> Vec<RowCase> {
         ("three hot pixels alone", "three, side by side, look like a narrow spot", hot(3)),
         ("a slope alone, 2 counts a pixel", "the far end is high", Flaw::Slope(2.0)),
         ("a lamp at one end alone", "light that falls off along the row", Flaw::Glow(1500.0)),
-        ("a step of 50 counts alone", "the two halves of the row have different levels", step),
+        ("a step of 50 counts alone", "the two halves of the row have different levels", step(0.0)),
         ("a ripple alone", "every wave looks like a spot", ripple),
     ];
     for (name, why, flaw) in flaws {
@@ -184,19 +196,18 @@ fn no_spot() -> Vec<RowCase> {
 }
 
 fn height() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::Height);
-    let of = |width, amplitude| Recipe::clean(width).spot(|spot| spot.amplitude = amplitude);
+    let mut cases = Cases::of("Dim and bright");
     for amplitude in [1.0, 2.0, 5.0, 10.0, 20.0] {
         let why = "the spot is not clear of the noise";
-        cases.honest(format!("{amplitude} counts"), why, of(WIDTH, amplitude));
+        cases.honest(format!("{amplitude} counts"), why, high(WIDTH, amplitude));
     }
     for amplitude in [50.0, 200.0, 1000.0, 3000.0, 3700.0] {
         let why = "more light gives a better centre";
-        cases.clean(format!("{amplitude} counts"), why, of(WIDTH, amplitude));
+        cases.clean(format!("{amplitude} counts"), why, high(WIDTH, amplitude));
     }
     for amplitude in [10.0, 20.0, 100.0, 1000.0, 3700.0] {
         let name = format!("{amplitude} counts, sigma {NARROW}");
-        let (why, recipe) = ("the spot has few pixels", of(NARROW, amplitude));
+        let (why, recipe) = ("the spot has few pixels", high(NARROW, amplitude));
         if amplitude < 100.0 {
             cases.honest(name, why, recipe);
         } else {
@@ -207,14 +218,12 @@ fn height() -> Vec<RowCase> {
 }
 
 fn saturation() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::Saturation);
+    let mut cases = Cases::of("Saturated");
     for (width, within) in [(WIDTH, 0.08), (NARROW, 0.15)] {
         for times in [1.05, 1.5, 4.0] {
-            let case = cases.honest(
-                format!("{times} times full scale, sigma {width}"),
-                "the top is cut off: only the flanks show the centre",
-                Recipe::clean(width).spot(|spot| spot.amplitude = times * 4095.0),
-            );
+            let name = format!("{times} times full scale, sigma {width}");
+            let why = "the top is cut off: only the flanks show the centre";
+            let case = cases.honest(name, why, high(width, times * 4095.0));
             case.repair_within = Some(within);
         }
     }
@@ -224,11 +233,9 @@ fn saturation() -> Vec<RowCase> {
                 let knowledge = if is_known { "known" } else { "unknown" };
                 let recipe = Recipe::clean(width).with_well(WELL, is_known);
                 let height = times * (f64::from(WELL) - recipe.black_level);
-                let case = cases.honest(
-                    format!("{times} times a full well, {knowledge}, sigma {width}"),
-                    "the top is cut off below the converter's largest word",
-                    recipe.spot(|spot| spot.amplitude = height),
-                );
+                let name = format!("{times} times a full well, {knowledge}, sigma {width}");
+                let why = "the top is cut off below the converter's largest word";
+                let case = cases.honest(name, why, recipe.spot(|spot| spot.amplitude = height));
                 case.repair_within = Some(within);
             }
         }
@@ -238,42 +245,35 @@ fn saturation() -> Vec<RowCase> {
         // high.
         let width = (top / 3.0).max(1.0);
         let times = (0.5 * (0.5 * top / width).powi(2)).exp();
+        let why = "the top is flat: no pixel is the highest";
         cases.honest(
             format!("a flat top of {top} pixels"),
-            "the top is flat: no pixel is the highest",
-            Recipe::clean(width).spot(|spot| spot.amplitude = times * 3795.0),
+            why,
+            high(width, times * 3795.0),
         );
     }
     for blooming in [0.3, 1.0] {
         cases.honest(
             format!("blooms {} % to both sides", 100.0 * blooming),
             "charge flows over into the flanks",
-            Recipe::clean(WIDTH)
-                .spot(|spot| spot.amplitude = 6000.0)
-                .with(Flaw::FullWell {
-                    counts: 3600.0,
-                    blooming,
-                }),
+            high(WIDTH, 6000.0).with(Flaw::FullWell {
+                counts: 3600.0,
+                blooming,
+            }),
         );
     }
     for share in [0.1, 0.5, 0.9] {
-        cases.honest(
-            format!("blooms {} % to one side", 100.0 * share),
-            "the flank on that side is not the spot's own",
-            Recipe::clean(WIDTH)
-                .spot(|spot| spot.amplitude = 6000.0)
-                .with(Flaw::Smear(share)),
-        );
+        let name = format!("blooms {} % to one side", 100.0 * share);
+        let why = "the flank on that side is not the spot's own";
+        cases.honest(name, why, high(WIDTH, 6000.0).with(Flaw::Smear(share)));
     }
     cases.honest(
         "a full well below full scale",
         "the flat top does not reach the converter's limit",
-        Recipe::clean(WIDTH)
-            .spot(|spot| spot.amplitude = 3000.0)
-            .with(Flaw::FullWell {
-                counts: 2400.0,
-                blooming: 0.0,
-            }),
+        high(WIDTH, 3000.0).with(Flaw::FullWell {
+            counts: 2400.0,
+            blooming: 0.0,
+        }),
     );
     cases.all
 }
@@ -284,41 +284,27 @@ fn width() -> Vec<RowCase> {
         width if width < 40.0 => 1024,
         _ => 2048,
     };
-    let mut cases = Cases::of(Group::Width);
+    let mut cases = Cases::of("Narrow and wide");
     for width in [0.3, 0.4, 0.5, 0.6, 0.8, 1.0] {
-        cases.honest(
-            format!("sigma {width}"),
-            "one to three pixels have nearly all the light: they could be bad pixels",
-            Recipe::clean(width),
-        );
+        let why = "one to three pixels have nearly all the light: they could be bad pixels";
+        cases.honest(format!("sigma {width}"), why, Recipe::clean(width));
     }
     for width in [1.25, 1.5, 2.0, 3.0, 5.0, 8.0, 10.5, 15.0, 20.0, 30.0, 50.0] {
-        cases.clean(
-            format!("sigma {width}"),
-            "each width has tables of its own",
-            Recipe {
-                pixels: pixels(width),
-                ..Recipe::clean(width)
-            },
-        );
+        let why = "each width has tables of its own";
+        cases.clean(format!("sigma {width}"), why, on(pixels(width), width));
     }
     for width in [80.0, 120.0, 200.0] {
-        cases.honest(
-            format!("sigma {width}"),
-            "the spot leaves little of the row for the background",
-            Recipe {
-                pixels: pixels(width),
-                ..Recipe::clean(width)
-            },
-        );
+        let why = "the spot leaves little of the row for the background";
+        cases.honest(format!("sigma {width}"), why, on(pixels(width), width));
     }
     // Half way between two of the widths that tables are made for.
     let fine = phase_tables::FINE;
     for (name, step) in [("narrow", 4.5), ("middle", 16.5), ("wide", 28.5)] {
         let width = fine.narrowest * fine.ratio.powf(step);
+        let why = "no table fits exactly";
         let case = cases.clean(
             format!("between two tables, {name}"),
-            "no table fits exactly",
+            why,
             Recipe::clean(width),
         );
         // Narrow ones are flagged: they could be bad pixels.
@@ -330,7 +316,7 @@ fn width() -> Vec<RowCase> {
 }
 
 fn edge() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::Edge);
+    let mut cases = Cases::of("At the sensor's edge");
     for width in [WIDTH, NARROW, 4.0] {
         for widths in [3.0, 2.0, 1.0, 0.0, -1.0] {
             for (end, place) in [
@@ -358,16 +344,12 @@ fn edge() -> Vec<RowCase> {
 }
 
 fn background() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::Background);
+    let mut cases = Cases::of("Background");
     for slope in [0.1, 0.3, 1.0, 2.0, -2.0, 5.0] {
         let case = cases.honest(
             format!("slope of {slope} counts a pixel"),
             "one flank stands higher than the other",
-            Recipe {
-                black_level: 60.0,
-                ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 1200.0)
-            }
-            .with(Flaw::Slope(slope)),
+            high(WIDTH, 1200.0).on_level(60.0).with(Flaw::Slope(slope)),
         );
         // The slope's own light makes noise of up to three times the spot's: five times that bound.
         if slope.abs() <= 2.0 {
@@ -375,76 +357,49 @@ fn background() -> Vec<RowCase> {
         }
     }
     for slope in [2.0, 5.0] {
-        cases.add(
-            format!("slope of {slope} counts a pixel, sigma {NARROW}"),
-            "one flank of a narrow spot stands higher than the other",
-            Due::Honest,
-            Recipe {
-                black_level: 60.0,
-                ..Recipe::clean(NARROW).spot(|spot| spot.amplitude = 1200.0)
-            }
-            .with(Flaw::Slope(slope)),
+        let name = format!("slope of {slope} counts a pixel, sigma {NARROW}");
+        let why = "one flank of a narrow spot stands higher than the other";
+        cases.honest(
+            name,
+            why,
+            high(NARROW, 1200.0).on_level(60.0).with(Flaw::Slope(slope)),
         );
     }
     for offset in [-12.0, -5.0, -2.0, 0.0, 2.0, 5.0] {
-        cases.honest(
-            format!("step of 50 counts {offset} sigma from the spot"),
-            "the black level is wrong by 50 counts on one side",
-            Recipe::clean(WIDTH).with(Flaw::Step {
-                counts: 50.0,
-                offset,
-            }),
-        );
+        let name = format!("step of 50 counts {offset} sigma from the spot");
+        let why = "the black level is wrong by 50 counts on one side";
+        cases.honest(name, why, Recipe::clean(WIDTH).with(step(offset)));
     }
     for counts in [50.0, 300.0, -200.0] {
-        cases.honest(
-            format!("black level bends by {counts} counts"),
-            "it drifts while the row is read",
-            Recipe::clean(WIDTH).with(Flaw::Sag(counts)),
-        );
+        let name = format!("black level bends by {counts} counts");
+        let why = "it drifts while the row is read";
+        cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::Sag(counts)));
     }
     for black_level in [0.0, 1000.0] {
-        cases.clean(
-            format!("black level of {black_level} counts"),
-            "half of the noise is cut off at zero, or daylight adds to it",
-            Recipe {
-                black_level,
-                ..Recipe::clean(WIDTH)
-            },
-        );
+        let name = format!("black level of {black_level} counts");
+        let why = "half of the noise is cut off at zero, or daylight adds to it";
+        cases.clean(name, why, Recipe::clean(WIDTH).on_level(black_level));
     }
+    let why = "most of the counts are black level, not spot";
     cases.clean(
         "black level above the signal",
-        "most of the counts are black level, not spot",
-        Recipe {
-            black_level: 3700.0,
-            ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 200.0)
-        },
+        why,
+        high(WIDTH, 200.0).on_level(3700.0),
     );
+    let why = "the spot's top and half of the noise are cut off";
     cases.add(
         "black level at full scale",
-        "the spot's top and half of the noise are cut off",
+        why,
         Due::NoCentre,
-        Recipe {
-            black_level: 4090.0,
-            ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 200.0)
-        },
+        high(WIDTH, 200.0).on_level(4090.0),
     );
-    cases.add(
-        "black level below zero",
-        "the spot's flanks are cut off at zero",
-        Due::Honest,
-        Recipe {
-            black_level: -300.0,
-            ..Recipe::clean(WIDTH)
-        },
-    );
+    let why = "the spot's flanks are cut off at zero";
+    let below = Recipe::clean(WIDTH).on_level(-300.0);
+    cases.honest("black level below zero", why, below);
     for counts in [300.0, 1500.0] {
-        cases.honest(
-            format!("a lamp of {counts} counts at one end"),
-            "a background that is bent and sloped under the spot",
-            Recipe::clean(WIDTH).with(Flaw::Glow(counts)),
-        );
+        let name = format!("a lamp of {counts} counts at one end");
+        let why = "a background that is bent and sloped under the spot";
+        cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::Glow(counts)));
     }
     for (share, widths, offset) in [
         (0.05, 6.0, 0.0),
@@ -475,7 +430,7 @@ fn bad_pixels() -> Vec<RowCase> {
         ("beside the spot", (3.0, 5.0)),
         ("away from the spot", (8.0, 16.0)),
     ];
-    let mut cases = Cases::of(Group::BadPixels);
+    let mut cases = Cases::of("Bad pixels");
     for width in [WIDTH, NARROW] {
         for (place, from_spot) in PLACES {
             let bad = |counts, pixels| Bad {
@@ -507,16 +462,16 @@ fn bad_pixels() -> Vec<RowCase> {
         }
     }
     for share in [0.01, 0.05] {
-        cases.honest(
-            format!("pixels differ by {} % in response", 100.0 * share),
-            "the brighter the light, the larger the pixels' errors",
-            Recipe::clean(WIDTH).with(Flaw::Response(share)),
-        );
+        let name = format!("pixels differ by {} % in response", 100.0 * share);
+        let why = "the brighter the light, the larger the pixels' errors";
+        cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::Response(share)));
     }
     for counts in [5.0, 30.0] {
+        let name = format!("unlit pixels differ by {counts} counts");
+        let why = "a fixed pattern looks like noise, and averaging does not remove it";
         cases.honest(
-            format!("unlit pixels differ by {counts} counts"),
-            "a fixed pattern looks like noise, and averaging does not remove it",
+            name,
+            why,
             Recipe::clean(WIDTH).with(Flaw::FixedPattern(counts)),
         );
     }
@@ -524,24 +479,18 @@ fn bad_pixels() -> Vec<RowCase> {
 }
 
 fn second_spot() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::SecondSpot);
+    let mut cases = Cases::of("A second spot");
     for offset in [2.0, 3.0, 5.0, 6.0, 10.0, 20.0] {
         for share in [0.05, 0.1, 0.5, 0.8, 1.0, 1.2] {
-            let second = Second {
-                share,
-                offset,
-                widths: 1.0,
-            };
-            let recipe = Recipe::clean(WIDTH).with(Flaw::Second(second));
+            let recipe = Recipe::clean(WIDTH).with(second(share, offset));
             let why = match share {
                 share if share > 0.75 => "which of the two is the laser's?",
                 _ if offset < 4.0 => "it merges with the spot and moves it",
                 _ => "its flank is under the spot",
             };
-            let due = if share > 0.75 && offset > 4.0 {
-                Due::NoCentre
-            } else {
-                Due::Honest
+            let due = match share > 0.75 && offset > 4.0 {
+                true => Due::NoCentre,
+                false => Due::Honest,
             };
             let name = format!("second spot of {:.0} % at {offset} sigma", 100.0 * share);
             let case = cases.add(name, why, due, recipe);
@@ -553,90 +502,78 @@ fn second_spot() -> Vec<RowCase> {
             };
         }
     }
-    for (share, offset) in [(0.1, 6.0), (0.5, 5.0), (1.0, 8.0)] {
-        let second = Second {
-            share,
-            offset,
-            widths: 1.0,
-        };
+    for (share, offset, due) in [
+        (0.1, 6.0, Due::Honest),
+        (0.5, 5.0, Due::Honest),
+        (1.0, 8.0, Due::NoCentre),
+    ] {
+        let percent = 100.0 * share;
+        let name = format!("second spot of {percent:.0} % at {offset} sigma, sigma {NARROW}");
+        let why = "the spot has few pixels";
         cases.add(
-            format!(
-                "second spot of {:.0} % at {offset} sigma, sigma {NARROW}",
-                100.0 * share
-            ),
-            "the spot has few pixels",
-            if share == 1.0 {
-                Due::NoCentre
-            } else {
-                Due::Honest
-            },
-            Recipe::clean(NARROW).with(Flaw::Second(second)),
+            name,
+            why,
+            due,
+            Recipe::clean(NARROW).with(second(share, offset)),
         );
     }
     cases.all
 }
 
 fn shapes() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::Shape);
+    let mut cases = Cases::of("Other shapes");
     for width in [NARROW, 4.0, WIDTH, 15.0] {
         for (name, shape) in [
             ("sinc^2", Shape::SincSquared),
             ("Fresnel", Shape::Fresnel),
             ("1 mm laser spot", Shape::LaserSpot),
         ] {
-            let recipe = Recipe {
-                pixels: 1024,
-                ..Recipe::clean(width)
-            };
-            cases.clean(
-                format!("{name}, sigma {width}"),
-                "it has side lobes or shoulders, unlike a gaussian",
-                recipe.spot(|spot| spot.shape = shape),
-            );
+            let name = format!("{name}, sigma {width}");
+            let why = "it has side lobes or shoulders, unlike a gaussian";
+            cases.clean(name, why, on(1024, width).spot(|spot| spot.shape = shape));
         }
     }
     for share in [0.05, 0.1, 0.2, 0.3, -0.3] {
-        cases.add(
+        cases.honest(
             format!("right side {} % wider", 100.0 * share),
             "it has no single centre: peak and centroid differ",
-            Due::Honest,
             Recipe::clean(WIDTH).spot(|spot| spot.shape = Shape::Lopsided(share)),
         );
     }
+    let name = format!("right side 30 % wider, sigma {NARROW}");
+    let why = "the spot has few pixels";
     cases.honest(
-        format!("right side 30 % wider, sigma {NARROW}"),
-        "the spot has few pixels",
+        name,
+        why,
         Recipe::clean(NARROW).spot(|spot| spot.shape = Shape::Lopsided(0.3)),
     );
     cases.all
 }
 
 fn interference() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::Interference);
+    let mut cases = Cases::of("Interference");
     for period in [2.0, 7.3, 20.0, 63.0, 300.0] {
         for counts in [5.0, 50.0] {
+            let name = format!("ripple of {counts} counts every {period} pixels");
+            let why = "ripple of a supply or a clock gets into the signal";
             cases.honest(
-                format!("ripple of {counts} counts every {period} pixels"),
-                "ripple of a supply or a clock gets into the signal",
+                name,
+                why,
                 Recipe::clean(WIDTH).with(Flaw::Ripple { counts, period }),
             );
         }
     }
-    cases.honest(
-        "odd pixels 40 counts higher",
-        "two output amplifiers differ",
-        Recipe::clean(WIDTH).with(Flaw::OddEven(40.0)),
-    );
+    let name = "odd pixels 40 counts higher";
+    let why = "two output amplifiers differ";
+    cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::OddEven(40.0)));
     for share in [0.001, 0.01, 0.05] {
         for width in [WIDTH, NARROW] {
-            cases.honest(
-                format!(
-                    "{} % of the pixels are impulses, sigma {width}",
-                    100.0 * share
-                ),
-                "interference: some pixels have random counts",
-                Recipe::clean(width).with(Flaw::Impulses(share)),
+            let name = format!(
+                "{} % of the pixels are impulses, sigma {width}",
+                100.0 * share
             );
+            let why = "interference: some pixels have random counts";
+            cases.honest(name, why, Recipe::clean(width).with(Flaw::Impulses(share)));
         }
     }
     cases.clean(
@@ -648,9 +585,11 @@ fn interference() -> Vec<RowCase> {
             ..Recipe::clean(WIDTH)
         },
     );
+    let name = "half an electron a count";
+    let why = "the spot's top is much noisier than the background";
     cases.clean(
-        "half an electron a count",
-        "the spot's top is much noisier than the background",
+        name,
+        why,
         Recipe {
             electrons_per_count: Some(0.5),
             ..Recipe::clean(WIDTH)
@@ -660,7 +599,7 @@ fn interference() -> Vec<RowCase> {
 }
 
 fn converter() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::Converter);
+    let mut cases = Cases::of("Converter");
     for bits in [8u32, 6, 4, 2, 1] {
         cases.honest(
             format!("{bits} of 12 bits"),
@@ -679,9 +618,11 @@ fn converter() -> Vec<RowCase> {
         (10, true),
         (11, true),
     ] {
+        let name = format!("bit {bit} stuck at {}", u8::from(high));
+        let why = "counts jump where the bit should have changed";
         cases.honest(
-            format!("bit {bit} stuck at {}", u8::from(high)),
-            "counts jump where the bit should have changed",
+            name,
+            why,
             Recipe::clean(WIDTH).with(Flaw::StuckBit { bit, high }),
         );
     }
@@ -689,16 +630,14 @@ fn converter() -> Vec<RowCase> {
 }
 
 fn short_rows() -> Vec<RowCase> {
-    let mut cases = Cases::of(Group::ShortRow);
+    let mut cases = Cases::of("Short rows");
     for pixels in [8, 31] {
+        let place = Place::At(pixels as f64 / 2.0);
         cases.add(
             format!("{pixels} pixels"),
             "too few pixels to know the background",
             Due::Fault(&["no spot"]),
-            Recipe {
-                pixels,
-                ..Recipe::clean(NARROW).spot(|spot| spot.place = Place::At(pixels as f64 / 2.0))
-            },
+            on(pixels, NARROW).spot(|spot| spot.place = place),
         );
     }
     for (pixels, width) in [
@@ -710,16 +649,10 @@ fn short_rows() -> Vec<RowCase> {
         (128, 10.5),
         (256, 40.0),
     ] {
-        cases.add(
-            format!("{pixels} pixels, sigma {width}"),
-            "the window is longer than the row, and little background is left",
-            Due::Honest,
-            Recipe {
-                pixels,
-                ..Recipe::clean(width)
-                    .spot(|spot| spot.place = Place::At(pixels as f64 / 2.0 - 0.3))
-            },
-        );
+        let place = Place::At(pixels as f64 / 2.0 - 0.3);
+        let name = format!("{pixels} pixels, sigma {width}");
+        let why = "the window is longer than the row, and little background is left";
+        cases.honest(name, why, on(pixels, width).spot(|spot| spot.place = place));
     }
     cases.all
 }

@@ -18,7 +18,7 @@ use slitrange::row::Geometry;
 use statistics::mean;
 
 use crate::hard_cases::flaw::{Flaw, Second};
-use crate::hard_cases::judge::Said;
+use crate::hard_cases::judge::{Outcome, Said};
 use crate::hard_cases::recipe::{Place, Recipe};
 use crate::hard_cases::{Due, Truth};
 use simulator::optics::Optics;
@@ -109,34 +109,16 @@ impl HardFrame {
     }
 }
 
-/// What came of a case for an estimator.
-#[derive(Clone, Debug)]
-pub struct FrameOutcome {
-    /// The estimator.
-    pub estimator: Estimator,
-    /// Truths and readings.
-    pub answers: Vec<(Truth, Result<Reading, Fault>)>,
-    /// What is not as it must be, in words.
-    pub failure: Option<String>,
-}
-
 impl FrameCase {
     /// Runs every estimator over its frames.
-    pub fn run(&self) -> Vec<FrameOutcome> {
+    pub fn run(&self) -> Vec<Outcome> {
         let frames: Vec<HardFrame> = (0..FRAMES).map(|number| self.frame(number)).collect();
         let outcome = |estimator| {
-            let answers: Vec<_> = (frames.iter())
-                .map(|frame| (frame.truth, frame.reading(estimator)))
-                .collect();
-            let nonsense = answers.iter().find_map(|(_, answer)| nonsense(answer));
-            let said: Vec<Said> = (answers.iter())
-                .map(|(truth, answer)| Said::of_reading(*truth, answer))
-                .collect();
-            FrameOutcome {
-                estimator,
-                failure: nonsense.or_else(|| self.due.failure(estimator, &said)),
-                answers,
-            }
+            let readings: Vec<_> = frames.iter().map(|it| it.reading(estimator)).collect();
+            let said = frames.iter().zip(&readings);
+            let said = said.map(|(frame, reading)| Said::of_reading(frame.truth, reading));
+            let nonsense = readings.iter().find_map(nonsense);
+            Outcome::of(self.due, estimator, said.collect(), nonsense)
         };
         Estimator::ALL.map(outcome).to_vec()
     }

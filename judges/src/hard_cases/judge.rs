@@ -161,12 +161,21 @@ fn is_missed(within: f64, said: &[Said]) -> Option<String> {
 pub struct Outcome {
     /// The estimator.
     pub estimator: Estimator,
-    /// The measurement's answers, and the truths.
-    pub answers: Vec<(Truth, Answer)>,
-    /// The estimator's own.
-    pub alone: Vec<(Truth, Answer)>,
+    /// What its answers say, as the measurement takes it.
+    pub said: Vec<Said>,
     /// What is not as it must be, in words.
     pub failure: Option<String>,
+}
+
+impl Outcome {
+    /// Compares what was said with what is due. `nonsense` is an impossible answer.
+    pub fn of(due: Due, estimator: Estimator, said: Vec<Said>, nonsense: Option<String>) -> Self {
+        Self {
+            estimator,
+            failure: nonsense.or_else(|| due.failure(estimator, &said)),
+            said,
+        }
+    }
 }
 
 impl RowCase {
@@ -174,30 +183,18 @@ impl RowCase {
     pub fn run(&self) -> Vec<Outcome> {
         let rows: Vec<HardRow> = (0..ROWS).map(|number| self.row(number)).collect();
         let answers: Vec<_> = rows.iter().map(answers).collect();
+        let outcome = |(i, estimator): (usize, Estimator)| {
+            let answers = || rows.iter().zip(answers.iter().map(|of_all| of_all[i]));
+            let nonsense = answers().find_map(|(row, it)| {
+                nonsense(row, &it.alone).or_else(|| nonsense(row, &it.checked))
+            });
+            let said = answers().map(|(row, it)| Said::of_row(row.truth, &it.checked));
+            Outcome::of(self.due, estimator, said.collect(), nonsense)
+        };
         Estimator::ALL
             .into_iter()
             .enumerate()
-            .map(|(i, estimator)| {
-                let of = |which: fn(&Answers) -> Answer| -> Vec<(Truth, Answer)> {
-                    rows.iter()
-                        .zip(&answers)
-                        .map(|(row, answers)| (row.truth, which(&answers[i])))
-                        .collect()
-                };
-                let (checked, alone) = (of(|it| it.checked), of(|it| it.alone));
-                let nonsense = rows.iter().zip(&answers).find_map(|(row, answers)| {
-                    nonsense(row, &answers[i].alone).or_else(|| nonsense(row, &answers[i].checked))
-                });
-                let said: Vec<Said> = (checked.iter())
-                    .map(|(truth, answer)| Said::of_row(*truth, answer))
-                    .collect();
-                Outcome {
-                    estimator,
-                    failure: nonsense.or_else(|| self.due.failure(estimator, &said)),
-                    answers: checked,
-                    alone,
-                }
-            })
+            .map(outcome)
             .collect()
     }
 

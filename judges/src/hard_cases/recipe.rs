@@ -101,6 +101,14 @@ impl Recipe {
         self
     }
 
+    /// With unlit pixels of so many counts.
+    pub fn on_level(self, black_level: f64) -> Self {
+        Self {
+            black_level,
+            ..self
+        }
+    }
+
     /// With pixels that are full at this count of a row, black level included. `is_known` says whether the
     /// geometry states it. It then states four standard deviations of the read noise less: the noise comes
     /// after the well.

@@ -8,11 +8,11 @@ use slitrange::centre::Estimator;
 use statistics::rms;
 
 use crate::hard_cases::calibrations::{CalibrationCase, CalibrationDue, Found, calibrations};
-use crate::hard_cases::frames::{FRAMES, FrameCase, FrameOutcome, frames};
+use crate::hard_cases::frames::{FRAMES, FrameCase, frames};
 use crate::hard_cases::judge::{Outcome, Said};
 use crate::hard_cases::mixtures::Kind;
 use crate::hard_cases::tally::Tally;
-use crate::hard_cases::{Due, Group, ROWS, RowCase, rows};
+use crate::hard_cases::{Due, ROWS, RowCase, rows};
 
 /// The mark in docs/hard-cases.md before the catalogue's tables.
 pub const CATALOGUE: &str = "cargo hard-cases, the catalogue";
@@ -25,7 +25,7 @@ pub struct Catalogue {
     /// Rows, with each estimator's outcome in the order of [`Estimator::ALL`].
     pub rows: Vec<(RowCase, Vec<Outcome>)>,
     /// Frames, likewise.
-    pub frames: Vec<(FrameCase, Vec<FrameOutcome>)>,
+    pub frames: Vec<(FrameCase, Vec<Outcome>)>,
     /// Calibrations, with which no estimator has to do.
     pub calibrations: Vec<(CalibrationCase, Found)>,
 }
@@ -37,12 +37,6 @@ pub struct Failure<'a> {
     pub case: &'a str,
     /// What came.
     pub what: &'a str,
-}
-
-impl<'a> Failure<'a> {
-    fn of(case: &'a str, what: &'a str) -> Self {
-        Self { case, what }
-    }
 }
 
 impl fmt::Display for Failure<'_> {
@@ -83,24 +77,19 @@ impl Catalogue {
     /// The cases of which something else came than was due with an estimator, and what. A calibration that
     /// fails does so with every estimator.
     pub fn failures(&self, estimator: Estimator) -> Vec<Failure<'_>> {
-        let rows = self.rows.iter().flat_map(|(case, outcomes)| {
-            let of_estimator = outcomes
-                .iter()
-                .filter(move |outcome| outcome.estimator == estimator);
-            of_estimator
-                .filter_map(|outcome| Some(Failure::of(&case.name, outcome.failure.as_deref()?)))
-        });
-        let frames = self.frames.iter().flat_map(|(case, outcomes)| {
-            let of_estimator = outcomes
-                .iter()
-                .filter(move |outcome| outcome.estimator == estimator);
-            of_estimator
-                .filter_map(|outcome| Some(Failure::of(case.name, outcome.failure.as_deref()?)))
+        let rows = self.rows.iter().map(|(case, all)| (&*case.name, all));
+        let frames = self.frames.iter().map(|(case, all)| (case.name, all));
+        let of_estimators = rows.chain(frames).flat_map(|(case, outcomes)| {
+            let outcomes = outcomes.iter().filter(move |it| it.estimator == estimator);
+            outcomes.filter_map(move |it| Some((case, it.failure.as_deref()?)))
         });
         let calibrations = (self.calibrations.iter())
             .filter(|(_, found)| !found.is_due)
-            .map(|(case, found)| Failure::of(case.name, &found.answer));
-        rows.chain(frames).chain(calibrations).collect()
+            .map(|(case, found)| (case.name, &*found.answer));
+        let failures = of_estimators.chain(calibrations);
+        failures
+            .map(|(case, what)| Failure { case, what })
+            .collect()
     }
 
     /// The tables of docs/hard-cases.md.
@@ -125,35 +114,19 @@ impl Catalogue {
                 self.failures(estimator).len()
             );
         }
-        for (group, heading) in Group::ALL {
-            _ = writeln!(text, "\n### {heading}\n");
-            text += &head();
-            for (case, outcomes) in self.rows.iter().filter(|(case, _)| case.group == group) {
-                let cells = outcomes.iter().map(|outcome| {
-                    let said = outcome.answers.iter();
-                    let said = said.map(|(truth, answer)| Said::of_row(*truth, answer));
-                    cell(&said.collect::<Vec<_>>(), outcome.failure.is_some())
-                });
+        for group in self.rows.chunk_by(|(a, _), (b, _)| a.group == b.group) {
+            _ = writeln!(text, "\n### {}\n\n{}", group[0].0.group, head());
+            for (case, outcomes) in group {
                 let mut due = words(case.due);
                 if let Some(within) = case.repair_within {
                     _ = write!(due, "; repair within {within:.2}");
                 }
-                _ = writeln!(text, "{}", line(&case.name, case.why, &due, cells));
+                text += &line(&case.name, case.why, &due, outcomes);
             }
         }
-        text += "\n### Frames\n\n";
-        text += &head();
+        _ = writeln!(text, "\n### Frames\n\n{}", head());
         for (case, outcomes) in &self.frames {
-            let cells = outcomes.iter().map(|outcome| {
-                let said = outcome.answers.iter();
-                let said = said.map(|(truth, answer)| Said::of_reading(*truth, answer));
-                cell(&said.collect::<Vec<_>>(), outcome.failure.is_some())
-            });
-            _ = writeln!(
-                text,
-                "{}",
-                line(case.name, case.why, &words(case.due), cells)
-            );
+            text += &line(case.name, case.why, &words(case.due), outcomes);
         }
         text += "\n### Calibrations\n\n| case | why it is hard | expected | result |\n|---|---|---|---|\n";
         for (case, found) in &self.calibrations {
@@ -168,20 +141,21 @@ impl Catalogue {
     }
 }
 
-/// The head of a table of estimators.
+/// The head of a table of estimators, without the end of its last line.
 fn head() -> String {
     let letters = Estimator::ALL.map(|estimator| format!(" {} |", estimator.letter()));
     let rules = Estimator::ALL.map(|_| "---|");
     format!(
-        "| case | why it is hard | expected |{}\n|---|---|---|{}\n",
+        "| case | why it is hard | expected |{}\n|---|---|---|{}",
         letters.concat(),
         rules.concat()
     )
 }
 
-fn line(name: &str, why: &str, due: &str, cells: impl Iterator<Item = String>) -> String {
-    let cells: Vec<String> = cells.collect();
-    format!("| {name} | {why} | {due} | {} |", cells.join(" | "))
+/// A line of a table of estimators.
+fn line(name: &str, why: &str, due: &str, outcomes: &[Outcome]) -> String {
+    let cells: Vec<String> = outcomes.iter().map(cell).collect();
+    format!("| {name} | {why} | {due} | {} |\n", cells.join(" | "))
 }
 
 /// What is due, in a word or two.
@@ -197,7 +171,7 @@ fn words(due: Due) -> String {
 
 /// What an estimator says of a case: the root mean square error of its centres without a flag, how many have
 /// one, and faults.
-fn cell(said: &[Said], failed: bool) -> String {
+fn cell(Outcome { said, failure, .. }: &Outcome) -> String {
     let mut parts = vec![];
     let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();
     if !errors.is_empty() {
@@ -220,7 +194,7 @@ fn cell(said: &[Said], failed: bool) -> String {
         let of_kind = |said: &&Said| matches!(said, Said::Fault(fault) if fault.kind() == kind);
         parts.extend(count(name, said.iter().filter(of_kind).count()));
     }
-    emphasised(&parts.join(", "), failed)
+    emphasised(&parts.join(", "), failure.is_some())
 }
 
 fn emphasised(text: &str, is: bool) -> String {

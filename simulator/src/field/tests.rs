@@ -27,6 +27,34 @@ fn small_surface(laser: &Laser, scattering: &Scattering, seed: u64) -> Surface {
     Surface::new(laser, &scattering, seed).unwrap()
 }
 
+/// What the nominal slit lets through.
+fn through_slit(surface: &Surface, view: &View, columns: &[f64], rows: &[f64]) -> Image {
+    slit_image(surface, view, &SlitAperture::nominal(), columns, rows).unwrap()
+}
+
+/// The nominal lens, in focus on the target of `View::at(0.8)`, with one sample a pixel.
+fn sharp_lens() -> LensAperture {
+    LensAperture {
+        samples: 1,
+        ..LensAperture::nominal(View::at(0.8).range())
+    }
+}
+
+/// The largest difference in the light of an image's row from that of the slit's incoherent pattern, whose
+/// middle has the light `unit` in the image.
+fn largest_off(columns: &[f64], image: &Image, exact: &Slit, unit: f64) -> f64 {
+    let off = |(&x, &light): (&f64, &f32)| {
+        (f64::from(light) / unit - exact.light(x) / exact.light(0.0)).abs()
+    };
+    let pixels = columns.iter().zip(&image.light);
+    pixels.map(off).fold(0.0, f64::max)
+}
+
+/// Root mean square of the difference of two images.
+fn difference(a: &Image, b: &Image) -> f64 {
+    rms((a.light.iter().zip(&b.light)).map(|(a, b)| f64::from(a - b)))
+}
+
 /// Standard deviation over mean.
 fn contrast(values: &[f64]) -> f64 {
     let mean = mean(values);
@@ -62,16 +90,11 @@ fn centroid(image: &Image, places: &[f64]) -> f64 {
 fn a_tiny_spot_makes_the_pattern_of_a_point() {
     let (_, view, surface) = point();
     let columns = pixels(160, 1);
-    let image = slit_image(&surface, &view, &SlitAperture::nominal(), &columns, &[0.0]).unwrap();
-    let exact = Slit::nominal(0.0);
-    let unit = f64::from(image.light[80]) / exact.light(0.0);
-    let worst = columns
-        .iter()
-        .zip(&image.light)
-        .map(|(&x, &light)| (f64::from(light) / unit - exact.light(x)).abs())
-        .fold(0.0, f64::max);
+    let image = through_slit(&surface, &view, &columns, &[0.0]);
+    let unit = f64::from(image.light[80]);
+    let worst = largest_off(&columns, &image, &Slit::nominal(0.0), unit);
     println!("one scatterer against a point: within {worst:.1e} of the peak");
-    assert!(worst < 1e-4 * exact.light(0.0));
+    assert!(worst < 1e-4);
 }
 
 /// Across the rows the pattern of a point is Fresnel's integral over the slit's height, here by Simpson's
@@ -139,11 +162,7 @@ fn the_mean_through_a_slit_is_the_incoherent_pattern() {
             &[0.0],
         );
         let exact = Slit::nominal(diameter * view.cos_angle());
-        let worst = columns
-            .iter()
-            .zip(&image.light)
-            .map(|(&x, &light)| (f64::from(light) - exact.light(x) / exact.light(0.0)).abs())
-            .fold(0.0, f64::max);
+        let worst = largest_off(&columns, &image, &exact, 1.0);
         println!("spot of {diameter} m: mean within {worst:.1e} of the incoherent pattern");
         // The beam is cut at 2.25 radii.
         assert!(worst < 2e-4);
@@ -159,7 +178,7 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     let view = View::at(0.8);
     let scattering = Scattering::surface();
     let sums = |images: &mut dyn Iterator<Item = Image>| {
-        let mut sum = vec![0.0; 0];
+        let mut sum = vec![];
         for image in images {
             sum.resize(image.light.len(), 0.0);
             for (sum, light) in sum.iter_mut().zip(&image.light) {
@@ -189,19 +208,16 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     let (columns, rows) = (pixels(160, 20), pixels(640, 64));
     let images = |seed| {
         let surface = small_surface(&laser, &scattering, seed);
-        slit_image(&surface, &view, &slit, &columns, &rows).unwrap()
+        through_slit(&surface, &view, &columns, &rows)
     };
     let exact = slit_mean(&laser, &scattering, &view, &slit, &columns, &rows);
-    check(
-        "slit",
-        &sums(&mut (0..u64::from(SURFACES)).map(images)),
-        &exact,
-    );
+    let seeds = 0..u64::from(SURFACES);
+    check("slit", &sums(&mut seeds.clone().map(images)), &exact);
 
     let lens = LensAperture {
         coma: 1.5,
-        samples: 1,
-        ..LensAperture::nominal(0.8)
+        focus_distance: 0.8,
+        ..sharp_lens()
     };
     let places = pixels(24, 3);
     let images = |seed| {
@@ -209,24 +225,19 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
         lens_image(&surface, &view, &lens, 4e-3, &places, &places).unwrap()
     };
     let exact = lens_mean(&laser, &scattering, &view, &lens, 4e-3, &places, &places);
-    check(
-        "lens",
-        &sums(&mut (0..u64::from(SURFACES)).map(images)),
-        &exact,
-    );
+    check("lens", &sums(&mut seeds.map(images)), &exact);
 }
 
 /// Light at three places some speckles apart on the sensor behind the slit, in units of its mean, for many
 /// surfaces.
 fn speckle(laser: &Laser, scattering: &Scattering, surfaces: u64) -> Vec<f64> {
     let view = View::at(0.8);
-    let slit = SlitAperture::nominal();
-    let rows = [-1e-3, 0.0, 1e-3];
+    let (slit, rows) = (SlitAperture::nominal(), [-1e-3, 0.0, 1e-3]);
     let exact = slit_mean(laser, scattering, &view, &slit, &[0.0], &rows);
     (0..surfaces)
         .flat_map(|seed| {
             let surface = small_surface(laser, scattering, 1000 + seed);
-            let image = slit_image(&surface, &view, &slit, &[0.0], &rows).unwrap();
+            let image = through_slit(&surface, &view, &[0.0], &rows);
             let pairs = image.light.into_iter().zip(exact.light.clone());
             pairs
                 .map(|(light, mean)| f64::from(light / mean))
@@ -410,11 +421,7 @@ fn correlation_is_that_of_van_cittert_and_zernike() {
 
 /// The whole frame's centroid (x, in metres) behind a lens, of many surfaces; root mean square.
 fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -> f64>) -> f64 {
-    let view = View::at(0.8);
-    let lens = LensAperture {
-        samples: 1,
-        ..LensAperture::nominal(view.range())
-    };
+    let (view, lens) = (View::at(0.8), sharp_lens());
     let places = pixels(56, 1);
     let centroids: Vec<f64> = (0..frames)
         .map(|seed| {
@@ -439,7 +446,7 @@ fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -
 fn centroids_scatter_by_the_speckle_limit() {
     let view = View::at(0.8);
     let (sin_u, cos) = (0.5 * 50e-3 / 12.0 / view.range(), view.cos_angle());
-    let lens = LensAperture::nominal(view.range());
+    let lens = sharp_lens();
     let limit = 650e-9 / (2.0 * PI * sin_u) * lens.to_sensor() / view.range();
 
     let gaussian = centroids(&Laser::focused(1.2e-3, 0.8), 400, None);
@@ -472,11 +479,7 @@ fn centroids_scatter_by_the_speckle_limit() {
 #[test]
 fn a_point_through_a_lens_makes_the_pattern_of_airy() {
     let (laser, view, surface) = point();
-    let lens = LensAperture {
-        samples: 1,
-        ..LensAperture::nominal(view.range())
-    };
-    let places = pixels(24, 1);
+    let (lens, places) = (sharp_lens(), pixels(24, 1));
     let image = lens_image(&surface, &view, &lens, 0.0, &places, &places).unwrap();
     let z = lens.to_sensor();
     let peak = f64::from(image.row(12)[12]);
@@ -520,13 +523,12 @@ fn coma_moves_the_centroid() {
     let of_field = |field: f64| {
         let lens = LensAperture {
             coma: 2.0,
-            samples: 1,
-            ..LensAperture::nominal(view.range())
+            ..sharp_lens()
         };
         let image = lens_image(&surface, &view, &lens, field, &places, &places).unwrap();
         centroid(&image, &places)
     };
-    let lens = LensAperture::nominal(view.range());
+    let lens = sharp_lens();
     let expected = 1.0 * laser.wavelength * lens.to_sensor() / (0.5 * lens.diameter);
     let found = of_field(0.5 * lens.full_field) - of_field(0.0);
     println!(
@@ -556,17 +558,10 @@ fn the_same_seed_makes_the_same_image() {
             lateral,
             ..View::at(0.7)
         };
+        let lens = LensAperture::nominal(0.8);
         (
-            slit_image(&surface, &view, &SlitAperture::nominal(), &places, &places).unwrap(),
-            lens_image(
-                &surface,
-                &view,
-                &LensAperture::nominal(0.8),
-                0.0,
-                &places,
-                &places,
-            )
-            .unwrap(),
+            through_slit(&surface, &view, &places, &places),
+            lens_image(&surface, &view, &lens, 0.0, &places, &places).unwrap(),
         )
     };
     assert_eq!(images(1, [0.0; 2]), images(1, [0.0; 2]));
@@ -595,19 +590,11 @@ fn rows_between_are_close() {
         let laser = Laser::focused(diameter, 0.8);
         let surface = small_surface(&laser, &Scattering::surface(), 3);
         let (columns, rows) = (pixels(160, 2), pixels(600, 1));
-        let slit = SlitAperture::nominal();
-        let image =
-            |rows: &[f64]| slit_image(&surface, &View::at(0.8), &slit, &columns, rows).unwrap();
+        let image = |rows: &[f64]| through_slit(&surface, &View::at(0.8), &columns, rows);
         let exact = image(&rows);
         let between = image(&every(&rows, 4)).with_rows_between(4, rows.len());
-        let difference: Vec<f64> = exact
-            .light
-            .iter()
-            .zip(&between.light)
-            .map(|(exact, between)| f64::from(exact - between))
-            .collect();
         let level = mean(exact.light.iter().map(|&x| f64::from(x)));
-        let relative = rms(&difference) / level;
+        let relative = difference(&exact, &between) / level;
         let centre = |image: &Image| frame_centre(image, &columns);
         let moved = (centre(&exact) - centre(&between)) / PIXEL;
         println!(
@@ -621,14 +608,10 @@ fn rows_between_are_close() {
 /// gaussian fit whose width is given.
 fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
     let width = 11.0 * PIXEL;
-    let energies: Vec<f32> = (0..image.rows())
-        .map(|row| image.row(row).iter().sum())
-        .collect();
-    let brightest = energies
-        .iter()
-        .fold(0.0f32, |most, &energy| most.max(energy));
-    let centres: Vec<f64> = (0..image.rows())
-        .filter(|&row| energies[row] > 0.05 * brightest)
+    let energy_of = |row: usize| image.row(row).iter().sum::<f32>();
+    let brightest = (0..image.rows()).map(energy_of).fold(0.0, f32::max);
+    let centres = (0..image.rows())
+        .filter(|&row| energy_of(row) > 0.05 * brightest)
         .map(|row| {
             let light = image.row(row);
             let sums = |centre: f64| {
@@ -640,15 +623,12 @@ fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
                 })
             };
             let energy: f64 = light.iter().map(|&light| f64::from(light)).sum();
-            let moment: f64 = columns
-                .iter()
-                .zip(light)
-                .map(|(x, &l)| x * f64::from(l))
-                .sum();
-            let mut centre = moment / energy;
+            let moments = columns.iter().zip(light).map(|(x, &l)| x * f64::from(l));
+            let mut centre = moments.sum::<f64>() / energy;
             for _ in 0..12 {
                 let (score, slope) = sums(centre);
-                let step = if slope > 0.0 {
+                let is_hill = slope > 0.0;
+                let step = if is_hill {
                     score / slope
                 } else {
                     score.signum()
@@ -656,9 +636,8 @@ fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
                 centre += width * step.clamp(-0.4, 0.4);
             }
             centre
-        })
-        .collect();
-    mean(&centres)
+        });
+    mean(centres)
 }
 
 /// The aperture's diffraction is that of the middle of the spectrum for all wavelengths: how far is an image
@@ -681,25 +660,10 @@ fn diffraction_hardly_depends_on_the_wavelength() {
     surface.terms.drain(..2);
     surface.terms[0].weight = 1.0;
     let (columns, rows) = (pixels(160, 2), pixels(600, 8));
-    let image = |surface: &Surface| {
-        slit_image(
-            surface,
-            &View::at(0.8),
-            &SlitAperture::nominal(),
-            &columns,
-            &rows,
-        )
-        .unwrap()
-    };
-    let (image, own) = (image(&surface), image(&own));
-    let difference: Vec<f64> = image
-        .light
-        .iter()
-        .zip(&own.light)
-        .map(|(a, b)| f64::from(a - b))
-        .collect();
+    let [image, own] =
+        [surface, own].map(|surface| through_slit(&surface, &View::at(0.8), &columns, &rows));
     let scale = rms(own.light.iter().map(|&b| f64::from(b)));
-    let relative = rms(&difference) / scale;
+    let relative = difference(&image, &own) / scale;
     println!(
         "{:.2} nm away: {relative:.4} of the light differs",
         (far.wavelength - laser.wavelength) * 1e9

@@ -98,9 +98,9 @@ impl Scene {
         if let Some(comb) = &self.comb {
             comb.check(&self.optics)?;
         }
-        self.check_laser_light()?;
+        self.check_effects()?;
         self.check_lens()?;
-        self.check_sensor()
+        self.check_numbers()
     }
 
     /// That a target at a distance in metres can be simulated, where it is not the scene's own.
@@ -121,8 +121,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Spot, and what acts on its light.
-    fn check_laser_light(&self) -> Result<()> {
+    fn check_effects(&self) -> Result<()> {
         let acting_on_the_spot =
             (Effect::ALL.into_iter()).take_while(|effect| *effect != Effect::Ambient);
         for effect in acting_on_the_spot {
@@ -131,15 +130,6 @@ impl Scene {
                 "[{}] acts on the laser's light, and there is none: add [spot]",
                 effect.name()
             );
-        }
-        if let Some(spot) = &self.spot {
-            above_zero("spot.width", spot.width, "pixels")?;
-            not_negative("spot.counts_per_second", spot.counts_per_second, "counts/s")?;
-        }
-        if let Some(spot) = &self.laser_spot {
-            at_least("laser_spot.waist", spot.waist, 10e-6, "m")?;
-            finite("laser_spot.waist_distance", spot.waist_distance, "m")?;
-            finite("laser_spot.wander", spot.wander, "m/m")?;
         }
         if let Some(speckle) = &self.speckle {
             ensure!(
@@ -161,17 +151,6 @@ impl Scene {
                 "optics.aperture.{name} is {side} m: with [speckle] it must be {SPECKLE_APERTURE} m or less, \
                  beyond which the field of the surface's lattice repeats"
             );
-            not_negative("speckle.linewidth", speckle.linewidth, "m")?;
-            not_negative("speckle.path_spread", speckle.path_spread, "m")?;
-        }
-        if let Some(texture) = &self.texture {
-            not_negative("texture.contrast", texture.contrast, "of the mean")?;
-            at_least("texture.length", texture.length, 1e-6, "m")?;
-        }
-        if let Some(lobe) = &self.specular_lobe {
-            not_negative("specular_lobe.strength", lobe.strength, "of the surface's")?;
-            above_zero("specular_lobe.width", lobe.width, "radians")?;
-            finite("specular_lobe.tilt", lobe.tilt, "radians")?;
         }
         if let Some(reflectivity) = &self.reflectivity {
             ensure!(
@@ -184,27 +163,14 @@ impl Scene {
                 reflectivity.steps > 0,
                 "reflectivity.steps is 0: from the darkest to the brightest there is at least one step"
             );
-            above_zero("reflectivity.seconds", reflectivity.seconds, "s")?;
         }
-        if let Some(reflection) = &self.second_reflection {
-            finite("second_reflection.offset", reflection.offset, "pixels")?;
-            above_zero("second_reflection.width", reflection.width, "pixels")?;
-            not_negative(
-                "second_reflection.strength",
-                reflection.strength,
-                "of the spot's",
-            )?;
-        }
-        if let Some(motion) = &self.motion {
-            finite("motion.speed", motion.speed, "m/s")?;
-        }
-        if let Some(temperature) = &self.temperature {
-            finite(
-                "temperature.kelvin_per_second",
-                temperature.kelvin_per_second,
-                "K/s",
-            )?;
-            finite("temperature.expansion", temperature.expansion, "/K")?;
+        if let Some(noise) = &self.shot_noise {
+            ensure!(
+                noise.electrons_per_count > 1.0 && noise.electrons_per_count.is_finite(),
+                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond \
+                 what the core can be told of; more than 1 are needed",
+                noise.electrons_per_count
+            );
         }
         Ok(())
     }
@@ -223,95 +189,75 @@ impl Scene {
                 effect.name()
             );
         }
-        if let Some(defocus) = &self.defocus {
-            above_zero("defocus.focus_distance", defocus.focus_distance, "m")?;
-        }
-        if let Some(coma) = &self.coma {
-            finite("coma.waves", coma.waves, "waves")?;
-            above_zero("coma.field", coma.field, "m")?;
-        }
-        if let Some(distortion) = &self.distortion {
-            finite("distortion.share", distortion.share, "of the distance")?;
-            above_zero("distortion.field", distortion.field, "m")?;
-        }
-        if let Some(flare) = &self.flare {
-            finite("flare.magnification", flare.magnification, "times")?;
-            above_zero("flare.width", flare.width, "pixels")?;
-            not_negative("flare.strength", flare.strength, "of the spot's")?;
-            not_negative("flare.veil", flare.veil, "of the spot's")?;
-        }
         Ok(())
     }
+}
 
-    /// Light that is not the laser's, and what the sensor makes of it all.
-    fn check_sensor(&self) -> Result<()> {
-        if let Some(ambient) = &self.ambient {
-            not_negative(
-                "ambient.counts_per_second",
-                ambient.counts_per_second,
-                "counts/s",
-            )?;
-            finite("ambient.slope", ambient.slope, "counts/s a pixel")?;
-        }
-        if let Some(lamps) = &self.mains_light {
-            not_negative(
-                "mains_light.counts_per_second",
-                lamps.counts_per_second,
-                "counts/s",
-            )?;
-            finite("mains_light.slope", lamps.slope, "counts/s a pixel")?;
-            share("mains_light.modulation", lamps.modulation)?;
-            above_zero("mains_light.frequency", lamps.frequency, "Hz")?;
-            finite("mains_light.phase", lamps.phase.unwrap_or(0.0), "radians")?;
-        }
-        if let Some(response) = &self.response {
-            not_negative("response.deviation", response.deviation, "of the mean")?;
-        }
-        if let Some(lag) = &self.lag {
-            above_zero("lag.counts", lag.counts, "counts")?;
-            share("lag.share", lag.share)?;
-        }
-        if let Some(hot) = &self.hot_pixels {
-            share("hot_pixels.share", hot.share)?;
-            not_negative(
-                "hot_pixels.counts_per_second",
-                hot.counts_per_second,
-                "counts/s",
-            )?;
-        }
-        if let Some(noise) = &self.shot_noise {
-            ensure!(
-                noise.electrons_per_count > 1.0 && noise.electrons_per_count.is_finite(),
-                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond \
-                 what the core can be told of; more than 1 are needed",
-                noise.electrons_per_count
-            );
-        }
-        if let Some(saturation) = &self.saturation {
-            above_zero("saturation.full_well", saturation.full_well, "counts")?;
-            share("saturation.blooming", saturation.blooming)?;
-        }
-        if let Some(black) = &self.black_level {
-            finite("black_level.counts", black.counts, "counts")?;
-            finite("black_level.drift", black.drift, "counts/s")?;
-        }
-        if let Some(pattern) = &self.fixed_pattern {
-            not_negative("fixed_pattern.counts", pattern.counts, "counts")?;
-        }
-        if let Some(settling) = &self.settling {
-            above_zero("settling.time_constant", settling.time_constant, "s")?;
-        }
-        if let Some(front_end) = &self.front_end {
-            above_zero("front_end.gain", front_end.gain, "times")?;
-            finite("front_end.offset", front_end.offset, "counts")?;
-            let saturation = front_end.saturation.unwrap_or(1.0);
-            above_zero("front_end.saturation", saturation, "counts")?;
-        }
-        if let Some(noise) = &self.read_noise {
-            not_negative("read_noise.counts", noise.counts, "counts")?;
-        }
-        if let Some(quantisation) = &self.quantisation {
-            at_least("quantisation.step", quantisation.step, 0.01, "counts")?;
+/// Checks the numbers of the effects that a scene lists: each by its rule, with its unit.
+macro_rules! check_numbers {
+    ($scene:ident, $($effect:ident.$number:ident: $rule:expr, $unit:literal;)+) => {
+        $(if let Some(effect) = &$scene.$effect
+            && let Some(number) = effect.$number.into()
+        {
+            $rule(concat!(stringify!($effect), ".", stringify!($number)), number, $unit)?;
+        })+
+    };
+}
+
+impl Scene {
+    fn check_numbers(&self) -> Result<()> {
+        check_numbers! { self,
+            spot.width: above_zero, "pixels";
+            spot.counts_per_second: not_negative, "counts/s";
+            laser_spot.waist: at_least(10e-6), "m";
+            laser_spot.waist_distance: finite, "m";
+            laser_spot.wander: finite, "m/m";
+            speckle.linewidth: not_negative, "m";
+            speckle.path_spread: not_negative, "m";
+            texture.contrast: not_negative, "of the mean";
+            texture.length: at_least(1e-6), "m";
+            specular_lobe.strength: not_negative, "of the surface's";
+            specular_lobe.width: above_zero, "radians";
+            specular_lobe.tilt: finite, "radians";
+            reflectivity.seconds: above_zero, "s";
+            second_reflection.offset: finite, "pixels";
+            second_reflection.width: above_zero, "pixels";
+            second_reflection.strength: not_negative, "of the spot's";
+            motion.speed: finite, "m/s";
+            temperature.kelvin_per_second: finite, "K/s";
+            temperature.expansion: finite, "/K";
+            defocus.focus_distance: above_zero, "m";
+            coma.waves: finite, "waves";
+            coma.field: above_zero, "m";
+            distortion.share: finite, "of the distance";
+            distortion.field: above_zero, "m";
+            flare.magnification: finite, "times";
+            flare.width: above_zero, "pixels";
+            flare.strength: not_negative, "of the spot's";
+            flare.veil: not_negative, "of the spot's";
+            ambient.counts_per_second: not_negative, "counts/s";
+            ambient.slope: finite, "counts/s a pixel";
+            mains_light.counts_per_second: not_negative, "counts/s";
+            mains_light.slope: finite, "counts/s a pixel";
+            mains_light.modulation: share, "";
+            mains_light.frequency: above_zero, "Hz";
+            mains_light.phase: finite, "radians";
+            response.deviation: not_negative, "of the mean";
+            lag.counts: above_zero, "counts";
+            lag.share: share, "";
+            hot_pixels.share: share, "";
+            hot_pixels.counts_per_second: not_negative, "counts/s";
+            saturation.full_well: above_zero, "counts";
+            saturation.blooming: share, "";
+            black_level.counts: finite, "counts";
+            black_level.drift: finite, "counts/s";
+            fixed_pattern.counts: not_negative, "counts";
+            settling.time_constant: above_zero, "s";
+            front_end.gain: above_zero, "times";
+            front_end.offset: finite, "counts";
+            front_end.saturation: above_zero, "counts";
+            read_noise.counts: not_negative, "counts";
+            quantisation.step: at_least(0.01), "counts";
         }
         Ok(())
     }
@@ -320,7 +266,7 @@ impl Scene {
 fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
     finite("optics.offset", optics.offset, "m")?;
     above_zero("optics.baseline", optics.baseline, "m")?;
-    at_least("optics.focal_length", optics.focal_length, 1e-3, "m")?;
+    at_least(1e-3)("optics.focal_length", optics.focal_length, "m")?;
     ensure!(
         optics.angle > 0.0 && optics.angle < FRAC_PI_2,
         "optics.angle is {} radians: it is the optical axis's to the casing, between 0 and pi/2",
@@ -366,16 +312,18 @@ fn above_zero(name: &str, value: f64, unit: &str) -> Result<()> {
     Ok(())
 }
 
-fn at_least(name: &str, value: f64, least: f64, unit: &str) -> Result<()> {
-    finite(name, value, unit)?;
-    ensure!(
-        value >= least,
-        "{name} is {value} {unit}: it must be {least} {unit} or more"
-    );
-    Ok(())
+fn at_least(least: f64) -> impl Fn(&str, f64, &str) -> Result<()> {
+    move |name, value, unit| {
+        finite(name, value, unit)?;
+        ensure!(
+            value >= least,
+            "{name} is {value} {unit}: it must be {least} {unit} or more"
+        );
+        Ok(())
+    }
 }
 
-fn share(name: &str, value: f64) -> Result<()> {
+fn share(name: &str, value: f64, _: &str) -> Result<()> {
     ensure!(
         (0.0..=1.0).contains(&value),
         "{name} is {value}: it is a share, from 0 to 1"

@@ -7,31 +7,50 @@ use crate::least_squares;
 use crate::scene::laser_light::LaserLight;
 use crate::scene::{Effect, Exposure, Scene, random};
 
-/// A scene, and what it draws and computes once for all of its rows.
+/// A scene, and what its listed effects draw and compute once for all of its rows.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     scene: Scene,
-    prepared: Prepared,
+    laser_light: LaserLight,
+    /// [`crate::scene::Response`]: a factor for each light pixel of each line.
+    response: Option<Vec<Vec<f32>>>,
+    /// [`crate::scene::FixedPattern`]: an offset for each output of each line.
+    fixed_pattern: Option<Vec<Vec<f32>>>,
+    /// [`crate::scene::HotPixels`]: numbers of light pixels of each line.
+    hot_pixels: Option<Vec<Vec<usize>>>,
+    /// [`crate::scene::MainsLight`]: its phase in radians.
+    mains_phase: Option<f64>,
 }
 
 impl Simulation {
     /// Prepares a scene.
     pub fn new(scene: Scene) -> Self {
-        let prepared = Prepared::new(&scene);
-        Self { scene, prepared }
+        Self::on_surface(scene, 0)
     }
 
     /// Prepares a scene with the surface of a number ([`Simulation::set_surface`]). It takes half the time of
     /// preparing the scene and then replacing its surface.
     pub fn on_surface(scene: Scene, number: u64) -> Self {
-        let prepared = Prepared::on_surface(&scene, number);
-        Self { scene, prepared }
+        let (seed, geometry) = (scene.seed, scene.sensor.geometry());
+        let (pixels, words) = (geometry.light.len(), geometry.words);
+        let lines = || 0..scene.sensor.rows();
+        Self {
+            laser_light: laser_light(&scene, number),
+            response: (scene.response)
+                .map(|it| lines().map(|line| it.factors(seed, line, pixels)).collect()),
+            fixed_pattern: (scene.fixed_pattern)
+                .map(|it| lines().map(|line| it.offsets(seed, line, words)).collect()),
+            hot_pixels: (scene.hot_pixels)
+                .map(|it| lines().map(|line| it.places(seed, line, pixels)).collect()),
+            mains_phase: scene.mains_light.map(|it| it.phase(seed)),
+            scene,
+        }
     }
 
     /// Replaces the target's surface: its speckle and its texture are new, the sensor stays. Each number is
     /// another surface, and 0 is the scene's own.
     pub fn set_surface(&mut self, number: u64) {
-        self.prepared.laser_light = laser_light(&self.scene, number);
+        self.laser_light = laser_light(&self.scene, number);
     }
 
     /// The scene.
@@ -41,22 +60,103 @@ impl Simulation {
 
     /// As [`Scene::row`].
     pub fn row(&self, row: u64, distance: f64, exposure: impl Into<Exposure>) -> Vec<f32> {
-        let exposure = exposure.into();
-        self::row(&self.scene, &self.prepared, row, distance, exposure)
+        let (scene, exposure) = (&self.scene, exposure.into());
+        let geometry = scene.sensor.geometry();
+        let time = self.time(row);
+        // The line of pixels that the row is read from.
+        let line = (row % scene.sensor.rows()) as usize;
+        let mut counts = vec![0.0; geometry.words];
+
+        let light = &mut counts[geometry.light.clone()];
+        self.add_light(light, row, time, distance, exposure);
+        if let Some(lag) = &scene.lag {
+            let mut before = vec![0.0; light.len()];
+            let pulsed = Exposure {
+                laser: exposure.laser_before,
+                ..exposure
+            };
+            let time_before = time - scene.period();
+            self.add_light(&mut before, row, time_before, distance, pulsed);
+            let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
+            lag.apply(light, &before, full_well);
+        }
+        if let Some(noise) = &scene.shot_noise {
+            noise.apply(
+                light,
+                &mut random::of_row(scene.seed, Effect::ShotNoise, row),
+            );
+        }
+        if let Some(saturation) = &scene.saturation {
+            saturation.apply(light);
+        }
+        if let Some(front_end) = &scene.front_end {
+            front_end.amplify(light);
+        }
+
+        if let Some(black_level) = &scene.black_level {
+            let level = black_level.after(time) as f32;
+            counts.iter_mut().for_each(|count| *count += level);
+        }
+        if let Some(offsets) = &self.fixed_pattern {
+            for (count, offset) in counts.iter_mut().zip(&offsets[line]) {
+                *count += offset;
+            }
+        }
+        if let Some(settling) = &scene.settling {
+            settling.apply(&mut counts);
+        }
+        if let Some(front_end) = &scene.front_end {
+            front_end.shift_and_clip(&mut counts);
+        }
+        if let Some(noise) = &scene.read_noise {
+            noise.apply(
+                &mut counts,
+                &mut random::of_row(scene.seed, Effect::ReadNoise, row),
+            );
+        }
+        if let Some(quantisation) = &scene.quantisation {
+            quantisation.apply(&mut counts, geometry.full_scale());
+        }
+        counts
+    }
+
+    /// Adds to an empty row what its pixels collect, without noise: light, and dark current. `time` is the middle
+    /// of its exposure.
+    fn add_light(&self, light: &mut [f32], row: u64, time: f64, distance: f64, exposure: Exposure) {
+        let scene = &self.scene;
+        let line = (row % scene.sensor.rows()) as usize;
+        (self.laser_light).add(light, row, time, distance, exposure.laser);
+        if let Some(reflectivity) = &scene.reflectivity {
+            reflectivity.apply(light, time);
+        }
+        if let Some(ambient) = &scene.ambient {
+            ambient.add(light, exposure.row);
+        }
+        if let (Some(lamps), Some(phase)) = (&scene.mains_light, self.mains_phase) {
+            lamps.add(light, phase, time, exposure.row);
+        }
+        if let Some(factors) = &self.response {
+            for (light, factor) in light.iter_mut().zip(&factors[line]) {
+                *light *= factor;
+            }
+        }
+        if let (Some(hot), Some(places)) = (&scene.hot_pixels, &self.hot_pixels) {
+            hot.add(light, &places[line], exposure.row);
+        }
     }
 
     /// The target's distance in metres in the middle of a row's exposure, where it is at `distance` in that
     /// of the first row: what an estimate is to be compared with.
     pub fn true_distance(&self, row: u64, distance: f64) -> f64 {
         match &self.scene.motion {
-            Some(motion) => motion.distance(distance, time(&self.scene, row)),
+            Some(motion) => motion.distance(distance, self.time(row)),
             None => distance,
         }
     }
 
     /// The factor of [`crate::scene::Reflectivity`] for a row; 1 for a scene that does not list it.
     pub fn reflectivity(&self, row: u64) -> f64 {
-        let time = time(&self.scene, row);
+        let time = self.time(row);
         (self.scene.reflectivity).map_or(1.0, |it| it.factor(time))
     }
 
@@ -99,42 +199,11 @@ impl Simulation {
         least_squares::fit_near(&light, spot.optics.centre(distance))
             .map_or(f64::NAN, |gaussian| gaussian.width)
     }
-}
 
-/// What listed effects draw or compute once.
-#[derive(Clone, Debug)]
-pub(crate) struct Prepared {
-    /// The laser's.
-    laser_light: LaserLight,
-    /// [`crate::scene::Response`]: a factor for each light pixel of each line.
-    response: Option<Vec<Vec<f32>>>,
-    /// [`crate::scene::FixedPattern`]: an offset for each output of each line.
-    fixed_pattern: Option<Vec<Vec<f32>>>,
-    /// [`crate::scene::HotPixels`]: numbers of light pixels of each line.
-    hot_pixels: Option<Vec<Vec<usize>>>,
-    /// [`crate::scene::MainsLight`]: its phase in radians.
-    mains_phase: Option<f64>,
-}
-
-impl Prepared {
-    pub(crate) fn new(scene: &Scene) -> Self {
-        Self::on_surface(scene, 0)
-    }
-
-    fn on_surface(scene: &Scene, number: u64) -> Self {
-        let (seed, geometry) = (scene.seed, scene.sensor.geometry());
-        let (pixels, words) = (geometry.light.len(), geometry.words);
-        let lines = || 0..scene.sensor.rows();
-        Self {
-            laser_light: laser_light(scene, number),
-            response: (scene.response)
-                .map(|it| lines().map(|line| it.factors(seed, line, pixels)).collect()),
-            fixed_pattern: (scene.fixed_pattern)
-                .map(|it| lines().map(|line| it.offsets(seed, line, words)).collect()),
-            hot_pixels: (scene.hot_pixels)
-                .map(|it| lines().map(|line| it.places(seed, line, pixels)).collect()),
-            mains_phase: scene.mains_light.map(|it| it.phase(seed)),
-        }
+    /// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed
+    /// at once.
+    fn time(&self, row: u64) -> f64 {
+        (row / self.scene.sensor.rows()) as f64 * self.scene.period()
     }
 }
 
@@ -144,117 +213,4 @@ fn laser_light(scene: &Scene, number: u64) -> LaserLight {
         seed: scene.seed.wrapping_add(number),
         ..scene.clone()
     })
-}
-
-/// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed at
-/// once.
-fn time(scene: &Scene, row: u64) -> f64 {
-    (row / scene.sensor.rows()) as f64 * scene.period()
-}
-
-/// As [`Scene::row`].
-pub(crate) fn row(
-    scene: &Scene,
-    prepared: &Prepared,
-    row: u64,
-    distance: f64,
-    exposure: Exposure,
-) -> Vec<f32> {
-    let geometry = scene.sensor.geometry();
-    let time = time(scene, row);
-    // The line of pixels that the row is read from.
-    let line = (row % scene.sensor.rows()) as usize;
-    let mut counts = vec![0.0; geometry.words];
-
-    let light = &mut counts[geometry.light.clone()];
-    add_light(scene, prepared, light, row, time, distance, exposure);
-    if let Some(lag) = &scene.lag {
-        let mut before = vec![0.0; light.len()];
-        let pulsed = Exposure {
-            laser: exposure.laser_before,
-            ..exposure
-        };
-        let time_before = time - scene.period();
-        add_light(
-            scene,
-            prepared,
-            &mut before,
-            row,
-            time_before,
-            distance,
-            pulsed,
-        );
-        let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
-        lag.apply(light, &before, full_well);
-    }
-    if let Some(noise) = &scene.shot_noise {
-        noise.apply(
-            light,
-            &mut random::of_row(scene.seed, Effect::ShotNoise, row),
-        );
-    }
-    if let Some(saturation) = &scene.saturation {
-        saturation.apply(light);
-    }
-    if let Some(front_end) = &scene.front_end {
-        front_end.amplify(light);
-    }
-
-    if let Some(black_level) = &scene.black_level {
-        let level = black_level.after(time) as f32;
-        counts.iter_mut().for_each(|count| *count += level);
-    }
-    if let Some(offsets) = &prepared.fixed_pattern {
-        for (count, offset) in counts.iter_mut().zip(&offsets[line]) {
-            *count += offset;
-        }
-    }
-    if let Some(settling) = &scene.settling {
-        settling.apply(&mut counts);
-    }
-    if let Some(front_end) = &scene.front_end {
-        front_end.shift_and_clip(&mut counts);
-    }
-    if let Some(noise) = &scene.read_noise {
-        noise.apply(
-            &mut counts,
-            &mut random::of_row(scene.seed, Effect::ReadNoise, row),
-        );
-    }
-    if let Some(quantisation) = &scene.quantisation {
-        quantisation.apply(&mut counts, geometry.full_scale());
-    }
-    counts
-}
-
-/// Adds to an empty row what its pixels collect, without noise: light, and dark current. `time` is the middle
-/// of its exposure.
-fn add_light(
-    scene: &Scene,
-    prepared: &Prepared,
-    light: &mut [f32],
-    row: u64,
-    time: f64,
-    distance: f64,
-    exposure: Exposure,
-) {
-    let line = (row % scene.sensor.rows()) as usize;
-    (prepared.laser_light).add(light, row, time, distance, exposure.laser);
-    if let Some(reflectivity) = &scene.reflectivity {
-        reflectivity.apply(light, time);
-    }
-    if let Some(ambient) = &scene.ambient {
-        ambient.add(light, exposure.row);
-    }
-    if let (Some(lamps), Some(phase)) = (&scene.mains_light, prepared.mains_phase) {
-        lamps.add(light, phase, time, exposure.row);
-    }
-    if let Some(factors) = &prepared.response {
-        for (light, factor) in light.iter_mut().zip(&factors[line]) {
-            *light *= factor;
-        }
-    }
-    if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
-        hot.add(light, &places[line], exposure.row);
-    }
 }
