@@ -55,7 +55,7 @@ fn centres_lie_near_the_least_squares_fit() {
     let least_squares_tables = TableSet::new(&least_squares_tables).expect("proven");
     for (name, photograph) in photographs(&folder) {
         let (mut default, mut least_squares) = (vec![], vec![]);
-        for y in 0..photograph.height() {
+        for y in 0..photograph.height {
             let Some((a, b)) = off(&photograph, y, &least_squares_tables) else {
                 continue;
             };
@@ -84,7 +84,7 @@ fn row(photograph: &Photograph, y: usize) -> Option<(Vec<u16>, usize, Vec<f64>)>
     let (light, first) = photograph.on_sensor(y)?;
     let light = quantise(&light, sensor_heads::tcd1304dg().full_scale());
     let first = usize::try_from(first).expect("narrower than the sensor");
-    let picture = &light[first..][..photograph.width()];
+    let picture = &light[first..][..photograph.width];
     let picture = picture.iter().map(|&count| f64::from(count)).collect();
     Some((light, first, picture))
 }
@@ -118,7 +118,7 @@ fn few_rows_are_flagged_and_centres_lie_within_two_uncertainties_of_the_fit() {
     let geometry = sensor_heads::tcd1304dg();
     for (name, photograph) in photographs(&folder) {
         // Each row: error over uncertainty, the shape's part of it in widths, whether it has a flag.
-        let rows: Vec<(f64, f64, bool)> = (0..photograph.height())
+        let rows: Vec<(f64, f64, bool)> = (0..photograph.height)
             .filter_map(|y| {
                 let (light, first, picture) = row(&photograph, y)?;
                 let [_, checked] = accuracy::answers(&geometry, &light, Estimator::PhaseTable);

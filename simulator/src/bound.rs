@@ -118,6 +118,8 @@ pub fn of_row(simulation: &Simulation, distance: f64, exposure: f64) -> Option<f
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::{PI, TAU};
+
     use super::*;
     use crate::scene::{Ambient, LaserSpot, Saturation, Scene};
 
@@ -126,8 +128,6 @@ mod tests {
     /// know leaves none.
     #[test]
     fn a_scene_has_a_bound_where_it_is_noise_alone() {
-        let of = |scene: Scene| of_row(&Simulation::new(scene), 0.8, 0.0057);
-        let paper = Scene::white_paper();
         let plain = Spot {
             width: 8.6,
             amplitude: 350_000.0 * 0.0057,
@@ -138,52 +138,40 @@ mod tests {
             width: 8.6f64.hypot(1.71),
             ..plain
         };
-        let laser_spot = Some(LaserSpot {
+        let laser_spot = LaserSpot {
             waist: 1e-3,
             waist_distance: 0.8,
             wander: 0.0,
-        });
-        let well = |full_well| Scene {
-            saturation: Some(Saturation {
-                full_well,
-                blooming: 0.0,
-            }),
-            ..paper.clone()
         };
-        for (name, scene, expected) in [
-            ("paper", paper.clone(), Some(plain.bound())),
-            ("a deep well", well(3795.0), Some(plain.bound())),
-            ("a full well", well(1500.0), None),
-            (
-                "a laser spot of 1 mm",
-                Scene {
-                    laser_spot,
-                    ..paper.clone()
-                },
-                Some(wide.bound()),
-            ),
-            (
-                "daylight",
-                Scene {
-                    ambient: Some(Ambient {
-                        counts_per_second: 10_000.0,
-                        slope: 0.0,
-                    }),
-                    ..paper.clone()
-                },
-                None,
-            ),
+        let daylight = Ambient {
+            counts_per_second: 10_000.0,
+            slope: 0.0,
+        };
+        let well = |full_well| {
+            let blooming = 0.0;
+            Some(Saturation {
+                full_well,
+                blooming,
+            })
+        };
+        let (plain, wide) = (Some(plain.bound()), Some(wide.bound()));
+        type Change<'a> = &'a dyn Fn(&mut Scene);
+        let cases: [(&str, Change<'_>, Option<f64>); 6] = [
+            ("paper", &|_| (), plain),
+            ("a deep well", &|it| it.saturation = well(3795.0), plain),
+            ("a full well", &|it| it.saturation = well(1500.0), None),
+            ("1 mm", &|it| it.laser_spot = Some(laser_spot), wide),
+            ("daylight", &|it| it.ambient = Some(daylight), None),
             (
                 "no noise",
-                Scene {
-                    shot_noise: None,
-                    read_noise: None,
-                    ..paper.clone()
-                },
+                &|it| (it.shot_noise, it.read_noise) = (None, None),
                 None,
             ),
-        ] {
-            let found = of(scene);
+        ];
+        for (name, change, expected) in cases {
+            let mut scene = Scene::white_paper();
+            change(&mut scene);
+            let found = of_row(&Simulation::new(scene), 0.8, 0.0057);
             println!("{name}: {found:?} px, expected {expected:?}");
             match (found, expected) {
                 (Some(found), Some(expected)) => assert!((found / expected - 1.0).abs() < 0.002),
@@ -216,32 +204,22 @@ mod tests {
     #[test]
     fn closed_forms() {
         for width in [3.0, 10.5] {
-            let white = Spot {
-                width,
-                amplitude: 1000.0,
-                noise: 20.0,
-                electrons_per_count: None,
+            let of = |amplitude, noise, electrons_per_count| {
+                let spot = Spot {
+                    width,
+                    amplitude,
+                    noise,
+                    electrons_per_count,
+                };
+                spot.bound()
             };
-            let expected = (2.0 / std::f64::consts::PI.sqrt() * width).sqrt()
-                * (400.0f64 + 1.0 / 12.0).sqrt()
-                / 1000.0;
-            println!(
-                "white, sigma {width}: {} of the closed form",
-                white.bound() / expected
-            );
-            assert!((white.bound() / expected - 1.0).abs() < 0.01);
-            let shot = Spot {
-                width,
-                amplitude: 4000.0,
-                noise: 0.0,
-                electrons_per_count: Some(100.0),
-            };
-            let electrons = 4000.0 * 100.0 * width * std::f64::consts::TAU.sqrt();
-            println!(
-                "shot, sigma {width}: {} of the closed form",
-                shot.bound() / (width / electrons.sqrt())
-            );
-            assert!((shot.bound() / (width / electrons.sqrt()) - 1.0).abs() < 0.02);
+            let noise = (400.0f64 + 1.0 / 12.0).sqrt();
+            let white =
+                of(1000.0, 20.0, None) / ((2.0 / PI.sqrt() * width).sqrt() * noise / 1000.0);
+            let electrons = 4000.0 * 100.0 * width * TAU.sqrt();
+            let shot = of(4000.0, 0.0, Some(100.0)) / (width / electrons.sqrt());
+            println!("sigma {width}: white {white}, shot {shot} of the closed form");
+            assert!((white - 1.0).abs() < 0.01 && (shot - 1.0).abs() < 0.02);
         }
     }
 }

@@ -8,9 +8,12 @@ use slitrange::row::sensor_heads;
 /// A grey-scale picture, read from a binary PGM (`P5`, <https://netpbm.sourceforge.net/doc/pgm.html>).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Photograph {
-    width: usize,
-    height: usize,
-    white: u16,
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The value of a white pixel (the file's `maxval`).
+    pub white: u16,
     pixels: Vec<u16>,
 }
 
@@ -18,7 +21,6 @@ impl Photograph {
     /// Reads the file at `path`.
     ///
     /// # Errors
-    ///
     /// The file cannot be read, or what [`Photograph::parse`] refuses.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
@@ -30,7 +32,6 @@ impl Photograph {
     /// Reads the first picture in `file`.
     ///
     /// # Errors
-    ///
     /// It is no binary PGM, a number of its header is missing or out of range, it ends too early, or a pixel
     /// is brighter than the header allows.
     pub fn parse(file: &[u8]) -> Result<Self> {
@@ -72,13 +73,10 @@ impl Photograph {
         })?;
         let pixels: Vec<u16> = match bytes_each {
             1 => raster.iter().copied().map(u16::from).collect(),
-            _ => raster
-                .as_chunks::<2>()
-                .0
-                .iter()
-                .copied()
-                .map(u16::from_be_bytes)
-                .collect(),
+            _ => {
+                let (pairs, _) = raster.as_chunks::<2>();
+                pairs.iter().copied().map(u16::from_be_bytes).collect()
+            }
         };
         if let Some(at) = pixels.iter().position(|&pixel| pixel > white) {
             let (x, y) = (at % width, at / width);
@@ -95,26 +93,7 @@ impl Photograph {
         })
     }
 
-    /// Pixels in a row.
-    #[must_use]
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Rows.
-    #[must_use]
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    /// The value of a white pixel (the file's `maxval`).
-    #[must_use]
-    pub fn white(&self) -> u16 {
-        self.white
-    }
-
     /// Row `y` from the top, `None` below the last.
-    #[must_use]
     pub fn row(&self, y: usize) -> Option<&[u16]> {
         self.pixels.chunks_exact(self.width).nth(y)
     }
@@ -129,7 +108,6 @@ impl Photograph {
     /// A picture wider than the light range loses its sides.
     ///
     /// Gives the light range, and the pixel on which the picture begins (negative where its side is lost).
-    #[must_use]
     pub fn on_sensor(&self, y: usize) -> Option<(Vec<f32>, i64)> {
         const BORDER: usize = 32;
         let row = self.row(y)?;
@@ -208,10 +186,7 @@ mod tests {
     fn eight_bits_with_comments() {
         let picture =
             Photograph::parse(b"P5 # made by hand\n3 2\n# rows\n200\n\x01\x02\x03 \n\xc8").unwrap();
-        assert_eq!(
-            (picture.width(), picture.height(), picture.white()),
-            (3, 2, 200)
-        );
+        assert_eq!((picture.width, picture.height, picture.white), (3, 2, 200));
         let rows: Vec<_> = picture.rows().collect();
         assert_eq!(
             rows,
@@ -225,7 +200,7 @@ mod tests {
     fn sixteen_bits_are_big_endian() {
         let picture = Photograph::parse(b"P5\n2 1\n4095\n\x0f\xff\x01\x00 and more").unwrap();
         assert_eq!(picture.row(0), Some(&[4095, 256][..]));
-        assert_eq!(picture.white(), 4095);
+        assert_eq!(picture.white, 4095);
     }
 
     #[test]

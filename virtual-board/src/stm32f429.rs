@@ -48,21 +48,22 @@ pub struct Stm32f429 {
     pub part: Stm32f427,
     head: Arc<SharedHead>,
     spi1: BurstSpi,
-    spi1_slot: usize,
     dma2: BurstDma,
-    dma2_slot: usize,
     word_by_word: bool,
     tim1: LazyTimer,
-    tim1_slot: usize,
     laser: LaserTimer,
-    laser_slot: usize,
     tim5: RowTimer,
-    tim5_slot: usize,
     trigger: Trigger,
-    trigger_slot: usize,
     flash: FlashTimes,
-    flash_slot: usize,
+    /// The slots of [`MODELS`] on the bus.
+    slots: [usize; MODELS.len()],
 }
+
+/// The peripherals whose models here take the place of rigless's.
+const MODELS: [&str; 7] = ["SPI1", "DMA2", "TIM1", "TIM4", "TIM5", "EXTI", "FLASH"];
+const TIM1: usize = 2;
+const EXTI: usize = 5;
+const FLASH: usize = 6;
 
 impl Stm32f429 {
     /// A processor whose TIM5 counts `row_timer_speed` times as fast as its clock.
@@ -73,43 +74,23 @@ impl Stm32f429 {
         flash: FlashTimes,
     ) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
-        let bus = part.bus();
-        let [
-            spi1_slot,
-            dma2_slot,
-            tim1_slot,
-            laser_slot,
-            tim5_slot,
-            trigger_slot,
-            flash_slot,
-        ] = [
-            bus.slot("SPI1")?,
-            bus.slot("DMA2")?,
-            bus.slot("TIM1")?,
-            bus.slot("TIM4")?,
-            bus.slot("TIM5")?,
-            bus.slot("EXTI")?,
-            bus.slot("FLASH")?,
-        ];
+        let mut slots = [0; MODELS.len()];
+        for (slot, name) in slots.iter_mut().zip(MODELS) {
+            *slot = part.bus().slot(name)?;
+        }
         let (spi1, dma2) = burst::pair(take_dma2(&mut part), head, timing);
         Ok(Self {
             part,
             head: Arc::clone(head),
             spi1,
-            spi1_slot,
             dma2,
-            dma2_slot,
             word_by_word: false,
             tim1: LazyTimer::new(),
-            tim1_slot,
             laser: LaserTimer::new(head),
-            laser_slot,
             tim5: RowTimer::new(row_timer_speed),
-            tim5_slot,
             trigger: Trigger::default(),
-            trigger_slot,
             flash,
-            flash_slot,
+            slots,
         })
     }
 
@@ -120,7 +101,7 @@ impl Stm32f429 {
 
     /// Drives the trigger's pin.
     pub(crate) fn drive_trigger(&mut self, high: bool, at: VirtualNanos) {
-        let (registers, mut context) = self.part.bus_mut().drive(at, self.trigger_slot);
+        let (registers, mut context) = self.part.bus_mut().drive(at, self.slots[EXTI]);
         self.trigger.drive(high, registers, &mut context);
     }
 
@@ -142,29 +123,32 @@ impl Stm32f429 {
 
     /// The registers of the flash interface.
     pub(crate) fn flash_interface(&self) -> &Registers {
-        self.part.bus().slots()[self.flash_slot].registers()
+        self.registers(FLASH)
+    }
+
+    /// The registers of one of [`MODELS`].
+    fn registers(&self, model: usize) -> &Registers {
+        self.part.bus().slots()[self.slots[model]].registers()
     }
 
     /// The flash programs a word until then.
     pub(crate) fn word_ends(&mut self, at: Nanos, now: Nanos) {
-        let (_, mut context) = self
-            .part
-            .bus_mut()
-            .drive(VirtualNanos(now), self.flash_slot);
+        let slot = self.slots[FLASH];
+        let (_, mut context) = self.part.bus_mut().drive(VirtualNanos(now), slot);
         self.flash.word_ends(at, &mut context);
     }
 
     /// The part of the master clock's period that has passed since its rise; `None` if it does not run.
     pub(crate) fn part_of_master_clock(&self, now: Nanos) -> Option<f64> {
         let period = self.master_clock()?;
-        let registers = self.part.bus().slots()[self.tim1_slot].registers();
+        let registers = self.registers(TIM1);
         let count = self.tim1.slept_count(registers, VirtualNanos(now))?;
         Some(count as f64 / period as f64)
     }
 
     /// The period of TIM1's channel 1 in timer clocks; `None` if it gives no pulses.
     pub(crate) fn master_clock(&self) -> Option<u64> {
-        let registers = self.part.bus().slots()[self.tim1_slot].registers();
+        let registers = self.registers(TIM1);
         let pulse = Channel::new(1).and_then(|channel| self.tim1.timer.pulse(channel, registers));
         let Pulse { width, period } = pulse?;
         (width.0 > 0 && width < period).then(|| period_clocks(registers))
@@ -191,23 +175,18 @@ impl Mcu for Stm32f429 {
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        let model: &mut dyn ErasedDevice = if slot == self.spi1_slot {
-            &mut self.spi1
-        } else if slot == self.dma2_slot {
-            self.dma2.shortens = !self.word_by_word && self.spi1.has_one_chip();
-            &mut self.dma2
-        } else if slot == self.tim1_slot {
-            &mut self.tim1
-        } else if slot == self.laser_slot {
-            &mut self.laser
-        } else if slot == self.tim5_slot {
-            &mut self.tim5
-        } else if slot == self.trigger_slot {
-            &mut self.trigger
-        } else if slot == self.flash_slot {
-            &mut self.flash
-        } else {
-            return self.part.split(slot);
+        let model: &mut dyn ErasedDevice = match self.slots.iter().position(|&it| it == slot) {
+            Some(0) => &mut self.spi1,
+            Some(1) => {
+                self.dma2.shortens = !self.word_by_word && self.spi1.has_one_chip();
+                &mut self.dma2
+            }
+            Some(TIM1) => &mut self.tim1,
+            Some(3) => &mut self.laser,
+            Some(4) => &mut self.tim5,
+            Some(EXTI) => &mut self.trigger,
+            Some(FLASH) => &mut self.flash,
+            _ => return self.part.split(slot),
         };
         (self.part.bus_mut(), Some(model))
     }

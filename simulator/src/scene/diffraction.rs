@@ -48,7 +48,7 @@ impl Gap {
         let step = self.detail() / 32.0;
         match by {
             Diffraction::Fraunhofer => {
-                Pattern::new(step, reach, |x| sinc_squared(x / self.detail()))
+                Pattern::new(step, reach, |x| sinc(PI * (x / self.detail())).powi(2))
             }
             Diffraction::Fresnel => Pattern::symmetric(step, &self.fresnel(step, reach)),
         }
@@ -101,11 +101,11 @@ impl Gap {
     }
 }
 
-fn sinc_squared(x: f64) -> f64 {
-    let u = PI * x;
-    if u.abs() < 1e-8 {
-        return 1.0;
+/// sin(x) / x.
+pub(crate) fn sinc(x: f64) -> f64 {
+    if x.abs() < 1e-8 {
+        1.0
+    } else {
+        libm::sin(x) / x
     }
-    let sinc = libm::sin(u) / u;
-    sinc * sinc
 }

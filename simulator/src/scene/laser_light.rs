@@ -165,7 +165,7 @@ impl Opening {
         if Shape::is_needed(scene) {
             let shape = self.shape(surface, distance);
             if let Some((pattern, factor)) = shape.row(row) {
-                let width = shape.width() / optics.pitch;
+                let width = shape.width / optics.pitch;
                 let centres = centres(scene, distance, exposure, width, centre_at);
                 let amplitude = amplitude * factor / centres.len() as f64;
                 for centre in centres {

@@ -12,7 +12,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use serde::{Deserialize, Serialize};
 
 use crate::field::quadrature::gauss_legendre;
-use crate::optics::Optics;
+use crate::scene::Scene;
+use crate::scene::diffraction::sinc;
+use crate::scene::shape::geometric_centre;
 
 /// The lens is focused on one distance, and the target is at another. The sensor stays where it is.
 ///
@@ -116,26 +118,19 @@ impl Ray {
 }
 
 impl Pupil {
-    /// The pupil of a lens of a diameter in metres for light that falls `centre` metres from the axis, from a
-    /// target `range` metres away.
-    pub fn new(
-        optics: &Optics,
-        diameter: f64,
-        defocus: Option<&Defocus>,
-        coma: Option<&Coma>,
-        centre: f64,
-        range: f64,
-    ) -> Self {
-        let radius = 0.5 * diameter;
+    /// The pupil of a scene's lens of a diameter in metres, for a target at a distance in metres.
+    pub(crate) fn of(scene: &Scene, diameter: f64, distance: f64) -> Self {
+        let (optics, radius) = (&scene.optics, 0.5 * diameter);
+        let (centre, range) = (geometric_centre(scene, distance), optics.range(distance));
         let cosine = optics.focal_length / libm::hypot(optics.focal_length, centre);
         Self {
             radius,
             to_sensor: optics.focal_length,
             wavelength: optics.wavelength,
-            defocus: defocus.map_or(0.0, |it| {
+            defocus: scene.defocus.map_or(0.0, |it| {
                 0.5 * radius * radius * (1.0 / (range * cosine) - 1.0 / it.focus_distance)
             }),
-            coma: coma.map_or(0.0, |it| it.waves * optics.wavelength * centre / it.field),
+            coma: (scene.coma).map_or(0.0, |it| it.waves * optics.wavelength * centre / it.field),
         }
     }
 
@@ -313,13 +308,5 @@ impl Chord {
     /// What its `field` counts for in the pupil's.
     fn part(&self) -> f64 {
         self.weight * self.half_chord * self.half_chord
-    }
-}
-
-fn sinc(x: f64) -> f64 {
-    if x.abs() < 1e-8 {
-        1.0
-    } else {
-        libm::sin(x) / x
     }
 }

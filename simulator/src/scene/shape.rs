@@ -33,7 +33,7 @@ pub struct Shape {
     /// For each row its pattern and the factor of its light; `None` for a dark one.
     rows: Vec<Option<(usize, f64)>>,
     /// Sigma in metres of a gaussian that is no wider than the spot, nor finer than its details.
-    width: f64,
+    pub width: f64,
 }
 
 impl Shape {
@@ -86,11 +86,6 @@ impl Shape {
         Some((&self.patterns[pattern], factor))
     }
 
-    /// Sigma in metres of a gaussian that is no wider than the spot, nor finer than its details.
-    pub fn width(&self) -> f64 {
-        self.width
-    }
-
     fn of_slit(
         scene: &Scene,
         surface: Option<&texture::Surface>,
@@ -128,14 +123,7 @@ impl Shape {
         distance: f64,
         diameter: f64,
     ) -> Self {
-        let pupil = Pupil::new(
-            &scene.optics,
-            diameter,
-            scene.defocus.as_ref(),
-            scene.coma.as_ref(),
-            geometric_centre(scene, distance),
-            scene.optics.range(distance),
-        );
+        let pupil = Pupil::of(scene, diameter, distance);
         let blur = spot_deviation(scene, distance) * image_scale_across(&scene.optics, distance);
         let point = match scene.diffraction {
             Some(_) => LensPoint::by_waves(scene, pupil, blur),

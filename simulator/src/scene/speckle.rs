@@ -14,7 +14,7 @@ use crate::optics::Aperture;
 use crate::scene::laser_spot::image_scale_across;
 use crate::scene::lens::{Across, Pupil};
 use crate::scene::pattern::Pattern;
-use crate::scene::shape::{AIRY_WIDTH, Parts, geometric_centre, place_across, spot_deviation};
+use crate::scene::shape::{AIRY_WIDTH, Parts, place_across, spot_deviation};
 use crate::scene::{Effect, LaserSpot, Scene, random, texture};
 
 /// Coherent light from a rough surface, summed as a field through the aperture ([`crate::field`]).
@@ -176,16 +176,8 @@ impl RoughSurface {
 
     fn by_lens(&self, scene: &Scene, distance: f64, diameter: f64) -> Rows {
         let optics = &scene.optics;
-        let centre = geometric_centre(scene, distance);
         let range = optics.range(distance);
-        let pupil = Pupil::new(
-            optics,
-            diameter,
-            scene.defocus.as_ref(),
-            scene.coma.as_ref(),
-            centre,
-            range,
-        );
+        let pupil = Pupil::of(scene, diameter, distance);
         // A lens that is in focus at `focus` from there has the sensor where it is.
         let lens = |pupil: &Pupil| {
             let focus = 1.0 / (1.0 / range - 2.0 * pupil.defocus / pupil.radius.powi(2));

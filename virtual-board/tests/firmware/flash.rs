@@ -6,7 +6,6 @@ use std::time::Duration;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::frame::Mean;
-use slitrange_device::settings::Settings;
 use slitrange_device::store::Stored;
 use slitrange_device::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};
@@ -21,17 +20,7 @@ const SAVE: Duration = Duration::from_secs(2);
 
 /// The configuration of a sensor with the longest record and `rows` rows in a frame.
 fn saved(rows: u16) -> Configuration {
-    let record = longest().record().clone();
-    Configuration {
-        settings: Settings {
-            rows,
-            mean: Mean::default(),
-            estimator: record.estimator,
-            black_level: record.black_level,
-            ..Settings::default()
-        },
-        record: Some(record),
-    }
+    kept::configuration(longest().record().clone(), rows, Mean::default())
 }
 
 /// How many such configurations fit into a sector: 16 KB over 1.9 KB.

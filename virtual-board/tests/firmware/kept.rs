@@ -5,9 +5,12 @@ use std::convert::Infallible;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use slitrange::frame::Mean;
 use slitrange::row::pixels::map::{MAX_MAP_PIXELS, PixelMap};
 use slitrange_device::protocol::calibration::FlashStatus;
+use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::Configuration;
 use slitrange_device::store::pixel_map::{self, StoredMap};
 use slitrange_device::store::{Store, Stored};
@@ -16,6 +19,20 @@ use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTO
 
 use super::common::*;
 use super::records::assert_shown;
+
+/// The configuration of a sensor with a record and so many rows in a frame.
+pub fn configuration(record: Record, rows: u16, mean: Mean) -> Configuration {
+    Configuration {
+        settings: Settings {
+            rows,
+            mean,
+            estimator: record.estimator,
+            black_level: record.black_level,
+            ..Settings::default()
+        },
+        record: Some(record),
+    }
+}
 
 /// Saves to `contents` as the firmware does.
 pub fn save(contents: &mut Contents, saved: &Configuration) {

@@ -3,15 +3,14 @@
 
 use std::time::Duration;
 
+use slitrange::frame::Mean;
 use slitrange_device::protocol::calibration::FlashStatus;
 use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_device::settings::Settings;
 use slitrange_device::store::StoreError;
-use slitrange_device::store::configuration::Configuration;
 use virtual_board::board::Conditions;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
-use virtual_board::{Line, VirtualBoard};
+use virtual_board::{Line, Nanos, VirtualBoard};
 
 use super::common::*;
 use super::faults::assert_all_are;
@@ -20,6 +19,12 @@ use super::records::{assert_shown, eq1, longest, of_another_head, read_back, sho
 
 /// A time longer than an erase, which takes 400 ms here.
 const SAVING: Duration = Duration::from_millis(900);
+
+/// When this line came.
+fn await_answer(board: &mut VirtualBoard, wanted: &str) -> Nanos {
+    let line = board.run_until_line(|line| line == wanted, 2 * SAVING);
+    line.expect("an answer").at
+}
 
 #[test]
 fn saved_settings_are_used_after_a_power_cycle() {
@@ -84,14 +89,10 @@ fn saving_pauses_the_stream_and_nothing_else() {
         board.flash().take_history();
         board.take_lines();
         board.send("save\r\n");
-        let await_line = |board: &mut VirtualBoard, wanted: &str| {
-            let line = board.run_until_line(|line| line == wanted, SAVING);
-            line.expect("an answer").at
-        };
-        let paused = await_line(&mut board, "save pauses the stream");
+        let paused = await_answer(&mut board, "save pauses the stream");
         let centre = 2300.4 + 10.0 * f64::from(rows);
         board.set_light(spot_at(centre, 2000.0));
-        let done = await_line(&mut board, "save");
+        let done = await_answer(&mut board, "save");
         board.run_until_rows(40, PATIENCE).expect("rows");
 
         let lasted = (done - paused) / 1_000_000;
@@ -166,12 +167,8 @@ fn the_slowest_flash_loses_no_row_and_makes_no_reset() {
     for rows in 1..=10 {
         set(&mut board, &format!("rows {rows}"));
         board.send("save\r\n");
-        let mut await_line = |wanted: &str| {
-            let line = board.run_until_line(|line| line == wanted, 2 * SAVING);
-            line.expect("an answer").at
-        };
-        let paused = await_line("save pauses the stream");
-        let lasted = (await_line("save") - paused) / 1_000_000;
+        let paused = await_answer(&mut board, "save pauses the stream");
+        let lasted = (await_answer(&mut board, "save") - paused) / 1_000_000;
         println!("{rows} rows in a frame: {lasted} ms");
         // Some 450 words.
         assert!(lasted >= 45, "{lasted}");
@@ -233,24 +230,12 @@ fn damaged() -> Contents {
 /// The saved configuration is unusable: the sensor gives only centres until a person decides.
 #[test]
 fn without_a_usable_calibration_there_is_no_distance() {
-    let other_head = of_another_head();
-    let mut of_another_head = Contents::erased();
-    kept::save(
-        &mut of_another_head,
-        &Configuration {
-            settings: Settings {
-                rows: 5,
-                mean: slitrange::frame::Mean::Plain,
-                estimator: other_head.estimator,
-                black_level: other_head.black_level,
-                ..Settings::default()
-            },
-            record: Some(other_head),
-        },
-    );
+    let mut other_head = Contents::erased();
+    let configuration = kept::configuration(of_another_head(), 5, Mean::Plain);
+    kept::save(&mut other_head, &configuration);
     for (contents, stored, rows) in [
         (damaged(), FlashStatus::Damaged, 16),
-        (of_another_head, FlashStatus::OtherSensor, 5),
+        (other_head, FlashStatus::OtherSensor, 5),
     ] {
         let mut board = boot_with(&SharedFlash::holding(contents), paper());
         assert_shown(&mut board, None, stored);

@@ -47,14 +47,14 @@ pub struct Summary {
 /// Shows a photograph.
 pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
     let photograph = Arc::new(Photograph::read(path)?);
-    let rows = photograph.height();
+    let rows = photograph.height;
     say(
         json,
         &format!(
             "{}: {} x {rows} pixels, white is {}",
             path.display(),
-            photograph.width(),
-            photograph.white()
+            photograph.width,
+            photograph.white
         ),
     );
     let reports = reports(firmware, &photograph)?;
@@ -144,7 +144,7 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
 
     let mut markers = 0;
     let mut reports = vec![];
-    while reports.len() < photograph.height() {
+    while reports.len() < photograph.height {
         let (_, report) = next_report(&mut board, patience)?;
         if markers == MARKERS {
             reports.push(report);
@@ -170,7 +170,7 @@ fn fit(photograph: &Photograph, y: usize, reading: &Reading) -> Option<(Gaussian
     let (light, first) = photograph.on_sensor(y)?;
     let counts: Vec<f64> = light.iter().map(|count| f64::from(count.round())).collect();
     let from = usize::try_from(first.max(0)).ok()?;
-    let picture = counts.get(from..(from + photograph.width()).min(counts.len()))?;
+    let picture = counts.get(from..(from + photograph.width).min(counts.len()))?;
     let fit = least_squares::fit_near(picture, reading.centre - from as f64)?;
     fit.is_whole_in(picture.len()).then_some((fit, from as i64))
 }
