@@ -155,11 +155,11 @@ impl Kind {
             Self::Hot => recipe.with(Flaw::Hot(bad(log_even(random, 50.0, 3000.0), 6.0))),
             Self::Dead => recipe.with(Flaw::Dead(bad(300.0, 3.0))),
             Self::Slope => recipe.with(Flaw::Slope(side * random.random_range(0.0..5.0))),
-            Self::Flare => recipe.with(Flaw::Ghost {
+            Self::Flare => recipe.with(Flaw::Ghost(Second {
                 share: random.random_range(0.01..0.1),
                 widths: random.random_range(4.0..10.0),
                 offset: side * random.random_range(0.0..4.0),
-            }),
+            })),
             Self::Lopsided => {
                 let by = random.random_range(-0.3..0.3);
                 recipe.spot(|spot| spot.shape = Shape::Lopsided(by))

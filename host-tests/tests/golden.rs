@@ -232,19 +232,19 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
         ("a wide second spot at -15 sigma, to 1.2", &|s| {
             second(1.2 * s, -15.0, 1.5)
         }),
-        ("a wide ghost at 3 sigma, to 0.2", &|s| Flaw::Ghost {
-            share: 0.2 * s,
-            widths: 6.0,
-            offset: 3.0,
+        ("a wide ghost at 3 sigma, to 0.2", &|s| {
+            Flaw::Ghost(Second {
+                share: 0.2 * s,
+                widths: 6.0,
+                offset: 3.0,
+            })
         }),
         ("a slope, to 20 counts a pixel", &|s| Flaw::Slope(20.0 * s)),
-        ("a step at 1 sigma, to 800 counts", &|s| Flaw::Step {
-            counts: 800.0 * s,
-            offset: 1.0,
+        ("a step at 1 sigma, to 800 counts", &|s| {
+            Flaw::Step(800.0 * s, 1.0)
         }),
-        ("a ripple of 30 px, to 400 counts", &|s| Flaw::Ripple {
-            counts: 400.0 * s,
-            period: 30.0,
+        ("a ripple of 30 px, to 400 counts", &|s| {
+            Flaw::Ripple(400.0 * s, 30.0)
         }),
         ("responses that differ, to 0.2", &|s| {
             Flaw::Response(0.2 * s)

@@ -6,6 +6,7 @@ use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::SpotShape;
+use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
@@ -45,6 +46,28 @@ pub fn measure(
             measurement.row_with(&mut words(&light, &geometry), None, map)
         })
         .unwrap_or(Err(Fault::SensorSilent))
+}
+
+/// Measures a frame of rows as they were read, with the profile of the sensor's own spot if there is one.
+///
+/// # Errors
+/// The fault of the frame.
+pub fn measure_rows(
+    rows: &[Vec<u16>],
+    geometry: &Geometry,
+    options: Options,
+    profile: Option<Profile>,
+) -> Result<Measured, Fault> {
+    let options = Options {
+        rows: rows.len() as u16,
+        ..options
+    };
+    let mut measurement = Measurement::new(geometry.clone(), options);
+    measurement.set(options, profile);
+    let complete = rows
+        .iter()
+        .filter_map(|row| measurement.row(&mut row.clone()));
+    complete.last().unwrap_or(Err(Fault::SensorSilent))
 }
 
 /// A made-up frame of 16 rows whose centre is known exactly, on pixels that do not differ.

@@ -111,10 +111,7 @@ fn second(share: f64, offset: f64) -> Flaw {
 
 /// A step of 50 counts, so many widths off.
 fn step(offset: f64) -> Flaw {
-    Flaw::Step {
-        counts: 50.0,
-        offset,
-    }
+    Flaw::Step(50.0, offset)
 }
 
 fn clean_spot(recipe: &Recipe) -> bound::Spot {
@@ -175,10 +172,7 @@ fn no_spot() -> Vec<RowCase> {
             from_spot: (0.0, 15.0),
         })
     };
-    let ripple = Flaw::Ripple {
-        counts: 50.0,
-        period: 60.0,
-    };
+    let ripple = Flaw::Ripple(50.0, 60.0);
     #[rustfmt::skip] // A case a line.
     let flaws = [
         ("a hot pixel alone", "it stands out of the noise more than any spot", hot(1)),
@@ -256,10 +250,7 @@ fn saturation() -> Vec<RowCase> {
         cases.honest(
             format!("blooms {} % to both sides", 100.0 * blooming),
             "charge flows over into the flanks",
-            high(WIDTH, 6000.0).with(Flaw::FullWell {
-                counts: 3600.0,
-                blooming,
-            }),
+            high(WIDTH, 6000.0).with(Flaw::FullWell(3600.0, blooming)),
         );
     }
     for share in [0.1, 0.5, 0.9] {
@@ -270,10 +261,7 @@ fn saturation() -> Vec<RowCase> {
     cases.honest(
         "a full well below full scale",
         "the flat top does not reach the converter's limit",
-        high(WIDTH, 3000.0).with(Flaw::FullWell {
-            counts: 2400.0,
-            blooming: 0.0,
-        }),
+        high(WIDTH, 3000.0).with(Flaw::FullWell(2400.0, 0.0)),
     );
     cases.all
 }
@@ -413,11 +401,11 @@ fn background() -> Vec<RowCase> {
                 100.0 * share
             ),
             "a wide ghost under the spot tilts the background",
-            Recipe::clean(WIDTH).with(Flaw::Ghost {
+            Recipe::clean(WIDTH).with(Flaw::Ghost(Second {
                 share,
                 widths,
                 offset,
-            }),
+            })),
         );
     }
     cases.all
@@ -559,7 +547,7 @@ fn interference() -> Vec<RowCase> {
             cases.honest(
                 name,
                 why,
-                Recipe::clean(WIDTH).with(Flaw::Ripple { counts, period }),
+                Recipe::clean(WIDTH).with(Flaw::Ripple(counts, period)),
             );
         }
     }
@@ -623,7 +611,7 @@ fn converter() -> Vec<RowCase> {
         cases.honest(
             name,
             why,
-            Recipe::clean(WIDTH).with(Flaw::StuckBit { bit, high }),
+            Recipe::clean(WIDTH).with(Flaw::StuckBit(bit, high)),
         );
     }
     cases.all

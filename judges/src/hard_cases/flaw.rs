@@ -31,15 +31,8 @@ pub enum Stage {
 pub enum Flaw {
     /// A second spot.
     Second(Second),
-    /// A wide ghost of the spot: height (share), width (widths), place (widths from the spot).
-    Ghost {
-        /// Height over the spot's.
-        share: f64,
-        /// Its width in widths of the spot.
-        widths: f64,
-        /// From the spot's centre to its own, in widths of the spot.
-        offset: f64,
-    },
+    /// A wide ghost of the spot.
+    Ghost(Second),
     /// A background that rises along the row, in counts a pixel.
     Slope(f64),
     /// A lamp that lights one end of the row: counts at that end, falling to 1/e over a quarter of the row.
@@ -53,12 +46,7 @@ pub enum Flaw {
     /// Pixels differ in what they make of light by this standard deviation (share).
     Response(f64),
     /// A pixel holds no more than so many counts; the share of what is beyond that flows over to both sides.
-    FullWell {
-        /// Counts.
-        counts: f64,
-        /// The share that flows over.
-        blooming: f64,
-    },
+    FullWell(f64, f64),
     /// What is beyond full scale drags behind the spot to its right: this share of each pixel's overflow goes
     /// to the next.
     Smear(f64),
@@ -66,37 +54,22 @@ pub enum Flaw {
     FixedPattern(f64),
     /// The black level changes by so many counts at a place so many widths from the spot, for the rest of the
     /// row.
-    Step {
-        /// Counts.
-        counts: f64,
-        /// Widths.
-        offset: f64,
-    },
+    Step(f64, f64),
     /// The black level bends along the row: a half wave of so many counts.
     Sag(f64),
     /// A sine on the black level: its height in counts and its period in pixels, at a random phase.
-    Ripple {
-        /// Counts.
-        counts: f64,
-        /// Pixels.
-        period: f64,
-    },
+    Ripple(f64, f64),
     /// Every other pixel reads so many counts more.
     OddEven(f64),
     /// This share of the pixels reads anything from 0 to 4095.
     Impulses(f64),
     /// The converter has steps of so many counts.
     Steps(f64),
-    /// A bit of the converter's words never changes.
-    StuckBit {
-        /// Which: 0 is the least.
-        bit: u8,
-        /// What it is.
-        high: bool,
-    },
+    /// A bit of the converter's words never changes: which (0 is the least), and whether it is set.
+    StuckBit(u8, bool),
 }
 
-/// A second spot, as a shiny surface makes it.
+/// A second spot, as a shiny surface or a lens makes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Second {
     /// Height over the spot's.
@@ -122,31 +95,15 @@ impl fmt::Display for Flaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let percent = |share: &f64| format!("{:.1} %", 100.0 * share);
         match self {
-            Self::Second(Second {
-                share,
-                offset,
-                widths,
-            }) => write!(
-                f,
-                "a second spot of {} of the height and {widths:.2} times the width, {offset:+.2} widths off",
-                percent(share)
-            ),
-            Self::Ghost {
-                share,
-                widths,
-                offset,
-            } => write!(
-                f,
-                "a ghost of {} of the height and {widths:.2} times the width, {offset:+.2} widths off",
-                percent(share)
-            ),
+            Self::Second(second) => write!(f, "a second spot of {second}"),
+            Self::Ghost(ghost) => write!(f, "a ghost of {ghost}"),
             Self::Slope(counts) => write!(f, "the background rises by {counts:.3} counts a pixel"),
             Self::Glow(counts) => write!(f, "a lamp lights one end by {counts:.1} counts"),
             Self::Hot(bad) => write!(f, "hot pixels: {bad}"),
             Self::Dead(bad) => write!(f, "dead pixels: {bad}"),
             Self::Stuck(bad) => write!(f, "stuck pixels: {bad}"),
             Self::Response(share) => write!(f, "pixels differ in response by {}", percent(share)),
-            Self::FullWell { counts, blooming } => write!(
+            Self::FullWell(counts, blooming) => write!(
                 f,
                 "a pixel holds {counts:.1} counts, and {} of the rest flows over to both sides",
                 percent(blooming)
@@ -157,26 +114,33 @@ impl fmt::Display for Flaw {
                 percent(share)
             ),
             Self::FixedPattern(counts) => write!(f, "unlit pixels differ by {counts:.2} counts"),
-            Self::Step { counts, offset } => write!(
+            Self::Step(counts, offset) => write!(
                 f,
                 "the black level steps by {counts:+.1} counts, {offset:+.2} widths off"
             ),
             Self::Sag(counts) => write!(f, "the black level bends by {counts:+.1} counts"),
-            Self::Ripple { counts, period } => write!(
+            Self::Ripple(counts, period) => write!(
                 f,
                 "a ripple of {counts:.1} counts with a period of {period:.2} pixels"
             ),
             Self::OddEven(counts) => write!(f, "every other pixel reads {counts:+.1} counts more"),
             Self::Impulses(share) => write!(f, "{} of the pixels read anything", percent(share)),
             Self::Steps(counts) => write!(f, "the converter has steps of {counts} counts"),
-            Self::StuckBit { bit, high } => {
-                write!(
-                    f,
-                    "bit {bit} of the converter is always {}",
-                    u8::from(*high)
-                )
+            Self::StuckBit(bit, high) => {
+                let high = u8::from(*high);
+                write!(f, "bit {bit} of the converter is always {high}")
             }
         }
+    }
+}
+
+impl fmt::Display for Second {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (percent, widths, offset) = (100.0 * self.share, self.widths, self.offset);
+        write!(
+            f,
+            "{percent:.1} % of the height and {widths:.2} times the width, {offset:+.2} widths off"
+        )
     }
 }
 
@@ -247,29 +211,29 @@ impl Flaw {
     pub const fn stage(&self) -> Stage {
         match self {
             Self::Second(_)
-            | Self::Ghost { .. }
+            | Self::Ghost(_)
             | Self::Slope(_)
             | Self::Glow(_)
             | Self::Hot(_)
             | Self::Response(_) => Stage::Light,
-            Self::FullWell { .. } | Self::Smear(_) => Stage::Charge,
+            Self::FullWell(..) | Self::Smear(_) => Stage::Charge,
             Self::FixedPattern(_)
-            | Self::Step { .. }
+            | Self::Step(..)
             | Self::Sag(_)
-            | Self::Ripple { .. }
+            | Self::Ripple(..)
             | Self::OddEven(_)
             | Self::Impulses(_)
             | Self::Dead(_)
             | Self::Stuck(_)
             | Self::Steps(_) => Stage::Volts,
-            Self::StuckBit { .. } => Stage::Words,
+            Self::StuckBit(..) => Stage::Words,
         }
     }
 
     /// Counts of light that a pixel holds: infinitely many, where the flaw does not limit them.
     pub const fn full_well(&self) -> f64 {
         match self {
-            Self::FullWell { counts, .. } => *counts,
+            Self::FullWell(counts, _) => *counts,
             Self::Smear(_) => FULL_WELL,
             _ => f64::INFINITY,
         }
@@ -280,26 +244,22 @@ impl Flaw {
         let last = counts.len() as f64 - 1.0;
         match *self {
             // Without a spot there is nothing to be reflected.
-            Self::Second(_) | Self::Ghost { .. } if site.spot.is_none() => {}
+            Self::Second(_) | Self::Ghost(_) if site.spot.is_none() => {}
             Self::Second(second) => SecondReflection {
                 offset: second.offset * site.width(),
                 width: second.widths * site.width(),
                 strength: second.share,
             }
             .add(counts, site.middle(), site.amplitude()),
-            Self::Ghost {
-                share,
-                widths,
-                offset,
-            } => {
+            Self::Ghost(ghost) => {
+                // The ghost is as far from the axis as the spot.
+                let axis = site.middle() + 0.5 * ghost.offset * site.width();
                 let ghost = Flare {
                     magnification: 1.0,
-                    width: widths * site.width(),
-                    strength: share,
+                    width: ghost.widths * site.width(),
+                    strength: ghost.share,
                     veil: 0.0,
                 };
-                // The ghost is as far from the axis as the spot.
-                let axis = site.middle() + 0.5 * offset * site.width();
                 ghost.add(counts, 0.0, site.middle(), axis, site.amplitude());
             }
             Self::Slope(slope) => Ambient {
@@ -308,11 +268,7 @@ impl Flaw {
                 slope,
             }
             .add(counts, 1.0),
-            Self::Glow(height) => {
-                for (i, count) in counts.iter_mut().enumerate() {
-                    *count += (height * (-4.0 * i as f64 / last).exp()) as f32;
-                }
-            }
+            Self::Glow(height) => add(counts, |i| height * (-4.0 * i / last).exp()),
             Self::Hot(bad) => {
                 for count in bad.of(counts, site, random) {
                     *count += bad.counts as f32;
@@ -329,10 +285,7 @@ impl Flaw {
                     *count *= (1.0 + deviation as f32 * normal).max(0.0);
                 }
             }
-            Self::FullWell {
-                counts: full_well,
-                blooming,
-            } => Saturation {
+            Self::FullWell(full_well, blooming) => Saturation {
                 full_well,
                 blooming,
             }
@@ -352,28 +305,16 @@ impl Flaw {
                     *count += deviation as f32 * normal;
                 }
             }
-            Self::Step {
-                counts: height,
-                offset,
-            } => {
+            Self::Step(height, offset) => {
                 let from = (site.middle() + offset * site.width()).clamp(0.0, last) as usize;
                 for count in &mut counts[from..] {
                     *count += height as f32;
                 }
             }
-            Self::Sag(height) => {
-                for (i, count) in counts.iter_mut().enumerate() {
-                    *count += (height * (0.5 * TAU * i as f64 / last).sin()) as f32;
-                }
-            }
-            Self::Ripple {
-                counts: height,
-                period,
-            } => {
+            Self::Sag(height) => add(counts, |i| height * (0.5 * TAU * i / last).sin()),
+            Self::Ripple(height, period) => {
                 let phase = TAU * random.random::<f64>();
-                for (i, count) in counts.iter_mut().enumerate() {
-                    *count += (height * (TAU * i as f64 / period + phase).sin()) as f32;
-                }
+                add(counts, |i| height * (TAU * i / period + phase).sin());
             }
             Self::OddEven(height) => {
                 let odd = counts.iter_mut().skip(1).step_by(2);
@@ -389,18 +330,25 @@ impl Flaw {
             Self::Steps(step) => {
                 Quantisation { step }.apply(counts, slitrange::row::LARGEST_COUNT);
             }
-            Self::StuckBit { .. } => {}
+            Self::StuckBit(..) => {}
         }
     }
 
     /// Does to the converter's words what is done there.
     pub fn to_words(&self, words: &mut [u16]) {
-        if let Self::StuckBit { bit, high } = *self {
+        if let Self::StuckBit(bit, high) = *self {
             let mask = 1 << bit;
             for word in words {
                 *word = if high { *word | mask } else { *word & !mask };
             }
         }
+    }
+}
+
+/// Adds to each pixel what a function gives for its number.
+fn add(counts: &mut [f32], added: impl Fn(f64) -> f64) {
+    for (i, count) in counts.iter_mut().enumerate() {
+        *count += added(i as f64) as f32;
     }
 }
 

@@ -10,13 +10,13 @@ use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::frame::{MAX_ROWS, Mean};
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::Geometry;
 use statistics::mean;
 
+use crate::frames::measure_rows;
 use crate::hard_cases::flaw::{Flaw, Second};
 use crate::hard_cases::judge::{Outcome, Said};
 use crate::hard_cases::recipe::{Place, Recipe};
@@ -85,27 +85,18 @@ impl HardFrame {
     /// What the whole measurement makes of it with an estimator.
     pub fn reading(&self, estimator: Estimator) -> Result<Reading, Fault> {
         let options = Options {
-            rows: self.rows.len() as u16,
             mean: Mean::Weighted,
             estimator,
             black_level: BlackLevel::Shielded,
             ..Options::default()
         };
+        let measured = measure_rows(&self.rows, &self.geometry, options, None)?;
         let calibration = Calibration::Eq1(calibration());
-        let mut measurement = Measurement::new(self.geometry.clone(), options);
-        let mut reading = Err(Fault::SensorSilent);
-        for row in &self.rows {
-            if let Some(complete) = measurement.row(&mut row.clone()) {
-                reading = complete.and_then(|measured| {
-                    measured.reading(
-                        Some(&calibration),
-                        &CalibrationErrors::Unknown,
-                        Surface::Off,
-                    )
-                });
-            }
-        }
-        reading
+        measured.reading(
+            Some(&calibration),
+            &CalibrationErrors::Unknown,
+            Surface::Off,
+        )
     }
 }
 

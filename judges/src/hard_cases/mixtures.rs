@@ -24,93 +24,74 @@ pub struct RandomRow {
     pub recipe: Recipe,
 }
 
-/// What can be wrong with a random row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// There is no spot.
-    NoSpot,
-    /// The spot is up to four times as high as full scale.
-    Saturated,
-    /// Its sigma is between 0.3 and 0.8 pixels, or between 30 and 200.
-    ExtremeWidth,
-    /// Its centre is between one sigma beyond the edge and three inside.
-    Edge,
-    /// The background rises or falls by up to 5 counts a pixel.
-    Slope,
-    /// The black level jumps by up to 50 counts within 12 sigma of the spot.
-    Step,
-    /// It bends by up to 300 counts.
-    Sag,
-    /// It is anywhere from 300 below zero to 4090.
-    BlackLevel,
-    /// A lamp lights one end by up to 1500 counts.
-    Glow,
-    /// A ghost of 1 to 20 %, 4 to 15 times as wide, up to 6 sigma off.
-    Ghost,
-    /// One to three hot pixels within 16 sigma.
-    Hot,
-    /// One to three dead ones.
-    Dead,
-    /// One stuck at any count.
-    Stuck,
-    /// Pixels differ by 0.2 to 5 % in response.
-    Response,
-    /// Unlit pixels differ by 1 to 30 counts.
-    FixedPattern,
-    /// The full well is below full scale, and blooms to both sides.
-    FullWell,
-    /// A full well that blooms to one side.
-    Smear,
-    /// A second spot of 5 to 120 % at 2 to 20 sigma.
-    Second,
-    /// One side is up to 30 % wider than the other.
-    Lopsided,
-    /// A ripple of 1 to 50 counts with a period of 2 to 300 pixels.
-    Ripple,
-    /// Odd pixels read up to 40 counts more or less.
-    OddEven,
-    /// 0.1 to 5 % of the pixels are impulses.
-    Impulses,
-    /// The converter has 1 to 10 bits.
-    CoarseSteps,
-    /// One of its bits is stuck.
-    StuckBit,
-    /// The row has 32 to 128 pixels.
-    ShortRow,
-    /// Read noise of 8 to 60 counts, or half an electron to two a count.
-    Noise,
+macro_rules! kinds {
+    ($($(#[$what:meta])+ $kind:ident = $name:literal,)+) => {
+        /// What can be wrong with a random row.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Kind {
+            $($(#[$what])+ $kind,)+
+        }
+
+        impl Kind {
+            /// All of them, in order, with their names.
+            pub const ALL: [(Self, &str); [$($name),+].len()] = [$((Self::$kind, $name)),+];
+        }
+    };
 }
 
-impl Kind {
-    /// All of them, in order, with their names.
-    pub const ALL: [(Self, &str); 26] = [
-        (Self::NoSpot, "no spot"),
-        (Self::Saturated, "saturated"),
-        (Self::ExtremeWidth, "very narrow or wide"),
-        (Self::Edge, "at the edge"),
-        (Self::Slope, "slope"),
-        (Self::Step, "step of the black level"),
-        (Self::Sag, "black level bends"),
-        (Self::BlackLevel, "any black level"),
-        (Self::Glow, "lamp at one end"),
-        (Self::Ghost, "wide flare"),
-        (Self::Hot, "hot pixels"),
-        (Self::Dead, "dead pixels"),
-        (Self::Stuck, "a stuck pixel"),
-        (Self::Response, "uneven response"),
-        (Self::FixedPattern, "fixed pattern"),
-        (Self::FullWell, "blooms to both sides"),
-        (Self::Smear, "blooms to one side"),
-        (Self::Second, "second spot"),
-        (Self::Lopsided, "lopsided spot"),
-        (Self::Ripple, "ripple"),
-        (Self::OddEven, "odd and even pixels"),
-        (Self::Impulses, "impulses"),
-        (Self::CoarseSteps, "coarse converter"),
-        (Self::StuckBit, "stuck bit"),
-        (Self::ShortRow, "short row"),
-        (Self::Noise, "strong noise"),
-    ];
+kinds! {
+    /// There is no spot.
+    NoSpot = "no spot",
+    /// The spot is up to four times as high as full scale.
+    Saturated = "saturated",
+    /// Its sigma is between 0.3 and 0.8 pixels, or between 30 and 200.
+    ExtremeWidth = "very narrow or wide",
+    /// Its centre is between one sigma beyond the edge and three inside.
+    Edge = "at the edge",
+    /// The background rises or falls by up to 5 counts a pixel.
+    Slope = "slope",
+    /// The black level jumps by up to 50 counts within 12 sigma of the spot.
+    Step = "step of the black level",
+    /// It bends by up to 300 counts.
+    Sag = "black level bends",
+    /// It is anywhere from 300 below zero to 4090.
+    BlackLevel = "any black level",
+    /// A lamp lights one end by up to 1500 counts.
+    Glow = "lamp at one end",
+    /// A ghost of 1 to 20 %, 4 to 15 times as wide, up to 6 sigma off.
+    Ghost = "wide flare",
+    /// One to three hot pixels within 16 sigma.
+    Hot = "hot pixels",
+    /// One to three dead ones.
+    Dead = "dead pixels",
+    /// One stuck at any count.
+    Stuck = "a stuck pixel",
+    /// Pixels differ by 0.2 to 5 % in response.
+    Response = "uneven response",
+    /// Unlit pixels differ by 1 to 30 counts.
+    FixedPattern = "fixed pattern",
+    /// The full well is below full scale, and blooms to both sides.
+    FullWell = "blooms to both sides",
+    /// A full well that blooms to one side.
+    Smear = "blooms to one side",
+    /// A second spot of 5 to 120 % at 2 to 20 sigma.
+    Second = "second spot",
+    /// One side is up to 30 % wider than the other.
+    Lopsided = "lopsided spot",
+    /// A ripple of 1 to 50 counts with a period of 2 to 300 pixels.
+    Ripple = "ripple",
+    /// Odd pixels read up to 40 counts more or less.
+    OddEven = "odd and even pixels",
+    /// 0.1 to 5 % of the pixels are impulses.
+    Impulses = "impulses",
+    /// The converter has 1 to 10 bits.
+    CoarseSteps = "coarse converter",
+    /// One of its bits is stuck.
+    StuckBit = "stuck bit",
+    /// The row has 32 to 128 pixels.
+    ShortRow = "short row",
+    /// Read noise of 8 to 60 counts, or half an electron to two a count.
+    Noise = "strong noise",
 }
 
 /// A spot that nothing is wrong with: any profile but a lopsided one, sigma 0.8 to 30, from the dimmest that
@@ -249,19 +230,19 @@ impl Kind {
                 let slope = random.random_range(0.0..5.0);
                 Flaw::Slope(either_sign(random, slope))
             }
-            Self::Step => Flaw::Step {
-                counts: random.random_range(-50.0..50.0),
-                offset: random.random_range(-12.0..12.0),
-            },
+            Self::Step => Flaw::Step(
+                random.random_range(-50.0..50.0),
+                random.random_range(-12.0..12.0),
+            ),
             Self::Sag => Flaw::Sag(random.random_range(-300.0..300.0)),
             Self::Glow => Flaw::Glow(random.random_range(0.0..1500.0)),
             Self::Ghost => {
                 let offset = random.random_range(0.0..6.0);
-                Flaw::Ghost {
+                Flaw::Ghost(Second {
                     share: log_even(random, 0.01, 0.2),
                     widths: random.random_range(4.0..15.0),
                     offset: either_sign(random, offset),
-                }
+                })
             }
             Self::Hot => {
                 let counts = log_even(random, 50.0, 3000.0);
@@ -277,10 +258,10 @@ impl Kind {
             Self::FixedPattern => Flaw::FixedPattern(log_even(random, 1.0, 30.0)),
             Self::FullWell => {
                 set_height(recipe, 3600.0, random);
-                Flaw::FullWell {
-                    counts: random.random_range(1500.0..4000.0),
-                    blooming: random.random_range(0.0..1.0),
-                }
+                Flaw::FullWell(
+                    random.random_range(1500.0..4000.0),
+                    random.random_range(0.0..1.0),
+                )
             }
             Self::Smear => {
                 set_height(recipe, 3600.0, random);
@@ -294,18 +275,12 @@ impl Kind {
                     widths: log_even(random, 0.7, 1.5),
                 })
             }
-            Self::Ripple => Flaw::Ripple {
-                counts: log_even(random, 1.0, 50.0),
-                period: log_even(random, 2.0, 300.0),
-            },
+            Self::Ripple => Flaw::Ripple(log_even(random, 1.0, 50.0), log_even(random, 2.0, 300.0)),
             Self::OddEven => Flaw::OddEven(random.random_range(-40.0..40.0)),
             Self::Impulses => Flaw::Impulses(log_even(random, 0.001, 0.05)),
             // 10 bits of 12 down to one.
             Self::CoarseSteps => Flaw::Steps(f64::from(1u32 << random.random_range(2..=11))),
-            Self::StuckBit => Flaw::StuckBit {
-                bit: random.random_range(0..12),
-                high: random.random(),
-            },
+            Self::StuckBit => Flaw::StuckBit(random.random_range(0..12), random.random()),
         };
         recipe.flaws.push(flaw);
     }

@@ -114,10 +114,7 @@ impl Recipe {
     /// after the well.
     pub fn with_well(self, count: u16, is_known: bool) -> Self {
         let noise = (4.0 * self.read_noise).ceil() as u16;
-        let well = Flaw::FullWell {
-            counts: f64::from(count) - self.black_level,
-            blooming: 0.0,
-        };
+        let well = Flaw::FullWell(f64::from(count) - self.black_level, 0.0);
         Self {
             saturation: if is_known {
                 count.saturating_sub(noise)

@@ -7,11 +7,11 @@ use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
-use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
 
+use crate::frames::measure_rows;
 use crate::second_judge::{Claim, Frame, Kind, frame, row};
 
 /// A sensor that is judged.
@@ -23,21 +23,21 @@ pub struct Judged {
     pub is_calibrated: bool,
 }
 
+impl Judged {
+    const fn new(estimator: Estimator, is_calibrated: bool) -> Self {
+        Self {
+            estimator,
+            is_calibrated,
+        }
+    }
+}
+
 /// The sensors that are judged: calibrated, with the default estimator and with `phase-table`; and never
 /// calibrated.
 pub const JUDGED: [Judged; 3] = [
-    Judged {
-        estimator: Estimator::Adaptive,
-        is_calibrated: true,
-    },
-    Judged {
-        estimator: Estimator::PhaseTable,
-        is_calibrated: true,
-    },
-    Judged {
-        estimator: Estimator::Adaptive,
-        is_calibrated: false,
-    },
+    Judged::new(Estimator::Adaptive, true),
+    Judged::new(Estimator::PhaseTable, true),
+    Judged::new(Estimator::Adaptive, false),
 ];
 
 /// A confident error is larger than so many claimed standard uncertainties ...
@@ -133,16 +133,10 @@ fn measure(
     profile: Option<Profile>,
 ) -> Result<Measured, Fault> {
     let options = Options {
-        rows: rows.len() as u16,
         estimator,
         ..Options::default()
     };
-    let mut measurement = Measurement::new(geometry.clone(), options);
-    measurement.set(options, profile);
-    let complete = rows
-        .iter()
-        .filter_map(|row| measurement.row(&mut row.clone()));
-    complete.last().unwrap_or(Err(Fault::SensorSilent))
+    measure_rows(rows, geometry, options, profile)
 }
 
 /// Whether a reading of this centre says that it is not to be trusted: most of its rows do not look like
