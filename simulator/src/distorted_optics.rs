@@ -161,11 +161,12 @@ mod tests {
     /// What a calibration has to get below.
     const DEPARTURE: f64 = 300e-6;
 
+    fn of(seed: u64) -> DistortedOptics {
+        DistortedOptics::unknown(seed, DEPARTURE).expect("a geometry")
+    }
+
     fn unknown() -> impl Iterator<Item = (u64, DistortedOptics)> {
-        (0..40).map(|seed| {
-            let optics = DistortedOptics::unknown(seed, DEPARTURE).expect("a geometry");
-            (seed, optics)
-        })
+        (0..40).map(|seed| (seed, of(seed)))
     }
 
     fn distances(from: f64, to: f64) -> impl Iterator<Item = f64> {
@@ -221,13 +222,11 @@ mod tests {
         for (seed, optics) in unknown() {
             for distance in distances(0.60, 1.02) {
                 let straight = optics.optics.centre(distance);
-                let expected =
-                    optics.optics.metres_per_pixel(straight) / (1.0 + optics.stretch(straight));
+                let stretched = 1.0 + optics.stretch(straight);
+                let expected = optics.optics.metres_per_pixel(straight) / stretched;
                 let found = optics.metres_per_pixel(optics.centre(distance));
-                assert!(
-                    (found / expected - 1.0).abs() < 1e-6,
-                    "{seed}: {found} {expected}"
-                );
+                let off = found / expected - 1.0;
+                assert!(off.abs() < 1e-6, "{seed}: {found} {expected}");
             }
         }
     }
@@ -236,9 +235,8 @@ mod tests {
     /// D + K / (x - xp) is a straight line, and the pole with the least sum of squares is found by golden
     /// section.
     fn largest_residual_of_best(points: &[(f64, f64)]) -> f64 {
-        let n = points.len() as f64;
         let mean = |value: &dyn Fn(f64, f64) -> f64| {
-            points.iter().map(|&(x, d)| value(x, d)).sum::<f64>() / n
+            statistics::mean(points.iter().map(|&(x, d)| value(x, d)))
         };
         let residuals = |pole: f64| {
             let u = |x: f64| 1.0 / (x - pole);
@@ -256,10 +254,9 @@ mod tests {
         for _ in 0..100 {
             let part = 0.381_966_011_250_105 * (to - from);
             let (a, b) = (from + part, to - part);
-            if squares(a) < squares(b) {
-                to = b;
-            } else {
-                from = a;
+            match squares(a) < squares(b) {
+                true => to = b,
+                false => from = a,
             }
         }
         let best = residuals(0.5 * (from + to));
@@ -279,10 +276,8 @@ mod tests {
                 let (third, fifth) = (optics.third, optics.fifth);
                 println!("{:.2} um by {third:.3} and {fifth:.3} px", largest * 1e6);
             }
-            assert!(
-                (largest / DEPARTURE - 1.0).abs() < 0.01,
-                "{seed}: {largest}"
-            );
+            let off = largest / DEPARTURE - 1.0;
+            assert!(off.abs() < 0.01, "{seed}: {largest}");
             outwards += usize::from(optics.third > 0.0);
         }
         assert!((10..=30).contains(&outwards), "{outwards} of 40");
@@ -304,23 +299,18 @@ mod tests {
                 assert!((64.0..3583.0).contains(&centre), "{seed}: {centre}");
             }
             for pixel in 0..3648 {
-                let slope =
-                    optics.distance(f64::from(pixel)) - optics.distance(f64::from(pixel) + 1.0);
-                assert!(slope > 0.0, "{seed}: {slope} at {pixel}");
+                let [near, far] = [1, 0].map(|more| optics.distance(f64::from(pixel + more)));
+                assert!(far > near, "{seed}: {far} to {near} at {pixel}");
             }
         }
         errors.sort_by(f64::total_cmp);
-        println!(
-            "the nominal calibration is off by {:.1} to {:.1} mm",
-            errors[0] * 1e3,
-            errors[39] * 1e3
-        );
-        assert!(errors[0] > 1e-3 && errors[39] < 0.1);
+        let (least, most) = (errors[0], errors[39]);
+        println!("the nominal calibration is off by {least:.4} to {most:.4} m");
+        assert!(least > 1e-3 && most < 0.1);
     }
 
     #[test]
     fn a_seed_always_gives_the_same_geometry() {
-        let of = |seed| DistortedOptics::unknown(seed, DEPARTURE).expect("a geometry");
         assert_eq!(of(3), of(3));
         assert!(of(3) != of(4));
     }

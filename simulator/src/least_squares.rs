@@ -46,15 +46,10 @@ pub fn fit_near(row: &[f64], near: f64) -> Option<Gaussian> {
     let middle = (near.round().max(0.0) as usize).min(row.len() - 1);
     let top = mean(&row[middle.saturating_sub(2)..(middle + 3).min(row.len())]);
     let half = (top + level) / 2.0;
-    let left = row[..middle]
-        .iter()
-        .rev()
-        .take_while(|&&count| count > half)
-        .count();
-    let right = row[middle..]
-        .iter()
-        .take_while(|&&count| count > half)
-        .count();
+    let is_lit = |count: &&f64| **count > half;
+    let (left, right) = row.split_at(middle);
+    let left = left.iter().rev().take_while(is_lit).count();
+    let right = right.iter().take_while(is_lit).count();
     let width = ((left + right) as f64 / 2.355).max(0.5);
     let mut best = Gaussian {
         centre: near,
@@ -64,12 +59,9 @@ pub fn fit_near(row: &[f64], near: f64) -> Option<Gaussian> {
     };
     let mut window = 0..0;
     for _ in 0..30 {
-        let from = (best.centre - HALF_WINDOW * best.width)
-            .round()
-            .clamp(0.0, row.len() as f64) as usize;
-        let to = (best.centre + HALF_WINDOW * best.width + 1.0)
-            .round()
-            .clamp(0.0, row.len() as f64) as usize;
+        let on_row = |place: f64| place.round().clamp(0.0, row.len() as f64) as usize;
+        let from = on_row(best.centre - HALF_WINDOW * best.width);
+        let to = on_row(best.centre + HALF_WINDOW * best.width + 1.0);
         if (from..to) == window || to < from + 5 {
             break;
         }
@@ -243,9 +235,7 @@ mod tests {
         };
         let row: Vec<f64> = (0..900).map(|i| truth.at(f64::from(i))).collect();
         let found = fit_near(&row, 300.0).expect("a fit");
-        assert!(
-            (found.centre - truth.centre).abs() < 1e-6 && (found.width - truth.width).abs() < 1e-6,
-            "{found:?}"
-        );
+        let off = [found.centre - truth.centre, found.width - truth.width];
+        assert!(off.iter().all(|it| it.abs() < 1e-6), "{found:?}");
     }
 }

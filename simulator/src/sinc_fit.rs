@@ -79,9 +79,7 @@ mod tests {
             level: 100.0,
         };
         let found = fit_from(&row, start).expect("a fit");
-        assert!(
-            (found.centre - truth.centre).abs() < 1e-6 && (found.zero - truth.zero).abs() < 1e-6,
-            "{found:?}"
-        );
+        let off = [found.centre - truth.centre, found.zero - truth.zero];
+        assert!(off.iter().all(|it| it.abs() < 1e-6), "{found:?}");
     }
 }

@@ -103,13 +103,12 @@ impl Comb {
     pub fn nominal() -> Self {
         // Division gives the number that a scene's file reads from its decimals.
         let metres = |um: i32| f64::from(um) / 1e6;
+        let slits = NOMINAL_PLACES_UM.map(|place| Slit {
+            place: metres(place),
+            width: metres(SLIT_WIDTH_UM),
+        });
         Self {
-            slits: NOMINAL_PLACES_UM
-                .map(|place| Slit {
-                    place: metres(place),
-                    width: metres(SLIT_WIDTH_UM),
-                })
-                .to_vec(),
+            slits: slits.to_vec(),
         }
     }
 
@@ -167,11 +166,10 @@ impl Scene {
     /// The optics of each slit: of the comb's, or of the one slit or lens.
     pub fn openings(&self) -> Vec<Optics> {
         match &self.comb {
-            Some(comb) => comb
-                .slits
-                .iter()
-                .map(|it| it.optics(&self.optics))
-                .collect(),
+            Some(comb) => {
+                let slits = comb.slits.iter();
+                slits.map(|it| it.optics(&self.optics)).collect()
+            }
             None => vec![self.optics],
         }
     }
@@ -221,38 +219,34 @@ pub(crate) fn relative_height(scene: &Scene, aperture: f64, distance: f64) -> f6
 mod tests {
     use super::*;
     use crate::least_squares;
-    use crate::scene::{LaserSpot, Sensor, Simulation, Spot, file};
+    use crate::scene::{LaserSpot, Sensor, Simulation, file};
 
     const DISTANCES: [f64; 6] = [0.55, 0.65, 0.8, 0.9, 1.0, 1.10];
 
     fn comb(slits: &[(f64, f64)]) -> Comb {
-        Comb {
-            slits: slits
-                .iter()
-                .map(|&(place, width)| Slit { place, width })
-                .collect(),
-        }
+        let slit = |&(place, width)| Slit { place, width };
+        let slits = slits.iter().map(slit).collect();
+        Comb { slits }
     }
 
     fn one(place: f64) -> Option<Comb> {
         Some(comb(&[(place, 200e-6)]))
     }
 
-    fn light(scene: &Scene, distance: f64) -> Vec<f64> {
-        let row = scene.row(0, distance, scene.exposure);
-        row[scene.geometry().light]
-            .iter()
-            .map(|&x| f64::from(x))
-            .collect()
+    fn light(scene: &Scene, row: u64, distance: f64) -> Vec<f64> {
+        let row = scene.row(row, distance, scene.exposure);
+        let light = row[scene.geometry().light].iter();
+        light.map(|&x| f64::from(x)).collect()
     }
 
-    fn without_noise(scene: &Scene) -> Scene {
-        Scene {
-            shot_noise: None,
-            read_noise: None,
-            black_level: None,
-            ..scene.clone()
-        }
+    /// A scene of a name without noise, behind a comb.
+    fn noiseless(name: &str, comb: Option<Comb>) -> Scene {
+        let mut scene = match name {
+            "white paper" => Scene::white_paper(),
+            name => Scene::load(name).expect("a scene"),
+        };
+        (scene.shot_noise, scene.read_noise, scene.black_level) = (None, None, None);
+        Scene { comb, ..scene }
     }
 
     /// Draws a straight line from a point on the beam through the slit's place to the sensor's plane, in
@@ -328,15 +322,12 @@ mod tests {
     /// A pixel's place is exact for the gaussians of white paper: only rounding to f32 moves a centroid.
     #[test]
     fn images_are_where_the_optics_of_their_slits_say() {
-        let scene = Scene {
-            comb: Some(Comb::nominal()),
-            ..without_noise(&Scene::white_paper())
-        };
+        let scene = noiseless("white paper", Some(Comb::nominal()));
         scene.check().expect("a scene");
         let simulation = Simulation::new(scene.clone());
         let mut worst = 0.0f64;
         for distance in DISTANCES {
-            let row = light(&scene, distance);
+            let row = light(&scene, 0, distance);
             let centres = simulation.true_centres(0, distance);
             assert_eq!(centres.len(), 16);
             for centre in centres {
@@ -357,18 +348,15 @@ mod tests {
     /// Light adds up: the comb's row is the sum of the rows of its slits alone.
     #[test]
     fn the_light_of_slits_adds_up() {
-        let mut scene = without_noise(&Scene::load("brushed-metal").expect("a scene"));
+        let mut scene = noiseless("brushed-metal", None);
         scene.obliquity = Some(crate::scene::Obliquity {});
         for sensor in [Sensor::Tcd1304dg, Sensor::Camera] {
             scene.sensor = sensor;
             scene.optics = Optics::nominal_on(sensor);
             let row = sensor.rows() / 2;
             let places = [-2060e-6, 100e-6, 1180e-6];
-            let of = |comb: Option<Comb>| {
-                let scene = Scene {
-                    comb,
-                    ..scene.clone()
-                };
+            let mut of = |comb: Option<Comb>| {
+                scene.comb = comb;
                 scene.check().expect("a scene");
                 scene.row(row, 0.8, scene.exposure)
             };
@@ -389,9 +377,8 @@ mod tests {
 
     #[test]
     fn a_mask_warms_up_as_a_whole() {
-        let mut scene = without_noise(&Scene::load("warming-up").expect("a scene"));
         let place = 6800e-6;
-        scene.comb = one(place);
+        let scene = noiseless("warming-up", one(place));
         let row = 2000;
         let temperature = scene.temperature.expect("listed");
         let time = row as f64 * scene.period();
@@ -400,11 +387,7 @@ mod tests {
             .optics(&scene.optics, time)
             .behind(scale * place)
             .centre(scene.distance);
-        let counts = scene.row(row, scene.distance, scene.exposure);
-        let light: Vec<f64> = counts[scene.geometry().light]
-            .iter()
-            .map(|&x| f64::from(x))
-            .collect();
+        let light = light(&scene, row, scene.distance);
         let found = least_squares::fit_near(&light, expected).expect("a spot");
         let moved = expected - scene.openings()[0].centre(scene.distance);
         println!("{} for {expected}, moved by {moved}", found.centre);
@@ -419,20 +402,17 @@ mod tests {
             let scene = Scene {
                 diffraction,
                 laser_spot,
-                comb: Some(comb(&[(1180e-6, width)])),
-                ..without_noise(&Scene::white_paper())
+                ..noiseless("white paper", Some(comb(&[(1180e-6, width)])))
             };
             let centre = scene.openings()[0].centre(0.8);
-            let row = light(&scene, 0.8);
+            let row = light(&scene, 0, 0.8);
             let found = least_squares::fit_near(&row, centre).expect("a spot");
             let peak = row.iter().fold(0.0f64, |peak, &x| peak.max(x));
             (peak, found.width)
         };
         for diffraction in [None, Some(Diffraction::Fraunhofer)] {
-            let ((low, wide), (high, narrow)) = (
-                height(diffraction, None, 200e-6),
-                height(diffraction, None, 300e-6),
-            );
+            let [(low, wide), (high, narrow)] =
+                [200e-6, 300e-6].map(|width| height(diffraction, None, width));
             println!("{diffraction:?}: {:.4}, {:.4}", high / low, wide / narrow);
             assert!((high / low / 2.25 - 1.0).abs() < 5e-3);
             assert!((wide / narrow / 1.5 - 1.0).abs() < 5e-3);
@@ -485,7 +465,7 @@ mod tests {
     fn the_nominal_comb_can_be_simulated_with_speckle() {
         let scene = Scene::load("comb").expect("a scene");
         assert_eq!(scene.comb, Some(Comb::nominal()));
-        let simulation = Simulation::new(without_noise(&scene));
+        let simulation = Simulation::new(noiseless("comb", scene.comb.clone()));
         for distance in [0.55, 0.8, 1.10] {
             scene.check_distance(distance).expect("a distance");
             let row = simulation.row(0, distance, scene.exposure);
@@ -511,11 +491,8 @@ mod tests {
             ..optics
         };
         refused(Comb::nominal(), &lens, "make optics.aperture a slit");
-        refused(
-            comb(&[]),
-            &optics,
-            "comb.slits has 0 slits: give it 1 to 16",
-        );
+        let none = "comb.slits has 0 slits: give it 1 to 16";
+        refused(comb(&[]), &optics, none);
         let many: Vec<_> = (0..17).map(|i| (f64::from(i) * 1e-3, 200e-6)).collect();
         refused(comb(&many), &optics, "comb.slits has 17 slits");
         for place in [f64::NAN, f64::INFINITY] {
@@ -535,23 +512,15 @@ mod tests {
         assert_eq!(scene.comb, Some(comb(&[(1e-3, 2e-4)])));
         let tables = "[[comb.slits]]\nplace = 1e-3\nwidth = 2e-4\n";
         assert_eq!(with(tables).expect("a scene"), scene);
-        assert_eq!(
-            Scene::from_toml(&scene.to_toml().expect("text")).expect("a scene"),
-            scene
-        );
+        let again = Scene::from_toml(&scene.to_toml().expect("text"));
+        assert_eq!(again.expect("a scene"), scene);
         assert!(with("slits = [{ place = 1e-3 }]").is_err());
         assert!(with("slits = []\npitch = 1").is_err());
     }
 
     #[test]
     fn a_scene_without_a_comb_has_one_opening() {
-        let scene = Scene {
-            spot: Some(Spot {
-                width: 8.6,
-                counts_per_second: 1.0,
-            }),
-            ..Scene::dark(Sensor::Tcd1304dg)
-        };
+        let scene = Scene::white_paper();
         assert_eq!(scene.openings(), [scene.optics]);
     }
 }
