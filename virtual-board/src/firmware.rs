@@ -167,12 +167,10 @@ mod tests {
             br#"{"reason":"compiler-artifact","target":{"name":"libm"},"executable":null}
 {"reason":"compiler-artifact","target":{"name":"slitrange"},"executable":"/t/release/slitrange"}
 {"reason":"build-finished","success":true}"#;
+        let path = Some(PathBuf::from("/t/release/slitrange"));
+        assert_eq!(executable(messages), path);
         assert_eq!(
-            executable(messages),
-            Some(PathBuf::from("/t/release/slitrange"))
-        );
-        assert_eq!(
-            executable(b"{\"reason\":\"build-finished\",\"success\":true}"),
+            executable(br#"{"reason":"build-finished","success":true}"#),
             None
         );
     }

@@ -349,17 +349,9 @@ mod tests {
         assert_eq!(flash.word(BASE + BYTES as u64), None);
         assert_eq!(flash.violation_count(), 0);
         let history = flash.take_history();
-        let program = Operation::Program {
-            address: BASE + 8,
-            word: 0x0403_0201,
-        };
-        assert_eq!(
-            history.operations(),
-            [Done {
-                at: 42,
-                operation: program
-            }]
-        );
+        let (address, word) = (BASE + 8, 0x0403_0201);
+        let operation = Operation::Program { address, word };
+        assert_eq!(history.operations(), [Done { at: 42, operation }]);
         assert_eq!(history.after(1), flash.contents());
         assert_eq!(history.after(0), Contents::erased());
         assert_eq!(flash.operation_count(), 0, "a new history begins");
@@ -367,27 +359,16 @@ mod tests {
 
     #[test]
     fn stores_that_silicon_refuses_are_violations() {
-        let locked = Interface::RESET;
-        let not_programming = Interface {
-            programs: false,
-            ..READY
-        };
-        let of_bytes = Interface {
-            takes_words: false,
-            ..READY
-        };
-        let busy = Interface {
-            busy: true,
-            ..READY
-        };
-        for (interface, width, why) in [
-            (locked, Width::W32, "unlocking"),
-            (not_programming, Width::W32, "PG"),
-            (of_bytes, Width::W32, "PSIZE"),
-            (READY, Width::W8, "32 bits"),
-            (busy, Width::W32, "busy"),
-        ] {
-            let flash = flash(interface);
+        let cases: [(fn(&mut Interface), Width, &str); 5] = [
+            (|it| *it = Interface::RESET, Width::W32, "unlocking"),
+            (|it| it.programs = false, Width::W32, "PG"),
+            (|it| it.takes_words = false, Width::W32, "PSIZE"),
+            (|_| (), Width::W8, "32 bits"),
+            (|it| it.busy = true, Width::W32, "busy"),
+        ];
+        for (change, width, why) in cases {
+            let flash = flash(READY);
+            change(&mut flash.lock().interface);
             store(&flash, BASE, width, 0);
             let violations = flash.violations();
             println!("{violations:?}");
@@ -397,7 +378,8 @@ mod tests {
             assert_eq!(flash.contents(), Contents::erased());
             assert_eq!(flash.operation_count(), 0);
         }
-        let flash = flash(busy);
+        let flash = flash(READY);
+        flash.lock().interface.busy = true;
         load(&flash, BASE + 0xFFFC, Width::W32);
         assert_eq!(flash.violation_count(), 1, "the core stands still");
     }
@@ -453,11 +435,8 @@ mod tests {
             store(&flash, BASE + 4 * word, Width::W32, word);
         }
         assert_eq!(flash.operation_count(), 2);
-        let words = [0, 4, 8, 12].map(|offset| flash.word(BASE + offset));
-        assert_eq!(
-            words,
-            [Some(0), Some(1), Some(0xFFFF_FFFF), Some(0xFFFF_FFFF)]
-        );
+        let words = [0, 4, 8, 12].map(|offset| flash.word(BASE + offset).expect("a word"));
+        assert_eq!(words, [0, 1, 0xFFFF_FFFF, 0xFFFF_FFFF]);
         flash.power_on(0);
         assert!(flash.lock().interface.locked);
         flash.lock().interface = READY;

@@ -83,6 +83,15 @@ pub struct Statistics {
 }
 
 impl Statistics {
+    /// The statistics of the time since others of the same run.
+    pub fn since(&self, before: &Self) -> Self {
+        Self {
+            seconds: self.seconds - before.seconds,
+            instructions: self.instructions - before.instructions,
+            rows: self.rows - before.rows,
+        }
+    }
+
     /// The share of the time in which the core executed nothing, 0 to 1.
     pub fn asleep(&self) -> f64 {
         1.0 - self.instructions as f64 / (INSTRUCTIONS_PER_SECOND as f64 * self.seconds)

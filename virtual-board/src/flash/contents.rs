@@ -218,10 +218,8 @@ mod tests {
 
     #[test]
     fn contents_of_the_wrong_size_are_refused() {
-        assert_eq!(
-            Contents::new(vec![ERASED; BYTES]).expect("four sectors"),
-            Contents::erased()
-        );
+        let whole = Contents::new(vec![ERASED; BYTES]).expect("four sectors");
+        assert_eq!(whole, Contents::erased());
         let error = Contents::new(vec![0; 7])
             .expect_err("too short")
             .to_string();

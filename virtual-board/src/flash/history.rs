@@ -72,45 +72,33 @@ mod tests {
     #[test]
     fn the_history_gives_the_contents_after_any_operation() {
         let mut history = History::since(Contents::new(vec![0x55; BYTES]).expect("four sectors"));
+        let (address, word) = (BASE + 0x4000, 0x0000_00AA);
         let operations = [
             Operation::Erase { sector: 13 },
-            Operation::Program {
-                address: BASE + 0x4000,
-                word: 0x0000_00AA,
-            },
+            Operation::Program { address, word },
             Operation::Erase { sector: 12 },
             Operation::Erase { sector: 13 },
         ];
         history.done = (operations.into_iter().zip(1..))
             .map(|(operation, at)| Done { at, operation })
             .collect();
-        let word =
-            |contents: Contents, sector: u64| contents.read(BASE + 0x4000 * (sector - 12), 4);
-        let states: Vec<_> = (0..=4)
-            .map(|count| {
-                (
-                    word(history.after(count), 12),
-                    word(history.after(count), 13),
-                )
-            })
-            .collect();
+        let words = |contents: Contents| [BASE, address].map(|at| contents.read(at, 4));
+        let states = [0, 1, 2, 3, 4].map(|count| words(history.after(count)));
         let (old, erased) = (0x5555_5555, 0xFFFF_FFFF);
-        assert_eq!(
-            states,
-            [
-                (old, old),
-                (old, erased),
-                (old, 0xAA),
-                (erased, 0xAA),
-                (erased, erased)
-            ]
-        );
+        let expected = [
+            [old, old],
+            [old, erased],
+            [old, 0xAA],
+            [erased, 0xAA],
+            [erased; 2],
+        ];
+        assert_eq!(states, expected);
         assert_eq!((history.erases_of(12), history.erases_of(13)), (1, 2));
         // The power cut is in the second operation, which clears 28 bits. With this seed it clears some of
         // them.
-        let torn = word(history.torn_after(1, 3), 13);
+        let [whole, torn] = words(history.torn_after(1, 3));
         assert_eq!(torn & 0xAA, 0xAA);
         assert!(torn != erased && torn != 0xAA, "{torn:#x}");
-        assert_eq!(word(history.torn_after(1, 3), 12), old);
+        assert_eq!(whole, old);
     }
 }

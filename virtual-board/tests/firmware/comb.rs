@@ -162,7 +162,7 @@ fn assert_rate(frame: u16, seconds: u64) {
     let mut board = measuring_under(recurring(), frame, full_speed());
     let before = Status::ask(&mut board);
     run_ms(&mut board, 300);
-    let (began, rows) = (board.statistics(), board.statistics().rows);
+    let began = board.statistics();
     for second in 1..=seconds {
         run_ms(&mut board, 1_000);
         board.take_lines();
@@ -170,18 +170,15 @@ fn assert_rate(frame: u16, seconds: u64) {
             println!("{second} s of {seconds}");
         }
     }
-    let ended = board.statistics();
-    let rows = (board.statistics().rows - rows) as f64;
-    let instructions = (ended.instructions - began.instructions) as f64;
-    let elapsed = ended.seconds - began.seconds;
-    let free = 1.0 - instructions / (INSTRUCTIONS_PER_SECOND as f64 * elapsed);
+    let run = board.statistics().since(&began);
+    let (rows, elapsed, free) = (run.rows as f64, run.seconds, run.asleep());
     let status = Status::ask(&mut board);
     println!(
         "{frame} rows a frame, {elapsed:.1} s: {rows} rows, {:.2} a second, {} lost; {:.0} instructions a \
          row, {:.1} % of the time free; the slowest row took {}",
         rows / elapsed,
         status.count("rows lost"),
-        instructions / rows,
+        run.instructions as f64 / rows,
         100.0 * free,
         status.count("slowest row cycles"),
     );

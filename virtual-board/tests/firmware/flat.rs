@@ -113,10 +113,7 @@ fn a_map_lowers_the_error_and_survives_a_power_cycle() {
     let without = error(&mut board);
     let without_map = cycles_of_following_row(&mut board);
     println!("{with} cycles a row with the map, {without_map} without");
-    assert!(
-        with - without_map < MOST_CYCLES_OF_MAP,
-        "{with} {without_map}"
-    );
+    assert!(with - without_map < MOST_CYCLES_OF_MAP);
     assert!((without - before).abs() < 0.008, "{without}");
     set(&mut board, "flat on");
     assert_eq!(paused(&mut board, "flat save"), "flat save");

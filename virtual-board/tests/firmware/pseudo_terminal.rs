@@ -128,10 +128,8 @@ fn the_target_moves_to_the_position_in_the_stage_file() {
     }
     fs::remove_file(&file).expect("the file");
     let line = demo.fresh_reading();
-    assert!(
-        (number(&line, "d ", " mm") - 1000.25).abs() < 0.05,
-        "{line}"
-    );
+    let off = number(&line, "d ", " mm") - 1000.25;
+    assert!(off.abs() < 0.05, "{line}");
     drop(demo);
 }
 
@@ -188,10 +186,8 @@ fn a_distance_in_metres_is_refused() {
             .expect("the demo starts");
         let message = String::from_utf8_lossy(&output.stderr);
         assert!(!output.status.success());
-        assert!(
-            message.contains("must be 10 to 8380 millimetres (800, not 0.8)"),
-            "{message}"
-        );
+        let range = "must be 10 to 8380 millimetres (800, not 0.8)";
+        assert!(message.contains(range), "{message}");
     }
 }
 
@@ -206,9 +202,7 @@ fn a_flash_file_of_the_wrong_size_is_refused() {
     let message = String::from_utf8_lossy(&output.stderr);
     println!("{message}");
     assert!(!output.status.success());
-    assert!(
-        message.contains("no-flash") && message.contains("100 bytes"),
-        "{message}"
-    );
+    let names_both = message.contains("no-flash") && message.contains("100 bytes");
+    assert!(names_both, "{message}");
     fs::remove_file(&file).expect("the file");
 }

@@ -18,13 +18,9 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
     board.take_lines();
     let before = board.statistics();
     let (began, first) = (board.now(), board.statistics().rows);
-    assert_eq!(
-        lost_rows(&mut board, rows_per_second, count).expect("rows"),
-        0
-    );
-    let after = board.statistics();
-    let busy = (after.instructions - before.instructions) as f64
-        / (168e6 * (after.seconds - before.seconds));
+    let lost = lost_rows(&mut board, rows_per_second, count);
+    assert_eq!(lost.expect("rows"), 0);
+    let busy = 1.0 - board.statistics().since(&before).asleep();
     // Rows come at the rate that was asked for, to a row at either end.
     let read = board.statistics().rows - first;
     let due = (board.now() - began) as f64 * 1e-9 * rows_per_second;

@@ -103,12 +103,8 @@ fn saving_pauses_the_stream_and_nothing_else() {
         erased += usize::from(lasted > 350);
         let lines = board.take_lines();
         let results: Vec<&Line> = lines.iter().filter(|line| is_result(&line.text)).collect();
-        assert!(
-            !results
-                .iter()
-                .any(|line| (paused..=done).contains(&line.at)),
-            "{results:#?}"
-        );
+        let is_in_pause = |line: &&Line| (paused..=done).contains(&line.at);
+        assert!(!results.iter().any(is_in_pause), "{results:#?}");
         // No frame has rows from before and after the pause. One old result may have waited for the serial
         // line.
         let after: Vec<&&Line> = results.iter().filter(|line| line.at > done).collect();

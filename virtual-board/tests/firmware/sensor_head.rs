@@ -75,14 +75,12 @@ fn rows_come_on_time() {
     let (before, first) = (board.statistics(), board.statistics().rows);
     board.take_lines();
     run_ms(&mut board, 500);
-    let after = board.statistics();
+    let busy = 1.0 - board.statistics().since(&before).asleep();
     let count = board.statistics().rows - first;
     let rows: Vec<Row> = kept_rows(&mut board);
     let rows = &rows[rows.len() - count as usize..];
 
     let (least, most) = phases(rows);
-    let busy = (after.instructions - before.instructions) as f64
-        / (168e6 * (after.seconds - before.seconds));
     println!(
         "{count} rows, sampled at {least:.3} to {most:.3} of a pixel's time, the core busy for \
          {:.1} % of the time",
