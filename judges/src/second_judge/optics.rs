@@ -97,9 +97,5 @@ pub fn lamp(plan: &mut Plan, random: &mut Rng) {
     let centre = plan.spot.centre + side(random) * random.random_range(0.0..2.0) * width;
     plan.leave_room(share * plan.spot.height);
     let height = share * plan.spot.height;
-    plan.light(move |pixels, _, _| {
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            *pixel += height * gaussian(i as f64, centre, width);
-        }
-    });
+    plan.add_light(move |i| height * gaussian(i, centre, width));
 }

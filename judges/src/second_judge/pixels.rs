@@ -3,7 +3,7 @@
 use rand::Rng as _;
 use rand_distr::{Distribution as _, StandardNormal};
 
-use crate::second_judge::plan::Plan;
+use crate::second_judge::plan::{Plan, add};
 use crate::second_judge::sensor::FULL_SCALE;
 use crate::second_judge::spot::Spot;
 use crate::second_judge::{Rng, log_even, side};
@@ -23,10 +23,9 @@ pub fn blooming_tail(plan: &mut Plan, random: &mut Rng) {
             carried += leak * excess - arrives;
             *pixel = (*pixel + arrives).min(well);
         };
-        if is_right {
-            pixels.iter_mut().for_each(&mut fill);
-        } else {
-            pixels.iter_mut().rev().for_each(&mut fill);
+        match is_right {
+            true => pixels.iter_mut().for_each(&mut fill),
+            false => pixels.iter_mut().rev().for_each(&mut fill),
         }
     });
 }
@@ -71,11 +70,7 @@ fn block(plan: &Plan, random: &mut Rng, most: usize) -> std::ops::Range<usize> {
 pub fn hot_block(plan: &mut Plan, random: &mut Rng) {
     let block = block(plan, random, 4);
     let counts = log_even(random, 30.0, 3000.0);
-    plan.light(move |pixels, _, _| {
-        pixels[block.clone()]
-            .iter_mut()
-            .for_each(|pixel| *pixel += counts);
-    });
+    plan.light(move |pixels, _, _| add(&mut pixels[block.clone()], |_| counts));
 }
 
 /// Pixels that see no light.
@@ -95,11 +90,7 @@ pub fn stuck(plan: &mut Plan, random: &mut Rng) {
 pub fn uneven_dark(plan: &mut Plan, random: &mut Rng) {
     let deviation = log_even(random, 1.0, 8.0);
     let offsets = normals(plan, random);
-    plan.charge(move |pixels, _, _| {
-        for (pixel, offset) in pixels.iter_mut().zip(&offsets) {
-            *pixel += deviation * offset;
-        }
-    });
+    plan.charge(move |pixels, _, _| add(pixels, |i| deviation * offsets[i as usize]));
 }
 
 /// Pixels of unlike sizes.

@@ -132,6 +132,16 @@ impl Plan {
         self.light.push(Box::new(change));
     }
 
+    /// Adds to the light of each pixel, before its shot noise, what a function gives for the pixel's number.
+    pub fn add_light(&mut self, added: impl Fn(f64) -> f64 + 'static) {
+        self.light(move |pixels, _, _| add(pixels, &added));
+    }
+
+    /// Adds to the voltage of each pixel what a function gives for the pixel's number.
+    pub fn add_volts(&mut self, added: impl Fn(f64) -> f64 + 'static) {
+        self.volts(move |pixels, _, _| add(pixels, &added));
+    }
+
     /// Changes the charge in the pixels.
     pub fn charge(&mut self, change: impl Fn(&mut [f64], &Moment, &mut Rng) + 'static) {
         self.charge.push(Box::new(change));
@@ -221,5 +231,12 @@ impl Plan {
             change(&mut words, moment, random);
         }
         words
+    }
+}
+
+/// Adds what a function gives for a pixel's number.
+pub fn add(pixels: &mut [f64], added: impl Fn(f64) -> f64) {
+    for (i, pixel) in pixels.iter_mut().enumerate() {
+        *pixel += added(i as f64);
     }
 }

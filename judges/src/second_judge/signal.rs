@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use rand::Rng as _;
 use rand_distr::{Distribution as _, StandardNormal};
 
-use crate::second_judge::plan::Plan;
+use crate::second_judge::plan::{Plan, add};
 use crate::second_judge::sensor::FULL_SCALE;
 use crate::second_judge::{Rng, gaussian, log_even, side};
 
@@ -15,11 +15,7 @@ pub fn slope(plan: &mut Plan, random: &mut Rng) {
     let last = plan.sensor.pixels as f64 - 1.0;
     let lowest = (slope * last).min(0.0);
     plan.leave_room((slope * last).abs());
-    plan.volts(move |pixels, _, _| {
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            *pixel += slope * i as f64 - lowest;
-        }
-    });
+    plan.add_volts(move |i| slope * i - lowest);
 }
 
 /// A level that falls to below the converter's zero near the spot, so that the converter clips one flank's
@@ -29,11 +25,7 @@ pub fn clipped(plan: &mut Plan, random: &mut Rng) {
     let zero = plan.spot.centre - slope.signum() * random.random_range(0.0..4.0) * plan.spot.width;
     let black = plan.sensor.black;
     plan.leave_room(slope.abs() * plan.sensor.pixels as f64);
-    plan.volts(move |pixels, _, _| {
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            *pixel += slope * (i as f64 - zero) - black;
-        }
-    });
+    plan.add_volts(move |i| slope * (i - zero) - black);
 }
 
 /// A level that jumps within the spot and stays.
@@ -57,9 +49,9 @@ pub fn flicker(plan: &mut Plan, random: &mut Rng) {
     plan.light(move |light, moment, _| {
         let wave = (TAU * 100.0 * 5.7e-3 * moment.row as f64 + phase).sin();
         let level = 0.5 * counts * (1.0 + wave);
-        for (i, pixel) in light.iter_mut().enumerate() {
-            *pixel += level * (1.0 + 2.0 * gradient * (i as f64 / pixels - 0.5));
-        }
+        add(light, |i| {
+            level * (1.0 + 2.0 * gradient * (i / pixels - 0.5))
+        });
     });
 }
 
@@ -69,11 +61,7 @@ pub fn ripple(plan: &mut Plan, random: &mut Rng) {
     let period = log_even(random, 4.0, 150.0);
     let phase = TAU * random.random::<f64>();
     plan.leave_room(counts);
-    plan.volts(move |pixels, _, _| {
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            *pixel += counts * (TAU * i as f64 / period + phase).sin();
-        }
-    });
+    plan.add_volts(move |i| counts * (TAU * i / period + phase).sin());
 }
 
 /// A short oscillation, as a switching load makes it at the same time in every row.
@@ -85,11 +73,8 @@ pub fn burst(plan: &mut Plan, random: &mut Rng) {
     let length = random.random_range(0.5..3.0) * spot.width;
     let centre = spot.centre + random.random_range(-2.5..2.5) * spot.width;
     plan.leave_room(counts);
-    plan.volts(move |pixels, _, _| {
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            let packet = gaussian(i as f64, centre, 0.4 * length);
-            *pixel += counts * packet * (TAU * i as f64 / period + phase).sin();
-        }
+    plan.add_volts(move |i| {
+        counts * gaussian(i, centre, 0.4 * length) * (TAU * i / period + phase).sin()
     });
 }
 

@@ -35,23 +35,17 @@ fn add_hump(plan: &mut Plan, random: &mut Rng) {
     // Long enough to show that the light is wide.
     plan.sensor.pixels = 2048;
     plan.place(random.random_range(200.0..1848.0));
-    let (height, width) = (
-        log_even(random, 20.0, 100.0),
-        random.random_range(200.0..400.0),
-    );
+    let height = log_even(random, 20.0, 100.0);
+    let width = random.random_range(200.0..400.0);
     let centre = random.random_range(0.0..2048.0);
-    plan.light(move |pixels, _, _| {
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            *pixel += height * gaussian(i as f64, centre, width);
-        }
-    });
+    plan.add_light(move |i| height * gaussian(i, centre, width));
 }
 
 /// Noise, and even light.
 pub fn dark(plan: &mut Plan, random: &mut Rng) {
     plan.remove_spot();
     let ambient = random.random_range(0.0..100.0);
-    plan.light(move |pixels, _, _| pixels.iter_mut().for_each(|pixel| *pixel += ambient));
+    plan.add_light(move |_| ambient);
 }
 
 /// A spot whose top is cut off at full scale.
@@ -63,11 +57,8 @@ pub fn saturated(plan: &mut Plan, random: &mut Rng) {
 pub fn edge(plan: &mut Plan, random: &mut Rng) {
     let inside = random.random_range(-1.0..5.0) * plan.spot.width;
     let last = plan.sensor.pixels as f64 - 1.0;
-    plan.place(if random.random_bool(0.5) {
-        inside
-    } else {
-        last - inside
-    });
+    let is_first = random.random_bool(0.5);
+    plan.place(if is_first { inside } else { last - inside });
 }
 
 /// Two spots of similar height: nobody can tell which one is the laser's.

@@ -1,5 +1,7 @@
 //! Parses the firmware's lines.
 
+use std::str::FromStr;
+
 use anyhow::{Context as _, Result};
 use slitrange::base::fault::Fault;
 
@@ -68,10 +70,6 @@ impl Report {
         else {
             anyhow::bail!("{line:?} is no reading");
         };
-        let number = |word: &str| {
-            word.parse::<f64>()
-                .with_context(|| format!("{word:?} in {line:?} is no number"))
-        };
         let (exposure, rest) = match rest {
             ["t", exposure, rest @ ..] => (*exposure, rest),
             rest => ("5600", rest),
@@ -82,21 +80,21 @@ impl Report {
         };
         let used = rows.split('/').next().unwrap_or_default();
         Ok(Some(Self::Reading(Reading {
-            distance: number(distance)?,
-            uncertainty: number(uncertainty)?,
-            repeatability: number(repeatability)?,
-            centre: number(centre)?,
-            amplitude: number(amplitude)?,
-            rows: used
-                .parse()
-                .with_context(|| format!("{rows:?} in {line:?} is no count of rows"))?,
-            exposure: exposure
-                .parse()
-                .with_context(|| format!("{exposure:?} in {line:?} is no exposure"))?,
-            slits: slits
-                .parse()
-                .with_context(|| format!("{slits:?} in {line:?} is no count of slits"))?,
+            distance: number(line, distance)?,
+            uncertainty: number(line, uncertainty)?,
+            repeatability: number(line, repeatability)?,
+            centre: number(line, centre)?,
+            amplitude: number(line, amplitude)?,
+            rows: number(line, used)?,
+            exposure: number(line, exposure)?,
+            slits: number(line, slits)?,
             flags: flags.join(" "),
         })))
     }
+}
+
+/// The number that a word of a line is.
+fn number<T: FromStr>(line: &str, word: &str) -> Result<T> {
+    let number = word.parse().ok();
+    number.with_context(|| format!("{word:?} in {line:?} is no such number"))
 }
