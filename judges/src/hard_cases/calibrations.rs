@@ -4,6 +4,7 @@ use std::fmt;
 
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Micrometres, Pixels};
+use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
@@ -33,13 +34,13 @@ pub enum CalibrationDue {
 
 /// What is made of numbers.
 #[derive(Clone, Debug)]
-enum Made {
-    /// Eq. (1): a curve with its D and K (um, um px) and xp (px), or why there is none.
-    Curve(Result<Eq1, Refusal>, [f64; 3]),
-    /// A table, through which knots, or why there is none.
-    Table(Result<Table, Refusal>, Vec<Knot>),
-    /// Eq. (1) with residuals, which knots, or why there is none.
-    Corrected(Result<Corrected, Refusal>, Eq1, Vec<Knot>),
+struct Made {
+    /// A calibration, or why there is none.
+    calibration: Result<Calibration, Refusal>,
+    /// D (um), K (um px) and xp (px) of eq. (1).
+    parameters: [f64; 3],
+    /// The knots of a table or of residuals.
+    knots: Vec<Knot>,
 }
 
 /// Why numbers are no calibration.
@@ -51,11 +52,19 @@ struct Refusal {
     words: String,
 }
 
-impl Refusal {
-    fn new(error: &(impl fmt::Debug + fmt::Display)) -> Self {
+impl Made {
+    fn of<E: fmt::Debug + fmt::Display>(
+        made: Result<Calibration, E>,
+        parameters: [f64; 3],
+        knots: Vec<Knot>,
+    ) -> Self {
         Self {
-            name: format!("{error:?}"),
-            words: error.to_string(),
+            calibration: made.map_err(|error| Refusal {
+                name: format!("{error:?}"),
+                words: error.to_string(),
+            }),
+            parameters,
+            knots,
         }
     }
 }
@@ -72,61 +81,49 @@ pub struct Found {
 impl CalibrationCase {
     /// Makes it, and asks for distances over its range and outside.
     pub fn run(&self) -> Found {
-        match &self.made {
-            Made::Curve(Err(why), _)
-            | Made::Table(Err(why), _)
-            | Made::Corrected(Err(why), _, _) => self.refused(why),
-            Made::Curve(Ok(curve), [d, k, pole]) => {
-                let expected = |x: f64| Some(d + k / (x - pole));
-                self.taken(curve.valid(), &[], 0, |x| curve.distance_at(x), expected)
-            }
-            Made::Table(Ok(table), knots) => {
-                let expected = |x: f64| at_knot(knots, x);
-                self.taken(table.valid(), knots, 0, |x| table.distance_at(x), expected)
-            }
-            Made::Corrected(Ok(corrected), curve, knots) => {
-                let expected = |x: f64| {
-                    let base = curve.distance_at(Pixels::from_bits((x * 65536.0) as i32));
-                    Some(base.ok()?.0.to_f64() + at_knot(knots, x)?)
-                };
-                self.taken(
-                    corrected.valid(),
-                    knots,
-                    STEP_BACK,
-                    |x| corrected.distance_at(x),
-                    expected,
-                )
-            }
+        match &self.made.calibration {
+            Ok(calibration) => self.taken(calibration),
+            Err(why) => Found {
+                answer: format!("refused: {}", why.words),
+                is_due: matches!(self.due, CalibrationDue::Refused(name) if why.name.contains(name)),
+            },
         }
     }
 
-    fn refused(&self, why: &Refusal) -> Found {
-        let is_due = |name: &str| why.name.contains(name);
-        Found {
-            answer: format!("refused: {}", why.words),
-            is_due: matches!(self.due, CalibrationDue::Refused(name) if is_due(name)),
+    /// What the distance at a centre should be in micrometres, where that is known.
+    fn expected(&self, calibration: &Calibration, x: f64) -> Option<f64> {
+        let knot = self.made.knots.iter();
+        let at_knot = || knot.clone().find(|knot| knot.centre.to_f64() == x);
+        let [d, k, pole] = self.made.parameters;
+        match calibration {
+            Calibration::Eq1(_) => Some(d + k / (x - pole)),
+            Calibration::Table(_) => Some(at_knot()?.value.to_f64()),
+            Calibration::Corrected(corrected) => {
+                let base = corrected
+                    .curve()
+                    .distance_at(Pixels::from_bits((x * 65536.0) as i32));
+                Some(base.ok()?.0.to_f64() + at_knot()?.value.to_f64())
+            }
         }
     }
 
     /// Distances at 2001 centres over the range and at the knots, against what they should be where that is
     /// known; beyond the range a fault. The distance goes one way, but for steps of Q24.8 back.
-    fn taken(
-        &self,
-        (from, to): (Pixels, Pixels),
-        knots: &[Knot],
-        step_back: i32,
-        distance_at: impl Fn(Pixels) -> Result<(Micrometres, f32), Fault>,
-        expected: impl Fn(f64) -> Option<f64>,
-    ) -> Found {
+    fn taken(&self, calibration: &Calibration) -> Found {
+        let (from, to) = calibration.valid();
+        let step_back = match calibration {
+            Calibration::Corrected(_) => STEP_BACK,
+            _ => 0,
+        };
         let span = i64::from(to.to_bits()) - i64::from(from.to_bits());
         let even = (0..=2000).map(|step| (i64::from(from.to_bits()) + span * step / 2000) as i32);
         let mut centres: Vec<i32> = even.collect();
-        centres.extend(knots.iter().map(|knot| knot.centre.to_bits()));
+        centres.extend(self.made.knots.iter().map(|knot| knot.centre.to_bits()));
         centres.sort_unstable();
         let (mut worst, mut nonsense) = (0.0f64, None);
         let mut before: Option<Micrometres> = None;
         for centre in centres.into_iter().map(Pixels::from_bits) {
-            let (distance, slope) = match distance_at(centre) {
+            let (distance, slope) = match calibration.distance_at(centre) {
                 Ok(found) => found,
                 Err(fault) => {
                     nonsense = Some(format!("{} at {centre} px", fault.name()));
@@ -143,7 +140,7 @@ impl CalibrationCase {
                     nonsense = Some(format!("turns back at {centre} px"));
                 }
             }
-            if let Some(expected) = expected(centre.to_f64()) {
+            if let Some(expected) = self.expected(calibration, centre.to_f64()) {
                 worst = worst.max((distance.to_f64() - expected).abs());
             }
         }
@@ -151,7 +148,7 @@ impl CalibrationCase {
             let Some(centre) = outside.map(Pixels::from_bits) else {
                 continue;
             };
-            if distance_at(centre) != Err(Fault::OutOfRange { centre }) {
+            if calibration.distance_at(centre) != Err(Fault::OutOfRange { centre }) {
                 nonsense = Some(format!("a distance at {centre} px, outside"));
             }
         }
@@ -167,22 +164,14 @@ impl CalibrationCase {
 /// [`Corrected`]).
 const STEP_BACK: i32 = 4;
 
-/// A knot's value, where there is one at a centre.
-fn at_knot(knots: &[Knot], centre: f64) -> Option<f64> {
-    let knot = knots.iter().find(|knot| knot.centre.to_f64() == centre)?;
-    Some(knot.value.to_f64())
-}
-
 /// Eq. (1) from D (um), K (um px), xp (px) and the ends of its range (px).
 fn curve(d: f64, k: f64, pole: f64, from: f64, to: f64) -> Made {
     let pixels = |value: f64| Pixels::from_bits((value * 65536.0).round() as i32);
     let d = Micrometres::from_bits((d * 256.0).round() as i32);
     let k_bits = (k * 65536.0) as i64;
     let made = Eq1::new(d, k_bits, pixels(pole), pixels(from)..=pixels(to));
-    Made::Curve(
-        made.map_err(|why| Refusal::new(&why)),
-        [d.to_f64(), k_bits as f64 / 65536.0, pixels(pole).to_f64()],
-    )
+    let parameters = [d.to_f64(), k_bits as f64 / 65536.0, pixels(pole).to_f64()];
+    Made::of(made.map(Calibration::Eq1), parameters, vec![])
 }
 
 fn knots(places: &[(f64, f64)]) -> Vec<Knot> {
@@ -195,15 +184,14 @@ fn knots(places: &[(f64, f64)]) -> Vec<Knot> {
 
 fn table(places: &[(f64, f64)]) -> Made {
     let knots = knots(places);
-    let made = Table::new(&knots).map_err(|why| Refusal::new(&why));
-    Made::Table(made, knots)
+    let made = Table::new(&knots).map(Calibration::Table);
+    Made::of(made, [f64::NAN; 3], knots)
 }
 
 fn corrected(places: &[(f64, f64)]) -> Made {
-    let curve = NOMINAL.expect("a curve");
     let knots = knots(places);
-    let made = Corrected::new(curve.clone(), &knots).map_err(|why| Refusal::new(&why));
-    Made::Corrected(made, curve, knots)
+    let made = Corrected::new(NOMINAL.expect("a curve"), &knots);
+    Made::of(made.map(Calibration::Corrected), [f64::NAN; 3], knots)
 }
 
 /// So many knots 8 pixels apart, 400 um from one to the next.
@@ -232,7 +220,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
     let case = |name, why, due, made| CalibrationCase { name, why, due, made };
     vec![
         case("eq. (1): nominal", "a sensor without its own calibration uses it", ROUNDED,
-            Made::Curve(Ok(nominal), parameters)),
+            Made { calibration: Ok(Calibration::Eq1(nominal)), parameters, knots: vec![] }),
         case("eq. (1): xp in the range", "a division by zero", Refused("Pole"),
             curve(0.0, 6e8, 500.0, 0.0, 1000.0)),
         case("eq. (1): xp at the first centre", "a division by zero at the end", Refused("Pole"),
