@@ -168,14 +168,9 @@ mod tests {
         let counts = |value: u8| f32::from(value) / 255.0 * 4095.0;
         let at = |pixel: usize| light[pixel];
         assert_eq!([at(1774), at(1823), at(1873)], [0, 49, 99].map(counts));
-        assert_eq!(
-            [at(1773), at(1772), at(1742), at(1741)],
-            [0, 1, 31, 0].map(counts)
-        );
-        assert_eq!(
-            [at(1874), at(1875), at(1905), at(1906)],
-            [99, 98, 68, 99].map(counts)
-        );
+        let [before, after] = [[1773, 1772, 1742, 1741], [1874, 1875, 1905, 1906]];
+        assert_eq!(before.map(at), [0, 1, 31, 0].map(counts));
+        assert_eq!(after.map(at), [99, 98, 68, 99].map(counts));
     }
 
     fn refusal(file: &[u8]) -> String {
@@ -188,11 +183,8 @@ mod tests {
             Photograph::parse(b"P5 # made by hand\n3 2\n# rows\n200\n\x01\x02\x03 \n\xc8").unwrap();
         assert_eq!((picture.width, picture.height, picture.white), (3, 2, 200));
         let rows: Vec<_> = picture.rows().collect();
-        assert_eq!(
-            rows,
-            [[1, 2, 3], [32, 10, 200]],
-            "white space in the raster is pixels"
-        );
+        // White space in the raster is pixels.
+        assert_eq!(rows, [[1, 2, 3], [32, 10, 200]]);
         assert_eq!((picture.row(1), picture.row(2)), (Some(rows[1]), None));
     }
 

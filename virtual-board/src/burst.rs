@@ -71,36 +71,55 @@ struct Stream {
     count: dma2::Register,
     peripheral: dma2::Register,
     memory: dma2::Register,
+    second_memory: dma2::Register,
     fifo: dma2::Register,
 }
 
 /// The streams that receive from SPI1 (RM0090 table 44).
 const RECEIVERS: [Stream; 2] = {
-    use dma2::Register::{S0cr, S0fcr, S0m0ar, S0ndtr, S0par, S2cr, S2fcr, S2m0ar, S2ndtr, S2par};
+    use dma2::Register::*;
     [
-        stream([S0cr, S0ndtr, S0par, S0m0ar, S0fcr]),
-        stream([S2cr, S2ndtr, S2par, S2m0ar, S2fcr]),
+        stream([S0cr, S0ndtr, S0par, S0m0ar, S0m1ar, S0fcr]),
+        stream([S2cr, S2ndtr, S2par, S2m0ar, S2m1ar, S2fcr]),
     ]
 };
 
 /// The streams that send to SPI1 (RM0090 table 44).
 const SENDERS: [Stream; 2] = {
-    use dma2::Register::{S3cr, S3fcr, S3m0ar, S3ndtr, S3par, S5cr, S5fcr, S5m0ar, S5ndtr, S5par};
+    use dma2::Register::*;
     [
-        stream([S3cr, S3ndtr, S3par, S3m0ar, S3fcr]),
-        stream([S5cr, S5ndtr, S5par, S5m0ar, S5fcr]),
+        stream([S3cr, S3ndtr, S3par, S3m0ar, S3m1ar, S3fcr]),
+        stream([S5cr, S5ndtr, S5par, S5m0ar, S5m1ar, S5fcr]),
     ]
 };
 
-const fn stream(registers: [dma2::Register; 5]) -> Stream {
-    let [control, count, peripheral, memory, fifo] = registers;
+const fn stream(registers: [dma2::Register; 6]) -> Stream {
+    let [control, count, peripheral, memory, second_memory, fifo] = registers;
     Stream {
         control,
         count,
         peripheral,
         memory,
+        second_memory,
         fifo,
     }
+}
+
+/// The streams that serve SPI1.
+fn streams() -> impl Iterator<Item = &'static Stream> {
+    RECEIVERS.iter().chain(&SENDERS)
+}
+
+/// The memory addresses of the streams that serve the converter.
+pub(crate) fn memory_addresses(registers: &Registers) -> Vec<u64> {
+    let mut addresses = Vec::new();
+    for stream in streams().filter(|it| registers.get(it.peripheral) == SPI1_DATA) {
+        addresses.push(registers.get(stream.memory));
+        if s0cr::DBM.is_set(registers.get(stream.control)) {
+            addresses.push(registers.get(stream.second_memory));
+        }
+    }
+    addresses
 }
 
 /// The state of a read-out.
@@ -575,7 +594,7 @@ impl Device for BurstDma {
         context: &mut Context<'_>,
     ) {
         lock(&self.burst).catch_up(context);
-        let streams = RECEIVERS.iter().chain(&SENDERS).enumerate();
+        let streams = streams().enumerate();
         for (index, stream) in streams.filter(|(_, stream)| stream.control == register) {
             let was_enabled = std::mem::replace(&mut self.enabled[index], s0cr::EN.is_set(value));
             match (was_enabled, self.enabled[index]) {
@@ -599,9 +618,8 @@ impl Device for BurstDma {
     ) -> Option<u64> {
         let mut burst = lock(&self.burst);
         burst.move_words(context, Pace::count_of_word);
-        if RECEIVERS.iter().chain(&SENDERS).any(|stream| {
-            stream.count == register && s0cr::EN.is_set(registers.get(stream.control))
-        }) {
+        let is_on = |it: &Stream| s0cr::EN.is_set(registers.get(it.control));
+        if streams().any(|it| it.count == register && is_on(it)) {
             return Some(registers.get(register) + burst.left());
         }
         drop(burst);
@@ -619,11 +637,7 @@ impl Device for BurstDma {
             return;
         }
         Device::on_access(&mut self.dma, token, value, registers, context);
-        for (enabled, stream) in self
-            .enabled
-            .iter_mut()
-            .zip(RECEIVERS.iter().chain(&SENDERS))
-        {
+        for (enabled, stream) in self.enabled.iter_mut().zip(streams()) {
             *enabled = s0cr::EN.is_set(registers.get(stream.control));
         }
     }

@@ -359,7 +359,8 @@ mod tests {
 
     #[test]
     fn stores_that_silicon_refuses_are_violations() {
-        let cases: [(fn(&mut Interface), Width, &str); 5] = [
+        type Change = fn(&mut Interface);
+        let cases: [(Change, Width, &str); 5] = [
             (|it| *it = Interface::RESET, Width::W32, "unlocking"),
             (|it| it.programs = false, Width::W32, "PG"),
             (|it| it.takes_words = false, Width::W32, "PSIZE"),

@@ -185,6 +185,21 @@ mod tests {
     use simulator::optics::Optics;
     use simulator::scene::{FixedPattern, Motion, Sensor};
 
+    /// The exposure of a row of a number, with the laser on.
+    fn exposure(row: Nanos) -> Exposure {
+        let (start, end) = (row * 5_700_000, (row + 1) * 5_700_000);
+        let laser = end - start;
+        Exposure { start, end, laser }
+    }
+
+    /// The centre of the spot near a pixel.
+    fn centre_near(outputs: &[f32], near: f64) -> f64 {
+        let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
+        least_squares::fit_near(&counts, near)
+            .expect("a spot")
+            .centre
+    }
+
     /// The scene's own geometry puts the spot some pixels away.
     #[test]
     fn the_other_geometry_decides_where_the_spot_is() {
@@ -204,18 +219,13 @@ mod tests {
         let own = scene.optics;
         let target = Target::at(0.6);
         let mut light = of_scene_through(optics, scene, target.clone());
-        for (row, distance) in [0.6, 0.75, 1.0].into_iter().enumerate() {
+        for (row, distance) in (0..).zip([0.6, 0.75, 1.0]) {
             target.move_to(distance);
-            let start = row as Nanos * 5_700_000;
-            let end = start + 5_700_000;
-            let laser = end - start;
-            let outputs = light(&Exposure { start, end, laser });
-            let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
             let expected = optics.centre(distance);
-            let found = least_squares::fit_near(&counts, expected).expect("a spot");
-            println!("{} {expected}", found.centre);
-            assert!((found.centre - expected).abs() < 1e-4);
-            assert!((found.centre - own.centre(distance)).abs() > 2.0);
+            let found = centre_near(&light(&exposure(row)), expected);
+            println!("{found} {expected}");
+            assert!((found - expected).abs() < 1e-4);
+            assert!((found - own.centre(distance)).abs() > 2.0);
         }
     }
 
@@ -231,24 +241,14 @@ mod tests {
         let expected = scene.optics.centre(scene.distance);
         let target = Target::at(scene.distance);
         let mut light = of_scene(scene, target.clone());
-        let exposure = Exposure {
-            start: 0,
-            end: 5_700_000,
-            laser: 5_700_000,
-        };
         let [own, other, own_again] = [0, 1, 0].map(|surface| {
             target.show_surface(surface);
-            light(&exposure)
+            light(&exposure(0))
         });
         assert_eq!(own, own_again);
-        let centre = |outputs: &[f32]| {
-            let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
-            least_squares::fit_near(&counts, expected)
-                .expect("a spot")
-                .centre
-        };
-        println!("{} {}", centre(&own), centre(&other));
-        assert!((centre(&own) - centre(&other)).abs() > 0.1);
+        let [here, there] = [&own, &other].map(|outputs| centre_near(outputs, expected));
+        println!("{here} {there}");
+        assert!((here - there).abs() > 0.1);
         // Far from the spot there is only the sensor.
         let far = LIGHT.start..LIGHT.start + 500;
         assert_eq!(own[far.clone()], other[far]);
@@ -264,11 +264,6 @@ mod tests {
         };
         let target = Target::at(0.7);
         let mut light = of_scene(scene, target.clone());
-        let exposure = |row: Nanos| Exposure {
-            start: row * 5_700_000,
-            end: (row + 1) * 5_700_000,
-            laser: 0,
-        };
         for row in 1..=20 {
             light(&exposure(row));
         }

@@ -38,6 +38,14 @@ const FIRMWARE_ROW_PERIOD: f64 = 5.7e-3;
 /// The core-coupled RAM and the other RAM: where each begins and ends (RM0090 section 2.3.1).
 const RAM: [(u64, u64); 2] = [(0x1000_0000, 0x1001_0000), (0x2000_0000, 0x2003_0000)];
 
+/// The firmware's log: its control block, whether a debug probe reads it, and what it has read.
+#[derive(Debug)]
+struct Log {
+    block: u64,
+    is_read: AtomicBool,
+    bytes: Mutex<Vec<u8>>,
+}
+
 /// A function to run on the emulator's thread, between two instructions.
 type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
 
@@ -60,9 +68,7 @@ pub struct VirtualBoard {
     line: Arc<Mutex<SerialLine>>,
     watched: Watched,
     trap: u32,
-    log_block: u64,
-    log_is_read: Arc<AtomicBool>,
-    log_bytes: Arc<Mutex<Vec<u8>>>,
+    log: Arc<Log>,
     orders: Sender<Order>,
     stops: Receiver<Stop>,
     emulator: Option<JoinHandle<Result<Finished<Nucleo, Steps>>>>,
@@ -180,9 +186,11 @@ impl VirtualBoard {
             warm_cores: firmware.warm_cores.clone(),
             ..Watched::default()
         };
-        let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
-        let log_block = firmware.address_of("_SEGGER_RTT")?;
-        let log_is_read = Arc::new(AtomicBool::new(true));
+        let log = Arc::new(Log {
+            block: firmware.address_of("_SEGGER_RTT")?,
+            is_read: AtomicBool::new(true),
+            bytes: Mutex::default(),
+        });
         let (orders, taken_orders) = channel();
         let (reported_stops, stops) = channel();
         let steps = Steps {
@@ -190,9 +198,7 @@ impl VirtualBoard {
             stops: reported_stops,
             head: Arc::clone(&head),
             flash: watched.flash.clone(),
-            log_block,
-            log_is_read: Arc::clone(&log_is_read),
-            log_bytes: Arc::clone(&log_bytes),
+            log: Arc::clone(&log),
         };
         let board = Nucleo::new(&head, Arc::clone(&line), watched.clone(), &conditions)?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))
@@ -208,9 +214,7 @@ impl VirtualBoard {
             line,
             watched,
             trap,
-            log_block,
-            log_is_read,
-            log_bytes,
+            log,
             orders,
             stops,
             emulator: Some(emulator),
@@ -316,7 +320,7 @@ impl VirtualBoard {
 
     /// Takes the messages of the firmware's log since the last call.
     pub fn take_log(&mut self) -> Vec<Message> {
-        let mut bytes = crate::lock(&self.log_bytes);
+        let mut bytes = crate::lock(&self.log.bytes);
         rtt::decode(&self.firmware.log_table, &mut bytes)
     }
 
@@ -325,14 +329,14 @@ impl VirtualBoard {
     /// # Errors
     /// The firmware has no log.
     pub fn lose_log_reader(&mut self) -> Result<()> {
-        self.log_is_read.store(false, Ordering::Relaxed);
-        let block = self.log_block;
+        self.log.is_read.store(false, Ordering::Relaxed);
+        let block = self.log.block;
         self.on_emulator(move |_, host, _| rtt::set_blocking(host, block))?
     }
 
     /// The size of the log's buffer in bytes, and where in it the firmware writes next.
     pub fn log_size_and_place(&mut self) -> Result<[u64; 2]> {
-        let block = self.log_block;
+        let block = self.log.block;
         self.on_emulator(move |_, host, _| rtt::size_and_place(host, block))?
     }
 
@@ -773,9 +777,7 @@ struct Steps {
     stops: Sender<Stop>,
     head: Arc<SharedHead>,
     flash: SharedFlash,
-    log_block: u64,
-    log_is_read: Arc<AtomicBool>,
-    log_bytes: Arc<Mutex<Vec<u8>>>,
+    log: Arc<Log>,
 }
 
 impl Driver<Nucleo> for Steps {
@@ -804,11 +806,9 @@ impl Driver<Nucleo> for Steps {
         stop: Stop,
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
-        let mut log = crate::lock(&self.log_bytes);
-        if self.log_is_read.load(Ordering::Relaxed) {
-            rtt::drain(host, self.log_block, &mut log);
+        if self.log.is_read.load(Ordering::Relaxed) {
+            rtt::drain(host, self.log.block, &mut crate::lock(&self.log.bytes));
         }
-        drop(log);
         self.stops.send(stop).ok()?;
         loop {
             match self.orders.recv().ok()? {

@@ -221,12 +221,9 @@ pub fn frames() -> Vec<FrameCase> {
     .concat()
 }
 
-const fn case(
-    name: &'static str,
-    why: &'static str,
-    due: Due,
-    make: fn(u64) -> HardFrame,
-) -> FrameCase {
+type Words = &'static str;
+
+const fn case(name: Words, why: Words, due: Due, make: fn(u64) -> HardFrame) -> FrameCase {
     FrameCase {
         name,
         why,
@@ -338,7 +335,7 @@ fn changing() -> Vec<FrameCase> {
             }),
         case("the black level rises by 10 counts a row", "the row before has another background",
             Due::Centre(0.07),
-            |number| full(number, |row, recipe| Recipe { black_level: 300.0 + 10.0 * row as f64, ..recipe })),
+            |number| full(number, |row, recipe| recipe.on_level(300.0 + 10.0 * row as f64))),
         case("a lamp is switched on", "from one row to the next there are 800 counts more, with more noise",
             Due::Honest, |number| {
                 full(number, |row, recipe| match row {
@@ -384,11 +381,8 @@ fn changing() -> Vec<FrameCase> {
         case("a slope of 2 counts a pixel in every row", "all rows agree, but all have the same error",
             Due::Honest, |number| {
                 full(number, |_, recipe| {
-                    Recipe {
-                        black_level: 60.0,
-                        ..recipe.spot(|spot| spot.amplitude = 1200.0)
-                    }
-                    .with(Flaw::Slope(2.0))
+                    let spot = recipe.spot(|spot| spot.amplitude = 1200.0);
+                    spot.on_level(60.0).with(Flaw::Slope(2.0))
                 })
             }),
     ]

@@ -105,9 +105,9 @@ impl Matrix {
 
     /// Becomes the product of a and b: as many rows as a, as many columns as b.
     pub fn set_product(&mut self, a: &Matrix, b: &Matrix) {
-        assert!(
-            self.rows == a.rows && self.stride == b.stride && a.columns == b.rows,
-            "sizes of a product"
+        assert_eq!(
+            (self.rows, self.stride, a.columns),
+            (a.rows, b.stride, b.rows)
         );
         let mut panel = vec![([0.0; LANES], [0.0; LANES]); b.rows];
         for column in (0..b.stride).step_by(LANES) {

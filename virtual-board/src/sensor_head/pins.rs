@@ -10,14 +10,14 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 use rigless::chip::{Timeline, spi};
 use rigless::device::Level as WireLevel;
 use rigless::snapshot::store;
-use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::{dma2, spi1};
+use rigless::soc::stm32f427::generated::spi1;
 use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
 use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 
 use super::{Clocks, Level, SensorHead, wiring};
 use crate::Nanos;
+use crate::burst;
 use crate::jumpers::{Edge, Jumpers};
 use crate::laser;
 use crate::serial_line::DriverEnable;
@@ -97,7 +97,8 @@ impl SharedHead {
         self.drive_jumpers(processor, now);
         if self.look.swap(false, Ordering::Relaxed) {
             let clocks = clocks(processor);
-            let buffers = dma_addresses(&mut processor.part);
+            let (_, registers) = processor.part.controller(DMA2);
+            let buffers = burst::memory_addresses(registers);
             let laser_pin = laser::is_pin_connected(&processor.part);
             let icg_rose = self.icg_rose.swap(false, Ordering::Relaxed);
             let part = icg_rose
@@ -229,31 +230,4 @@ fn clocks(processor: &mut Stm32f429) -> Clocks {
         master_hz: master_ticks.map_or(0.0, |ticks| timer_hz as f64 / ticks as f64),
         serial_hz: bus_hz as f64 / divider as f64,
     }
-}
-
-/// The memory addresses of the DMA streams that serve the converter. Streams 0 and 2 receive from SPI1, 3 and
-/// 5 send to it (RM0090 table 44).
-fn dma_addresses(processor: &mut Stm32f427) -> Vec<u64> {
-    use dma2::Register::{
-        S0cr, S0m0ar, S0m1ar, S0par, S2cr, S2m0ar, S2m1ar, S2par, S3cr, S3m0ar, S3m1ar, S3par,
-        S5cr, S5m0ar, S5m1ar, S5par,
-    };
-    const DOUBLE_BUFFER: u64 = 1 << 18;
-    let (_, registers) = processor.controller(DMA2);
-    let streams = [
-        (S0cr, S0par, S0m0ar, S0m1ar),
-        (S2cr, S2par, S2m0ar, S2m1ar),
-        (S3cr, S3par, S3m0ar, S3m1ar),
-        (S5cr, S5par, S5m0ar, S5m1ar),
-    ];
-    let mut addresses = Vec::new();
-    for (control, peripheral, first, second) in streams {
-        if registers.get(peripheral) == SPI1_DATA {
-            addresses.push(registers.get(first));
-            if registers.get(control) & DOUBLE_BUFFER != 0 {
-                addresses.push(registers.get(second));
-            }
-        }
-    }
-    addresses
 }
