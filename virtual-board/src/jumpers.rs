@@ -19,19 +19,19 @@ use crate::port_pin::{OUTPUT, Pin};
 use crate::sensor_head::{OpenLine, limits};
 use crate::stm32f429::Stm32f429;
 
-/// The wires.
-#[derive(Clone, Copy, Debug)]
+/// The wires. By default all are there, without faults.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Jumpers {
-    /// fM's is there.
-    pub fm: bool,
-    /// ICG's is there.
-    pub icg: bool,
-    /// SH's is there.
-    pub sh: bool,
-    /// SCLK's is there.
-    pub sclk: bool,
-    /// Chip select's is there.
-    pub chip_select: bool,
+    /// fM's is missing.
+    pub lacks_fm: bool,
+    /// ICG's is missing.
+    pub lacks_icg: bool,
+    /// SH's is missing.
+    pub lacks_sh: bool,
+    /// SCLK's is missing.
+    pub lacks_sclk: bool,
+    /// Chip select's is missing.
+    pub lacks_chip_select: bool,
     /// What becomes of MISO.
     pub miso: Miso,
     /// By how many core cycles an edge comes late.
@@ -54,9 +54,10 @@ pub struct Late {
 }
 
 /// MISO's wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Miso {
     /// It is there.
+    #[default]
     Wired,
     /// It is missing.
     Missing,
@@ -66,22 +67,6 @@ pub enum Miso {
     StuckHigh,
     /// It is there, and the processor's pull-up does not work.
     NoPullUp,
-}
-
-impl Default for Jumpers {
-    /// All wires, without faults.
-    fn default() -> Self {
-        Self {
-            fm: true,
-            icg: true,
-            sh: true,
-            sclk: true,
-            chip_select: true,
-            miso: Miso::Wired,
-            late: Late::default(),
-            lost_edges: 0,
-        }
-    }
 }
 
 /// An edge of a wire.
@@ -128,21 +113,21 @@ impl Jumpers {
     pub(crate) fn drive(&self, edge: Edge, processor: &mut Stm32f429, now: Nanos) {
         let part = &mut processor.part;
         match edge {
-            Edge::Icg { high } if self.icg && is_connected(part, ICG) => {
+            Edge::Icg { high } if !self.lacks_icg && is_connected(part, ICG) => {
                 let late = [self.late.icg_falls, self.late.icg_rises][usize::from(high)];
                 let captured = [tim1::Register::Ccr2, tim1::Register::Ccr1][usize::from(high)];
                 drive_tim8(part, 1, high, captured, late, now);
             }
-            Edge::Sh { high } if self.sh && is_connected(part, SH) => {
+            Edge::Sh { high } if !self.lacks_sh && is_connected(part, SH) => {
                 let late = [self.late.sh_falls, self.late.sh_rises][usize::from(high)];
                 let captured = [tim1::Register::Ccr4, tim1::Register::Ccr3][usize::from(high)];
                 drive_tim8(part, 3, high, captured, late, now);
             }
-            Edge::ChipSelectFell if self.chip_select && is_connected(part, CHIP_SELECT) => {
+            Edge::ChipSelectFell if !self.lacks_chip_select && is_connected(part, CHIP_SELECT) => {
                 drive_tim3(part, false, now);
             }
             Edge::ChipSelectRose { words, first, last } => {
-                if self.sclk && is_connected(part, SCLK) && counts_sclk(part) {
+                if !self.lacks_sclk && is_connected(part, SCLK) && counts_sclk(part) {
                     let bits = u64::from(limits::WORD_BITS);
                     let edges = (words as u64 * bits).saturating_sub(self.lost_edges.into());
                     let counter = {
@@ -158,7 +143,7 @@ impl Jumpers {
                     let (_, registers) = part.timer(TIM2);
                     registers.set(tim2::Register::Ccr1, time.round() as u64 + periods);
                 }
-                if self.chip_select && is_connected(part, CHIP_SELECT) {
+                if !self.lacks_chip_select && is_connected(part, CHIP_SELECT) {
                     drive_tim3(part, true, now);
                 }
             }
@@ -169,7 +154,7 @@ impl Jumpers {
     /// Lets TIM8 capture fM, if the program waits for that. Call it after each access.
     pub(crate) fn drive_master_clock(&self, processor: &mut Stm32f429, now: Nanos) {
         use tim1::{Register, ccer, ccmr1_output, sr};
-        if !self.fm {
+        if self.lacks_fm {
             return;
         }
         let (_, registers) = processor.part.advanced_timer(TIM8);

@@ -145,7 +145,7 @@ fn board_with(change: impl FnOnce(&mut Conditions, &mut Jumpers)) -> VirtualBoar
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn missing_wires_and_a_missing_clock_fail() {
     let board = board_with(|conditions, jumpers| {
-        (jumpers.fm, jumpers.sclk, jumpers.miso) = (false, false, Miso::Missing);
+        (jumpers.lacks_fm, jumpers.lacks_sclk, jumpers.miso) = (true, true, Miso::Missing);
         conditions.has_clock = false;
     });
     let failing = ["clock", "fM", "SCLK edges", "MISO low"];
@@ -184,7 +184,7 @@ fn a_short_pulse_of_sh_and_a_missing_chip_select_fail() {
     let board = board_with(|_, jumpers| {
         jumpers.late.icg_falls = 168 * 22 / 10;
         jumpers.late.sh_rises = 168 * 23 / 10;
-        (jumpers.chip_select, jumpers.miso) = (false, Miso::StuckHigh);
+        (jumpers.lacks_chip_select, jumpers.miso) = (true, Miso::StuckHigh);
     });
     fails(board, &["t3", "SCLK edges", "MISO low"], &["SCLK time"]);
 }
@@ -204,8 +204,12 @@ fn a_late_rise_of_icg_and_a_slow_flash_fail() {
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn missing_pulses_fail() {
     let all = ["t1", "t2", "t3", "t4"];
-    fails(board_with(|_, wires| wires.icg = false), &["pulses"], &all);
-    fails(board_with(|_, wires| wires.sh = false), &["pulses"], &all);
+    for change in [
+        |wires: &mut Jumpers| wires.lacks_icg = true,
+        |wires: &mut Jumpers| wires.lacks_sh = true,
+    ] {
+        fails(board_with(|_, wires| change(wires)), &["pulses"], &all);
+    }
 }
 
 #[test]
