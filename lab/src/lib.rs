@@ -1,30 +1,32 @@
-//! The programs that write the figures of the docs ([`programs`]). The other modules are what several
-//! programs share: the paper's experiment, a scene's error budget, tables, progress bars, and the blocks of
-//! Markdown pages that programs write.
+//! The programs that write the figures of the docs. [`main`] runs one of them. The modules beside `programs` are
+//! what several programs share: the paper's experiment, a scene's error budget, tables, progress bars, and the
+//! blocks of Markdown pages that programs write.
 #![forbid(unsafe_code)]
 
 // A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
-pub mod docs;
+mod docs;
 
-pub mod progress;
+mod progress;
 
-pub mod table;
+mod table;
 
-pub mod timing;
+mod timing;
 
-pub mod serial_line;
+mod serial_line;
 
-pub mod budget;
+mod budget;
 
-pub mod surfaces;
+mod surfaces;
 
-pub mod comb;
+mod comb;
 
-pub mod paper;
+mod paper;
 
-pub mod slowest;
+mod slowest;
 
-pub mod programs;
+mod programs;
+
+pub use programs::main;
 
 #[cfg(test)]
 mod pages;

@@ -1,14 +1,54 @@
-//! The programs that write the figures of the docs, one module each. `cargo NAME` runs one of them.
+//! The programs that write the figures of the docs, one module each.
 
-pub mod ambient;
-pub mod comb;
-pub mod cost;
-pub mod exposure;
-pub mod hard_cases;
-pub mod points;
-pub mod scene;
-pub mod serial_line;
-pub mod slowest;
-pub mod surfaces;
-pub mod table1;
-pub mod timing;
+mod ambient;
+mod comb;
+mod cost;
+mod exposure;
+mod hard_cases;
+mod points;
+mod scene;
+mod serial_line;
+mod slowest;
+mod surfaces;
+mod table1;
+mod timing;
+
+use clap::Parser;
+
+#[derive(Parser)]
+#[command(name = "cargo", bin_name = "cargo")]
+enum Program {
+    Ambient(ambient::Options),
+    Comb(comb::Options),
+    Cost(cost::Options),
+    Exposure(exposure::Options),
+    HardCases(hard_cases::Options),
+    Points(points::Options),
+    Scene(scene::Options),
+    SerialLine(serial_line::Options),
+    Slowest(slowest::Options),
+    Surfaces(surfaces::Options),
+    Table1(table1::Options),
+    Timing(timing::Options),
+}
+
+/// Runs the program that the command line names.
+///
+/// # Errors
+/// A measurement fails, or a file cannot be read or written.
+pub fn main() -> anyhow::Result<()> {
+    match &Program::parse() {
+        Program::Ambient(options) => ambient::main(options),
+        Program::Comb(options) => comb::main(options),
+        Program::Cost(options) => cost::main(options),
+        Program::Exposure(options) => exposure::main(options),
+        Program::HardCases(options) => hard_cases::main(options),
+        Program::Points(options) => points::main(options),
+        Program::Scene(options) => scene::main(options),
+        Program::SerialLine(options) => serial_line::main(options),
+        Program::Slowest(options) => slowest::main(options),
+        Program::Surfaces(options) => surfaces::main(options),
+        Program::Table1(options) => table1::main(options),
+        Program::Timing(options) => timing::main(options),
+    }
+}
