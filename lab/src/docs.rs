@@ -16,9 +16,6 @@ pub fn path(name: &str) -> PathBuf {
 
 /// The text with the block of a tool replaced: `<!-- TOOL -->` and `<!-- end -->` are its marks. Long lines
 /// of the block are wrapped.
-///
-/// # Errors
-/// The marks are not there.
 pub fn with_block(text: &str, tool: &str, block: &str) -> anyhow::Result<String> {
     let from = format!("<!-- {tool} -->\n");
     let (before, rest) = text
@@ -31,12 +28,28 @@ pub fn with_block(text: &str, tool: &str, block: &str) -> anyhow::Result<String>
 }
 
 /// Rewrites the block of a tool in a page. The page is named from the workspace's root.
-///
-/// # Errors
-/// There is no such page, it has no such block, or it cannot be written.
 pub fn write_block(page: &str, tool: &str, block: &str) -> anyhow::Result<()> {
     let text = std::fs::read_to_string(path(page)).with_context(|| page.to_owned())?;
     std::fs::write(path(page), with_block(&text, tool, block)?).with_context(|| page.to_owned())
+}
+
+/// Prints blocks, each with its mark, and rewrites them in a page. Without `--write` it says that it does not.
+pub fn print_or_write(
+    command: &str,
+    is_write: bool,
+    page: &str,
+    blocks: &[(&str, String)],
+) -> anyhow::Result<()> {
+    for (mark, block) in blocks {
+        println!("{block}");
+        if is_write {
+            write_block(page, mark, block)?;
+        }
+    }
+    if !is_write {
+        print_hint(command, page);
+    }
+    Ok(())
 }
 
 /// Prints the last line of a run without `--write`: which files `--write` updates.

@@ -22,7 +22,8 @@ pub mod materials;
 pub mod methods;
 pub mod plane_gaussian;
 pub mod published;
-pub mod reference;
+#[cfg(test)]
+mod reference;
 pub mod row_mean;
 pub mod slit_path;
 pub mod training;

@@ -41,11 +41,16 @@ pub const TABLE: std::ops::Range<f64> = 0.60..1.02;
 const POINTS_MM: [f64; 2] = [580.0, 1050.0];
 
 /// Rows in a frame: the firmware's default.
-const ROWS: u16 = 16;
+pub const ROWS: u16 = 16;
 
 /// Measures a frame of a target at rest on a surface, at a distance in metres. The rows have numbers from
 /// `first` on.
-fn frame_from(scene: &Scene, surface: u64, distance: f64, first: u64) -> Result<Measured, Fault> {
+pub fn frame_from(
+    scene: &Scene,
+    surface: u64,
+    distance: f64,
+    first: u64,
+) -> Result<Measured, Fault> {
     let simulation = Simulation::on_surface(scene.clone(), surface);
     let slits = match scene.comb {
         Some(_) => Slits::Comb,
@@ -131,7 +136,7 @@ impl Judged {
 
 /// The distance of a surface in metres, by an additive recurrence with the golden ratio: even over the table
 /// for any number of surfaces.
-fn distance_of(number: u64) -> f64 {
+pub fn distance_of(number: u64) -> f64 {
     let share = (number as f64 * 0.618_033_988_749_895).fract();
     TABLE.start + share * (TABLE.end - TABLE.start)
 }
@@ -148,7 +153,7 @@ pub fn see(scene: &Scene, count: u64, first: u64) -> Vec<(f64, Measured)> {
 }
 
 /// A frame as a sensor with a record sees it: the sensor knows its own spot.
-fn known(measured: &Measured, record: &Record) -> Measured {
+pub fn known(measured: &Measured, record: &Record) -> Measured {
     let own = record.profile.map(|own| own.at(measured.frame.centre));
     Measured {
         by_shape: (measured.estimator).by_shape(&measured.frame.shape, own.as_ref()),
@@ -167,36 +172,6 @@ pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
             Some(Judged {
                 reading,
                 error: reading.distance.to_f64() - 1e6 * distance,
-            })
-        })
-        .collect()
-}
-
-/// Differences of two readings by a record, before and after the target moves away by `step` metres: on
-/// `count` surfaces at distances spread over the table. Pairs without two distances are left out.
-pub fn judge_steps(
-    scene: &Scene,
-    record: &Record,
-    step: f64,
-    count: u64,
-    first: u64,
-) -> Vec<Judged> {
-    let calibration = Some(&record.calibration);
-    (first..first + count)
-        .into_par_iter()
-        .filter_map(|number| {
-            let before = distance_of(number);
-            let [zero, now] = [(before, 0), (before + step, 1)].map(|(distance, frame)| {
-                let row = u64::from(ROWS) * (2 * number + frame);
-                let measured = frame_from(scene, number, distance, row).ok()?;
-                known(&measured, record)
-                    .reading(calibration, &record.errors, Surface::Auto)
-                    .ok()
-            });
-            let reading = now?.relative_to(&zero?);
-            Some(Judged {
-                reading,
-                error: reading.distance.to_f64() - 1e6 * step,
             })
         })
         .collect()

@@ -1,21 +1,13 @@
-//! Tables of text: for a terminal and for a Markdown page. The first row is the head.
+//! Tables of text: for a terminal and for a Markdown page.
 
 use std::fmt::Write as _;
-
-/// Cells of text from words.
-pub fn cells(words: &[&str]) -> Vec<String> {
-    words.iter().map(|&word| word.to_owned()).collect()
-}
 
 /// A table for a terminal: columns as wide as they need to be, the first to the left and the others to the
 /// right.
 pub fn text<R: AsRef<[String]>>(rows: &[R]) -> String {
     let width = |column: usize| {
-        rows.iter()
-            .filter_map(|row| row.as_ref().get(column))
-            .map(|cell| cell.chars().count())
-            .max()
-            .unwrap_or(0)
+        let cells = rows.iter().filter_map(|row| row.as_ref().get(column));
+        cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
     };
     let mut out = String::new();
     for row in rows {
@@ -31,15 +23,12 @@ pub fn text<R: AsRef<[String]>>(rows: &[R]) -> String {
     out
 }
 
-/// A table of a Markdown page, aligned likewise.
-pub fn markdown<R: AsRef<[String]>>(rows: &[R]) -> String {
-    let mut out = String::new();
-    for (i, row) in rows.iter().enumerate() {
-        let row = row.as_ref();
+/// A table of a Markdown page, aligned likewise. The names of the columns stand between bars.
+pub fn of(head: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let columns = head.split(" | ").count();
+    let mut out = format!("| {head} |\n|---|{}\n", "---:|".repeat(columns - 1));
+    for row in rows {
         let _ = writeln!(out, "| {} |", row.join(" | "));
-        if i == 0 {
-            let _ = writeln!(out, "|---|{}", "---:|".repeat(row.len() - 1));
-        }
     }
     out
 }
@@ -50,10 +39,11 @@ mod tests {
 
     #[test]
     fn columns_line_up() {
-        let rows = [cells(&["a", "σ 1"]), cells(&["bcd", "10000"])];
+        let row = |cells: [&str; 2]| cells.map(str::to_owned);
+        let rows = [row(["a", "σ 1"]), row(["bcd", "10000"])];
         assert_eq!(text(&rows), "a      σ 1\nbcd  10000\n");
         assert_eq!(
-            markdown(&rows),
+            of("a | σ 1", [rows[1].to_vec()]),
             "| a | σ 1 |\n|---|---:|\n| bcd | 10000 |\n"
         );
     }

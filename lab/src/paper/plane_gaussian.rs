@@ -38,11 +38,6 @@ const RESTS: f64 = 1e-9;
 const FAR: f64 = 40.0;
 
 impl PlaneGaussian {
-    /// The value at a pixel.
-    pub fn at(&self, x: f64, y: f64) -> f64 {
-        self.amplitude * (-self.exponent(x - self.x, y - self.y)).exp()
-    }
-
     fn exponent(&self, u: f64, v: f64) -> f64 {
         let [a, b, c] = self.form;
         a * u * u + 2.0 * b * u * v + c * v * v
@@ -224,6 +219,10 @@ mod tests {
             .collect()
     }
 
+    fn value(of: &PlaneGaussian, x: f64, y: f64) -> f64 {
+        of.amplitude * (-of.exponent(x - of.x, y - of.y)).exp()
+    }
+
     fn fitted(image: &[f32]) -> PlaneGaussian {
         let start = PlaneGaussian::of_moments(image, COLUMNS).expect("light");
         PlaneGaussian::fit(image, COLUMNS, start).expect("a fit")
@@ -250,7 +249,7 @@ mod tests {
                 ..turned()
             },
         ] {
-            let light = image(|x, y| truth.at(x, y));
+            let light = image(|x, y| value(&truth, x, y));
             let found = fitted(&light);
             println!("{found:?}");
             // Of the f32 image: 6e-8 of each value.
@@ -268,7 +267,7 @@ mod tests {
             form: [0.12, 0.0, 0.12],
             ..turned()
         };
-        let light = image(|x, y| truth.at(x, y) + 0.2 * x + 0.1 * y);
+        let light = image(|x, y| value(&truth, x, y) + 0.2 * x + 0.1 * y);
         let found = fitted(&light);
         println!("{found:?}");
         assert!((found.x - truth.x).abs() < 0.1 && (found.y - truth.y).abs() < 0.1);
@@ -288,7 +287,7 @@ mod tests {
             form: [0.02, 0.0, 0.02],
         };
         let mut random = ChaCha8Rng::seed_from_u64(5);
-        let clean = image(|x, y| truth.at(x, y));
+        let clean = image(|x, y| value(&truth, x, y));
         let images: Vec<Vec<f32>> = (0..FITS)
             .map(|_| {
                 let noisy = clean.iter().map(|light| {

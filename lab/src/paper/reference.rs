@@ -11,60 +11,36 @@ use crate::paper::slit_path::{self, COLUMNS, RowTables};
 use simulator::least_squares;
 use simulator::sinc_fit::{self, Sinc};
 
-/// Root mean squares over frames of the plain mean of rows, core less reference, in pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Difference {
-    /// `gauss-newton` with equal weights, less [`least_squares::fit_near`].
-    pub gaussian: f64,
-    /// `fraunhofer`, less [`sinc_fit::fit_from`]. The estimator's weights are made for a mix of read and shot
-    /// noise, the reference weighs all pixels alike: in noise they are both right, in speckle they differ.
-    pub fraunhofer: f64,
-    /// Frames compared.
-    pub frames: usize,
-}
-
-/// Compares on the first capture of every `stride`-th position of a data set.
-///
-/// # Errors
-/// The surface cannot be made.
-pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> anyhow::Result<Difference> {
+/// Compares frames, the first capture at 16 positions of a data set. Gives root mean squares of the plain mean
+/// of rows, core less reference, in pixels: `gauss-newton` with equal weights less [`least_squares::fit_near`],
+/// and `fraunhofer` less [`sinc_fit::fit_from`]. The weights of `fraunhofer` are made for a mix of read and shot
+/// noise, the reference weighs all pixels alike: in noise they are both right, in speckle they differ.
+pub fn compare(set: &DataSet, tables: &RowTables<'_>) -> anyhow::Result<[f64; 2]> {
     let target = Target::new(set)?;
-    let positions: Vec<usize> = (0..set.distances.len()).step_by(stride).collect();
-    let differences: Vec<[f64; 2]> = positions
-        .par_iter()
-        .map(|&position| {
-            let (exposure, _) = target.expose(position)?;
-            let mut counts = vec![];
-            target.capture(&exposure, position, 0, &mut counts);
-            let core = slit_path::fit_rows(&counts, tables);
-            let of_core = |estimator: RowEstimator| RowMean::Plain.of(&core[estimator as usize]);
-            let (gaussian, sinc) = reference(&counts);
-            let difference = |core: Option<f64>, fit: Option<f64>| {
-                core.zip(fit)
-                    .map(|(core, fit)| core - fit)
-                    .with_context(|| format!("no centre at position {position}"))
-            };
-            Ok([
-                difference(
-                    of_core(RowEstimator::Gaussian),
-                    RowMean::Plain.of(&gaussian),
-                )?,
-                difference(of_core(RowEstimator::Fraunhofer), RowMean::Plain.of(&sinc))?,
-            ])
-        })
-        .collect::<anyhow::Result<_>>()?;
-    let root_mean_square = |i: usize| {
-        statistics::rms(
-            differences
-                .iter()
-                .map(|difference: &[f64; 2]| difference[i]),
-        )
+    let positions = (0..set.distances.len()).step_by(set.distances.len().div_ceil(16));
+    let of_position = |position| {
+        let (exposure, _) = target.expose(position)?;
+        let mut counts = vec![];
+        target.capture(&exposure, position, 0, &mut counts);
+        let core = slit_path::fit_rows(&counts, tables);
+        let (gaussian, sinc) = reference(&counts);
+        let difference = |estimator: RowEstimator, fits: &[RowFit]| {
+            let core = RowMean::Plain.of(&core[estimator as usize]);
+            let both = core.zip(RowMean::Plain.of(fits));
+            both.map(|(core, fit)| core - fit)
+                .with_context(|| format!("no centre at position {position}"))
+        };
+        Ok([
+            difference(RowEstimator::Gaussian, &gaussian)?,
+            difference(RowEstimator::Fraunhofer, &sinc)?,
+        ])
     };
-    Ok(Difference {
-        gaussian: root_mean_square(0),
-        fraunhofer: root_mean_square(1),
-        frames: differences.len(),
-    })
+    let differences = positions
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(of_position);
+    let differences: Vec<[f64; 2]> = differences.collect::<anyhow::Result<_>>()?;
+    Ok([0, 1].map(|i| statistics::rms(differences.iter().map(|both| both[i]))))
 }
 
 /// The rows of a frame fitted with eq. (5) and with eq. (6).

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 
 use crate::docs;
-use crate::table::{cells, markdown};
+use crate::table;
 
 /// Measures white paper in ambient light, with and without `ambient subtract`. Takes a minute.
 #[derive(Args)]
@@ -23,19 +23,9 @@ pub struct Options {
 
 const PAGE: &str = "docs/ambient-light.md";
 
-/// The marks of the page's parts.
-const LIGHTS_PART: &str = "cargo ambient";
-const ROWS_PART: &str = "cargo ambient, rows";
-const LAMPS_PART: &str = "cargo ambient, lamps";
-const CHARGE_PART: &str = "cargo ambient, charge";
-
 /// Rows of a frame with the laser on.
 const ROWS: u16 = 16;
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> Result<()> {
     let frames = options.frames as usize;
     let measure = |light: &Light, rows| {
@@ -48,19 +38,8 @@ pub fn main(options: &Options) -> Result<()> {
         .map(|light| measure(light, ROWS))
         .collect();
     let dark = DARK_ROOM.measure(Off, ROWS, frames).rms_um;
-    let mut rows = vec![cells(&[
-        "ambient light",
-        "`off`: RMS error, um",
-        "`subtract`: RMS error, um",
-        "over the dark room's",
-        "computed",
-        "mean r, um",
-        "within 2, %",
-        "flagged",
-        "faults",
-    ])];
-    rows.extend(LIGHTS.iter().zip(&found).map(|(light, (off, subtract))| {
-        let within = subtract.readings() - subtract.beyond_2;
+    let rows = LIGHTS.iter().zip(&found).map(|(light, found)| {
+        let (off, subtract) = found;
         vec![
             light.name.to_owned(),
             format!("{:.2}", off.rms_um),
@@ -68,57 +47,51 @@ pub fn main(options: &Options) -> Result<()> {
             format!("{:.2}", subtract.rms_um / dark),
             format!("{:.2}", light.computed_price(Subtract, ROWS)),
             format!("{:.2}", subtract.r_um),
-            format!("{:.1}", 100.0 * within as f64 / subtract.readings() as f64),
+            within_2(subtract),
             subtract.flagged.to_string(),
             subtract.faults.to_string(),
         ]
-    }));
-    let lights = format!("{frames} frames in each light.\n\n{}", markdown(&rows));
-    let mut rows = vec![cells(&[
-        "rows in a frame",
-        "the mean's variance over that of the rows, %",
-        "error of a dim spot, computed, % more",
-    ])];
-    rows.extend([1, 4, 16, 64].map(|rows| {
+    });
+    let head = "ambient light | `off`: RMS error, um | `subtract`: RMS error, um | over the dark room's \
+                | computed | mean r, um | within 2, % | flagged | faults";
+    let lights = format!(
+        "{frames} frames in each light.\n\n{}",
+        table::of(head, rows)
+    );
+    let rows = [1, 4, 16, 64].map(|rows| {
         let share = noise_of_mean(rows);
         vec![
             rows.to_string(),
             format!("{:.1}", 100.0 * share),
             format!("{:.1}", 100.0 * ((1.0 + share).sqrt() - 1.0)),
         ]
-    }));
-    let rows = markdown(&rows);
+    });
+    let head = "rows in a frame | the mean's variance over that of the rows, % | error of a dim spot, \
+                computed, % more";
+    let rows = table::of(head, rows);
     let lamps = short_frames(frames);
-    let charge = markdown(&[
-        cells(&HEAD),
-        cells_of(CHARGE_STAYS.name, ROWS, &measure(&CHARGE_STAYS, ROWS), dark),
-    ]);
-    println!("{lights}\n{rows}\n{lamps}\n{charge}");
-    if options.write {
-        docs::write_block(PAGE, LIGHTS_PART, &lights)?;
-        docs::write_block(PAGE, ROWS_PART, &rows)?;
-        docs::write_block(PAGE, LAMPS_PART, &lamps)?;
-        return docs::write_block(PAGE, CHARGE_PART, &charge);
-    }
-    docs::print_hint("cargo ambient", PAGE);
-    Ok(())
+    let charge = cells_of(CHARGE_STAYS.name, ROWS, &measure(&CHARGE_STAYS, ROWS), dark);
+    let charge = table::of(HEAD, [charge]);
+    let blocks = [
+        ("cargo ambient", lights),
+        ("cargo ambient, rows", rows),
+        ("cargo ambient, lamps", lamps),
+        ("cargo ambient, charge", charge),
+    ];
+    docs::print_or_write("cargo ambient", options.write, PAGE, &blocks)
 }
 
 /// The head of a table of frames of different lengths.
-const HEAD: [&str; 8] = [
-    "ambient light",
-    "rows",
-    "`off`: RMS error, um",
-    "`subtract`: RMS error, um",
-    "over the dark room's",
-    "mean r, um",
-    "within 2, %",
-    "flagged and faults",
-];
+const HEAD: &str = "ambient light | rows | `off`: RMS error, um | `subtract`: RMS error, um \
+                    | over the dark room's | mean r, um | within 2, % | flagged and faults";
+
+fn within_2(frames: &Frames) -> String {
+    let within = frames.readings() - frames.beyond_2;
+    format!("{:.1}", 100.0 * within as f64 / frames.readings() as f64)
+}
 
 /// A line of a table with [`HEAD`]. `dark` is the RMS error in the dark room with `ambient off`.
 fn cells_of(name: &str, rows: u16, (off, subtract): &(Frames, Frames), dark: f64) -> Vec<String> {
-    let within = subtract.readings() - subtract.beyond_2;
     vec![
         name.to_owned(),
         rows.to_string(),
@@ -126,7 +99,7 @@ fn cells_of(name: &str, rows: u16, (off, subtract): &(Frames, Frames), dark: f64
         format!("{:.2}", subtract.rms_um),
         format!("{:.2}", subtract.rms_um / dark),
         format!("{:.2}", subtract.r_um),
-        format!("{:.1}", 100.0 * within as f64 / subtract.readings() as f64),
+        within_2(subtract),
         (subtract.flagged + subtract.faults).to_string(),
     ]
 }
@@ -148,5 +121,5 @@ fn short_frames(frames: usize) -> String {
             cells_of(light.name, rows, &found, dark)
         })
         .collect();
-    markdown(&[vec![cells(&HEAD)], lines].concat())
+    table::of(HEAD, lines)
 }

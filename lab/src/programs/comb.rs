@@ -19,8 +19,7 @@ use statistics::mean;
 use self::tolerances::Tolerances;
 use crate::comb::{At, Mask, Sensor, with_speckle};
 use crate::surfaces::{Judged, MATERIALS, POINTS, Summary, TABLE};
-use crate::table::{cells, markdown};
-use crate::{docs, progress};
+use crate::{docs, progress, table};
 
 /// Reads rough surfaces through the default comb, and compares what the readings claim with the truth. Takes
 /// about fifteen minutes.
@@ -168,10 +167,10 @@ impl Outcome {
         }
     }
 
-    /// Readings and faults, error, claims and slits: the columns after the name.
-    fn cells(&self) -> Vec<String> {
+    /// A row of a table with [`HEAD`].
+    fn row(&self, name: &str) -> Vec<String> {
         let it = &self.summary;
-        let mut cells = vec![it.count.to_string(), self.faults()];
+        let mut cells = vec![name.to_owned(), it.count.to_string(), self.faults()];
         cells.extend([it.rms, it.median_u].map(|um| format!("{um:.0}")));
         cells.extend(it.within.map(|share| format!("{:.1} %", 100.0 * share)));
         cells.push(format!("{:.1}", self.used));
@@ -179,30 +178,19 @@ impl Outcome {
     }
 }
 
-const HEAD: [&str; 9] = [
-    "kind",
-    "readings",
-    "faults",
-    "RMS error",
-    "median u",
-    "within u",
-    "2u",
-    "3u",
-    "slits used",
-];
+const HEAD: &str =
+    "kind | readings | faults | RMS error | median u | within u | 2u | 3u | slits used";
 
 fn measure(base: &Scene, options: &Options) -> Result<String> {
     let (kinds, mask) = (kinds(base)?, Mask::nominal());
     let progress = bar(kinds.len() as u64 * options.surfaces)?;
-    let mut rows = vec![cells(&HEAD)];
+    let mut rows = vec![];
     let mut beside_theory = vec![];
     for kind in &kinds {
         progress.set_message(kind.name.clone());
         let outcome = Outcome::measure(kind, &mask, options.rows, options.surfaces);
         progress.inc(options.surfaces);
-        let mut row = vec![kind.name.clone()];
-        row.extend(outcome.cells());
-        rows.push(row);
+        rows.push(outcome.row(&kind.name));
         if let Some((spot, patterns)) = kind.theory {
             beside_theory.push(theory::Kind {
                 name: kind.name.clone(),
@@ -224,7 +212,7 @@ fn measure(base: &Scene, options: &Options) -> Result<String> {
         options.surfaces,
         options.rows,
         tolerances::DISTANCE,
-        markdown(&rows),
+        table::of(HEAD, rows),
         tolerances::DISTANCE,
         theory::report(tolerances::DISTANCE, &beside_theory),
     ))
@@ -234,7 +222,7 @@ fn measure(base: &Scene, options: &Options) -> Result<String> {
 fn measure_calibrated(options: &Options) -> Result<String> {
     let each = options.surfaces.div_ceil(SENSORS);
     let progress = bar(MATERIALS.len() as u64 * SENSORS * each)?;
-    let mut rows = vec![cells(&HEAD)];
+    let mut rows = vec![];
     for (name, scene) in MATERIALS {
         progress.set_message(format!("{name}, calibrated"));
         let scene = Scene::load(scene)?;
@@ -247,9 +235,7 @@ fn measure_calibrated(options: &Options) -> Result<String> {
             all.extend(sensor.read(&scene, at, options.rows, first, each));
             progress.inc(each);
         }
-        let mut row = vec![name.to_owned()];
-        row.extend(Outcome::of(all).cells());
-        rows.push(row);
+        rows.push(Outcome::of(all).row(name));
     }
     progress.finish_and_clear();
     Ok(format!(
@@ -258,7 +244,7 @@ fn measure_calibrated(options: &Options) -> Result<String> {
         TABLE.start,
         TABLE.end,
         options.rows,
-        markdown(&rows),
+        table::of(HEAD, rows),
     ))
 }
 
@@ -282,10 +268,6 @@ fn write_drawing(base: &Scene) -> Result<()> {
     docs::write_block(PAGE, "cargo comb, mask", &tolerances::report(&tolerances))
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> Result<()> {
     let base = Scene::load(BASE)?;
     if options.drawing {
@@ -296,29 +278,20 @@ pub fn main(options: &Options) -> Result<()> {
     }
     if options.design {
         let variants = design::measure(&base, options.rows, options.surfaces.div_ceil(5))?;
-        let report = design::report(&variants);
-        println!("{report}");
+        let block = ("cargo comb, design", design::report(&variants));
+        docs::print_or_write("cargo comb --design", options.write, PAGE, &[block])?;
         if options.write {
-            docs::write_block(PAGE, "cargo comb, design", &report)?;
             design::draw(&variants, &docs::path(design::FIGURE))?;
-        } else {
-            docs::print_hint(
-                "cargo comb --design",
-                &format!("{PAGE} and {}", design::FIGURE),
-            );
         }
         return Ok(());
     }
-    let report = measure(&base, options)?;
-    println!("{report}");
-    let calibrated = measure_calibrated(options)?;
-    println!("{calibrated}");
+    let blocks = [
+        ("cargo comb", measure(&base, options)?),
+        ("cargo comb, calibrated", measure_calibrated(options)?),
+    ];
+    docs::print_or_write("cargo comb", options.write, PAGE, &blocks)?;
     if options.write {
-        docs::write_block(PAGE, "cargo comb", &report)?;
-        docs::write_block(PAGE, "cargo comb, calibrated", &calibrated)?;
         write_drawing(&base)?;
-    } else {
-        docs::print_hint("cargo comb", &format!("{PAGE}, {SVG}, {DXF} and {FIGURE}"));
     }
     Ok(())
 }

@@ -7,8 +7,7 @@ use clap::Args;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, Frames, Target, is_in_middle};
 
-use crate::table::{cells, markdown};
-use crate::{docs, progress};
+use crate::{docs, progress, table};
 
 /// Compares auto exposure with the best fixed exposure for targets from bright metal to black tape, and lets
 /// the brightness jump at random. Takes about ten minutes on two cores.
@@ -41,14 +40,6 @@ const NAMED: [(&str, f64); 3] = [
 const PAGE: &str = "docs/exposure.md";
 const FIGURE: &str = "docs/figures/exposure.svg";
 
-/// The marks of the page's parts.
-const RANGE: &str = "cargo exposure";
-const JUMPS: &str = "cargo exposure, jumps";
-
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> Result<()> {
     let bar = progress::bar(
         options.targets.into(),
@@ -66,44 +57,28 @@ pub fn main(options: &Options) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&all)?);
         return Ok(());
     }
-    let (range, jumps) = (range_in_words(&targets), jumps_in_words(&jumps));
-    println!("{range}\n{jumps}");
+    let blocks = [
+        ("cargo exposure", range_in_words(&targets)),
+        ("cargo exposure, jumps", jumps_in_words(&jumps)),
+    ];
+    docs::print_or_write("cargo exposure", options.write, PAGE, &blocks)?;
     if options.write {
-        docs::write_block(PAGE, RANGE, &range)?;
-        docs::write_block(PAGE, JUMPS, &jumps)?;
-        return figure::draw(&targets, &docs::path(FIGURE));
+        figure::draw(&targets, &docs::path(FIGURE))?;
     }
-    docs::print_hint("cargo exposure", "docs/exposure.md and its figure");
     Ok(())
 }
 
 /// The table, and what it shows.
 fn range_in_words(targets: &[Target]) -> String {
-    let mut rows = vec![cells(&[
-        "reflectivity",
-        "exposure, us",
-        "RMS error, um",
-        "mean r, um",
-        "beyond 2, %",
-        "beyond 5",
-        "flagged",
-        "faults",
-        "best fixed, us",
-        "its RMS error, um",
-        "ratio",
-        "ratio, low spot",
-    ])];
-    rows.extend(targets.iter().map(|target| {
+    let rows = targets.iter().map(|target| {
         let auto = &target.auto;
+        let beyond_2 = 100.0 * auto.beyond_2 as f64 / auto.readings() as f64;
         vec![
             format!("{:.2e}", target.reflectivity),
             auto.exposure_us.to_string(),
             format!("{:.2}", auto.rms_um),
             format!("{:.2}", auto.r_um),
-            format!(
-                "{:.1}",
-                100.0 * auto.beyond_2 as f64 / auto.readings() as f64
-            ),
+            format!("{beyond_2:.1}"),
             auto.beyond_5.to_string(),
             auto.flagged.to_string(),
             auto.faults.to_string(),
@@ -112,8 +87,10 @@ fn range_in_words(targets: &[Target]) -> String {
             format!("{:.2}", target.ratio()),
             format!("{:.2}", target.ratio_of_lowest()),
         ]
-    }));
-    format!("{}\n{}", summary(targets), markdown(&rows))
+    });
+    let head = "reflectivity | exposure, us | RMS error, um | mean r, um | beyond 2, % | beyond 5 | flagged \
+                | faults | best fixed, us | its RMS error, um | ratio | ratio, low spot";
+    format!("{}\n{}", summary(targets), table::of(head, rows))
 }
 
 fn summary(targets: &[Target]) -> String {
@@ -154,29 +131,32 @@ fn jumps_in_words(jumps: &Jumps) -> String {
             .join(", "),
     };
     let rows = [
-        cells(&["random jumps", &jumps.jumps.to_string()]),
-        cells(&["complete frames", &jumps.frames.to_string()]),
-        cells(&[
+        ("complete frames", jumps.frames.to_string()),
+        (
             "faults in the frame of the jump",
-            &faults(&jumps.first_faults),
-        ]),
-        cells(&["faults in later frames", &faults(&jumps.later_faults)]),
-        cells(&["readings with a flag", &jumps.flagged.to_string()]),
-        cells(&[
+            faults(&jumps.first_faults),
+        ),
+        ("faults in later frames", faults(&jumps.later_faults)),
+        ("readings with a flag", jumps.flagged.to_string()),
+        (
             "readings without a flag, error beyond 5u",
-            &jumps.beyond_5u.to_string(),
-        ]),
-        cells(&["largest error over u", &format!("{:.2}", jumps.worst.ratio)]),
-        cells(&[
+            jumps.beyond_5u.to_string(),
+        ),
+        ("largest error over u", format!("{:.2}", jumps.worst.ratio)),
+        (
             "readings without a flag, error beyond five times what the rows claim",
-            &jumps.beyond_5_claims.to_string(),
-        ]),
-        cells(&[
+            jumps.beyond_5_claims.to_string(),
+        ),
+        (
             "largest error over what the rows claim",
-            &format!("{:.1}", jumps.worst_over_claim.ratio),
-        ]),
+            format!("{:.1}", jumps.worst_over_claim.ratio),
+        ),
     ];
-    markdown(&rows)
+    let head = format!("random jumps | {}", jumps.jumps);
+    table::of(
+        &head,
+        rows.map(|(name, value)| vec![name.to_owned(), value]),
+    )
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 //! Two judges count those. The firmware's check is tuned on the first one's rows, and nothing on the second
 //! one's.
 
-mod json;
 mod story;
 
 use std::time::Instant;
@@ -27,33 +26,24 @@ const OF_A_KIND: [u64; 2] = [5000, 1000];
 /// second judge through the estimators that most users choose.
 #[derive(Args)]
 pub struct Options {
-    /// Print one JSON object and nothing else
-    #[arg(long)]
-    json: bool,
     /// Random rows with flaws, and as many clean ones. For a million the second judge takes 5000 rows and
     /// 1000 frames of each kind
     #[arg(long, value_name = "N", default_value_t = ROWS,
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rows: u64,
     /// Tell the story of one random row with flaws, and what every estimator makes of it
-    #[arg(long, value_name = "SEED", conflicts_with_all = ["json", "rows"])]
+    #[arg(long, value_name = "SEED", conflicts_with = "rows")]
     row: Option<u64>,
-    /// The row of that seed without flaws
-    #[arg(long, requires = "row")]
-    clean: bool,
     /// Tell the story of one frame of the second judge: the name of a fault in its table
-    #[arg(long, value_name = "FAULT", conflicts_with_all = ["json", "rows", "row"],
+    #[arg(long, value_name = "FAULT", conflicts_with_all = ["rows", "row"],
           value_parser = kind_named)]
     second: Option<&'static Kind>,
     /// Which of its frames
     #[arg(long, value_name = "N", requires = "second", default_value_t = 0)]
     number: u64,
-    /// A single row instead of a frame
-    #[arg(long, requires = "second")]
-    single: bool,
     /// Also rewrite the tables of docs/hard-cases.md. With fewer than a million rows the tables of random
     /// rows and of the second judge stay as they are
-    #[arg(long, conflicts_with_all = ["json", "row", "second"])]
+    #[arg(long, conflicts_with_all = ["row", "second"])]
     write: bool,
 }
 
@@ -62,27 +52,13 @@ fn kind_named(name: &str) -> Result<&'static Kind, String> {
     Kind::named(name).ok_or_else(|| format!("the second judge has: {}", names().join("; ")))
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> anyhow::Result<()> {
     if let Some(kind) = options.second {
-        let take = if options.single {
-            second_judge::row
-        } else {
-            second_judge::frame
-        };
-        print!("{}", take(kind, options.number).story(kind));
+        print!("{}", second_judge::frame(kind, options.number).story(kind));
         return Ok(());
     }
     if let Some(seed) = options.row {
-        let row = if options.clean {
-            mixtures::clean(seed)
-        } else {
-            mixtures::mixture(seed)
-        };
-        print!("{}", story::story(&row));
+        print!("{}", story::story(&mixtures::mixture(seed)));
         return Ok(());
     }
     let catalogue = Catalogue::run();
@@ -91,11 +67,6 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     let mixtures = tally("rows with flaws", options.rows, mixtures::mixture)?;
     let seconds = start.elapsed().as_secs_f64();
     let second = second(options.rows)?;
-    if options.json {
-        let json = json::Json::of(&catalogue, &clean, &mixtures, &second);
-        println!("{}", serde_json::to_string_pretty(&json)?);
-        return Ok(());
-    }
     print_summary(&catalogue, &clean, &mixtures);
     println!("\n{} random rows in {seconds:.0} s", 2 * options.rows);
     println!("\nThe second judge. {}", second.markdown());

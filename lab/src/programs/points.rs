@@ -77,10 +77,6 @@ struct Cell {
     corrected: f64,
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> Result<()> {
     let cells: Vec<Vec<Vec<Cell>>> = DEPARTURES
         .iter()
@@ -89,28 +85,21 @@ pub fn main(options: &Options) -> Result<()> {
             MEANS.iter().map(of).collect()
         })
         .collect();
-    let block = table(&cells);
-    print!("{block}");
-    if options.write {
-        return write(&cells, &block);
-    }
-    docs::print_hint("cargo points", "docs/calibration.md and two figures");
-    Ok(())
-}
-
-/// Rewrites the table and the figures of docs/calibration.md.
-fn write(cells: &[Vec<Vec<Cell>>], block: &str) -> Result<()> {
-    docs::write_block("docs/calibration.md", "cargo points", block)?;
-    let figures = docs::path("docs/figures");
-    figure::draw(cells, &figures.join("calibration-points.svg"))?;
-    let (_, example) = solved(DEPARTURES[1], &MEANS[0], 60, EXAMPLE).context("no fit")?;
-    draw_fit(
-        &example,
-        example.better(),
-        None,
-        &figures.join("calibration-fit.svg"),
+    let block = ("cargo points", table(&cells));
+    docs::print_or_write(
+        "cargo points",
+        options.write,
+        "docs/calibration.md",
+        &[block],
     )?;
-    Ok(())
+    if !options.write {
+        return Ok(());
+    }
+    let figures = docs::path("docs/figures");
+    figure::draw(&cells, &figures.join("calibration-points.svg"))?;
+    let (_, example) = solved(DEPARTURES[1], &MEANS[0], 60, EXAMPLE).context("no fit")?;
+    let fit = figures.join("calibration-fit.svg");
+    draw_fit(&example, example.better(), None, &fit)
 }
 
 fn cell(departure: f64, means: &Means, count: usize) -> Cell {

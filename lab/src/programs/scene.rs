@@ -91,10 +91,6 @@ pub struct Shown {
     picture: PathBuf,
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> Result<()> {
     if options.write {
         return redraw(options.estimator);

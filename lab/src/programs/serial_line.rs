@@ -12,10 +12,6 @@ pub struct Options {
     write: bool,
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> anyhow::Result<()> {
     if options.write {
         return serial_line::write();

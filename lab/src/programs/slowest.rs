@@ -34,10 +34,6 @@ pub struct Options {
     write: bool,
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> anyhow::Result<()> {
     let chip = Chip::power_on()?;
     let mut chips = Chips::like(&chip);

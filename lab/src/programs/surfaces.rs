@@ -57,30 +57,28 @@ fn record_of_demo() -> Result<Record> {
     })
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> Result<()> {
     if options.write {
         let record = EncodedRecord::new(record_of_demo()?)?;
         std::fs::write(docs::path(RECORD), record.bytes()).context(RECORD)?;
     }
-    let studies: Vec<Study> = (MATERIALS.into_iter())
+    let studies = MATERIALS
         .map(|(name, scene)| Study::run(name, scene, options.sensors, options.surfaces))
-        .collect::<Result<_>>()?;
-    let surfaces = report(&studies);
-    println!("{surfaces}");
-    let steps = steps::report(&steps::measure(steps::SURFACES)?);
-    println!("{steps}");
-    if options.write {
-        docs::write_block("docs/uncertainty.md", "cargo surfaces", &surfaces)?;
-        docs::write_block("docs/uncertainty.md", "cargo surfaces, steps", &steps)?;
-    } else {
-        docs::print_hint(
+        .into_iter();
+    let blocks = [
+        (
             "cargo surfaces",
-            "docs/uncertainty.md and the demo's record",
-        );
-    }
-    Ok(())
+            report(&studies.collect::<Result<Vec<_>>>()?),
+        ),
+        (
+            "cargo surfaces, steps",
+            steps::report(&steps::measure(steps::SURFACES)?),
+        ),
+    ];
+    docs::print_or_write(
+        "cargo surfaces",
+        options.write,
+        "docs/uncertainty.md",
+        &blocks,
+    )
 }

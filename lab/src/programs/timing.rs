@@ -12,18 +12,12 @@ pub struct Options {
     write: bool,
 }
 
-/// Runs the program.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main(options: &Options) -> anyhow::Result<()> {
     let pulses = timing::Pulses::of_a_row()?;
-    print!("{}", pulses.markdown());
+    let block = (timing::TOOL, pulses.markdown());
+    docs::print_or_write("cargo timing", options.write, timing::PAGE, &[block])?;
     if options.write {
-        docs::write_block(timing::PAGE, timing::TOOL, &pulses.markdown())?;
         std::fs::write(docs::path(timing::FIGURE), pulses.svg())?;
-    } else {
-        docs::print_hint("cargo timing", "docs/hardware.md and its figure timing.svg");
     }
     Ok(())
 }

@@ -50,7 +50,7 @@ use statistics::{mean, rms};
 
 use crate::budget::row_centre;
 use crate::surfaces::MATERIALS;
-use crate::table::{cells, markdown};
+use crate::table;
 
 /// The steps in metres, away from the sensor.
 pub const STEPS: [f64; 8] = [10e-6, 30e-6, 100e-6, 300e-6, 1e-3, 3e-3, 10e-3, 30e-3];
@@ -399,25 +399,20 @@ fn short(value: f64) -> String {
 
 /// What does not depend on the step.
 fn table_of_materials(measured: &Measured) -> String {
-    let mut rows = vec![cells(&[
-        "material",
-        "RMS error of a distance, um",
-        "spot's 1/e² diameter at 0.8 m, mm",
-        "memory L, mm",
-        "√2 e / L",
-    ])];
-    for study in measured.all() {
+    let rows = measured.all().map(|study| {
         let diameter = study.spot.diameter(0.8, study.optics.wavelength);
         let (error, memory) = (study.error(), study.memory(FACTOR));
-        rows.push(vec![
+        vec![
             study.name.to_owned(),
             format!("{:.0}", error * 1e6),
             format!("{:.2}", diameter * 1e3),
             format!("{:.2}", memory * 1e3),
             format!("{:.2}", std::f64::consts::SQRT_2 * error / memory),
-        ]);
-    }
-    markdown(&rows)
+        ]
+    });
+    let head = "material | RMS error of a distance, um | spot's 1/e² diameter at 0.8 m, mm | memory L, mm \
+                | √2 e / L";
+    table::of(head, rows)
 }
 
 /// A row for each study, a column for each of [`STEPS`]. The claims have the memory of a factor.
@@ -426,15 +421,12 @@ fn table_of_steps(
     factor: f64,
     cell: impl Fn(usize, &Statistics) -> String,
 ) -> String {
-    let mut head = vec!["material".to_owned()];
-    head.extend(STEPS.map(|step| format!("{} mm", (step * 1e6).round() / 1e3)));
-    let mut rows = vec![head];
-    for study in measured.all() {
-        let mut row = vec![study.name.to_owned()];
-        row.extend((0..STEPS.len()).map(|step| cell(step, &study.statistics(step, factor))));
-        rows.push(row);
-    }
-    markdown(&rows)
+    let steps = STEPS.map(|step| format!("{} mm", (step * 1e6).round() / 1e3));
+    let rows = measured.all().map(|study| {
+        let cells = (0..STEPS.len()).map(|step| cell(step, &study.statistics(step, factor)));
+        [study.name.to_owned()].into_iter().chain(cells).collect()
+    });
+    table::of(&format!("material | {}", steps.join(" | ")), rows)
 }
 
 /// The sum of products over the root of the products of the sums of squares.

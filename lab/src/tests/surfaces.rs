@@ -1,8 +1,13 @@
 //! Whether u is true on rough surfaces.
 
+use rayon::prelude::*;
 use simulator::scene::Scene;
+use slitrange::reading::uncertainty::Surface;
+use slitrange_device::record::Record;
 
-use crate::surfaces::{MATERIALS, Study, Summary, calibrate, judge_steps, report};
+use crate::surfaces::{
+    Judged, MATERIALS, ROWS, Study, Summary, calibrate, distance_of, frame_from, known, report,
+};
 
 /// One sensor on white paper. Of 150 normal errors 95.4 +- 1.7 % are within 2u; the calibration's 60 points
 /// know the surface's part to 9 %, which is 2 % of the errors.
@@ -15,6 +20,30 @@ fn u_is_true_on_white_paper() {
     assert!((0.88..=1.0).contains(&study.own.within[1]));
     // What the rows of a target at rest do not show: r is a hundredth of the error.
     assert!(study.own.median_r < 0.02 * study.own.rms);
+}
+
+/// Differences of two readings by a record, before and after the target moves away by `step` metres: on
+/// `count` surfaces at distances spread over the table. Pairs without two distances are left out.
+fn judge_steps(scene: &Scene, record: &Record, step: f64, count: u64, first: u64) -> Vec<Judged> {
+    let calibration = Some(&record.calibration);
+    (first..first + count)
+        .into_par_iter()
+        .filter_map(|number| {
+            let before = distance_of(number);
+            let [zero, now] = [(before, 0), (before + step, 1)].map(|(distance, frame)| {
+                let row = u64::from(ROWS) * (2 * number + frame);
+                let measured = frame_from(scene, number, distance, row).ok()?;
+                known(&measured, record)
+                    .reading(calibration, &record.errors, Surface::Auto)
+                    .ok()
+            });
+            let reading = now?.relative_to(&zero?);
+            Some(Judged {
+                reading,
+                error: reading.distance.to_f64() - 1e6 * step,
+            })
+        })
+        .collect()
 }
 
 /// A sensor on white paper reads steps of 0.3 and 3 mm as `zero` does: the target keeps most of its speckle,

@@ -46,13 +46,7 @@ fn check(material: usize) {
     let outcome = experiment
         .run(material, Aperture::Slit, &|| {})
         .expect("an outcome");
-    let mae = |method: &Method| {
-        let judged = outcome
-            .judged
-            .iter()
-            .find(|judged| judged.method == *method);
-        judged.expect("every method is judged").mae * 1e6
-    };
+    let mae = |method: &Method| outcome.of(method).mae * 1e6;
     let gaussian = mae(&Method::PAPERS_GAUSSIAN);
     let fraunhofer = mae(&Method::PAPERS_FRAUNHOFER);
     let [of_gaussian, of_fraunhofer] = [

@@ -22,7 +22,7 @@ use crate::comb::{At, Mask, with_speckle, with_width};
 use crate::programs::comb::tolerances::DISTANCE;
 use crate::programs::comb::{Kind, Outcome, bar, theory};
 use crate::surfaces::Summary;
-use crate::table::{cells, markdown};
+use crate::table;
 
 /// The figure, from the workspace's root.
 pub const FIGURE: &str = "docs/figures/comb-design.svg";
@@ -72,9 +72,15 @@ impl Design {
         }
     }
 
-    fn smallest_gap(&self) -> i32 {
+    /// In millimetres.
+    fn smallest_gap(&self) -> f64 {
         let gaps = self.places_um.windows(2).map(|two| two[1] - two[0]);
-        gaps.min().unwrap_or(0)
+        1e-3 * f64::from(gaps.min().unwrap_or(0))
+    }
+
+    /// The RMS error of independent images on metal, in micrometres.
+    fn theory(&self) -> f64 {
+        1e6 * theory::comb(DISTANCE, self.spot, 1.0, self.places_um.len())
     }
 
     /// The distances at which the images of all slits are on the row, in metres. `None` if there are none.
@@ -143,8 +149,6 @@ pub struct Variant {
     group: usize,
     design: Design,
     outcome: Outcome,
-    /// Mean height of the images that went into readings, in counts.
-    height: f64,
     random: [f64; 2],
 }
 
@@ -157,33 +161,23 @@ const GROUPS: [&str; 4] = [
 ];
 
 fn designs() -> Vec<(String, usize, Design)> {
+    let nominal = Design::nominal;
     let mut all = vec![];
     for count in [8, 13, 16] {
         all.push((format!("{count} slits"), 0, Design::fewer(count)));
     }
     for factor in [0.75, 1.0, 1.25] {
-        let design = Design::stretched(factor);
-        all.push((format!("gaps × {factor}"), 1, design));
+        all.push((format!("gaps × {factor}"), 1, Design::stretched(factor)));
     }
     for width_um in [100, 200, 300] {
-        all.push((
-            format!("width {width_um} um"),
-            2,
-            Design {
-                width_um,
-                ..Design::nominal()
-            },
-        ));
+        let mut design = nominal();
+        design.width_um = width_um;
+        all.push((format!("width {width_um} um"), 2, design));
     }
     for spot in [0.4e-3, 0.5e-3, 1e-3, 2e-3] {
-        all.push((
-            format!("spot {} mm", 1e3 * spot),
-            3,
-            Design {
-                spot,
-                ..Design::nominal()
-            },
-        ));
+        let mut design = nominal();
+        design.spot = spot;
+        all.push((format!("spot {} mm", 1e3 * spot), 3, design));
     }
     all
 }
@@ -216,7 +210,6 @@ pub fn measure(base: &Scene, rows: u16, surfaces: u64) -> Result<Vec<Variant>> {
             name,
             group,
             random: design.random_rows().context("a comb")?,
-            height: outcome.height,
             outcome,
             design,
         });
@@ -227,48 +220,34 @@ pub fn measure(base: &Scene, rows: u16, surfaces: u64) -> Result<Vec<Variant>> {
 
 /// The variants as a table.
 pub fn report(variants: &[Variant]) -> String {
-    let mut rows = vec![cells(&[
-        "differs from the default",
-        "smallest gap, mm",
-        "RMS error",
-        "theory",
-        "median u",
-        "within 2u",
-        "faults",
-        "height",
-        "all images on the row, m",
-        "random rows: faults",
-        "wrong",
-    ])];
-    for it in variants {
+    let head = "differs from the default | smallest gap, mm | RMS error | theory | median u | within 2u | faults \
+                | height | all images on the row, m | random rows: faults | wrong";
+    let rows = variants.iter().map(|it| {
         let Summary {
             rms,
             median_u,
             within,
             ..
         } = it.outcome.summary;
-        let slits = it.design.places_um.len();
         let range = match it.design.range() {
             Some([near, far]) => format!("{near:.2} to {far:.2}"),
             None => "nowhere".into(),
         };
-        rows.push(vec![
+        vec![
             it.name.clone(),
-            format!("{:.2}", 1e-3 * f64::from(it.design.smallest_gap())),
+            format!("{:.2}", it.design.smallest_gap()),
             format!("{rms:.0}"),
-            format!(
-                "{:.0}",
-                1e6 * theory::comb(DISTANCE, it.design.spot, 1.0, slits)
-            ),
+            format!("{:.0}", it.design.theory()),
             format!("{median_u:.0}"),
             format!("{:.1} %", 100.0 * within[1]),
             it.outcome.faults(),
-            format!("{:.0}", it.height),
+            format!("{:.0}", it.outcome.height),
             range,
             format!("{:.2} %", 100.0 * it.random[1]),
             format!("{:.3} %", 100.0 * it.random[0]),
-        ]);
-    }
+        ]
+    });
+    let table = table::of(head, rows);
     let surfaces = variants.first().map_or(0, |it| {
         it.outcome.summary.count + it.outcome.faults.values().sum::<usize>()
     });
@@ -277,8 +256,7 @@ pub fn report(variants: &[Variant]) -> String {
         "Simulated on a PC: metal at {DISTANCE} m, a laser of a single wavelength, {surfaces} surfaces, so \
          that an RMS error is known to {own_error:.0} %. Errors and u in um. Theory: independent images. \
          Height: the mean of the images in counts. Random rows: {RANDOM_ROWS} rows with up to half of the \
-         images missing and one false.\n\n{}",
-        markdown(&rows)
+         images missing and one false.\n\n{table}"
     )
 }
 
@@ -291,7 +269,7 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
     for ((group, name), area) in (0..).zip(GROUPS).zip(root.split_evenly((2, 2))) {
         let value = |it: &Variant| match group {
             0 => it.design.places_um.len() as f64,
-            1 => 1e-3 * f64::from(it.design.smallest_gap()),
+            1 => it.design.smallest_gap(),
             2 => f64::from(it.design.width_um),
             _ => 1e3 * it.design.spot,
         };
@@ -317,9 +295,7 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
             of_group.iter().map(|it| (value(it), of(it))).collect()
         };
         let errors = points(&|it| it.outcome.summary.rms);
-        let theory = points(&|it| {
-            1e6 * theory::comb(DISTANCE, it.design.spot, 1.0, it.design.places_um.len())
-        });
+        let theory = points(&|it| it.design.theory());
         chart.draw_series(DashedLineSeries::new(theory, 8, 6, BLACK.stroke_width(1)))?;
         chart.draw_series(LineSeries::new(errors.clone(), BLUE.stroke_width(2)))?;
         chart.draw_series(

@@ -25,7 +25,7 @@ use core::f64::consts::PI;
 use simulator::optics::Optics;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
-use crate::table::{cells, markdown};
+use crate::table;
 
 /// Standard deviation of a distance by speckle through one slit, for an image of the mean light.
 pub fn one_slit(distance: f64, spot: f64, patterns: f64) -> f64 {
@@ -88,33 +88,25 @@ pub struct Kind {
 /// Theory and measurement at a distance, for a page.
 pub fn report(distance: f64, kinds: &[Kind]) -> String {
     let width = 1e-6 * f64::from(SLIT_WIDTH_UM);
-    let mut rows = vec![cells(&[
-        "surface at 0.8 m, spot",
-        "speckle, mm",
-        "speckles in the comb's span",
-        "one slit",
-        "comb by theory",
-        "comb as measured",
-        "filled aperture",
-        "limit of Dorsch et al.",
-        "limit, one slit",
-    ])];
-    for kind in kinds {
+    let slits = NOMINAL_PLACES_UM.len();
+    let rows = kinds.iter().map(|kind| {
         let patterns = f64::from(kind.patterns);
         let um = |metres: f64| format!("{:.0}", 1e6 * metres);
-        rows.push(vec![
+        vec![
             kind.name.clone(),
             format!("{:.2}", 1e3 * speckle_size(distance, kind.spot)),
             format!("{:.0}", speckles(distance, kind.spot, span())),
             um(one_slit(distance, kind.spot, patterns)),
-            um(comb(distance, kind.spot, patterns, NOMINAL_PLACES_UM.len())),
+            um(comb(distance, kind.spot, patterns, slits)),
             format!("{:.0}", kind.rms),
             um(filled(distance, kind.spot, patterns, span())),
             um(limit(distance, patterns, span())),
             um(limit(distance, patterns, width)),
-        ]);
-    }
-    markdown(&rows)
+        ]
+    });
+    let head = "surface at 0.8 m, spot | speckle, mm | speckles in the comb's span | one slit | comb by theory \
+                | comb as measured | filled aperture | limit of Dorsch et al. | limit, one slit";
+    table::of(head, rows)
 }
 
 #[cfg(test)]

@@ -218,59 +218,51 @@ fn angle(radians: f64) -> String {
 
 /// The budget for a page.
 pub fn report(it: &Tolerances) -> String {
-    use crate::table::{cells, markdown};
-    let placing = |name: &str, value: &dyn Fn(&Placing) -> String, remains: &str| {
+    let row = |name: &str, value: &dyn Fn(&Placing) -> String, remains: &str| {
+        let [calibrated, uncalibrated] = [&it.calibrated, &it.uncalibrated].map(value);
         vec![
             name.to_owned(),
-            value(&it.calibrated),
-            value(&it.uncalibrated),
+            calibrated,
+            uncalibrated,
             remains.to_owned(),
         ]
     };
+    let changes = |radians| format!("changes: {} move a distance by 10 um", angle(radians));
     let width = format!("± {} um", um(it.width * 1e-6 * f64::from(SLIT_WIDTH_UM)));
-    let rows = vec![
-        cells(&[
-            "tolerance",
-            "each slit is calibrated",
-            "slits as drawn",
-            "what a calibration does not take out",
-        ]),
-        placing(
+    let rows = [
+        row(
             "place of a slit's middle",
             &|p| format!("± {} um", um(p.place)),
             "growth with temperature",
         ),
-        vec![
-            "width of a slit".into(),
-            width.clone(),
-            width,
-            "light; the width moves no image".into(),
-        ],
-        placing(
+        row(
+            "width of a slit",
+            &|_| width.clone(),
+            "light; the width moves no image",
+        ),
+        row(
             "slits, square to the line of places",
             &|p| format!("± {:.2}°", p.square.to_degrees()),
             "nothing",
         ),
-        placing(
+        row(
             "rotation about the optical axis",
             &|p| format!("± {}", angle(p.rotation)),
-            &format!(
-                "changes: {} move a distance by 10 um",
-                angle(it.rotation_since)
-            ),
+            &changes(it.rotation_since),
         ),
-        placing(
+        row(
             "tilt about the slits' direction",
             &|p| format!("± {}", angle(p.tilt)),
-            &format!("changes: {} move a distance by 10 um", angle(it.tilt_since)),
+            &changes(it.tilt_since),
         ),
-        placing(
+        row(
             "flatness",
             &|p| format!("± {} um", um(p.flatness)),
             "changes",
         ),
     ];
-    let mut text = markdown(&rows);
+    let head = "tolerance | each slit is calibrated | slits as drawn | what a calibration does not take out";
+    let mut text = crate::table::of(head, rows);
     let warmer: Vec<String> = MATERIALS
         .iter()
         .zip(it.warmer)

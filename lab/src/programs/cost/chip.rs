@@ -21,19 +21,17 @@ pub mod steps;
 mod tests;
 pub mod whole_rows;
 
-use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use cost_on_chip::methods::Method;
-use serde::Serialize;
 use slitrange::centre::Estimator;
 use slitrange::centre::tables::{self, TableSet};
 
 use virtual_board::trace::Call;
 
-use lines::{Kind, Line};
+use lines::Line;
 use program::Program;
 use run::Run;
 use whole_rows::WholeRows;
@@ -61,84 +59,64 @@ pub struct Chip {
     pub geometry_instructions_per_word: f64,
     /// Words in, centre added to the frame: all that a row takes.
     pub whole_rows: WholeRows,
-    /// Every form of a calibration.
-    pub forms: Vec<FormOnChip>,
-    /// What one would use instead.
-    pub peers: Vec<PeerOnChip>,
-    /// The exponential, the logarithm and the square root by each library.
-    pub floats: Vec<FloatOnChip>,
+    /// Every form of a calibration, over several centres.
+    pub forms: Vec<Counted>,
+    /// The crates that one would use instead: a fit of eq. (5) to 127 pixels.
+    pub peers: Vec<Counted>,
+    /// The exponential, the logarithm and the square root by each library: a call.
+    pub floats: Vec<Counted>,
 }
 
 /// One method at one width, over several rows: the spot is known, and so is what the method found in the row
 /// before.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MethodOnChip {
-    /// The method's name.
     pub name: String,
     /// Sigma in pixels.
     pub width: f64,
-    /// Instructions, the median over the rows.
+    /// The median over the rows.
     pub instructions: u64,
-    /// The most over the rows.
-    pub instructions_most: u64,
     /// Bytes of all functions that it may call.
     pub code_bytes: u64,
     /// Bytes of weights.
     pub table_bytes: u64,
-    /// Bytes of stack.
     pub stack_bytes: u64,
     /// The fault that one of the rows gave, if one did.
     pub fault: Option<String>,
 }
 
-/// A form of a calibration, over several centres: a distance, once a frame.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct FormOnChip {
-    /// Its name in the log.
-    pub name: String,
-    /// Instructions, the median over the centres.
-    pub instructions: u64,
-    /// The most over the centres.
-    pub instructions_most: u64,
-    /// Bytes of stack.
-    pub stack_bytes: u64,
-}
-
-/// A peer's fit of eq. (5) to 127 pixels.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct PeerOnChip {
-    /// The crate, and its numbers' type.
-    pub name: String,
-    /// Instructions, the median over the rows.
-    pub instructions: u64,
-    /// Bytes of stack.
-    pub stack_bytes: u64,
-}
-
-/// A function of floats by a library, over several arguments.
+/// Instructions of something with a name in the log: the median, and the most.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct FloatOnChip {
-    /// Its name in the log.
+pub struct Counted {
     pub name: String,
-    /// Instructions of a call, the median over the arguments.
     pub instructions: f64,
-    /// The most over the arguments.
-    pub instructions_most: f64,
+    pub most: f64,
+}
+
+/// The figures of a name.
+pub fn of_name<'a>(counted: &'a [Counted], name: &str) -> Result<&'a Counted> {
+    let found = counted.iter().find(|counted| counted.name == name);
+    found.with_context(|| format!("the chip's program did not count {name}"))
+}
+
+impl Chip {
+    /// A method at a width, where it found a centre there.
+    pub fn on_chip(&self, method: Method, width: f64) -> Option<&MethodOnChip> {
+        self.methods.iter().find(|counted| {
+            let at_width = (counted.width - width).abs() < 1e-9;
+            counted.name == method.name() && at_width && counted.fault.is_none()
+        })
+    }
 }
 
 /// Builds the program, runs it on the emulated board and reads what it says.
-///
-/// # Errors
-/// The build or the emulation fails, or a line of the log is missing or makes no sense.
 pub fn measure() -> Result<Chip> {
     let run = Run::of(PACKAGE)?;
     chip(&run)
 }
 
 /// Flashes and runs the program on a NUCLEO-F429ZI. It prints its lines, whose cycles are the silicon's.
-///
-/// # Errors
-/// `cargo` or `probe-rs` says itself why the program does not run on the board; this says that it failed.
+/// `cargo` or `probe-rs` says itself why the program does not run on the board.
 pub fn on_board() -> Result<()> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let status = Command::new(cargo)
@@ -158,34 +136,42 @@ pub fn on_board() -> Result<()> {
 fn chip(run: &Run) -> Result<Chip> {
     check_the_counter(run)?;
     let program = Program::of(&run.firmware)?;
-    let step = |name| lines::find(&run.lines, Kind::Step, name);
-    let per_item =
-        |line: &Line| Ok::<f64, anyhow::Error>(line.number("cycles")? / line.number("items")?);
-    let kernels = lines::find(&run.lines, Kind::Kernels, "dual-mac")?;
-    let different = kernels.whole("different")?;
+    let per_item = |name| {
+        let step = lines::find(&run.lines, "step", name)?;
+        Ok::<f64, anyhow::Error>(step.number("cycles")? / step.number("items")?)
+    };
+    let different = lines::find(&run.lines, "kernels", "dual-mac")?.whole("different")?;
     ensure!(
         different == 0,
         "on the chip {different} inner products or square roots in assembly are not what they are elsewhere"
     );
+    let counted = |kind| {
+        let counted = lines::all(&run.lines, kind).map(|line| {
+            // A line of a function of floats is about many calls.
+            let calls = line.number("calls").unwrap_or(1.0);
+            Ok(Counted {
+                name: line.name.replace("-f32", " f32").replace("-f64", " f64"),
+                instructions: line.number("cycles")? / calls,
+                most: line.number("most")? / calls,
+            })
+        });
+        counted.collect::<Result<_>>()
+    };
     Ok(Chip {
         methods: methods(run, &program)?,
-        search_instructions_per_pixel: per_item(step("spot-find")?)?,
-        sweep_instructions_per_pixel: per_item(step("spot-find-again")?)?,
-        geometry_instructions_per_word: per_item(step("geometry-row")?)?,
+        search_instructions_per_pixel: per_item("spot-find")?,
+        sweep_instructions_per_pixel: per_item("spot-find-again")?,
+        geometry_instructions_per_word: per_item("geometry-row")?,
         whole_rows: whole_rows::read(run, &program)?,
         forms: forms(run, &program)?,
-        peers: lines::all(&run.lines, Kind::Peer)
-            .map(peer)
-            .collect::<Result<_>>()?,
-        floats: lines::all(&run.lines, Kind::Float)
-            .map(float)
-            .collect::<Result<_>>()?,
+        peers: counted("peer")?,
+        floats: counted("float")?,
     })
 }
 
 /// The program's count of a function of a hundred instructions and eight bytes of stack.
 fn check_the_counter(run: &Run) -> Result<()> {
-    let known = lines::find(&run.lines, Kind::Known, "hundred-instructions")?;
+    let known = lines::find(&run.lines, "known", "hundred-instructions")?;
     let (cycles, stack) = (known.whole("cycles")?, known.whole("stack")?);
     ensure!(
         cycles.abs_diff(100) <= CLOCK_ROUNDS && stack == 8,
@@ -195,70 +181,60 @@ fn check_the_counter(run: &Run) -> Result<()> {
 }
 
 fn methods(run: &Run, program: &Program) -> Result<Vec<MethodOnChip>> {
-    let calls = calls_of_methods(run, program)?;
-    let mut counted_methods = Vec::new();
-    for method in Method::ALL {
-        let name = method.name();
-        let code_bytes = program.reachable_bytes(&wrapper(name))?;
-        for line in lines::all(&run.lines, Kind::Method).filter(|line| line.name == name) {
-            let width = line.number("width")?;
-            let rows = || {
-                calls
-                    .iter()
-                    .filter(|(row, _)| row.name == name && row.values.get("width") == Some(&width))
-            };
-            let instructions = sorted(rows().map(|(_, call)| call.instructions()));
-            let (Some(median), Some(most)) = (middle(&instructions), instructions.last()) else {
-                bail!("the chip's program ran {name} on no row of width {width}");
-            };
-            let counted = line.whole("cycles")?;
-            ensure!(
-                counted.abs_diff(median) <= CLOCK_ROUNDS,
-                "{name} at width {width} executes {median} instructions, but the cycle counter says {counted}"
-            );
-            counted_methods.push(MethodOnChip {
-                name: name.to_owned(),
-                width,
-                instructions: median,
-                instructions_most: *most,
-                code_bytes,
-                table_bytes: table_bytes(method),
-                stack_bytes: line.whole("stack")?,
-                fault: rows().find_map(|(row, _)| row.fault.clone()),
-            });
-        }
-    }
-    Ok(counted_methods)
+    let wrappers = Method::ALL.map(|method| program.address(&wrapper(method.name())));
+    // Functions of the same instructions are one, so an address may stand for several methods.
+    let calls = (run.calls.iter()).filter(|call| wrappers.contains(&Some(call.function)));
+    let rows = pairs(run, "row", calls)?;
+    let of_method = |(line, method): (&Line, Method)| {
+        let width = line.number("width")?;
+        let is_here = |row: &Line| row.name == line.name && row.values.get("width") == Some(&width);
+        let rows = || rows.iter().filter(|(row, _)| is_here(row));
+        let [instructions, _] = median_and_most(rows().map(|(_, call)| *call), &line.name)?;
+        let counted = line.whole("cycles")?;
+        ensure!(
+            counted.abs_diff(instructions) <= CLOCK_ROUNDS,
+            "{line:?} executes {instructions} instructions, but the cycle counter says {counted}"
+        );
+        Ok(MethodOnChip {
+            name: line.name.clone(),
+            width,
+            instructions,
+            code_bytes: program.reachable_bytes(&wrapper(&line.name))?,
+            table_bytes: table_bytes(method),
+            stack_bytes: line.whole("stack")?,
+            fault: rows().find_map(|(row, _)| row.fault.clone()),
+        })
+    };
+    let lines = Method::ALL.into_iter().flat_map(|method| {
+        let lines = lines::all(&run.lines, "method");
+        let lines = lines.filter(move |line| line.name == method.name());
+        lines.map(move |line| (line, method))
+    });
+    lines.map(of_method).collect()
 }
 
-/// The program prints a line for each call of a method, in the order of the calls: each line with its call.
-fn calls_of_methods<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line, &'a Call)>> {
-    // Functions of the same instructions are one, so an address may stand for several methods.
-    let wrappers: BTreeSet<u64> = Method::ALL
-        .into_iter()
-        .filter_map(|method| program.address(&wrapper(method.name())))
-        .collect();
-    let calls: Vec<&Call> = run
-        .calls
-        .iter()
-        .filter(|call| wrappers.contains(&call.function))
-        .collect();
-    let rows: Vec<&Line> = lines::all(&run.lines, Kind::Row).collect();
+/// The program prints a line of a kind for each call, in the order of the calls: each line with its call.
+fn pairs<'a>(
+    run: &'a Run,
+    kind: &str,
+    calls: impl IntoIterator<Item = &'a Call>,
+) -> Result<Vec<(&'a Line, &'a Call)>> {
+    let calls: Vec<&Call> = calls.into_iter().collect();
+    let lines: Vec<&Line> = lines::all(&run.lines, kind).collect();
     ensure!(
-        calls.len() == rows.len(),
-        "the chip's program called {} methods and spoke of {}",
+        calls.len() == lines.len(),
+        "the chip's program made {} calls of the kind {kind} and spoke of {}",
         calls.len(),
-        rows.len()
+        lines.len()
     );
-    Ok(rows.into_iter().zip(calls).collect())
+    Ok(lines.into_iter().zip(calls).collect())
 }
 
 /// The program asks each form for a distance at each of its centres, and prints a line for each.
-fn forms(run: &Run, program: &Program) -> Result<Vec<FormOnChip>> {
+fn forms(run: &Run, program: &Program) -> Result<Vec<Counted>> {
     let function = program
         .named(DISTANCE_AT)
         .with_context(|| format!("the chip's program has no function {DISTANCE_AT}"))?;
-    let asked: Vec<&Line> = lines::all(&run.lines, Kind::Distance).collect();
     // A reading makes a distance too, and returns after it.
     let reading = program.address(steps::READING);
     let mut calls: Vec<&Call> = vec![];
@@ -269,47 +245,33 @@ fn forms(run: &Run, program: &Program) -> Result<Vec<FormOnChip>> {
             calls.pop();
         }
     }
-    ensure!(
-        calls.len() == asked.len(),
-        "the chip's program made {} distances and spoke of {}",
-        calls.len(),
-        asked.len()
-    );
+    let asked = pairs(run, "distance", calls)?;
     let form = |line: &Line| {
-        let calls = || {
-            let pairs = asked.iter().zip(&calls);
-            pairs.filter_map(|(asked, call)| (asked.name == line.name).then_some(call))
-        };
-        let instructions = sorted(calls().map(|call| call.instructions()));
-        let (Some(median), Some(most)) = (middle(&instructions), instructions.last()) else {
-            bail!("the chip's program made no distance by {}", line.name);
-        };
-        Ok(FormOnChip {
+        let of_form = asked.iter().filter(|(asked, _)| asked.name == line.name);
+        let counts = median_and_most(of_form.map(|(_, call)| *call), &line.name)?;
+        let [instructions, most] = counts.map(|count| count as f64);
+        Ok(Counted {
             name: line.name.clone(),
-            instructions: median,
-            instructions_most: *most,
-            stack_bytes: line.whole("stack")?,
+            instructions,
+            most,
         })
     };
-    lines::all(&run.lines, Kind::Form).map(form).collect()
+    lines::all(&run.lines, "form").map(form).collect()
 }
 
 /// Calls from the shortest to the longest.
-fn sorted_by_instructions<'a>(calls: impl Iterator<Item = &'a Call>) -> Vec<&'a Call> {
+fn sorted<'a>(calls: impl Iterator<Item = &'a Call>) -> Vec<&'a Call> {
     let mut calls: Vec<&Call> = calls.collect();
     calls.sort_by_key(|call| call.instructions());
     calls
 }
 
-fn sorted(numbers: impl Iterator<Item = u64>) -> Vec<u64> {
-    let mut numbers: Vec<u64> = numbers.collect();
-    numbers.sort_unstable();
-    numbers
-}
-
-/// The median of sorted numbers, the upper one of two.
-fn middle(sorted: &[u64]) -> Option<u64> {
-    sorted.get(sorted.len() / 2).copied()
+/// Instructions of calls: the median, the upper one of two, and the most.
+fn median_and_most<'a>(calls: impl Iterator<Item = &'a Call>, name: &str) -> Result<[u64; 2]> {
+    let calls = sorted(calls);
+    let both = calls.get(calls.len() / 2).zip(calls.last());
+    let (median, most) = both.with_context(|| format!("the chip's program never called {name}"))?;
+    Ok([median, most].map(|call| call.instructions()))
 }
 
 /// The function on the chip that is a method alone.
@@ -336,21 +298,4 @@ fn bytes_of(set: &TableSet<'_>) -> u64 {
         .iter()
         .map(|table| size_of_val(table.weights) + size_of_val(table.stretch))
         .sum::<usize>() as u64
-}
-
-fn peer(line: &Line) -> Result<PeerOnChip> {
-    Ok(PeerOnChip {
-        name: line.name.replace("-f32", " f32").replace("-f64", " f64"),
-        instructions: line.whole("cycles")?,
-        stack_bytes: line.whole("stack")?,
-    })
-}
-
-fn float(line: &Line) -> Result<FloatOnChip> {
-    let a_call = |key| Ok::<f64, anyhow::Error>(line.number(key)? / line.number("calls")?);
-    Ok(FloatOnChip {
-        name: line.name.clone(),
-        instructions: a_call("cycles")?,
-        instructions_most: a_call("most")?,
-    })
 }

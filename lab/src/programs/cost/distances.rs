@@ -2,7 +2,6 @@
 
 use anyhow::Context as _;
 use cost_on_chip::calibrations::Form;
-use serde::Serialize;
 use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
@@ -14,53 +13,28 @@ use slitrange::row::sensor_heads;
 use slitrange_device::record::date::Date;
 use slitrange_device::record::{MAX_ENCODED, Record, encode};
 
-use crate::programs::cost::chip::Chip;
+use crate::programs::cost::chip::{self, Chip};
+use crate::table;
 
-/// A form of a calibration.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Distance {
-    /// What it is.
-    pub form: &'static str,
-    /// How many knots it has.
-    pub knots: usize,
-    /// The largest error over the range, in micrometres.
-    pub error_max_um: f64,
-    /// Instructions, the median over many centres.
-    pub instructions: u64,
-    /// The most of them.
-    pub instructions_most: u64,
-    /// Bytes of RAM that its numbers take.
-    pub ram_bytes: usize,
-    /// Bytes of its record in flash.
-    pub record_bytes: usize,
-}
-
-/// Every form, with what was counted on the chip.
-///
-/// # Errors
-/// A form is no calibration, or was not counted.
-pub fn measure(chip: &Chip) -> anyhow::Result<Vec<Distance>> {
-    Form::ALL
-        .into_iter()
-        .map(|form| {
-            let calibration = form.calibration().context("no calibration")?;
-            let counted = chip
-                .forms
-                .iter()
-                .find(|counted| counted.name == form.name());
-            let counted = counted.context("the chip's program did not count it")?;
-            Ok(Distance {
-                form: name(form),
-                knots: form.knots(),
-                error_max_um: error_max_um(form, &calibration)?,
-                instructions: counted.instructions,
-                instructions_most: counted.instructions_most,
-                ram_bytes: ram_bytes(form),
-                record_bytes: record_bytes(calibration)?,
-            })
-        })
-        .map(|distance: anyhow::Result<Distance>| distance.context("a form of a calibration"))
-        .collect()
+/// The table of every form, with what was counted on the chip.
+pub fn markdown(chip: &Chip) -> anyhow::Result<String> {
+    let row = |form: Form| {
+        let calibration = form.calibration().context("no calibration")?;
+        let counted = chip::of_name(&chip.forms, form.name())?;
+        Ok(vec![
+            name(form).to_owned(),
+            form.knots().to_string(),
+            format!("{:.4}", error_max_um(form, &calibration)?),
+            counted.instructions.to_string(),
+            counted.most.to_string(),
+            ram_bytes(form).to_string(),
+            record_bytes(calibration)?.to_string(),
+        ])
+    };
+    let rows = Form::ALL.map(row).into_iter();
+    let rows = rows.collect::<anyhow::Result<Vec<_>>>()?;
+    let head = "form | knots | error um | instructions | most | RAM B | record B";
+    Ok(table::of(head, rows))
 }
 
 /// Its name for a reader.
@@ -72,7 +46,7 @@ const fn name(form: Form) -> &'static str {
     }
 }
 
-/// At 100,000 centres.
+/// The largest error over the range, at 100,000 centres.
 fn error_max_um(form: Form, calibration: &Calibration) -> anyhow::Result<f64> {
     let (first, last) = calibration.valid();
     let step = (last.to_bits() - first.to_bits()) as usize / 100_000;
@@ -84,11 +58,10 @@ fn error_max_um(form: Form, calibration: &Calibration) -> anyhow::Result<f64> {
             .map_err(|fault| anyhow::anyhow!("{fault} at {centre} px"))?;
         most = most.max((distance.to_f64() - form.truth(centre.to_f64())).abs());
     }
-    // To a tenth of a nanometre.
-    Ok((most * 1e4).round() / 1e4)
+    Ok(most)
 }
 
-/// A cubic takes two control points besides its knot.
+/// Bytes of RAM that the form's numbers take. A cubic takes two control points besides its knot.
 fn ram_bytes(form: Form) -> usize {
     let knots = form.knots() * size_of::<Knot>();
     match form {
@@ -98,7 +71,7 @@ fn ram_bytes(form: Form) -> usize {
     }
 }
 
-/// With the settings of a sensor that left the factory.
+/// Bytes of the record in flash, with the settings of a sensor that left the factory.
 fn record_bytes(calibration: Calibration) -> anyhow::Result<usize> {
     let record = Record {
         serial_number: 1,

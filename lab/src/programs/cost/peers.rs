@@ -12,6 +12,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use anyhow::Context as _;
+use cost_on_chip::methods::Method as CostMethod;
 use rayon::prelude::*;
 use serde::Serialize;
 use slitrange::centre::{self, Estimator};
@@ -27,6 +28,9 @@ mod varpro;
 
 use rows::{Scene, Window};
 
+use crate::programs::cost::chip::Chip;
+use crate::programs::cost::host_time;
+
 /// Rows for the errors of each method.
 const ROWS: usize = 20_000;
 
@@ -36,111 +40,89 @@ const TIMED_ROWS: usize = 4096;
 /// How often each of those rows is timed.
 const ROUNDS: usize = 5;
 
-/// A peer beside the default estimator.
+/// A peer beside the default estimator. The figures of the chip are those of the peers that run on it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Peer {
     /// The crate or program.
-    pub name: String,
+    pub name: &'static str,
     /// Its time a row over the default estimator's on this PC.
-    pub host_time_ratio: Option<f64>,
+    pub host_time_ratio: f64,
     /// Its instructions a row over the default estimator's on the chip.
     pub chip_instruction_ratio: Option<f64>,
     /// The time of a whole row, with our conversion, search and check, over that with the default estimator,
     /// on this PC.
-    pub host_row_time_ratio: Option<f64>,
+    pub host_row_time_ratio: f64,
     /// The same in instructions on the chip.
     pub chip_row_instruction_ratio: Option<f64>,
     /// Its root mean square error over the Cramér-Rao bound in the reference scene.
-    pub rmse_over_bound: Option<f64>,
+    pub rmse_over_bound: f64,
 }
 
-/// The comparison.
-#[derive(Clone, Debug)]
-pub struct Peers {
-    /// The peers as one would use them.
-    pub peers: Vec<Peer>,
-    /// Nanoseconds a row of the default estimator and the peers, by name.
-    timings: Vec<(&'static str, f64)>,
-}
+/// The width in pixels of the rows that the peers fit.
+const WIDTH: f64 = 10.5;
 
-impl Peers {
-    /// Notes a peer's instructions a row on the chip, the default estimator's, and those of a whole row with
-    /// the latter. Names of other peers are ignored.
-    pub fn set_chip_instructions(&mut self, name: &str, own: f64, default: f64, row: f64) {
-        if let Some(peer) = self.peers.iter_mut().find(|peer| peer.name == name) {
-            peer.chip_instruction_ratio = Some(own / default);
-            peer.chip_row_instruction_ratio = Some((row - default + own) / row);
+/// Runs the peers and sets them beside the default estimator. Where scipy cannot be had its figures are left
+/// out, and a line on standard error says why.
+pub fn compare(chip: &Chip) -> anyhow::Result<Vec<Peer>> {
+    let fits = run()?;
+    let default = &fits[0];
+    let (alone, row) = (
+        chip.on_chip(CostMethod::default(), WIDTH),
+        chip.whole_rows.at_width(Estimator::default(), WIDTH),
+    );
+    let alone = alone.context("the default estimator finds no centre on the chip")?;
+    let row = row.context("the chip measured no whole row")?;
+    let (alone, row) = (alone.instructions as f64, row.following.total() as f64);
+    // What a whole row takes on this PC beyond the estimator.
+    let rest = host_time::row_nanoseconds(Estimator::default())
+        .zip(host_time::nanoseconds(CostMethod::default()))
+        .map(|(row, alone)| row - alone)
+        .context("the default estimator finds no centre on this PC")?;
+    let peer = |fit: &Fit| {
+        // Some ran on the chip only: with other starting values.
+        let own = chip.peers.iter().find(|peer| peer.name == fit.name);
+        let own = own.map(|own| own.instructions);
+        Peer {
+            name: fit.name,
+            host_time_ratio: fit.ns / default.ns,
+            chip_instruction_ratio: own.map(|own| own / alone),
+            host_row_time_ratio: (rest + fit.ns) / (rest + default.ns),
+            chip_row_instruction_ratio: own.map(|own| (row - alone + own) / row),
+            rmse_over_bound: fit.rmse_over_bound,
         }
-    }
-
-    /// Notes what a whole row takes on this PC beyond the estimator, in nanoseconds.
-    pub fn set_rest_of_a_row(&mut self, ns: f64) {
-        let Some(default) = of_name(&self.timings, Method::Default.name()) else {
-            return;
-        };
-        for peer in &mut self.peers {
-            let own = of_name(&self.timings, &peer.name);
-            peer.host_row_time_ratio = own.map(|own| (ns + own) / (ns + default));
-        }
-    }
+    };
+    Ok(fits[1..].iter().map(peer).collect())
 }
 
 /// An error beyond half the spot's width, in pixels, is a failure and no error.
 const GROSS: f64 = 5.25;
 
-/// What runs in this process.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Method {
-    /// The default estimator.
-    Default,
-    LevenbergMarquardtF64,
-    LevenbergMarquardtF32,
-    Rmpfit,
-    Varpro,
-}
+/// Finds the centre of a row's spot on the window.
+type Centre = fn(&Row<'_>, &Window, &Geometry) -> Option<f64>;
 
-const METHODS: [Method; 5] = [
-    Method::Default,
-    Method::LevenbergMarquardtF64,
-    Method::LevenbergMarquardtF32,
-    Method::Rmpfit,
-    Method::Varpro,
+/// What runs in this process: the default estimator first.
+const METHODS: [(&str, Centre); 5] = [
+    ("default estimator", |row, window, geometry| {
+        let (spot, before) = (&window.spot, Some(&window.before));
+        let found = centre::centre(Estimator::default(), row, spot, before, geometry);
+        Some(found.ok()?.centre.to_f64())
+    }),
+    ("levenberg-marquardt f64", |_, window, _| {
+        Some(levenberg_marquardt::fit(&window.pixels.map(f64::from), window.start)?.centre)
+    }),
+    ("levenberg-marquardt f32", |_, window, _| {
+        Some(levenberg_marquardt::fit(&window.pixels.map(f32::from), window.start)?.centre)
+    }),
+    ("rmpfit", |_, window, _| {
+        Some(rmpfit::fit(&window.pixels.map(f64::from), window.start)?.centre)
+    }),
+    ("varpro", |_, window, _| {
+        Some(varpro::fit(&window.pixels.map(f64::from), window.start)?.centre)
+    }),
 ];
+
 /// Names in `scipy_fits.py`.
 const SCIPY_PEERS: [&str; 2] = ["scipy curve_fit", "scipy L-BFGS-B"];
-impl Method {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Default => Estimator::default().name(),
-            Self::LevenbergMarquardtF64 => "levenberg-marquardt f64",
-            Self::LevenbergMarquardtF32 => "levenberg-marquardt f32",
-            Self::Rmpfit => "rmpfit",
-            Self::Varpro => "varpro",
-        }
-    }
-
-    /// The centre of a row's spot on the window.
-    fn centre(self, row: &Row<'_>, window: &Window, geometry: &Geometry) -> Option<f64> {
-        let start = window.start;
-        let fit = match self {
-            Self::Default => {
-                let before = Some(&window.before);
-                let found =
-                    centre::centre(Estimator::default(), row, &window.spot, before, geometry);
-                return found.ok().map(|found| found.centre.to_f64());
-            }
-            Self::LevenbergMarquardtF64 => {
-                levenberg_marquardt::fit_f64(&window.pixels.map(f64::from), start)
-            }
-            Self::LevenbergMarquardtF32 => {
-                levenberg_marquardt::fit_f32(&window.pixels.map(f32::from), start)
-            }
-            Self::Rmpfit => rmpfit::fit(&window.pixels.map(f64::from), start),
-            Self::Varpro => varpro::fit(&window.pixels.map(f64::from), start),
-        };
-        fit.map(|parameters| parameters.centre)
-    }
-}
 
 /// The windows of a scene, ready to be fitted.
 struct Given<'a> {
@@ -160,60 +142,62 @@ impl<'a> Given<'a> {
         })
     }
 
-    fn errors(&self, method: Method) -> Vec<Option<f64>> {
-        self.rows
-            .par_iter()
-            .map(|(row, window)| {
-                method
-                    .centre(row, window, &self.geometry)
-                    .map(|centre| centre - window.truth)
-            })
-            .collect()
+    fn errors(&self, centre: Centre) -> Vec<Option<f64>> {
+        let error = |(row, window): &(Row<'_>, &Window)| {
+            Some(centre(row, window, &self.geometry)? - window.truth)
+        };
+        self.rows.par_iter().map(error).collect()
     }
 
     /// Nanoseconds a row.
-    fn time(&self, method: Method, rows: &[(Row<'_>, &Window)]) -> f64 {
+    fn time(&self, centre: Centre, rows: &[(Row<'_>, &Window)]) -> f64 {
         let start = Instant::now();
         for (row, window) in rows {
-            black_box(method.centre(row, window, &self.geometry));
+            black_box(centre(row, window, &self.geometry));
         }
         start.elapsed().as_secs_f64() * 1e9 / rows.len() as f64
     }
 }
 
-/// Runs the estimators and the peers.
-///
-/// # Errors
-/// A scene without a spot, or scipy is there and its script fails. Where scipy cannot be had its figures are
-/// left out, and a line on standard error says why.
-pub fn run() -> anyhow::Result<Peers> {
+/// How long fits take, and how far they are off.
+struct Fit {
+    name: &'static str,
+    /// Nanoseconds a row.
+    ns: f64,
+    rmse_over_bound: f64,
+}
+
+/// Runs the default estimator, which comes first, and the peers.
+fn run() -> anyhow::Result<Vec<Fit>> {
     let scipy = scipy::Environment::make()
         .inspect_err(|error| eprintln!("scipy: SKIPPED, {error:#}"))
         .ok();
     let scene = rows::REFERENCE;
     let windows = scene.windows(ROWS)?;
     let given = Given::new(&scene, &windows)?;
-    let over_bound = |errors: &[Option<f64>]| rmse(errors).0 / scene.bound();
-    let mut timings = time(&given);
-    let mut errors: Vec<(&str, f64)> = (METHODS.iter())
-        .map(|&method| (method.name(), over_bound(&given.errors(method))))
+    let fit = |name, ns, errors: &[Option<f64>]| Fit {
+        name,
+        ns,
+        rmse_over_bound: rmse(errors).0 / scene.bound(),
+    };
+    let mut fits: Vec<Fit> = (METHODS.into_iter().zip(time(&given)))
+        .map(|((name, centre), ns)| fit(name, ns, &given.errors(centre)))
         .collect();
     if let Some(scipy) = &scipy {
-        for (name, fits) in scipy.fit(&windows, &SCIPY_PEERS)? {
-            let centres = fits.centres.iter().zip(&windows);
-            let of_name: Vec<Option<f64>> = centres
+        for (name, fits_of_name) in scipy.fit(&windows, &SCIPY_PEERS)? {
+            let centres = fits_of_name.centres.iter().zip(&windows);
+            let errors: Vec<Option<f64>> = centres
                 .map(|(centre, window)| centre.map(|centre| centre - window.truth))
                 .collect();
-            errors.push((name, over_bound(&of_name)));
-            timings.push((name, fits.ns_per_row));
+            fits.push(fit(name, fits_of_name.ns_per_row, &errors));
         }
     }
-    Ok(Peers::new(timings, &errors))
+    Ok(fits)
 }
 
-/// Names with nanoseconds a row: the median over short turns that all take on the same few rows, so that a
+/// Nanoseconds a row of each method: the median over short turns that all take on the same few rows, so that a
 /// neighbour's load on the PC falls on all alike.
-fn time(given: &Given<'_>) -> Vec<(&'static str, f64)> {
+fn time(given: &Given<'_>) -> Vec<f64> {
     /// So few that they stay in the cache, where a row is that has just come in.
     const ROWS_OF_A_TURN: usize = 128;
     /// An estimator is through in some microseconds: more passes, the first of which fetches the rows and is
@@ -223,21 +207,19 @@ fn time(given: &Given<'_>) -> Vec<(&'static str, f64)> {
     let mut times = vec![vec![]; METHODS.len()];
     for _ in 0..ROUNDS {
         for rows in rows.chunks(ROWS_OF_A_TURN) {
-            for (times, method) in times.iter_mut().zip(METHODS) {
-                if method == Method::Default {
-                    given.time(method, rows);
-                    times.extend((0..PASSES_OF_AN_ESTIMATOR).map(|_| given.time(method, rows)));
-                } else {
-                    times.push(given.time(method, rows));
-                }
+            for (i, (_, centre)) in METHODS.into_iter().enumerate() {
+                let passes = match i {
+                    0 => {
+                        given.time(centre, rows);
+                        PASSES_OF_AN_ESTIMATOR
+                    }
+                    _ => 1,
+                };
+                times[i].extend((0..passes).map(|_| given.time(centre, rows)));
             }
         }
     }
-    METHODS
-        .iter()
-        .zip(times)
-        .map(|(method, times)| (method.name(), upper_median(times)))
-        .collect()
+    times.into_iter().map(upper_median).collect()
 }
 
 /// Root mean square of the errors that are not failures, and their number.
@@ -251,35 +233,10 @@ fn rmse(errors: &[Option<f64>]) -> (f64, usize) {
     (rms(&good), good.len())
 }
 
-impl Peers {
-    fn new(timings: Vec<(&'static str, f64)>, errors: &[(&str, f64)]) -> Self {
-        let default_ns = of_name(&timings, Method::Default.name());
-        let rust = METHODS[1..].iter().map(|method| method.name());
-        let peers = rust
-            .chain(SCIPY_PEERS)
-            .map(|name| Peer {
-                name: name.into(),
-                host_time_ratio: of_name(&timings, name)
-                    .zip(default_ns)
-                    .map(|(own, default)| own / default),
-                chip_instruction_ratio: None,
-                host_row_time_ratio: None,
-                chip_row_instruction_ratio: None,
-                rmse_over_bound: of_name(errors, name),
-            })
-            .collect();
-        Self { peers, timings }
-    }
-}
-
-fn of_name(figures: &[(&str, f64)], name: &str) -> Option<f64> {
-    let found = figures.iter().find(|(other, _)| *other == name);
-    found.map(|&(_, figure)| figure)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gaussian::{Parameters, WINDOW, examples};
 
     /// An unweighted fit of the reference scene has errors of 1.201 times the bound, from (J^T J)^-1 J^T V J
     /// (J^T J)^-1. The standard error over 1000 rows is 2.2 %. The test allows four of these beyond 1 and
@@ -289,13 +246,46 @@ mod tests {
         let scene = rows::REFERENCE;
         let windows = scene.windows(1000).expect("a spot in each row");
         let given = Given::new(&scene, &windows).expect("12 bits");
-        for method in METHODS {
-            let errors = given.errors(method);
+        for (name, centre) in METHODS {
+            let errors = given.errors(centre);
             let (rmse, good) = rmse(&errors);
             let ratio = rmse / scene.bound();
-            println!("{}: {ratio:.3} of the bound", method.name());
-            assert_eq!(good, errors.len(), "{}", method.name());
-            assert!((0.91..1.31).contains(&ratio), "{}: {ratio}", method.name());
+            println!("{name}: {ratio:.3} of the bound");
+            assert_eq!(good, errors.len(), "{name}");
+            assert!((0.91..1.31).contains(&ratio), "{name}: {ratio}");
+        }
+    }
+
+    /// Fits in f64.
+    const FITS: [(&str, fn(&[f64; WINDOW], Parameters) -> Option<Parameters>); 3] = [
+        ("levenberg-marquardt", levenberg_marquardt::fit),
+        ("rmpfit", rmpfit::fit),
+        ("varpro", varpro::fit),
+    ];
+
+    #[test]
+    fn fits_find_a_noiseless_gaussian() {
+        let (truth, pixels) = examples::noiseless();
+        let start = examples::start();
+        for (name, fit) in FITS {
+            let off = fit(&pixels, start).expect("a fit").centre - truth.centre;
+            println!("{name}: {off:.1e} px off");
+            assert!(off.abs() < 1e-6, "{name}: {off}");
+        }
+        let f32 = levenberg_marquardt::fit(&pixels.map(|count| count as f32), start);
+        let off = f32.expect("a fit").centre - truth.centre;
+        assert!(off.abs() < 1e-3, "f32: {off}");
+    }
+
+    #[test]
+    fn fits_in_noise_agree() {
+        for (window, bound) in examples::noisy(100) {
+            let pixels = window.pixels.map(f64::from);
+            let centres = FITS.map(|(_, fit)| fit(&pixels, window.start).expect("a fit").centre);
+            for (other, (name, _)) in centres.iter().zip(FITS) {
+                let off = (other - centres[0]) / bound;
+                assert!(off.abs() < 1e-3, "{name}: {off}");
+            }
         }
     }
 

@@ -13,7 +13,7 @@
 use anyhow::{Context as _, Result};
 use judges::frames::words;
 use rayon::prelude::*;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use simulator::bound;
 use simulator::scene::comb::Comb;
 use simulator::scene::{Effect, Scene, Simulation};
@@ -101,12 +101,11 @@ const CALIBRATED_ON_PAPER: &[u8] =
     include_bytes!("../../../../virtual-board/src/bin/demo/paper.record");
 
 /// A point of a curve.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// What falls on the sensor.
     pub light: Light,
     /// How the rows' centres are found.
-    #[serde(serialize_with = "name")]
     pub estimator: Estimator,
     /// Rows in a reading.
     pub rows: u64,
@@ -124,10 +123,6 @@ pub struct Point {
     pub r_micrometres: f64,
     /// Readings without a distance.
     pub faults: u64,
-}
-
-fn name<S: Serializer>(estimator: &Estimator, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(estimator.name())
 }
 
 /// Measures all scenes, this many readings a point. `chip` says how long the chip computes. A target on the

@@ -10,8 +10,6 @@ use crate::programs::cost::accuracy::{
 use crate::programs::cost::chip::steps::Steps;
 use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRows};
 use crate::programs::cost::chip::{Chip, MethodOnChip};
-use crate::programs::cost::distances::Distance;
-use crate::programs::cost::float_functions::FloatFunctions;
 use crate::programs::cost::reading_time::{self, Light, Point};
 use crate::programs::cost::report::Measured;
 
@@ -81,19 +79,11 @@ pub fn measured() -> Measured {
         methods: Method::ALL.to_vec(),
         accuracy,
         chip: chip(),
-        distances: vec![Distance {
-            form: "eq. (1)",
-            knots: 0,
-            error_max_um: 0.01,
-            instructions: 60,
-            instructions_most: 60,
-            ram_bytes: 64,
-            record_bytes: 50,
-        }],
-        floats: FloatFunctions::default(),
+        distances: String::new(),
+        floats: String::new(),
         host_ns: METHODS.iter().map(|it| Some(it.3 as f64 / 5.0)).collect(),
         readings: readings(),
-        peers: None,
+        peers: vec![],
     }
 }
 
@@ -108,7 +98,6 @@ fn chip() -> Chip {
                 name: method.name().into(),
                 width,
                 instructions,
-                instructions_most: instructions,
                 code_bytes,
                 table_bytes,
                 stack_bytes: 200,
@@ -118,27 +107,15 @@ fn chip() -> Chip {
     }
     Chip {
         methods,
-        sweep_instructions_per_pixel: 2.6,
-        peers: vec![],
-        floats: vec![],
-        search_instructions_per_pixel: 27.0,
-        geometry_instructions_per_word: 0.0,
         whole_rows: whole_rows(),
-        forms: vec![],
+        ..Chip::default()
     }
 }
 
 fn whole_rows() -> WholeRows {
     let mut rows = WholeRows::default();
     for (estimator, (.., estimate, _, _)) in Estimator::ALL.into_iter().zip(METHODS) {
-        let row = |parts: u64| Steps {
-            convert: 3000,
-            search: 4000 * parts,
-            estimate,
-            check: 5000 * parts,
-            frame: 460,
-            ..Steps::default()
-        };
+        let row = |parts: u64| Steps([3000, 4000 * parts, estimate, 5000 * parts, 460, 0, 0]);
         for width in [1.5, 4.5, 10.5, 11.3, 25.0] {
             let parts = if width < 6.0 { 3 } else { 1 };
             rows.at_widths.push(AtWidth {
@@ -149,14 +126,11 @@ fn whole_rows() -> WholeRows {
             });
         }
         let mut last = row(1);
-        last.frame += 30_000;
+        last.0[4] += 30_000;
         rows.once_a_frame.push(OnceAFrame {
             estimator,
             last,
-            distance: Steps {
-                distance: 600,
-                ..Steps::default()
-            },
+            distance: Steps([0, 0, 0, 0, 0, 600, 0]),
         });
         rows.slowest.push(Slowest {
             estimator,

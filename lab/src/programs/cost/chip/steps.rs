@@ -14,7 +14,6 @@ use addr2line::{Context, LookupResult, gimli};
 use anyhow::{Context as _, Result, bail};
 use object::{Object as _, ObjectSection as _};
 use rustc_demangle::demangle;
-use serde::Serialize;
 use virtual_board::Firmware;
 use virtual_board::trace::Call;
 
@@ -25,42 +24,25 @@ pub enum Step {
     Convert,
     /// The search for the spot.
     Search,
-    /// The estimator.
     Estimate,
     /// The comparison with the mirror image, and the repair.
     Check,
     /// The row joins its frame, and what connects the steps.
     Frame,
-    /// A distance.
+    /// A distance: a row has none, unless it completes a frame.
     Distance,
+    /// No known step.
+    Other,
 }
 
-/// The instructions of a row by step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Steps {
-    /// See [`Step::Convert`], and so on.
-    pub convert: u64,
-    /// See [`Step::Search`].
-    pub search: u64,
-    /// See [`Step::Estimate`].
-    pub estimate: u64,
-    /// See [`Step::Check`].
-    pub check: u64,
-    /// See [`Step::Frame`].
-    pub frame: u64,
-    /// See [`Step::Distance`]: a row has none, unless it completes a frame.
-    #[serde(skip_serializing_if = "is_none")]
-    pub distance: u64,
-    /// Instructions of no known step.
-    #[serde(skip_serializing_if = "is_none")]
-    pub other: u64,
-}
+/// The names of the steps.
+pub const NAMES: [&str; 7] = [
+    "convert", "search", "estimate", "check", "frame", "distance", "other",
+];
 
-/// `serde` wants a reference.
-#[expect(clippy::trivially_copy_pass_by_ref)]
-fn is_none(instructions: &u64) -> bool {
-    *instructions == 0
-}
+/// The instructions of a row by [`Step`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Steps(pub [u64; 7]);
 
 impl Steps {
     /// The instructions of a call by step. `functions` names the functions that an instruction lies in, the
@@ -78,36 +60,18 @@ impl Steps {
                 let inside = functions(address);
                 let chain = under_way.iter().chain([&inside]);
                 let step = step_of(chain.flat_map(|names| names.iter().map(String::as_str)));
-                *steps.part(step) += times;
+                steps.0[step as usize] += times;
             }
         }
         steps
     }
 
-    fn part(&mut self, step: Option<Step>) -> &mut u64 {
-        match step {
-            Some(Step::Convert) => &mut self.convert,
-            Some(Step::Search) => &mut self.search,
-            Some(Step::Estimate) => &mut self.estimate,
-            Some(Step::Check) => &mut self.check,
-            Some(Step::Frame) => &mut self.frame,
-            Some(Step::Distance) => &mut self.distance,
-            None => &mut self.other,
-        }
+    pub fn total(&self) -> u64 {
+        self.0.iter().sum()
     }
 
-    /// The sum.
-    pub fn total(&self) -> u64 {
-        let Self {
-            convert,
-            search,
-            estimate,
-            check,
-            frame,
-            distance,
-            other,
-        } = *self;
-        convert + search + estimate + check + frame + distance + other
+    pub fn frame(&self) -> u64 {
+        self.0[Step::Frame as usize]
     }
 }
 
@@ -121,12 +85,12 @@ enum Says {
 }
 
 /// The step of a chain of functions, the outermost first.
-fn step_of<'a>(chain: impl Iterator<Item = &'a str>) -> Option<Step> {
-    let mut own = None;
+fn step_of<'a>(chain: impl Iterator<Item = &'a str>) -> Step {
+    let mut own = Step::Other;
     for name in chain {
         match says(name) {
-            Some(Says::All(step)) => return Some(step),
-            Some(Says::Own(step)) => own = Some(step),
+            Some(Says::All(step)) => return step,
+            Some(Says::Own(step)) => own = step,
             None => {}
         }
     }
@@ -186,10 +150,6 @@ pub struct Functions<'a> {
 }
 
 impl<'a> Functions<'a> {
-    /// Of an ELF file.
-    ///
-    /// # Errors
-    /// It has no debug information, or it makes no sense.
     pub fn of(firmware: &'a Firmware) -> Result<Self> {
         let elf = object::File::parse(firmware.bytes())?;
         let section = |id: gimli::SectionId| {
@@ -205,10 +165,6 @@ impl<'a> Functions<'a> {
         })
     }
 
-    /// The steps of a call.
-    ///
-    /// # Errors
-    /// The debug information makes no sense.
     pub fn steps(&self, call: &Call) -> Result<Steps> {
         let sites = call.stacks.keys().flatten();
         let called = sites.flat_map(|&(site, function)| [site, function]);
@@ -255,19 +211,19 @@ mod tests {
 
     use super::*;
 
-    fn step(chain: &[&str]) -> Option<Step> {
+    fn step(chain: &[&str]) -> Step {
         step_of(chain.iter().copied())
     }
 
     const START: [&str; 2] = [ROW, "<slitrange::measurement::Measurement>::row"];
 
-    fn within(chain: &[&str]) -> Option<Step> {
+    fn within(chain: &[&str]) -> Step {
         step(&[&START, chain].concat())
     }
 
     #[test]
     fn the_outermost_step_decides() {
-        assert_eq!(within(&[]), Some(Step::Frame));
+        assert_eq!(within(&[]), Step::Frame);
         let cases = [
             (
                 &["<slitrange::row::Geometry>::row", "memcpy"][..],
@@ -316,14 +272,17 @@ mod tests {
             (&["slitrange::base::units::x"], Step::Frame),
         ];
         for (chain, expected) in cases {
-            assert_eq!(within(chain), Some(expected), "{chain:?}");
+            assert_eq!(within(chain), expected, "{chain:?}");
         }
     }
 
     #[test]
     fn other_functions_have_no_step() {
-        assert_eq!(step(&["main", "slitrange_tool::row::x", "memcpy"]), None);
-        assert_eq!(step(&[]), None);
+        assert_eq!(
+            step(&["main", "slitrange_tool::row::x", "memcpy"]),
+            Step::Other
+        );
+        assert_eq!(step(&[]), Step::Other);
     }
 
     /// The traced function at 1, the estimator at 2 and a copy of memory at 3, which the conversion at 4 and
@@ -352,13 +311,7 @@ mod tests {
             ]),
         };
         let steps = Steps::of(&call, functions);
-        let expected = Steps {
-            convert: 4071,
-            estimate: 230,
-            frame: 15,
-            ..Steps::default()
-        };
-        assert_eq!(steps, expected);
+        assert_eq!(steps, Steps([4071, 0, 230, 0, 15, 0, 0]));
         assert_eq!(steps.total(), 4316);
     }
 }

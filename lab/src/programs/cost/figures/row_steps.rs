@@ -9,24 +9,18 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange::centre::Estimator;
 
 use super::style::{CHARACTER, bold, is_default};
-use crate::programs::cost::chip::steps::Steps;
+use crate::programs::cost::chip::steps::{NAMES, Steps};
 use crate::programs::cost::report::Measured;
 
-/// Gives the instructions of a step.
-type Instructions = fn(&Steps) -> u64;
-
-/// The steps in their order, with their colours. `other` is for instructions of no known step.
-const STEPS: [(&str, RGBColor, Instructions); 6] = [
-    ("convert", RGBColor(0x9e, 0xb9, 0xd9), |steps| steps.convert),
-    ("search", RGBColor(0x3b, 0x75, 0xaf), |steps| steps.search),
-    ("estimate", RGBColor(0xd6, 0x5a, 0x31), |steps| {
-        steps.estimate
-    }),
-    ("check", RGBColor(0xf0, 0xb7, 0x4f), |steps| steps.check),
-    ("frame", RGBColor(0x7a, 0x9a, 0x60), |steps| steps.frame),
-    ("other", RGBColor(0x80, 0x80, 0x80), |steps| {
-        steps.distance + steps.other
-    }),
+/// The colours of the steps in their order. Grey is for instructions that are no step of a row.
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0x9e, 0xb9, 0xd9),
+    RGBColor(0x3b, 0x75, 0xaf),
+    RGBColor(0xd6, 0x5a, 0x31),
+    RGBColor(0xf0, 0xb7, 0x4f),
+    RGBColor(0x7a, 0x9a, 0x60),
+    RGBColor(0x80, 0x80, 0x80),
+    RGBColor(0x80, 0x80, 0x80),
 ];
 
 /// The panels.
@@ -37,7 +31,7 @@ const TITLES: [&str; 3] = [
 ];
 
 /// Pixels for the estimators' names, and for the figures beside the bars.
-const NAMES: u32 = 70;
+const BESIDE: u32 = 70;
 const FIGURES: i32 = 140;
 
 /// Draws the figure.
@@ -64,12 +58,12 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
 /// The colours, and what comes once a frame.
 fn draw_legend(area: &Area<'_>, measured: &Measured) -> anyhow::Result<()> {
     let (mut x, y) = (24, 4);
-    for (name, colour, _) in &STEPS[..STEPS.len() - 1] {
+    for (name, colour) in NAMES.into_iter().zip(COLOURS).take(5) {
         area.draw(&Rectangle::new(
             [(x, y), (x + TEXT, y + TEXT - 2)],
             colour.filled(),
         ))?;
-        area.draw(&Text::new(*name, (x + TEXT + 6, y), text(TEXT, BLACK)))?;
+        area.draw(&Text::new(name, (x + TEXT + 6, y), text(TEXT, BLACK)))?;
         let characters = name.len() as f64;
         x += TEXT + 34 + (characters * CHARACTER * f64::from(TEXT)) as i32;
     }
@@ -94,7 +88,7 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &Steps)]) -> anyh
         &[],
         |_| String::new(),
     );
-    let inside = area.margin(0, 0, NAMES, 0);
+    let inside = area.margin(0, 0, BESIDE, 0);
     let mut panel = panel(&inside, title, FIGURES, &x, &y)?;
     for (place, (_, row)) in bars.iter().enumerate() {
         let (top, bottom) = (
@@ -102,8 +96,8 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &Steps)]) -> anyh
             bars.len() as f64 - place as f64 - 0.85,
         );
         let mut from = 0.0;
-        for (_, colour, of) in STEPS {
-            let to = from + of(row) as f64;
+        for (colour, instructions) in COLOURS.into_iter().zip(row.0) {
+            let to = from + instructions as f64;
             panel.draw_series([Rectangle::new([(from, top), (to, bottom)], colour.filled())])?;
             from = to;
         }

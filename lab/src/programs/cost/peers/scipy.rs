@@ -38,10 +38,7 @@ pub struct Environment {
 
 impl Environment {
     /// The virtual environment; it is made where there is none with the pinned versions yet, which takes a
-    /// minute and the network.
-    ///
-    /// # Errors
-    /// Why scipy cannot be had: no Python, or no network.
+    /// minute and the network. An error says why scipy cannot be had.
     pub fn make() -> anyhow::Result<Self> {
         if let Some(existing) = Self::existing() {
             return Ok(existing);
@@ -75,9 +72,6 @@ impl Environment {
     }
 
     /// Runs the fits of these names on the windows, one after the other on one core.
-    ///
-    /// # Errors
-    /// The script failed, or there is no file to be written to.
     pub fn fit<'a>(
         &self,
         windows: &[Window],
@@ -172,8 +166,7 @@ mod tests {
             .expect("fits");
         for (name, fits) in fits {
             for ((window, bound), centre) in windows.iter().zip(&bounds).zip(fits.centres) {
-                let other =
-                    levenberg_marquardt::fit_f64(&window.pixels.map(f64::from), window.start);
+                let other = levenberg_marquardt::fit(&window.pixels.map(f64::from), window.start);
                 let off = centre.expect("a fit") - other.expect("a fit").centre;
                 assert!(off.abs() < 0.05 * bound, "{name}: {off} px off");
             }

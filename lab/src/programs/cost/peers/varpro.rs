@@ -92,29 +92,3 @@ impl SeparableNonlinearModel for Model {
         Ok(columns)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::programs::cost::peers::gaussian::examples;
-
-    #[test]
-    fn finds_a_noiseless_gaussian() {
-        let (truth, pixels) = examples::noiseless();
-        let off = fit(&pixels, examples::start()).expect("a fit").centre - truth.centre;
-        println!("{off:.1e} px off");
-        assert!(off.abs() < 1e-6);
-    }
-
-    #[test]
-    fn agrees_with_levenberg_marquardt() {
-        for (window, bound) in examples::noisy(100) {
-            let pixels = window.pixels.map(f64::from);
-            let other =
-                crate::programs::cost::peers::levenberg_marquardt::fit_f64(&pixels, window.start)
-                    .expect("a fit");
-            let off = (fit(&pixels, window.start).expect("a fit").centre - other.centre) / bound;
-            assert!(off.abs() < 1e-3, "{off} of the bound");
-        }
-    }
-}

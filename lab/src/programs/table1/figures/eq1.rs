@@ -3,7 +3,6 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use figures::axes::{self, Axis, GRID, panel};
 use plotters::prelude::*;
 
@@ -11,7 +10,7 @@ use super::style::{RIGHT, colour};
 use crate::paper::apparatus::{Aperture, TABLE};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
-use crate::programs::table1::report::{Report, find};
+use crate::programs::table1::report::Report;
 
 /// Index of printer paper in the table of materials.
 const PRINTER_PAPER: usize = 3;
@@ -26,11 +25,9 @@ const RESIDUALS: usize = 700;
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 860)?;
     let (above, below) = root.split_vertically(520);
-    let outcome = report
-        .outcome(PRINTER_PAPER, Aperture::Slit)
-        .context("printer paper was not run")?;
+    let outcome = report.outcome(PRINTER_PAPER, Aperture::Slit);
     let method = Method::PAPERS_GAUSSIAN;
-    let judged = find(&outcome.judged, &method).context("the gaussian was not run")?;
+    let judged = outcome.of(&method);
     let colour = colour(Aperture::Slit, &method);
     let curve = judged.fit.curve;
     let (first, last) = judged.fit.valid;

@@ -3,7 +3,6 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use calibration::fit::eq1;
 use figures::axes::{self, Area, Axis, GRID, Panel, panel};
 use plotters::prelude::*;
@@ -15,7 +14,7 @@ use crate::paper::lens_effects::Flare;
 use crate::paper::lens_path::{centre_without_speckle, centroid_without_speckle};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
-use crate::programs::table1::report::{Report, find};
+use crate::programs::table1::report::Report;
 
 /// Index of brushed metal in the table of materials.
 const BRUSHED_METAL: usize = 0;
@@ -40,10 +39,8 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
         ),
     ];
     for (area, (aperture, method, name)) in areas.iter().zip(curves) {
-        let outcome = report
-            .outcome(BRUSHED_METAL, aperture)
-            .context("brushed metal was not run")?;
-        let judged = find(&outcome.judged, &method).context("a method was not run")?;
+        let outcome = report.outcome(BRUSHED_METAL, aperture);
+        let judged = outcome.of(&method);
         let title = format!(
             "{}, {name}: MAE {:.0} um, MAX {:.0} um",
             MATERIALS[BRUSHED_METAL].name,

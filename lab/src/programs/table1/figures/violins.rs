@@ -3,7 +3,6 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use figures::axes::{self, Area, Axis, GRID, TEXT, TITLE, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -12,7 +11,7 @@ use super::style::{RIGHT, colour};
 use crate::paper::apparatus::Aperture;
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
-use crate::programs::table1::report::{Report, find};
+use crate::programs::table1::report::Report;
 
 /// The errors that are shown, in micrometres to either side.
 const RANGE: f64 = 900.0;
@@ -28,7 +27,7 @@ const KERNEL: f64 = 3.0;
 
 /// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
-    let best = report.best.context("the slit was not run")?;
+    let best = report.best;
     let methods = [
         (Aperture::Lens, Method::PAPERS_LENS, "lens".to_string()),
         (
@@ -59,8 +58,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let style = text(TITLE, BLACK).pos(Pos::new(HPos::Right, VPos::Center));
     legend.draw(&Text::new("figures: MAE, um", (980, 23), style))?;
     for (material, area) in rest.split_evenly((3, 2)).iter().enumerate() {
-        draw_material(report, material, &methods, area)
-            .with_context(|| MATERIALS[material].name)?;
+        draw_material(report, material, &methods, area)?;
     }
     root.present()?;
     Ok(())
@@ -87,8 +85,7 @@ fn draw_material(
     )])?;
     for (place, (aperture, method, _)) in (0..).zip(methods) {
         let place = f64::from(place);
-        let outcome = report.outcome(material, *aperture).context("was not run")?;
-        let judged = find(&outcome.judged, method).context("a method was not run")?;
+        let judged = report.outcome(material, *aperture).of(method);
         let colour = colour(*aperture, method);
         let density = density(&judged.errors);
         let widest = density
