@@ -9,7 +9,7 @@ use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-pub use figure::{Figure, draw_broken_line, draw_dots, draw_line, figure};
+pub use figure::{FINE, Figure, draw_broken_line, draw_dots, draw_line, figure};
 
 /// Size of ticks and labels.
 pub const TEXT: i32 = 19;
@@ -85,6 +85,11 @@ impl<'a> Axis<'a> {
             ticks: ticks.iter().copied().filter(shown).collect(),
             tick: Box::new(tick),
         }
+    }
+
+    /// A logarithmic axis with ticks at given values, which are written as they are.
+    pub fn log(range: (f64, f64), name: &'a str, ticks: &[f64]) -> Self {
+        Self::new(Scale::Log, range, name, ticks, |value| value.to_string())
     }
 
     /// A linear axis with about so many ticks at round values, and so many digits after their points.

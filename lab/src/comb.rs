@@ -20,7 +20,6 @@ use crate::surfaces::{Judged, POINTS, calibrate};
 /// Where targets are, in metres.
 #[derive(Clone, Copy, Debug)]
 pub enum At {
-    /// All at one distance.
     One(f64),
     /// Evenly between two distances, in no order.
     Between(f64, f64),
@@ -42,7 +41,6 @@ impl At {
 /// A mask, and how the core brings its images together.
 #[derive(Clone, Debug)]
 pub struct Mask {
-    /// The slits before the sensor.
     pub comb: Comb,
     /// The same for the core.
     maps: comb::Comb,
@@ -64,7 +62,6 @@ impl Mask {
         })
     }
 
-    /// The default mask.
     pub fn nominal() -> Self {
         Self {
             comb: Comb::nominal(),
@@ -114,9 +111,6 @@ impl Sensor {
 
     /// A sensor with the default mask that is calibrated on a scene's material. `first` is the number of the
     /// first surface that it sees.
-    ///
-    /// # Errors
-    /// No calibration fits the points.
     pub fn calibrated(scene: &Scene, first: u64) -> Result<Self> {
         let comb = Comb::nominal();
         let scene = Scene {
@@ -158,7 +152,6 @@ impl Sensor {
             .collect()
     }
 
-    /// The reading of a surface.
     fn reading(
         &self,
         scene: &Scene,

@@ -8,6 +8,8 @@ mod docs;
 
 mod progress;
 
+mod svg;
+
 mod table;
 
 mod timing;

@@ -62,7 +62,6 @@ fn the_pulses_are_those_of_the_firmware() {
     }
 }
 
-/// The numbers in a drawing.
 fn numbers(svg: &str) -> Vec<f64> {
     svg.split(|c: char| !c.is_ascii_digit() && c != '.')
         .filter_map(|number| number.parse().ok())

@@ -7,13 +7,13 @@ mod exposure;
 mod hard_cases;
 mod points;
 mod scene;
-mod serial_line;
 mod slowest;
 mod surfaces;
 mod table1;
-mod timing;
 
 use clap::Parser;
+
+use crate::{serial_line, timing};
 
 #[derive(Parser)]
 #[command(name = "cargo", bin_name = "cargo")]
@@ -33,9 +33,6 @@ enum Program {
 }
 
 /// Runs the program that the command line names.
-///
-/// # Errors
-/// A measurement fails, or a file cannot be read or written.
 pub fn main() -> anyhow::Result<()> {
     match &Program::parse() {
         Program::Ambient(options) => ambient::main(options),

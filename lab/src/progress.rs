@@ -3,9 +3,6 @@
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// A bar of `length` steps. `template` is indicatif's, for instance `{wide_bar} {pos}/{len}`.
-///
-/// # Errors
-/// The template is none.
 pub fn bar(length: u64, template: &str) -> anyhow::Result<ProgressBar> {
     let target = ProgressDrawTarget::stderr_with_hz(4);
     let style = ProgressStyle::with_template(template)?;

@@ -1,7 +1,8 @@
-//! The reference in docs/serial-line.md: commands, settings, estimators and faults, from the core's own
+//! `cargo serial-line`: the reference in docs/serial-line.md: commands, settings, estimators and faults, from the core's own
 //! declarations. And a session, for that page and README.md.
 
 use anyhow::Context as _;
+use clap::Args;
 use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
@@ -14,8 +15,13 @@ use std::fmt::Write as _;
 
 use crate::docs;
 
-/// The files that [`write()`] updates.
-pub const FILES: &str = "docs/serial-line.md and README.md";
+/// Prints the reference of commands, settings, estimators and faults, and a session.
+#[derive(Args)]
+pub struct Options {
+    /// Rewrite the reference in docs/serial-line.md, and the session there and in README.md
+    #[arg(long)]
+    write: bool,
+}
 
 const PAGE: &str = "docs/serial-line.md";
 const README: &str = "README.md";
@@ -62,11 +68,12 @@ const SESSION: [&str; 31] = [
 /// The first lines of the session, which README.md shows.
 const SHORT_SESSION: usize = 8;
 
-/// Rewrites the reference and the session.
-///
-/// # Errors
-/// A file or a mark is missing, or a file cannot be written.
-pub fn write() -> anyhow::Result<()> {
+pub fn main(options: &Options) -> anyhow::Result<()> {
+    if !options.write {
+        print!("{}", reference());
+        docs::print_hint("cargo serial-line", "docs/serial-line.md and README.md");
+        return Ok(());
+    }
     for (name, _, expected) in found_and_expected()? {
         std::fs::write(docs::path(name), expected).context(name)?;
     }
@@ -92,7 +99,6 @@ fn found_and_expected() -> anyhow::Result<[(&'static str, String, String); 2]> {
     ])
 }
 
-/// The reference as Markdown.
 pub fn reference() -> String {
     let mut text = String::from("| command | what it does |\n|---|---|\n");
     for (typed, help) in BEFORE_SETTINGS.iter().chain(&AFTER_SETTINGS) {
@@ -144,7 +150,6 @@ fn row(text: &mut String, cells: &[&str]) {
     text.push_str("|\n");
 }
 
-/// One fault of each kind.
 fn faults() -> [Fault; Fault::KINDS] {
     let (centre, other) = (Pixels::from_f32(1770.98), Pixels::from_f32(1203.5));
     [

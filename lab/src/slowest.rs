@@ -15,7 +15,7 @@ pub use chip::Chip;
 pub use chips::Chips;
 pub use evolution::{Search, Slow};
 pub use frames::{Frame, frames};
-pub use report::{attribution, markdown, story, words_of};
+pub use report::{attribution, markdown, words_of};
 
 use slitrange::centre::Estimator;
 use slowest_on_chip::corpus;

@@ -23,6 +23,8 @@ use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
 use statistics::{rms, upper_median};
 
+use crate::table;
+
 /// The materials, by the scenes that show them. The first is white paper in the light of a laser with a
 /// single wavelength; the others have a laser of 1 nm.
 pub const MATERIALS: [(&str, &str); 6] = [
@@ -71,9 +73,6 @@ fn frame(scene: &Scene, surface: u64, distance: f64) -> Result<Measured, Fault> 
 
 /// Calibrates a sensor on a material, as its owner does: points at known distances, each on another place of
 /// the surface, then the tool's fit. `first` is the number of the first surface.
-///
-/// # Errors
-/// No calibration fits the points.
 pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
     let positions = even_pixels(POINTS_MM[0], POINTS_MM[1], points, STAGE_MM)?;
     let points: Vec<Point> = (positions.into_par_iter().enumerate())
@@ -121,14 +120,12 @@ fn shape_of(measured: &Measured) -> KnownShape {
 /// A reading and how far it is off, in micrometres.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged {
-    /// The reading.
     pub reading: Reading,
     /// Distance less truth.
     pub error: f64,
 }
 
 impl Judged {
-    /// The error over u.
     pub fn in_u(&self) -> f64 {
         self.error / self.reading.uncertainty.to_f64()
     }
@@ -180,7 +177,6 @@ pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
 /// A material, and what sensors read on it.
 #[derive(Clone, Debug)]
 pub struct Study {
-    /// The material.
     pub name: &'static str,
     /// Readings of sensors that were calibrated on it.
     pub own: Summary,
@@ -190,14 +186,10 @@ pub struct Study {
     pub physical: Summary,
 }
 
-/// Points of a calibration.
 pub const POINTS: usize = 60;
 
 impl Study {
     /// Calibrates sensors on a material, and lets each read surfaces of its own.
-    ///
-    /// # Errors
-    /// There is no such scene, or no calibration fits the points.
     pub fn run(name: &'static str, scene: &str, sensors: u64, surfaces: u64) -> Result<Self> {
         let scene = Scene::load(scene)?;
         let nominal_record = Record::nominal().context("the nominal calibration")?;
@@ -224,40 +216,34 @@ impl Study {
     }
 }
 
-/// The studies as a table.
 pub fn report(studies: &[Study]) -> String {
-    let mut text = "Simulated on a PC: sensors that are calibrated with 60 points on a material, and \
-                    then read other places of it, at 0.60 to 1.02 m, in frames of 16 rows. Lengths in um; \
-                    within 2u: the share of errors that are at most twice u, which is 95.4 % for normal \
-                    errors.\n\n"
-        .to_owned();
-    text += "| material | readings | RMS error | median u | median r | within u | 2u | 3u \
-             | nominal: within 2u | its surface part alone: within 2u |\n";
-    text += "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
-    for study in studies {
-        let Summary {
-            count,
-            rms,
-            median_u,
-            median_r,
-            within,
-        } = study.own;
-        let [one, two, three] = within.map(|share| format!("{:.1} %", 100.0 * share));
-        let [nominal, physical] =
-            [study.nominal, study.physical].map(|it| format!("{:.1} %", 100.0 * it.within[1]));
-        text += &format!(
-            "| {} | {count} | {rms:.0} | {median_u:.0} | {median_r:.1} | {one} | {two} | {three} \
-             | {nominal} | {physical} |\n",
-            study.name
-        );
-    }
-    text
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let rows = studies.iter().map(|study| {
+        let it = &study.own;
+        let mut row = vec![
+            study.name.to_owned(),
+            it.count.to_string(),
+            format!("{:.0}", it.rms),
+            format!("{:.0}", it.median_u),
+            format!("{:.1}", it.median_r),
+        ];
+        row.extend(it.within.map(percent));
+        row.extend([study.nominal, study.physical].map(|it| percent(it.within[1])));
+        row
+    });
+    let head = "material | readings | RMS error | median u | median r | within u | 2u | 3u \
+                | nominal: within 2u | its surface part alone: within 2u";
+    format!(
+        "Simulated on a PC: sensors that are calibrated with 60 points on a material, and then read other \
+         places of it, at 0.60 to 1.02 m, in frames of 16 rows. Lengths in um; within 2u: the share of errors \
+         that are at most twice u, which is 95.4 % for normal errors.\n\n{}",
+        table::of(head, rows)
+    )
 }
 
 /// How errors and claims of some readings compare.
 #[derive(Clone, Copy, Debug)]
 pub struct Summary {
-    /// Readings.
     pub count: usize,
     /// Root mean square error in micrometres.
     pub rms: f64,
@@ -270,7 +256,6 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// That of some readings.
     pub fn of(judged: &[Judged]) -> Self {
         let count = judged.len();
         let median = |value: &dyn Fn(&Reading) -> f64| {

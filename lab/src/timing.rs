@@ -1,20 +1,39 @@
-//! The pulses of a row, as the firmware gives them on the virtual board, and their drawing.
+//! `cargo timing`: the pulses of a row, as the firmware gives them on the virtual board, and their drawing.
 
-use std::fmt::Write as _;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use clap::Args;
 use virtual_board::sensor_head::{Edge, Level, limits};
 use virtual_board::{Firmware, Nanos, PIXELS, VirtualBoard};
 
-/// The drawing.
+use crate::docs;
+use crate::svg::Svg;
+
 pub const FIGURE: &str = "docs/hardware/timing.svg";
 
-/// The page that shows it.
 pub const PAGE: &str = "docs/hardware.md";
 
 /// The mark of its table on the page.
 pub const TOOL: &str = "cargo timing";
+
+/// Runs the firmware on the virtual board and draws the pulses of a row.
+#[derive(Args)]
+pub struct Options {
+    /// Rewrite docs/hardware/timing.svg, and the table in docs/hardware.md
+    #[arg(long)]
+    write: bool,
+}
+
+pub fn main(options: &Options) -> Result<()> {
+    let pulses = Pulses::of_a_row()?;
+    let block = (TOOL, pulses.markdown());
+    docs::print_or_write("cargo timing", options.write, PAGE, &[block])?;
+    if options.write {
+        std::fs::write(docs::path(FIGURE), pulses.svg())?;
+    }
+    Ok(())
+}
 
 /// Rows before the one that is drawn. The first ones choose the rise of ICG anew.
 const ROWS_BEFORE: u64 = 20;
@@ -63,9 +82,6 @@ fn ten_percent_around(part: f64) -> String {
 
 impl Pulses {
     /// Runs the firmware on the virtual board until it has read some rows in the dark.
-    ///
-    /// # Errors
-    /// The firmware cannot be built, or violates a limit of the sensor head.
     pub fn of_a_row() -> Result<Self> {
         let firmware = Firmware::build()?;
         let dark = Box::new(|_: &_| vec![300.0; PIXELS]);
@@ -122,101 +138,84 @@ impl Pulses {
         })
     }
 
-    /// What each time is, the time, and its limit.
-    pub fn times(&self) -> Vec<(&'static str, String, String)> {
+    /// The table of the page: what each time is, the time, and its limit.
+    pub fn markdown(&self) -> String {
         let us = |ns: f64| format!("{:.1} us", 1e-3 * ns);
         let ms = |ns: f64| format!("{:.2} ms", 1e-6 * ns);
         let below_a_tenth = |ns: f64| match ns < 100.0 {
             true => "below 0.1 us".to_owned(),
             false => us(ns),
         };
+        let select = self.chip_select_rose - self.chip_select_fell;
         let (from, to) = (limits::SH_AFTER_ICG.start(), limits::SH_AFTER_ICG.end());
-        vec![
-            (
-                "from the fall of ICG to the rise of SH",
-                us(self.sh_rose),
-                format!("TCD1304 t2: {from} to {to} ns"),
-            ),
-            (
-                "SH is high",
-                us(self.sh_fell - self.sh_rose),
-                format!("t3: {} ns or more", limits::SH_HIGH),
-            ),
+        let [sh_high, sh_icg] = [limits::SH_HIGH, limits::ICG_AFTER_SH];
+        let rows = [
+            ("from the fall of ICG to the rise of SH", us(self.sh_rose)),
+            ("SH is high", us(self.sh_fell - self.sh_rose)),
             (
                 "from the fall of SH to the rise of ICG",
                 us(self.icg_rose - self.sh_fell),
-                format!("t1: {} ns or more", limits::ICG_AFTER_SH),
             ),
-            ("ICG is low", us(self.icg_rose), "t1 to t3".to_owned()),
+            ("ICG is low", us(self.icg_rose)),
             (
                 "from the rise of fM to the rise of ICG",
                 below_a_tenth(self.icg_rose - self.master_clock_rose),
-                "t4: while fM is high, 0.19 us".to_owned(),
             ),
             (
                 "from the fall of ICG to that of chip select",
                 us(self.chip_select_fell),
-                "while SH is high".to_owned(),
             ),
-            (
-                "chip select is low",
-                ms(self.chip_select_rose - self.chip_select_fell),
-                format!("{PIXELS} words of 1.52 us"),
-            ),
-            (
-                "a pixel is sampled",
-                ten_percent_around(self.sampled),
-                "of its time: when it has settled".to_owned(),
-            ),
-            (
-                "from the fall of ICG to the laser",
-                us(self.laser.0),
-                "after SH".to_owned(),
-            ),
+            ("chip select is low", ms(select)),
+            ("a pixel is sampled", ten_percent_around(self.sampled)),
+            ("from the fall of ICG to the laser", us(self.laser.0)),
             (
                 "the laser is on, longest exposure",
                 ms(self.laser.1 - self.laser.0),
-                "10 us to 5.6 ms".to_owned(),
             ),
-            ("from row to row", ms(self.next_row), "5.7 ms".to_owned()),
-        ]
-    }
-
-    /// The table of the page.
-    pub fn markdown(&self) -> String {
-        let lines = self.times().into_iter();
-        let lines = lines.map(|(name, time, limit)| format!("| {name} | {time} | {limit} |\n"));
+            ("from row to row", ms(self.next_row)),
+        ];
+        let limits = [
+            &format!("TCD1304 t2: {from} to {to} ns"),
+            &format!("t3: {sh_high} ns or more"),
+            &format!("t1: {sh_icg} ns or more"),
+            "t1 to t3",
+            "t4: while fM is high, 0.19 us",
+            "while SH is high",
+            &format!("{PIXELS} words of 1.52 us"),
+            "of its time: when it has settled",
+            "after SH",
+            "10 us to 5.6 ms",
+            "5.7 ms",
+        ];
+        let lines = rows.into_iter().zip(limits);
+        let lines = lines.map(|((name, time), limit)| format!("| {name} | {time} | {limit} |\n"));
         "| time | virtual board | limit, or what it is |\n|---|---|---|\n".to_owned()
             + &lines.collect::<String>()
     }
 
-    /// The drawing.
     pub fn svg(&self) -> String {
-        let mut svg = r##"<svg width="1000" height="720" viewBox="0 0 1000 720" xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" font-size="15" fill="#222222">
-<title>The pulses of a row, from a row on the virtual board</title>
-<rect width="1000" height="720" fill="#ffffff"/>
-<text x="20" y="28" font-size="17">The pulses at the start of a row, from a row on the virtual board</text>
-<text x="20" y="506" font-size="17">A whole row: 5.7 ms from fall to fall of ICG</text>
-"##
-        .to_owned();
+        let title = "The pulses of a row, from a row on the virtual board";
+        let mut svg = Svg::new([1000.0, 720.0], 15, title);
+        let head = "The pulses at the start of a row, from a row on the virtual board";
+        svg.text([20.0, 28.0], r#"font-size="17""#, head);
+        let head = "A whole row: 5.7 ms from fall to fall of ICG";
+        svg.text([20.0, 506.0], r#"font-size="17""#, head);
         self.draw_start(&mut svg);
-        let _ = writeln!(svg, "{WHOLE_ROW}");
+        svg.add(WHOLE_ROW);
         self.draw_row(&mut svg);
-        svg + "</g>\n</svg>\n"
+        svg.add("</g>");
+        svg.end()
     }
 
-    fn draw_start(&self, svg: &mut String) {
+    fn draw_start(&self, svg: &mut Svg) {
         let panel = Panel {
             from: -1000.0,
             to: 10_900.0,
             top: 50.0,
             bottom: 444.0,
         };
-        panel.ticks(
-            svg,
-            (0..=10).map(|us| (1000.0 * f64::from(us), format!("{us}"))),
-            "us",
-        );
+        let ticks = (0..=10).map(|us| (1000.0 * f64::from(us), us));
+        panel.ticks(svg, ticks, "us");
         let fm: Vec<f64> = (-60..60)
             .map(|half| self.master_clock_rose + 0.5 * MASTER_CLOCK * f64::from(half))
             .filter(|at| (panel.from..panel.to).contains(at))
@@ -243,64 +242,32 @@ impl Pulses {
         for end in &self.words {
             panel.mark(svg, held(*end));
         }
-        let _ = writeln!(
-            svg,
-            r##"<text x="{:.0}" y="{:.0}" fill="#d62728" text-anchor="middle">sampled</text>"##,
-            panel.x(held(self.words[0])),
-            panel.low(5) - HIGH - 6.0
-        );
+        let place = [panel.x(held(self.words[0])), panel.low(5) - HIGH - 6.0];
+        let style = r##"fill="#d62728" text-anchor="middle""##;
+        svg.text(place, style, "sampled");
     }
 
-    fn draw_row(&self, svg: &mut String) {
+    fn draw_row(&self, svg: &mut Svg) {
         let panel = Panel {
             from: -200e3,
             to: 5.95e6,
             top: 518.0,
             bottom: 688.0,
         };
-        panel.ticks(
-            svg,
-            (0..=5).map(|ms| (1e6 * f64::from(ms), format!("{ms}"))),
-            "ms",
-        );
+        let ticks = (0..=5).map(|ms| (1e6 * f64::from(ms), ms));
+        panel.ticks(svg, ticks, "ms");
         let again = |at: f64| at + self.next_row;
-        panel.signal(
-            svg,
-            0,
-            "ICG",
-            true,
-            &[0.0, self.icg_rose, again(0.0), again(self.icg_rose)],
-        );
-        panel.signal(
-            svg,
-            1,
-            "SH",
-            false,
-            &[
-                self.sh_rose,
-                self.sh_fell,
-                again(self.sh_rose),
-                again(self.sh_fell),
-            ],
-        );
-        panel.signal(
-            svg,
-            2,
-            "CS",
-            true,
-            &[
-                self.chip_select_fell,
-                self.chip_select_rose,
-                again(self.chip_select_fell),
-            ],
-        );
-        panel.signal(
-            svg,
-            3,
-            "laser",
-            false,
-            &[self.laser.0, self.laser.1, again(self.laser.0)],
-        );
+        let twice = |rise: f64, fall: f64| [rise, fall, again(rise), again(fall)];
+        let select = [
+            self.chip_select_fell,
+            self.chip_select_rose,
+            again(self.chip_select_fell),
+        ];
+        let laser = [self.laser.0, self.laser.1, again(self.laser.0)];
+        panel.signal(svg, 0, "ICG", true, &twice(0.0, self.icg_rose));
+        panel.signal(svg, 1, "SH", false, &twice(self.sh_rose, self.sh_fell));
+        panel.signal(svg, 2, "CS", true, &select);
+        panel.signal(svg, 3, "laser", false, &laser);
     }
 }
 
@@ -333,49 +300,35 @@ impl Panel {
         HIGH.min(0.6 * (self.bottom - self.top) / 4.0)
     }
 
-    fn ticks(&self, svg: &mut String, ticks: impl Iterator<Item = (f64, String)>, unit: &str) {
-        for (at, text) in ticks {
+    fn ticks(&self, svg: &mut Svg, ticks: impl Iterator<Item = (f64, i32)>, unit: &str) {
+        for (at, number) in ticks {
             let x = self.x(at);
-            let _ = writeln!(
-                svg,
-                r##"<line x1="{x:.1}" y1="{:.0}" x2="{x:.1}" y2="{:.0}" stroke="#dddddd"/>
-<text x="{x:.1}" y="{:.0}" text-anchor="middle">{text} {unit}</text>"##,
-                self.top,
-                self.bottom,
-                self.bottom + 18.0
-            );
+            svg.line([x, self.top], [x, self.bottom], r##"stroke="#dddddd""##);
+            let text = format!("{number} {unit}");
+            svg.text([x, self.bottom + 18.0], r#"text-anchor="middle""#, text);
         }
     }
 
     /// A signal that is high or low at first, and changes at each edge.
-    fn signal(&self, svg: &mut String, number: usize, name: &str, high: bool, edges: &[f64]) {
-        let level = |high: bool| {
-            if high {
-                self.low(number) - self.high()
-            } else {
-                self.low(number)
-            }
-        };
+    fn signal(&self, svg: &mut Svg, number: usize, name: &str, high: bool, edges: &[f64]) {
+        let (low, up) = (self.low(number), self.low(number) - self.high());
         let mut is_high = high;
-        let mut path = format!("M{LEFT:.1},{:.1}", level(is_high));
+        let mut path = format!("M{LEFT:.1},{:.1}", if is_high { up } else { low });
         for edge in edges.iter().filter(|edge| **edge < self.to) {
-            let x = self.x(*edge);
-            let _ = write!(path, " H{x:.1} V{:.1}", level(!is_high));
             is_high = !is_high;
+            let level = if is_high { up } else { low };
+            path += &format!(" H{:.1} V{level:.1}", self.x(*edge));
         }
-        let _ = writeln!(
-            svg,
-            r##"<path d="{path} H{RIGHT:.1}" fill="none" stroke="#1f77b4" stroke-width="2"/>
-<text x="{:.0}" y="{:.1}" text-anchor="end">{name}</text>"##,
-            LEFT - 10.0,
-            self.low(number) - 4.0
-        );
+        svg.add(format_args!(
+            r##"<path d="{path} H{RIGHT:.1}" fill="none" stroke="#1f77b4" stroke-width="2"/>"##
+        ));
+        svg.text([LEFT - 10.0, low - 4.0], r#"text-anchor="end""#, name);
     }
 
     /// A row of cells that begin at these times.
     fn cells(
         &self,
-        svg: &mut String,
+        svg: &mut Svg,
         number: usize,
         name: &str,
         cells: impl Iterator<Item = (f64, String)>,
@@ -386,55 +339,35 @@ impl Panel {
             if to > RIGHT {
                 continue;
             }
-            let _ = writeln!(
-                svg,
-                r##"<rect x="{from:.1}" y="{:.1}" width="{:.1}" height="{HIGH}" fill="#eef4fa" stroke="#1f77b4"/>
-<text x="{:.1}" y="{:.1}" text-anchor="middle">{text}</text>"##,
+            svg.add(format_args!(
+                r##"<rect x="{from:.1}" y="{:.1}" width="{:.1}" height="{HIGH}" fill="#eef4fa" stroke="#1f77b4"/>"##,
                 low - HIGH,
                 to - from,
-                0.5 * (from + to),
-                low - 9.0
-            );
+            ));
+            let middle = [0.5 * (from + to), low - 9.0];
+            svg.text(middle, r#"text-anchor="middle""#, text);
         }
-        let _ = writeln!(
-            svg,
-            r##"<text x="{:.0}" y="{:.1}" text-anchor="end">{name}</text>"##,
-            LEFT - 10.0,
-            low - 9.0
-        );
+        svg.text([LEFT - 10.0, low - 9.0], r#"text-anchor="end""#, name);
     }
 
     /// A time between two edges, below a signal. `side` moves the text in its own width.
-    fn dimension(
-        &self,
-        svg: &mut String,
-        number: usize,
-        (from, to): (f64, f64),
-        name: &str,
-        side: f64,
-    ) {
+    fn dimension(&self, svg: &mut Svg, number: usize, ends: (f64, f64), name: &str, side: f64) {
         let y = self.low(number) + 6.0;
-        let (from, to) = (self.x(from), self.x(to));
-        let text = 0.5 * (from + to) + 24.0 * side;
-        let _ = writeln!(
-            svg,
-            r##"<path d="M{from:.1},{:.1} v10 m0,-5 H{to:.1} m0,-5 v10" fill="none" stroke="#666666"/>
-<text x="{text:.1}" y="{:.1}" text-anchor="middle" font-size="13" fill="#666666">{name}</text>"##,
+        let (from, to) = (self.x(ends.0), self.x(ends.1));
+        svg.add(format_args!(
+            r##"<path d="M{from:.1},{:.1} v10 m0,-5 H{to:.1} m0,-5 v10" fill="none" stroke="#666666"/>"##,
             y - 5.0,
-            y + 17.0
-        );
+        ));
+        let style = r##"text-anchor="middle" font-size="13" fill="#666666""##;
+        svg.text([0.5 * (from + to) + 24.0 * side, y + 17.0], style, name);
     }
 
     /// The moment at which the converter holds its input.
-    fn mark(&self, svg: &mut String, at: f64) {
+    fn mark(&self, svg: &mut Svg, at: f64) {
         let x = self.x(at);
         if x < RIGHT {
-            let _ = writeln!(
-                svg,
-                r##"<line x1="{x:.1}" y1="{:.1}" x2="{x:.1}" y2="{:.1}" stroke="#d62728" stroke-width="1.5" stroke-dasharray="4 3"/>"##,
-                self.low(5) - HIGH,
-                self.low(6) + 12.0
-            );
+            let style = r##"stroke="#d62728" stroke-width="1.5" stroke-dasharray="4 3""##;
+            svg.line([x, self.low(5) - HIGH], [x, self.low(6) + 12.0], style);
         }
     }
 }

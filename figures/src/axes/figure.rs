@@ -17,7 +17,7 @@ use plotters_backend::{
 use super::Panel;
 
 /// Pixels of the file for each pixel that is shown.
-const FINE: i32 = 10;
+pub const FINE: i32 = 10;
 
 /// Width of a figure in pixels as it is shown.
 const WIDTH: u32 = 1000;

@@ -6,12 +6,10 @@ use simulator::field::{Laser, LensAperture, SlitAperture};
 use simulator::optics::Optics;
 use simulator::scene::Sensor;
 
-/// What the camera looks through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aperture {
     /// A slit of 200 um x 3 mm.
     Slit,
-    /// A 50 mm lens at f/12.
     Lens,
 }
 
@@ -19,7 +17,6 @@ impl Aperture {
     /// Both, in the paper's order.
     pub const ALL: [Self; 2] = [Self::Lens, Self::Slit];
 
-    /// Its name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Slit => "slit",
@@ -28,7 +25,6 @@ impl Aperture {
     }
 }
 
-/// From the laser to the camera.
 pub const BASELINE: f64 = 0.3;
 
 /// The table's first and last position: distances along the laser's beam.
@@ -37,10 +33,8 @@ pub const TABLE: (f64, f64) = (0.60, 1.02);
 /// From one position to the next.
 pub const STEP: f64 = 25e-6;
 
-/// Positions on the table.
 pub const POSITIONS: usize = 16_800;
 
-/// Captures at each position.
 pub const CAPTURES: usize = 5;
 
 /// The laser: 650 nm as in the paper. Chosen: a linewidth of a cheap multimode diode; a waist in the middle

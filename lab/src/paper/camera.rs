@@ -9,7 +9,6 @@ use slitrange::row::{Geometry, Polarity};
 /// Pitch of the pixels in metres: 1920 of them on 11.3 mm.
 pub const PITCH: f64 = 5.86e-6;
 
-/// Pixels of a row.
 pub const COLUMNS: usize = 1920;
 
 /// Rows that are read out, of the 1200 that there are: the middle ones.

@@ -26,13 +26,11 @@ use crate::paper::materials::MATERIALS;
 /// The comb on a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// Index of the material in [`MATERIALS`].
     pub material: usize,
     /// Mean of the absolute errors in metres.
     pub mae: f64,
     /// The largest absolute error in metres.
     pub max: f64,
-    /// Positions without a centre.
     pub without_centre: usize,
     /// Mean number of slits in a reading.
     pub slits: f64,
@@ -165,9 +163,6 @@ impl Target {
 
 /// Moves a material past the comb, at every `stride`-th of the paper's positions, and fits eq. (1) to the
 /// data set itself as the paper does. `done` is called after each position.
-///
-/// # Errors
-/// The surface cannot be made, or eq. (1) does not fit.
 pub fn judge(
     material: usize,
     seed: u64,

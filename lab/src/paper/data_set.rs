@@ -10,20 +10,15 @@ use crate::paper::slit_path::RowTables;
 use crate::paper::{lens_path, slit_path};
 use simulator::field::{Surface, View};
 
-/// What is acquired.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataSet {
-    /// Index of the material in [`MATERIALS`].
     pub material: usize,
-    /// Lens or slit.
     pub aperture: Aperture,
-    /// Seed of the experiment.
     pub seed: u64,
     /// Which piece of the material is measured: [`JUDGED`], or one of those after it, which are trained on.
     pub piece: u64,
     /// Distances of the positions in metres.
     pub distances: Vec<f64>,
-    /// Captures at each.
     pub captures: usize,
 }
 
@@ -34,7 +29,6 @@ pub const JUDGED: u64 = 0;
 /// centre in pixels, which is not a number where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Centres {
-    /// The captures' true distances.
     pub distances: Vec<f64>,
     /// For each of [`CentreMethod::all`](crate::paper::methods::CentreMethod::all) all captures.
     pub of_methods: Vec<Vec<f64>>,
@@ -68,9 +62,6 @@ const EXPOSED_AT: usize = 16;
 
 impl<'a> Target<'a> {
     /// Prepares a data set: the mean peak of its images along the table becomes [`PEAK`].
-    ///
-    /// # Errors
-    /// The material's numbers make no surface.
     pub fn new(set: &'a DataSet) -> anyhow::Result<Self> {
         let seed = set.seed ^ (set.material as u64) << 48 ^ set.piece << 32;
         let material = &MATERIALS[set.material];
@@ -109,9 +100,6 @@ impl<'a> Target<'a> {
     }
 
     /// The light at a position, and the sensor's column at which it begins.
-    ///
-    /// # Errors
-    /// The spot is larger than the surface.
     pub fn expose(&self, position: usize) -> anyhow::Result<(Exposure, usize)> {
         let distance = self.set.distances[position];
         let view = self.view(distance);
@@ -160,9 +148,6 @@ impl<'a> Target<'a> {
 impl DataSet {
     /// Acquires and measures, on all cores. `tables` are those of the slit's rows. `done` is called after
     /// each position.
-    ///
-    /// # Errors
-    /// The surface cannot be made, or is smaller than the spot.
     pub fn measure(
         &self,
         tables: &RowTables<'_>,

@@ -12,15 +12,12 @@ use crate::paper::methods::{Calibration, CentreMethod, Method};
 /// What a method makes of a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// The method.
     pub method: Method,
-    /// Eq. (1) as it was fitted.
     pub fit: Fit,
     /// Mean of the absolute errors in metres: the paper's MAE.
     pub mae: f64,
     /// The largest absolute error in metres: the paper's MAX.
     pub max: f64,
-    /// Captures without a centre.
     pub without_centre: usize,
     /// For each capture the prediction less the true distance, in metres; not a number where there is no
     /// centre.
@@ -32,9 +29,6 @@ pub struct Judged {
 pub type Tables = Vec<Option<Spline>>;
 
 /// Judges every method of an aperture on the centres of a data set.
-///
-/// # Errors
-/// Eq. (1) does not fit.
 pub fn judge(
     aperture: Aperture,
     centres: &Centres,
@@ -120,9 +114,6 @@ fn of_method(
 }
 
 /// The residual tables of centres: what eq. (1), fitted to them, leaves.
-///
-/// # Errors
-/// Eq. (1) does not fit.
 pub fn tables(centres: &Centres) -> anyhow::Result<Tables> {
     centres
         .of_methods

@@ -6,12 +6,10 @@ use crate::paper::errors::{self, Judged};
 use crate::paper::methods::Method;
 use crate::paper::training;
 
-/// What is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Experiment {
     /// Of the paper's positions, every so many.
     pub stride: usize,
-    /// Seed of everything.
     pub seed: u64,
     /// Pieces of each material to train on, two at least: [`training::PIECES`].
     pub pieces: u64,
@@ -22,13 +20,11 @@ pub struct Experiment {
 pub struct Outcome {
     /// Index of the material in [`MATERIALS`](crate::paper::materials::MATERIALS).
     pub material: usize,
-    /// Lens or slit.
     pub aperture: Aperture,
     /// The captures' true distances in metres.
     pub distances: Vec<f64>,
     /// For each capture, the centre by the paper's method, in pixels.
     pub centres: Vec<f64>,
-    /// What the methods make of them.
     pub judged: Vec<Judged>,
     /// Every method's MAE in metres on the pieces of material that were trained on: by these, and not by the
     /// piece that they are judged on, the best is chosen.

@@ -20,7 +20,6 @@ pub const DISTORTION: Distortion = Distortion {
 /// interference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ghost {
-    /// Its light over the spot's.
     pub share: f64,
     /// Where it is: at -`magnification` times the spot's distance from the axis.
     pub magnification: f64,
@@ -31,7 +30,6 @@ pub struct Ghost {
 /// Light that the lens scatters and reflects many times over: a broad glare about the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Veil {
-    /// Its light over the spot's.
     pub share: f64,
     /// Standard deviation of its gaussian in metres.
     pub width: f64,
@@ -40,9 +38,7 @@ pub struct Veil {
 /// Lens flare: what the paper blames for the lens's errors near the middle of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flare {
-    /// The ghost.
     pub ghost: Ghost,
-    /// The veil.
     pub veil: Veil,
 }
 
@@ -102,9 +98,7 @@ impl Flare {
 /// A place on the sensor in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Along a row.
     pub column: f64,
-    /// Across the rows.
     pub row: f64,
 }
 

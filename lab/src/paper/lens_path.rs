@@ -13,10 +13,8 @@ use simulator::field::{Image, Scattering, Surface, View, lens_image, lens_mean};
 /// cut.
 pub const SIZE: usize = 64;
 
-/// The row on the optical axis.
 const AXIS_ROW: f64 = (ROWS as f64 - 1.0) / 2.0;
 
-/// Where the simulated pixels lie.
 struct Window {
     /// The spot's centre on the sensor, in pixels.
     centre: f64,
@@ -59,9 +57,6 @@ impl Window {
 }
 
 /// The image of a view, and the sensor's column at which it begins.
-///
-/// # Errors
-/// The spot is larger than the surface.
 pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
     let window = Window::around(view.distance);
     let [columns, rows] = window.places();
@@ -96,9 +91,6 @@ pub fn centre_without_speckle(distance: f64, flare: Option<&Flare>) -> Option<f6
 }
 
 /// The image's density, see [`Image`].
-///
-/// # Errors
-/// The spot is larger than the surface.
 pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
     let field = (apparatus::centre(Aperture::Lens, view.distance) - AXIS) * PITCH;
     Ok(lens_image(surface, view, &apparatus::lens(), field, &[0.0], &[0.0])?.density)

@@ -7,10 +7,8 @@
 use simulator::field::{Laser, Scattering, Surface};
 use simulator::scene::{SpecularLobe, Texture};
 
-/// A material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
-    /// The paper's name for it.
     pub name: &'static str,
     /// How many independent speckle patterns its light is made of, 1 or 2: a metal or a gloss keeps the
     /// laser's polarisation, light that was in paper, wood or fabric has lost it (J. W. Goodman, Speckle
@@ -20,15 +18,10 @@ pub struct Material {
     pub path_spread: f64,
     /// How its brightness depends on the angle of view, beside Lambert's law.
     pub lobe: Option<SpecularLobe>,
-    /// Its grain.
     pub texture: Texture,
 }
 
 impl Material {
-    /// A piece of it.
-    ///
-    /// # Errors
-    /// The numbers make no surface.
     pub fn surface(&self, laser: &Laser, seed: u64) -> anyhow::Result<Surface> {
         let scattering = Scattering {
             polarisations: self.polarisations,
@@ -45,7 +38,6 @@ impl Material {
         angle.cos() * self.lobe.map_or(1.0, |lobe| lobe.factor(angle))
     }
 
-    /// Its numbers in words.
     pub fn description(&self) -> String {
         let lobe = self.lobe.map_or("no glossy lobe".into(), |lobe| {
             format!(
@@ -66,6 +58,18 @@ impl Material {
     }
 }
 
+const fn lobe(strength: f64, width: f64) -> Option<SpecularLobe> {
+    Some(SpecularLobe {
+        strength,
+        width,
+        tilt: 0.0,
+    })
+}
+
+const fn texture(contrast: f64, length: f64) -> Texture {
+    Texture { contrast, length }
+}
+
 /// All six, in the order of the paper's Table 1.
 pub const MATERIALS: [Material; 6] = [
     // Scratches finer than the spot, and a lobe some ten degrees wide across them.
@@ -73,45 +77,24 @@ pub const MATERIALS: [Material; 6] = [
         name: "Brushed Metal",
         polarisations: 1,
         path_spread: 0.0,
-        lobe: Some(SpecularLobe {
-            strength: 9.0,
-            width: 0.3,
-            tilt: 0.0,
-        }),
-        texture: Texture {
-            contrast: 0.3,
-            length: 50e-6,
-        },
+        lobe: lobe(9.0, 0.3),
+        texture: texture(0.3, 50e-6),
     },
     // A porous layer of grains.
     Material {
         name: "Rusty Metal",
         polarisations: 1,
         path_spread: 20e-6,
-        lobe: Some(SpecularLobe {
-            strength: 0.25,
-            width: 0.4,
-            tilt: 0.0,
-        }),
-        texture: Texture {
-            contrast: 0.5,
-            length: 100e-6,
-        },
+        lobe: lobe(0.25, 0.4),
+        texture: texture(0.5, 100e-6),
     },
     // Light goes some cells deep; early wood and late wood differ.
     Material {
         name: "Light Wood Plank",
         polarisations: 2,
         path_spread: 150e-6,
-        lobe: Some(SpecularLobe {
-            strength: 0.1,
-            width: 0.4,
-            tilt: 0.0,
-        }),
-        texture: Texture {
-            contrast: 0.2,
-            length: 300e-6,
-        },
+        lobe: lobe(0.1, 0.4),
+        texture: texture(0.2, 300e-6),
     },
     // A sheet is 0.1 mm thick, and even.
     Material {
@@ -119,25 +102,15 @@ pub const MATERIALS: [Material; 6] = [
         polarisations: 2,
         path_spread: 100e-6,
         lobe: None,
-        texture: Texture {
-            contrast: 0.05,
-            length: 200e-6,
-        },
+        texture: texture(0.05, 200e-6),
     },
     // Glossy: what is seen at 16 to 27 degrees is the foot of the lobe. The surface is embossed a little.
     Material {
         name: "Black Electric Tape",
         polarisations: 1,
         path_spread: 0.0,
-        lobe: Some(SpecularLobe {
-            strength: 9.0,
-            width: 0.15,
-            tilt: 0.0,
-        }),
-        texture: Texture {
-            contrast: 0.1,
-            length: 200e-6,
-        },
+        lobe: lobe(9.0, 0.15),
+        texture: texture(0.1, 200e-6),
     },
     // Fibres of some micrometres in bundles, with shadows between them.
     Material {
@@ -145,10 +118,7 @@ pub const MATERIALS: [Material; 6] = [
         polarisations: 2,
         path_spread: 20e-6,
         lobe: None,
-        texture: Texture {
-            contrast: 0.8,
-            length: 100e-6,
-        },
+        texture: texture(0.8, 100e-6),
     },
 ];
 

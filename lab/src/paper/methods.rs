@@ -23,7 +23,6 @@ pub enum RowEstimator {
 }
 
 impl RowEstimator {
-    /// All of them, the paper's first.
     pub const ALL: [Self; 6] = [
         Self::Gaussian,
         Self::Fraunhofer,
@@ -33,7 +32,6 @@ impl RowEstimator {
         Self::Speckle,
     ];
 
-    /// Its name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Gaussian => "gaussian",
@@ -80,14 +78,11 @@ pub enum Calibration {
 /// A way from a capture to a distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Method {
-    /// To the centre.
     pub centre: CentreMethod,
-    /// And on.
     pub calibration: Calibration,
 }
 
 impl Method {
-    /// The paper's for the lens.
     pub const PAPERS_LENS: Self = Self {
         centre: CentreMethod::PlaneGaussian,
         calibration: Calibration::Eq1,

@@ -11,7 +11,6 @@ use nalgebra::{SMatrix, SVector};
 /// A gaussian in the plane, on a level of zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneGaussian {
-    /// Its height.
     pub amplitude: f64,
     /// Its centre along the rows, in pixels.
     pub x: f64,
@@ -21,13 +20,11 @@ pub struct PlaneGaussian {
     pub form: [f64; 3],
 }
 
-/// Unknowns.
 const UNKNOWNS: usize = 6;
 
 type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Vector = SVector<f64, UNKNOWNS>;
 
-/// Steps at most.
 const MAX_STEPS: usize = 60;
 
 /// The fit rests where a step promises less than this share of the sum of squares. By then the centre is

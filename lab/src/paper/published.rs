@@ -3,20 +3,14 @@
 /// The errors of a method on a material, in micrometres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// MAX.
     pub max: f64,
-    /// MAE.
     pub mae: f64,
 }
 
-/// A row of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Published {
-    /// Lens.
     pub lens: Errors,
-    /// Slit with gaussian fit.
     pub gaussian: Errors,
-    /// Slit with Fraunhofer fit.
     pub fraunhofer: Errors,
 }
 

@@ -16,7 +16,6 @@ pub struct RowFit {
 /// How rows are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowMean {
-    /// The plain mean, as in the paper.
     Plain,
     /// Rows weigh by the spot's height. In speckle, a row's centre is off by the gradient of the field's
     /// phase across the slit, whose variance goes as one over the intensity: by the weight's inverse. In shot
@@ -56,7 +55,6 @@ const DEVIATION_PER_MAD: f64 = 1.4826;
 const REWEIGHTS: usize = 5;
 
 impl RowMean {
-    /// All of them.
     pub const ALL: [Self; 4] = [Self::Plain, Self::Weighted, Self::Tukey, Self::Ends];
 
     /// Its name in tables; nothing for the paper's.

@@ -28,7 +28,6 @@ const ROW_STEP: usize = 4;
 pub struct RowTables<'a> {
     /// Of the profile that rows of the sensor have, where it was measured.
     pub measured: Option<&'a TableSet<'a>>,
-    /// [`speckle_table`].
     pub speckle: &'a TableSet<'a>,
 }
 
@@ -51,9 +50,6 @@ pub fn speckle_table() -> IntegerTable {
 }
 
 /// The image of a view, and the sensor's column at which it begins.
-///
-/// # Errors
-/// The spot is larger than the surface.
 pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
     let centre = apparatus::centre(Aperture::Slit, view.distance);
     let first = centre.round() as usize - COLUMNS / 2;
@@ -68,9 +64,6 @@ pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
 }
 
 /// The image's density, see [`Image`].
-///
-/// # Errors
-/// The spot is larger than the surface.
 pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
     Ok(slit_image(surface, view, &SLIT, &[0.0], &[0.0])?.density)
 }

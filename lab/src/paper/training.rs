@@ -41,19 +41,14 @@ pub fn data_sets(material: usize, aperture: Aperture, seed: u64, pieces: u64) ->
         .collect()
 }
 
-/// What training gives.
 #[derive(Clone, Debug)]
 pub struct Trained {
-    /// Residual tables of all pieces.
     pub residuals: Tables,
     /// Every method's MAE in metres, on pieces whose residuals are not in the tables that it uses.
     pub mae: Vec<(Method, f64)>,
 }
 
 /// Trains on data sets: each half of the pieces is judged with the residual tables of the other half.
-///
-/// # Errors
-/// A surface cannot be made, or eq. (1) does not fit.
 pub fn train(
     sets: &[DataSet],
     tables: &RowTables<'_>,
@@ -89,9 +84,6 @@ const ROWS_APART: usize = 8;
 
 /// Tables of the profile that the rows of a data set have. Rows that are brighter than the mean, because the
 /// others are noisier.
-///
-/// # Errors
-/// No row has a centre.
 pub fn measured_tables(set: &DataSet) -> anyhow::Result<Vec<IntegerTable>> {
     let target = Target::new(set)?;
     let geometry = camera::geometry(COLUMNS, ShotNoise::Known);
@@ -140,9 +132,6 @@ pub fn measured_tables(set: &DataSet) -> anyhow::Result<Vec<IntegerTable>> {
 }
 
 /// Calls a function with the tables that the core takes.
-///
-/// # Errors
-/// The core refuses them, or the function's.
 pub fn with_tables<T>(
     measured: Option<&[IntegerTable]>,
     then: impl FnOnce(&RowTables<'_>) -> anyhow::Result<T>,

@@ -68,7 +68,6 @@ const SENSORS: u64 = 5;
 /// Numbers of surfaces that are set aside for each of them: one half for its calibration.
 const SURFACES_OF_A_SENSOR: u64 = 100_000;
 
-/// Surfaces that are read.
 struct Kind {
     name: String,
     scene: Scene,
@@ -124,7 +123,6 @@ fn kinds(base: &Scene) -> Result<Vec<Kind>> {
 /// What the readings of a kind came to.
 struct Outcome {
     summary: Summary,
-    /// How often each fault was.
     faults: BTreeMap<&'static str, usize>,
     /// Mean number of slits that went into a reading.
     used: f64,
@@ -248,7 +246,6 @@ fn measure_calibrated(options: &Options) -> Result<String> {
     ))
 }
 
-/// A bar over surfaces.
 fn bar(surfaces: u64) -> Result<ProgressBar> {
     progress::bar(surfaces, "{msg:28} {wide_bar} {pos}/{len}, {eta} left")
 }

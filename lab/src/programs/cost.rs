@@ -10,7 +10,6 @@ mod distances;
 mod figures;
 mod float_functions;
 mod host_time;
-mod pareto;
 mod peers;
 mod reading_time;
 mod report;

@@ -121,7 +121,6 @@ fn summary(targets: &[Target]) -> String {
     )
 }
 
-/// What the jumps came out as.
 fn jumps_in_words(jumps: &Jumps) -> String {
     let faults = |faults| match named(faults).as_slice() {
         [] => "none".to_owned(),

@@ -120,7 +120,6 @@ fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
     }
 }
 
-/// The page of the tables.
 const PAGE: &str = "docs/hard-cases.md";
 
 /// Rewrites the catalogue's tables, and the rates of both judges if there are any.

@@ -25,7 +25,6 @@ pub struct Options {
     write: bool,
 }
 
-/// Numbers of points.
 const COUNTS: [usize; 10] = [3, 4, 5, 8, 12, 20, 30, 60, 120, 200];
 
 /// Sensors that are calibrated for each figure, each of a geometry of its own: the figures' own error is 5 %.
@@ -34,30 +33,14 @@ const SENSORS: u64 = 200;
 /// Standard uncertainty of a point's centre in pixels: eight frames of 64 rows of white paper, each of 0.002.
 const CENTRE: f64 = 0.0007;
 
-/// How well distances are known.
-struct Means {
-    name: &'static str,
-    /// Standard uncertainty in metres.
-    position: f64,
-}
+/// How well distances are known: what typically has a standard uncertainty, and that uncertainty in metres.
+type Means = (&'static str, f64);
 
 const MEANS: [Means; 4] = [
-    Means {
-        name: "1 um: stage with an encoder",
-        position: 1e-6,
-    },
-    Means {
-        name: "20 um: screw or caliper",
-        position: 20e-6,
-    },
-    Means {
-        name: "80 um: speckle of a rough target",
-        position: 80e-6,
-    },
-    Means {
-        name: "0.3 mm: ruler",
-        position: 300e-6,
-    },
+    ("1 um: stage with an encoder", 1e-6),
+    ("20 um: screw or caliper", 20e-6),
+    ("80 um: speckle of a rough target", 80e-6),
+    ("0.3 mm: ruler", 300e-6),
 ];
 
 /// How far sensors are from eq. (1), in metres.
@@ -81,8 +64,8 @@ pub fn main(options: &Options) -> Result<()> {
     let cells: Vec<Vec<Vec<Cell>>> = DEPARTURES
         .iter()
         .map(|&departure| {
-            let of = |means: &Means| COUNTS.map(|count| cell(departure, means, count)).into();
-            MEANS.iter().map(of).collect()
+            let of = |means: Means| COUNTS.map(|count| cell(departure, means, count)).into();
+            MEANS.into_iter().map(of).collect()
         })
         .collect();
     let block = ("cargo points", table(&cells));
@@ -97,12 +80,12 @@ pub fn main(options: &Options) -> Result<()> {
     }
     let figures = docs::path("docs/figures");
     figure::draw(&cells, &figures.join("calibration-points.svg"))?;
-    let (_, example) = solved(DEPARTURES[1], &MEANS[0], 60, EXAMPLE).context("no fit")?;
+    let (_, example) = solved(DEPARTURES[1], MEANS[0], 60, EXAMPLE).context("no fit")?;
     let fit = figures.join("calibration-fit.svg");
     draw_fit(&example, example.better(), None, &fit)
 }
 
-fn cell(departure: f64, means: &Means, count: usize) -> Cell {
+fn cell(departure: f64, means: Means, count: usize) -> Cell {
     let sensors: Vec<Option<(f64, bool)>> = (0..SENSORS)
         .into_par_iter()
         .map(|seed| calibrated(departure, means, count, seed))
@@ -119,7 +102,7 @@ fn cell(departure: f64, means: &Means, count: usize) -> Cell {
 /// A sensor, and the curves through its points.
 fn solved(
     departure: f64,
-    means: &Means,
+    (_, position): Means,
     count: usize,
     seed: u64,
 ) -> Option<(DistortedOptics, Solved)> {
@@ -131,17 +114,17 @@ fn solved(
     let points: Vec<Point> = (positions.into_iter().zip(2..))
         .map(|(d_mm, line)| Point {
             line,
-            x_px: optics.centre(d_mm * 1e-3 + means.position * normal()) + CENTRE * normal(),
+            x_px: optics.centre(d_mm * 1e-3 + position * normal()) + CENTRE * normal(),
             d_mm,
             sigma_px: Some(CENTRE),
             ..Point::default()
         })
         .collect();
-    Some((optics, solve(&points, Some(means.position)).ok()?))
+    Some((optics, solve(&points, Some(position)).ok()?))
 }
 
 /// The mean square error over the range, in square metres, and whether the residuals were taken.
-fn calibrated(departure: f64, means: &Means, count: usize, seed: u64) -> Option<(f64, bool)> {
+fn calibrated(departure: f64, means: Means, count: usize, seed: u64) -> Option<(f64, bool)> {
     let (optics, solved) = solved(departure, means, count, seed)?;
     let corrected = solved.better() == Form::Corrected;
     let curve = match &solved.corrected {
@@ -178,6 +161,7 @@ fn table(cells: &[Vec<Vec<Cell>>]) -> String {
          brackets: the per cent of the sensors for which `fit` chose eq. (1) with residuals; no brackets: \
          none.\n"
     );
+    let names = MEANS.map(|(name, _)| name).join(" | ");
     for (departure, cells) in DEPARTURES.iter().zip(cells) {
         text += &if *departure > 0.0 {
             format!(
@@ -187,24 +171,21 @@ fn table(cells: &[Vec<Vec<Cell>>]) -> String {
         } else {
             "\nSensors that follow eq. (1):\n\n".to_owned()
         };
-        text += "| points |";
-        for means in &MEANS {
-            text += &format!(" {} |", means.name);
-        }
-        text += "\n|---:|---:|---:|---:|---:|\n";
+        text += &format!("| points | {names} |\n|---:|---:|---:|---:|---:|\n");
         for (row, count) in COUNTS.iter().enumerate() {
-            text += &format!("| {count} |");
-            for column in cells {
-                let cell = &column[row];
-                text += &match cell.error {
-                    Some(error) if cell.corrected > 0.0 => {
-                        format!(" {} ({:.0}) |", micrometres(error), cell.corrected * 100.0)
-                    }
-                    Some(error) => format!(" {} |", micrometres(error)),
-                    None => " refused |".to_owned(),
-                };
-            }
-            text += "\n";
+            let columns = cells.iter().map(|column| match &column[row] {
+                Cell {
+                    error: Some(error),
+                    corrected,
+                } if *corrected > 0.0 => {
+                    format!(" | {} ({:.0})", micrometres(*error), corrected * 100.0)
+                }
+                Cell {
+                    error: Some(error), ..
+                } => format!(" | {}", micrometres(*error)),
+                Cell { error: None, .. } => " | refused".to_owned(),
+            });
+            text += &format!("| {count}{} |\n", columns.collect::<String>());
         }
     }
     text

@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use clap::Args;
-use serde::Serialize;
 use simulator::scene::{Scene, file};
 use slitrange::centre::Estimator;
 
@@ -42,48 +41,16 @@ const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "le
 pub struct Options {
     /// A scene of the folder scenes/, or the path of a .toml file
     name: Option<String>,
-    /// How the centres of rows are found
-    #[arg(long, value_name = "NAME", default_value = Estimator::default().name(), value_parser = estimator)]
-    estimator: Estimator,
-    /// Seeds to average over [default: 100; with speckle 40; for a camera 24]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    realisations: Option<u64>,
-    /// Readings of each [default: 4; with speckle 10; for a camera 1]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    readings: Option<u64>,
-    /// Time over which a realisation's readings are spread [default: 600, or what it takes the target to move
-    /// by a centimetre]
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    seconds: Option<f64>,
-    /// Folder of the picture, NAME.svg
-    #[arg(long, value_name = "FOLDER", default_value = "target/scenes")]
-    output: PathBuf,
-    /// Print all figures as one JSON object
-    #[arg(long)]
-    json: bool,
     /// Redraw the pictures that docs/physics.md shows, and nothing else
-    #[arg(long, conflicts_with_all = ["name", "json", "output"])]
+    #[arg(long, conflicts_with = "name")]
     write: bool,
 }
 
-fn estimator(name: &str) -> Result<Estimator, String> {
-    Estimator::named(name).ok_or_else(|| {
-        let names = Estimator::ALL.map(Estimator::name).join(", ");
-        format!("there are {names}")
-    })
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse().map_err(|_| "it is no number".to_owned())?;
-    if !(0.0..=1e6).contains(&seconds) {
-        return Err("it must be from 0 to 1e6".into());
-    }
-    Ok(seconds)
-}
+/// The folder of the pictures that no page shows.
+const PICTURES: &str = "target/scenes";
 
 /// All that there is to say about a scene.
-#[derive(Serialize)]
-pub struct Shown {
+struct Shown {
     name: String,
     scene: Scene,
     budget: Budget,
@@ -93,88 +60,56 @@ pub struct Shown {
 
 pub fn main(options: &Options) -> Result<()> {
     if options.write {
-        return redraw(options.estimator);
+        let folder = docs::path("docs/figures");
+        for name in SHOWN {
+            let figure = format!("scene-{name}");
+            picture::write(&figure, name, &Scene::load(name)?, &folder)?;
+        }
+        return Ok(());
     }
-    let Some(name) = &options.name else {
-        return list(options.json);
-    };
+    match &options.name {
+        Some(name) => print!("{}", words::of(&show(name)?)),
+        None => list()?,
+    }
+    docs::print_hint("cargo scene", "the figures scene-*.svg of docs/physics.md");
+    Ok(())
+}
+
+fn show(name: &str) -> Result<Shown> {
     let scene = Scene::load(name)?;
     let name = Path::new(name)
         .file_stem()
         .with_context(|| format!("{name:?} names no scene"))?
         .to_string_lossy()
         .into_owned();
-    let plan = options.plan(&scene);
+    let plan = Plan::of(&scene);
     // Before anything that takes its time.
     plan.check(&scene)?;
-
-    let shown = Shown {
-        picture: picture::write(&name, &scene, options.estimator, &options.output)?,
+    Ok(Shown {
+        picture: picture::write(&name, &name, &scene, Path::new(PICTURES))?,
         // While nothing else runs.
         timing: Timing::of(&scene),
-        budget: budget(&scene, options.estimator, &plan)?,
+        budget: budget(&scene, &plan)?,
         name,
         scene,
-    };
-    if options.json {
-        println!("{}", serde_json::to_string_pretty(&shown)?);
-    } else {
-        print!("{}", words::of(&shown)?);
-        hint();
-    }
-    Ok(())
-}
-
-impl Options {
-    fn plan(&self, scene: &Scene) -> Plan {
-        let plan = Plan::of(scene);
-        Plan {
-            realisations: self.realisations.unwrap_or(plan.realisations),
-            readings: self.readings.unwrap_or(plan.readings),
-            seconds: self.seconds.unwrap_or(plan.seconds),
-        }
-    }
+    })
 }
 
 /// With a bar on the terminal, as speckle takes a while.
-fn budget(scene: &Scene, estimator: Estimator, plan: &Plan) -> Result<Budget> {
+fn budget(scene: &Scene, plan: &Plan) -> Result<Budget> {
     let template = "{wide_bar} {pos}/{len} realisations, {eta} left";
     let progress = progress::bar(Budget::runs(scene, plan), template)?;
-    let budget = Budget::of(scene, estimator, plan, &|| progress.inc(1));
+    let budget = Budget::of(scene, Estimator::default(), plan, &|| progress.inc(1));
     progress.finish_and_clear();
     budget
 }
 
 /// The scenes that come with the project.
-fn list(json: bool) -> Result<()> {
-    let scenes = file::names()?
-        .into_iter()
-        .map(|name| Ok((Scene::load(&name)?.about, name)))
-        .collect::<Result<Vec<_>>>()?;
-    if json {
-        let scenes = scenes
-            .iter()
-            .map(|(about, name)| serde_json::json!({"name": name, "about": about}));
-        println!("{}", serde_json::Value::from_iter(scenes));
-    } else {
-        let width = scenes.iter().map(|(_, name)| name.len()).max().unwrap_or(0);
-        for (about, name) in scenes {
-            println!("{name:width$}  {about}");
-        }
-        hint();
-    }
-    Ok(())
-}
-
-fn hint() {
-    docs::print_hint("cargo scene", "the figures scene-*.svg of docs/physics.md");
-}
-
-fn redraw(estimator: Estimator) -> Result<()> {
-    let folder = docs::path("docs/figures");
-    for name in SHOWN {
-        let figure = format!("scene-{name}");
-        picture::write_as(&figure, name, &Scene::load(name)?, estimator, &folder)?;
+fn list() -> Result<()> {
+    let names = file::names()?;
+    let width = names.iter().map(String::len).max().unwrap_or(0);
+    for name in names {
+        println!("{name:width$}  {}", Scene::load(&name)?.about);
     }
     Ok(())
 }

@@ -1,7 +1,5 @@
 //! `cargo slowest`: searches the row that takes the chip the most instructions.
 
-use std::fmt::Write as _;
-
 use clap::Args;
 use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
@@ -9,7 +7,6 @@ use slowest_on_chip::mailbox::Question;
 use crate::slowest::{self, Chip, Chips, LIMIT, Search, Slow};
 use crate::{docs, progress};
 
-/// How many rows are counted.
 const ROWS: u64 = 1_000_000;
 
 /// The page of the table, and the file of the rows.
@@ -59,20 +56,6 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     for slow in &found {
         let call = chip.trace(&slow.question)?;
         let parts = slowest::attribution(chip.program(), &call)?;
-        let row = if slow.question.follows {
-            "following"
-        } else {
-            "first"
-        };
-        println!(
-            "{}, {row} row: {} instructions",
-            slow.question.estimator.name(),
-            slow.instructions
-        );
-        println!("    {}", slowest::story(&slow.question));
-        for (name, count) in parts.iter().take(12) {
-            println!("{count:>12} {name}");
-        }
         traced.push((*slow, parts));
     }
     let table = slowest::markdown(search.rows, &traced);
@@ -93,22 +76,20 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
 fn corpus(found: &[Slow]) -> String {
     let mut text = String::from(
         "//! The slowest rows that `cargo slowest` found. `cargo slowest --write` writes this file.\n\n\
-         use self::description::WORDS;\nuse self::mailbox::ESTIMATORS;\n\n\
+         use crate::description::WORDS;\nuse crate::mailbox::ESTIMATORS;\n\n\
          /// A slow row: instructions on the chip, and the description's words.\n\
          pub type Slow = (u32, [u32; WORDS]);\n",
     );
     for (name, of, follows) in [("FIRST", "first", false), ("FOLLOWING", "following", true)] {
-        write!(
-            text,
+        text += &format!(
             "\n/// The slowest {of} row of each estimator.\n#[rustfmt::skip]\n\
              pub const {name}: [Slow; ESTIMATORS] = [\n"
-        )
-        .expect("a string takes all text");
+        );
         for slow in found.iter().filter(|slow| slow.question.follows == follows) {
-            write!(text, "    ({}, [", slow.instructions).expect("a string takes all text");
+            text += &format!("    ({}, [", slow.instructions);
             for (i, word) in slow.question.description.to_words().iter().enumerate() {
                 let before = if i % 8 == 0 { "\n        " } else { " " };
-                write!(text, "{before}0x{word:08x},").expect("a string takes all text");
+                text += &format!("{before}0x{word:08x},");
             }
             text += "\n    ]),\n";
         }

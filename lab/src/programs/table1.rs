@@ -13,7 +13,6 @@ use crate::paper::materials::MATERIALS;
 use crate::paper::training::PIECES;
 use crate::{docs, progress};
 
-/// The seed of surfaces and noise.
 const SEED: u64 = 1;
 
 /// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures

@@ -23,9 +23,6 @@ pub struct Chip {
 
 impl Chip {
     /// Builds the program and starts it.
-    ///
-    /// # Errors
-    /// The build or the emulator fails.
     pub fn power_on() -> Result<Self> {
         Self::with(Firmware::build_package("slowest-on-chip")?, &[])
     }
@@ -53,9 +50,6 @@ impl Chip {
     }
 
     /// Counts the instructions for each row.
-    ///
-    /// # Errors
-    /// The emulator or the program on it fails.
     pub fn count(&mut self, questions: &[Question]) -> Result<Vec<u32>> {
         let mut counts = Vec::with_capacity(questions.len());
         for questions in questions.chunks(QUESTIONS) {
@@ -81,9 +75,6 @@ impl Chip {
 
     /// The instructions that are executed for a row, on a board of its own: the emulator must know
     /// before the first instruction what it traces.
-    ///
-    /// # Errors
-    /// The emulator or the program on it fails.
     pub fn trace(&self, question: &Question) -> Result<Call> {
         let row = self.program.address_of("slowest_row")?;
         let mut chip = Self::with(self.program.clone(), &[row])?;
@@ -93,15 +84,10 @@ impl Chip {
         Ok(calls.remove(0))
     }
 
-    /// The program.
     pub fn program(&self) -> &Firmware {
         &self.program
     }
 
-    /// Ends the run.
-    ///
-    /// # Errors
-    /// The program did what the chip forbids.
     pub fn finish(self) -> Result<()> {
         self.board.finish().map(|_| ())
     }

@@ -45,9 +45,6 @@ impl Chips {
     }
 
     /// Counts the instructions for each row: each chip counts an equal part of them.
-    ///
-    /// # Errors
-    /// An emulator or the program on it fails.
     pub fn count(&mut self, questions: &[Question]) -> Result<Vec<u32>> {
         let part = questions.len().div_ceil(self.workers.len()).max(1);
         let parts = questions.chunks(part);

@@ -23,18 +23,14 @@ const BATCH: usize = 4 * QUESTIONS;
 /// A row and the instructions that it takes.
 #[derive(Clone, Copy, Debug)]
 pub struct Slow {
-    /// The row.
     pub question: Question,
-    /// Instructions on the chip.
     pub instructions: u32,
 }
 
-/// The search's state.
 pub struct Search {
     random: ChaCha8Rng,
     /// The slowest rows of each estimator, the slowest first: first rows and following ones.
     kept: [[Vec<Slow>; ESTIMATORS]; 2],
-    /// Rows that were counted.
     pub rows: u64,
 }
 
@@ -49,9 +45,6 @@ impl Search {
     }
 
     /// Counts some rows, and keeps them if they are slow.
-    ///
-    /// # Errors
-    /// The emulator fails.
     pub fn add(&mut self, chips: &mut Chips, questions: &[Question]) -> Result<()> {
         for (question, instructions) in questions.iter().zip(chips.count(questions)?) {
             let kept = &mut self.kept[usize::from(question.follows)][question.estimator as usize];
@@ -77,9 +70,6 @@ impl Search {
     }
 
     /// Makes new rows of the slow ones, and counts them.
-    ///
-    /// # Errors
-    /// The emulator fails.
     pub fn step(&mut self, chips: &mut Chips) -> Result<()> {
         let questions: Vec<Question> = (0..BATCH)
             .map(|i| self.child(Estimator::ALL[i / 2 % ESTIMATORS], i % 2 == 1))
@@ -87,7 +77,6 @@ impl Search {
         self.add(chips, &questions)
     }
 
-    /// The slowest row of an estimator.
     pub fn slowest(&self, estimator: Estimator, follows: bool) -> Option<Slow> {
         self.kept[usize::from(follows)][estimator as usize]
             .first()

@@ -11,7 +11,6 @@ use super::slowest_pair;
 pub struct Frame {
     /// What the rows show.
     pub name: String,
-    /// The words of each row.
     pub rows: Vec<[u16; WORDS]>,
 }
 

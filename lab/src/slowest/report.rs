@@ -1,11 +1,9 @@
 //! What a search found, in words.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use anyhow::Result;
 use object::{Object as _, ObjectSymbol as _, SymbolKind};
-use slowest_on_chip::description::Kind;
 use slowest_on_chip::mailbox::Question;
 use slowest_on_chip::words::{Maker, Turn, WORDS};
 use virtual_board::Firmware;
@@ -29,9 +27,6 @@ pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
 
 /// The functions that executed a call's instructions, with their numbers, the largest first. A function has
 /// the instructions of those that are inlined into it, and of the closures in it.
-///
-/// # Errors
-/// The program is no ELF file.
 pub fn attribution(program: &Firmware, call: &Call) -> Result<Vec<(String, u64)>> {
     let elf = object::File::parse(program.bytes())?;
     let symbols = elf
@@ -67,43 +62,6 @@ fn function_of(symbol: &str) -> String {
     own.unwrap_or(&name).replace(['<', '>'], "")
 }
 
-/// What is on a row.
-pub fn story(question: &Question) -> String {
-    let description = &question.description;
-    let mut text = format!(
-        "black level {}, noise {:.1}",
-        description.black,
-        f64::from(description.noise) / 256.0
-    );
-    for shape in description
-        .shapes
-        .iter()
-        .filter(|shape| shape.kind != Kind::Nothing)
-    {
-        let rows = ["in no row", "before", "now", "both"][usize::from(shape.rows & 3)];
-        if !question.follows && shape.rows & 2 == 0 {
-            continue;
-        }
-        write!(
-            text,
-            "\n    {:?} at {:.2}, width {:.2}, height {}, more {}{}",
-            shape.kind,
-            f64::from(shape.place) / 16.0,
-            f64::from(shape.width) / 256.0,
-            shape.height,
-            shape.more,
-            if question.follows {
-                format!(" ({rows})")
-            } else {
-                String::new()
-            }
-        )
-        .expect("a string takes all text");
-    }
-    text
-}
-
-/// The table of the slowest rows.
 pub fn markdown(rows: u64, found: &[(Slow, Vec<(String, u64)>)]) -> String {
     let mut text = format!(
         "The search counted {} rows.\n\n\
@@ -120,19 +78,16 @@ pub fn markdown(rows: u64, found: &[(Slow, Vec<(String, u64)>)]) -> String {
                 format!("`{name}` {}", thousands(*count))
             })
             .collect();
-        writeln!(
-            text,
-            "| {} | {} | {} | {} |",
+        let row = match slow.question.follows {
+            true => "following",
+            false => "first",
+        };
+        text += &format!(
+            "| {} | {row} | {} | {} |\n",
             slow.question.estimator.name(),
-            if slow.question.follows {
-                "following"
-            } else {
-                "first"
-            },
             thousands(slow.instructions.into()),
             parts.join(", ")
-        )
-        .expect("a string takes all text");
+        );
     }
     text
 }

@@ -102,16 +102,12 @@ impl Seen {
 /// 80 % of the rows (3 % on tape, which is dim), and keeps the centres of almost all of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// The row before the step.
     pub first: Option<Seen>,
-    /// The row after each step.
     pub moved: Vec<Option<Seen>>,
 }
 
-/// All surfaces of one material.
 #[derive(Clone, Debug)]
 pub struct Study {
-    /// The material's name.
     pub name: &'static str,
     optics: Optics,
     spot: LaserSpot,
@@ -124,7 +120,6 @@ pub struct Study {
 pub struct Statistics {
     /// RMS of the change of the error, e(d + D) - e(d).
     pub change: f64,
-    /// Correlation of the two errors.
     pub correlation: f64,
     /// Correlation of the two values of e sqrt(height) / d, about zero.
     pub weighted_correlation: f64,
@@ -153,9 +148,6 @@ pub fn variance(before: f64, after: f64, step: f64, memory: f64) -> f64 {
 }
 
 /// The scene of a material, in which only speckle and texture move a centre.
-///
-/// # Errors
-/// There is no such scene.
 pub fn scene(name: &str) -> Result<Scene> {
     let scene = Scene::load(name)?;
     Ok(scene.without(Effect::ShotNoise).without(Effect::ReadNoise))
@@ -163,9 +155,6 @@ pub fn scene(name: &str) -> Result<Scene> {
 
 impl Study {
     /// Measures the steps on `count` surfaces. Each has its own seed and its own distance from 0.62 to 1.0 m.
-    ///
-    /// # Errors
-    /// The scene has no laser spot.
     pub fn run(name: &'static str, scene: Scene, steps: &[f64], count: u64) -> Result<Self> {
         let spot = (scene.laser_spot).with_context(|| format!("{name}: no [laser_spot]"))?;
         let surfaces = (0..count)
@@ -181,7 +170,6 @@ impl Study {
         })
     }
 
-    /// All rows that have a centre.
     fn rows(&self) -> impl Iterator<Item = &Seen> {
         let moved = self.surfaces.iter().flat_map(|it| &it.moved);
         self.surfaces
@@ -257,7 +245,6 @@ impl Study {
     }
 }
 
-/// The rows of surface number `number`.
 fn surface(scene: &Scene, steps: &[f64], number: u64) -> Surface {
     let simulation = Simulation::new(Scene {
         seed: scene.seed.wrapping_add(number),
@@ -316,10 +303,8 @@ pub fn fitted_factor(studies: &[Study]) -> f64 {
     0.5 * (low + high)
 }
 
-/// What [`report`] shows.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// A study for each of [`MATERIALS`].
     pub materials: Vec<Study>,
     /// Brushed metal in the light of a laser with a single wavelength.
     pub single_mode: Study,
@@ -332,9 +317,6 @@ impl Measured {
 }
 
 /// Measures all materials, and the metal of [`Measured::single_mode`], `count` surfaces each.
-///
-/// # Errors
-/// A scene cannot be read, or has no laser spot.
 pub fn measure(count: u64) -> Result<Measured> {
     let run = |&(name, file): &_| Study::run(name, scene(file)?, &STEPS, count);
     let (name, file) = SINGLE_MODE;
@@ -397,7 +379,6 @@ fn short(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// What does not depend on the step.
 fn table_of_materials(measured: &Measured) -> String {
     let rows = measured.all().map(|study| {
         let diameter = study.spot.diameter(0.8, study.optics.wavelength);

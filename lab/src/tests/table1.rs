@@ -26,7 +26,6 @@ fn the_slits_errors_are_near_the_papers_and_ours_are_smaller() {
     }
 }
 
-/// As the test above, for one material.
 #[test]
 fn the_slits_errors_are_near_the_papers_on_brushed_metal() {
     check(0);

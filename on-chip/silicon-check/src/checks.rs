@@ -120,23 +120,15 @@ fn an_instruction_takes_a_cycle() -> bool {
 
 /// Whether the board started with the clock from the ST-LINK.
 async fn check_clock(report: &mut Report, clock: Clock) {
-    match clock {
-        Clock::External => {
-            report
-                .check("clock", true, "8 MHz from the ST-LINK", "")
-                .await
-        }
+    let found = match clock {
+        Clock::External => "8 MHz from the ST-LINK",
         Clock::Internal => {
-            report
-                .check(
-                    "clock",
-                    false,
-                    "the ST-LINK gave no clock for 3 s, so the chip's own oscillator is used",
-                    "if you took the clock away: this line must fail, and all others pass",
-                )
-                .await;
+            "the ST-LINK gave no clock for 3 s, so the chip's own oscillator is used"
         }
-    }
+    };
+    let look_at = "if you took the clock away: this line must fail, and all others pass";
+    let passes = matches!(clock, Clock::External);
+    report.check("clock", passes, found, look_at).await;
 }
 
 /// Nanoseconds of core cycles.
@@ -169,16 +161,10 @@ async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) -> bool {
     } = counts;
     // The last one may be under way.
     let has_rows = read + 1 >= rows && late + failed + lost == 0;
-    report
-        .check(
-            "rows",
-            has_rows,
-            &text!(
-                "{read} read, {late} late, {failed} failed, {lost} lost, with the core always busy"
-            ),
-            "late: the core is too slow; failed: SPI or DMA; lost: the estimator is too slow",
-        )
-        .await;
+    let found =
+        text!("{read} read, {late} late, {failed} failed, {lost} lost, with the core always busy");
+    let look_at = "late: the core is too slow; failed: SPI or DMA; lost: the estimator is too slow";
+    report.check("rows", has_rows, &found, look_at).await;
     let has_master_clock = check_master_clock(report, master_clock).await;
     check_pulses(report, counts.pulses, has_master_clock).await;
     // SCLK runs in a late row, too.
@@ -226,19 +212,13 @@ async fn check_master_clock(report: &mut Report, clock: Option<wires::MasterCloc
     };
     let (least, most) = clock.high;
     let passes = clock.spread <= 2 && least >= 29 && most <= 35;
-    report
-        .check(
-            "fM",
-            passes,
-            &text!(
-                "its rises are within {} ns of 2.625 MHz; it is high for {} to {} ns of 380",
-                ns(clock.spread),
-                ns(least),
-                ns(most)
-            ),
-            LOOK_AT,
-        )
-        .await;
+    let found = text!(
+        "its rises are within {} ns of 2.625 MHz; it is high for {} to {} ns of 380",
+        ns(clock.spread),
+        ns(least),
+        ns(most)
+    );
+    report.check("fM", passes, &found, LOOK_AT).await;
     passes
 }
 
@@ -248,80 +228,63 @@ async fn check_pulses(report: &mut Report, expected: u32, has_master_clock: bool
         [&SEEN.pulses, &SEEN.incomplete, &SEEN.doubled].map(|it| it.load(Ordering::Relaxed));
     // The first one may have begun too early, and the last one may be under way.
     let all = pulses + 2 >= expected && pulses <= expected + 1 && incomplete == 0 && doubled == 0;
-    report
-        .check(
-            "pulses",
-            all,
-            &text!(
-                "{pulses} of {expected} came over the wires, {incomplete} with an edge missing, \
-                 {doubled} with an edge twice"
-            ),
-            "look at the wires PF12 (D8) to PC6 (D16), ICG, and PF13 (D7) to PC8 (D43), SH",
-        )
-        .await;
+    let found = text!(
+        "{pulses} of {expected} came over the wires, {incomplete} with an edge missing, \
+         {doubled} with an edge twice"
+    );
+    let look_at = "look at the wires PF12 (D8) to PC6 (D16), ICG, and PF13 (D7) to PC8 (D43), SH";
+    report.check("pulses", all, &found, look_at).await;
     if !all {
         for name in ["t1", "t2", "t3", "t4"] {
             report.skip(name, "pulses").await;
         }
         return;
     }
-    let (least, most) = SEEN.t1.get();
-    report
-        .check(
+    for (name, seen, limits, what, of, look_at) in [
+        (
             "t1",
-            ns(least) >= 1000,
-            &text!(
-                "ICG rises {} to {} ns after SH fell, of at least 1000",
-                ns(least),
-                ns(most)
-            ),
+            &SEEN.t1,
+            1000..=u32::MAX,
+            "ICG rises",
+            " after SH fell, of at least 1000",
             "ICG rises too early: look at `ICG_LOW` and at interrupts",
-        )
-        .await;
-    let (least, most) = SEEN.t2.get();
-    report
-        .check(
+        ),
+        (
             "t2",
-            ns(least) >= 100 && ns(most) <= 1000,
-            &text!(
-                "SH rises {} to {} ns after ICG fell, of 100 to 1000",
-                ns(least),
-                ns(most)
-            ),
+            &SEEN.t2,
+            100..=1000,
+            "SH rises",
+            " after ICG fell, of 100 to 1000",
             "look at `ICG_TO_SH`, and whether something interrupts the pulses",
-        )
-        .await;
-    let (least, most) = SEEN.t3.get();
-    report
-        .check(
+        ),
+        (
             "t3",
-            ns(least) >= 1000,
-            &text!(
-                "SH is high for {} to {} ns, of at least 1000",
-                ns(least),
-                ns(most)
-            ),
+            &SEEN.t3,
+            1000..=u32::MAX,
+            "SH is high for",
+            ", of at least 1000",
             "look at `SH_HIGH`",
-        )
-        .await;
+        ),
+    ] {
+        let (least, most) = seen.get();
+        let passes = ns(least) >= *limits.start() && ns(most) <= *limits.end();
+        let found = text!("{what} {} to {} ns{of}", ns(least), ns(most));
+        report.check(name, passes, &found, look_at).await;
+    }
     if !has_master_clock {
         report.skip("t4", "fM").await;
         return;
     }
     let (least, most) = SEEN.t4.get();
-    report
-        .check(
-            "t4",
-            most < CYCLES_A_MASTER_CLOCK / 2,
-            &text!(
-                "ICG rises {} to {} ns after fM rose, of 0 to {} (fM is high)",
-                ns(least),
-                ns(most),
-                ns(CYCLES_A_MASTER_CLOCK / 2)
-            ),
-            "the program sets ICG too late: look at `raise_icg_at` and at waits for flash",
-        )
-        .await;
+    let half = CYCLES_A_MASTER_CLOCK / 2;
+    let found = text!(
+        "ICG rises {} to {} ns after fM rose, of 0 to {} (fM is high)",
+        ns(least),
+        ns(most),
+        ns(half)
+    );
+    let look_at = "the program sets ICG too late: look at `raise_icg_at` and at waits for flash";
+    report.check("t4", most < half, &found, look_at).await;
 }
 
 /// SCLK's edges, and the time that they take.
@@ -337,14 +300,8 @@ async fn check_sclk(report: &mut Report, expected: u32) {
     }
     let (least, most) = SEEN.edges.get();
     let passes = least == EDGES && most == EDGES;
-    report
-        .check(
-            "SCLK edges",
-            passes,
-            &text!("{least} to {most} in a row, of {EDGES} = 16 x {WORDS}"),
-            LOOK_AT,
-        )
-        .await;
+    let found = text!("{least} to {most} in a row, of {EDGES} = 16 x {WORDS}");
+    report.check("SCLK edges", passes, &found, LOOK_AT).await;
     if !passes {
         report.skip("SCLK time", "SCLK edges").await;
         return;
@@ -353,19 +310,15 @@ async fn check_sclk(report: &mut Report, expected: u32) {
     let expected = (EDGES - 1) * wires::TICKS_A_BIT;
     // Half a period of SCLK: a gap of one period is an error.
     let off = least.abs_diff(expected).max(most.abs_diff(expected));
-    report
-        .check(
-            "SCLK time",
-            off <= wires::TICKS_A_BIT / 2,
-            &text!(
-                "{} to {} ns from a row's first edge to its last, of {} without gaps",
-                ns(2 * least),
-                ns(2 * most),
-                ns(2 * expected)
-            ),
-            "SPI waited for DMA: look at the DMA's priorities",
-        )
-        .await;
+    let found = text!(
+        "{} to {} ns from a row's first edge to its last, of {} without gaps",
+        ns(2 * least),
+        ns(2 * most),
+        ns(2 * expected)
+    );
+    let passes = off <= wires::TICKS_A_BIT / 2;
+    let look_at = "SPI waited for DMA: look at the DMA's priorities";
+    report.check("SCLK time", passes, &found, look_at).await;
 }
 
 /// The words of rows with MISO low, high and open.
@@ -387,14 +340,9 @@ async fn check_miso(report: &mut Report) {
         // The first two may have begun before.
         for number in 0..4 {
             let row = next_row().await;
-            let odd = match &row {
-                Some(words) => words
-                    .iter()
-                    .copied()
-                    .filter(|&word| word != expected)
-                    .count(),
-                None => WORDS,
-            };
+            let odd = row.as_ref().map_or(WORDS, |words| {
+                words.iter().filter(|&&word| word != expected).count()
+            });
             if number >= 2 {
                 wrong = Some(wrong.unwrap_or(0) + odd);
             }
@@ -403,14 +351,8 @@ async fn check_miso(report: &mut Report) {
             }
         }
         let wrong = wrong.unwrap_or(WORDS);
-        report
-            .check(
-                name,
-                wrong == 0,
-                &text!("{wrong} words of {} are not {expected:#06x}", 2 * WORDS),
-                look_at,
-            )
-            .await;
+        let found = text!("{wrong} words of {} are not {expected:#06x}", 2 * WORDS);
+        report.check(name, wrong == 0, &found, look_at).await;
     }
     wires::drive_miso(None);
 }
@@ -454,20 +396,17 @@ async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
 
     let (erased, time, rows) = beside_rows(flash.erase(SECTOR, SECTOR_END)).await;
     let is_erased = erased.is_ok() && was_read;
-    report
-        .check(
-            "erase",
-            is_erased && time <= Duration::from_millis(800) && rows.are_whole(time),
-            &text!(
-                "16 KB in {} ms, of at most 800{}; {} rows meanwhile, {} lost or late",
-                time.as_millis(),
-                if is_erased { "" } else { ", with an error" },
-                rows.rows,
-                rows.bad()
-            ),
-            "slow: the supply is below 2.7 V, or the flash is worn; lost: the program is not in bank 1",
-        )
-        .await;
+    let found = text!(
+        "16 KB in {} ms, of at most 800{}; {} rows meanwhile, {} lost or late",
+        time.as_millis(),
+        if is_erased { "" } else { ", with an error" },
+        rows.rows,
+        rows.bad()
+    );
+    let passes = is_erased && time <= Duration::from_millis(800) && rows.are_whole(time);
+    let look_at =
+        "slow: the supply is below 2.7 V, or the flash is worn; lost: the program is not in bank 1";
+    report.check("erase", passes, &found, look_at).await;
 
     let pattern = [0x5A, 0xC3, 0x00, 0xF0];
     let (written, time, rows) = beside_rows(async {
@@ -484,21 +423,15 @@ async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
     }
     // 100 us of the flash, and 10 us of the program.
     let each = time.as_micros() / PROGRAMMED as u64;
-    report
-        .check(
-            "program",
-            is_written && each <= 110 && rows.are_whole(time),
-            &text!(
-                "{PROGRAMMED} words in {} us each, of at most 110{}; \
-                 {} rows meanwhile, {} lost or late",
-                each,
-                if is_written { "" } else { ", with an error" },
-                rows.rows,
-                rows.bad()
-            ),
-            "as `erase`",
-        )
-        .await;
+    let found = text!(
+        "{PROGRAMMED} words in {each} us each, of at most 110{}; \
+         {} rows meanwhile, {} lost or late",
+        if is_written { "" } else { ", with an error" },
+        rows.rows,
+        rows.bad()
+    );
+    let passes = is_written && each <= 110 && rows.are_whole(time);
+    report.check("program", passes, &found, "as `erase`").await;
 
     // As it was before.
     let (restored, ..) = beside_rows(async {
@@ -554,24 +487,19 @@ async fn check_estimators(report: &mut Report, load: &mut Load) {
         let name = text!("cycles {}", estimator.name());
         let Some(estimate) = estimators::estimate(estimator) else {
             let found = text!("{cycles}, and docs/cost/whole-rows.csv has no line for it");
-            report
-                .check(&name, false, &found, "look at that file")
-                .await;
+            let look_at = "look at that file";
+            report.check(&name, false, &found, look_at).await;
             continue;
         };
-        report
-            .check(
-                &name,
-                cycles <= estimate.most && cycles >= estimate.instructions / 10 * 9,
-                &text!(
-                    "{cycles} for a row, of {} instructions; estimated {} to {}",
-                    estimate.instructions,
-                    estimate.least,
-                    estimate.most
-                ),
-                "more: the flash's caches are off, or the estimate is wrong",
-            )
-            .await;
+        let found = text!(
+            "{cycles} for a row, of {} instructions; estimated {} to {}",
+            estimate.instructions,
+            estimate.least,
+            estimate.most
+        );
+        let passes = cycles <= estimate.most && cycles >= estimate.instructions / 10 * 9;
+        let look_at = "more: the flash's caches are off, or the estimate is wrong";
+        report.check(&name, passes, &found, look_at).await;
     }
 }
 
@@ -599,16 +527,10 @@ const BITES: core::ops::RangeInclusive<u32> = 1700..=3200;
 async fn report_watchdog(report: &mut Report, waited: Option<u32>) {
     let look_at = "look at the watchdog's clock (LSI) and at the freeze in debug";
     let (least, most) = (BITES.start(), BITES.end());
-    match waited {
-        Some(ms) => {
-            let found = text!("reset {ms} ms after the last sign of life, of {least} to {most}");
-            report
-                .check("watchdog", BITES.contains(&ms), &found, look_at)
-                .await;
-        }
-        None => {
-            let found = text!("no reset within 5 s, of {least} to {most} ms");
-            report.check("watchdog", false, &found, look_at).await;
-        }
-    }
+    let found = match waited {
+        Some(ms) => text!("reset {ms} ms after the last sign of life, of {least} to {most}"),
+        None => text!("no reset within 5 s, of {least} to {most} ms"),
+    };
+    let passes = waited.is_some_and(|ms| BITES.contains(&ms));
+    report.check("watchdog", passes, &found, look_at).await;
 }

@@ -24,7 +24,6 @@ use crate::programs::comb::{Kind, Outcome, bar, theory};
 use crate::surfaces::Summary;
 use crate::table;
 
-/// The figure, from the workspace's root.
 pub const FIGURE: &str = "docs/figures/comb-design.svg";
 
 /// The image of any slit stays so far from the ends of the row, in pixels: its half width at the foot.
@@ -36,7 +35,6 @@ const RANDOM_ROWS: u64 = 20_000;
 /// RMS displacement of a peak in pixels: speckle of a 1 mm spot on metal (2.2) and the search (1).
 const SCATTER: f64 = 2.4;
 
-/// A mask and a laser spot.
 #[derive(Clone, Debug)]
 struct Design {
     places_um: Vec<i32>,
@@ -183,9 +181,6 @@ fn designs() -> Vec<(String, usize, Design)> {
 }
 
 /// Reads surfaces of metal at 0.8 m with each design.
-///
-/// # Errors
-/// A mask is no comb.
 pub fn measure(base: &Scene, rows: u16, surfaces: u64) -> Result<Vec<Variant>> {
     let designs = designs();
     let progress = bar(designs.len() as u64 * surfaces)?;
@@ -218,7 +213,6 @@ pub fn measure(base: &Scene, rows: u16, surfaces: u64) -> Result<Vec<Variant>> {
     Ok(variants)
 }
 
-/// The variants as a table.
 pub fn report(variants: &[Variant]) -> String {
     let head = "differs from the default | smallest gap, mm | RMS error | theory | median u | within 2u | faults \
                 | height | all images on the row, m | random rows: faults | wrong";
@@ -260,10 +254,6 @@ pub fn report(variants: &[Variant]) -> String {
     )
 }
 
-/// Draws errors over each of the values.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
     let root = axes::figure(path, 760)?;
     for ((group, name), area) in (0..).zip(GROUPS).zip(root.split_evenly((2, 2))) {
@@ -287,9 +277,7 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
             |it| format!("{}", (100.0 * it).round() / 100.0),
         );
         let y_ticks = [50.0, 100.0, 200.0, 300.0];
-        let y = Axis::new(Scale::Log, (40.0, 400.0), "RMS error, um", &y_ticks, |it| {
-            it.to_string()
-        });
+        let y = Axis::log((40.0, 400.0), "RMS error, um", &y_ticks);
         let mut chart = panel(&area, "", 20, &x, &y)?;
         let points = |of: &dyn Fn(&Variant) -> f64| -> Vec<(f64, f64)> {
             of_group.iter().map(|it| (value(it), of(it))).collect()

@@ -5,12 +5,11 @@
 //! and pixels and places count to the right: a slit with a larger place is farther from the laser's beam
 //! ([`Optics::behind`](simulator::optics::Optics::behind)).
 
-use std::fmt::Write as _;
-
 use simulator::optics::Aperture;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 use crate::programs::comb::tolerances::{DISTANCE, MATERIALS, ROW_OFF, Tolerances, WARMER};
+use crate::svg::{self, Svg};
 
 /// Length and height of the mask in millimetres. The slits span 14.9 mm x 3 mm. At least 4.5 mm are left
 /// on all sides of them, to clamp the mask and to keep light beside the slits from the row.
@@ -39,7 +38,6 @@ fn rectangle([x, y]: [f64; 2], [width, height]: [f64; 2]) -> Outline {
     ]
 }
 
-/// The mask's edge.
 pub fn edge() -> Outline {
     rectangle([0.0, 0.0], OUTLINE_MM)
 }
@@ -61,7 +59,6 @@ pub fn slits() -> Vec<Outline> {
         .to_vec()
 }
 
-/// The cross.
 pub fn cross() -> Outline {
     let [x, y] = MARKS_MM[0];
     let (a, b) = (0.5 * CROSS_MM[0], 0.5 * CROSS_MM[1]);
@@ -133,321 +130,184 @@ pub fn notes(it: &Tolerances) -> Vec<String> {
 /// Pixels of the picture for a millimetre.
 const SCALE: f64 = 38.0;
 const WIDTH: f64 = 1100.0;
-/// Where the datum is in the picture.
 const DATUM: [f64; 2] = [550.0, 395.0];
 
 fn at([x, y]: [f64; 2]) -> [f64; 2] {
     [DATUM[0] + SCALE * x, DATUM[1] - SCALE * y]
 }
 
-fn path(svg: &mut String, outline: &Outline, style: &str) {
-    let points: Vec<String> = outline
-        .iter()
-        .map(|&it| at(it))
-        .map(|[x, y]| format!("{x:.2},{y:.2}"))
-        .collect();
-    let _ = writeln!(svg, r#"<polygon points="{}" {style}/>"#, points.join(" "));
+/// A place some pixels beside another one.
+fn beside([x, y]: [f64; 2], [dx, dy]: [f64; 2]) -> [f64; 2] {
+    [x + dx, y + dy]
 }
 
-fn line(svg: &mut String, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2], style: &str) {
-    let _ = writeln!(
-        svg,
-        r#"<line x1="{x1:.2}" y1="{y1:.2}" x2="{x2:.2}" y2="{y2:.2}" {style}/>"#
-    );
+/// Styles of texts and of lines. Blue is what belongs to a dimension.
+const MIDDLE: &str = r#"text-anchor="middle" font-size="14""#;
+const BOLD: &str = r#"font-weight="bold""#;
+const BLUE: &str = r##"fill="#1555d0" text-anchor="middle""##;
+const HELP: &str = r##"stroke="#1555d0" stroke-width="0.8""##;
+const HOLE: &str = r##"fill="#ffffff" stroke="#222222""##;
+
+/// A text from the bottom up.
+fn turned(svg: &mut Svg, place: [f64; 2], style: &str, text: &str) {
+    let [x, y] = place;
+    let style = format!(r#"{style} transform="rotate(-90 {x:.2} {y:.2})""#);
+    svg.text(place, &style, text);
 }
 
-fn words(svg: &mut String, [x, y]: [f64; 2], style: &str, words: &str) {
-    let _ = writeln!(svg, r#"<text x="{x:.2}" y="{y:.2}" {style}>{words}</text>"#);
+/// A line with an arrow at both ends.
+fn arrows(svg: &mut Svg, from: [f64; 2], to: [f64; 2]) {
+    let style = r##"stroke="#1555d0" marker-start="url(#a)" marker-end="url(#a)""##;
+    svg.line(from, to, style);
 }
 
-/// A line with an arrow at both ends, and its text.
-fn dimension(
-    svg: &mut String,
-    from: [f64; 2],
-    to: [f64; 2],
-    text: [f64; 2],
-    style: &str,
-    label: &str,
-) {
-    line(
-        svg,
-        from,
-        to,
-        r##"stroke="#1555d0" marker-start="url(#a)" marker-end="url(#a)""##,
-    );
-    words(svg, text, style, label);
+/// A horizontal dimension, with its text at a part of its length.
+fn across(svg: &mut Svg, [from, to]: [f64; 2], y: f64, part: f64, label: f64) {
+    arrows(svg, [from, y], [to, y]);
+    let middle = [from + part * (to - from), y - 5.0];
+    svg.text(middle, BLUE, format_args!("{label:.1}"));
 }
 
-/// The drawing.
+/// A vertical dimension, with its text beside it.
+fn upright(svg: &mut Svg, x: f64, [from, to]: [f64; 2], text: [f64; 2], label: &str) {
+    arrows(svg, [x, from], [x, to]);
+    turned(svg, text, BLUE, label);
+}
+
+fn outline(svg: &mut Svg, outline: Outline, style: &str) {
+    let points = svg::points(outline.into_iter().map(at));
+    svg.add(format_args!(r#"<polygon points="{points}" {style}/>"#));
+}
+
 pub fn svg(tolerances: &Tolerances) -> String {
     let notes = notes(tolerances);
-    let slits = slits();
-    let below = at([0.0, -0.5 * OUTLINE_MM[1]])[1];
+    let count = NOMINAL_PLACES_UM.len();
+    let [half, half_height] = OUTLINE_MM.map(|it| 0.5 * it);
+    let (top, below) = (at([0.0, half_height])[1], at([0.0, -half_height])[1]);
     let table = below + 108.0;
     let first_note = table + 100.0;
     let height = first_note + 22.0 * notes.len() as f64 + 16.0;
-    let mut svg = format!(
-        r##"<svg width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}" xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" font-size="15" fill="#222222">
-<title>Mask of a comb of {} slits</title>
-<defs><marker id="a" viewBox="0 0 10 6" refX="10" refY="3" markerWidth="10" markerHeight="6" orient="auto-start-reverse"><path d="M0 0 L10 3 L0 6 z" fill="#1555d0"/></marker></defs>
-<rect width="{WIDTH}" height="{height}" fill="#ffffff"/>
-"##,
-        slits.len()
-    );
+    let title = format!("Mask of a comb of {count} slits");
+    let mut svg = Svg::new([WIDTH, height], 15, &title);
     let s = &mut svg;
-    words(
-        s,
-        [30.0, 32.0],
-        r#"font-size="20" font-weight="bold""#,
-        &format!("Mask: comb of {} slits", slits.len()),
+    s.add(
+        r##"<defs><marker id="a" viewBox="0 0 10 6" refX="10" refY="3" markerWidth="10" markerHeight="6" orient="auto-start-reverse"><path d="M0 0 L10 3 L0 6 z" fill="#1555d0"/></marker></defs>"##,
     );
-    words(
-        s,
-        [WIDTH - 30.0, 32.0],
-        r#"text-anchor="end""#,
-        "seen from the sensor; written by cargo comb --drawing",
-    );
+    let head = format!("Mask: comb of {count} slits");
+    s.text([30.0, 32.0], r#"font-size="20" font-weight="bold""#, head);
+    let origin = "seen from the sensor; written by cargo comb --drawing";
+    s.text([WIDTH - 30.0, 32.0], r#"text-anchor="end""#, origin);
 
-    path(
-        s,
-        &edge(),
-        r##"fill="#eeeeee" stroke="#222222" stroke-width="1.5""##,
-    );
-    for slit in &slits {
-        path(s, slit, r##"fill="#ffffff" stroke="#222222""##);
+    let sheet = r##"fill="#eeeeee" stroke="#222222" stroke-width="1.5""##;
+    outline(s, edge(), sheet);
+    for hole in slits().into_iter().chain([cross()]) {
+        outline(s, hole, HOLE);
     }
-    path(s, &cross(), r##"fill="#ffffff" stroke="#222222""##);
-    let [x, y] = at(MARKS_MM[1]);
-    let _ = writeln!(
-        s,
-        r##"<circle cx="{x}" cy="{y}" r="{}" fill="#ffffff" stroke="#222222"/>"##,
-        SCALE * DISC_MM
-    );
+    let ([x, y], r) = (at(MARKS_MM[1]), SCALE * DISC_MM);
+    s.add(format_args!(
+        r#"<circle cx="{x}" cy="{y}" r="{r}" {HOLE}/>"#
+    ));
 
     // The datum's axes.
-    let [half, half_height] = OUTLINE_MM.map(|it| 0.5 * it);
     let axis = r##"stroke="#888888" stroke-dasharray="14 4 3 4""##;
-    line(
-        s,
-        at([0.0, half_height + 0.4]),
-        at([0.0, -half_height - 1.2]),
-        axis,
-    );
-    line(s, at([-half - 0.4, 0.0]), at([half + 0.4, 0.0]), axis);
-    let [x, y] = at([0.0, -half_height - 1.7]);
-    words(
-        s,
-        [x, y],
-        r#"text-anchor="middle" font-weight="bold""#,
-        "A: optical axis",
-    );
-    let [x, y] = at([-half + 0.25, 0.15]);
-    words(s, [x, y], r##"fill="#666666" font-size="14""##, "laser");
-    let [x, y] = at([half - 0.2, 0.15]);
-    words(
-        s,
-        [x, y],
-        r##"text-anchor="end" fill="#666666" font-size="14""##,
-        "away from laser",
-    );
+    let (above, under) = ([0.0, half_height + 0.4], [0.0, -half_height - 1.2]);
+    s.line(at(above), at(under), axis);
+    s.line(at([-half - 0.4, 0.0]), at([half + 0.4, 0.0]), axis);
+    let style = r#"text-anchor="middle" font-weight="bold""#;
+    s.text(at([0.0, -half_height - 1.7]), style, "A: optical axis");
+    let grey = r##"fill="#666666" font-size="14""##;
+    s.text(at([-half + 0.25, 0.15]), grey, "laser");
+    let style = format!(r#"text-anchor="end" {grey}"#);
+    s.text(at([half - 0.2, 0.15]), &style, "away from laser");
 
     // Each slit's place from the datum, and its number.
-    let top = at([0.0, half_height])[1];
+    let [width, slit_height] = slit_mm();
+    let [upper, lower] = [0.5, -0.5].map(|part| at([0.0, part * slit_height])[1]);
     for (number, &um) in (1..).zip(&NOMINAL_PLACES_UM) {
         let mm = 1e-3 * f64::from(um);
-        let [x, upper] = at([mm, 0.5 * slit_mm()[1]]);
-        let lower = at([mm, -0.5 * slit_mm()[1]])[1];
-        line(
-            s,
-            [x, upper - 6.0],
-            [x, top - 20.0],
-            r##"stroke="#1555d0" stroke-width="0.8""##,
-        );
-        let turned = format!(
-            r##"fill="#1555d0" transform="rotate(-90 {:.2} {:.2})""##,
-            x + 5.0,
-            top - 26.0
-        );
-        words(s, [x + 5.0, top - 26.0], &turned, &format!("{mm:+.3}"));
-        words(
-            s,
-            [x, lower + 18.0],
-            r#"text-anchor="middle" font-size="14""#,
-            &number.to_string(),
-        );
+        let [x, _] = at([mm, 0.0]);
+        s.line([x, upper - 6.0], [x, top - 20.0], HELP);
+        let place = [x + 5.0, top - 26.0];
+        turned(s, place, r##"fill="#1555d0""##, &format!("{mm:+.3}"));
+        s.text([x, lower + 18.0], MIDDLE, number);
     }
-    let [x, _] = at([-half, 0.0]);
-    words(s, [x, top - 40.0], r##"fill="#1555d0""##, "places from A");
+    let [left, right] = [-half, half].map(|x| at([x, 0.0])[0]);
+    s.text([left, top - 40.0], r##"fill="#1555d0""##, "places from A");
 
     // Outline, slit and marks.
-    let blue = r##"fill="#1555d0" text-anchor="middle""##;
-    let [left, right] = [at([-half, 0.0])[0], at([half, 0.0])[0]];
-    let y = below + 22.0;
-    dimension(
+    across(s, [left, DATUM[0]], below + 22.0, 0.5, half);
+    across(s, [DATUM[0], right], below + 22.0, 0.5, half);
+    across(s, [left, right], below + 46.0, 0.25, OUTLINE_MM[0]);
+    let label = |mm: f64| format!("{mm:.1}");
+    let text = [left - 24.0, DATUM[1] - 60.0];
+    upright(s, left - 18.0, [top, below], text, &label(OUTLINE_MM[1]));
+    let [cross, disc] = MARKS_MM.map(at);
+    s.line(beside(disc, [16.0, 0.0]), [right + 24.0, disc[1]], HELP);
+    let text = [right + 34.0, 0.5 * (disc[1] + DATUM[1])];
+    upright(
         s,
-        [left, y],
-        [DATUM[0], y],
-        [left + 0.25 * (right - left), y - 5.0],
-        blue,
-        &format!("{half:.1}"),
+        right + 18.0,
+        [disc[1], DATUM[1]],
+        text,
+        &label(MARKS_MM[1][1]),
     );
-    dimension(
-        s,
-        [DATUM[0], y],
-        [right, y],
-        [right - 0.25 * (right - left), y - 5.0],
-        blue,
-        &format!("{half:.1}"),
-    );
-    let y = below + 46.0;
-    dimension(
-        s,
-        [left, y],
-        [right, y],
-        [left + 0.25 * (right - left), y - 5.0],
-        blue,
-        &format!("{:.1}", OUTLINE_MM[0]),
-    );
-    let x = left - 18.0;
-    let turned = format!(
-        r##"{blue} transform="rotate(-90 {:.2} {:.2})""##,
-        x - 6.0,
-        DATUM[1] - 60.0
-    );
-    dimension(
-        s,
-        [x, top],
-        [x, below],
-        [x - 6.0, DATUM[1] - 60.0],
-        &turned,
-        &format!("{:.1}", OUTLINE_MM[1]),
-    );
-    let x = right + 18.0;
-    let mark = at(MARKS_MM[1])[1];
-    line(
-        s,
-        [at(MARKS_MM[1])[0] + 16.0, mark],
-        [x + 6.0, mark],
-        r##"stroke="#1555d0" stroke-width="0.8""##,
-    );
-    let turned = format!(
-        r##"{blue} transform="rotate(-90 {:.2} {:.2})""##,
-        x + 16.0,
-        0.5 * (mark + DATUM[1])
-    );
-    dimension(
-        s,
-        [x, mark],
-        [x, DATUM[1]],
-        [x + 16.0, 0.5 * (mark + DATUM[1])],
-        &turned,
-        &format!("{:.1}", MARKS_MM[1][1]),
-    );
-    for [mm, height] in MARKS_MM {
-        let [x, y] = at([mm, height]);
-        words(s, [x, y - 24.0], blue, &format!("{mm:+.1}"));
+    for (mark, [mm, _]) in [cross, disc].into_iter().zip(MARKS_MM) {
+        s.text(beside(mark, [0.0, -24.0]), BLUE, format_args!("{mm:+.1}"));
     }
-    let [x, y] = at([MARKS_MM[0][0] + 0.8, MARKS_MM[0][1]]);
-    words(
-        s,
-        [x, y + 5.0],
+    let [length, arm] = CROSS_MM;
+    let place = beside(cross, [0.8 * SCALE, 5.0]);
+    s.text(
+        place,
         r#"font-size="14""#,
-        &format!("cross {} x {}", CROSS_MM[0], CROSS_MM[1]),
+        format_args!("cross {length} x {arm}"),
     );
-    let [x, y] = at([MARKS_MM[1][0] - 0.5, MARKS_MM[1][1]]);
-    words(
-        s,
-        [x, y + 5.0],
-        r#"text-anchor="end" font-size="14""#,
-        &format!("disc \u{2300} {}", 2.0 * DISC_MM),
+    let place = beside(disc, [-0.5 * SCALE, 5.0]);
+    let style = r#"text-anchor="end" font-size="14""#;
+    s.text(
+        place,
+        style,
+        format_args!("disc \u{2300} {}", 2.0 * DISC_MM),
     );
     let first = 1e-3 * f64::from(NOMINAL_PLACES_UM[0]);
-    let [width, slit_height] = slit_mm();
-    let [x, upper] = at([first - 0.45, 0.5 * slit_height]);
-    let lower = at([0.0, -0.5 * slit_height])[1];
-    let turned = format!(
-        r##"{blue} transform="rotate(-90 {:.2} {:.2})""##,
-        x - 6.0,
-        DATUM[1] - 25.0
-    );
-    dimension(
-        s,
-        [x, upper],
-        [x, lower],
-        [x - 6.0, DATUM[1] - 25.0],
-        &turned,
-        &format!("{slit_height:.3}"),
-    );
+    let [x, _] = at([first - 0.45, 0.0]);
+    let text = [x - 6.0, DATUM[1] - 25.0];
+    upright(s, x, [upper, lower], text, &format!("{slit_height:.3}"));
     for y in [upper, lower] {
-        line(
-            s,
-            [x - 5.0, y],
-            [at([first, 0.0])[0], y],
-            r##"stroke="#1555d0" stroke-width="0.8""##,
-        );
+        s.line([x - 5.0, y], [at([first, 0.0])[0], y], HELP);
     }
     // A slit's width: arrows from outside.
     let y = lower + 44.0;
-    let [from, to] = [first - 0.5 * width, first + 0.5 * width].map(|mm| at([mm, 0.0])[0]);
+    let [from, to] = [-0.5, 0.5].map(|part| at([first + part * width, 0.0])[0]);
     for (end, out) in [(from, -26.0), (to, 26.0)] {
-        line(
-            s,
-            [end, lower + 22.0],
-            [end, y + 5.0],
-            r##"stroke="#1555d0" stroke-width="0.8""##,
-        );
-        line(
-            s,
-            [end + out, y],
-            [end, y],
-            r##"stroke="#1555d0" marker-end="url(#a)""##,
-        );
+        s.line([end, lower + 22.0], [end, y + 5.0], HELP);
+        let arrow = r##"stroke="#1555d0" marker-end="url(#a)""##;
+        s.line([end + out, y], [end, y], arrow);
     }
-    words(
-        s,
-        [to + 32.0, y + 5.0],
-        r##"fill="#1555d0""##,
-        &format!("{width:.3} ({} x)", slits.len()),
-    );
+    let text = format!("{width:.3} ({count} x)");
+    s.text([to + 32.0, y + 5.0], r##"fill="#1555d0""##, text);
 
     // The table: two lines of numbers, places and gaps.
-    let column = (WIDTH - 135.0) / slits.len() as f64;
-    for (row, name) in ["slit", "place", "to the next"].into_iter().enumerate() {
-        let y = table + 26.0 * row as f64;
-        words(s, [30.0, y], r#"font-weight="bold""#, name);
-        line(
-            s,
-            [30.0, y + 8.0],
-            [WIDTH - 20.0, y + 8.0],
-            r##"stroke="#bbbbbb""##,
-        );
+    let column = (WIDTH - 135.0) / count as f64;
+    for (row, name) in (0..).zip(["slit", "place", "to the next"]) {
+        let y = table + 26.0 * f64::from(row);
+        s.text([30.0, y], BOLD, name);
+        let rule = r##"stroke="#bbbbbb""##;
+        s.line([30.0, y + 8.0], [WIDTH - 20.0, y + 8.0], rule);
     }
     for (index, &um) in NOMINAL_PLACES_UM.iter().enumerate() {
         let x = 128.0 + column * (index as f64 + 0.5) - 8.0;
-        let middle = r#"text-anchor="middle" font-size="14""#;
-        words(s, [x, table], middle, &(index + 1).to_string());
-        words(
-            s,
-            [x, table + 26.0],
-            middle,
-            &format!("{:+.3}", 1e-3 * f64::from(um)),
-        );
+        let mm = 1e-3 * f64::from(um);
+        s.text([x, table], MIDDLE, index + 1);
+        s.text([x, table + 26.0], MIDDLE, format_args!("{mm:+.3}"));
         if let Some(next) = NOMINAL_PLACES_UM.get(index + 1) {
-            words(
-                s,
-                [x + 0.5 * column, table + 52.0],
-                middle,
-                &format!("{:.3}", 1e-3 * f64::from(next - um)),
-            );
+            let gap = 1e-3 * f64::from(next - um);
+            let place = [x + 0.5 * column, table + 52.0];
+            s.text(place, MIDDLE, format_args!("{gap:.3}"));
         }
     }
-    for (index, note) in notes.iter().enumerate() {
-        words(
-            s,
-            [30.0, first_note + 22.0 * index as f64],
-            r#"xml:space="preserve""#,
-            note,
-        );
+    for (index, note) in (0..).zip(&notes) {
+        let y = first_note + 22.0 * f64::from(index);
+        s.text([30.0, y], r#"xml:space="preserve""#, note);
     }
-    svg + "</svg>\n"
+    svg.end()
 }

@@ -31,7 +31,6 @@ impl Pairs {
         self.add(0, "ENDSEC");
     }
 
-    /// A place in the plane.
     fn point(&mut self, [x, y]: [f64; 2]) {
         self.add(10, format!("{x:.6}"));
         self.add(20, format!("{y:.6}"));
@@ -62,7 +61,6 @@ impl Pairs {
     }
 }
 
-/// The file.
 pub fn write(tolerances: &Tolerances) -> String {
     let notes: Vec<String> = drawing::notes(tolerances)
         .into_iter()
@@ -146,67 +144,54 @@ mod tests {
         points: Vec<[f64; 2]>,
     }
 
-    fn pairs(text: &str) -> Vec<(u16, &str)> {
-        let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines.len() % 2, 0);
-        lines
-            .chunks(2)
-            .map(|two| (two[0].trim().parse().expect("a group code"), two[1]))
-            .collect()
-    }
-
     /// The entities of a file, as a reader takes them from pairs of group codes and values.
     fn entities(text: &str) -> Vec<Entity> {
-        let pairs = pairs(text);
-        assert_eq!(pairs.last(), Some(&(0, "EOF")));
-        let start = pairs
-            .iter()
-            .position(|&it| it == (2, "ENTITIES"))
-            .expect("a section");
+        let lines: Vec<&str> = text.lines().collect();
+        let pairs = lines.as_chunks().0.iter();
+        let mut pairs = pairs.map(|[code, value]| (code.trim().parse().expect("a code"), *value));
+        assert_eq!(
+            (lines.len() % 2, pairs.clone().last()),
+            (0, Some((0, "EOF")))
+        );
+        let section = pairs.by_ref().find(|&pair| pair == (2, "ENTITIES"));
+        section.expect("a section");
         let mut all: Vec<Entity> = vec![];
-        let mut in_vertex = false;
-        for &(code, value) in &pairs[start + 1..] {
-            match code {
-                0 if value == "ENDSEC" => return all,
-                0 if value == "VERTEX" => in_vertex = true,
-                0 if value == "SEQEND" => in_vertex = false,
-                0 => {
-                    in_vertex = false;
-                    all.push(Entity {
+        let mut is_point = false;
+        for (code, value) in pairs {
+            if code == 0 {
+                is_point = !["POLYLINE", "SEQEND"].contains(&value);
+                match value {
+                    "ENDSEC" => return all,
+                    "VERTEX" | "SEQEND" => {}
+                    _ => all.push(Entity {
                         kind: value.into(),
                         ..Entity::default()
-                    });
+                    }),
                 }
-                _ => {
-                    let entity = all.last_mut().expect("an entity");
-                    let number = || value.parse::<f64>().expect("a number");
-                    match code {
-                        8 if entity.layer.is_empty() => entity.layer = value.into(),
-                        8 => assert_eq!(entity.layer, value),
-                        70 => entity.is_closed = value == "1",
-                        10 if in_vertex || entity.kind != "POLYLINE" => {
-                            entity.points.push([number(), f64::NAN])
-                        }
-                        20 if in_vertex || entity.kind != "POLYLINE" => {
-                            entity.points.last_mut().expect("a point")[1] = number();
-                        }
-                        _ => {}
-                    }
-                }
+                continue;
+            }
+            let entity = all.last_mut().expect("an entity");
+            let number = || value.parse::<f64>().expect("a number");
+            match code {
+                8 if entity.layer.is_empty() => entity.layer = value.into(),
+                8 => assert_eq!(entity.layer, value),
+                70 => entity.is_closed = value == "1",
+                10 if is_point => entity.points.push([number(), f64::NAN]),
+                20 if is_point => entity.points.last_mut().expect("a point")[1] = number(),
+                _ => {}
             }
         }
         panic!("the section does not end");
     }
 
     fn bounds(points: &[[f64; 2]]) -> [[f64; 2]; 2] {
-        let of = |axis: usize| {
+        [0, 1].map(|axis| {
             let values = || points.iter().map(|point| point[axis]);
             [
                 values().fold(f64::MAX, f64::min),
                 values().fold(f64::MIN, f64::max),
             ]
-        };
-        [of(0), of(1)]
+        })
     }
 
     #[test]
@@ -214,11 +199,8 @@ mod tests {
         let text = write(&Tolerances::nominal());
         assert!(text.is_ascii());
         let all = entities(&text);
-        let on = |layer: &str| {
-            all.iter()
-                .filter(|it| it.layer == layer)
-                .collect::<Vec<_>>()
-        };
+        let on =
+            |layer: &str| -> Vec<&Entity> { all.iter().filter(|it| it.layer == layer).collect() };
         let slits = on("SLITS");
         assert_eq!(slits.len(), NOMINAL_PLACES_UM.len());
         for (slit, um) in slits.into_iter().zip(NOMINAL_PLACES_UM) {

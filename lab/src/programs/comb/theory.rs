@@ -75,7 +75,6 @@ pub fn limit(distance: f64, patterns: f64, aperture: f64) -> f64 {
 /// A kind of surface at 0.8 m, and what was measured on it.
 #[derive(Clone, Debug)]
 pub struct Kind {
-    /// The name.
     pub name: String,
     /// The spot's diameter.
     pub spot: f64,

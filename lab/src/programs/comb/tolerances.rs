@@ -74,9 +74,7 @@ const UNIFORM: f64 = 1.732_050_807_568_877_2;
 pub struct Placing {
     /// A slit's middle from its drawing, plus or minus.
     pub place: f64,
-    /// Rotation about the optical axis.
     pub rotation: f64,
-    /// Tilt about the slits' direction.
     pub tilt: f64,
     /// From the plane of the mask, plus or minus.
     pub flatness: f64,
@@ -84,7 +82,6 @@ pub struct Placing {
     pub square: f64,
 }
 
-/// The budget of the nominal mask.
 #[derive(Clone, Debug)]
 pub struct Tolerances {
     /// 1 + f cos u / b.
@@ -216,7 +213,6 @@ fn angle(radians: f64) -> String {
     )
 }
 
-/// The budget for a page.
 pub fn report(it: &Tolerances) -> String {
     let row = |name: &str, value: &dyn Fn(&Placing) -> String, remains: &str| {
         let [calibrated, uncalibrated] = [&it.calibrated, &it.uncalibrated].map(value);

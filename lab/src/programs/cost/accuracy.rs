@@ -13,19 +13,14 @@ pub const WIDTHS: [f64; 12] = [
 /// narrower spot is hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
-/// The noise of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Noise {
     /// White, with this ratio of the spot's height to its standard deviation.
-    White {
-        /// Height over standard deviation.
-        snr: f64,
-    },
+    White { snr: f64 },
     /// That of the light's quanta, and white read noise.
     Shot {
         /// The spot's height in counts.
         amplitude: f64,
-        /// Electrons a count.
         electrons_per_count: f64,
         /// Standard deviation of the read noise in counts.
         read_noise: f64,
@@ -76,29 +71,22 @@ impl Noise {
         }
     }
 
-    /// Whether it is white.
     pub const fn is_white(self) -> bool {
         matches!(self, Self::White { .. })
     }
 }
 
-/// A method on a cell of the grid.
 #[derive(Clone, Copy, Debug)]
 pub struct MethodOnCell {
-    /// The method.
     pub method: Method,
     /// Sigma in pixels.
     pub width: f64,
-    /// The noise.
     pub noise: Noise,
-    /// What came of it.
     pub outcome: Outcome,
 }
 
-/// A method's largest bias at a width.
 #[derive(Clone, Copy, Debug)]
 pub struct Bias {
-    /// The method.
     pub method: Method,
     /// Sigma in pixels.
     pub width: f64,
@@ -108,7 +96,6 @@ pub struct Bias {
 
 /// A spot as one meets it, to show accuracy against time on.
 pub struct Situation {
-    /// What it is, in words.
     pub name: &'static str,
     /// The width at which the chip's time was measured.
     pub chip_width: f64,
@@ -116,7 +103,6 @@ pub struct Situation {
     hot_pixel: Option<f64>,
 }
 
-/// The situations shown.
 pub const SITUATIONS: [Situation; 4] = [
     Situation {
         name: "White noise, SNR 100, σ 10.5 px",
@@ -148,26 +134,19 @@ pub const SITUATIONS: [Situation; 4] = [
 /// the easy ones.
 pub const MOST_FAULTS: f64 = 0.1;
 
-/// A method in a situation.
 #[derive(Clone, Copy, Debug)]
 pub struct InSituation {
     /// Index into [`SITUATIONS`].
     pub situation: usize,
-    /// The method.
     pub method: Method,
-    /// What came of it.
     pub outcome: Outcome,
 }
 
 /// All that was measured of the methods' accuracy.
 pub struct Accuracy {
-    /// Rows in a cell.
     pub rows: u64,
-    /// The grid.
     pub cells: Vec<MethodOnCell>,
-    /// The situations.
     pub situations: Vec<InSituation>,
-    /// Biases without noise.
     pub biases: Vec<Bias>,
 }
 
@@ -243,7 +222,6 @@ impl Accuracy {
         outcome.faults as f64 / self.rows as f64
     }
 
-    /// A method's worst figures.
     pub fn worst(&self, method: Method) -> Worst {
         let cells = || {
             self.cells

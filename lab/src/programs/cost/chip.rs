@@ -36,7 +36,6 @@ use program::Program;
 use run::Run;
 use whole_rows::WholeRows;
 
-/// The package that runs on the chip.
 const PACKAGE: &str = "cost-on-chip";
 
 /// The function that makes a distance of a centre, as Rust names it.
@@ -46,7 +45,6 @@ const DISTANCE_AT: &str = "<slitrange::distance::Calibration>::distance_at";
 /// by up to this.
 const CLOCK_ROUNDS: u64 = 2;
 
-/// What was counted on the chip.
 #[derive(Clone, Debug, Default)]
 pub struct Chip {
     /// Every method at every width, the widths rising for each method.
@@ -78,7 +76,6 @@ pub struct MethodOnChip {
     pub instructions: u64,
     /// Bytes of all functions that it may call.
     pub code_bytes: u64,
-    /// Bytes of weights.
     pub table_bytes: u64,
     pub stack_bytes: u64,
     /// The fault that one of the rows gave, if one did.
@@ -93,7 +90,6 @@ pub struct Counted {
     pub most: f64,
 }
 
-/// The figures of a name.
 pub fn of_name<'a>(counted: &'a [Counted], name: &str) -> Result<&'a Counted> {
     let found = counted.iter().find(|counted| counted.name == name);
     found.with_context(|| format!("the chip's program did not count {name}"))

@@ -37,7 +37,6 @@ pub fn markdown(chip: &Chip) -> anyhow::Result<String> {
     Ok(table::of(head, rows))
 }
 
-/// Its name for a reader.
 const fn name(form: Form) -> &'static str {
     match form {
         Form::Eq1 => "eq. (1)",

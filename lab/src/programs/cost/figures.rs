@@ -4,7 +4,6 @@ mod accuracy_against_time;
 mod accuracy_over_width;
 mod bias;
 mod curves;
-mod labels;
 mod reading_time;
 mod row_steps;
 mod style;
@@ -13,10 +12,6 @@ use std::path::Path;
 
 use crate::programs::cost::report::Measured;
 
-/// Draws all figures into a directory.
-///
-/// # Errors
-/// A file cannot be written.
 pub fn draw(measured: &Measured, directory: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(directory)?;
     accuracy_against_time::draw(measured, &directory.join("accuracy-against-time.svg"))?;

@@ -61,7 +61,6 @@ fn effect(width: f64) -> Vec<String> {
     vec![width.to_string(), libm, micromath, e, approximate, misfit]
 }
 
-/// What a reader calls it.
 const fn label(function: Function, library: Library) -> &'static str {
     match (function, library) {
         (Function::Exp, Library::Micromath) => "exponential, micromath",

@@ -18,7 +18,6 @@ use statistics::upper_median;
 const ROWS: u64 = 256;
 const REPETITIONS: usize = 101;
 
-/// The most rows of a frame.
 const MOST: usize = MAX_ROWS as usize;
 
 /// Rows with a spot of 10.5 pixels' width.

@@ -26,7 +26,7 @@ mod rows;
 mod scipy;
 mod varpro;
 
-use rows::{Scene, Window};
+use rows::Window;
 
 use crate::programs::cost::chip::Chip;
 use crate::programs::cost::host_time;
@@ -131,13 +131,13 @@ struct Given<'a> {
 }
 
 impl<'a> Given<'a> {
-    fn new(scene: &Scene, windows: &'a [Window]) -> anyhow::Result<Self> {
+    fn new(windows: &'a [Window]) -> anyhow::Result<Self> {
         let rows = windows
             .iter()
             .map(|window| Row::new(&window.pixels, &[], 4095).map(|row| (row, window)))
             .collect::<Result<_, _>>();
         Ok(Self {
-            geometry: scene.geometry(),
+            geometry: rows::geometry(),
             rows: rows.ok().context("counts of 12 bits")?,
         })
     }
@@ -172,13 +172,12 @@ fn run() -> anyhow::Result<Vec<Fit>> {
     let scipy = scipy::Environment::make()
         .inspect_err(|error| eprintln!("scipy: SKIPPED, {error:#}"))
         .ok();
-    let scene = rows::REFERENCE;
-    let windows = scene.windows(ROWS)?;
-    let given = Given::new(&scene, &windows)?;
+    let windows = rows::windows(ROWS)?;
+    let given = Given::new(&windows)?;
     let fit = |name, ns, errors: &[Option<f64>]| Fit {
         name,
         ns,
-        rmse_over_bound: rmse(errors).0 / scene.bound(),
+        rmse_over_bound: rmse(errors).0 / rows::bound(),
     };
     let mut fits: Vec<Fit> = (METHODS.into_iter().zip(time(&given)))
         .map(|((name, centre), ns)| fit(name, ns, &given.errors(centre)))
@@ -243,20 +242,18 @@ mod tests {
     /// 1.201.
     #[test]
     fn every_method_is_near_the_bound() {
-        let scene = rows::REFERENCE;
-        let windows = scene.windows(1000).expect("a spot in each row");
-        let given = Given::new(&scene, &windows).expect("12 bits");
+        let windows = rows::windows(1000).expect("a spot in each row");
+        let given = Given::new(&windows).expect("12 bits");
         for (name, centre) in METHODS {
             let errors = given.errors(centre);
             let (rmse, good) = rmse(&errors);
-            let ratio = rmse / scene.bound();
+            let ratio = rmse / rows::bound();
             println!("{name}: {ratio:.3} of the bound");
             assert_eq!(good, errors.len(), "{name}");
             assert!((0.91..1.31).contains(&ratio), "{name}: {ratio}");
         }
     }
 
-    /// Fits in f64.
     const FITS: [(&str, fn(&[f64; WINDOW], Parameters) -> Option<Parameters>); 3] = [
         ("levenberg-marquardt", levenberg_marquardt::fit),
         ("rmpfit", rmpfit::fit),

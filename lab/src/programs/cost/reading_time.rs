@@ -33,12 +33,10 @@ use crate::programs::cost::chip::whole_rows::WholeRows;
 /// Rows a second that the sensor is read out with.
 pub const ROWS_PER_SECOND: f64 = 175.4;
 
-/// Rows in a reading.
 pub const ROWS: [u64; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 const MOST_ROWS: u64 = 64;
 
-/// What falls on the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Light {
@@ -55,7 +53,6 @@ pub enum Light {
 }
 
 impl Light {
-    /// All of them.
     pub const ALL: [Self; 5] = [
         Self::NoiseAlone,
         Self::SpeckleAtRest,
@@ -100,14 +97,11 @@ impl Light {
 const CALIBRATED_ON_PAPER: &[u8] =
     include_bytes!("../../../../virtual-board/src/bin/demo/paper.record");
 
-/// A point of a curve.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
-    /// What falls on the sensor.
     pub light: Light,
     /// How the rows' centres are found.
     pub estimator: Estimator,
-    /// Rows in a reading.
     pub rows: u64,
     /// Time of a reading in milliseconds: the longer one of the sensor's and the chip's.
     pub milliseconds: f64,
@@ -121,21 +115,16 @@ pub struct Point {
     pub u_micrometres: f64,
     /// Median of the readings' r in micrometres.
     pub r_micrometres: f64,
-    /// Readings without a distance.
     pub faults: u64,
 }
 
 /// Measures all scenes, this many readings a point. `chip` says how long the chip computes. A target on the
 /// move is measured by the default estimator only.
-///
-/// # Errors
-/// A scene cannot be read.
 pub fn measure(readings: u64, chip: &WholeRows) -> Result<Vec<Point>> {
     let of_lights = Light::ALL.map(|light| measure_light(light, readings, chip));
     Ok(of_lights.into_iter().collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// The points of one scene.
 fn measure_light(light: Light, readings: u64, chip: &WholeRows) -> Result<Vec<Point>> {
     let bound = bound(&Light::NoiseAlone.scene()?);
     let scene = light.scene()?;
@@ -174,9 +163,6 @@ fn image_of_the_spot(scene: &Scene) -> Result<f64> {
 
 /// The error that speckle leaves of a row, in micrometres, behind a slit that is much narrower than a
 /// speckle: s / sqrt 2, where s is the size of the spot's image.
-///
-/// # Errors
-/// The scene cannot be read.
 pub fn speckle_limit() -> Result<f64> {
     Ok(image_of_the_spot(&Light::SpeckleAtRest.scene()?)? / 2f64.sqrt())
 }

@@ -37,11 +37,9 @@ const WINDOW_OF_96: f64 = 11.3;
 /// The rows of the reading that README.md shows: those of a frame with the settings of the factory.
 const README_ROWS: u64 = 16;
 
-/// The pages of the tables.
 const README: &str = "README.md";
 const ACCURACY: &str = "docs/accuracy.md";
 
-/// All that was measured.
 pub struct Measured {
     /// The methods, in the order of [`Method::ALL`].
     pub methods: Vec<Method>,
@@ -53,7 +51,6 @@ pub struct Measured {
     pub floats: String,
     /// The methods' time on this computer in nanoseconds a row.
     pub host_ns: Vec<Option<f64>>,
-    /// The whole sensor.
     pub readings: Vec<reading_time::Point>,
     /// The peers, where they were run.
     pub peers: Vec<Peer>,
@@ -87,7 +84,6 @@ impl Measured {
         widths
     }
 
-    /// The object that `--json` prints.
     pub fn json(&self) -> serde_json::Value {
         let mut json = serde_json::json!({
             "methods": self.figures(),
@@ -227,7 +223,6 @@ impl Measured {
         )
     }
 
-    /// What README.md says of the estimators.
     fn readme_rows(&self) -> String {
         let [range, share, ..] = self.sentences().unwrap_or_default();
         format!(
@@ -426,7 +421,6 @@ fn percent(part: f64) -> String {
     }
 }
 
-/// The table of the peers for `docs/accuracy.md`.
 fn peers_markdown(peers: &[Peer]) -> String {
     let head = "peer | fit: PC time | fit: chip instructions | row: PC time | row: chip instructions \
                 | RMSE / bound";

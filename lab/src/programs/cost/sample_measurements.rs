@@ -24,7 +24,6 @@ const METHODS: [(f64, f64, f64, u64, u64, u64); 6] = [
     (1.03, 1.04, 0.0002, 1420, 3400, 28_200),
 ];
 
-/// All of it.
 pub fn measured() -> Measured {
     let methods = || Method::ALL.into_iter().zip(METHODS);
     let outcome = |ratio: f64| Outcome {

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use anyhow::Result;
-use figures::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
+use figures::axes::{self, Area, Axis, Panel, TEXT, panel, text};
 use figures::dark::{BLUE as AUTO, GREEN as BEST, GREY, ORANGE as LONGEST};
-use judges::changing_light::range::Target;
+use judges::changing_light::range::{Frames, Target};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -19,7 +19,6 @@ const LINE: i32 = TEXT + 8;
 
 type Points = Vec<(f64, f64)>;
 
-/// Draws both panels.
 pub fn draw(targets: &[Target], path: &Path) -> Result<()> {
     let root = axes::figure(path, 840)?;
     let (errors, exposures) = root.split_vertically(410);
@@ -31,9 +30,7 @@ pub fn draw(targets: &[Target], path: &Path) -> Result<()> {
 
 fn reflectivities(name: &str) -> Axis<'_> {
     let powers = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
-    Axis::new(Scale::Log, (1e-4, 1.0), name, &powers, |power| {
-        power.to_string()
-    })
+    Axis::log((1e-4, 1.0), name, &powers)
 }
 
 fn points(targets: &[Target], of: impl Fn(&Target) -> Option<f64>) -> Points {
@@ -44,57 +41,55 @@ fn points(targets: &[Target], of: impl Fn(&Target) -> Option<f64>) -> Points {
 fn draw_errors(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<()> {
     let ticks = [1.0, 2.0, 5.0, 10.0, 20.0];
     let name = "RMS error at 0.8 m, um";
-    let y = Axis::new(Scale::Log, (0.8, 20.0), name, &ticks, |um| um.to_string());
+    let y = Axis::log((0.8, 20.0), name, &ticks);
     let x = reflectivities("");
     let mut chart = panel(area, "", BESIDE, &x, &y)?;
     mark_targets(&mut chart)?;
     name_targets(root, &chart, 20.0)?;
     let longest = points(targets, |it| Some(it.longest?.rms_um));
-    let low = points(targets, |it| Some(it.auto_lowest.rms_um));
-    let best = points(targets, |it| Some(it.best.rms_um));
-    let auto = points(targets, |it| Some(it.auto.rms_um));
-    chart.draw_series(LineSeries::new(longest.clone(), LONGEST.stroke_width(9)))?;
-    let broken = DashedLineSeries::new(low, 6, 5, AUTO.stroke_width(2));
-    chart.draw_series(broken)?;
-    chart.draw_series(LineSeries::new(best, BEST.stroke_width(2)))?;
-    draw_with_dots(&mut chart, &auto)?;
-    let lines = [
-        ("auto exposure", AUTO),
-        ("broken: low spot", AUTO),
-        ("best fixed exposure", BEST),
+    chart.draw_series(LineSeries::new(longest, LONGEST.stroke_width(9)))?;
+    let further = [
         ("wide: fixed 5600 us,", LONGEST),
         ("faults beyond its end", LONGEST),
     ];
-    name_lines(root, &chart, &lines)
+    draw_lines(targets, root, &mut chart, |it| it.rms_um, &further)
 }
 
 fn draw_exposures(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<()> {
     let ticks = [10.0, 100.0, 1000.0, 5600.0];
-    let y = Axis::new(Scale::Log, (7.0, 12000.0), "exposure, us", &ticks, |us| {
-        us.to_string()
-    });
+    let y = Axis::log((7.0, 12000.0), "exposure, us", &ticks);
     let x = reflectivities("reflectivity (bright metal = 1)");
     let mut chart = panel(area, "", BESIDE, &x, &y)?;
     mark_targets(&mut chart)?;
-    let best = points(targets, |it| Some(it.best.exposure_us.into()));
-    let auto = points(targets, |it| Some(it.auto.exposure_us.into()));
-    let low = points(targets, |it| Some(it.auto_lowest.exposure_us.into()));
-    let broken = DashedLineSeries::new(low, 6, 5, AUTO.stroke_width(2));
-    chart.draw_series(broken)?;
+    draw_lines(targets, root, &mut chart, |it| it.exposure_us.into(), &[])
+}
+
+/// Draws what came of auto exposure, of a low spot and of the best fixed exposure, and names these lines and
+/// further ones beside the panel.
+fn draw_lines(
+    targets: &[Target],
+    root: &Area<'_>,
+    chart: &mut Panel<'_, '_>,
+    of: fn(&Frames) -> f64,
+    further: &[(&'static str, RGBColor)],
+) -> Result<()> {
+    let low = points(targets, |it| Some(of(&it.auto_lowest)));
+    let best = points(targets, |it| Some(of(&it.best)));
+    let auto = points(targets, |it| Some(of(&it.auto)));
+    chart.draw_series(DashedLineSeries::new(low, 6, 5, AUTO.stroke_width(2)))?;
     chart.draw_series(LineSeries::new(best, BEST.stroke_width(2)))?;
-    draw_with_dots(&mut chart, &auto)?;
+    chart.draw_series(LineSeries::new(auto.clone(), AUTO.stroke_width(2)))?;
+    chart.draw_series(auto.into_iter().map(|at| Circle::new(at, 3, AUTO.filled())))?;
     let lines = [
         ("auto exposure", AUTO),
         ("broken: low spot", AUTO),
         ("best fixed exposure", BEST),
     ];
-    name_lines(root, &chart, &lines)
-}
-
-fn draw_with_dots(chart: &mut Panel<'_, '_>, points: &Points) -> Result<()> {
-    chart.draw_series(LineSeries::new(points.clone(), AUTO.stroke_width(2)))?;
-    let dots = points.iter().map(|&at| Circle::new(at, 3, AUTO.filled()));
-    chart.draw_series(dots)?;
+    let (x, y) = chart.plotting_area().get_pixel_range();
+    for ((name, colour), number) in lines.iter().chain(further).zip(0..) {
+        let at = (x.end + 14, y.start + LINE * number);
+        root.draw(&Text::new(*name, at, text(TEXT, *colour)))?;
+    }
     Ok(())
 }
 
@@ -118,20 +113,6 @@ fn name_targets(root: &Area<'_>, chart: &Panel<'_, '_>, top: f64) -> Result<()> 
         };
         let style = text(TEXT, BLACK).pos(Pos::new(side, VPos::Top));
         root.draw(&Text::new(name, (x, y + 6), style))?;
-    }
-    Ok(())
-}
-
-/// Writes the lines' names beside the panel.
-fn name_lines(
-    root: &Area<'_>,
-    chart: &Panel<'_, '_>,
-    lines: &[(&'static str, RGBColor)],
-) -> Result<()> {
-    let (x, y) = chart.plotting_area().get_pixel_range();
-    for ((name, colour), number) in lines.iter().zip(0..) {
-        let at = (x.end + 14, y.start + LINE * number);
-        root.draw(&Text::new(*name, at, text(TEXT, *colour)))?;
     }
     Ok(())
 }

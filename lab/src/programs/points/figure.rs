@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use figures::axes::{self, Axis, Scale, TEXT, panel, text};
+use figures::axes::{self, Axis, TEXT, panel, text};
 use figures::dark::{BLUE, GREEN, ORANGE, PURPLE};
 use plotters::prelude::*;
 
@@ -16,14 +16,10 @@ const COLOURS: [RGBColor; 4] = [BLUE, GREEN, PURPLE, ORANGE];
 pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
     let root = axes::figure(path, 620)?;
     let ticks = [3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 100.0, 200.0];
-    let x = Axis::new(Scale::Log, (3.0, 200.0), "points", &ticks, |count| {
-        count.to_string()
-    });
+    let x = Axis::log((3.0, 200.0), "points", &ticks);
     let ticks = [0.1, 1.0, 10.0, 100.0, 1000.0];
     let name = "RMS error of the curve, um";
-    let y = Axis::new(Scale::Log, (0.1, 1000.0), name, &ticks, |error| {
-        error.to_string()
-    });
+    let y = Axis::log((0.1, 1000.0), name, &ticks);
     let mut chart = panel(&root, "", 340, &x, &y)?;
     for (departs, sensors) in cells.iter().enumerate() {
         for (column, colour) in sensors.iter().zip(COLOURS) {
@@ -41,16 +37,13 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
     }
     // Beside the last points of the full lines, where there is room for all.
     let (x, _) = chart.backend_coord(&(200.0, 1.0));
-    for ((means, column), colour) in MEANS.iter().zip(&cells[0]).zip(COLOURS) {
+    for (((name, _), column), colour) in MEANS.into_iter().zip(&cells[0]).zip(COLOURS) {
         let Some(error) = column.last().and_then(|cell| cell.error) else {
             continue;
         };
         let (_, y) = chart.backend_coord(&(200.0, error * 1e6));
-        root.draw(&Text::new(
-            means.name,
-            (x + 14, y - TEXT / 2),
-            text(TEXT, colour),
-        ))?;
+        let place = (x + 14, y - TEXT / 2);
+        root.draw(&Text::new(name, place, text(TEXT, colour)))?;
     }
     let lines = [
         "full: sensors that follow eq. (1)",

@@ -4,21 +4,20 @@ use std::ops::Range;
 
 use anyhow::{Context as _, Result, ensure};
 use base64::Engine as _;
+use figures::axes::FINE;
+
+/// The columns and the rows of an image in a figure, in pixels.
+pub type Place = (Range<i32>, Range<i32>);
 
 /// Pixels, row by row from the top, 0 is black.
 pub struct Grey {
-    /// Pixels of a row.
     pub width: usize,
-    /// All pixels.
     pub pixels: Vec<u8>,
 }
 
 impl Grey {
-    /// Places the image where an SVG file has these pixels, above what is there.
-    ///
-    /// # Errors
-    /// The image cannot be encoded, or `svg` is no complete file.
-    pub fn place(&self, svg: &mut String, (columns, rows): (Range<i32>, Range<i32>)) -> Result<()> {
+    /// Places the image where a figure of [`figures::axes::figure`] has these pixels, above what is there.
+    pub fn place(&self, svg: &mut String, (columns, rows): Place) -> Result<()> {
         let end = svg.rfind("</svg>").context("no end of the SVG file")?;
         // Some viewers blur what they enlarge, so that is done here.
         let larger = self.repeated(
@@ -27,8 +26,8 @@ impl Grey {
         );
         let data = base64::engine::general_purpose::STANDARD.encode(larger.png()?);
         let image = format!(
-            "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
-             style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{data}\"/>\n",
+            "<image transform=\"scale({FINE})\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" \
+             preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{data}\"/>\n",
             columns.start,
             rows.start,
             columns.len(),

@@ -1,23 +1,22 @@
 //! A scene's picture: its rows as the sensor sees them, one of them with the fit over it, and what the fit
 //! leaves.
 
-use statistics::upper_median;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use figures::axes::{self, GRID};
+use figures::axes::{self, Area, Axis, Scale};
 use figures::dark::{BLUE as COUNTS, RED as FIT};
 use phase_tables::gaussian;
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{Scene, Simulation, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
+use statistics::upper_median;
 
 use crate::budget::row_centre;
-use crate::programs::scene::embedded::Grey;
+use crate::programs::scene::embedded::{Grey, Place};
 use crate::programs::scene::words;
 
 /// Rows of a line sensor that are shown.
@@ -26,44 +25,26 @@ const ROWS: u64 = 48;
 /// The width of a spot that a dark row might have, in pixels.
 const DARK: f64 = 8.0;
 
-/// The name of the row's axis.
 const PIXELS: &str = "pixel of the light range";
 
-const SIZE: (u32, u32) = (1000, 900);
-const TEXT: i32 = 17;
-const TITLE: i32 = 20;
+/// Size of texts that would not fit otherwise.
 const SMALL: i32 = 15;
 
-/// Draws a scene into `folder`, and gives the file's path.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write(name: &str, scene: &Scene, estimator: Estimator, folder: &Path) -> Result<PathBuf> {
-    write_as(name, name, scene, estimator, folder)
-}
+/// Pixels beside a panel: room for the scale of grey.
+const RIGHT: i32 = 96;
 
-/// The same under another file name.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write_as(
-    file: &str,
-    name: &str,
-    scene: &Scene,
-    estimator: Estimator,
-    folder: &Path,
-) -> Result<PathBuf> {
+const TITLE: (i32, i32) = (90, 2);
+
+/// Draws a scene into `folder`, and gives the file's path.
+pub fn write(file: &str, name: &str, scene: &Scene, folder: &Path) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let path = folder.join(format!("{file}.svg"));
-    let svg = Seen::of(scene, estimator).draw(name)?;
-    std::fs::write(&path, svg).with_context(|| path.display().to_string())?;
+    Seen::of(scene).draw(name, &path)?;
     Ok(path)
 }
 
-/// What is shown.
 struct Seen<'a> {
     scene: &'a Scene,
-    estimator: Estimator,
     /// Counts of the light range, row by row.
     rows: Vec<Vec<u16>>,
     /// The pixels of the image, and its rows.
@@ -73,12 +54,11 @@ struct Seen<'a> {
     /// The pixels of that row that are shown.
     window: Range<usize>,
     fit: Result<RowCentre, Fault>,
-    /// The true centre of that row.
     truth: f64,
 }
 
 impl<'a> Seen<'a> {
-    fn of(scene: &'a Scene, estimator: Estimator) -> Self {
+    fn of(scene: &'a Scene) -> Self {
         let simulation = Simulation::new(scene.clone());
         let geometry = scene.geometry();
         // A camera's frame, or a line sensor's first rows; of the former the middle one is fitted, of the
@@ -94,7 +74,7 @@ impl<'a> Seen<'a> {
             })
             .collect();
         let row = row as usize;
-        let fit = row_centre(&counts[row], &geometry, estimator);
+        let fit = row_centre(&counts[row], &geometry, Estimator::default());
         let truth = simulation.true_centre(row as u64, scene.distance);
         let end = geometry.light.len() as f64;
         let half = {
@@ -126,7 +106,6 @@ impl<'a> Seen<'a> {
         let light = |counts: &Vec<u16>| counts[geometry.light.clone()].to_vec();
         Self {
             scene,
-            estimator,
             rows: counts.iter().map(light).collect(),
             image: (image, image_rows),
             row,
@@ -136,46 +115,35 @@ impl<'a> Seen<'a> {
         }
     }
 
-    fn draw(&self, name: &str) -> Result<String> {
-        let mut svg = String::new();
-        let mut fine = Fine::default();
+    fn draw(&self, name: &str, path: &Path) -> Result<()> {
         let (image, bar) = {
-            let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-            root.fill(&WHITE)?;
+            let root = axes::figure(path, 940)?;
             let (head, rest) = root.split_vertically(78);
-            self.draw_head(&head, name)?;
-            let (top, rest) = rest.split_vertically(330);
+            let style = ("sans-serif", axes::TITLE, FontStyle::Bold).into_font();
+            head.draw(&Text::new(name.to_owned(), (16, 8), style))?;
+            write_small(&head, (16, 33), cut(&self.scene.about, 130))?;
+            write_small(&head, (16, 54), words::setting(self.scene))?;
+            let (top, rest) = rest.split_vertically(360);
             let places = self.draw_image_axes(&top)?;
             match self.fit_and_level() {
                 Some((fit, level)) => {
-                    let (middle, bottom) = rest.split_vertically(300);
-                    self.draw_row(&middle, "", &mut fine)?;
-                    self.draw_residuals(&bottom, fit, level, &mut fine)?;
+                    let (middle, bottom) = rest.split_vertically(270);
+                    self.draw_row(&middle, "")?;
+                    self.draw_residuals(&bottom, fit, level)?;
                 }
-                None => self.draw_row(&rest, PIXELS, &mut fine)?,
+                None => self.draw_row(&rest, PIXELS)?,
             }
             root.present()?;
             places
         };
-        let end = svg.rfind("</svg>").context("no end of the SVG file")?;
-        svg.insert_str(end, &fine.0);
-        self.grey().place(&mut svg, image)?;
         let scale = Grey {
             width: 8,
             pixels: (0..=255).rev().flat_map(|grey| [grey; 8]).collect(),
         };
+        let mut svg = std::fs::read_to_string(path)?;
+        self.grey().place(&mut svg, image)?;
         scale.place(&mut svg, bar)?;
-        Ok(svg)
-    }
-
-    fn draw_head(&self, head: &Area<'_>, name: &str) -> Result<()> {
-        let style = ("sans-serif", TITLE, FontStyle::Bold).into_font();
-        head.draw(&Text::new(name.to_owned(), (16, 8), style))?;
-        let about = cut(&self.scene.about, 130);
-        head.draw(&Text::new(about, (16, 33), text(SMALL)))?;
-        let setting = words::setting(self.scene);
-        head.draw(&Text::new(setting, (16, 54), text(SMALL)))?;
-        Ok(())
+        Ok(std::fs::write(path, svg)?)
     }
 
     /// The counts of the image, row by row.
@@ -206,31 +174,26 @@ impl<'a> Seen<'a> {
     }
 
     /// Axes around the image and its scale of grey. Gives the places of both.
-    #[expect(clippy::type_complexity, reason = "two places, as plotters has them")]
-    fn draw_image_axes(
-        &self,
-        area: &Area<'_>,
-    ) -> Result<((Range<i32>, Range<i32>), (Range<i32>, Range<i32>))> {
+    fn draw_image_axes(&self, area: &Area<'_>) -> Result<(Place, Place)> {
         let (pixels, rows) = &self.image;
         let title = match self.scene.sensor.rows() {
-            1 => "rows of the sensor, one after the other".to_owned(),
-            _ => "a frame of the sensor".to_owned(),
+            1 => "rows of the sensor, one after the other",
+            _ => "a frame of the sensor",
         };
         // Row 0 is at the top: heights are negative row numbers.
-        let heights = 0.5 - rows.end as f64..0.5 - rows.start as f64;
-        let mut panel = builder(area, &title, "").build_cartesian_2d(columns(pixels), heights)?;
-        panel
-            .configure_mesh()
-            .disable_mesh()
-            .x_labels(12)
-            .y_labels(6)
-            .axis_style(BLACK)
-            .label_style(text(TEXT))
-            .x_label_formatter(&whole)
-            .y_label_formatter(&|height| whole(&height.abs()))
-            .y_desc("row")
-            .axis_desc_style(text(TEXT))
-            .draw()?;
+        let heights = (0.5 - rows.end as f64, 0.5 - rows.start as f64);
+        let step = [10, 20, 50].into_iter().find(|step| rows.len() <= 7 * step);
+        let ticks: Vec<f64> = (0..rows.end)
+            .step_by(step.unwrap_or(100))
+            .map(|row| -(row as f64))
+            .collect();
+        let x = Axis::linear(columns(pixels), PIXELS, 12, 0);
+        let y = Axis::new(Scale::Linear, heights, "row", &ticks, |height| {
+            format!("{:.0}", height.abs())
+        });
+        write_small(area, TITLE, title.to_owned())?;
+        let inside = area.margin(18, 0, 0, 0);
+        let panel = axes::panel(&inside, "", RIGHT, &x, &y)?;
         let (across, heights) = panel.plotting_area().get_pixel_range();
         let (left, top) = area.get_base_pixel();
         // The fitted row is marked beside the image.
@@ -241,88 +204,70 @@ impl<'a> Seen<'a> {
         ))?;
         let bar = across.end + 18..across.end + 34;
         let (from, to) = self.ends();
+        let middle = (heights.start + heights.end) / 2;
         for (label, at) in [
-            (format!("{to}"), heights.start + 2),
-            (format!("{from}"), heights.end - TEXT),
-            (
-                "counts".to_owned(),
-                (heights.start + heights.end) / 2 - TEXT / 2,
-            ),
+            (to.to_string(), heights.start + 2),
+            (from.to_string(), heights.end - SMALL),
+            ("counts".to_owned(), middle - SMALL / 2),
         ] {
-            area.draw(&Text::new(
-                label,
-                (bar.end + 6 - left, at - top),
-                text(SMALL),
-            ))?;
+            write_small(area, (bar.end + 6 - left, at - top), label)?;
         }
         Ok(((across, heights.clone()), (bar, heights)))
     }
 
     /// The counts of the row with the fit, where there is one.
-    fn draw_row(&self, area: &Area<'_>, x_name: &str, fine: &mut Fine) -> Result<()> {
+    fn draw_row(&self, area: &Area<'_>, x_name: &str) -> Result<()> {
         let counts = self.counts();
-        let title = match &self.fit {
+        let found = match &self.fit {
             Ok(fit) => format!(
-                "row {}, {}: centre {:.3} px, {:+.4} px off the truth (claimed ± {:.4}); sigma {:.2} px, \
-                 height {:.0} counts",
-                self.row,
-                self.estimator.name(),
+                "centre {:.3} px, {:+.4} px off the truth (claimed ± {:.4}); sigma {:.2} px, height {:.0} counts",
                 fit.centre.to_f64(),
                 fit.centre.to_f64() - self.truth,
                 fit.uncertainty.to_f64(),
                 fit.width.to_f64(),
                 fit.amplitude.to_f64()
             ),
-            Err(fault) => format!(
-                "row {}, {}: {}",
-                self.row,
-                self.estimator.name(),
-                fault.name()
-            ),
+            Err(fault) => fault.name().to_owned(),
         };
+        let title = format!("row {}, {}: {found}", self.row, Estimator::default().name());
         let (low, high) = range(counts.iter().map(|(_, count)| *count));
         let margin = 0.08 * (high - low).max(10.0);
-        let heights = low - margin..high + margin;
-        let mut panel = builder(area, &title, x_name)
-            .build_cartesian_2d(columns(&self.window), heights.clone())?;
-        mesh(&mut panel, "counts", x_name, 6)?;
-        fine.draw_dots(&panel, &counts, 3);
+        let heights = (low - margin, high + margin);
+        let x = Axis::linear(columns(&self.window), x_name, 12, 0);
+        let y = Axis::linear(heights, "counts", 6, 0);
+        write_small(area, TITLE, title)?;
+        let inside = area.margin(18, 0, 0, 0);
+        let mut panel = axes::panel(&inside, "", RIGHT, &x, &y)?;
+        axes::draw_dots(&mut panel, counts, 3, COUNTS.filled())?;
         if let Some((fit, level)) = self.fit_and_level() {
-            let steps = self.window.len() * 8;
-            let columns = columns(&self.window);
-            let curve = (0..=steps).map(|i| {
-                let x = columns.start + i as f64 / 8.0;
+            let (start, _) = columns(&self.window);
+            let curve = (0..=self.window.len() * 8).map(|i| {
+                let x = start + i as f64 / 8.0;
                 (x, level + model(fit, x))
             });
-            fine.draw_line(&panel, curve, 2);
+            axes::draw_line(&mut panel, curve, FIT.stroke_width(2))?;
             let centre = fit.centre.to_f64();
-            fine.draw_line(&panel, [heights.start, heights.end].map(|y| (centre, y)), 1);
+            let line = [(centre, heights.0), (centre, heights.1)];
+            axes::draw_line(&mut panel, line, FIT.stroke_width(1))?;
         }
         Ok(())
     }
 
     /// The counts less the fit.
-    fn draw_residuals(
-        &self,
-        area: &Area<'_>,
-        fit: &RowCentre,
-        level: f64,
-        fine: &mut Fine,
-    ) -> Result<()> {
-        let left: Vec<(f64, f64)> = self
-            .counts()
-            .into_iter()
+    fn draw_residuals(&self, area: &Area<'_>, fit: &RowCentre, level: f64) -> Result<()> {
+        let left = self.counts().into_iter();
+        let left: Vec<(f64, f64)> = left
             .map(|(x, count)| (x, count - level - model(fit, x)))
             .collect();
         let (low, high) = range(left.iter().map(|(_, count)| *count));
         let end = 1.1 * low.abs().max(high.abs()).max(1.0);
-        let mut panel =
-            builder(area, "", PIXELS).build_cartesian_2d(columns(&self.window), -end..end)?;
-        mesh(&mut panel, "counts - fit", PIXELS, 5)?;
-        let Range { start, end } = columns(&self.window);
-        fine.draw_line(&panel, [start, end].map(|x| (x, 0.0)), 1);
-        fine.draw_dots(&panel, &left, 2);
-        Ok(())
+        let columns = columns(&self.window);
+        let x = Axis::linear(columns, PIXELS, 12, 0);
+        let y = Axis::linear((-end, end), "counts - fit", 5, 0);
+        let mut panel = axes::panel(area, "", RIGHT, &x, &y)?;
+        let zero = [(columns.0, 0.0), (columns.1, 0.0)];
+        axes::draw_line(&mut panel, zero, FIT.stroke_width(1))?;
+        axes::draw_dots(&mut panel, left, 2, COUNTS.filled())
     }
 
     /// Pixels and counts of the fitted row.
@@ -343,123 +288,19 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// Curves and dots on hundredths of a pixel, as SVG. plotters places everything on whole pixels.
-#[derive(Default)]
-struct Fine(String);
-
-impl Fine {
-    /// Draws the fit's curve, or a line of its colour.
-    fn draw_line(
-        &mut self,
-        panel: &Panel<'_, '_>,
-        points: impl IntoIterator<Item = (f64, f64)>,
-        width: u32,
-    ) {
-        let places = points.into_iter().map(|point| {
-            let (x, y) = place(panel, point);
-            format!("{x:.2},{y:.2}")
-        });
-        let places = places.collect::<Vec<_>>().join(" ");
-        self.0 += &format!(
-            "<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\" points=\"{places}\"/>\n",
-            hex(FIT)
-        );
-    }
-
-    /// Draws counts.
-    fn draw_dots(&mut self, panel: &Panel<'_, '_>, points: &[(f64, f64)], radius: u32) {
-        for &point in points {
-            let (x, y) = place(panel, point);
-            self.0 += &format!(
-                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{}\"/>\n",
-                hex(COUNTS)
-            );
-        }
-    }
-}
-
-/// The place of a panel's point in the picture, in pixels.
-fn place(panel: &Panel<'_, '_>, (x, y): (f64, f64)) -> (f64, f64) {
-    let (columns, rows) = panel.plotting_area().get_pixel_range();
-    let part = |value: f64, range: Range<f64>| (value - range.start) / (range.end - range.start);
-    let (along, up) = (part(x, panel.x_range()), part(y, panel.y_range()));
-    (
-        f64::from(columns.start) + along * f64::from(columns.end - columns.start),
-        f64::from(rows.end) - up * f64::from(rows.end - rows.start),
-    )
-}
-
-/// A colour in SVG.
-fn hex(RGBColor(red, green, blue): RGBColor) -> String {
-    format!("#{red:02x}{green:02x}{blue:02x}")
+fn write_small(area: &Area<'_>, at: (i32, i32), text: String) -> Result<()> {
+    area.draw(&Text::new(text, at, axes::text(SMALL, BLACK)))?;
+    Ok(())
 }
 
 /// From the left edge of the first pixel to the right edge of the last.
-fn columns(pixels: &Range<usize>) -> Range<f64> {
-    pixels.start as f64 - 0.5..pixels.end as f64 - 0.5
+fn columns(pixels: &Range<usize>) -> (f64, f64) {
+    (pixels.start as f64 - 0.5, pixels.end as f64 - 0.5)
 }
 
 /// What a pixel at x gathers of the fitted gaussian, in counts.
 fn model(fit: &RowCentre, x: f64) -> f64 {
     fit.amplitude.to_f64() * gaussian(x - fit.centre.to_f64(), fit.width.to_f64())
-}
-
-fn builder<'a, 'b>(
-    area: &'b Area<'a>,
-    title: &str,
-    x_name: &str,
-) -> ChartBuilder<'b, 'b, SVGBackend<'a>> {
-    let below = match x_name {
-        "" => TEXT + 10,
-        _ => 2 * TEXT + 16,
-    };
-    let mut builder = ChartBuilder::on(area);
-    builder
-        .margin_right(96)
-        .margin_left(8)
-        .margin_bottom(4)
-        .x_label_area_size(below)
-        .y_label_area_size(78);
-    if !title.is_empty() {
-        builder.caption(title, text(SMALL));
-    }
-    builder
-}
-
-fn mesh(panel: &mut Panel<'_, '_>, y_name: &str, x_name: &str, labels: usize) -> Result<()> {
-    panel
-        .configure_mesh()
-        .bold_line_style(GRID)
-        .max_light_lines(0)
-        .axis_style(BLACK)
-        .label_style(text(TEXT))
-        .axis_desc_style(text(TEXT))
-        .x_labels(12)
-        .y_labels(labels)
-        .x_label_formatter(&whole)
-        .y_label_formatter(&whole)
-        .y_desc(y_name)
-        .x_desc(x_name)
-        .draw()?;
-    Ok(())
-}
-
-/// A drawing, or a part of one. Its image has whole pixels.
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-
-/// A part with axes.
-type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Plane>;
-
-type Plane =
-    Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>;
-
-fn text(size: i32) -> TextStyle<'static> {
-    axes::text(size, BLACK)
-}
-
-fn whole(value: &f64) -> String {
-    // Not "-0".
-    format!("{:.0}", value + 0.0)
 }
 
 fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
@@ -485,7 +326,7 @@ mod tests {
     #[test]
     fn the_spot_is_where_the_scene_puts_it() {
         let scene = Scene::load("quiet-paper").expect("a scene");
-        let seen = Seen::of(&scene, Estimator::default());
+        let seen = Seen::of(&scene);
         let (fit, level) = seen.fit_and_level().expect("a spot");
         let off = fit.centre.to_f64() - seen.truth;
         println!("off by {off} px, level {level}");
@@ -503,7 +344,9 @@ mod tests {
     fn pictures_are_small_and_whole() {
         for name in ["lens", "laser-off", "moving-target"] {
             let scene = Scene::load(name).expect("a scene");
-            let svg = (Seen::of(&scene, Estimator::default()).draw(name)).expect("a picture");
+            let folder = std::env::temp_dir().join("slitrange-scenes");
+            let path = write(name, name, &scene, &folder).expect("a picture");
+            let svg = std::fs::read_to_string(path).expect("a picture");
             println!("{name}: {} bytes", svg.len());
             assert!(svg.len() < 300_000);
             // The rows, and the scale of grey; both before the end.

@@ -3,38 +3,24 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
 use simulator::scene::{Scene, Simulation, quantise};
 use statistics::upper_median;
 
 use crate::budget;
 
-/// What a scene costs.
-#[derive(Serialize)]
+/// What a scene costs. The first row is the one in which all is computed that stays for as long as the target
+/// does.
 pub struct Timing {
-    /// Nanoseconds a row, the median.
-    pub nanoseconds_a_row: f64,
-    /// Nanoseconds of the first row, the median: what stays for as long as the target does is computed there.
-    pub nanoseconds_of_the_first_row: f64,
-    /// Pixels a second on one core.
-    pub pixels_a_second: f64,
-    /// What each effect costs, in the order of the scene's effects.
-    pub effects: Vec<EffectTiming>,
+    /// Median nanoseconds of a row.
+    pub a_row: f64,
+    /// Median nanoseconds of the first row.
+    pub first_row: f64,
+    /// By how much a row and the first row take longer with each effect, in the order of the scene's effects:
+    /// none where the scene's other effects need this one.
+    pub effects: Vec<[Option<Difference>; 2]>,
 }
 
-/// What an effect costs: none where the scene's other effects need this one.
-#[derive(Serialize)]
-pub struct EffectTiming {
-    /// Its name.
-    pub effect: &'static str,
-    /// By how much a row takes longer with it than without.
-    pub a_row: Option<Difference>,
-    /// By how much the first row does.
-    pub first_row: Option<Difference>,
-}
-
-/// A difference of times.
-#[derive(Clone, Copy, Serialize)]
+#[derive(Clone, Copy)]
 pub struct Difference {
     /// The median, in nanoseconds.
     pub nanoseconds: f64,
@@ -52,7 +38,6 @@ const REPETITIONS: usize = 151;
 /// Where that takes longer in all, there are fewer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// The fewest.
 const FEWEST: usize = 5;
 
 impl Timing {
@@ -65,15 +50,10 @@ impl Timing {
         let (a_row, rows) = compare(&whole, &without, Rows::nanoseconds_a_row);
         let (first_row, first_rows) = compare(&whole, &without, Rows::nanoseconds_of_the_first_row);
         Self {
-            nanoseconds_a_row: a_row,
-            nanoseconds_of_the_first_row: first_row,
-            pixels_a_second: scene.geometry().words as f64 / a_row * 1e9,
-            effects: (budget::effects(scene).zip(rows).zip(first_rows))
-                .map(|((effect, a_row), first_row)| EffectTiming {
-                    effect: effect.name(),
-                    a_row,
-                    first_row,
-                })
+            a_row,
+            first_row,
+            effects: (rows.into_iter().zip(first_rows))
+                .map(|(row, first)| [row, first])
                 .collect(),
         }
     }

@@ -1,36 +1,46 @@
 //! A scene in words.
 
-use std::fmt::Write as _;
-
-use anyhow::{Context as _, Result};
 use simulator::optics::Aperture;
-use simulator::scene::{Effect, Scene, Sensor};
+use simulator::scene::{Scene, Sensor};
 
-use crate::budget::{self, Errors};
+use crate::budget::Errors;
 use crate::programs::scene::Shown;
 use crate::programs::scene::timing::Difference;
 use crate::table;
 
-/// All of it.
-///
-/// # Errors
-/// None that are known.
-pub fn of(shown: &Shown) -> Result<String> {
+/// The scene, its table, and how often each fault came.
+pub fn of(shown: &Shown) -> String {
     let scene = &shown.scene;
-    let mut text = String::new();
-    writeln!(text, "{}: {}", shown.name, scene.about)?;
-    writeln!(text, "{}", setting(scene))?;
-    write_parameters(&mut text, scene)?;
-    writeln!(text)?;
-    write_budget(&mut text, shown)?;
-    writeln!(text)?;
-    writeln!(
-        text,
-        "{:.1} million pixels a second on one core; picture: {}",
-        shown.timing.pixels_a_second * 1e-6,
-        shown.picture.display()
-    )?;
-    Ok(text)
+    let mut text = format!("{}: {}\n{}\n\n", shown.name, scene.about, setting(scene));
+    let (budget, timing) = (&shown.budget, &shown.timing);
+    let plan = &budget.plan;
+    let reading = match scene.sensor.rows() {
+        1 => "rows",
+        _ => "frames",
+    };
+    text += &format!(
+        "{} {reading} ({} realisations, {} each over {:.3} s); times to simulate on one core:\n",
+        budget.whole.readings, plan.realisations, plan.readings, plan.seconds
+    );
+    let times = [timing.a_row, timing.first_row].map(duration);
+    let mut lines: Vec<Line> = vec![
+        HEAD.map(Into::into),
+        line("all effects", Some(&budget.whole), String::new(), times),
+    ];
+    for (without, timing) in budget.without.iter().zip(&timing.effects) {
+        let share = without.share.map_or("-".into(), |share| {
+            let uncertainty = share.uncertainty.map(|it| format!(" ± {it:.3}"));
+            format!("{:+.3}{}", share.value, uncertainty.unwrap_or_default())
+        });
+        let times = timing.map(|time| time.map_or("-".into(), longer));
+        let name = format!("without {}", without.effect.name());
+        lines.push(line(&name, without.errors.as_ref(), share, times));
+    }
+    text += &table::text(&lines);
+    for (name, count) in &budget.whole.faults {
+        text += &format!("{count} of {} {reading}: {name}\n", budget.whole.readings);
+    }
+    text + &format!("\npicture: {}\n", shown.picture.display())
 }
 
 /// Sensor, aperture, distance, exposure.
@@ -57,81 +67,20 @@ pub fn setting(scene: &Scene) -> String {
     )
 }
 
-/// The spot and the effects, each with its parameters as in the scene's file.
-fn write_parameters(text: &mut String, scene: &Scene) -> Result<()> {
-    let parameters = serde_json::to_value(scene).context("the scene's parameters")?;
-    let effects = budget::effects(scene).map(Effect::name);
-    for name in ["spot"].into_iter().chain(effects) {
-        if let Some(parameters) = parameters.get(name) {
-            writeln!(text, "  {name:17} {}", in_words(parameters))?;
-        }
-    }
-    Ok(())
-}
-
 /// Of a table: name, errors in four columns, faults, share, times of a row and of the first.
 type Line = [String; 9];
 
-fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
-    let (budget, timing) = (&shown.budget, &shown.timing);
-    let plan = &budget.plan;
-    let reading = match shown.scene.sensor.rows() {
-        1 => "rows",
-        _ => "frames",
-    };
-    writeln!(
-        text,
-        "{} {reading} ({} realisations, {} each over {:.3} s), centres by {}; times to simulate on one \
-         core:",
-        budget.whole.readings, plan.realisations, plan.readings, plan.seconds, budget.estimator
-    )?;
-    let mut lines: Vec<Line> = vec![
-        [
-            "",
-            "RMS px",
-            "mean px",
-            "RMS um",
-            "mean um",
-            "faults",
-            "share of error^2",
-            "a row",
-            "first row",
-        ]
-        .map(Into::into),
-        line(
-            "all effects",
-            Some(&budget.whole),
-            String::new(),
-            [
-                timing.nanoseconds_a_row,
-                timing.nanoseconds_of_the_first_row,
-            ]
-            .map(duration),
-        ),
-    ];
-    for (without, timing) in budget.without.iter().zip(&timing.effects) {
-        let share = without.share.map_or("-".into(), |share| {
-            let uncertainty = share.uncertainty.map(|it| format!(" ± {it:.3}"));
-            format!("{:+.3}{}", share.value, uncertainty.unwrap_or_default())
-        });
-        let times = [timing.a_row, timing.first_row].map(|time| time.map_or("-".into(), longer));
-        lines.push(line(
-            &format!("without {}", without.effect.name()),
-            without.errors.as_ref(),
-            share,
-            times,
-        ));
-    }
-    *text += &table::text(&lines);
-    for (name, count) in &budget.whole.faults {
-        writeln!(
-            text,
-            "{count} of {} {reading}: {name}",
-            budget.whole.readings
-        )?;
-    }
-    Ok(())
-}
+const HEAD: [&str; 9] = [
+    "",
+    "RMS px",
+    "mean px",
+    "RMS um",
+    "mean um",
+    "faults",
+    "share of error^2",
+    "a row",
+    "first row",
+];
 
 fn line(
     name: &str,
@@ -161,21 +110,6 @@ fn line(
     ]
 }
 
-/// `name value, name value`.
-fn in_words(parameters: &serde_json::Value) -> String {
-    let word = |value: &serde_json::Value| match value {
-        serde_json::Value::String(word) => word.clone(),
-        other => other.to_string(),
-    };
-    match parameters {
-        serde_json::Value::Object(values) => (values.iter())
-            .map(|(name, value)| format!("{} {}", name.replace('_', " "), word(value)))
-            .collect::<Vec<_>>()
-            .join(", "),
-        other => word(other),
-    }
-}
-
 /// A difference of times, unless it is lost in the scatter of the repetitions.
 fn longer(time: Difference) -> String {
     if time.nanoseconds.abs() < 3.0 * time.uncertainty {
@@ -202,22 +136,6 @@ fn duration(nanoseconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn effects_are_printed_with_their_parameters() {
-        let scene = Scene::load("sunlit").expect("a scene");
-        let mut text = String::new();
-        write_parameters(&mut text, &scene).expect("text");
-        println!("{text}");
-        let names: Vec<&str> = (text.lines())
-            .filter_map(|line| line.split_whitespace().next())
-            .collect();
-        assert_eq!(
-            names,
-            ["spot", "ambient", "shot_noise", "black_level", "read_noise"]
-        );
-        assert!(text.contains("read_noise        counts 4.0"));
-    }
 
     #[test]
     fn durations_have_three_digits() {

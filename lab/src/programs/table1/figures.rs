@@ -9,10 +9,6 @@ use std::path::Path;
 
 use crate::programs::table1::report::Report;
 
-/// Draws all figures into a directory.
-///
-/// # Errors
-/// A file cannot be written, or something was not run.
 pub fn draw(report: &Report, directory: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(directory)?;
     errors::draw(report, &directory.join("paper-errors.svg"))?;

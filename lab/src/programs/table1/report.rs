@@ -9,7 +9,6 @@ use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
 use crate::paper::published::{Errors, Published, TABLE_1};
 
-/// All that was found.
 pub struct Report {
     /// Of every material through every aperture.
     outcomes: Vec<Outcome>,
@@ -72,7 +71,6 @@ impl Report {
         text
     }
 
-    /// The block of `docs/physics.md`.
     pub fn markdown(&self) -> String {
         let Experiment { stride, seed, .. } = self.experiment;
         let extent = match stride {
@@ -132,7 +130,6 @@ impl Report {
     }
 }
 
-/// The columns of the paper's Table 1.
 const PAPERS_METHODS: [(Aperture, Method); 3] = [
     (Aperture::Lens, Method::PAPERS_LENS),
     (Aperture::Slit, Method::PAPERS_GAUSSIAN),

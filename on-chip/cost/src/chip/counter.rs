@@ -13,25 +13,21 @@ pub struct Cost {
     pub stack: u32,
 }
 
-/// What several calls take.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Summary {
-    /// The median of their cycles, the upper one of two.
-    pub median: u32,
-    /// The most cycles.
-    pub most: u32,
-    /// The most stack, bytes.
-    pub stack: u32,
-}
-
-/// Sums up; all zero where there are no calls.
-pub fn summary<const N: usize>(mut costs: [Cost; N]) -> Summary {
+/// Prints what several calls take: the median of their cycles, the upper one of two, the most cycles, and the
+/// most stack in bytes. `number` is how many items of a kind each of them goes over, or another number of them.
+pub fn print<const N: usize>(kind: &str, name: &str, number: (&str, f32), mut costs: [Cost; N]) {
     costs.sort_unstable_by_key(|cost| cost.cycles);
-    Summary {
-        median: costs.get(N / 2).map_or(0, |cost| cost.cycles),
-        most: costs.last().map_or(0, |cost| cost.cycles),
-        stack: costs.iter().map(|cost| cost.stack).max().unwrap_or(0),
-    }
+    defmt::println!(
+        "{} {} {} {} cycles {} most {} stack {}",
+        kind,
+        name,
+        number.0,
+        number.1,
+        costs.get(N / 2).map_or(0, |cost| cost.cycles),
+        costs.last().map_or(0, |cost| cost.cycles),
+        costs.iter().map(|cost| cost.stack).max().unwrap_or(0)
+    );
+    super::board::let_the_log_out();
 }
 
 /// How far below the stack pointer the stack is watched, in words: 48 KB.

@@ -27,15 +27,7 @@ pub fn measure() {
             );
             let_the_log_out();
         }
-        let cost = counter::summary(costs);
-        defmt::println!(
-            "form {} cycles {} most {} stack {}",
-            form.name(),
-            cost.median,
-            cost.most,
-            cost.stack
-        );
-        let_the_log_out();
+        counter::print("form", form.name(), ("centres", CENTRES as f32), costs);
     }
 }
 

@@ -4,7 +4,6 @@ use core::hint::black_box;
 
 use cost_on_chip::float_functions::{self, ARGUMENTS, Function, Library};
 
-use super::board::let_the_log_out;
 use super::counter::{self, Cost, Counted};
 
 /// Calls for each argument. The emulator's cycle counter is off by up to two; the mean of so many is not.
@@ -23,16 +22,8 @@ pub fn measure() {
                 stack: cost.stack,
             }
         });
-        let cost = counter::summary(costs);
-        defmt::println!(
-            "float {} calls {} cycles {} most {} stack {}",
-            float_functions::name(function, library),
-            CALLS,
-            cost.median,
-            cost.most,
-            cost.stack
-        );
-        let_the_log_out();
+        let name = float_functions::name(function, library);
+        counter::print("float", name, ("calls", CALLS as f32), costs);
     }
 }
 

@@ -33,16 +33,7 @@ pub fn measure() {
             }
         }
         for ((method, _), costs) in METHODS.into_iter().zip(costs) {
-            let cost = counter::summary(costs);
-            defmt::println!(
-                "method {} width {} cycles {} most {} stack {}",
-                method.name(),
-                width,
-                cost.median,
-                cost.most,
-                cost.stack
-            );
-            let_the_log_out();
+            counter::print("method", method.name(), ("width", width), costs);
         }
     }
 }

@@ -69,15 +69,7 @@ fn measure_one(name: &str, peer: Counted<Input, f64>) {
         );
         let_the_log_out();
     }
-    let cost = counter::summary(costs);
-    defmt::println!(
-        "peer {} cycles {} most {} stack {}",
-        name,
-        cost.median,
-        cost.most,
-        cost.stack
-    );
-    let_the_log_out();
+    counter::print("peer", name, ("rows", ROWS as f32), costs);
 }
 
 /// Eq. (5): a exp(-(s (x - x0))^2) + black level.

@@ -6,7 +6,6 @@ use slitrange::base::units::Pixels;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
 
-use super::board::let_the_log_out;
 use super::counter::{self, Cost};
 
 /// The width of the spot on the rows that are searched.
@@ -40,27 +39,15 @@ pub fn measure() {
         search_again[row] = counter::count(step_spot_find_again, &(light, before), &mut spot);
         defmt::assert!(matches!(spot, Some(Ok(found)) if found.centre.abs_diff(first.centre) < 16));
     }
-    print("geometry-row", WORDS, turning);
-    print("spot-find", PIXELS, search);
-    print("spot-find-again", PIXELS, search_again);
+    // What each step goes over.
+    let (words, pixels) = (("items", WORDS as f32), ("items", PIXELS as f32));
+    counter::print("step", "geometry-row", words, turning);
+    counter::print("step", "spot-find", pixels, search);
+    counter::print("step", "spot-find-again", pixels, search_again);
 }
 
 fn none() -> [Cost; ROWS] {
     [Cost::default(); ROWS]
-}
-
-/// `items` is what the step goes over: words or pixels.
-fn print(name: &str, items: usize, costs: [Cost; ROWS]) {
-    let cost = counter::summary(costs);
-    defmt::println!(
-        "step {} items {} cycles {} most {} stack {}",
-        name,
-        items,
-        cost.median,
-        cost.most,
-        cost.stack
-    );
-    let_the_log_out();
 }
 
 #[inline(never)]

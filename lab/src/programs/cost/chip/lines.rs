@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, Result, ensure};
 
-/// The kinds of lines.
 const KINDS: [&str; 12] = [
     // A function of known cost.
     "known",
@@ -33,7 +32,6 @@ const KINDS: [&str; 12] = [
     "kernels",
 ];
 
-/// One line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     pub kind: String,
@@ -93,12 +91,10 @@ impl Line {
     }
 }
 
-/// All lines of a kind.
 pub fn all<'a>(lines: &'a [Line], kind: &str) -> impl Iterator<Item = &'a Line> {
     lines.iter().filter(move |line| line.kind == kind)
 }
 
-/// The line of a kind about `name`.
 pub fn find<'a>(lines: &'a [Line], kind: &str, name: &str) -> Result<&'a Line> {
     all(lines, kind)
         .find(|line| line.name == name)

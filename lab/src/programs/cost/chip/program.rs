@@ -11,16 +11,6 @@ use virtual_board::Firmware;
 
 use super::steps;
 
-/// An instruction.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Instruction {
-    /// Its name, with a condition or width if it has one: `ldr.w`.
-    mnemonic: String,
-    /// Its operands, as text.
-    operands: String,
-}
-
-/// A function.
 #[derive(Clone, Debug)]
 struct Function {
     bytes: u64,
@@ -28,12 +18,12 @@ struct Function {
     name: String,
 }
 
-/// The machine code of an ELF file.
 #[derive(Debug)]
 pub struct Program {
     functions: BTreeMap<u64, Function>,
     addresses: BTreeMap<String, u64>,
-    instructions: BTreeMap<u64, Instruction>,
+    /// Where instructions jump to or call, by their addresses.
+    targets: BTreeMap<u64, u64>,
 }
 
 impl Program {
@@ -58,7 +48,7 @@ impl Program {
         Ok(Self {
             functions,
             addresses,
-            instructions: disassemble(firmware)?,
+            targets: disassemble(firmware)?,
         })
     }
 
@@ -107,10 +97,9 @@ impl Program {
     /// The functions that the function at an address calls or jumps into.
     fn called_from(&self, function: u64) -> Vec<u64> {
         let end = function + self.functions[&function].bytes;
-        self.instructions
+        self.targets
             .range(function..end)
-            .filter_map(|(_, instruction)| instruction.target())
-            .filter_map(|target| self.function_around(target))
+            .filter_map(|(_, &target)| self.function_around(target))
             .collect()
     }
 
@@ -120,37 +109,8 @@ impl Program {
     }
 }
 
-impl Instruction {
-    /// Where a direct branch or call goes to.
-    fn target(&self) -> Option<u64> {
-        if !(self.is_branch() || self.mnemonic.starts_with("cb")) {
-            return None;
-        }
-        let operand = self.operands.split(", ").last()?;
-        let digits = operand.split_whitespace().next()?.strip_prefix("0x")?;
-        u64::from_str_radix(digits, 16).ok()
-    }
-
-    /// B, BL, BX, BLX and B with a condition.
-    fn is_branch(&self) -> bool {
-        const CONDITIONS: [&str; 14] = [
-            "eq", "ne", "hs", "lo", "mi", "pl", "vs", "vc", "hi", "ls", "ge", "lt", "gt", "le",
-        ];
-        let name = self.mnemonic.split('.').next().unwrap_or_default();
-        let Some(rest) = name.strip_prefix('b') else {
-            return false;
-        };
-        // BL and BLE, BLS, BLT, BLO: what follows B first.
-        CONDITIONS.contains(&rest)
-            || ["", "l", "x", "lx"].into_iter().any(|form| {
-                rest.strip_prefix(form)
-                    .is_some_and(|rest| rest.is_empty() || CONDITIONS.contains(&rest))
-            })
-    }
-}
-
-/// All instructions of an ELF file.
-fn disassemble(firmware: &Firmware) -> Result<BTreeMap<u64, Instruction>> {
+/// The direct branches and calls of an ELF file.
+fn disassemble(firmware: &Firmware) -> Result<BTreeMap<u64, u64>> {
     let output = Command::new(objdump()?)
         .args(["--disassemble", "--mcpu=cortex-m4"])
         .arg(firmware.path())
@@ -162,7 +122,7 @@ fn disassemble(firmware: &Firmware) -> Result<BTreeMap<u64, Instruction>> {
         String::from_utf8_lossy(&output.stderr)
     );
     let text = String::from_utf8(output.stdout)?;
-    Ok(text.lines().filter_map(parse).collect())
+    Ok(text.lines().filter_map(target).collect())
 }
 
 /// `llvm-objdump` of the toolchain's component llvm-tools, which `rust-toolchain.toml` asks for.
@@ -193,70 +153,51 @@ fn objdump() -> Result<PathBuf> {
     Ok(tool)
 }
 
-/// A line of address, halfwords, name, operands and remarks, the latter three after tabs: ` 80001b0: f00f
-/// fc4e bl 0x800fa50 <__pre_init> @ imm = #0xf89c`. Data among the code have a name that begins with a dot,
-/// and are left out.
-fn parse(line: &str) -> Option<(u64, Instruction)> {
+/// The address of an instruction that jumps or calls, and where to, from a line of address, halfwords, name,
+/// operands and remarks, the latter three after tabs: ` 80001b0: f00f fc4e bl 0x800fa50 <__pre_init> @ imm =
+/// #0xf89c`. The names of branches begin with B or CB. Other instructions whose names do have no address.
+fn target(line: &str) -> Option<(u64, u64)> {
     let (address, rest) = line.split_once(':')?;
-    let address = u64::from_str_radix(address.trim(), 16).ok()?;
-    let mut columns = rest.split('\t');
-    let halfwords = columns.next()?.trim();
+    let mut columns = rest.split('\t').skip(1);
     let mnemonic = columns.next()?.trim();
-    if halfwords.is_empty() || mnemonic.is_empty() || mnemonic.starts_with(['.', '<']) {
+    if !mnemonic.starts_with(['b', 'c']) {
         return None;
     }
-    let operands = columns.next().unwrap_or_default();
-    let operands = operands.split('@').next().unwrap_or_default().trim();
-    Some((
-        address,
-        Instruction {
-            mnemonic: mnemonic.to_owned(),
-            operands: operands.to_owned(),
-        },
-    ))
+    let operands = columns.next()?.split('@').next()?;
+    let operand = operands.split(", ").last()?.split_whitespace().next()?;
+    let hex = |digits| u64::from_str_radix(digits, 16).ok();
+    Some((hex(address.trim())?, hex(operand.strip_prefix("0x")?)?))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
-    fn instruction(line: &str) -> Instruction {
-        parse(line).expect("an instruction").1
-    }
+    use super::target;
 
     #[test]
-    fn lines_of_the_disassembler() {
-        let call = " 80001b0: f00f fc4e    \tbl\t0x800fa50 <__pre_init>  @ imm = #0xf89c";
-        let (address, call) = parse(call).unwrap();
-        assert_eq!((address, call.target()), (0x80001b0, Some(0x800_fa50)));
-        let compare =
-            instruction(" 80001b0: b1a2         \tcbz\tr2, 0x80001dc <x+0x40> @ imm = #0x28");
-        assert_eq!(compare.target(), Some(0x800_01dc));
-        assert_eq!(
-            instruction(" 8000220: eeb1 0ac0    \tvsqrt.f32\ts0, s0").target(),
-            None
-        );
-        assert_eq!(parse(" 8000400: 00 01 02 03  \t.word\t0x03020100"), None);
-        assert_eq!(parse("08000220 <main>:"), None);
-    }
-
-    #[test]
-    fn branches() {
-        let is_branch = |mnemonic: &str| {
-            let operands = "0x8000000".to_owned();
-            Instruction {
-                mnemonic: mnemonic.to_owned(),
-                operands,
-            }
-            .is_branch()
-        };
-        for mnemonic in [
-            "b", "b.w", "bl", "bx", "blx", "bne", "bls", "ble.w", "blo", "bxeq", "bleq",
+    fn branches_have_targets() {
+        for (line, expected) in [
+            (
+                " 80001b0: f00f fc4e    \tbl\t0x800fa50 <__pre_init>  @ imm = #0xf89c",
+                Some((0x800_01b0, 0x800_fa50)),
+            ),
+            (
+                " 80001b0: b1a2         \tcbz\tr2, 0x80001dc <x+0x40> @ imm = #0x28",
+                Some((0x800_01b0, 0x800_01dc)),
+            ),
+            (
+                " 80001b2: d1f2         \tbne.w\t0x800019a <x> @ imm = #-0x1c",
+                Some((0x800_01b2, 0x800_019a)),
+            ),
+            (" 8000220: eeb1 0ac0    \tvsqrt.f32\ts0, s0", None),
+            (" 8000220: f36f 0207    \tbfc\tr2, #0x0, #0x8", None),
+            (" 8000220: f020 0001    \tbic\tr0, r0, #0x1", None),
+            (" 8000220: 4770         \tbx\tlr", None),
+            (" 8000220: beab         \tbkpt\t#0xab", None),
+            (" 8000220: 2801         \tcmp\tr0, #0x1", None),
+            (" 8000400: 00 01 02 03  \t.word\t0x03020100", None),
+            ("08000220 <main>:", None),
         ] {
-            assert!(is_branch(mnemonic), "{mnemonic}");
-        }
-        for mnemonic in ["bic", "bfi", "bkpt", "bics.w", "add", "blend"] {
-            assert!(!is_branch(mnemonic), "{mnemonic}");
+            assert_eq!(target(line), expected, "{line}");
         }
     }
 }

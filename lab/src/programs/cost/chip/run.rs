@@ -16,11 +16,8 @@ use crate::slowest::{self, Frame};
 /// The program is done in less than half of this virtual time.
 const AT_MOST: Duration = Duration::from_secs(60);
 
-/// What came of a run.
 pub struct Run {
-    /// The program's ELF file.
     pub firmware: Firmware,
-    /// What it printed.
     pub lines: Vec<Line>,
     /// Every call of a method, of a calibration, and of a whole row: the instructions that were executed.
     pub calls: Vec<Call>,
@@ -28,13 +25,9 @@ pub struct Run {
     pub slowest: Vec<Slow>,
 }
 
-/// The slowest row of an estimator.
 pub struct Slow {
-    /// The estimator.
     pub estimator: Estimator,
-    /// What the row shows.
     pub name: String,
-    /// The instructions that were executed.
     pub call: Call,
 }
 

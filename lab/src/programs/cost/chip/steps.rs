@@ -17,7 +17,6 @@ use rustc_demangle::demangle;
 use virtual_board::Firmware;
 use virtual_board::trace::Call;
 
-/// A step of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Words into a row, and its black level.
@@ -31,11 +30,9 @@ pub enum Step {
     Frame,
     /// A distance: a row has none, unless it completes a frame.
     Distance,
-    /// No known step.
     Other,
 }
 
-/// The names of the steps.
 pub const NAMES: [&str; 7] = [
     "convert", "search", "estimate", "check", "frame", "distance", "other",
 ];

@@ -9,13 +9,11 @@ use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS};
 
 use super::*;
 
-/// What the program prints.
 static LINES: LazyLock<Vec<Line>> =
     LazyLock::new(|| run::lines_of(PACKAGE).expect("the chip's program runs"));
 /// The figures of a run with a trace, which takes over a minute.
 static CHIP: LazyLock<Chip> = LazyLock::new(|| measure().expect("and says all"));
 
-/// What a method found in a row.
 #[derive(Clone, Debug, PartialEq)]
 struct Found {
     name: String,

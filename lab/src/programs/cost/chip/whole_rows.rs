@@ -17,13 +17,11 @@ pub struct AtWidth {
     pub estimator: Estimator,
     /// Sigma in pixels.
     pub width: f64,
-    /// The first row of a frame.
     pub first: Steps,
     /// The second row of a frame.
     pub following: Steps,
 }
 
-/// What comes once a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OnceAFrame {
     pub estimator: Estimator,
@@ -33,16 +31,13 @@ pub struct OnceAFrame {
     pub distance: Steps,
 }
 
-/// The slowest row that is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slowest {
     pub estimator: Estimator,
-    /// What the row shows.
     pub name: String,
     pub row: Steps,
 }
 
-/// Each estimator's rows.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WholeRows {
     pub at_widths: Vec<AtWidth>,
@@ -60,7 +55,6 @@ pub struct Comb {
     pub last: Steps,
 }
 
-/// Reads what came of a run.
 pub fn read(run: &Run, program: &Program) -> Result<WholeRows> {
     let functions = Functions::of(&run.firmware)?;
     let rows = with_calls(run, program, "whole-row", steps::ROW)?;

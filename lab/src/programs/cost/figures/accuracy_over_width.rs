@@ -20,7 +20,6 @@ const PANELS: [(&str, Noise); 2] = [
     ),
 ];
 
-/// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 1120)?;
     let x = axis_of_widths();

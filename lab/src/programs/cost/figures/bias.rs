@@ -12,7 +12,6 @@ use crate::programs::cost::report::Measured;
 /// Smaller ones are drawn here: the centre's own resolution is 1.5e-5.
 const SMALLEST: f64 = 1e-5;
 
-/// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 720)?;
     let x = axis_of_widths();

@@ -5,14 +5,11 @@ use figures::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::labels::spread;
 use super::style::{self, RATIOS, bold};
 use crate::programs::cost::accuracy::WIDTHS;
 
-/// What a curve shows.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Something measured.
     Measured,
     /// The measurement that the reader looks for first.
     Default,
@@ -22,21 +19,17 @@ pub enum Kind {
     Bound,
 }
 
-/// A curve.
 #[derive(Clone)]
 pub struct Curve {
     /// What stands at its end, if anything.
     pub name: String,
-    /// Of the line and of the name.
     pub colour: RGBColor,
-    /// How it is drawn.
     pub kind: Kind,
     /// From left to right.
     pub points: Vec<(f64, f64)>,
 }
 
 impl Curve {
-    /// Of the bound.
     pub fn bound(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self {
             name: name.into(),
@@ -60,11 +53,10 @@ impl Curve {
     }
 }
 
-/// The axis of the spot's width.
 pub fn axis_of_widths() -> Axis<'static> {
     let range = (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05);
     let name = "width of the spot (σ), px";
-    Axis::new(Scale::Log, range, name, &WIDTHS, |value| value.to_string())
+    Axis::log(range, name, &WIDTHS)
 }
 
 /// The axis of errors over the bound, up to `worst`.
@@ -79,13 +71,10 @@ pub fn axis_of_ratios(worst: f64) -> Axis<'static> {
     )
 }
 
-/// Pixels beside the panel, for the names.
+/// Pixels beside a panel, for the names.
 const NAMES: i32 = 190;
 
 /// Draws a panel of curves, and gives it. Values beyond the axis are drawn at its end.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw_curves<'a, 'b>(
     area: &'b Area<'a>,
     title: &str,
@@ -115,9 +104,21 @@ pub fn draw_curves<'a, 'b>(
             }
         }
     }
-
-    // Names from top to bottom, apart, and a line to each from its curve's end.
     let (columns, rows) = panel.plotting_area().get_pixel_range();
+    write_names(area, &panel, curves, columns.end + 34, rows.end)?;
+    Ok(panel)
+}
+
+/// Writes the curves' names into a column that begins at a pixel and ends above another one, from top to bottom
+/// and apart, with a line to each from its curve's end.
+pub fn write_names(
+    area: &Area<'_>,
+    panel: &Panel<'_, '_>,
+    curves: &[Curve],
+    column: i32,
+    lowest: i32,
+) -> anyhow::Result<()> {
+    let (_, rows) = panel.plotting_area().get_pixel_range();
     let (left, top) = area.get_base_pixel();
     let mut ends: Vec<(&Curve, (i32, i32))> = curves
         .iter()
@@ -125,14 +126,11 @@ pub fn draw_curves<'a, 'b>(
         .filter_map(|curve| Some((curve, panel.backend_coord(curve.points.last()?))))
         .collect();
     ends.sort_by_key(|(_, (_, height))| *height);
-    let heights: Vec<f64> = ends
-        .iter()
-        .map(|(_, (_, height))| f64::from(*height))
-        .collect();
-    let range = (f64::from(rows.start) + 4.0, f64::from(rows.end) - 4.0);
-    let heights = spread(&heights, f64::from(TEXT) + 4.0, range);
+    let heights = ends.iter().map(|(_, (_, height))| f64::from(*height));
+    let range = (f64::from(rows.start) + 12.0, f64::from(lowest) - 4.0);
+    let heights = spread(heights, f64::from(TEXT) + 4.0, range);
     for ((curve, (x, y)), height) in ends.into_iter().zip(heights) {
-        let name = columns.end - left + 34;
+        let name = column - left;
         area.draw(&PathElement::new(
             [(x - left + 4, y - top), (name - 5, height as i32 - top)],
             curve.colour.stroke_width(1),
@@ -147,5 +145,54 @@ pub fn draw_curves<'a, 'b>(
             style.pos(Pos::new(HPos::Left, VPos::Center)),
         ))?;
     }
-    Ok(panel)
+    Ok(())
+}
+
+/// Moves labels at these heights, which are in ascending order, apart until they are `apart` from one
+/// another, within the range, and no further than that takes.
+fn spread(heights: impl IntoIterator<Item = f64>, apart: f64, range: (f64, f64)) -> Vec<f64> {
+    // Groups of labels that touch lie about the mean of where they want to be.
+    struct Group {
+        wanted: f64,
+        count: f64,
+    }
+    let top = |group: &Group| {
+        let span = (group.count - 1.0) * apart;
+        let middle = group.wanted / group.count;
+        // The upper end of the range wins where there is no room.
+        (middle - span / 2.0).min(range.1 - span).max(range.0)
+    };
+    let mut groups: Vec<Group> = vec![];
+    for height in heights {
+        groups.push(Group {
+            wanted: height,
+            count: 1.0,
+        });
+        while let [.., upper, lower] = &groups[..] {
+            if top(upper) + upper.count * apart <= top(lower) {
+                break;
+            }
+            let (wanted, count) = (upper.wanted + lower.wanted, upper.count + lower.count);
+            groups.truncate(groups.len() - 2);
+            groups.push(Group { wanted, count });
+        }
+    }
+    groups
+        .iter()
+        .flat_map(|group| {
+            let first = top(group);
+            (0..group.count as usize).map(move |i| first + i as f64 * apart)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn heights_spread_no_further_than_they_must() {
+        let spread = |heights: &[f64]| super::spread(heights.iter().copied(), 10.0, (0.0, 100.0));
+        assert_eq!(spread(&[10.0, 30.0, 31.0, 90.0]), [10.0, 25.5, 35.5, 90.0]);
+        assert_eq!(spread(&[95.0, 99.0, 100.0]), [80.0, 90.0, 100.0]);
+        assert_eq!(spread(&[1.0, 2.0]), [0.0, 10.0]);
+    }
 }

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use figures::axes::{self, Area, Axis, Scale, TEXT, TITLE, text};
+use figures::axes::{self, Area, Axis, TEXT, TITLE, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange::centre::Estimator;
@@ -26,7 +26,6 @@ const MICROMETRES: [f64; 13] = [
 /// Numbers of rows that are written at their points.
 const NUMBERED: [u64; 4] = [1, 4, 16, 64];
 
-/// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 1200)?;
     let root = root.titled(
@@ -56,7 +55,6 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Which time of a point.
 type Time = fn(&Point) -> f64;
 const WITH_SENSOR: Time = |point| point.milliseconds;
 const COMPUTING: Time = |point| point.computing_milliseconds;
@@ -130,21 +128,11 @@ fn draw_panel(
         let least = places().map(of).fold(f64::INFINITY, f64::min);
         (least * 0.8, places().map(of).fold(0.0, f64::max) * above)
     };
-    let digits = |value: f64| value.to_string();
-    let x = Axis::new(
-        Scale::Log,
-        range(|at| at.0, 1.35),
-        "time for a reading, ms",
-        &MILLISECONDS,
-        digits,
-    );
-    let y = Axis::new(
-        Scale::Log,
-        range(|at| at.1, if limit.is_some() { 3.0 } else { 1.8 }),
-        "RMS error of the distance, um",
-        &MICROMETRES,
-        digits,
-    );
+    let above = if limit.is_some() { 3.0 } else { 1.8 };
+    let times = range(|at| at.0, 1.35);
+    let x = Axis::log(times, "time for a reading, ms", &MILLISECONDS);
+    let errors = range(|at| at.1, above);
+    let y = Axis::log(errors, "RMS error of the distance, um", &MICROMETRES);
     let panel = draw_curves(area, title, &x, &y, &curves)?;
 
     // What each group of points is, and the numbers of rows above the default estimator's points.

@@ -23,7 +23,6 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(0x80, 0x80, 0x80),
 ];
 
-/// The panels.
 const TITLES: [&str; 3] = [
     "A row that follows another of its frame",
     "The first row of a frame",
@@ -34,7 +33,6 @@ const TITLES: [&str; 3] = [
 const BESIDE: u32 = 70;
 const FIGURES: i32 = 140;
 
-/// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 900)?;
     let root = root.titled(

@@ -16,7 +16,6 @@ pub const RATIOS: [f64; 13] = [
     1.0, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0,
 ];
 
-/// Text in a colour and in bold type.
 pub fn bold(size: i32, colour: RGBColor) -> TextStyle<'static> {
     ("sans-serif", size, FontStyle::Bold)
         .into_font()

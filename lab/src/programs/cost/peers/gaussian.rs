@@ -57,7 +57,7 @@ pub fn derivatives<T: RealField + Copy>(pixel: usize, light: T, parameters: &Vec
 #[cfg(test)]
 pub mod examples {
     use super::*;
-    use crate::programs::cost::peers::rows::{REFERENCE, Window};
+    use crate::programs::cost::peers::rows::{self, Window};
 
     /// Where a fit starts: off by half a pixel, 5 % in width, 10 % in height and 3 counts in level.
     pub fn start() -> Parameters {
@@ -84,11 +84,7 @@ pub mod examples {
 
     /// Windows of the reference scene, with the bound of a row's centre in pixels.
     pub fn noisy(rows: usize) -> impl Iterator<Item = (Window, f64)> {
-        let bound = REFERENCE.bound();
-        REFERENCE
-            .windows(rows)
-            .expect("a spot in each row")
-            .into_iter()
-            .map(move |window| (window, bound))
+        let windows = rows::windows(rows).expect("a spot in each row");
+        windows.into_iter().map(|window| (window, rows::bound()))
     }
 }

@@ -4,7 +4,7 @@ use anyhow::{Context as _, anyhow};
 use judges::accuracy::Cell;
 use rayon::prelude::*;
 use simulator::bound;
-use simulator::scene::{self, quantise};
+use simulator::scene::{BlackLevel, Scene, quantise};
 use slitrange::base::units::Pixels;
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::row::{Geometry, Row};
@@ -15,31 +15,9 @@ use super::gaussian::{Parameters, WINDOW};
 /// Pixels of the row in which the spot is found. The search is in nobody's time.
 const PIXELS: usize = 512;
 
-/// A spot of sigma 10.5 pixels and 2000 counts, the slit's on the paper's pixels, and its noise.
-#[derive(Clone, Copy, Debug)]
-pub struct Scene {
-    /// What it is called in the tables.
-    pub name: &'static str,
-    /// Read noise in counts.
-    pub read_noise: f64,
-    /// Electrons a count, where the spot has shot noise.
-    pub electrons_per_count: Option<f64>,
-    /// Counts of an unlit pixel, such that noise does not go below zero.
-    pub black_level: f64,
-}
-
-/// The scene of the comparison: shot noise, as a laser spot has it.
-pub const REFERENCE: Scene = Scene {
-    name: "shot and read noise: 2000 counts, 5 electrons a count, read noise 2 counts",
-    read_noise: 2.0,
-    electrons_per_count: Some(5.0),
-    black_level: 100.0,
-};
-
 /// 128 pixels around a spot, and what the row before told.
 #[derive(Clone, Debug)]
 pub struct Window {
-    /// The counts.
     pub pixels: [u16; WINDOW],
     /// The spot's true centre, pixel 0 being the window's first.
     pub truth: f64,
@@ -51,57 +29,52 @@ pub struct Window {
     pub start: Parameters,
 }
 
-impl Scene {
-    fn cell(&self) -> Cell {
-        Cell {
-            width: 10.5,
-            amplitude: 2000.0,
-            read_noise: self.read_noise,
-            electrons_per_count: self.electrons_per_count,
-            rows: 0,
-            seed: 1,
-        }
-    }
+/// A spot of sigma 10.5 pixels and 2000 counts, the slit's on the paper's pixels, with shot noise and read noise
+/// as a laser spot has them.
+const SPOT: bound::Spot = bound::Spot {
+    width: 10.5,
+    amplitude: 2000.0,
+    noise: 2.0,
+    electrons_per_count: Some(5.0),
+};
 
-    fn whole_row(&self) -> scene::Scene {
-        let mut scene = self.cell().scene_of(PIXELS);
-        scene.black_level = Some(scene::BlackLevel::steady(self.black_level));
-        scene
-    }
+/// A whole row. Its unlit pixels have so many counts that noise does not go below zero.
+fn whole_row() -> Scene {
+    let cell = Cell {
+        width: SPOT.width,
+        amplitude: SPOT.amplitude,
+        read_noise: SPOT.noise,
+        electrons_per_count: SPOT.electrons_per_count,
+        rows: 0,
+        seed: 1,
+    };
+    let mut scene = cell.scene_of(PIXELS);
+    scene.black_level = Some(BlackLevel::steady(100.0));
+    scene
+}
 
-    /// What the words of a window are.
-    pub fn geometry(&self) -> Geometry {
-        Geometry {
-            words: WINDOW,
-            light: 0..WINDOW,
-            ..self.whole_row().geometry()
-        }
+/// What the words of a window are.
+pub fn geometry() -> Geometry {
+    Geometry {
+        words: WINDOW,
+        light: 0..WINDOW,
+        ..whole_row().geometry()
     }
+}
 
-    /// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to
-    /// either side.
-    pub fn bound(&self) -> f64 {
-        let cell = self.cell();
-        bound::Spot {
-            width: cell.width,
-            amplitude: cell.amplitude,
-            noise: cell.read_noise,
-            electrons_per_count: cell.electrons_per_count,
-        }
-        .bound()
-    }
+/// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to either
+/// side.
+pub fn bound() -> f64 {
+    SPOT.bound()
+}
 
-    /// Seeded windows; the spot lies at all phases of a pixel.
-    ///
-    /// # Errors
-    /// A row in which the spot is not found, which none of these scenes has.
-    pub fn windows(&self, rows: usize) -> anyhow::Result<Vec<Window>> {
-        let scene = self.whole_row();
-        (0..rows as u64)
-            .into_par_iter()
-            .map(|row| window(&scene, row).with_context(|| format!("row {row} of {}", self.name)))
-            .collect()
-    }
+/// Seeded windows; the spot lies at all phases of a pixel, and is found in each.
+pub fn windows(rows: usize) -> anyhow::Result<Vec<Window>> {
+    let scene = whole_row();
+    (0..rows as u64)
+        .into_par_iter()
+        .map(|row| window(&scene, row).with_context(|| format!("row {row}")))
+        .collect()
 }
 
 /// A number of -1 to 1, evenly over the rows; `irrational` keeps the sequences apart.
@@ -111,7 +84,7 @@ fn even(row: u64, irrational: f64) -> f64 {
 
 /// The row before has the spot up to half a pixel away, up to 5 % narrower or wider, and up to 10 % lower or
 /// higher.
-fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
+fn window(scene: &Scene, row: u64) -> anyhow::Result<Window> {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let truth = PIXELS as f64 / 2.0 + 10.0 * even(row, GOLDEN);
     let mut earlier = scene.clone();
@@ -165,11 +138,10 @@ mod tests {
 
     #[test]
     fn the_start_of_a_fit_is_near_the_truth() {
-        let scene = REFERENCE;
         // What the row before did not measure better, five standard deviations: the width's bound is
         // about that of the centre.
-        let noise = 5.0 * scene.bound();
-        for window in scene.windows(300).expect("a spot in each row") {
+        let noise = 5.0 * bound();
+        for window in windows(300).expect("a spot in each row") {
             let (start, truth) = (window.start, window.truth);
             let width = 1.0 / (start.scale * std::f64::consts::SQRT_2);
             assert!((start.centre - truth).abs() < 0.5 + noise, "{window:?}");

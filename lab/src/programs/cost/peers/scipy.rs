@@ -22,7 +22,6 @@ const REQUIREMENTS: &str = concat!(
 /// Beside cargo's own files, which are not in the repository either.
 const DIRECTORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../target/peers");
 
-/// What a fit made of the windows.
 #[derive(Debug, Deserialize)]
 pub struct Fits {
     /// The centres on the windows, in pixels, `None` where there was none.
@@ -31,7 +30,6 @@ pub struct Fits {
     pub ns_per_row: f64,
 }
 
-/// A Python that has scipy.
 pub struct Environment {
     python: PathBuf,
 }

@@ -13,7 +13,6 @@ use varpro::solvers::levmar::LevMarSolver;
 
 use super::gaussian::{Parameters, WINDOW, derivatives, light};
 
-/// Fits with the crate's defaults.
 pub fn fit(pixels: &[f64; WINDOW], start: Parameters) -> Option<Parameters> {
     let model = Model::new(start.centre, start.scale);
     let problem = SeparableProblemBuilder::new(model)

@@ -119,7 +119,6 @@ impl Measured {
         table::of(&format!("estimator | error / bound | {head}"), rows)
     }
 
-    /// The steps of each estimator's rows.
     pub(super) fn steps_table(&self) -> String {
         let whole_rows = &self.chip.whole_rows;
         let mut rows = vec![];
@@ -143,7 +142,6 @@ impl Measured {
         table::of(head, rows)
     }
 
-    /// Rows with spots of other widths.
     pub(super) fn widths_table(&self) -> String {
         let widths = self.chip_widths();
         let kinds: [fn(&AtWidth) -> &Steps; 2] = [|at| &at.following, |at| &at.first];

@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use figures::axes::{self, Axis, GRID, panel};
+use figures::axes::{self, Axis, panel};
 use plotters::prelude::*;
 
-use super::style::{RIGHT, colour};
+use super::style::{RIGHT, colour, draw_zero};
 use crate::paper::apparatus::{Aperture, TABLE};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
@@ -18,10 +18,8 @@ const PRINTER_PAPER: usize = 3;
 /// Centres that are drawn on the curve.
 const DOTS: usize = 30;
 
-/// Residuals that are drawn.
 const RESIDUALS: usize = 700;
 
-/// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 860)?;
     let (above, below) = root.split_vertically(520);
@@ -62,10 +60,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let x = Axis::linear(range, "centre, px", 10, 0);
     let y = Axis::linear((-450.0, 450.0), "residual, um", 5, 0);
     let mut lower = panel(&below, "", RIGHT, &x, &y)?;
-    lower.draw_series([PathElement::new(
-        vec![(range.0, 0.0), (range.1, 0.0)],
-        GRID.stroke_width(2),
-    )])?;
+    draw_zero(&mut lower, range)?;
     let all = outcome.centres.iter().zip(&judged.errors);
     let points: Vec<(f64, f64)> = all
         .step_by((outcome.centres.len() / RESIDUALS).max(1))

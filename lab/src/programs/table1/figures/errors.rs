@@ -4,11 +4,11 @@
 use std::path::Path;
 
 use calibration::fit::eq1;
-use figures::axes::{self, Area, Axis, GRID, Panel, panel};
+use figures::axes::{self, Area, Axis, Panel, panel};
 use plotters::prelude::*;
 use rayon::prelude::*;
 
-use super::style::{RIGHT, colour};
+use super::style::{RIGHT, colour, draw_zero};
 use crate::paper::apparatus::{Aperture, TABLE};
 use crate::paper::lens_effects::Flare;
 use crate::paper::lens_path::{centre_without_speckle, centroid_without_speckle};
@@ -22,7 +22,6 @@ const BRUSHED_METAL: usize = 0;
 /// Points of a curve: more cannot be told apart.
 const POINTS: usize = 1500;
 
-/// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 1290)?;
     let areas = root.split_evenly((3, 1));
@@ -77,10 +76,7 @@ fn panel_of_errors<'a, 'b>(area: &'b Area<'a>, title: &str) -> anyhow::Result<Pa
     let x = Axis::linear(TABLE, "distance, m", 9, 2);
     let y = Axis::linear((-900.0, 900.0), "error, um", 8, 0);
     let mut panel = panel(area, title, RIGHT, &x, &y)?;
-    panel.draw_series([PathElement::new(
-        vec![(TABLE.0, 0.0), (TABLE.1, 0.0)],
-        GRID.stroke_width(2),
-    )])?;
+    draw_zero(&mut panel, TABLE)?;
     Ok(panel)
 }
 

@@ -1,5 +1,6 @@
 //! The colours of the methods, and the space beside a panel.
 
+use figures::axes::{self, GRID, Panel};
 use figures::dark::BLUE;
 use plotters::prelude::*;
 
@@ -17,4 +18,9 @@ pub fn colour(aperture: Aperture, method: &Method) -> RGBColor {
         (Aperture::Slit, &Method::PAPERS_FRAUNHOFER) => RGBColor(0xc8, 0x3a, 0x6a),
         (Aperture::Slit, _) => BLUE,
     }
+}
+
+/// Draws the line of no error.
+pub fn draw_zero(panel: &mut Panel<'_, '_>, (from, to): (f64, f64)) -> anyhow::Result<()> {
+    axes::draw_line(panel, [(from, 0.0), (to, 0.0)], GRID.stroke_width(2))
 }

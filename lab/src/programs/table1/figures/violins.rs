@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use figures::axes::{self, Area, Axis, GRID, TEXT, TITLE, panel, text};
+use figures::axes::{self, Area, Axis, TEXT, TITLE, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::style::{RIGHT, colour};
+use super::style::{RIGHT, colour, draw_zero};
 use crate::paper::apparatus::Aperture;
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
@@ -19,13 +19,11 @@ const RANGE: f64 = 900.0;
 /// The lower end of the axis: below the errors there is room for figures.
 const LOWEST: f64 = -1100.0;
 
-/// Bins over the range.
 const BINS: usize = 180;
 
 /// Standard deviation of the kernel that smooths the distribution, in bins: 30 um.
 const KERNEL: f64 = 3.0;
 
-/// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let best = report.best;
     let methods = [
@@ -79,10 +77,7 @@ fn draw_material(
     let x = Axis::linear(places, "", 0, 0);
     let y = Axis::linear((LOWEST, RANGE), name, 7, 0);
     let mut panel = panel(area, MATERIALS[material].name, RIGHT, &x, &y)?;
-    panel.draw_series([PathElement::new(
-        vec![(places.0, 0.0), (places.1, 0.0)],
-        GRID.stroke_width(2),
-    )])?;
+    draw_zero(&mut panel, places)?;
     for (place, (aperture, method, _)) in (0..).zip(methods) {
         let place = f64::from(place);
         let judged = report.outcome(material, *aperture).of(method);
