@@ -190,12 +190,7 @@ fn measure(base: &Scene, options: &Options) -> Result<String> {
         progress.inc(options.surfaces);
         rows.push(outcome.row(&kind.name));
         if let Some((spot, patterns)) = kind.theory {
-            beside_theory.push(theory::Kind {
-                name: kind.name.clone(),
-                spot,
-                patterns,
-                rms: outcome.summary.rms,
-            });
+            beside_theory.push((kind.name.clone(), spot, patterns, outcome.summary.rms));
         }
     }
     progress.finish_and_clear();

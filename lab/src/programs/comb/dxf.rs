@@ -150,7 +150,7 @@ mod tests {
         let pairs = lines.as_chunks().0.iter();
         let mut pairs = pairs.map(|[code, value]| (code.trim().parse().expect("a code"), *value));
         assert_eq!(
-            (lines.len() % 2, pairs.clone().last()),
+            (lines.len() % 2, pairs.clone().next_back()),
             (0, Some((0, "EOF")))
         );
         let section = pairs.by_ref().find(|&pair| pair == (2, "ENTITIES"));

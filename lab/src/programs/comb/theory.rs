@@ -72,33 +72,24 @@ pub fn limit(distance: f64, patterns: f64, aperture: f64) -> f64 {
     optics.wavelength / (patterns.sqrt() * 2.0 * PI * half_angle.sin() * theta.sin())
 }
 
-/// A kind of surface at 0.8 m, and what was measured on it.
-#[derive(Clone, Debug)]
-pub struct Kind {
-    pub name: String,
-    /// The spot's diameter.
-    pub spot: f64,
-    /// M.
-    pub patterns: u8,
-    /// The measured RMS error in micrometres.
-    pub rms: f64,
-}
+/// A kind of surface at 0.8 m: its name, the spot's diameter, M, and the measured RMS error in micrometres.
+pub type Kind = (String, f64, u8, f64);
 
 /// Theory and measurement at a distance, for a page.
 pub fn report(distance: f64, kinds: &[Kind]) -> String {
     let width = 1e-6 * f64::from(SLIT_WIDTH_UM);
     let slits = NOMINAL_PLACES_UM.len();
-    let rows = kinds.iter().map(|kind| {
-        let patterns = f64::from(kind.patterns);
+    let rows = kinds.iter().map(|(name, spot, patterns, rms)| {
+        let (spot, patterns) = (*spot, f64::from(*patterns));
         let um = |metres: f64| format!("{:.0}", 1e6 * metres);
         vec![
-            kind.name.clone(),
-            format!("{:.2}", 1e3 * speckle_size(distance, kind.spot)),
-            format!("{:.0}", speckles(distance, kind.spot, span())),
-            um(one_slit(distance, kind.spot, patterns)),
-            um(comb(distance, kind.spot, patterns, slits)),
-            format!("{:.0}", kind.rms),
-            um(filled(distance, kind.spot, patterns, span())),
+            name.clone(),
+            format!("{:.2}", 1e3 * speckle_size(distance, spot)),
+            format!("{:.0}", speckles(distance, spot, span())),
+            um(one_slit(distance, spot, patterns)),
+            um(comb(distance, spot, patterns, slits)),
+            format!("{rms:.0}"),
+            um(filled(distance, spot, patterns, span())),
             um(limit(distance, patterns, span())),
             um(limit(distance, patterns, width)),
         ]

@@ -13,6 +13,7 @@ pub const WIDTHS: [f64; 12] = [
 /// narrower spot is hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
+/// The noise of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Noise {
     /// White, with this ratio of the spot's height to its standard deviation.

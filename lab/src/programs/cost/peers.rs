@@ -237,6 +237,9 @@ mod tests {
     use super::*;
     use gaussian::{Parameters, WINDOW, examples};
 
+    /// Fits in f64.
+    type Fit = fn(&[f64; WINDOW], Parameters) -> Option<Parameters>;
+
     /// An unweighted fit of the reference scene has errors of 1.201 times the bound, from (J^T J)^-1 J^T V J
     /// (J^T J)^-1. The standard error over 1000 rows is 2.2 %. The test allows four of these beyond 1 and
     /// 1.201.
@@ -254,7 +257,7 @@ mod tests {
         }
     }
 
-    const FITS: [(&str, fn(&[f64; WINDOW], Parameters) -> Option<Parameters>); 3] = [
+    const FITS: [(&str, Fit); 3] = [
         ("levenberg-marquardt", levenberg_marquardt::fit),
         ("rmpfit", rmpfit::fit),
         ("varpro", varpro::fit),

@@ -19,9 +19,7 @@ use simulator::scene::comb::Comb;
 use simulator::scene::{Effect, Scene, Simulation};
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
-use slitrange::frame::Mean;
 use slitrange::frame::comb::Slits;
-use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
@@ -37,6 +35,7 @@ pub const ROWS: [u64; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 const MOST_ROWS: u64 = 64;
 
+/// What falls on the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Light {
@@ -137,18 +136,24 @@ fn measure_light(light: Light, readings: u64, chip: &WholeRows) -> Result<Vec<Po
     let cases = estimators
         .iter()
         .flat_map(|&estimator| ROWS.map(|rows| (estimator, rows)));
-    Ok(cases
-        .enumerate()
-        .map(|(i, (estimator, rows))| {
-            let mut point = point(light, estimator, rows, results.iter().map(|found| found[i]));
-            point.bound_micrometres = bound / (rows as f64).sqrt();
-            let computing = light.computing(chip, estimator, rows);
-            point.computing_milliseconds = computing.unwrap_or(f64::NAN);
+    let point = |(i, (estimator, rows)): (usize, (Estimator, u64))| {
+        let found: Vec<Found> = results.iter().filter_map(|found| found[i]).collect();
+        let computing = light.computing(chip, estimator, rows).unwrap_or(f64::NAN);
+        Point {
+            light,
+            estimator,
+            rows,
             // The maximum of a number and NaN is the number.
-            point.milliseconds = point.milliseconds.max(point.computing_milliseconds);
-            point
-        })
-        .collect())
+            milliseconds: (rows as f64 / ROWS_PER_SECOND * 1e3).max(computing),
+            computing_milliseconds: computing,
+            micrometres: rms(found.iter().map(|found| found.error)),
+            bound_micrometres: bound / (rows as f64).sqrt(),
+            u_micrometres: upper_median(found.iter().map(|found| found.u)),
+            r_micrometres: upper_median(found.iter().map(|found| found.r)),
+            faults: readings - found.len() as u64,
+        }
+    };
+    Ok(cases.enumerate().map(point).collect())
 }
 
 /// Standard deviation of the spot's image, as micrometres of distance.
@@ -190,29 +195,6 @@ struct Found {
     r: f64,
 }
 
-/// A point, without its bound and the chip's time.
-fn point(
-    light: Light,
-    estimator: Estimator,
-    rows: u64,
-    readings: impl ExactSizeIterator<Item = Option<Found>>,
-) -> Point {
-    let count = readings.len();
-    let found: Vec<Found> = readings.flatten().collect();
-    Point {
-        light,
-        estimator,
-        rows,
-        milliseconds: rows as f64 / ROWS_PER_SECOND * 1e3,
-        computing_milliseconds: f64::NAN,
-        micrometres: rms(found.iter().map(|found| found.error)),
-        bound_micrometres: f64::NAN,
-        u_micrometres: upper_median(found.iter().map(|found| found.u)),
-        r_micrometres: upper_median(found.iter().map(|found| found.r)),
-        faults: (count - found.len()) as u64,
-    }
-}
-
 /// A reading on a surface of its own, by each estimator at each number of rows: the first ones of the same
 /// 64.
 fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Found>> {
@@ -220,26 +202,22 @@ fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Fou
         seed: scene.seed + reading,
         ..scene.clone()
     });
-    let options = estimators.iter().flat_map(|&estimator| {
-        ROWS.map(|rows| Options {
+    let slits = match scene.comb {
+        Some(_) => Slits::Comb,
+        None => Slits::One,
+    };
+    let measurement = |estimator, rows: u64| {
+        let options = Options {
             rows: rows as u16,
-            mean: Mean::default(),
             estimator,
-            black_level: BlackLevel::Shielded,
-            slits: match scene.comb {
-                Some(_) => Slits::Comb,
-                None => Slits::One,
-            },
+            slits,
             ..Options::default()
-        })
-    });
-    let mut measurements: Vec<(u64, Measurement)> = options
-        .map(|options| {
-            (
-                options.rows.into(),
-                Measurement::new(scene.geometry(), options),
-            )
-        })
+        };
+        (rows, Measurement::new(scene.geometry(), options))
+    };
+    let mut measurements: Vec<(u64, Measurement)> = estimators
+        .iter()
+        .flat_map(|&estimator| ROWS.map(|rows| measurement(estimator, rows)))
         .collect();
     let calibration = Calibration::nominal();
     // The curve is exact here. What it says of the surface is what a calibration on white paper finds.

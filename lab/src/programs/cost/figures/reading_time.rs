@@ -59,6 +59,19 @@ type Time = fn(&Point) -> f64;
 const WITH_SENSOR: Time = |point| point.milliseconds;
 const COMPUTING: Time = |point| point.computing_milliseconds;
 
+const ERROR: fn(&Point) -> f64 = |point| point.micrometres;
+
+/// The places of points that have a time and an error.
+fn line<'a>(
+    points: impl Iterator<Item = &'a Point>,
+    time: Time,
+    error: fn(&Point) -> f64,
+) -> Vec<(f64, f64)> {
+    let places = points.map(|point| (time(point), error(point)));
+    let is_known = |(time, error): &(f64, f64)| time.is_finite() && error.is_finite();
+    places.filter(is_known).collect()
+}
+
 fn draw_panel(
     area: &Area<'_>,
     title: &str,
@@ -72,14 +85,8 @@ fn draw_panel(
             .filter(move |point| point.light == light && point.estimator == estimator)
     };
     let default = Estimator::default();
-    let line = |points: Vec<&Point>, time: Time, error: fn(&Point) -> f64| {
-        let places = points.into_iter().map(|point| (time(point), error(point)));
-        places
-            .filter(|(time, error)| time.is_finite() && error.is_finite())
-            .collect::<Vec<_>>()
-    };
     let bound = |name, time| {
-        let points = of(Light::NoiseAlone, default).collect();
+        let points = of(Light::NoiseAlone, default);
         Curve::bound(name, line(points, time, |point| point.bound_micrometres))
     };
     let mut curves = vec![bound("noise bound", WITH_SENSOR), bound("", COMPUTING)];
@@ -97,9 +104,7 @@ fn draw_panel(
             name: (*name).into(),
             colour: style::BOUND,
             kind: Kind::Measured,
-            points: line(of(*light, default).collect(), WITH_SENSOR, |point| {
-                point.micrometres
-            }),
+            points: line(of(*light, default), WITH_SENSOR, ERROR),
         });
     }
     // The default estimator lies on top.
@@ -108,9 +113,7 @@ fn draw_panel(
     for estimator in estimators {
         let method = Method::Estimator(estimator);
         for (time, kind) in [(COMPUTING, Kind::Hollow), (WITH_SENSOR, Kind::Measured)] {
-            let points = line(of(light, estimator).collect(), time, |point| {
-                point.micrometres
-            });
+            let points = line(of(light, estimator), time, ERROR);
             let curve = Curve::of(method, points.into_iter());
             curves.push(match kind {
                 Kind::Hollow => Curve {
