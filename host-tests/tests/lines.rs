@@ -15,7 +15,6 @@ use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::filters::zero::MasterValue;
 use slitrange_device::protocol::command::{Command, Error, MAX_LINE, parse};
 use slitrange_device::protocol::flat::Flat;
-use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::input::Input;
 use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::protocol::upload::Step;
@@ -25,6 +24,8 @@ use slitrange_device::settings::serial_line::{Format, PixelStream};
 use slitrange_device::settings::{Affects, Form, Setting, Settings, Value};
 use slitrange_device::store::pixel_map::StoredMap;
 use slitrange_device::store::{StoreError, Stored};
+
+use crate::session::samples::HARDWARE;
 
 /// The kinds of lines that are sent.
 const KINDS: [&str; 9] = [
@@ -287,16 +288,8 @@ struct Sensor {
 
 impl Sensor {
     fn new() -> Self {
-        let hardware = Hardware {
-            board: "a board",
-            head: "TCD1304DG",
-            row_us: 5700,
-            longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
-            clock: Clock::External,
-            brown_out: BrownOut::Off,
-        };
         let mut sensor = Self {
-            session: Session::new(hardware, tcd1304dg(), StartCause::PowerOn),
+            session: Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn),
             actions: Actions::default(),
             vitals: Vitals::default(),
             input: Input::new(),

@@ -373,60 +373,13 @@ fn halves(number: u32) -> [u16; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::{Calibration, CalibrationErrors, Measurement, Options, Surface, sensor_heads};
 
     /// The station of the tests.
     const STATION: u8 = 17;
 
-    /// A reading of a row whose spot is on pixel 1800.
-    fn reading() -> Reading {
-        let head = sensor_heads::tcd1304dg();
-        let spot = |i: usize| {
-            let u = (i as f64 - head.light.start as f64 - 1800.0) / 9.0;
-            2000.0 * (-0.5 * u * u).exp() + (i * 7 % 5 / 2) as f64
-        };
-        let mut words: std::vec::Vec<u16> =
-            (0..head.words).map(|i| (3800.0 - spot(i)) as u16).collect();
-        let options = Options {
-            rows: 1,
-            ..Options::default()
-        };
-        let mut measurement = Measurement::new(head, options);
-        let measured = measurement
-            .row(&mut words)
-            .expect("a frame")
-            .expect("a centre");
-        let nominal = Calibration::nominal();
-        let errors = CalibrationErrors::Nominal;
-        measured
-            .reading(nominal.as_ref(), &errors, Surface::Auto)
-            .expect("a distance")
-    }
-
     /// A request with its checksum.
     fn with_checksum(body: &[u8]) -> std::vec::Vec<u8> {
         [body, &checksum(body).to_le_bytes()].concat()
-    }
-
-    /// The answer to a request, without its checksum, which is right.
-    fn ask(body: &[u8], shown: &Shown<'_>) -> (std::vec::Vec<u8>, std::vec::Vec<Value>) {
-        let Answer { bytes, changes, .. } = answer(&with_checksum(body), STATION, shown);
-        let (body, sum) = bytes.split_last_chunk().expect("an answer");
-        assert_eq!(checksum(body).to_le_bytes(), *sum);
-        (body.to_vec(), changes.to_vec())
-    }
-
-    /// The registers that an answer to function 3 or 4 has.
-    fn read(function: u8, first: u8, count: u8, shown: &Shown<'_>) -> std::vec::Vec<u16> {
-        let (body, changes) = ask(&[STATION, function, 0, first, 0, count], shown);
-        assert_eq!(body[..3], [STATION, function, 2 * count]);
-        assert!(changes.is_empty());
-        let (pairs, _) = body[3..].as_chunks();
-        pairs.iter().map(|&pair| u16::from_be_bytes(pair)).collect()
-    }
-
-    fn number(registers: &[u16]) -> i32 {
-        (u32::from(registers[0]) * 0x1_0000 + u32::from(registers[1])).cast_signed()
     }
 
     #[test]
@@ -440,173 +393,16 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_reading_is_in_the_input_registers() {
-        let (reading, settings) = (reading(), Settings::default());
-        let result = Ok(reading);
-        let shown = Shown {
-            inputs: &inputs(Some(&result), 0x0001_0002),
-            ..nothing(&settings)
-        };
-        let registers = read(4, 0, 16, &shown);
-        println!("{reading:?}\n{registers:?}");
-        assert_eq!(registers[..4], [0, 0b0100, 1, 2]);
-        let near = |found: i32, expected: f64| assert!((f64::from(found) - expected).abs() <= 0.5);
-        near(number(&registers[4..]), reading.distance.to_f64() * 10.0);
-        near(number(&registers[6..]), reading.uncertainty.to_f64() * 10.0);
-        near(number(&registers[8..]), reading.parts.noise.to_f64() * 10.0);
-        near(number(&registers[10..]), reading.centre.to_f64() * 1e4);
-        near(registers[12].into(), reading.amplitude.to_f64());
-        assert_eq!(registers[13..], [1, 1, 0]);
-        // A part of them is the same.
-        assert_eq!(read(4, 4, 2, &shown), registers[4..6]);
-        // A distance may be negative, as a difference is.
-        let negative = Ok(Reading {
-            distance: Micrometres::from_int(-1234),
-            ..reading
-        });
-        let shown = Shown {
-            inputs: &inputs(Some(&negative), 0x0001_0002),
-            ..shown
-        };
-        assert_eq!(number(&read(4, 4, 2, &shown)), -12_340);
-    }
-
-    #[test]
-    fn a_fault_has_a_number_and_no_distance() {
-        let settings = Settings::default();
-        let fault = Err(Fault::Saturated { pixels: 12 });
-        for (result, status) in [(Some(&fault), 4), (None, 65535)] {
-            let shown = Shown {
-                inputs: &inputs(result, 7),
-                ..nothing(&settings)
-            };
-            let none = [0x8000, 0];
-            let expected = [[status, 0], [0, 7], none, none, none, none, [0, 0], [0, 0]];
-            assert_eq!(read(4, 0, 16, &shown), expected.concat());
-        }
-    }
-
-    fn nothing(settings: &Settings) -> Shown<'_> {
-        Shown {
-            inputs: &[0; INPUTS],
-            settings,
-            can_save: true,
-        }
-    }
-
-    #[test]
-    fn every_setting_is_read_as_it_was_written() {
-        let mut settings = Settings::default();
-        assert_eq!(
-            read(3, 0, 7, &nothing(&settings)),
-            [16, 0, 5600, 1, 0, 0, 0]
-        );
-        let written = [
-            (0, [1, 64, 33]),
-            (1, [0, 10, 5600]),
-            (2, [10, 5600, 187]),
-            (3, [0, 1, 0]),
-            (4, [3, 2, 0]),
-            (5, [1, 247, 0]),
-        ];
-        for (register, values) in written {
-            for value in values {
-                let [high, low] = u16::to_be_bytes(value);
-                let request = [STATION, 6, 0, register, high, low];
-                let (answer, changes) = ask(&request, &nothing(&settings));
-                assert_eq!(answer, request);
-                for change in changes {
-                    assert_eq!(change.setting(), HOLDINGS[usize::from(register)]);
-                    settings.set(change);
-                }
-                assert_eq!(read(3, register, 1, &nothing(&settings)), [value]);
-            }
-        }
-        let request = [STATION, 16, 0, 0, 0, 3, 6, 0, 4, 0, 187, 0x03, 0xE8];
-        let (answer, changes) = ask(&request, &nothing(&settings));
-        assert_eq!(answer, request[..6]);
-        changes.into_iter().for_each(|change| settings.set(change));
-        assert_eq!(read(3, 0, 4, &nothing(&settings)), [4, 187, 1000, 0]);
-    }
-
-    #[test]
-    fn what_cannot_be_done_is_an_exception_and_changes_nothing() {
-        let settings = Settings::default();
-        let cases: &[(&[u8], u8)] = &[
-            // A function that the sensor does not have.
-            (&[1, 0, 0, 0, 1], 1),
-            (&[43, 14, 1, 0], 1),
-            // Registers that it does not have.
-            (&[3, 0, 7, 0, 1], 2),
-            (&[3, 0, 6, 0, 2], 2),
-            (&[4, 0, 0, 0, 17], 2),
-            (&[4, 0xFF, 0xFF, 0, 1], 2),
-            (&[6, 0, 7, 0, 1], 2),
-            (&[16, 0, 6, 0, 2, 4, 0, 1, 0, 1], 2),
-            // Too few registers, too many, and counts that do not fit what came.
-            (&[4, 0, 0, 0, 0], 3),
-            (&[4, 0, 0, 0, 126], 3),
-            (&[3, 0, 0, 0xFF, 0xFF], 3),
-            (&[3, 0, 0], 3),
-            (&[3], 3),
-            (&[6, 0, 0, 0, 4, 0], 3),
-            (&[16, 0, 0, 0, 0, 0], 3),
-            (&[16, 0, 0, 0, 1, 200, 0, 5], 3),
-            (&[16, 0, 0, 0, 2, 2, 0, 5], 3),
-            (&[16, 0, 0, 0, 1, 3, 0, 5, 0], 3),
-            (&[16, 0, 0, 0, 1], 3),
-            // Values beside the range of their settings.
-            (&[6, 0, 0, 0, 0], 3),
-            (&[6, 0, 0, 0, 65], 3),
-            (&[6, 0, 1, 0, 9], 3),
-            (&[6, 0, 1, 0x15, 0xE1], 3),
-            (&[6, 0, 2, 0, 0], 3),
-            (&[6, 0, 3, 0, 2], 3),
-            (&[6, 0, 4, 0, 4], 3),
-            (&[6, 0, 5, 0, 248], 3),
-            (&[6, 0, 6, 0, 2], 3),
-            // A save that would be refused changes no setting either.
-            (&[16, 0, 5, 0, 2, 4, 0, 1, 0, 1], 4),
-            // The second value is wrong, so the first one is not set either.
-            (&[16, 0, 0, 0, 2, 4, 0, 8, 0, 9], 3),
-        ];
-        for &(data, exception) in cases {
-            let shown = Shown {
-                can_save: false,
-                ..nothing(&settings)
-            };
-            let (answer, changes) = ask(&[&[STATION], data].concat(), &shown);
-            let expected = [STATION, data[0] | 0x80, exception];
-            assert_eq!(answer, expected, "{data:?}");
-            assert!(changes.is_empty(), "{data:?}");
-        }
-    }
-
-    #[test]
-    fn a_register_saves() {
-        let settings = Settings::default();
-        for (value, save) in [(0, false), (1, true)] {
-            let request = with_checksum(&[STATION, 6, 0, 6, 0, value]);
-            let answer = answer(&request, STATION, &nothing(&settings));
-            assert_eq!(answer.bytes[..], request);
-            assert_eq!((answer.save, answer.changes.len()), (save, 0));
-        }
-    }
-
-    #[test]
-    fn a_request_to_all_stations_has_no_answer() {
-        let settings = Settings::default();
-        let request = with_checksum(&[0, 6, 0, 0, 0, 4]);
-        let Answer { bytes, changes, .. } = answer(&request, STATION, &nothing(&settings));
-        assert_eq!((bytes.len(), &changes[..]), (0, &[Value::Rows(4)][..]));
-    }
-
-    /// Each bit of a request wrong, each beginning of it alone, and 100,000 random requests.
+    /// Each bit of a request wrong, each beginning of it alone, and 100,000 random requests. Scripts in
+    /// host-tests/tests/session have the registers and the exceptions.
     #[test]
     fn what_is_no_request_has_no_answer_and_changes_nothing() {
         let settings = Settings::default();
-        let shown = nothing(&settings);
+        let shown = Shown {
+            inputs: &[0; INPUTS],
+            settings: &settings,
+            can_save: true,
+        };
         let request = with_checksum(&[STATION, 6, 0, 0, 0, 4]);
         assert_eq!(answer(&request, STATION, &shown).changes.len(), 1);
         let none = Answer::default();

@@ -232,49 +232,30 @@ impl core::error::Error for ConfigurationError {}
 mod tests {
     use super::*;
 
-    fn encoded(settings: Settings) -> std::vec::Vec<u8> {
-        let mut buffer = [0; MAX_ENCODED];
-        let configuration = Configuration {
-            settings,
-            record: None,
-        };
-        encode(&configuration.as_ref(), &mut buffer)
-            .expect("room")
-            .to_vec()
-    }
-
     #[test]
     fn flash_holds_the_lines_that_a_person_would_type() {
-        let bytes = encoded(Settings::default());
-        let [version, low, high, lines @ ..] = &bytes[..] else {
-            panic!("{bytes:?}");
+        let written = Configuration {
+            settings: Settings::default(),
+            record: None,
         };
-        assert_eq!(*version, VERSION);
+        let mut buffer = [0; MAX_ENCODED];
+        let [VERSION, low, high, lines @ ..] = encode(&written.as_ref(), &mut buffer).expect("room") else {
+            panic!("another version");
+        };
         assert_eq!(usize::from(u16::from_le_bytes([*low, *high])), lines.len());
         let lines = std::str::from_utf8(lines).expect("text");
         for line in [
-            "rows 16\n",
-            "mean weighted\n",
-            "black shielded\n",
-            "estimator adaptive\n",
+            "rows 16",
+            "mean weighted",
+            "black shielded",
+            "estimator adaptive",
         ] {
-            assert!(lines.contains(line), "{lines}");
+            assert!(lines.lines().any(|it| it == line), "{lines}");
         }
-        assert!(!lines.contains("stream"), "{lines}");
-    }
-
-    #[test]
-    fn settings_come_back_but_for_those_of_the_session() {
-        for value in crate::settings::tests::values() {
-            let mut settings = Settings::default();
-            settings.set(value);
-            let found = decode(&encoded(settings)).expect("settings").settings;
-            let expected = match value.is_saved() {
-                true => settings,
-                false => Settings::default(),
-            };
-            assert_eq!(found, expected);
-        }
+        assert!(
+            !lines.contains("stream") && lines.ends_with('\n'),
+            "{lines}"
+        );
     }
 
     #[test]

@@ -1,0 +1,244 @@
+//! Frames, faults, rows and records by the words of a script.
+
+use judges::frames::at_centre;
+use slitrange::base::exposure::Exposure;
+use slitrange::base::fault::Fault;
+use slitrange::base::places::PLACES;
+use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels};
+use slitrange::centre::Estimator;
+use slitrange::centre::spot_shape::COMPONENTS;
+use slitrange::check::own_spot::Profile;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::NOMINAL;
+use slitrange::distance::knots::Knot;
+use slitrange::distance::residuals::Corrected;
+use slitrange::distance::table::Table;
+use slitrange::frame::comb::{Comb, Combined, MAX_SLITS, SlitCentre, SlitMap};
+use slitrange::light::black_level::BlackLevel;
+use slitrange::reading::Measured;
+use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
+use slitrange::row::Polarity;
+use slitrange::row::front_end::{Estimate, FrontEnd};
+use slitrange::row::pixels::PixelErrors;
+use slitrange::row::pixels::map::MapSummary;
+use slitrange::row::sensor_heads::tcd1304dg;
+use slitrange::{Measurement, Options};
+use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
+use slitrange_device::protocol::selftest::RowTest;
+use slitrange_device::record::Record;
+use slitrange_device::record::date::Date;
+use slitrange_device::record::encoded::EncodedRecord;
+
+/// What the sensors of the tests run on.
+pub const HARDWARE: Hardware = Hardware {
+    board: "a board",
+    head: "TCD1304DG",
+    row_us: 5700,
+    longest_exposure: Exposure::LONGEST,
+    clock: Clock::External,
+    brown_out: BrownOut::Off,
+};
+
+fn number<T: std::str::FromStr>(word: &str) -> T {
+    word.parse()
+        .ok()
+        .unwrap_or_else(|| panic!("no number: {word}"))
+}
+
+/// A frame whose spot is at a centre in pixels, and what else is particular: `1800 us 187 u 0.2`.
+pub fn frame(words: &[&str]) -> Measured {
+    let exact = at_centre(number(words[0]));
+    let mut measured = Measured {
+        pixels: PixelErrors::TCD1304DG,
+        ..exact
+    };
+    let frame = &mut measured.frame;
+    frame.uncertainty = Pixels::from_f32(0.002);
+    frame.amplitude = Counts::from_int(1993);
+    let (parts, _) = words[1..].as_chunks();
+    for &[name, value] in parts {
+        match name {
+            "us" => frame.exposure = Exposure::from_us(number(value)),
+            "misfits" => frame.misfits = number(value),
+            "correlated" => frame.correlated = Some(number(value)),
+            "u" => frame.uncertainty = Pixels::from_f32(number(value)),
+            "used" => frame.rows_used = number(value),
+            "width" => frame.shape.width = Pixels::from_f32(number(value)),
+            "components" => {
+                let components = [1.0, -31.0, 123.0, 0.0, -125_000.0];
+                let scale: f32 = number(value);
+                frame.shape.components = components.map(|it| Pixels::from_f32(it * scale));
+            }
+            "map" => measured.pixels = map_summary().errors,
+            // The last slit has no image, the one before it too few rows.
+            "slits" => {
+                let slits: usize = number(value);
+                let image = |i| SlitCentre {
+                    centre: Pixels::from_f32(912.125 + 100.0 * i as f32),
+                    height: 1830,
+                    rows: (if i + 1 < slits { 8 } else { 7 })
+                        .try_into()
+                        .expect("rows"),
+                };
+                let centres: [_; MAX_SLITS] =
+                    std::array::from_fn(|i| (i < slits).then(|| image(i)));
+                measured.comb = Some(Combined {
+                    shift: Pixels::default(),
+                    surface: Pixels::from_f32(0.5),
+                    used: slits as u8,
+                    centres,
+                });
+            }
+            other => panic!("no part of a frame: {other}"),
+        }
+    }
+    measured
+}
+
+pub fn fault(words: &[&str]) -> Fault {
+    match words {
+        ["too", "dim"] => Fault::TooDim {
+            amplitude: Counts::from_int(35),
+            needed: Counts::from_int(60),
+        },
+        ["two", "spots"] => Fault::TwoSpots {
+            centre: Pixels::from_f32(1200.25),
+            other: Pixels::from_f32(1810.5),
+        },
+        ["few", "slits"] => Fault::FewSlits {
+            found: 3,
+            needed: 4,
+        },
+        ["unclear", "slits"] => Fault::SlitsUnclear {
+            images: 6,
+            other: 5,
+        },
+        ["saturated"] => Fault::Saturated { pixels: 12 },
+        other => panic!("no fault: {other:?}"),
+    }
+}
+
+/// What a map says of a sensor.
+pub fn map_summary() -> MapSummary {
+    MapSummary {
+        errors: PixelErrors {
+            response_q16: 34,
+            offset: Counts::from_bits(66),
+        },
+        pattern: Counts::from_int(5),
+        outside: 2,
+    }
+}
+
+/// A test of a row whose shielded pixels alternate between two counts, with a spot of a height: `299 301 2000`.
+/// None if the sensor is silent.
+pub fn row_test(words: &[&str]) -> Option<RowTest> {
+    let &[dark, bright, spot] = words else {
+        return None;
+    };
+    let (dark, spot): ([u16; 2], f64) = ([dark, bright].map(number), number(spot));
+    let geometry = tcd1304dg();
+    let word = |i: usize| {
+        let u = (i as f64 - geometry.light.start as f64 - 1800.0) / 9.0;
+        4095 - dark[i % 2] - (spot * (-0.5 * u * u).exp()) as u16
+    };
+    let mut words: Vec<u16> = (0..geometry.words).map(word).collect();
+    let options = Options {
+        rows: 1,
+        ..Options::default()
+    };
+    let measured = Measurement::new(tcd1304dg(), options).row(&mut words);
+    RowTest::of(
+        &geometry.row(&words).expect("a row"),
+        &measured.expect("a frame"),
+    )
+}
+
+/// A record of the nominal calibration, with what the words name.
+pub fn record(words: &[&str]) -> EncodedRecord {
+    let mut record = Record::nominal().expect("a record");
+    let knots = [(1200, 1_000_000), (2000, 700_000), (2600, 555_000)];
+    let knots = knots.map(|(centre, um)| Knot {
+        centre: Pixels::from_int(centre),
+        value: Micrometres::from_int(um),
+    });
+    for word in words {
+        match *word {
+            "nominal" => {}
+            "own" => {
+                record.serial_number = 42;
+                record.date = Date::new(2026, 11, 21).expect("a day");
+                record.black_level = BlackLevel::Frame;
+            }
+            "fixed" => record.black_level = BlackLevel::Fixed(Counts::from_int(4095)),
+            "gauss-newton" => record.estimator = Estimator::GaussNewton,
+            "rising" => record.geometry.polarity = Polarity::Rising,
+            "unfitted" => record.errors = CalibrationErrors::Unknown,
+            "fitted" => {
+                let rising: [_; PLACES] =
+                    std::array::from_fn(|i| Micrometres::from_int(10 + i as i32));
+                record.errors = CalibrationErrors::Fitted(FittedErrors {
+                    curve: rising,
+                    surface: Some(FittedSurface {
+                        deviation: rising.map(|um| Micrometres::from_bits(20 * um.to_bits())),
+                        height: [Counts::from_int(1000); PLACES],
+                    }),
+                });
+            }
+            "table" => {
+                record.calibration = Calibration::Table(Table::new(&knots).expect("a table"));
+            }
+            "residuals" => {
+                let residuals = knots.map(|knot| Knot {
+                    value: Micrometres::from_int(100),
+                    ..knot
+                });
+                let curve = NOMINAL.expect("a curve");
+                let corrected = Corrected::new(curve, &residuals).expect("usable");
+                record.calibration = Calibration::Corrected(corrected);
+            }
+            "spot" => {
+                record.profile = Some(Profile {
+                    first: Pixels::from_int(1000),
+                    last: Pixels::from_int(2600),
+                    width: [Pixels::from_int(8); PLACES],
+                    width_deviation: Pixels::from_f32(0.01),
+                    components: [[Pixels::from_f32(0.125); PLACES]; COMPONENTS],
+                    deviation: Pixels::from_f32(0.001),
+                });
+            }
+            "comb" => {
+                let slit = |place| SlitMap::nominal(place).corrected([Pixels::from_f32(0.5); 4]);
+                let slits = [-3000, -1000, 100, 1500, 2600].map(slit);
+                record.comb = Some(Comb::new(&slits).expect("ascending"));
+            }
+            "front-end" => record.front_end = Some(front_end(5.25)),
+            "dim" => {
+                record.front_end = Some(FrontEnd {
+                    saturation: None,
+                    ..front_end(5.25)
+                });
+            }
+            noise => record.front_end = Some(front_end(number(noise))),
+        }
+    }
+    EncodedRecord::new(record).expect("a record")
+}
+
+/// A front end that differs from the one that the driver assumes.
+fn front_end(noise: f32) -> FrontEnd {
+    let counts = |value, u| Estimate {
+        value: Counts::from_f32(value),
+        u: Counts::from_f32(u),
+    };
+    FrontEnd {
+        polarity: Polarity::Rising,
+        gain: Estimate {
+            value: Electrons::from_f32(8.125),
+            u: Electrons::from_f32(0.06),
+        },
+        read_noise: counts(noise, 0.0625),
+        saturation: Some(counts(2700.5, 0.25)),
+        black_level: counts(320.0, 0.125),
+    }
+}
