@@ -267,11 +267,13 @@ struct Fields {
     shot_variance_per_count_q16: u16,
     /// The estimator's letter.
     estimator: u8,
-    black_level: BlackLevelFields,
+    #[serde(with = "BlackLevelFields")]
+    black_level: BlackLevel,
     calibration: CalibrationFields,
 }
 
 #[derive(Serialize, Deserialize)]
+#[serde(remote = "BlackLevel")]
 enum BlackLevelFields {
     Fixed(Counts),
     Shielded,
@@ -319,11 +321,7 @@ impl Fields {
             shot_variance_per_count_q16: geometry.shot_variance_per_count_q16,
             // An ASCII letter.
             estimator: record.estimator.letter() as u8,
-            black_level: match record.black_level {
-                BlackLevel::Fixed(level) => BlackLevelFields::Fixed(level),
-                BlackLevel::Shielded => BlackLevelFields::Shielded,
-                BlackLevel::Frame => BlackLevelFields::Frame,
-            },
+            black_level: record.black_level,
             calibration: match &record.calibration {
                 Calibration::Eq1(curve) => CalibrationFields::Eq1(Eq1Fields::of(curve)),
                 Calibration::Table(table) => {
@@ -370,11 +368,7 @@ impl Fields {
                 saturation: LARGEST_COUNT,
             },
             estimator,
-            black_level: match self.black_level {
-                BlackLevelFields::Fixed(level) => BlackLevel::Fixed(level),
-                BlackLevelFields::Shielded => BlackLevel::Shielded,
-                BlackLevelFields::Frame => BlackLevel::Frame,
-            },
+            black_level: self.black_level,
             calibration: self.calibration.calibration()?,
             errors: after.errors,
             profile: after.profile,

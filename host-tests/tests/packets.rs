@@ -18,51 +18,31 @@ use slitrange_device::protocol::packet::{
     Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,
 };
 
-/// What a test compares: a packet that owns its text.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Owned {
-    Text(Vec<u8>),
-    Result(FrameResult),
-    Window(u32, u16, Vec<u8>),
-    Row(RowHead),
-    Words(u32, u16, Vec<u8>),
-}
-
-impl Owned {
-    fn message(&self) -> Message<'_> {
-        match self {
-            Self::Text(text) => Message::Text(text),
-            Self::Result(result) => Message::Result(*result),
-            &Self::Window(counter, first, ref counts) => Message::Window {
-                counter,
-                first,
-                counts,
-            },
-            Self::Row(head) => Message::Row(*head),
-            &Self::Words(number, first, ref words) => Message::Words {
-                number,
-                first,
-                words,
-            },
-        }
-    }
-
-    fn of(message: Message<'_>) -> Self {
-        match message {
-            Message::Text(text) => Self::Text(text.to_vec()),
-            Message::Result(result) => Self::Result(result),
-            Message::Window {
-                counter,
-                first,
-                counts,
-            } => Self::Window(counter, first, counts.to_vec()),
-            Message::Row(head) => Self::Row(head),
-            Message::Words {
-                number,
-                first,
-                words,
-            } => Self::Words(number, first, words.to_vec()),
-        }
+/// The same message beyond the life of its packet. The bytes are never freed: they are a few megabytes.
+fn owned(message: Message<'_>) -> Message<'static> {
+    let owned = |bytes: &[u8]| &*bytes.to_vec().leak();
+    match message {
+        Message::Text(text) => Message::Text(owned(text)),
+        Message::Result(result) => Message::Result(result),
+        Message::Row(head) => Message::Row(head),
+        Message::Window {
+            counter,
+            first,
+            counts,
+        } => Message::Window {
+            counter,
+            first,
+            counts: owned(counts),
+        },
+        Message::Words {
+            number,
+            first,
+            words,
+        } => Message::Words {
+            number,
+            first,
+            words: owned(words),
+        },
     }
 }
 
@@ -201,26 +181,36 @@ fn frame_of(bits: [i32; 17], counts: [u16; 5], rows_of_comb: Option<u16>) -> Mea
     }
 }
 
-fn packed() -> impl Strategy<Value = Vec<u8>> {
-    prop::collection::vec(0..=4095u16, 0..=COUNTS_A_PACKET)
-        .prop_map(|counts| Packed::new(counts.into_iter()).bytes().to_vec())
-}
-
-fn message() -> impl Strategy<Value = Owned> {
+fn message() -> impl Strategy<Value = Message<'static>> {
     let result = prop_oneof![reading().prop_map(Ok), fault().prop_map(Err)];
+    let text = |bytes: Vec<u8>| Message::Text(bytes.leak());
+    let packed = || {
+        let counts = prop::collection::vec(0..=4095u16, 0..=COUNTS_A_PACKET);
+        counts.prop_map(|it| &*Packed::new(it.into_iter()).bytes().to_vec().leak())
+    };
     prop_oneof![
         // Runs without a zero, and runs of zeros.
-        prop::collection::vec(any::<u8>(), 0..=TEXT_PART).prop_map(Owned::Text),
-        prop::collection::vec(1..=255u8, 0..=TEXT_PART).prop_map(Owned::Text),
-        prop::collection::vec(0..=1u8, 0..=TEXT_PART).prop_map(Owned::Text),
-        row_head().prop_map(Owned::Row),
-        (any::<(u32, u16)>(), packed())
-            .prop_map(|((counter, first), counts)| { Owned::Window(counter, first, counts) }),
-        (any::<(u32, u16)>(), packed())
-            .prop_map(|((number, first), words)| { Owned::Words(number, first, words) }),
+        prop::collection::vec(any::<u8>(), 0..=TEXT_PART).prop_map(text),
+        prop::collection::vec(1..=255u8, 0..=TEXT_PART).prop_map(text),
+        prop::collection::vec(0..=1u8, 0..=TEXT_PART).prop_map(text),
+        row_head().prop_map(Message::Row),
+        (any::<u32>(), any::<u16>(), packed()).prop_map(|(counter, first, counts)| {
+            Message::Window {
+                counter,
+                first,
+                counts,
+            }
+        }),
+        (any::<u32>(), any::<u16>(), packed()).prop_map(|(number, first, words)| {
+            Message::Words {
+                number,
+                first,
+                words,
+            }
+        }),
         (result, any::<(u32, u64, bool)>()).prop_map(
             |(result, (counter, time_us, is_difference))| {
-                Owned::Result(FrameResult {
+                Message::Result(FrameResult {
                     counter,
                     time_us,
                     is_difference,
@@ -232,11 +222,11 @@ fn message() -> impl Strategy<Value = Owned> {
 }
 
 /// The bytes of some messages, and where each packet begins.
-fn written(messages: &[Owned]) -> (Vec<u8>, Vec<usize>) {
+fn written(messages: &[Message<'_>]) -> (Vec<u8>, Vec<usize>) {
     let (mut packets, mut bytes, mut starts) = (Packets::default(), vec![], vec![]);
     for message in messages {
         starts.push(bytes.len());
-        let packet = packets.encode(message.message());
+        let packet = packets.encode(*message);
         assert!((8..=MAX_PACKET).contains(&packet.len()), "{}", packet.len());
         assert_eq!((packet[0], packet[packet.len() - 1]), (0, 0));
         assert!(packet[1..packet.len() - 1].iter().all(|&byte| byte != 0));
@@ -246,11 +236,11 @@ fn written(messages: &[Owned]) -> (Vec<u8>, Vec<usize>) {
 }
 
 /// What a reader makes of bytes: the packets with their numbers, and the errors.
-fn read(bytes: &[u8]) -> (Vec<(u16, Owned)>, Vec<PacketError>) {
+fn read(bytes: &[u8]) -> (Vec<(u16, Message<'static>)>, Vec<PacketError>) {
     let (mut decoder, mut packets, mut errors) = (Decoder::new(), vec![], vec![]);
     for &byte in bytes {
         match decoder.take(byte) {
-            Some(Ok(Packet { sequence, message })) => packets.push((sequence, Owned::of(message))),
+            Some(Ok(Packet { sequence, message })) => packets.push((sequence, owned(message))),
             Some(Err(error)) => errors.push(error),
             None => {}
         }
@@ -258,8 +248,8 @@ fn read(bytes: &[u8]) -> (Vec<(u16, Owned)>, Vec<PacketError>) {
     (packets, errors)
 }
 
-fn numbered(messages: &[Owned]) -> Vec<(u16, Owned)> {
-    (0..).zip(messages.iter().cloned()).collect()
+fn numbered(messages: &[Message<'static>]) -> Vec<(u16, Message<'static>)> {
+    (0..).zip(messages.iter().copied()).collect()
 }
 
 /// What noise does to bytes.
@@ -419,7 +409,7 @@ fn example() -> FrameResult {
 /// one of three packets.
 #[test]
 fn short_bursts_are_found_and_cost_one_packet() {
-    let messages = vec![Owned::Result(example()); 3];
+    let messages = vec![Message::Result(example()); 3];
     let (bytes, starts) = written(&messages);
     let sent = numbered(&messages);
     let bits = starts[1] * 8..starts[2] * 8;
@@ -432,7 +422,7 @@ fn short_bursts_are_found_and_cost_one_packet() {
                 damaged[second / 8] ^= 1 << (second % 8);
             }
             let (packets, _) = read(&damaged);
-            let others = [sent[0].clone(), sent[2].clone()];
+            let others = [sent[0], sent[2]];
             // A flip in the zeros may leave all three.
             assert!(
                 packets == others || packets == sent,

@@ -170,7 +170,7 @@ impl Sensor {
             result.map(packet),
             apply.as_ref().map(applied),
             save.then(|| "save".to_owned()),
-            row.map(|part| part.to_string()),
+            row.map(|part| Command::Row(part).to_string()),
             flat.map(|job| format!("{job:?}")),
             test.then(|| "test".to_owned()),
             trigger.then(|| "trigger".to_owned()),
@@ -219,7 +219,7 @@ impl Sensor {
     /// Sends a record as `slitrange calibrate write` does, and reads it back.
     fn upload(&mut self, record: &EncodedRecord) {
         let (bytes, log) = (record.bytes(), self.log.clone());
-        self.ask(&Step::Begin(bytes.len() as u16).to_string());
+        self.ask(&format!("calibration begin {}", bytes.len()));
         for offset in (0..bytes.len()).step_by(PIECE) {
             let piece = Piece::of(bytes, offset as u16).expect("a piece");
             let line = Command::Upload(Step::Piece(piece)).to_string();

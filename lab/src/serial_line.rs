@@ -8,7 +8,7 @@ use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
 use slitrange_device::protocol::advice::advice;
-use slitrange_device::protocol::help::{AFTER_SETTINGS, BEFORE_SETTINGS, purpose};
+use slitrange_device::protocol::help::{self, purpose};
 use slitrange_device::protocol::line::FaultLine;
 use slitrange_device::settings::{Affects, Setting, Settings};
 use std::fmt::Write as _;
@@ -101,7 +101,7 @@ fn found_and_expected() -> anyhow::Result<[(&'static str, String, String); 2]> {
 
 pub fn reference() -> String {
     let mut text = String::from("| command | what it does |\n|---|---|\n");
-    for (typed, help) in BEFORE_SETTINGS.iter().chain(&AFTER_SETTINGS) {
+    for (typed, help) in help::commands() {
         row(&mut text, &[typed, help]);
     }
     text.push_str(

@@ -28,24 +28,18 @@ impl Hold {
     /// Takes a result. Instead of a fault it returns the last reading, for at most so many results in
     /// succession.
     pub fn take(&mut self, most: u16, result: Result<Reading, Fault>) -> Result<Held, Fault> {
-        self.last = match (result, self.last) {
-            (Ok(reading), _) => Some(Held {
+        let held = match (result, self.last) {
+            (Ok(reading), _) => Ok(Held {
                 reading,
                 results: 0,
             }),
-            (Err(_), Some(held)) if held.results < most => Some(Held {
+            (Err(_), Some(held)) if held.results < most => Ok(Held {
                 results: held.results.saturating_add(1),
                 ..held
             }),
-            (Err(_), _) => None,
+            (Err(fault), _) => Err(fault),
         };
-        match (self.last, result) {
-            (Some(held), _) => Ok(held),
-            (None, Ok(reading)) => Ok(Held {
-                reading,
-                results: 0,
-            }),
-            (None, Err(fault)) => Err(fault),
-        }
+        self.last = held.ok();
+        held
     }
 }

@@ -14,6 +14,7 @@ use super::upload::Step;
 use crate::filters::zero::MasterValue;
 use crate::record::MAX_ENCODED;
 use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
+use slitrange::row::pixels::flat_field::Kind;
 
 /// The longest line that is read, in bytes, without its end.
 pub const MAX_LINE: usize = 80;
@@ -175,11 +176,42 @@ impl fmt::Display for Error {
 
 impl core::error::Error for Error {}
 
-const HELP: &str = "help [estimator]";
-const ZERO: &str = "zero [off]";
-const MASTER: &str = "master [VALUE], with four decimals at most";
-const SAVE: &str = "save [nominal]";
-const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
+/// The commands without numbers, and the line of each.
+const WITHOUT_NUMBERS: [(&str, Command); 33] = [
+    ("help", Command::Help),
+    ("?", Command::Help),
+    ("help estimator", Command::HelpEstimator),
+    ("info", Command::Info),
+    ("status", Command::Status),
+    ("errors", Command::Errors),
+    ("uptime", Command::Uptime),
+    ("reset", Command::Reset),
+    ("selftest", Command::Selftest),
+    ("distance", Command::Distance),
+    ("measure", Command::Measure),
+    ("centre", Command::Centre),
+    ("uncertainty", Command::Uncertainty),
+    ("row", Command::Row(RowPart::Whole)),
+    ("row window", Command::Row(RowPart::Window)),
+    ("zero", Command::Zero(true)),
+    ("zero off", Command::Zero(false)),
+    ("master", Command::Master(None)),
+    ("calibration", Command::Calibration(None)),
+    ("calibration on", Command::Calibration(Some(true))),
+    ("calibration off", Command::Calibration(Some(false))),
+    ("calibration commit", Command::Upload(Step::Commit)),
+    ("calibration abort", Command::Upload(Step::Abort)),
+    ("save", Command::Save),
+    ("save nominal", Command::SaveNominal),
+    ("defaults", Command::Defaults),
+    ("flat", Command::Flat(Flat::Show)),
+    ("flat dark", Command::Flat(Flat::Take(Kind::Dark))),
+    ("flat lit", Command::Flat(Flat::Take(Kind::Lit))),
+    ("flat save", Command::Flat(Flat::Save)),
+    ("flat on", Command::Flat(Flat::Use(true))),
+    ("flat off", Command::Flat(Flat::Use(false))),
+    ("flat none", Command::Flat(Flat::Erase)),
+];
 
 /// Reads a line (without its end).
 ///
@@ -211,63 +243,31 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
             },
         };
     }
+    let mut known = WITHOUT_NUMBERS.iter();
+    if let Some(&(_, command)) = known.find(|(line, _)| line.split(' ').eq(words.iter().copied())) {
+        return Ok(command);
+    }
     match name {
-        "help" | "?" => match values {
-            [] => Ok(Command::Help),
-            ["estimator"] => Ok(Command::HelpEstimator),
-            _ => Err(Error::Form(HELP)),
-        },
-        "info" => expect_no_value(values, Command::Info, "info"),
-        "status" => expect_no_value(values, Command::Status, "status"),
-        "errors" => expect_no_value(values, Command::Errors, "errors"),
-        "uptime" => expect_no_value(values, Command::Uptime, "uptime"),
-        "selftest" => expect_no_value(values, Command::Selftest, "selftest"),
-        "reset" => expect_no_value(values, Command::Reset, "reset"),
-        "distance" => expect_no_value(values, Command::Distance, "distance"),
-        "measure" => expect_no_value(values, Command::Measure, "measure"),
-        "centre" => expect_no_value(values, Command::Centre, "centre"),
         "row" => match RowPart::parse(values) {
             Ok(part) => Ok(Command::Row(part)),
             Err(error) => Err(Error::Row(error)),
         },
-        "zero" => match values {
-            [] => Ok(Command::Zero(true)),
-            ["off"] => Ok(Command::Zero(false)),
-            _ => Err(Error::Form(ZERO)),
+        "master" => match values {
+            [value] if let Some(value) = MasterValue::read(value) => {
+                Ok(Command::Master(Some(value)))
+            }
+            _ => Err(Error::Form("master [VALUE], with four decimals at most")),
         },
-        "master" => match *values {
-            [] => Ok(Command::Master(None)),
-            [value] => match MasterValue::read(value) {
-                Some(value) => Ok(Command::Master(Some(value))),
-                None => Err(Error::Form(MASTER)),
-            },
-            _ => Err(Error::Form(MASTER)),
-        },
-        "uncertainty" => expect_no_value(values, Command::Uncertainty, "uncertainty"),
-        "save" => match values {
-            [] => Ok(Command::Save),
-            ["nominal"] => Ok(Command::SaveNominal),
-            _ => Err(Error::Form(SAVE)),
-        },
-        "defaults" => expect_no_value(values, Command::Defaults, "defaults"),
         "calibration" => calibration(values),
-        "flat" => match Flat::parse(values) {
-            Some(flat) => Ok(Command::Flat(flat)),
-            None => Err(Error::Form(Flat::FORM)),
+        "help" | "?" => Err(Error::Form("help [estimator]")),
+        "zero" => Err(Error::Form("zero [off]")),
+        "save" => Err(Error::Form("save [nominal]")),
+        "flat" => Err(Error::Form("flat [dark|lit|save|on|off|none]")),
+        name => match WITHOUT_NUMBERS.iter().find(|&&(line, _)| line == name) {
+            // A value is too many.
+            Some((line, _)) => Err(Error::Form(line)),
+            None => Err(Error::Unknown(nearest(name, help::names()))),
         },
-        name => Err(Error::Unknown(nearest(name, help::names()))),
-    }
-}
-
-/// Returns a command that takes no value, or an error if values follow it.
-fn expect_no_value(
-    values: &[&str],
-    command: Command,
-    form: &'static str,
-) -> Result<Command, Error> {
-    match values {
-        [] => Ok(command),
-        _ => Err(Error::Form(form)),
     }
 }
 
@@ -275,11 +275,6 @@ fn calibration(values: &[&str]) -> Result<Command, Error> {
     #[expect(clippy::cast_possible_truncation, reason = "far below 2^32")]
     const MOST: u32 = MAX_ENCODED as u32;
     match *values {
-        [] => Ok(Command::Calibration(None)),
-        ["on"] => Ok(Command::Calibration(Some(true))),
-        ["off"] => Ok(Command::Calibration(Some(false))),
-        ["commit"] => Ok(Command::Upload(Step::Commit)),
-        ["abort"] => Ok(Command::Upload(Step::Abort)),
         ["begin", bytes] => match read_number(bytes, 1, MOST) {
             Ok(bytes) => Ok(Command::Upload(Step::Begin(bytes))),
             Err(error) => Err(Error::Record(RecordForm::Begin, error)),
@@ -297,7 +292,7 @@ fn calibration(values: &[&str]) -> Result<Command, Error> {
             }
         },
         ["data", ..] => Err(Error::Record(RecordForm::Data, ValueError::Form)),
-        _ => Err(Error::Form(CALIBRATION)),
+        _ => Err(Error::Form("calibration on|off|begin|data|commit|abort")),
     }
 }
 
@@ -306,34 +301,17 @@ impl fmt::Display for Command {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Nothing => Ok(()),
-            Self::Help => f.write_str("help"),
-            Self::HelpEstimator => f.write_str("help estimator"),
-            Self::Info => f.write_str("info"),
-            Self::Status => f.write_str("status"),
-            Self::Errors => f.write_str("errors"),
-            Self::Uptime => f.write_str("uptime"),
-            Self::Selftest => f.write_str("selftest"),
-            Self::Reset => f.write_str("reset"),
-            Self::Distance => f.write_str("distance"),
-            Self::Measure => f.write_str("measure"),
-            Self::Centre => f.write_str("centre"),
-            Self::Uncertainty => f.write_str("uncertainty"),
-            Self::Row(part) => part.fmt(f),
-            Self::Zero(true) => f.write_str("zero"),
-            Self::Zero(false) => f.write_str("zero off"),
-            Self::Master(None) => f.write_str("master"),
+            Self::Row(RowPart::Range { first, last }) => write!(f, "row {first} {last}"),
             Self::Master(Some(value)) => write!(f, "master {value}"),
             Self::Show(setting) => f.write_str(setting.name()),
             Self::Set(value) => value.fmt(f),
-            Self::Calibration(None) => f.write_str("calibration"),
-            Self::Calibration(Some(true)) => f.write_str("calibration on"),
-            Self::Calibration(Some(false)) => f.write_str("calibration off"),
             Self::Data(offset) => write!(f, "calibration data {offset}"),
-            Self::Upload(step) => step.fmt(f),
-            Self::Save => f.write_str("save"),
-            Self::SaveNominal => f.write_str("save nominal"),
-            Self::Defaults => f.write_str("defaults"),
-            Self::Flat(flat) => flat.fmt(f),
+            Self::Upload(Step::Begin(bytes)) => write!(f, "calibration begin {bytes}"),
+            Self::Upload(Step::Piece(piece)) => piece.fmt(f),
+            command => {
+                let line = WITHOUT_NUMBERS.iter().find(|(_, known)| known == command);
+                f.write_str(line.map_or("", |(line, _)| line))
+            }
         }
     }
 }

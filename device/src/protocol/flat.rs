@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::protocol::command::Command;
 use crate::store::encoded_map::VERSION;
 use crate::store::pixel_map::StoredMap;
 use slitrange::row::pixels::PixelErrors;
@@ -23,37 +24,10 @@ pub enum Flat {
     Erase,
 }
 
-impl Flat {
-    /// What may follow `flat`.
-    pub const FORM: &str = "flat [dark|lit|save|on|off|none]";
-
-    /// Reads what follows `flat`.
-    pub fn parse(values: &[&str]) -> Option<Self> {
-        match *values {
-            [] => Some(Self::Show),
-            ["dark"] => Some(Self::Take(Kind::Dark)),
-            ["lit"] => Some(Self::Take(Kind::Lit)),
-            ["save"] => Some(Self::Save),
-            ["on"] => Some(Self::Use(true)),
-            ["off"] => Some(Self::Use(false)),
-            ["none"] => Some(Self::Erase),
-            _ => None,
-        }
-    }
-}
-
 impl fmt::Display for Flat {
     /// The line that is read as this command.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Show => "flat",
-            Self::Take(Kind::Dark) => "flat dark",
-            Self::Take(Kind::Lit) => "flat lit",
-            Self::Save => "flat save",
-            Self::Use(true) => "flat on",
-            Self::Use(false) => "flat off",
-            Self::Erase => "flat none",
-        })
+        Command::Flat(*self).fmt(f)
     }
 }
 

@@ -6,99 +6,36 @@ use crate::settings::{Setting, split_words};
 use crate::text::Text;
 use slitrange::centre::Estimator;
 
-/// A command as `help` shows it: what is typed, and what it does.
-pub type Line = (&'static str, &'static str);
-
-/// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 13] = [
-    (
-        "help [estimator]",
-        "this list, or what each estimator is for",
-    ),
-    ("info", "what this sensor is, its calibration and its range"),
-    (
-        "status",
-        "rows, the slowest row, readings, faults, errors, and why it started",
-    ),
-    ("errors", "the errors in `status` alone"),
-    ("uptime", "the time since the start"),
-    (
-        "selftest",
-        "check flash, a row and its light, and the start",
-    ),
-    (
-        "distance",
-        "the next frame's reading, or its fault and what to do about it",
-    ),
-    ("measure", "start a frame, unless `trigger` is continuous"),
-    (
-        "centre",
-        "the next frame's centre and the spot's shape, or its fault",
-    ),
-    (
-        "uncertainty",
-        "the next frame's reading with the parts of its uncertainty",
-    ),
-    (
-        "row [window|FIRST LAST]",
-        "one row's pixels and centre: all, the spot's, or FIRST to LAST; pauses",
-    ),
-    (
-        "zero [off]",
-        "give distances relative to the next frame's; off: from the laser again",
-    ),
-    (
-        "master [VALUE]",
-        "as zero, with the distance VALUE in place of 0; alone: show it",
-    ),
+/// The commands that `help` shows before the settings: what is typed, and what it does.
+const BEFORE_SETTINGS: [&str; 13] = [
+    "help [estimator]\tthis list, or what each estimator is for",
+    "info\twhat this sensor is, its calibration and its range",
+    "status\trows, the slowest row, readings, faults, errors, and why it started",
+    "errors\tthe errors in `status` alone",
+    "uptime\tthe time since the start",
+    "selftest\tcheck flash, a row and its light, and the start",
+    "distance\tthe next frame's reading, or its fault and what to do about it",
+    "measure\tstart a frame, unless `trigger` is continuous",
+    "centre\tthe next frame's centre and the spot's shape, or its fault",
+    "uncertainty\tthe next frame's reading with the parts of its uncertainty",
+    "row [window|FIRST LAST]\tone row's pixels and centre: all, the spot's, or FIRST to LAST; pauses",
+    "zero [off]\tgive distances relative to the next frame's; off: from the laser again",
+    "master [VALUE]\tas zero, with the distance VALUE in place of 0; alone: show it",
 ];
 
-/// The commands that `help` shows after the settings.
-pub const AFTER_SETTINGS: [Line; 11] = [
-    (
-        "calibration [on|off]",
-        "show the calibration; on: give distances, off: centres only",
-    ),
-    (
-        "calibration begin BYTES",
-        "start the upload of a record of so many bytes, to RAM only",
-    ),
-    (
-        "calibration data OFFSET [HEX CRC16]",
-        "read a piece of the record in use, or send a piece of a new one",
-    ),
-    (
-        "calibration commit|abort",
-        "use the uploaded record, or drop it",
-    ),
-    (
-        "save",
-        "write settings and calibration to flash; pauses the stream",
-    ),
-    (
-        "save nominal",
-        "the same with the nominal calibration, over the stored one",
-    ),
-    (
-        "defaults",
-        "use the factory's settings and the nominal calibration, in RAM only",
-    ),
-    (
-        "flat [on|off]",
-        "show the map of the pixels that differ; correct rows with it, or not",
-    ),
-    (
-        "flat dark|lit",
-        "take dark rows, then evenly lit rows for a map, in RAM only; pauses",
-    ),
-    (
-        "flat save|none",
-        "write the map to flash, or erase it; pauses the stream",
-    ),
-    (
-        "reset",
-        "start the sensor again; it loses what was not saved",
-    ),
+/// The commands that `help` shows after the settings, like those before.
+const AFTER_SETTINGS: [&str; 11] = [
+    "calibration [on|off]\tshow the calibration; on: give distances, off: centres only",
+    "calibration begin BYTES\tstart the upload of a record of so many bytes, to RAM only",
+    "calibration data OFFSET [HEX CRC16]\tread a piece of the record in use, or send a piece of a new one",
+    "calibration commit|abort\tuse the uploaded record, or drop it",
+    "save\twrite settings and calibration to flash; pauses the stream",
+    "save nominal\tthe same with the nominal calibration, over the stored one",
+    "defaults\tuse the factory's settings and the nominal calibration, in RAM only",
+    "flat [on|off]\tshow the map of the pixels that differ; correct rows with it, or not",
+    "flat dark|lit\ttake dark rows, then evenly lit rows for a map, in RAM only; pauses",
+    "flat save|none\twrite the map to flash, or erase it; pauses the stream",
+    "reset\tstart the sensor again; it loses what was not saved",
 ];
 
 /// The last lines of `help`.
@@ -112,11 +49,21 @@ const LAST: [&str; 4] = [
 /// The width of what is typed. Longer forms move their explanation: padding costs bytes of the answer.
 const COLUMN: usize = 24;
 
+/// A command as `help` shows it: what is typed, and what it does.
+fn parts(line: &str) -> (&str, &str) {
+    line.split_once('\t').unwrap_or((line, ""))
+}
+
+/// The commands of `help` but for the settings: what is typed, and what each does.
+pub fn commands() -> impl Iterator<Item = (&'static str, &'static str)> {
+    let commands = BEFORE_SETTINGS.iter().chain(&AFTER_SETTINGS);
+    commands.map(|line| parts(line))
+}
+
 /// The first words of all commands and settings.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    let before = BEFORE_SETTINGS.iter().map(|&(typed, _)| typed);
-    let after = AFTER_SETTINGS.iter().map(|&(typed, _)| typed);
     let settings = Setting::ALL.iter().map(|it| it.name());
+    let (before, after) = (BEFORE_SETTINGS.into_iter(), AFTER_SETTINGS.into_iter());
     (before.chain(settings).chain(after)).filter_map(|typed| split_words(typed).first().copied())
 }
 
@@ -126,7 +73,7 @@ pub struct Help;
 
 impl fmt::Display for Help {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (typed, help) in BEFORE_SETTINGS {
+        for (typed, help) in BEFORE_SETTINGS.map(parts) {
             write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
         for &setting in Setting::ALL {
@@ -135,7 +82,7 @@ impl fmt::Display for Help {
             let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
             write!(f, "{:COLUMN$} {}\r\n", typed.as_str(), setting.help())?;
         }
-        for (typed, help) in AFTER_SETTINGS {
+        for (typed, help) in AFTER_SETTINGS.map(parts) {
             write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
         let [first, second, third, fourth] = LAST;

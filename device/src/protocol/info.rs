@@ -111,58 +111,36 @@ pub struct Info<'a> {
 
 impl fmt::Display for Info<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Hardware {
-            board,
-            head,
-            row_us,
-            longest_exposure,
-            clock,
-            brown_out,
-        } = *self.hardware;
-        let Geometry {
-            words,
-            shielded,
-            light,
-            polarity,
-            ..
-        } = self.geometry;
-        let full_scale = self.geometry.full_scale();
-        let polarity = match polarity {
+        let Hardware { board, head, .. } = *self.hardware;
+        let geometry = self.geometry;
+        let (light, shielded) = (&geometry.light, &geometry.shielded);
+        let polarity = match geometry.polarity {
             Polarity::Rising => "rise",
             Polarity::Falling => "fall",
         };
-        write!(
-            f,
-            "info firmware slitrange {VERSION}\r\ninfo board {board}\r\ninfo sensor head {head}"
-        )?;
-        write!(
-            f,
-            "\r\ninfo row {words} words: light {}..{}, ",
-            light.start, light.end
-        )?;
-        write!(
-            f,
-            "shielded {}..{}; 0 to {full_scale} counts that {polarity} with light",
-            shielded.start, shielded.end
-        )?;
+        write!(f, "info firmware slitrange {VERSION}\r\n")?;
+        write!(f, "info board {board}\r\ninfo sensor head {head}\r\n")?;
+        write!(f, "info row {} words: ", geometry.words)?;
+        write!(f, "light {}..{}, ", light.start, light.end)?;
+        write!(f, "shielded {}..{}; 0 to ", shielded.start, shielded.end)?;
+        let full_scale = geometry.full_scale();
+        write!(f, "{full_scale} counts that {polarity} with light")?;
         let front_end = self.record.and_then(|record| record.front_end.as_ref());
         match front_end {
-            Some(front_end) => write!(f, "{}", MeasuredFrontEnd(front_end))?,
+            Some(front_end) => write_front_end(front_end, f)?,
             None => write!(
                 f,
                 "\r\ninfo front end assumed, not measured: {:.2} electrons a count, saturated from {} counts",
-                self.geometry.electrons_per_count(),
-                self.geometry.saturated_from()
+                geometry.electrons_per_count(),
+                geometry.saturated_from()
             )?,
         }
-        write!(
-            f,
-            "\r\ninfo rate a row every {row_us} us, in which the laser is on for {} to {} us",
-            Exposure::SHORTEST.us(),
-            longest_exposure.us()
-        )?;
-        write!(f, "\r\ninfo clock {clock}")?;
-        write!(f, "\r\ninfo brown-out reset {brown_out}")?;
+        let hardware = self.hardware;
+        write!(f, "\r\ninfo rate a row every {} us, ", hardware.row_us)?;
+        let [least, most] = [Exposure::SHORTEST, hardware.longest_exposure].map(Exposure::us);
+        write!(f, "in which the laser is on for {least} to {most} us")?;
+        write!(f, "\r\ninfo clock {}", hardware.clock)?;
+        write!(f, "\r\ninfo brown-out reset {}", hardware.brown_out)?;
         write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
         if self.settings.slits == Slits::Comb {
@@ -180,26 +158,18 @@ impl fmt::Display for Info<'_> {
         }
         let calibration = &record.calibration;
         match calibration {
-            Calibration::Eq1(curve) => write!(f, "{}", Curve(curve))?,
-            Calibration::Table(table) => {
-                f.write_str("\r\ninfo calibration a table of distances")?;
-                write!(f, "{}", KindOfTable(table.knots()))?;
-            }
+            Calibration::Eq1(curve) => write_curve(curve, f)?,
+            Calibration::Table(table) => write_table("a table of distances", table.knots(), f)?,
             Calibration::Corrected(corrected) => {
-                write!(f, "{}", Curve(corrected.curve()))?;
-                f.write_str("\r\ninfo calibration plus a table of residuals")?;
-                write!(f, "{}", KindOfTable(corrected.residuals()))?;
+                write_curve(corrected.curve(), f)?;
+                write_table("plus a table of residuals", corrected.residuals(), f)?;
             }
         }
         let (first, last) = calibration.valid();
         write!(f, "\r\ninfo range x {first:.0} to {last:.0} px")?;
         if let Ok(distances) = calibration.distances() {
-            write!(
-                f,
-                ", {} to {} mm",
-                AsMillimetres(*distances.start()),
-                AsMillimetres(*distances.end())
-            )?;
+            let [least, most] = [*distances.start(), *distances.end()].map(AsMillimetres);
+            write!(f, ", {least} to {most} mm")?;
         }
         self.write_parts(record, f)
     }
@@ -218,94 +188,73 @@ impl Info<'_> {
             "left by the map of the pixels"
         };
         write!(f, "{PART} pixels: {}, {source}", Remaining(self.pixels))?;
-        let fitted = match &record.errors {
-            CalibrationErrors::Fitted(fitted) => Some(fitted),
-            CalibrationErrors::Unknown | CalibrationErrors::Nominal => None,
-        };
-        match (&record.errors, fitted) {
-            (_, Some(fitted)) => {
-                write!(
-                    f,
-                    "{PART} calibration: {}, from its fit",
-                    Range(&fitted.curve)
-                )?;
-            }
-            (CalibrationErrors::Nominal, _) => {
-                write!(f, "{PART} calibration: 0 um, see geometry")?;
-            }
-            _ => write!(
-                f,
-                "{PART} calibration: unknown, so not in u: fit again from the points"
-            )?,
-        }
-        let of_points = fitted.and_then(|fitted| fitted.surface);
-        match (self.settings.surface, of_points) {
-            (Surface::Off, _) => write!(f, "{PART} surface: off")?,
-            (Surface::Fixed(um), _) if self.settings.slits == Slits::Comb => write!(
-                f,
-                "{PART} surface: of each frame, from its slits, and {um} um that they share, set by hand"
-            )?,
-            (Surface::Fixed(um), _) => write!(f, "{PART} surface: {um} um, set by hand")?,
-            (Surface::Auto, Some(surface)) if self.settings.slits == Slits::Comb => write!(
-                f,
-                "{PART} surface: of each frame, from its slits, and {} that they share",
-                Range(&surface.deviation)
-            )?,
-            (Surface::Auto, None) if self.settings.slits == Slits::Comb => {
-                write!(f, "{PART} surface: of each frame, from its slits")?;
-            }
-            (Surface::Auto, Some(surface)) => write!(
-                f,
-                "{PART} surface: {}, from the calibration's points",
-                Range(&surface.deviation)
-            )?,
-            (Surface::Auto, None) => write!(
-                f,
-                "{PART} surface: an estimate, for a laser spot of 1 mm on metal"
-            )?,
-        }
+        let mut of_points = None;
+        write!(f, "{PART} calibration: ")?;
         match &record.errors {
-            CalibrationErrors::Nominal => write!(
-                f,
-                "{PART} geometry: tolerances of a head that was never calibrated (flag g)"
-            )?,
-            _ => write!(f, "{PART} geometry: 0 um, the calibration holds it")?,
+            CalibrationErrors::Fitted(fitted) => {
+                write!(f, "{}, from its fit", Range(&fitted.curve))?;
+                of_points = fitted.surface.as_ref();
+            }
+            CalibrationErrors::Nominal => f.write_str("0 um, see geometry")?,
+            CalibrationErrors::Unknown => {
+                f.write_str("unknown, so not in u: fit again from the points")?;
+            }
         }
+        write!(f, "{PART} surface: ")?;
+        let is_comb = self.settings.slits == Slits::Comb;
+        if is_comb && self.settings.surface != Surface::Off {
+            f.write_str("of each frame, from its slits")?;
+        }
+        let (and, shared) = if is_comb {
+            (", and ", " that they share")
+        } else {
+            ("", "")
+        };
+        let of_points = of_points.map(|surface| Range(&surface.deviation));
+        match (self.settings.surface, of_points) {
+            (Surface::Off, _) => f.write_str("off")?,
+            (Surface::Fixed(um), _) => write!(f, "{and}{um} um{shared}, set by hand")?,
+            (Surface::Auto, Some(of_points)) if is_comb => write!(f, "{and}{of_points}{shared}")?,
+            (Surface::Auto, None) if is_comb => {}
+            (Surface::Auto, Some(of_points)) => {
+                write!(f, "{of_points}, from the calibration's points")?;
+            }
+            (Surface::Auto, None) => {
+                f.write_str("an estimate, for a laser spot of 1 mm on metal")?;
+            }
+        }
+        write!(f, "{PART} geometry: ")?;
+        f.write_str(match &record.errors {
+            CalibrationErrors::Nominal => "tolerances of a head that was never calibrated (flag g)",
+            _ => "0 um, the calibration holds it",
+        })?;
         write!(f, "{PART} motion: {of_each_frame}")
     }
 }
 
-/// The front end as it was measured, in three lines.
-struct MeasuredFrontEnd<'a>(&'a FrontEnd);
-
-impl fmt::Display for MeasuredFrontEnd<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const PART: &str = "\r\ninfo front end";
-        let FrontEnd {
-            gain,
-            read_noise,
-            saturation,
-            black_level,
-            polarity: _,
-        } = self.0;
-        write!(
-            f,
-            "{PART} gain {} electrons a count, u {}",
-            gain.value, gain.u
-        )?;
-        write!(
-            f,
-            "{PART} read noise {:.2} counts, u {:.2}; black level {:.2} counts, u {:.2}",
-            read_noise.value, read_noise.u, black_level.value, black_level.u
-        )?;
-        match saturation {
-            Some(saturation) => write!(
-                f,
-                "{PART} saturation {:.1} counts, u {:.1}",
-                saturation.value, saturation.u
-            ),
-            None => write!(f, "{PART} saturation not measured: the target was too dim"),
-        }
+/// Writes the front end as it was measured, in three lines.
+fn write_front_end(front_end: &FrontEnd, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    const PART: &str = "\r\ninfo front end";
+    let FrontEnd {
+        gain,
+        read_noise: noise,
+        black_level: black,
+        ..
+    } = front_end;
+    write!(
+        f,
+        "{PART} gain {} electrons a count, u {}",
+        gain.value, gain.u
+    )?;
+    write!(
+        f,
+        "{PART} read noise {:.2} counts, u {:.2}; ",
+        noise.value, noise.u
+    )?;
+    write!(f, "black level {:.2} counts, u {:.2}", black.value, black.u)?;
+    match &front_end.saturation {
+        Some(it) => write!(f, "{PART} saturation {:.1} counts, u {:.1}", it.value, it.u),
+        None => write!(f, "{PART} saturation not measured: the target was too dim"),
     }
 }
 
@@ -320,34 +269,24 @@ impl fmt::Display for Range<'_> {
     }
 }
 
-/// Eq. (1) with its numbers, in two lines.
-struct Curve<'a>(&'a Eq1);
-
-impl fmt::Display for Curve<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let k_um_px = self.0.k() >> 16;
-        let (sign, size) = (if k_um_px < 0 { "-" } else { "" }, k_um_px.unsigned_abs());
-        write!(
-            f,
-            "\r\ninfo calibration d = D + K/(x - xp)\r\n\
-             info calibration D {} mm, K {sign}{}.{:03} mm px, xp {} px",
-            AsMillimetres(self.0.d()),
-            size / 1000,
-            size % 1000,
-            self.0.pole()
-        )
-    }
+/// Writes eq. (1) with its numbers, in two lines.
+fn write_curve(curve: &Eq1, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let k_um_px = curve.k() >> 16;
+    let (sign, size) = (if k_um_px < 0 { "-" } else { "" }, k_um_px.unsigned_abs());
+    let (k_mm_px, decimals) = (size / 1000, size % 1000);
+    let (d, pole) = (AsMillimetres(curve.d()), curve.pole());
+    f.write_str("\r\ninfo calibration d = D + K/(x - xp)\r\ninfo calibration ")?;
+    write!(
+        f,
+        "D {d} mm, K {sign}{k_mm_px}.{decimals:03} mm px, xp {pole} px"
+    )
 }
 
-/// The kind of a table, as the rest of a line.
-struct KindOfTable<'a>(&'a Knots);
-
-impl fmt::Display for KindOfTable<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            " at {} knots, monotone cubics between them",
-            self.0.len()
-        )
-    }
+/// Writes the kind of a table, as a line.
+fn write_table(kind: &str, knots: &Knots, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let knots = knots.len();
+    write!(
+        f,
+        "\r\ninfo calibration {kind} at {knots} knots, monotone cubics between them"
+    )
 }

@@ -194,48 +194,52 @@ const MOST_ADDRESS: u32 = 247;
 mod tests {
     use super::*;
 
-    fn all(bytes: &[u8]) -> std::vec::Vec<Result<Command, Error>> {
+    type Taken = std::vec::Vec<(Result<Command, Error>, bool)>;
+
+    /// The commands that bytes bring to a sensor with an address, and whether they are for all.
+    fn taken(address: u16, bytes: impl AsRef<[u8]>) -> Taken {
         let mut input = Input::new();
-        bytes
-            .iter()
-            .filter_map(|&byte| input.take(byte))
-            .filter(|command| *command != Ok(Command::Nothing))
-            .collect()
+        input.set_address(address);
+        let mut commands = std::vec![];
+        for &byte in bytes.as_ref() {
+            if let Some(command) = input.take(byte) {
+                commands.push((command, input.is_for_all()));
+            }
+        }
+        commands
+    }
+
+    /// The commands that are something, of a sensor without an address.
+    fn all(bytes: &[u8]) -> std::vec::Vec<Result<Command, Error>> {
+        let taken = taken(0, bytes).into_iter();
+        let commands = taken.map(|(command, _)| command);
+        commands.filter(|it| *it != Ok(Command::Nothing)).collect()
     }
 
     #[test]
-    fn any_line_end_will_do() {
+    fn any_line_end_will_do_and_a_break_spoils_a_line_only_within() {
         let two = [Ok(Command::Help), Ok(Command::Info)];
-        assert_eq!(all(b"help\rinfo\r"), two);
-        assert_eq!(all(b"help\ninfo\n"), two);
-        assert_eq!(all(b"help\r\ninfo\r\n\r\n"), two);
+        let spoilt = [Err(Error::NotText), Ok(Command::Info)];
+        for (bytes, expected) in [
+            (&b"help\rinfo\r"[..], two),
+            (b"help\ninfo\n", two),
+            (b"help\r\ninfo\r\n\r\n", two),
+            (b"\0\0help\r\n\0\r\n\0info\r\n", two),
+            (b"he\0lp\r\n\0info\r\n", spoilt),
+            (b"help\0\r\ninfo\r\n", spoilt),
+        ] {
+            assert_eq!(all(bytes), expected, "{}", bytes.escape_ascii());
+        }
         assert_eq!(all(b"help\r\ninf"), [Ok(Command::Help)]);
     }
 
     #[test]
     fn a_sensor_with_an_address_takes_its_own_lines_and_those_for_all() {
-        let taken = |address, bytes: &[u8]| {
-            let mut input = Input::new();
-            input.set_address(address);
-            let mut commands = std::vec![];
-            for &byte in bytes {
-                if let Some(command) = input.take(byte) {
-                    commands.push((command, input.is_for_all()));
-                }
-            }
-            commands
-        };
         let mine = [(Ok(Command::Help), false)];
         let all = [(Ok(Command::Help), true)];
         for address in [1, 17, 247] {
-            assert_eq!(
-                taken(address, format!("@{address} help\r").as_bytes()),
-                mine
-            );
-            assert_eq!(
-                taken(address, format!("@0{address}\thelp\n").as_bytes()),
-                mine
-            );
+            assert_eq!(taken(address, format!("@{address} help\r")), mine);
+            assert_eq!(taken(address, format!("@0{address}\thelp\n")), mine);
             assert_eq!(taken(address, b"@0 help\r"), all);
             // For others, for nobody, and no commands.
             for line in [
@@ -247,31 +251,20 @@ mod tests {
                 "@65553 help",
                 "@x help",
                 "@ help",
+                "@#help",
+                " @# help",
+                "@#",
             ] {
-                assert_eq!(
-                    taken(address, format!("{line}\r\n").as_bytes()),
-                    [],
-                    "{line}"
-                );
-            }
-            for line in [
-                format!("@{address}help"),
-                format!(" @{address} help"),
-                format!("@{address}"),
-            ] {
-                assert_eq!(
-                    taken(address, format!("{line}\r\n").as_bytes()),
-                    [],
-                    "{line}"
-                );
+                let line = line.replace('#', &address.to_string());
+                assert_eq!(taken(address, format!("{line}\r\n")), [], "{line}");
             }
             // Lines that are too long, the last one by a byte.
             let unknown = format!("@{address} {}", "x".repeat(MAX_LINE + 6));
             let too_long = [(Err(Error::TooLong), false)];
-            assert_eq!(taken(address, format!("{unknown}\r").as_bytes()), too_long);
-            assert_eq!(taken(address, &[b'x'; 300]), []);
+            assert_eq!(taken(address, format!("{unknown}\r")), too_long);
+            assert_eq!(taken(address, [b'x'; 300]), []);
             let longest = format!("@{address} {}help\r", " ".repeat(MAX_LINE - 4));
-            assert_eq!(taken(address, longest.as_bytes()), mine);
+            assert_eq!(taken(address, longest), mine);
         }
         assert_eq!(taken(0, b"@0 help\r"), all);
         assert_eq!(taken(0, b"help\r"), mine);
@@ -307,12 +300,8 @@ mod tests {
             (b"\x01\x02\xffhelp\0\r", "help\r\n"),
         ] {
             let (echo, commands) = typed(bytes);
-            assert_eq!(
-                (echo.as_str(), &commands),
-                (shown, &help),
-                "{}",
-                bytes.escape_ascii()
-            );
+            let found = (echo.as_str(), &commands);
+            assert_eq!(found, (shown, &help), "{}", bytes.escape_ascii());
         }
         assert_eq!(typed(b"rows\t64\r").0, "rows 64\r\n");
         assert_eq!(typed(b"\r\n\r\n").1, [Ok(Command::Nothing); 2]);
@@ -325,15 +314,6 @@ mod tests {
         let (shown, commands) = typed(&bytes);
         assert_eq!(commands, [Err(Error::TooLong), Ok(Command::Help)]);
         assert_eq!(shown.matches('x').count(), MAX_LINE + 1);
-    }
-
-    #[test]
-    fn a_break_is_ignored_before_a_line_and_spoils_it_within() {
-        let two = [Ok(Command::Help), Ok(Command::Info)];
-        assert_eq!(all(b"\0\0help\r\n\0\r\n\0info\r\n"), two);
-        let spoilt = [Err(Error::NotText), Ok(Command::Info)];
-        assert_eq!(all(b"he\0lp\r\n\0info\r\n"), spoilt);
-        assert_eq!(all(b"help\0\r\ninfo\r\n"), spoilt);
     }
 
     #[test]

@@ -26,6 +26,7 @@ use crc::CRC_16_IBM_3740;
 use heapless::Vec;
 
 use crate::protocol::advice::advice;
+use crate::protocol::command::Command;
 use crate::protocol::line::{CentreLine, FaultLine};
 use crate::protocol::piece::CRC;
 use crate::settings::{ValueError, read_number, split_words};
@@ -71,8 +72,6 @@ impl RowPart {
     /// [`ValueError::Form`] for any other words.
     pub fn parse(values: &[&str]) -> Result<Self, ValueError> {
         match *values {
-            [] => Ok(Self::Whole),
-            ["window"] => Ok(Self::Window),
             [first, last] => {
                 let place = |word| read_number(word, 0, u16::MAX.into());
                 // A word that is no number counts more than a number that is too large.
@@ -95,11 +94,7 @@ impl RowPart {
 impl fmt::Display for RowPart {
     /// The line that is read as this command.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Whole => f.write_str("row"),
-            Self::Window => f.write_str("row window"),
-            Self::Range { first, last } => write!(f, "row {first} {last}"),
-        }
+        Command::Row(*self).fmt(f)
     }
 }
 
@@ -372,13 +367,10 @@ mod tests {
     #[test]
     fn lines_are_read_as_they_are_written_and_checked() {
         let counts: std::vec::Vec<u16> = (0..70).map(|pixel| pixel * 58).collect();
-        let lines: std::vec::Vec<RowPixels> =
-            RowPixels::lines(counts.as_slice().into(), 3..70).collect();
-        let (first, sizes): (std::vec::Vec<u16>, std::vec::Vec<usize>) = lines
-            .iter()
-            .map(|line| (line.first, line.counts.len()))
-            .unzip();
-        assert_eq!((first, sizes), (vec![3, 35, 67], vec![32, 32, 3]));
+        let lines = RowPixels::lines(counts.as_slice().into(), 3..70);
+        let lines: std::vec::Vec<RowPixels> = lines.collect();
+        let sizes = lines.iter().map(|line| (line.first, line.counts.len()));
+        assert!(sizes.eq([(3, 32), (35, 32), (67, 3)]));
         for line in &lines {
             let text = line.to_string();
             assert_eq!(RowPixels::parse(&text).as_ref(), Some(line));
@@ -432,13 +424,8 @@ mod tests {
         assert_eq!(head, lines.join("\r\n"));
         let check = HeadCheck::of(lines[..3].iter().copied());
         assert_eq!(HeadCheck::parse(lines[3]), Some(check));
-        for line in [
-            "row check 1A2b",
-            "row check +a2b",
-            "row check 1a2",
-            "row 1a2b",
-        ] {
-            assert_eq!(HeadCheck::parse(line), None, "{line}");
+        for digits in ["check 1A2b", "check +a2b", "check 1a2", "1a2b"] {
+            assert_eq!(HeadCheck::parse(&format!("row {digits}")), None, "{digits}");
         }
     }
 
@@ -469,10 +456,11 @@ mod tests {
             let part = RowPart::Range { first, last };
             let head = RowHead::new(part, &row, RowExposure::Off, &FAULT);
             assert_eq!(head.sent(), sent);
-            let count: usize = RowPixels::lines(row.light(), head.sent())
-                .map(|line| line.counts.len())
-                .sum();
-            assert_eq!(count, sent.len());
+            let lines = RowPixels::lines(row.light(), head.sent());
+            assert_eq!(
+                lines.map(|line| line.counts.len()).sum::<usize>(),
+                sent.len()
+            );
         }
     }
 

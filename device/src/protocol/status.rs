@@ -94,28 +94,22 @@ pub struct SerialErrors {
 
 impl fmt::Display for Status<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Vitals {
-            uptime_us,
-            rows,
-            sampling_spread,
-            row_cycles,
-            slowest_row_cycles,
-            ..
-        } = *self.vitals;
-        write!(f, "status start {}", self.started_by)?;
-        write!(f, "\r\n{}", Uptime(uptime_us))?;
-        write!(f, "\r\nstatus rows read {rows}")?;
-        write!(f, "\r\nstatus row cycles {row_cycles}")?;
-        write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
-        write!(f, "\r\nstatus sampling spread {sampling_spread} %")?;
-        write!(f, "\r\nstatus readings {}", self.readings)?;
+        let vitals = self.vitals;
+        write!(f, "status start {}\r\n", self.started_by)?;
+        write!(f, "{}\r\n", Uptime(vitals.uptime_us))?;
+        for (name, count) in [
+            ("rows read", vitals.rows),
+            ("row cycles", vitals.row_cycles),
+            ("slowest row cycles", vitals.slowest_row_cycles),
+        ] {
+            write!(f, "status {name} {count}\r\n")?;
+        }
+        write!(f, "status sampling spread {} %\r\n", vitals.sampling_spread)?;
+        write!(f, "status readings {}\r\n", self.readings)?;
         let limits = if self.is_within_limits { "on" } else { "off" };
-        write!(f, "\r\nstatus limits {limits}")?;
-        let errors = Errors {
-            vitals: self.vitals,
-            faults: &self.faults,
-        };
-        write!(f, "\r\n{errors}")
+        write!(f, "status limits {limits}\r\n")?;
+        let (vitals, faults) = (self.vitals, &self.faults);
+        Errors { vitals, faults }.fmt(f)
     }
 }
 
@@ -149,22 +143,26 @@ impl fmt::Display for Errors<'_> {
             lines_dropped,
             serial_errors,
             ..
-        } = self.vitals;
-        write!(f, "status rows lost {rows_lost}")?;
-        write!(f, "\r\nstatus rows failed {rows_failed}")?;
-        write!(f, "\r\nstatus rows late {rows_late}")?;
-        for (name, count) in Fault::NAMES.iter().zip(self.faults) {
-            write!(f, "\r\nstatus fault {name} {count}")?;
+        } = *self.vitals;
+        let rows = [
+            ("rows lost", rows_lost),
+            ("rows failed", rows_failed),
+            ("rows late", rows_late),
+        ];
+        for (name, count) in rows {
+            write!(f, "status {name} {count}\r\n")?;
         }
-        write!(f, "\r\nstatus triggers missed {triggers_missed}")?;
-        write!(f, "\r\nstatus lines dropped {lines_dropped}")?;
-        let SerialErrors {
-            noise,
-            framing,
-            overrun,
-        } = serial_errors;
-        write!(f, "\r\nstatus serial noise {noise}")?;
-        write!(f, "\r\nstatus serial framing {framing}")?;
-        write!(f, "\r\nstatus serial overrun {overrun}")
+        for (name, count) in Fault::NAMES.iter().zip(self.faults) {
+            write!(f, "status fault {name} {count}\r\n")?;
+        }
+        for (name, count) in [
+            ("triggers missed", triggers_missed),
+            ("lines dropped", lines_dropped),
+            ("serial noise", serial_errors.noise),
+            ("serial framing", serial_errors.framing),
+        ] {
+            write!(f, "status {name} {count}\r\n")?;
+        }
+        write!(f, "status serial overrun {}", serial_errors.overrun)
     }
 }

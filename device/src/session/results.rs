@@ -16,6 +16,7 @@ use crate::settings::trigger::Trigger;
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Micrometres;
 use slitrange::frame::comb::Slits;
+use slitrange::light::ambient::AmbientMode;
 use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange::reading::{Measured, Reading};
 
@@ -95,8 +96,9 @@ impl Session {
             limits,
             ..
         } = self.settings;
-        let result = self.filters.take(average, ambient, result);
-        let held = self.filters.hold(hold, result);
+        let is_subtracted = ambient == AmbientMode::Subtract;
+        let result = (self.filters.average).take(average, is_subtracted, result);
+        let held = self.filters.hold.take(hold, result);
         if let (Some(value), Ok(reading)) = (is_to_show, result) {
             self.zero = Some(Zero { reading, value });
         }

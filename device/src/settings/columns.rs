@@ -1,6 +1,6 @@
 //! The columns of a line: the setting `output`.
 
-/// A part of a reading's line.
+/// A part of a reading's line, in the order in which a line has them. Only `k` follows `t`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Column {
     /// `# 1234`: the result's number.
@@ -27,44 +27,12 @@ pub enum Column {
     Flags,
 }
 
+names! {
+    Column: Counter "counter", Time "time", Distance "distance", Uncertainty "u", Repeatability "r",
+        Centre "centre", Height "height", Rows "rows", Width "width", Exposure "exposure", Flags "flags";
+}
+
 impl Column {
-    /// All columns, in the order in which a line has them. Only `k` follows `t`.
-    pub const ALL: [Self; 11] = [
-        Self::Counter,
-        Self::Time,
-        Self::Distance,
-        Self::Uncertainty,
-        Self::Repeatability,
-        Self::Centre,
-        Self::Height,
-        Self::Rows,
-        Self::Width,
-        Self::Exposure,
-        Self::Flags,
-    ];
-
-    /// The name that a person types.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Counter => "counter",
-            Self::Time => "time",
-            Self::Distance => "distance",
-            Self::Uncertainty => "u",
-            Self::Repeatability => "r",
-            Self::Centre => "centre",
-            Self::Height => "height",
-            Self::Rows => "rows",
-            Self::Width => "width",
-            Self::Exposure => "exposure",
-            Self::Flags => "flags",
-        }
-    }
-
-    /// Finds a column by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|column| column.name() == name)
-    }
-
     const fn bit(self) -> u16 {
         1 << self as u16
     }

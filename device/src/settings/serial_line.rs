@@ -1,6 +1,7 @@
 //! How the sensor sends: in which format, with which pixels, and at which rate.
 
-/// How the sensor writes what it sends: the setting `format`. The order is that of [`Format::ALL`].
+/// How the sensor writes what it sends: the setting `format`. The order is that of the
+/// numbers in a holding register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Format {
     /// Lines of text.
@@ -14,24 +15,9 @@ pub enum Format {
     Csv,
 }
 
-impl Format {
-    /// The name on the serial line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Text => "text",
-            Self::Csv => "csv",
-            Self::Binary => "binary",
-            Self::Modbus => "modbus",
-        }
-    }
-
-    /// All, in the order of their numbers in a holding register.
-    pub const ALL: [Self; 4] = [Self::Text, Self::Binary, Self::Modbus, Self::Csv];
-
-    /// Finds a format by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|format| format.name() == name)
-    }
+names! {
+    Format: Text "text", Binary "binary", Modbus "modbus", Csv "csv";
+    PixelStream: None "none", Window "window", Rows "rows";
 }
 
 /// Which pixels the sensor sends beside its results: the setting `pixels`.
@@ -44,24 +30,6 @@ pub enum PixelStream {
     Window,
     /// Whole rows, as fast as the line takes them, each with its own result. Frames have no results then.
     Rows,
-}
-
-impl PixelStream {
-    /// The name on the serial line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Window => "window",
-            Self::Rows => "rows",
-        }
-    }
-
-    /// Finds a choice by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        [Self::None, Self::Window, Self::Rows]
-            .into_iter()
-            .find(|it| it.name() == name)
-    }
 }
 
 /// The rate of the serial line: the setting `baud`, in bits a second.

@@ -12,21 +12,6 @@ pub enum Trigger {
     Pin,
 }
 
-impl Trigger {
-    /// All.
-    pub const ALL: [Self; 3] = [Self::Continuous, Self::Serial, Self::Pin];
-
-    /// The name on the serial line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Continuous => "continuous",
-            Self::Serial => "serial",
-            Self::Pin => "pin",
-        }
-    }
-
-    /// Finds a trigger by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| it.name() == name)
-    }
+names! {
+    Trigger: Continuous "continuous", Serial "serial", Pin "pin";
 }

@@ -262,32 +262,27 @@ mod tests {
     fn lines_of_later_firmware_are_skipped_and_missing_ones_are_defaults() {
         let lines = b"\x01\x19\x00of-later 200\nrows 7\nlamp\n";
         let found = decode(lines).expect("settings");
-        assert_eq!(
-            found.settings,
-            Settings {
-                rows: 7,
-                ..Settings::default()
-            }
-        );
-        assert_eq!(found.record, None);
+        let settings = Settings {
+            rows: 7,
+            ..Settings::default()
+        };
+        assert_eq!((found.settings, found.record), (settings, None));
     }
 
     #[test]
     fn wrong_bytes_are_refused() {
-        let setting = ConfigurationError::Setting;
+        let (setting, version) = (ConfigurationError::Setting, 2);
+        let short = |bytes| ConfigurationError::Short { bytes };
         for (bytes, error) in [
-            (&b""[..], ConfigurationError::Short { bytes: 0 }),
-            (b"\x01", ConfigurationError::Short { bytes: 1 }),
-            (b"\x01\x07", ConfigurationError::Short { bytes: 2 }),
-            (
-                b"\x01\x08\x00rows 1\n",
-                ConfigurationError::Short { bytes: 10 },
-            ),
+            (&b""[..], short(0)),
+            (b"\x01", short(1)),
+            (b"\x01\x07", short(2)),
+            (b"\x01\x08\x00rows 1\n", short(10)),
             (b"\x01\x01\x00\xff", ConfigurationError::NotText),
             (b"\x01\x07\x00rows 0\n", setting(Setting::Rows)),
             (b"\x01\x09\x00rows 1 2\n", setting(Setting::Rows)),
             (b"\x01\x08\x00mean on\n", setting(Setting::Mean)),
-            (b"\x02", ConfigurationError::Version { version: 2 }),
+            (b"\x02", ConfigurationError::Version { version }),
         ] {
             assert_eq!(decode(bytes), Err(error), "{bytes:?}");
         }

@@ -277,28 +277,30 @@ mod tests {
 
     #[test]
     fn words_that_are_no_map_are_refused() {
-        let mut back = PixelMap::EMPTY;
-        assert_eq!(read(&[[0xff; 4]], &mut back), Read::NoMap);
-        assert_eq!(read(&[[0; 4]], &mut back), Read::NoMap);
-        let later = [b'F', b'L', 2, !2];
-        assert_eq!(read(&[later], &mut back), Read::Later(2));
-        // One wrong bit in the version is damage.
-        assert_eq!(read(&[[b'F', b'L', 3, !1]], &mut back), Read::NoMap);
-        // 3649 pixels.
-        assert_eq!(
-            read(&[NAME, [0; 4], [0x41, 0x0e, 0, 0]], &mut back),
-            Read::NoMap
-        );
-        // An entry beyond its range.
-        let words = [
-            NAME,
-            [1, 0, 0, 0],
-            [1, 0, 0, 0],
-            [0; 4],
-            [0; 4],
-            [0; 4],
-            [0, 0x80, 0, 0],
-        ];
-        assert_eq!(read(&words, &mut back), Read::NoMap);
+        let (mut back, zero) = (PixelMap::EMPTY, [0; 4]);
+        for (words, expected) in [
+            (&[[0xff; 4]][..], Read::NoMap),
+            (&[zero], Read::NoMap),
+            (&[[b'F', b'L', 2, !2]], Read::Later(2)),
+            // One wrong bit in the version is damage.
+            (&[[b'F', b'L', 3, !1]], Read::NoMap),
+            // 3649 pixels.
+            (&[NAME, zero, [0x41, 0x0e, 0, 0]], Read::NoMap),
+            // An entry beyond its range.
+            (
+                &[
+                    NAME,
+                    [1, 0, 0, 0],
+                    [1, 0, 0, 0],
+                    zero,
+                    zero,
+                    zero,
+                    [0, 0x80, 0, 0],
+                ],
+                Read::NoMap,
+            ),
+        ] {
+            assert_eq!(read(words, &mut back), expected, "{words:?}");
+        }
     }
 }

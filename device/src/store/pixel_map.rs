@@ -7,12 +7,14 @@
 use embedded_storage_async::nor_flash::NorFlash;
 
 use super::StoreError;
-use super::sector::BYTES;
+use super::sector::{BYTES, Sector};
 use crate::store::encoded_map::{MAX_WORDS, Read, Reader, Words};
 use slitrange::row::pixels::map::PixelMap;
 
-/// The two sectors of the map.
-const SECTORS: [u32; 2] = [2 * BYTES, 3 * BYTES];
+/// Where a sector of the map starts.
+fn start(sector: Sector) -> u32 {
+    sector.start().saturating_add(2 * BYTES)
+}
 
 /// Bytes that are read or written together.
 const PART: u32 = 64;
@@ -57,24 +59,20 @@ pub async fn load<F: NorFlash>(
     map: &mut PixelMap,
 ) -> Result<StoredMap, StoreError> {
     map.clear();
-    let [first, second] = look(flash, pixels).await?;
-    let [start, other] = match newest(first, second) {
-        Some(Place::First) => [SECTORS[0], SECTORS[1]],
-        Some(Place::Second) => [SECTORS[1], SECTORS[0]],
-        None if first == Contents::Erased && second == Contents::Erased => {
-            return Ok(StoredMap::Nothing);
-        }
-        None => {
-            return Ok(match (first, second) {
-                (Contents::Later(version), _) | (_, Contents::Later(version)) => {
-                    StoredMap::Later(version)
-                }
-                _ => StoredMap::Unusable,
-            });
-        }
+    let contents = look(flash, pixels).await?;
+    let [first, second] = contents;
+    let Some((newest, _)) = newest(contents) else {
+        return Ok(match contents {
+            [Contents::Erased, Contents::Erased] => StoredMap::Nothing,
+            [Contents::Later(it), _] | [_, Contents::Later(it)] => StoredMap::Later(it),
+            _ => StoredMap::Unusable,
+        });
     };
-    let other = if other == SECTORS[0] { first } else { second };
-    match read(flash, start, pixels, Some(&mut *map)).await? {
+    let other = match newest {
+        Sector::First => second,
+        Sector::Second => first,
+    };
+    match read(flash, start(newest), pixels, Some(&mut *map)).await? {
         Contents::Map(_) if matches!(other, Contents::Damaged | Contents::Later(_)) => {
             Ok(StoredMap::Older)
         }
@@ -93,14 +91,14 @@ pub async fn load<F: NorFlash>(
 /// [`StoreError`] says why it failed.
 pub async fn save<F: NorFlash>(flash: &mut F, map: &PixelMap) -> Result<(), StoreError> {
     let pixels = map.entries().len();
-    let [first, second] = look(flash, pixels).await?;
-    let (start, before) = match (newest(first, second), first, second) {
-        (Some(Place::First), Contents::Map(number), _) => (SECTORS[1], number),
-        (Some(Place::Second), _, Contents::Map(number)) => (SECTORS[0], number),
+    let contents = look(flash, pixels).await?;
+    let (sector, before) = match newest(contents) {
+        Some((newest, number)) => (newest.other(), number),
         // Keep the map of later firmware.
-        (_, Contents::Later(_), _) => (SECTORS[1], 0),
-        _ => (SECTORS[0], 0),
+        None if matches!(contents, [Contents::Later(_), _]) => (Sector::Second, 0),
+        None => (Sector::First, 0),
     };
+    let start = start(sector);
     // The number ends only after 2^32 saves, which no flash endures.
     let number = before.checked_add(1).ok_or(StoreError::Worn)?;
     erase_sector(flash, start).await?;
@@ -134,13 +132,13 @@ pub async fn save<F: NorFlash>(flash: &mut F, map: &PixelMap) -> Result<(), Stor
 /// The flash refuses to erase.
 pub async fn erase<F: NorFlash>(flash: &mut F, pixels: usize) -> Result<(), StoreError> {
     let [first, second] = look(flash, pixels).await?;
-    let mut order = [(SECTORS[0], first), (SECTORS[1], second)];
-    if matches!(newest(first, second), Some(Place::First)) {
+    let mut order = [(Sector::First, first), (Sector::Second, second)];
+    if matches!(newest([first, second]), Some((Sector::First, _))) {
         order.reverse();
     }
-    for (start, contents) in order {
+    for (sector, contents) in order {
         if contents != Contents::Erased {
-            erase_sector(flash, start).await?;
+            erase_sector(flash, start(sector)).await?;
         }
     }
     Ok(())
@@ -151,26 +149,22 @@ async fn erase_sector<F: NorFlash>(flash: &mut F, start: u32) -> Result<(), Stor
     erased.map_err(|_| StoreError::Flash)
 }
 
-enum Place {
-    First,
-    Second,
-}
-
-/// Which sector has the newest whole map.
-fn newest(first: Contents, second: Contents) -> Option<Place> {
-    match (first, second) {
-        (Contents::Map(first), Contents::Map(second)) if second > first => Some(Place::Second),
-        (Contents::Map(_), _) => Some(Place::First),
-        (_, Contents::Map(_)) => Some(Place::Second),
+/// The sector with the newest whole map, and the number of the map's save.
+fn newest(contents: [Contents; 2]) -> Option<(Sector, u32)> {
+    match contents {
+        [Contents::Map(first), Contents::Map(second)] if second > first => {
+            Some((Sector::Second, second))
+        }
+        [Contents::Map(first), _] => Some((Sector::First, first)),
+        [_, Contents::Map(second)] => Some((Sector::Second, second)),
         _ => None,
     }
 }
 
 async fn look<F: NorFlash>(flash: &mut F, pixels: usize) -> Result<[Contents; 2], StoreError> {
-    let [first, second] = SECTORS;
     Ok([
-        read(flash, first, pixels, None).await?,
-        read(flash, second, pixels, None).await?,
+        read(flash, start(Sector::First), pixels, None).await?,
+        read(flash, start(Sector::Second), pixels, None).await?,
     ])
 }
 

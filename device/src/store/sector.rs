@@ -31,7 +31,7 @@ impl Sector {
         }
     }
 
-    fn start(self) -> u32 {
+    pub fn start(self) -> u32 {
         match self {
             Self::First => 0,
             Self::Second => BYTES,

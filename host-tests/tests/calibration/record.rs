@@ -10,7 +10,6 @@ use slitrange::frame::comb::{Comb, CombError};
 use slitrange::light::black_level::BlackLevel;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 use slitrange::row::Geometry;
-use slitrange::row::sensor_heads;
 use slitrange_device::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
 
 use super::common::{STEP, holds_what_it_promises, largest_rise};
@@ -176,26 +175,18 @@ fn damaged_and_cut_off_records_are_refused() {
         bytes,
         "the CRC is that of its definition"
     );
-    let mut longer = body.clone();
-    longer.push(0);
-    assert_eq!(decode(&sealed(longer)), Err(RecordError::Shape));
-    assert_eq!(
-        decode(&sealed(body[..20].to_vec())),
-        Err(RecordError::Shape)
-    );
-    assert_eq!(decode(&sealed(vec![VERSION])), Err(RecordError::Shape));
-    assert_eq!(
-        decode(&sealed(vec![])),
-        Err(RecordError::Short { bytes: 4 })
-    );
-    let mut newer = body;
+    let mut newer = body.clone();
     newer[0] = VERSION + 1;
-    assert_eq!(
-        decode(&sealed(newer)),
-        Err(RecordError::Version {
-            version: VERSION + 1
-        })
-    );
+    let version = newer[0];
+    for (body, error) in [
+        ([&body[..], &[0]].concat(), RecordError::Shape),
+        (body[..20].to_vec(), RecordError::Shape),
+        (vec![VERSION], RecordError::Shape),
+        (vec![], RecordError::Short { bytes: 4 }),
+        (newer, RecordError::Version { version }),
+    ] {
+        assert_eq!(decode(&sealed(body)), Err(error));
+    }
 }
 
 /// The encoder refuses every part that cannot be used. The decoder refuses the part too, if it can be written
@@ -204,44 +195,19 @@ fn damaged_and_cut_off_records_are_refused() {
 fn unusable_records_are_refused() {
     let wrong = |record: Record| encode(&record, &mut [0; MAX_ENCODED]).err();
     assert_eq!(wrong(nominal()), None);
-    let head = sensor_heads::tcd1304dg;
-    for geometry in [
-        Geometry {
-            words: 3000,
-            ..head()
-        },
-        Geometry {
-            words: 70_000,
-            ..head()
-        },
-        Geometry {
-            light: 100..100,
-            ..head()
-        },
-        #[expect(
-            clippy::reversed_empty_ranges,
-            reason = "that is what is wrong with it"
-        )]
-        Geometry {
-            light: 3000..100,
-            ..head()
-        },
-        Geometry {
-            words: 9000,
-            light: 0..4097,
-            ..head()
-        },
-        Geometry {
-            shielded: 3690..3700,
-            ..head()
-        },
-        Geometry { bits: 0, ..head() },
-        Geometry { bits: 13, ..head() },
-    ] {
-        let record = Record {
-            geometry,
-            ..nominal()
-        };
+    let changes: [fn(&mut Geometry); 8] = [
+        |it| it.words = 3000,
+        |it| it.words = 70_000,
+        |it| it.light = 100..100,
+        |it| (it.light.start, it.light.end) = (3000, 100),
+        |it| (it.words, it.light) = (9000, 0..4097),
+        |it| it.shielded = 3690..3700,
+        |it| it.bits = 0,
+        |it| it.bits = 13,
+    ];
+    for change in changes {
+        let mut record = nominal();
+        change(&mut record.geometry);
         assert_eq!(
             wrong(record.clone()),
             Some(RecordError::Geometry),
@@ -307,32 +273,30 @@ fn unusable_records_are_refused() {
         bytes[place] = byte;
         decode(&sealed(bytes)).err()
     };
-    assert_eq!(&bytes[5..7], &[11, 21]);
-    assert_eq!(with(5, 13), Some(RecordError::Date));
-    assert_eq!(with(6, 31), Some(RecordError::Date));
-    assert_eq!(with(6, 30), None);
-    // Words (2), shielded (1 + 1), light (1 + 2), falling, bits.
-    assert_eq!(&bytes[14..16], &[1, 12]);
-    assert_eq!(with(14, 2), Some(RecordError::Shape));
-    assert_eq!(with(15, 13), Some(RecordError::Geometry));
-    // Shot noise (2), estimator, black level (1 + 3).
-    assert_eq!(bytes[18], b't');
-    assert_eq!(
-        with(18, b'?'),
-        Some(RecordError::Estimator { letter: b'?' })
-    );
-    assert_eq!(with(18, b'g'), None);
-    assert_eq!(with(19, 3), Some(RecordError::Shape));
-    // A black level less than zero: the lowest bit of a zigzag is its sign.
-    assert_eq!(
-        with(20, bytes[20] | 1),
-        Some(RecordError::BlackLevel {
-            level: Counts::from_bits(-(120 << 8) - 1)
-        })
-    );
-    // The kind of calibration.
-    assert_eq!(bytes[23], 0);
-    assert_eq!(with(23, 3), Some(RecordError::Shape));
+    let before: [(usize, &[u8]); 4] = [(5, &[11, 21]), (14, &[1, 12]), (18, b"t"), (23, &[0])];
+    for (place, expected) in before {
+        assert_eq!(bytes[place..][..expected.len()], *expected, "{place}");
+    }
+    let letter = b'?';
+    let level = Counts::from_bits(-(120 << 8) - 1);
+    for (place, byte, error) in [
+        (5, 13, Some(RecordError::Date)),
+        (6, 31, Some(RecordError::Date)),
+        (6, 30, None),
+        // Words (2), shielded (1 + 1), light (1 + 2), falling, bits.
+        (14, 2, Some(RecordError::Shape)),
+        (15, 13, Some(RecordError::Geometry)),
+        // Shot noise (2), estimator, black level (1 + 3).
+        (18, letter, Some(RecordError::Estimator { letter })),
+        (18, b'g', None),
+        (19, 3, Some(RecordError::Shape)),
+        // A black level less than zero: the lowest bit of a zigzag is its sign.
+        (20, bytes[20] | 1, Some(RecordError::BlackLevel { level })),
+        // The kind of calibration.
+        (23, 3, Some(RecordError::Shape)),
+    ] {
+        assert_eq!(with(place, byte), error, "{place}");
+    }
 }
 
 #[test]

@@ -14,51 +14,40 @@ use crate::records::cases;
 fn the_error_of_an_invalid_table_names_the_wrong_knot() {
     let wrong = |knots: &[Knot]| Table::new(knots).err();
     let good = [knot(0, 900_000), knot(10, 890_000), knot(2000, 500_000)];
-    assert_eq!(wrong(&good), None);
-    for count in [0, 1] {
-        assert_eq!(
-            wrong(&good[..count]),
-            Some(TableError::Knots(KnotsError::TooFew { knots: count }))
-        );
-    }
-    let unsorted = [good[1], good[0], good[2]];
+    let few = |knots| Some(TableError::Knots(KnotsError::TooFew { knots }));
     let order = |index, centre| Some(TableError::Knots(KnotsError::Order { index, centre }));
-    assert_eq!(wrong(&unsorted), order(1, Pixels::from_int(0)));
-    let equal = [good[0], good[1], good[1]];
-    assert_eq!(wrong(&equal), order(2, Pixels::from_int(10)));
+    let not_monotone = |index, um| {
+        let distance = Micrometres::from_int(um);
+        Some(TableError::NotMonotone { index, distance })
+    };
     // A sixteenth of a pixel.
     assert_eq!(16 * CLOSEST.to_bits(), Pixels::from_int(1).to_bits());
-    let close = |bits| {
-        let centre = Pixels::from_bits(CLOSEST.to_bits() + bits);
-        let values = [knot(0, 900_000), Knot { centre, ..good[1] }];
-        wrong(&values)
-    };
-    assert_eq!(
-        close(-1),
-        order(1, Pixels::from_bits(CLOSEST.to_bits() - 1))
-    );
-    assert_eq!(close(0), None);
-
-    let not_monotone = |index, distance| Some(TableError::NotMonotone { index, distance });
-    let back = [good[0], good[1], knot(20, 890_100), good[2]];
-    assert_eq!(
-        wrong(&back),
-        not_monotone(2, Micrometres::from_int(890_100))
-    );
-    let level = [good[0], good[1], knot(20, 890_000), good[2]];
-    assert_eq!(
-        wrong(&level),
-        not_monotone(2, Micrometres::from_int(890_000))
-    );
-    let all_level = [knot(0, 5), knot(1, 5)];
-    assert_eq!(wrong(&all_level), not_monotone(1, Micrometres::from_int(5)));
-    // A sixteenth of a micrometre a pixel is just enough.
-    assert_eq!(wrong(&[knot(0, 0), knot(160, 10)]), None);
-    assert_eq!(wrong(&[knot(0, 0), knot(160, -10)]), None);
-    assert_eq!(
-        wrong(&[knot(0, 0), knot(161, 10)]),
-        not_monotone(1, Micrometres::from_int(10))
-    );
+    let closer = Pixels::from_bits(CLOSEST.to_bits() - 1);
+    let second = |centre| Knot { centre, ..good[1] };
+    for (knots, error) in [
+        (&good[..], None),
+        (&good[..0], few(0)),
+        (&good[..1], few(1)),
+        (&[good[1], good[0], good[2]], order(1, Pixels::from_int(0))),
+        (&[good[0], good[1], good[1]], order(2, Pixels::from_int(10))),
+        (&[good[0], second(closer)], order(1, closer)),
+        (&[good[0], second(CLOSEST)], None),
+        (
+            &[good[0], good[1], knot(20, 890_100), good[2]],
+            not_monotone(2, 890_100),
+        ),
+        (
+            &[good[0], good[1], knot(20, 890_000), good[2]],
+            not_monotone(2, 890_000),
+        ),
+        (&[knot(0, 5), knot(1, 5)], not_monotone(1, 5)),
+        // A sixteenth of a micrometre a pixel is just enough.
+        (&[knot(0, 0), knot(160, 10)], None),
+        (&[knot(0, 0), knot(160, -10)], None),
+        (&[knot(0, 0), knot(161, 10)], not_monotone(1, 10)),
+    ] {
+        assert_eq!(wrong(knots), error, "{knots:?}");
+    }
 
     // 2^22 um, and a step less, over all the centres that there are.
     let far = |value| {
@@ -88,25 +77,27 @@ fn the_error_of_an_invalid_table_names_the_wrong_knot() {
 fn the_error_of_invalid_residuals_names_the_wrong_knot() {
     let nominal = NOMINAL.expect("a curve");
     let wrong = |knots: &[Knot]| Corrected::new(nominal.clone(), knots).err();
-    assert_eq!(wrong(&[knot(1191, 50), knot(2654, -50)]), None);
-    assert_eq!(
-        wrong(&[knot(1191, 50)]),
-        Some(CorrectedError::Knots(KnotsError::TooFew { knots: 1 }))
-    );
-    assert_eq!(
-        wrong(&[knot(1190, 50), knot(2654, -50)]),
-        Some(CorrectedError::Beyond {
-            index: 0,
-            centre: Pixels::from_int(1190)
-        })
-    );
-    assert_eq!(
-        wrong(&[knot(1191, 50), knot(2654, -50), knot(2655, 0)]),
-        Some(CorrectedError::Beyond {
-            index: 2,
-            centre: Pixels::from_int(2655)
-        })
-    );
+    let beyond = |index, x| {
+        let centre = Pixels::from_int(x);
+        Some(CorrectedError::Beyond { index, centre })
+    };
+    let few = CorrectedError::Knots(KnotsError::TooFew { knots: 1 });
+    let centre = Pixels::from_int(1191);
+    for (knots, error) in [
+        (&[knot(1191, 50), knot(2654, -50)][..], None),
+        (&[knot(1191, 50)], Some(few)),
+        (&[knot(1190, 50), knot(2654, -50)], beyond(0, 1190)),
+        (
+            &[knot(1191, 50), knot(2654, -50), knot(2655, 0)],
+            beyond(2, 2655),
+        ),
+        (
+            &[knot(1191, 8_000_000), knot(2654, 8_000_000)],
+            Some(CorrectedError::Distance { centre }),
+        ),
+    ] {
+        assert_eq!(wrong(knots), error, "{knots:?}");
+    }
     // At pixel 2600 the curve falls by about 245 um a pixel.
     let (_, slope) = nominal
         .distance_at(Pixels::from_int(2601))
@@ -117,58 +108,28 @@ fn the_error_of_invalid_residuals_names_the_wrong_knot() {
         // Two knots: the cubic is a straight line.
         let knots = |rise: i32| [knot(2600, 0), knot(2601, sign * rise)];
         assert_eq!(wrong(&knots(half)), None);
-        assert_eq!(
-            wrong(&knots(half + 1)),
-            Some(CorrectedError::Steep {
-                index: 1,
-                centre: Pixels::from_int(2601)
-            })
-        );
+        let centre = Pixels::from_int(2601);
+        let steep = CorrectedError::Steep { index: 1, centre };
+        assert_eq!(wrong(&knots(half + 1)), Some(steep));
     }
-    assert_eq!(
-        wrong(&[knot(1191, 8_000_000), knot(2654, 8_000_000)]),
-        Some(CorrectedError::Distance {
-            centre: Pixels::from_int(1191)
-        })
-    );
 }
 
 #[test]
 fn errors_say_what_is_wrong_and_what_to_do() {
-    let mut text = String::new();
-    for error in [
-        TableError::Knots(KnotsError::TooFew { knots: 1 }),
-        TableError::Knots(KnotsError::TooMany { knots: 300 }),
-        TableError::Knots(KnotsError::Order {
-            index: 7,
-            centre: Pixels::from_f32(12.5),
-        }),
-        TableError::Knots(KnotsError::Step {
-            index: 7,
-            value: Micrometres::MIN,
-        }),
-        TableError::NotMonotone {
-            index: 7,
-            distance: Micrometres::from_int(900_000),
-        },
-    ] {
-        text += &format!("{error}\n");
-    }
-    for error in [
-        CorrectedError::Beyond {
-            index: 7,
-            centre: Pixels::from_f32(12.5),
-        },
-        CorrectedError::Steep {
-            index: 7,
-            centre: Pixels::from_f32(12.5),
-        },
-        CorrectedError::Distance {
-            centre: Pixels::from_f32(12.5),
-        },
-    ] {
-        text += &format!("{error}\n");
-    }
+    let (index, centre) = (7, Pixels::from_f32(12.5));
+    let value = Micrometres::MIN;
+    let distance = Micrometres::from_int(900_000);
+    let errors: [&dyn std::fmt::Display; 8] = [
+        &TableError::Knots(KnotsError::TooFew { knots: 1 }),
+        &TableError::Knots(KnotsError::TooMany { knots: 300 }),
+        &TableError::Knots(KnotsError::Order { index, centre }),
+        &TableError::Knots(KnotsError::Step { index, value }),
+        &TableError::NotMonotone { index, distance },
+        &CorrectedError::Beyond { index, centre },
+        &CorrectedError::Steep { index, centre },
+        &CorrectedError::Distance { centre },
+    ];
+    let text = errors.map(|error| format!("{error}\n")).concat();
     insta::assert_snapshot!(text);
 }
 
