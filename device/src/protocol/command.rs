@@ -177,7 +177,7 @@ impl fmt::Display for Error {
 impl core::error::Error for Error {}
 
 /// The commands without numbers, and the line of each.
-const WITHOUT_NUMBERS: [(&str, Command); 33] = [
+static WITHOUT_NUMBERS: [(&str, Command); 33] = [
     ("help", Command::Help),
     ("?", Command::Help),
     ("help estimator", Command::HelpEstimator),

@@ -61,18 +61,16 @@ impl Upload {
         record: &mut Option<Record>,
     ) -> Result<bool, Refusal> {
         match step {
-            Step::Begin(bytes) => self.begin(bytes),
+            // Drops the one before.
+            Step::Begin(bytes) => {
+                self.came = 0;
+                self.announced = usize::from(bytes);
+            }
             Step::Piece(piece) => self.add(&piece)?,
             Step::Commit => self.commit(sensor, record)?,
             Step::Abort => self.announced = 0,
         }
         Ok(step == Step::Commit)
-    }
-
-    /// Begins an upload, and drops the one before.
-    fn begin(&mut self, bytes: u16) {
-        self.came = 0;
-        self.announced = usize::from(bytes);
     }
 
     fn add(&mut self, piece: &Piece) -> Result<(), Refusal> {
