@@ -1,26 +1,30 @@
 //! Ambient light: what `ambient subtract` takes away, and the noise that it costs.
 
+use crate::support::{listing, scene};
 use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
 use judges::frames::words;
 use simulator::scene::comb::Comb as Mask;
-use simulator::scene::{Ambient, ReadNoise, Scene, Simulation};
+use simulator::scene::{Effect, Scene, Simulation};
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::row::Geometry;
 use statistics::{mean, rms};
 
 const FRAMES: usize = 400;
 
 fn named(name: &str) -> Light {
-    LIGHTS
-        .into_iter()
-        .find(|it| it.name == name)
-        .expect("a light")
+    let light = LIGHTS.into_iter().find(|it| it.name == name);
+    light.expect("a light")
+}
+
+/// The scene beside a window.
+fn beside_a_window(scene: Scene) -> Scene {
+    let light = "ambient = { counts_per_second = 100e3, slope = 11.0 }";
+    listing(scene, light)
 }
 
 /// Beside a window the error is at most 1.5 times that of the dark room, and in each light it is the one that
@@ -63,21 +67,17 @@ fn a_long_frame_has_more_of_the_means_noise() {
     };
     let [one, long] = [1, 64].map(|rows| {
         let found = window.measure(Subtract, rows, frames(rows));
-        println!(
-            "{rows} rows: {found:.3?}, computed share {:.4}",
-            noise_of_mean(rows)
-        );
+        let of_mean = noise_of_mean(rows);
+        println!("{rows} rows: {found:.3?}, computed share {of_mean:.4}");
         assert_eq!((found.faults, found.beyond_5), (0, 0));
         let readings = found.readings() as f64;
         // Four standard deviations of an RMS value, and what r is too large by: it states the spot's own shot
         // noise as noise of the mean, and the mean's share at the end of a frame (1/255 of a row's variance
         // for each row).
         let margin = 4.0 / (2.0 * readings).sqrt();
-        let too_large = ((1.0 + f64::from(rows) / 255.0) / (1.0 + noise_of_mean(rows))).sqrt();
+        let too_large = ((1.0 + f64::from(rows) / 255.0) / (1.0 + of_mean)).sqrt();
         let ratio = found.rms_um / found.r_um;
-        println!(
-            "{rows} rows: RMS over r {ratio:.3}, margin {margin:.3}, too large {too_large:.3}"
-        );
+        println!("RMS over r {ratio:.3}, margin {margin:.3}, too large {too_large:.3}");
         assert!(ratio < 1.0 + margin, "{rows} rows");
         assert!(ratio > 0.95 / too_large - margin, "{rows} rows");
         found
@@ -92,20 +92,12 @@ fn a_long_frame_has_more_of_the_means_noise() {
 
 /// A row with noise and a spot on daylight, and a row of the daylight without noise.
 fn lit_and_dark_words() -> (Vec<u16>, Vec<u16>) {
-    let lit = Scene {
-        ambient: Some(Ambient {
-            counts_per_second: 100e3,
-            slope: 11.0,
-        }),
-        read_noise: Some(ReadNoise { counts: 40.0 }),
-        ..Scene::white_paper()
-    };
-    let dark = Scene {
-        spot: None,
-        read_noise: None,
-        shot_noise: None,
-        ..lit.clone()
-    };
+    let lit = listing(
+        beside_a_window(Scene::white_paper()),
+        "read_noise.counts = 40.0",
+    );
+    let mut dark = (lit.clone().without(Effect::ReadNoise)).without(Effect::ShotNoise);
+    dark.spot = None;
     let [lit, dark] = [lit, dark].map(|scene| {
         let geometry = scene.geometry();
         words(&scene.row(1, 0.8, 5e-3), &geometry)
@@ -131,8 +123,7 @@ fn r_contains_all_noise_of_a_mean_that_has_just_begun() {
         let mut frame = || {
             loop {
                 measurement.ambient_row(&dark);
-                let result = measurement.row_with(&mut lit.clone(), None, None);
-                if let Some(result) = result {
+                if let Some(result) = measurement.row(&mut lit.clone()) {
                     break result.expect("a reading").frame.uncertainty;
                 }
             }
@@ -154,10 +145,8 @@ fn r_contains_all_noise_of_a_mean_that_has_just_begun() {
             }
             let variance: f64 = of_frame.iter().map(|weight| weight * weight).sum();
             let computed = without * (1.0 + f64::from(rows) * variance).sqrt();
-            println!(
-                "frame {number} of {rows} rows: {:.3} of the computed noise",
-                claim / computed
-            );
+            let of_computed = claim / computed;
+            println!("frame {number} of {rows} rows: {of_computed:.3} of the computed noise");
             // An uncertainty has steps of 2^-16 pixels.
             assert!(claim > computed - 2e-5, "frame {number} of {rows} rows");
         }
@@ -177,7 +166,7 @@ fn the_mean_outlasts_other_settings() {
         measurement
     };
     let measure = |measurement: &mut Measurement| {
-        let result = measurement.row_with(&mut lit.clone(), None, None);
+        let result = measurement.row(&mut lit.clone());
         let measured = result.expect("a frame").expect("a reading");
         (measured.ambient.to_f64(), measured.frame.uncertainty)
     };
@@ -195,14 +184,9 @@ fn the_mean_outlasts_other_settings() {
         measurement.set_geometry(geometry.clone());
     }
     assert_eq!(measure(&mut measurement), expected);
-    let off = Options {
-        ambient: Off,
-        ..one
-    };
-    let laser_off = Options {
-        laser: false,
-        ..one
-    };
+    let [mut off, mut laser_off] = [one; 2];
+    off.ambient = Off;
+    laser_off.laser = false;
     for other in [off, laser_off] {
         let mut measurement = settled();
         measurement.set(other, None);
@@ -268,9 +252,7 @@ fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
                 sensor.row(WHITE_PAPER);
             }
         }
-        println!(
-            "{name}: {readings} readings, {flagged} flagged, {faults} faults, {worst:.2} claims"
-        );
+        println!("{name}: {readings} good, {flagged} flagged, {faults} faults, {worst:.2} claims");
         assert!(readings > fewest, "{name}");
         assert!(worst < 5.0, "{name}");
     }
@@ -282,21 +264,16 @@ fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
 fn auto_exposure_leaves_room_for_the_light_that_is_subtracted() {
     // The well holds 4000 counts, of which 300 are no charge. Daylight takes 1710 in the middle of the row.
     const ROOM: f64 = 3795.0 - 1710.0;
-    let options = Options {
-        ambient: Subtract,
-        ..Options::default()
-    };
+    let light = named("beside a window, three times as bright");
     for reflectivity in [0.3, 0.1, 1e-2, 3e-3] {
-        let mut sensor = named("beside a window, three times as bright").sensor(options);
+        let mut sensor = light.sensor(subtracting(Options::default().rows));
         sensor.frames(reflectivity, 3);
         for result in sensor.frames(reflectivity, 10) {
             let measured = result.expect("a reading");
             let height = measured.frame.amplitude.to_f64();
             let percent = 100.0 * height / ROOM;
-            println!(
-                "{reflectivity}: {:?}, {height:.0} counts, {percent:.0} %",
-                measured.frame.exposure
-            );
+            let exposure = measured.frame.exposure;
+            println!("{reflectivity}: {exposure:?}, {height:.0} counts, {percent:.0} %");
             assert!((49.0..86.0).contains(&percent));
             assert!(!sensor.compare(&measured).is_flagged);
         }
@@ -345,17 +322,9 @@ fn readings_claim_the_error_of_charge_that_stays() {
 /// Rows of a comb beside a window have the same centre as in the dark room, and are as good as they claim.
 #[test]
 fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
-    let comb = Scene {
-        comb: Some(Mask::nominal()),
-        ..Scene::load("quiet-paper").expect("a scene")
-    };
-    let window = Scene {
-        ambient: Some(Ambient {
-            counts_per_second: 100e3,
-            slope: 11.0,
-        }),
-        ..comb.clone()
-    };
+    let mut comb = scene("quiet-paper");
+    comb.comb = Some(Mask::nominal());
+    let window = beside_a_window(comb.clone());
     const ROWS: usize = 200;
     let measure = |scene: &Scene, ambient| {
         let options = Options {
@@ -366,10 +335,8 @@ fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
         };
         let geometry = scene.geometry();
         let mut measurement = Measurement::new(geometry.clone(), options);
-        let dark = Scene {
-            spot: None,
-            ..scene.clone()
-        };
+        let mut dark = scene.clone();
+        dark.spot = None;
         let [lit, dark] = [scene.clone(), dark].map(Simulation::new);
         let mut row = 0;
         let mut next = |simulation: &Simulation| {
@@ -380,7 +347,7 @@ fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
         let (mut errors, mut claims) = (vec![], vec![]);
         for _ in 0..ROWS {
             measurement.ambient_row(&next(&dark));
-            let result = measurement.row_with(&mut next(&lit), None, None);
+            let result = measurement.row(&mut next(&lit));
             let measured = result.expect("a frame").expect("a reading");
             assert_eq!(measured.comb.expect("slits").used, 16);
             let error = measured.frame.centre.to_f64() - scene.optics.centre(0.8);

@@ -1,11 +1,12 @@
 //! The check: how seldom it fails a good row, and how often it finds a flaw.
 
+use crate::support::{random, tally};
 use judges::accuracy::{self, Answer};
 use judges::hard_cases::flaw::{Bad, Flaw, Second};
 use judges::hard_cases::judge::Said;
 use judges::hard_cases::recipe::{Place, Recipe};
 use judges::hard_cases::{HardRow, Shape};
-use rand::{Rng as _, SeedableRng as _};
+use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use slitrange::centre::spot_shape::SpotShape;
@@ -52,15 +53,10 @@ fn clean_rows_pass_the_check() {
     ];
     let (mut rows, mut doubted, mut failures) = (0, 0, vec![]);
     println!(
-        "rows of {ROWS} that were doubted (flagged, or repaired): dim, middle, bright, bright without shot \
-         noise"
+        "rows of {ROWS} that were flagged or repaired: dim, middle, bright, bright without shot noise"
     );
-    for shape in [
-        Shape::Gaussian,
-        Shape::SincSquared,
-        Shape::Fresnel,
-        Shape::LaserSpot,
-    ] {
+    use Shape::{Fresnel, Gaussian, LaserSpot, SincSquared};
+    for shape in [Gaussian, SincSquared, Fresnel, LaserSpot] {
         for width in [0.8, 1.5, 4.0, 10.5, 20.0] {
             let mut cells = vec![];
             for (amplitude, read_noise, electrons_per_count) in NOISES {
@@ -71,19 +67,13 @@ fn clean_rows_pass_the_check() {
                     ..Recipe::clean(width)
                 }
                 .spot(|spot| (spot.shape, spot.amplitude) = (shape, amplitude));
-                let results: Vec<(bool, bool, bool)> = (0..ROWS)
-                    .into_par_iter()
-                    .map(|number| {
-                        let row = recipe.row(7, number);
-                        let answers = answers_to(&row, Estimator::PhaseTable);
-                        let [alone, checked] = &answers;
-                        let wrong = is_confident_error(&row, checked);
-                        (alone.is_ok(), is_doubted(&answers), wrong)
-                    })
-                    .collect();
-                let centres = results.iter().filter(|result| result.0).count();
-                let cell = results.iter().filter(|result| result.0 && result.1).count();
-                let wrong = results.iter().filter(|result| result.2).count();
+                let [centres, cell, wrong] = tally(ROWS, |number| {
+                    let row = recipe.row(7, number);
+                    let answers = answers_to(&row, Estimator::PhaseTable);
+                    let is_centre = answers[0].is_ok();
+                    let wrong = is_confident_error(&row, &answers[1]);
+                    [is_centre, is_centre && is_doubted(&answers), wrong].map(u64::from)
+                });
                 if width >= 4.0 {
                     rows += centres;
                     doubted += cell;
@@ -95,10 +85,9 @@ fn clean_rows_pass_the_check() {
                     width if width < 4.0 => 15,
                     _ => 200,
                 };
-                if wrong > 0 || cell * one_in > ROWS as usize {
-                    failures.push(format!(
-                        "{shape:?} of {width}, {amplitude} counts: {cell} doubted, {wrong} wrong"
-                    ));
+                if wrong > 0 || cell * one_in > ROWS {
+                    let name = format!("{shape:?} of {width}, {amplitude} counts");
+                    failures.push(format!("{name}: {cell} doubted, {wrong} wrong"));
                 }
             }
             println!("{:<14} sigma {width:>4}: {cells:?}", format!("{shape:?}"));
@@ -106,10 +95,7 @@ fn clean_rows_pass_the_check() {
     }
     println!("{doubted} of {rows}");
     assert!(failures.is_empty(), "{failures:#?}");
-    assert!(
-        doubted * 1000 <= rows && rows > 45_000,
-        "{doubted} of {rows}"
-    );
+    assert!(doubted * 1000 <= rows && rows > 45_000);
 }
 
 /// What can be wrong with a row, by itself.
@@ -185,30 +171,23 @@ fn confident_errors_of_each_flaw_stay_few() {
         (Kind::Lopsided, 0),
     ];
     let mut failures = vec![];
-    println!(
-        "confident errors of {ROWS} rows, flagged rows, faults (confident errors without the check)"
-    );
+    println!("confident errors of {ROWS} rows, flagged, faults (errors without the check)");
     for (kind, measured) in MEASURED {
         let mean = f64::from(measured);
         let limit = mean + 3.0 * mean.max(1.0).sqrt();
-        let results: Vec<[usize; 4]> = (0..ROWS)
-            .into_par_iter()
-            .map(|number| {
-                let mut random = ChaCha8Rng::seed_from_u64(number);
-                random.set_stream(kind as u64);
-                let row = kind.recipe(&mut random).row(number, 0);
-                let [alone, checked] = answers_to(&row, Estimator::default());
-                [
-                    is_confident_error(&row, &checked),
-                    checked.is_ok_and(|found| found.misfit),
-                    checked.is_err(),
-                    is_confident_error(&row, &alone),
-                ]
-                .map(usize::from)
-            })
-            .collect();
-        let [wrong, flagged, faults, before] =
-            [0, 1, 2, 3].map(|i| results.iter().map(|result| result[i]).sum::<usize>());
+        let [wrong, flagged, faults, before] = tally(ROWS, |number| {
+            let mut random = random(number);
+            random.set_stream(kind as u64);
+            let row = kind.recipe(&mut random).row(number, 0);
+            let [alone, checked] = answers_to(&row, Estimator::default());
+            [
+                is_confident_error(&row, &checked),
+                checked.is_ok_and(|found| found.misfit),
+                checked.is_err(),
+                is_confident_error(&row, &alone),
+            ]
+            .map(u64::from)
+        });
         println!("{kind:?}: {wrong}, {flagged}, {faults} ({before})");
         if wrong as f64 > limit {
             failures.push(format!("{kind:?}: {wrong}, limit {limit:.1}"));

@@ -1,50 +1,30 @@
 //! A comb of slits in the core: which peak belongs to which slit, and rows of all slits as a whole. The tests
 //! print every figure that they assert.
 
+use crate::support::{listing, random, scene, tally};
 use judges::frames;
+use rand::Rng as _;
 use rand::seq::SliceRandom as _;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use simulator::scene::comb::Comb as Mask;
-use simulator::scene::{LaserSpot, Scene, SecondReflection, Simulation, Speckle};
+use simulator::scene::{Scene, SecondReflection, Simulation};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::Estimator;
 use slitrange::frame::comb::{Comb, MAX_SLITS, Maximum, Slits, assign};
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::Measured;
-
-/// What random peaks came to.
-#[derive(Clone, Copy, Default)]
-struct Assigned {
-    /// The spot is where it was put.
-    right: u64,
-    /// It is somewhere else, and nothing says so.
-    wrong: u64,
-    /// A fault says that the slits are few or unclear.
-    faults: u64,
-}
-
-impl Assigned {
-    fn add(self, other: Self) -> Self {
-        Self {
-            right: self.right + other.right,
-            wrong: self.wrong + other.wrong,
-            faults: self.faults + other.faults,
-        }
-    }
-}
 
 /// Maxima of the nominal comb for spots anywhere in the nominal range. Up to half of the slits have no peak,
 /// and one peak anywhere on the row is false. Speckle moves each peak by 2.2 pixels RMS (a 1 mm spot on metal
 /// at 0.8 m), and the search is off by a pixel.
-fn random_peaks(rows: u64, seed: u64) -> Assigned {
+fn check_random_peaks(rows: u64) {
     let comb = Comb::nominal();
-    let of_row = |row: u64| {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
+    // The spot is where it was put; it is somewhere else, and nothing says so; or a fault says that the slits
+    // are few or unclear.
+    let [right, wrong, faults] = tally(rows, |row| {
+        let mut random = random(71);
         random.set_stream(row);
         let x0 = random.random_range(1191.0..2654.0);
         let mut slits: Vec<usize> = (0..MAX_SLITS).collect();
@@ -60,24 +40,15 @@ fn random_peaks(rows: u64, seed: u64) -> Assigned {
         peaks.push(peak(random.random_range(0.0..3648.0)));
         peaks.shuffle(&mut random);
         match assign(&peaks, &comb) {
-            Ok(found) if (found.x0.to_f32() - x0).abs() <= 6.0 => Assigned {
-                right: 1,
-                ..Assigned::default()
-            },
-            Ok(_) => Assigned {
-                wrong: 1,
-                ..Assigned::default()
-            },
-            Err(_) => Assigned {
-                faults: 1,
-                ..Assigned::default()
-            },
+            Ok(found) if (found.x0.to_f32() - x0).abs() <= 6.0 => [1, 0, 0],
+            Ok(_) => [0, 1, 0],
+            Err(_) => [0, 0, 1],
         }
-    };
-    (0..rows)
-        .into_par_iter()
-        .map(of_row)
-        .reduce(Assigned::default, Assigned::add)
+    });
+    println!("{rows} random rows: {right} right, {wrong} wrong without a flag, {faults} faults");
+    assert!(wrong * 1_000_000 <= rows);
+    // More would make a sensor of half of its slits useless.
+    assert!(faults * 100 <= rows);
 }
 
 fn peak(place: f64) -> Maximum {
@@ -85,18 +56,6 @@ fn peak(place: f64) -> Maximum {
         place: place as f32,
         height: Counts::from_int(1000),
     }
-}
-
-fn check_random_peaks(rows: u64) {
-    let Assigned {
-        right,
-        wrong,
-        faults,
-    } = random_peaks(rows, 71);
-    println!("{rows} random rows: {right} right, {wrong} wrong without a flag, {faults} faults");
-    assert!(wrong * 1_000_000 <= rows);
-    // More would make a sensor of half of its slits useless.
-    assert!(faults * 100 <= rows);
 }
 
 #[test]
@@ -112,10 +71,9 @@ fn at_most_one_in_a_million_random_rows_gets_wrong_slits() {
 
 /// White paper behind the nominal mask, with even images: no speckle.
 fn quiet() -> Scene {
-    Scene {
-        comb: Some(Mask::nominal()),
-        ..Scene::load("quiet-paper").expect("a scene")
-    }
+    let mut scene = scene("quiet-paper");
+    scene.comb = Some(Mask::nominal());
+    scene
 }
 
 fn options(rows: u16) -> Options {
@@ -127,13 +85,8 @@ fn options(rows: u16) -> Options {
 }
 
 fn measure(scene: &Scene, distance: f64, rows: u16) -> Result<Measured, Fault> {
-    frames::measure(
-        &Simulation::new(scene.clone()),
-        options(rows),
-        distance,
-        0,
-        None,
-    )
+    let simulation = Simulation::new(scene.clone());
+    frames::measure(&simulation, options(rows), distance, 0, None)
 }
 
 /// Without speckle the mean over 16 images has the error of one image's noise over four, and what the
@@ -148,10 +101,8 @@ fn images_without_speckle_agree_with_the_geometry() {
         assert_eq!(comb.used, 16, "at {distance} m");
         let off = measured.frame.centre.to_f64() - scene.optics.centre(distance);
         let r = measured.frame.uncertainty.to_f64();
-        println!(
-            "{distance} m: off by {off:.5} px, r {r:.5}, surface {:.5}",
-            comb.surface
-        );
+        let surface = comb.surface;
+        println!("{distance} m: off by {off:.5} px, r {r:.5}, surface {surface:.5}");
         worst = worst.max((off / r).abs());
         // Noise alone scatters the images.
         assert!(comb.surface.to_f64() < 3.0 * r);
@@ -168,7 +119,7 @@ fn images_without_speckle_agree_with_the_geometry() {
 /// A row on which some slits are covered, and one false spot is on it.
 #[test]
 fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
-    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut random = random(5);
     let (mut good, mut faults) = (0, 0);
     for trial in 0..200 {
         let distance = random.random_range(0.56..1.09);
@@ -177,11 +128,8 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
             mask.slits.remove(random.random_range(0..mask.slits.len()));
         }
         let slits = mask.slits.len();
-        let scene = Scene {
-            seed: trial,
-            comb: Some(mask),
-            ..quiet()
-        };
+        let mut scene = quiet();
+        (scene.seed, scene.comb) = (trial, Some(mask));
         let geometry = scene.geometry();
         let mut light = scene.row(0, distance, scene.exposure);
         let false_spot = SecondReflection {
@@ -189,11 +137,8 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
             width: random.random_range(4.0..14.0),
             strength: 1.0,
         };
-        false_spot.add(
-            &mut light[geometry.light.clone()],
-            0.0,
-            random.random_range(50.0..1500.0),
-        );
+        let height = random.random_range(50.0..1500.0);
+        false_spot.add(&mut light[geometry.light.clone()], 0.0, height);
         let mut measurement = Measurement::new(geometry.clone(), options(1));
         let measured = measurement.row(&mut frames::words(&light, &geometry));
         match measured.expect("a frame of one row") {
@@ -201,21 +146,12 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
                 good += 1;
                 let comb = measured.comb.expect("slits");
                 let off = measured.frame.centre.to_f64() - scene.optics.centre(distance);
-                let u = measured
-                    .frame
-                    .uncertainty
-                    .to_f64()
-                    .hypot(comb.surface.to_f64());
+                let r = measured.frame.uncertainty.to_f64();
+                let (u, used) = (r.hypot(comb.surface.to_f64()), usize::from(comb.used));
                 // The false spot may lie on an image.
-                assert!(
-                    usize::from(comb.used) + 2 >= slits,
-                    "{} of {slits}",
-                    comb.used
-                );
-                assert!(
-                    off.abs() < 5.0 * u + 0.02,
-                    "trial {trial}: off by {off}, u {u}"
-                );
+                assert!(used + 2 >= slits, "{used} of {slits}");
+                let is_near = off.abs() < 5.0 * u + 0.02;
+                assert!(is_near, "trial {trial}: off by {off}, u {u}");
             }
             Err(Fault::FewSlits { .. } | Fault::SlitsUnclear { .. }) => faults += 1,
             Err(fault) => panic!("trial {trial}: {fault}"),
@@ -227,59 +163,39 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
 
 #[test]
 fn a_comb_in_the_dark_and_a_single_spot_are_faults() {
-    let dark = Scene {
-        comb: None,
-        spot: None,
-        ..quiet()
+    let mut one = scene("quiet-paper");
+    let few = Fault::FewSlits {
+        found: 1,
+        needed: 4,
     };
-    let found = measure(&dark, 0.8, 4);
-    assert!(
-        matches!(found, Err(Fault::NoSpot { .. } | Fault::FewSlits { .. })),
-        "{found:?}"
-    );
-    let one = Scene {
-        comb: None,
-        ..quiet()
-    };
-    assert_eq!(
-        measure(&one, 0.8, 4),
-        Err(Fault::FewSlits {
-            found: 1,
-            needed: 4
-        })
-    );
+    assert_eq!(measure(&one, 0.8, 4), Err(few));
+    one.spot = None;
+    let found = measure(&one, 0.8, 4);
+    let is_dark = matches!(found, Err(Fault::NoSpot { .. } | Fault::FewSlits { .. }));
+    assert!(is_dark, "{found:?}");
     // Slits 1 mm apart look the same if they are shifted by one.
-    let mut even = Mask::nominal();
-    for (slit, place) in even.slits.iter_mut().zip(-7..) {
+    let mut even = quiet();
+    for (slit, place) in even
+        .comb
+        .iter_mut()
+        .flat_map(|mask| &mut mask.slits)
+        .zip(-7..)
+    {
         slit.place = 1e-3 * f64::from(place);
     }
-    let even = Scene {
-        comb: Some(even),
-        ..quiet()
-    };
     let found = measure(&even, 0.8, 4);
-    assert!(
-        matches!(found, Err(Fault::SlitsUnclear { .. })),
-        "{found:?}"
-    );
+    let is_unclear = matches!(found, Err(Fault::SlitsUnclear { .. }));
+    assert!(is_unclear, "{found:?}");
 }
 
 /// Errors of the slits on rough surfaces, each times the root of its light. `None` where there is no image.
 fn errors_of_slits(waist: f64, linewidth: f64, surfaces: u64) -> Vec<[Option<f64>; MAX_SLITS]> {
-    let scene = Scene {
-        comb: Some(Mask::nominal()),
-        laser_spot: Some(LaserSpot {
-            waist,
-            waist_distance: 0.8,
-            wander: 0.0,
-        }),
-        speckle: Some(Speckle {
-            polarisations: 1,
-            linewidth,
-            path_spread: 0.0,
-        }),
-        ..Scene::load("speckle-at-rest").expect("a scene")
-    };
+    let light = format!(
+        "laser_spot = {{ waist = {waist}, waist_distance = 0.8, wander = 0.0 }}
+        speckle = {{ polarisations = 1, linewidth = {linewidth}, path_spread = 0.0 }}"
+    );
+    let mut scene = listing(scene("speckle-at-rest"), &light);
+    scene.comb = Some(Mask::nominal());
     let comb = Comb::nominal();
     (0..surfaces)
         .into_par_iter()
@@ -326,9 +242,7 @@ fn neighbours_share_as_much_speckle_as_the_core_says() {
         let (c, n) = (products / squares, MAX_SLITS as f64);
         let factor = ((1.0 + 2.0 * c * (n - 1.0) / n) / (1.0 - 2.0 * c / n)).sqrt();
         println!(
-            "{:.2} mm, line of {:.0} nm: neighbours correlate by {c:.3}: factor {factor:.3}",
-            1e3 * waist,
-            1e9 * linewidth,
+            "{waist} m, line of {linewidth} m: neighbours correlate by {c:.3}: factor {factor:.3}"
         );
         assert!(factors.contains(&factor));
     }

@@ -12,17 +12,13 @@
 
 use std::f64::consts::TAU;
 
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
+use crate::support::{checked, geometry, random};
+use judges::accuracy::Answer;
+use rand::Rng as _;
+use rand_distr::StandardNormal;
 use simulator::optics::Optics;
-use simulator::scene::{Scene, Sensor};
-use slitrange::base::fault::Fault;
-use slitrange::centre::{Estimator, RowCentre};
+use slitrange::centre::Estimator;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
-use slitrange::measurement::steps::centre_of_spot;
-use slitrange::row::Row;
-use slitrange::spot;
 use statistics::{rms, upper_median};
 
 /// Points of a slit's width: 20 to a turn of phase where a neighbour's image is.
@@ -98,15 +94,13 @@ impl Ways {
                 .map(|s| [optics.baseline + s * sin, optics.offset + s * cos])
                 .collect();
             let wave = |a, b| Wave::of_path(length(a, b), optics.wavelength);
-            let to_slit: Vec<Vec<Wave>> = points
-                .iter()
-                .map(|&x| {
-                    apertures
-                        .iter()
-                        .map(|&it| wave([x, distance], it))
-                        .collect()
-                })
-                .collect();
+            let from_point = |&x: &f64| {
+                apertures
+                    .iter()
+                    .map(|&it| wave([x, distance], it))
+                    .collect()
+            };
+            let to_slit: Vec<Vec<Wave>> = points.iter().map(from_point).collect();
             let of_column = |column: &[f64; 2]| {
                 let to_row: Vec<Wave> = apertures.iter().map(|&it| wave(it, *column)).collect();
                 let sum = |from: &Vec<Wave>| {
@@ -147,10 +141,7 @@ impl Ways {
     }
 
     fn dark(&self) -> [Vec<f64>; 2] {
-        [
-            vec![0.0; 2 * HALF as usize + 1],
-            vec![0.0; 2 * HALF as usize + 1],
-        ]
+        [(); 2].map(|()| vec![0.0; 2 * HALF as usize + 1])
     }
 }
 
@@ -166,10 +157,9 @@ fn fit(light: &[f64], start: f64) -> f64 {
             score += light * u * bell;
             slope += light * (1.0 - u * u) * bell;
         }
-        let step = if slope > 0.0 {
-            (SIGMA * score / slope).clamp(-SIGMA, SIGMA)
-        } else {
-            SIGMA * score.signum()
+        let step = match slope > 0.0 {
+            true => (SIGMA * score / slope).clamp(-SIGMA, SIGMA),
+            false => SIGMA * score.signum(),
         };
         centre += 0.7 * step;
     }
@@ -178,26 +168,14 @@ fn fit(light: &[f64], start: f64) -> f64 {
 
 /// What the firmware's core finds in a row of light, `scale` counts for a unit of light, with a black level
 /// of 300 counts, noise of 4 counts, and 10 electrons a count.
-fn core_finds(light: &[f64], scale: f64, seed: u64) -> Result<RowCentre, Fault> {
-    let geometry = Scene {
-        sensor: Sensor::Row(light.len()),
-        ..Scene::white_paper()
-    }
-    .geometry();
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let counts: Vec<u16> = light
-        .iter()
-        .map(|x| x * scale)
-        .map(|x| {
-            let noise: f64 = StandardNormal.sample(&mut random);
-            let count = 300.0 + x + noise * (16.0 + 0.1 * x).sqrt();
-            count.round() as u16
-        })
-        .collect();
-    let row = Row::new(&counts, &[], geometry.saturated_from()).expect("12 bits");
-    let (spot, budget) = spot::find(&row)?;
-    let estimator = Estimator::default();
-    centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
+fn core_finds(light: &[f64], scale: f64, seed: u64) -> Answer {
+    let mut random = random(seed);
+    let count = |light: &f64| {
+        let (x, noise): (f64, f64) = (light * scale, random.sample(StandardNormal));
+        (300.0 + x + noise * (16.0 + 0.1 * x).sqrt()).round() as u16
+    };
+    let counts: Vec<u16> = light.iter().map(count).collect();
+    checked(&geometry(light.len(), 6554), &counts, Estimator::default())
 }
 
 /// Of the values without their signs.
@@ -244,8 +222,8 @@ impl Moved {
             }
         }
         if let [Ok(together), Ok(apart)] = found {
-            self.core
-                .push(together.centre.to_f64() - apart.centre.to_f64());
+            let moved = together.centre.to_f64() - apart.centre.to_f64();
+            self.core.push(moved);
         }
     }
 
@@ -296,7 +274,7 @@ fn fringes_of_a_rough_surface_move_its_image_less_than_speckle_does() {
     for polarisations in [1, 2] {
         let mut moved = Moved::default();
         for seed in 0..300 {
-            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let mut random = random(seed);
             let [mut together, mut apart] = ways.dark();
             for _ in 0..polarisations {
                 let amplitudes: Vec<Wave> = places
@@ -305,10 +283,8 @@ fn fringes_of_a_rough_surface_move_its_image_less_than_speckle_does() {
                         let size = (-(x / radius).powi(2)).exp();
                         let size = size * (-(1.0 - random.random::<f64>()).ln()).sqrt();
                         let (im, re) = (TAU * random.random::<f64>()).sin_cos();
-                        Wave {
-                            re: size * re,
-                            im: size * im,
-                        }
+                        let (re, im) = (size * re, size * im);
+                        Wave { re, im }
                     })
                     .collect();
                 ways.add(&amplitudes, &mut together, &mut apart);

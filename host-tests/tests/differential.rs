@@ -3,9 +3,10 @@
 
 use crate::model;
 use crate::model::phase_table::{Found, Weights};
+use crate::support::{self, random};
 use judges::accuracy::{Cell, PIXELS};
 use phase_tables::{DEFAULT, FRAUNHOFER, Profile, gaussian, slit};
-use rand::{Rng as _, SeedableRng as _};
+use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use simulator::least_squares::{Gaussian, fit_weighted};
@@ -14,8 +15,8 @@ use slitrange::base::units::Pixels;
 use slitrange::centre::tables::{self, Sampling};
 use slitrange::centre::{self, Estimator, RowCentre, half_width};
 use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::row::{Geometry, Row};
-use slitrange::spot::{self, Spot};
+use slitrange::row::Geometry;
+use slitrange::spot::Spot;
 use statistics::rms;
 
 /// Steps of a centre in a pixel.
@@ -35,33 +36,28 @@ fn logarithmic(random: &mut ChaCha8Rng, least: f64, most: f64) -> f64 {
 
 /// The `number`-th of the rows of a seed, where the search finds its spot.
 fn drawn(seed: u64, number: u64) -> Option<Drawn> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let random = &mut random(seed);
     random.set_stream(number);
-    let cell = Cell {
-        width: logarithmic(&mut random, 0.8, 100.0),
-        amplitude: logarithmic(&mut random, 50.0, 3500.0),
-        read_noise: logarithmic(&mut random, 0.5, 20.0),
-        electrons_per_count: random
-            .random_bool(0.5)
-            .then(|| random.random_range(2.0..20.0)),
-        rows: 0,
-        seed,
-    };
+    let width = logarithmic(random, 0.8, 100.0);
+    let amplitude = logarithmic(random, 50.0, 3500.0);
+    let read_noise = logarithmic(random, 0.5, 20.0);
+    let has_shot_noise = random.random_bool(0.5);
+    let electrons_per_count = has_shot_noise.then(|| random.random_range(2.0..20.0));
+    let cell = support::cell(width, amplitude, (read_noise, electrons_per_count), 0, seed);
     let scene = cell.scene_of(PIXELS);
     let truth = cell.true_centre(number);
     let light = quantise(&scene.row_with_centre(number, truth, 1.0), 4095);
-    let (spot, _) = spot::find(&Row::new(&light, &[], 4095).ok()?).ok()?;
     Some(Drawn {
         cell,
         geometry: scene.geometry(),
+        spot: support::find(&light).ok()?,
         light,
-        spot,
     })
 }
 
 impl Drawn {
     fn centre(&self, estimator: Estimator) -> Option<RowCentre> {
-        let row = Row::new(&self.light, &[], 4095).ok()?;
+        let row = support::row(&self.light);
         centre::centre(estimator, &row, &self.spot, None, &self.geometry).ok()
     }
 }
@@ -86,8 +82,8 @@ fn pairs(estimator: Estimator, weights: &[Weights], sampling: Sampling) -> Vec<P
             let drawn = drawn(3, number)?;
             let found = drawn.centre(estimator)?;
             let model = model::phase_table::centre(&drawn.light, &drawn.spot, weights, sampling);
-            let model = model
-                .unwrap_or_else(|| panic!("{:?}: {found:?}, and none by the model", drawn.cell));
+            let cell = drawn.cell;
+            let model = model.unwrap_or_else(|| panic!("{cell:?}: {found:?}, none by the model"));
             let steps = f64::from(found.centre.to_bits()) - model.centre * STEPS;
             Some(Pair {
                 found,
@@ -131,9 +127,8 @@ fn fixed_point_agrees_with_its_model_in_f64() {
         (Estimator::Fraunhofer, &slit, Sampling::Fine),
     ] {
         let is_halved = |pair: &Pair| pair.model.block == 16 || pair.found.class.block == 16;
-        let (halved, whole): (Vec<Pair>, Vec<Pair>) = pairs(estimator, weights, sampling)
-            .into_iter()
-            .partition(is_halved);
+        let pairs = pairs(estimator, weights, sampling).into_iter();
+        let (halved, whole): (Vec<Pair>, Vec<Pair>) = pairs.partition(is_halved);
         let (same, other): (Vec<&Pair>, Vec<&Pair>) =
             whole.iter().partition(|pair| pair.steps.abs() <= 1.0);
         let rms_same = rms(same.iter().map(|pair| pair.steps));
@@ -150,19 +145,14 @@ fn fixed_point_agrees_with_its_model_in_f64() {
             other.len(),
             halved.len(),
         );
-        assert!(
-            rms_same <= 0.31 && worst_same <= 0.84 && all <= 5e-5,
-            "{estimator:?}"
-        );
+        let is_near = rms_same <= 0.31 && worst_same <= 0.84 && all <= 5e-5;
+        assert!(is_near, "{estimator:?}");
         assert!(other.len() <= 5 && worst_other <= 0.1, "{estimator:?}");
         assert!(halved.len() >= 100 && cut_off <= 1.1, "{estimator:?}");
         for Pair { found, model, .. } in same {
             let class = (found.class.block, usize::from(found.class.table));
-            assert_eq!(
-                class,
-                (model.block, model.table),
-                "{estimator:?}: {found:?}, {model:?}"
-            );
+            let of_model = (model.block, model.table);
+            assert_eq!(class, of_model, "{estimator:?}: {found:?}, {model:?}");
         }
     }
 }
@@ -171,14 +161,10 @@ fn fixed_point_agrees_with_its_model_in_f64() {
 /// rounding of the weights adds a noise of a few thousandths of the noise of the row.
 #[test]
 fn integer_tables_agree_with_the_designed_tables() {
+    let (gaussian, slit): (Profile<'_>, Profile<'_>) = (&gaussian, &slit);
     for (estimator, profile, plan, set) in [
-        (
-            Estimator::PhaseTable,
-            &gaussian as Profile<'_>,
-            DEFAULT,
-            &tables::GAUSSIAN,
-        ),
-        (Estimator::Fraunhofer, &slit, FRAUNHOFER, &tables::SLIT),
+        (Estimator::PhaseTable, gaussian, DEFAULT, &tables::GAUSSIAN),
+        (Estimator::Fraunhofer, slit, FRAUNHOFER, &tables::SLIT),
     ] {
         let integer = model::phase_table::integer(set.tables());
         let exact = model::phase_table::exact(profile, plan);
@@ -287,21 +273,14 @@ fn distances_agree_with_the_model() {
 /// the difference is 0.006 over 4000 rows.
 #[test]
 fn the_fit_agrees_with_the_reference_and_the_tables_come_near_it() {
-    for (width, amplitude, read_noise, electrons_per_count) in [
-        (1.2, 1000.0, 4.0, None),
-        (4.0, 200.0, 8.0, None),
-        (10.5, 100.0, 4.0, None),
-        (2.0, 1000.0, 2.0, Some(5.0)),
-        (10.5, 2000.0, 2.0, Some(5.0)),
+    for (width, amplitude, noise) in [
+        (1.2, 1000.0, (4.0, None)),
+        (4.0, 200.0, (8.0, None)),
+        (10.5, 100.0, (4.0, None)),
+        (2.0, 1000.0, (2.0, Some(5.0))),
+        (10.5, 2000.0, (2.0, Some(5.0))),
     ] {
-        let cell = Cell {
-            width,
-            amplitude,
-            read_noise,
-            electrons_per_count,
-            rows: 4000,
-            seed: 5,
-        };
+        let cell = support::cell(width, amplitude, noise, 4000, 5);
         let scene = cell.scene_of(PIXELS);
         let geometry = scene.geometry();
         let fits: Vec<Fits> = (0..cell.rows)
@@ -316,15 +295,11 @@ fn the_fit_agrees_with_the_reference_and_the_tables_come_near_it() {
         let (apart_rms, apart_most) = (rms(fits.iter().map(apart)), worst(fits.iter().map(apart)));
         let reference = rms(fits.iter().map(|fits| fits.reference));
         let table = rms(fits.iter().map(|fits| fits.table));
-        let product = fits
-            .iter()
-            .map(|fits| fits.reference * fits.table)
-            .sum::<f64>()
-            / fits.len() as f64;
+        let product = statistics::mean(fits.iter().map(|fits| fits.reference * fits.table));
         let (ratio, correlation) = (reference / table, product / reference / table);
         let bound = cell.spot().bound();
         println!(
-            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and \
+            "sigma {width}, {amplitude} counts, noise {noise:?}: fit and \
              reference apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference \
              {:.3} of the bound, default {:.3}; ratio {ratio:.3}, correlation {correlation:.3}",
             reference / bound,
@@ -348,23 +323,17 @@ struct Fits {
 
 impl Fits {
     fn of(light: &[u16], truth: f64, geometry: &Geometry) -> Option<Self> {
-        let row = Row::new(light, &[], 4095).ok()?;
-        let (spot, _) = spot::find(&row).ok()?;
+        let (row, spot) = (support::row(light), support::find(light).ok()?);
         let centre = |estimator| centre::centre(estimator, &row, &spot, None, geometry).ok();
-        let (fit, table) = (
-            centre(Estimator::GaussNewton)?,
-            centre(Estimator::PhaseTable)?,
-        );
+        let fit = centre(Estimator::GaussNewton)?;
+        let table = centre(Estimator::PhaseTable)?;
         // The fit's 128 samples of one pixel, around where its half maximum says that the spot is.
         let half = half_width::find(light.into(), &spot).ok()?;
         let (left, right) = (half.left?, half.right?);
         let start = half.top.to_f64() + 0.5 * f64::from(right - left);
         let first = (start.floor() as usize).checked_sub(64)?;
-        let pixels: Vec<f64> = light
-            .get(first..first + 128)?
-            .iter()
-            .map(|&count| f64::from(count))
-            .collect();
+        let pixels = light.get(first..first + 128)?.iter();
+        let pixels: Vec<f64> = pixels.map(|&count| f64::from(count)).collect();
         let start = Gaussian {
             centre: start,
             width: f64::from(half.sigma(left + right)),

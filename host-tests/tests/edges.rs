@@ -1,11 +1,11 @@
 //! Spots that the sensor's edge cuts: they are fitted at the bound of the pixels that remain, or are a fault.
 //! No phase table measures a window that the edge cuts. The tests print every figure that they assert.
 
+use crate::support::{Noise, cell, mirrored, random};
 use judges::accuracy::{Answer, Cell, PIXELS, answers};
 use judges::hard_cases::Truth;
 use judges::hard_cases::judge::Said;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use rand::Rng as _;
 use rayon::prelude::*;
 use simulator::scene::quantise;
 use slitrange::centre::Estimator;
@@ -20,6 +20,14 @@ fn light_of(cell: &Cell, row: u64, centre: f64) -> Vec<u16> {
     quantise(&scene.row_with_centre(row, centre, 1.0), 4095)
 }
 
+/// The place of a centre that is so far from the first pixel's middle, or from the last one's.
+fn truth(from: f64, is_left: bool) -> f64 {
+    match is_left {
+        true => from,
+        false => (PIXELS - 1) as f64 - from,
+    }
+}
+
 /// What an estimator alone finds in a row, and what the measurement finds with it.
 fn centres(cell: &Cell, light: &[u16], estimator: Estimator) -> [Answer; 2] {
     answers(&cell.scene_of(PIXELS).geometry(), light, estimator)
@@ -27,56 +35,42 @@ fn centres(cell: &Cell, light: &[u16], estimator: Estimator) -> [Answer; 2] {
 
 /// Two widths, one and none from the edge: within 1.2, 1.2 and 1.4 of the bound of the pixels that are left,
 /// and as uncertain as claimed, to a tenth. The same at the other edge of the sensor.
-fn check_cut_spots(noises: &[(f64, Option<f64>)], widths: &[f64]) {
+fn check_cut_spots(noises: &[Noise], widths: &[f64]) {
     let mut failures = vec![];
-    for &(read_noise, electrons_per_count) in noises {
-        let noise = format!("{electrons_per_count:?} e/count, read noise {read_noise}");
+    for &noise in noises {
         for &width in widths {
-            let cell = Cell {
-                width,
-                amplitude: 2000.0,
-                read_noise,
-                electrons_per_count,
-                rows: ROWS,
-                seed: 11,
-            };
+            let cell = cell(width, 2000.0, noise, ROWS, 11);
             let spot = cell.spot();
             for (widths, limit) in [(2.0, 1.2), (1.0, 1.2), (0.0, 1.4)] {
                 // From the first pixel's middle, over the phases evenly.
                 let from_edge = |row: u64| widths * width + (row as f64 * 0.618_033_988_75).fract();
-                for (side, is_left) in [("left", true), ("right", false)] {
-                    let found: Vec<[f64; 3]> = (0..ROWS)
-                        .into_par_iter()
-                        .filter_map(|row| {
-                            let from = from_edge(row);
-                            let truth = if is_left {
-                                from
-                            } else {
-                                (PIXELS - 1) as f64 - from
-                            };
-                            let light = light_of(&cell, row, truth);
-                            let [_, found] = centres(&cell, &light, Estimator::GaussNewton);
-                            let found = found.ok()?;
-                            let error = found.centre.to_f64() - truth;
-                            let bound = spot.bound_cut(from);
-                            Some([error, bound, found.uncertainty.to_f64()])
-                        })
-                        .collect();
+                for side in ["left", "right"] {
+                    let found = |row: u64| {
+                        let from = from_edge(row);
+                        let truth = truth(from, side == "left");
+                        let light = light_of(&cell, row, truth);
+                        let [_, found] = centres(&cell, &light, Estimator::GaussNewton);
+                        let (found, bound) = (found.ok()?, spot.bound_cut(from));
+                        let error = found.centre.to_f64() - truth;
+                        Some([error, bound, found.uncertainty.to_f64()])
+                    };
+                    let found: Vec<[f64; 3]> =
+                        (0..ROWS).into_par_iter().filter_map(found).collect();
                     let rmse = rms(found.iter().map(|[error, ..]| error));
                     let bound = rms(found.iter().map(|[_, bound, _]| bound));
                     let pull = rms(found.iter().map(|[error, _, claim]| error / claim));
                     let faults = ROWS - found.len() as u64;
+                    let ratio = rmse / bound;
                     println!(
-                        "{noise}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, {:.2} \
-                         of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults",
-                        rmse / bound
+                        "noise {noise:?}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, \
+                         {ratio:.2} of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults"
                     );
                     let is_honest = (pull - 1.0).abs() <= 0.1;
                     // Noise takes some centres within their uncertainty of the edge beyond it, which are
                     // faults.
                     let most = if widths == 0.0 { ROWS / 10 } else { 0 };
-                    if rmse / bound > limit || !is_honest || faults > most {
-                        failures.push((noise.clone(), width, widths, side));
+                    if ratio > limit || !is_honest || faults > most {
+                        failures.push((noise, width, widths, side));
                     }
                 }
             }
@@ -100,25 +94,15 @@ fn a_cut_spot_of_any_width_is_fitted_at_its_own_bound() {
 #[test]
 fn a_spot_beside_the_sensor_is_a_fault() {
     for width in [1.5, 4.0, 10.5, 30.0] {
-        let cell = Cell {
-            width,
-            amplitude: 2000.0,
-            read_noise: 2.0,
-            electrons_per_count: Some(5.0),
-            rows: 0,
-            seed: 11,
-        };
+        let cell = cell(width, 2000.0, (2.0, Some(5.0)), 0, 11);
         for row in 0..400 {
             let beside = -0.5 - width * (0.1 + 2.0 * row as f64 / 400.0);
             let light = light_of(&cell, row, beside);
-            let mirrored: Vec<u16> = light.iter().rev().copied().collect();
-            for light in [light, mirrored] {
+            for light in [mirrored(&light), light] {
                 for estimator in Estimator::ALL {
                     for found in centres(&cell, &light, estimator) {
-                        assert!(
-                            found.is_err(),
-                            "{estimator:?}, {width} at {beside}: {found:?}"
-                        );
+                        let case = format!("{estimator:?}, {width} at {beside}");
+                        assert!(found.is_err(), "{case}: {found:?}");
                     }
                 }
             }
@@ -142,43 +126,26 @@ fn cut_windows_use_no_table_and_give_no_confident_error() {
         let rows: Vec<(f64, bool, bool)> = (0..20_000u64)
             .into_par_iter()
             .map(|seed| {
-                let random = &mut ChaCha8Rng::seed_from_u64(seed);
-                let cell = Cell {
-                    width: 0.8 * f64::powf(125.0, random.random_range(0.0..1.0)),
-                    amplitude: random.random_range(100.0..3000.0),
-                    read_noise: 4.0,
-                    electrons_per_count: random.random_bool(0.5).then_some(10.0),
-                    rows: 0,
-                    seed,
-                };
+                let random = &mut random(seed);
+                let width = 0.8 * f64::powf(125.0, random.random_range(0.0..1.0));
+                let amplitude = random.random_range(100.0..3000.0);
+                let noise = (4.0, random.random_bool(0.5).then_some(10.0));
+                let cell = cell(width, amplitude, noise, 0, seed);
                 let widths = random.random_range(-4.0..5.0);
-                let from = widths * cell.width;
-                let truth = if random.random_bool(0.5) {
-                    from
-                } else {
-                    (PIXELS - 1) as f64 - from
-                };
+                let truth = truth(widths * cell.width, random.random_bool(0.5));
                 let found = centres(&cell, &light_of(&cell, seed, truth), estimator);
                 let is_confident_error =
                     |found: &Answer| Said::of_row(Truth::Centre(truth), found).is_confident_error();
-                (
-                    widths,
-                    found[0].is_ok(),
-                    found.iter().any(is_confident_error),
-                )
+                let is_wrong = found.iter().any(is_confident_error);
+                (widths, found[0].is_ok(), is_wrong)
             })
             .collect();
-        let with_centre = rows.iter().filter(|row| row.1);
-        let nearest = with_centre
-            .clone()
-            .fold(f64::INFINITY, |nearest, row| nearest.min(row.0));
+        let with_centre = rows.iter().filter(|row| row.1).map(|row| row.0);
+        let nearest = with_centre.clone().fold(f64::INFINITY, f64::min);
         let wrong = rows.iter().filter(|row| row.2).count();
+        let (name, centres) = (estimator.name(), with_centre.count());
         println!(
-            "{:>14}: {} centres of {} rows, the nearest {nearest:.2} widths from the edge; {wrong} confident \
-             errors",
-            estimator.name(),
-            with_centre.count(),
-            rows.len(),
+            "{name:>14}: {centres} centres, the nearest {nearest:.2} widths inside; {wrong} wrong"
         );
         if wrong > 0 || (is_table && nearest < 3.0) {
             failures.push(estimator);

@@ -2,6 +2,7 @@
 //! gaussian. The tests print every figure that they assert.
 
 use crate::profile_rows;
+use crate::support::{self, Noise, mirrored};
 use judges::accuracy::{Cell, PIXELS, centre_after, centre_of};
 use phase_tables::gaussian;
 use simulator::profiles::{self, Curve, Slit};
@@ -10,15 +11,8 @@ use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
 use statistics::{mean, rms};
 
-fn cell(width: f64, amplitude: f64, read_noise: f64, electrons_per_count: Option<f64>) -> Cell {
-    Cell {
-        width,
-        amplitude,
-        read_noise,
-        electrons_per_count,
-        rows: 4000,
-        seed: 11,
-    }
+fn cell(width: f64, amplitude: f64, noise: Noise) -> Cell {
+    support::cell(width, amplitude, noise, 4000, 11)
 }
 
 /// The background rises by 0.3 or 2 counts a pixel. The mean error is at most 0.002 px. To tell a tilt from a
@@ -32,22 +26,18 @@ fn a_tilted_background_does_not_move_the_centre() {
                 // The mean error of a wide spot is known to 0.00016 px, of others to 0.0002 px.
                 rows: if width > 5.0 { 20_000 } else { 5000 },
                 seed: 23,
-                ..cell(width, 2000.0, 2.0, Some(5.0))
+                ..cell(width, 2000.0, (2.0, Some(5.0)))
             };
             let [adaptive, default] = errors(&curve, cell, |i| (slope * i as f64).round() as u16);
             let ratio = adaptive.root_mean_square / cell.spot().bound();
+            let (mean, of_default) = (adaptive.mean, default.mean);
             println!(
-                "{slope} counts a pixel, sigma {width:>4}: mean error {:+.5} px, of the default estimator \
-                 {:+.5} px; RMSE / bound {ratio:.2}",
-                adaptive.mean, default.mean
+                "{slope} counts a pixel, sigma {width:>4}: mean error {mean:+.5} px, of the default estimator \
+                 {of_default:+.5} px; RMSE / bound {ratio:.2}"
             );
-            assert!(
-                adaptive.mean.abs() <= 0.002,
-                "{slope} {width}: {adaptive:?}"
-            );
-            assert!(ratio <= 1.14, "{slope} {width}: {ratio}");
+            assert!(mean.abs() <= 0.002 && ratio <= 1.14);
             // The default estimator does not know of tilts, or there would be no tilt.
-            assert!(default.mean.abs() > 0.002, "{slope} {width}: {default:?}");
+            assert!(of_default.abs() > 0.002);
         }
     }
 }
@@ -64,23 +54,19 @@ fn side_lobes_do_not_count_as_a_tilt() {
         ("Fresnel, 1 mm", Slit::nominal(1e-3).curve()),
     ];
     for (name, curve) in &curves {
-        for (amplitude, read_noise, electrons_per_count) in [
-            (2400.0, 2.4, None),
-            (3800.0, 4.0, Some(10.0)),
-            (3800.0, 1.0, Some(10.0)),
+        for (amplitude, noise) in [
+            (2400.0, (2.4, None)),
+            (3800.0, (4.0, Some(10.0))),
+            (3800.0, (1.0, Some(10.0))),
         ] {
             for width in [2.0, 4.0, 8.0] {
-                let cell = Cell {
-                    seed: 24,
-                    ..cell(width, amplitude, read_noise, electrons_per_count)
-                };
+                let cell = support::cell(width, amplitude, noise, 4000, 24);
                 let [adaptive, default] = errors(curve, cell, |_| 0);
                 let ratio = adaptive.root_mean_square / default.root_mean_square;
-                println!(
-                    "{name:>14}, {amplitude} counts, read noise {read_noise}, sigma {width}: {ratio:.3} of \
-                     the default estimator's error"
-                );
-                assert!(ratio <= 1.01, "{name}, {cell:?}: {ratio}");
+                let name =
+                    format!("{name:>14}, {amplitude} counts, noise {noise:?}, sigma {width}");
+                println!("{name}: {ratio:.3} of the default estimator's error");
+                assert!(ratio <= 1.01, "{name}: {ratio}");
             }
         }
     }
@@ -99,11 +85,8 @@ fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -
     let rows = profile_rows::Rows { curve, cell };
     let geometry = rows.geometry();
     let errors = rows.errors(|light| {
-        let light: Vec<u16> = light
-            .iter()
-            .enumerate()
-            .map(|(i, &count)| count + background(i))
-            .collect();
+        let light = light.iter().enumerate();
+        let light: Vec<u16> = light.map(|(i, &count)| count + background(i)).collect();
         let centre = |estimator| Ok(centre_of(&geometry, &light, estimator)?.centre.to_f64());
         Ok([centre(Estimator::Adaptive)?, centre(Estimator::PhaseTable)?])
     });
@@ -128,34 +111,21 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
         (30.0, 1.5, 0.027),
         (30.0, 4.0, 0.027),
     ] {
-        let cell = cell(width, 4095.0 * factor, 2.0, Some(5.0));
+        let cell = cell(width, 4095.0 * factor, (2.0, Some(5.0)));
         let outcome = cell.run(PIXELS, |geometry, light| {
             centre_of(geometry, light, Estimator::GaussNewton)
         });
-        println!(
-            "sigma {width:>4}, {factor} of full scale: {:.4} px, {:.2} of the whole spot's bound, {:.2} of \
-             the claim",
-            outcome.rmse,
-            outcome.ratio(),
-            outcome.pull
-        );
-        assert!(
-            outcome.rmse <= limit && (outcome.faults, outcome.gross) == (0, 0),
-            "{width} {factor}: {outcome:?}"
-        );
-        assert!(
-            (outcome.pull - 1.0).abs() <= 0.06,
-            "{width} {factor}: {outcome:?}"
-        );
+        let ratio = outcome.ratio();
+        println!("sigma {width:>4}, {factor} of full scale: {ratio:.2} of the bound, {outcome:?}");
+        assert!(outcome.rmse <= limit && (outcome.faults, outcome.gross) == (0, 0));
+        assert!((outcome.pull - 1.0).abs() <= 0.06);
         let geometry = cell.scene_of(PIXELS).geometry();
         let (light, _) = cell.light(PIXELS, 0);
         for estimator in Estimator::ALL {
             let found = centre_of(&geometry, &light, estimator);
-            assert!(
-                estimator == Estimator::GaussNewton
-                    || matches!(found, Err(Fault::Saturated { .. })),
-                "{estimator:?}: {found:?}"
-            );
+            let is_fault = matches!(found, Err(Fault::Saturated { .. }));
+            let is_fit = estimator == Estimator::GaussNewton;
+            assert!(is_fit || is_fault, "{estimator:?}: {found:?}");
         }
     }
 }
@@ -170,7 +140,7 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
 #[test]
 fn a_spot_that_is_no_gaussian_is_a_misfit() {
     for width in [2.0, 10.5, 30.0] {
-        let cell = cell(width, 2000.0, 4.0, Some(10.0));
+        let cell = cell(width, 2000.0, (4.0, Some(10.0)));
         let geometry = cell.scene_of(PIXELS).geometry();
         let misfit = |light: &[u16]| {
             let found = centre_of(&geometry, light, Estimator::GaussNewton);
@@ -185,19 +155,17 @@ fn a_spot_that_is_no_gaussian_is_a_misfit() {
             }
             let mut hot = light.clone();
             hot[(truth + width * (row as f64 / 12.5 - 2.0)) as usize] += 300;
-            let second: Vec<u16> = light
+            let spot = |i: usize| 200.0 * gaussian(i as f64 - truth - 3.0 * width, width);
+            let second = light
                 .iter()
                 .enumerate()
-                .map(|(i, count)| {
-                    count + (200.0 * gaussian(i as f64 - truth - 3.0 * width, width)) as u16
-                })
-                .collect();
+                .map(|(i, count)| count + spot(i) as u16);
+            let second: Vec<u16> = second.collect();
             fitting_hot += i32::from(!misfit(&hot));
             assert!(misfit(&second), "{width}, row {row}: a second spot fits");
         }
         println!(
-            "sigma {width}: {clean} of {rows} clean rows are misfits, {fitting_hot} of 50 with a hot pixel \
-             are none"
+            "sigma {width}: {clean} of {rows} clean rows are misfits, {fitting_hot} of 50 hot are none"
         );
         // If the mean is one, a run has five or more with a probability of 1 in 300.
         let most = if width == 30.0 { 4 } else { 0 };
@@ -212,23 +180,19 @@ fn a_spot_that_is_no_gaussian_is_a_misfit() {
 /// There the difference may be 0.9, because the two rows may use different tables.)
 #[test]
 fn a_mirrored_row_has_the_mirrored_centre() {
+    let of_tables = [0.85, 1.2, 4.3, 8.8, 10.4, 25.0, 60.0];
     for (estimator, limit, widths) in [
         (Estimator::Centroid, 0.1, &[1.2, 4.0, 10.5][..]),
         (Estimator::GaussNewton, 0.1, &[1.2, 4.0, 10.5]),
-        (
-            Estimator::PhaseTable,
-            0.35,
-            &[0.85, 1.2, 4.3, 8.8, 10.4, 25.0, 60.0],
-        ),
+        (Estimator::PhaseTable, 0.35, &of_tables),
     ] {
         let mut worst = 0.0f64;
         for &width in widths {
-            let cell = cell(width, 2400.0, 4.8, None);
+            let cell = cell(width, 2400.0, (4.8, None));
             let geometry = cell.scene_of(PIXELS).geometry();
             for row in 0..200 {
                 let (light, _) = cell.light(PIXELS, row);
-                let mirrored: Vec<u16> = light.iter().rev().copied().collect();
-                let [centre, other] = [&light, &mirrored]
+                let [centre, other] = [&light, &mirrored(&light)]
                     .map(|light| centre_of(&geometry, light, estimator).expect("a centre"));
                 let off = centre.centre.to_f64() + other.centre.to_f64() - (PIXELS - 1) as f64;
                 worst = worst.max(off.abs() / centre.uncertainty.to_f64());
@@ -249,7 +213,7 @@ fn a_spot_that_moves_and_widens_is_followed() {
         for row in 0..100u64 {
             let width = 8.0 + row as f64 * 0.04;
             let truth = 900.0 + row as f64 * 2.37;
-            let scene = cell(width, 2400.0, 4.8, None).scene_of(PIXELS);
+            let scene = cell(width, 2400.0, (4.8, None)).scene_of(PIXELS);
             let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
             let found = centre_after(before.as_ref(), &scene.geometry(), &light, estimator);
             let found = found.expect("a centre");
@@ -271,22 +235,17 @@ fn a_spot_that_moves_and_widens_is_followed() {
 /// The search finds the spot in rows of every supported length, from 32 pixels on.
 #[test]
 fn spots_are_found_in_rows_of_any_length() {
-    let geometry = cell(1.2, 2000.0, 2.0, None).scene().geometry();
+    let geometry = cell(1.2, 2000.0, (2.0, None)).scene().geometry();
     for length in (32..=300).chain(1000..=1003).chain(4090..=4096) {
         let truth = length as f64 / 2.0 + 0.2;
-        let counts: Vec<f32> = (0..length)
-            .map(|i| {
-                100.0 + 2000.0 * gaussian(i as f64 - truth, 1.2) as f32 + (i * 7 % 5) as f32 * 0.5
-            })
-            .collect();
+        let spot = |i: usize| 2000.0 * gaussian(i as f64 - truth, 1.2) as f32;
+        let count = |i: usize| 100.0 + spot(i) + (i * 7 % 5) as f32 * 0.5;
+        let counts: Vec<f32> = (0..length).map(count).collect();
         let found = centre_of(&geometry, &quantise(&counts, 4095), Estimator::PhaseTable);
-        let centre = found
-            .unwrap_or_else(|fault| panic!("{length} pixels: {fault}"))
-            .centre
-            .to_f64();
+        let off = found.map(|found| found.centre.to_f64() - truth);
         assert!(
-            (centre - truth).abs() < 0.01,
-            "{length} pixels: {centre} for {truth}"
+            off.is_ok_and(|off| off.abs() < 0.01),
+            "{length} pixels: {off:?}"
         );
     }
 }
@@ -300,40 +259,27 @@ fn whole_spots_do_not_count_as_cut() {
         1.0, 1.2, 1.7, 2.3, 3.1, 4.2, 5.5, 6.8, 8.0, 9.3, 10.5, 11.5, 13.4, 18.0, 24.0, 31.0, 40.0,
         60.0, 90.0,
     ] {
-        let scene = Cell {
-            seed: 8,
-            ..cell(width, 2000.0, 2.0, None)
-        }
-        .scene();
+        let scene = support::cell(width, 2000.0, (2.0, None), 0, 8).scene();
         let accepted = |centre: f64| {
             let light = quantise(&scene.row_with_centre(1, centre, 1.0), 4095);
-            match centre_of(&scene.geometry(), &light, Estimator::PhaseTable) {
-                Ok(found) => {
-                    assert!(
-                        (found.centre.to_f64() - centre).abs() < 0.1,
-                        "width {width} at {centre}: {found:?}"
-                    );
-                    true
-                }
-                Err(_) => false,
-            }
+            let found = centre_of(&scene.geometry(), &light, Estimator::PhaseTable);
+            let is_near = found.is_ok_and(|it| (it.centre.to_f64() - centre).abs() < 0.1);
+            assert!(
+                is_near || found.is_err(),
+                "width {width} at {centre}: {found:?}"
+            );
+            is_near
         };
         let reach = (8.0 * width) as i32 + 10;
-        let first = (0..reach)
-            .find(|&centre| accepted(f64::from(centre)))
-            .expect("a whole spot");
-        println!(
-            "sigma {width}: whole from pixel {first}, {:.1} widths",
-            f64::from(first) / width
-        );
-        assert!(
-            f64::from(first) <= 4.5 * width + 4.0,
-            "width {width}: {first}"
-        );
+        let first = (0..reach).find(|&centre| accepted(f64::from(centre)));
+        let first = first.expect("a whole spot");
+        let widths = f64::from(first) / width;
+        println!("sigma {width}: whole from pixel {first}, {widths:.1} widths");
+        assert!(f64::from(first) <= 4.5 * width + 4.0, "width {width}");
         for centre in first..reach {
             assert!(
                 accepted(f64::from(centre)),
-                "width {width}: whole at {first} and cut at {centre}"
+                "width {width}: cut at {centre}"
             );
         }
     }

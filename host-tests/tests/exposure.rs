@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
+use crate::support::listing;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, is_in_middle};
 use judges::changing_light::{DELAY, Sensor, scene};
-use simulator::scene::{Ambient, Saturation, Scene};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::fault::Fault;
 use slitrange::light::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
@@ -55,11 +55,8 @@ fn a_row_tells_the_exposure_that_fits() {
         let mut auto = AutoExposure::new();
         auto.follow_row(us(row), of(3500, 3500), us(row));
         auto.follow_row(us(row), brightness, Exposure::LONGEST);
-        assert_eq!(
-            auto.next(Exposure::LONGEST).us(),
-            expected,
-            "{brightness:?}"
-        );
+        let next = auto.next(Exposure::LONGEST).us();
+        assert_eq!(next, expected, "{brightness:?}");
     }
     // Rows that were exposed before the last change bring nothing new.
     let mut auto = AutoExposure::new();
@@ -99,12 +96,11 @@ fn a_spot_that_is_lost_is_looked_for_in_the_longest_exposure() {
         let mut auto = AutoExposure::new();
         let limit = us(2000);
         auto.follow_row(us(320), saturated(100), limit);
-        let of_exposures: Vec<u16> = (0..64)
-            .map(|_| {
-                auto.follow_row(us(10), brightness, limit);
-                auto.next(limit).us()
-            })
-            .collect();
+        let mut next = || {
+            auto.follow_row(us(10), brightness, limit);
+            auto.next(limit).us()
+        };
+        let of_exposures: Vec<u16> = (0..64).map(|_| next()).collect();
         let longest = of_exposures.iter().filter(|&&us| us == 2000).count();
         println!("{brightness:?}: {longest} of 64 rows");
         assert_eq!(longest, 2);
@@ -136,9 +132,10 @@ fn a_fault_names_the_exposure_of_its_rows() {
         let mut sensor = Sensor::new(scene(), options);
         for reflectivity in [1.0, 1e-3, 1.0, 1e-4, 3e-2, 1.0] {
             for result in sensor.frames(reflectivity, 24 / usize::from(rows)) {
+                use Fault::{DimAtLongest, SaturatedAtShortest};
                 let is_at_the_end = matches!(
                     result,
-                    Err(Fault::DimAtLongest { .. } | Fault::SaturatedAtShortest { .. })
+                    Err(DimAtLongest { .. } | SaturatedAtShortest { .. })
                 );
                 assert!(!is_at_the_end, "{rows} rows, {reflectivity}: {result:?}");
             }
@@ -149,30 +146,22 @@ fn a_fault_names_the_exposure_of_its_rows() {
 /// In ambient light, whatever the estimator, and with a well below the level that is stated.
 #[test]
 fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
-    let lit = Scene {
-        ambient: Some(Ambient {
-            counts_per_second: 3.5e5,
-            slope: 0.0,
-        }),
-        ..scene()
-    };
-    let shallow = Scene {
-        saturation: Some(Saturation {
-            full_well: 2200.0,
-            blooming: 0.1,
-        }),
-        ..scene()
-    };
-    for (scene, name) in [
-        (lit, "2000 counts of ambient light"),
-        (shallow, "a well of 2200"),
+    for (name, effect) in [
+        (
+            "ambient light",
+            "ambient = { counts_per_second = 3.5e5, slope = 0.0 }",
+        ),
+        (
+            "a low well",
+            "saturation = { full_well = 2200.0, blooming = 0.1 }",
+        ),
     ] {
         for estimator in Estimator::ALL {
             let options = Options {
                 estimator,
                 ..Options::default()
             };
-            let mut sensor = Sensor::new(scene.clone(), options);
+            let mut sensor = Sensor::new(listing(scene(), effect), options);
             sensor.frames(0.03, 3);
             let exposures: BTreeSet<u16> = (0..320).map(|_| sensor.row(0.03).0.us()).collect();
             let results = sensor.frames(0.03, 10);
@@ -278,25 +267,20 @@ fn one_setting_measures_all_of_the_range() {
 /// Short exposures make the same spot of a brighter target.
 #[test]
 fn exposures_are_those_of_the_settings() {
-    let fixed = Options {
-        exposure: ExposureMode::Fixed(us(300)),
-        ..Options::default()
-    };
-    let limited = Options {
-        exposure_limit: us(200),
-        ..fixed
-    };
-    let auto = Options {
-        exposure: ExposureMode::Auto,
-        ..limited
-    };
-    for (options, expected) in [(fixed, 300), (limited, 200), (auto, 200)] {
-        let mut sensor = Sensor::new(scene(), options);
-        let measured = sensor
-            .frames(3e-3, 3)
-            .pop()
-            .expect("three")
-            .expect("a centre");
+    let longest = Options::default().exposure_limit;
+    let fixed = ExposureMode::Fixed(us(300));
+    for (exposure, exposure_limit, expected) in [
+        (fixed, longest, 300),
+        (fixed, us(200), 200),
+        (ExposureMode::Auto, us(200), 200),
+    ] {
+        let options = Options {
+            exposure,
+            exposure_limit,
+            ..Options::default()
+        };
+        let last = Sensor::new(scene(), options).frames(3e-3, 3).pop();
+        let measured = last.expect("three").expect("a centre");
         assert_eq!(measured.frame.exposure, Some(us(expected)));
         let height = 3e8 * 3e-3 * f64::from(expected) * 1e-6;
         let found = measured.frame.amplitude.to_f64();
@@ -313,13 +297,11 @@ fn faults_name_the_end_of_the_exposures() {
     let dim = sensor.frames(6e-6, 3).pop().expect("three");
     println!("{dim:?}");
     assert!(
-        matches!(dim, Err(Fault::DimAtLongest { exposure, .. }) if exposure == Exposure::LONGEST),
-        "{dim:?}"
+        matches!(dim, Err(Fault::DimAtLongest { exposure, .. }) if exposure == Exposure::LONGEST)
     );
     let bright = sensor.frames(4.0, 3).pop().expect("three");
     println!("{bright:?}");
     assert!(
-        matches!(bright, Err(Fault::SaturatedAtShortest { exposure, .. }) if exposure == us(10)),
-        "{bright:?}"
+        matches!(bright, Err(Fault::SaturatedAtShortest { exposure, .. }) if exposure == us(10))
     );
 }

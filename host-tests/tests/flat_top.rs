@@ -2,14 +2,14 @@
 //! with wells that the geometry states and wells that it does not. The tests print every figure that they
 //! assert.
 
+use crate::support::{random, scene, tally};
 use judges::hard_cases::HardRow;
 use judges::hard_cases::judge::{Answer, Answers, Said, answers};
 use judges::hard_cases::mixtures;
 use judges::hard_cases::recipe::Recipe;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use rand::Rng as _;
 use rayon::prelude::*;
-use simulator::scene::{Scene, Simulation, quantise};
+use simulator::scene::{Simulation, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
 use slitrange::row::Geometry;
@@ -20,6 +20,9 @@ fn is_recognised(answers: &Answers) -> bool {
     let is_saturated = |answer: &Answer| matches!(answer, Err(Fault::Saturated { .. }));
     !is_saturated(&answers.alone) && is_saturated(&answers.checked)
 }
+
+/// The place of the default estimator among all.
+const ADAPTIVE: usize = Estimator::Adaptive as usize;
 
 /// Whether any estimator but the fit recognises a flat top.
 fn is_recognised_by_any(row: &HardRow) -> bool {
@@ -42,10 +45,7 @@ fn clean_tops_are_not_taken_for_flat_ones() {
         .filter(|&seed| is_recognised_by_any(&mixtures::clean(seed).row()))
         .collect();
     let most = (1e-5 * ROWS as f64) + 3.0 * (1e-5 * ROWS as f64).sqrt();
-    println!(
-        "{} of {ROWS} clean rows ({most:.0} allowed): {found:?}",
-        found.len()
-    );
+    println!("of {ROWS} clean rows ({most:.0} allowed): {found:?}");
     assert!(found.len() as f64 <= most);
 }
 
@@ -61,7 +61,7 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
         "microfiber",
         "light-wood",
     ] {
-        let scene = Scene::load(name).expect("a scene");
+        let scene = scene(name);
         let (distance, exposure) = (scene.distance, scene.exposure);
         let geometry = scene.geometry();
         let found: Vec<Option<bool>> = (0..ROWS)
@@ -72,11 +72,8 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
                     simulation.set_surface(number);
                     let counts = simulation.row(number, distance, exposure);
                     let row = light_of(&counts, &geometry);
-                    let answers = answers(&row);
-                    let adaptive = (Estimator::ALL.iter())
-                        .position(|it| *it == Estimator::Adaptive)
-                        .expect("an estimator");
-                    (answers[adaptive].alone.is_ok()).then(|| is_recognised_by_any(&row))
+                    let is_measured = answers(&row)[ADAPTIVE].alone.is_ok();
+                    is_measured.then(|| is_recognised_by_any(&row))
                 },
             )
             .collect();
@@ -112,9 +109,6 @@ fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
 /// needed.
 fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
     const TIMES: [f64; 6] = [1.05, 1.1, 1.2, 1.5, 2.0, 4.0];
-    let adaptive = (Estimator::ALL.iter())
-        .position(|it| *it == Estimator::Adaptive)
-        .expect("an estimator");
     println!("per cent recognised at {TIMES:?} times the well");
     for (electrons_per_count, read_noise) in [(Some(10.0), 4.0), (Some(5.0), 2.0), (None, 2.0)] {
         for level in [800, 1500, 2500] {
@@ -130,17 +124,14 @@ fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
                     let recipe = recipe
                         .spot(|spot| spot.amplitude = height)
                         .with_well(level, false);
-                    let rows = (0..rows_of_each).into_par_iter();
-                    let found = rows.filter(|&number| {
-                        is_recognised(&answers(&recipe.row(77, number))[adaptive])
+                    let [found] = tally(rows_of_each, |number| {
+                        [is_recognised(&answers(&recipe.row(77, number))[ADAPTIVE]).into()]
                     });
-                    100.0 * found.count() as f64 / rows_of_each as f64
+                    100.0 * found as f64 / rows_of_each as f64
                 });
                 let electrons = electrons_per_count.unwrap_or(f64::INFINITY);
-                println!(
-                    "{electrons:>4} e/count, noise {read_noise}, well {level:>4}, sigma {width:>4}: \
-                     {shares:?}"
-                );
+                print!("{electrons:>4} e/count, noise {read_noise}, well {level:>4}, ");
+                println!("sigma {width:>4}: {shares:?}");
                 // Fewer pixels and less light give less evidence.
                 let least = match (width, level) {
                     (8.6.., 1500..) => 1.2,
@@ -148,10 +139,8 @@ fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
                     _ => 4.0,
                 };
                 for (times, share) in TIMES.into_iter().zip(shares) {
-                    assert!(
-                        times < least || share >= 90.0,
-                        "{level} {width} {times}: {share}"
-                    );
+                    let is_enough = times < least || share >= 90.0;
+                    assert!(is_enough, "{level} {width} {times}: {share}");
                 }
             }
         }
@@ -184,7 +173,7 @@ enum Cut {
 fn cut_row(cut: Cut, seed: u64) -> HardRow {
     const WELL: u16 = 2500;
     let mut recipe = mixtures::clean(seed).recipe;
-    let mut random = ChaCha8Rng::seed_from_u64(!seed);
+    let mut random = random(!seed);
     let times = 1.02 * (4.0f64 / 1.02).powf(random.random());
     let level = if cut == Cut::FullScale { 4095 } else { WELL };
     let height = times * (f64::from(level) - recipe.black_level);
@@ -201,55 +190,36 @@ fn cut_row(cut: Cut, seed: u64) -> HardRow {
 #[test]
 fn a_well_below_full_scale_causes_no_more_confident_errors() {
     const ROWS: u64 = 6000;
-    let tally = |cut: Cut| -> [[usize; 4]; Estimator::ALL.len()] {
-        (0..ROWS)
-            .into_par_iter()
-            .map(|seed| {
-                let row = cut_row(cut, (1 << 42) + seed);
-                answers(&row).map(|it| {
-                    let said = Said::of_row(row.truth, &it.checked);
-                    let sure = said.unflagged().is_some();
-                    let alone = Said::of_row(row.truth, &it.alone).is_confident_error();
-                    [said.is_confident_error(), sure, it.checked.is_err(), alone].map(usize::from)
-                })
-            })
-            .reduce(Default::default, |mut all, one| {
-                for (sum, more) in all.iter_mut().flatten().zip(one.as_flattened()) {
-                    *sum += more;
-                }
-                all
-            })
+    let tally = |cut: Cut| -> [[u64; 4]; Estimator::ALL.len()] {
+        let all = tally::<{ 4 * Estimator::ALL.len() }>(ROWS, |seed| {
+            let row = cut_row(cut, (1 << 42) + seed);
+            let of_each = answers(&row).map(|it| {
+                let said = Said::of_row(row.truth, &it.checked);
+                let sure = said.unflagged().is_some();
+                let alone = Said::of_row(row.truth, &it.alone).is_confident_error();
+                [said.is_confident_error(), sure, it.checked.is_err(), alone].map(u64::from)
+            });
+            std::array::from_fn(|i| of_each[i / 4][i % 4])
+        });
+        std::array::from_fn(|i| std::array::from_fn(|part| all[4 * i + part]))
     };
     let [full_scale, known, unknown] = [Cut::FullScale, Cut::Known, Cut::Unknown].map(tally);
     println!(
-        "of {ROWS} rows: confident errors, centres without a flag, faults; confident errors of \
-              the estimator alone"
+        "of {ROWS} rows: confident errors, unflagged, faults; confident errors of the estimator alone"
     );
     for (i, estimator) in Estimator::ALL.iter().enumerate() {
-        println!(
-            "{:>12}: full scale {:?}, known well {:?}, unknown well {:?}",
-            estimator.name(),
-            full_scale[i],
-            known[i],
-            unknown[i]
-        );
+        let (name, all) = (estimator.name(), [full_scale[i], known[i], unknown[i]]);
+        println!("{name:>12}: full scale, known well, unknown well {all:?}");
     }
     for (i, estimator) in Estimator::ALL.iter().enumerate() {
+        let name = estimator.name();
         let reference = full_scale[i][0] as f64;
         let most = |reference: f64| reference + 3.0 * reference.max(1.0).sqrt();
         // An estimator alone does not recognise a flat top: it goes by the geometry.
         let alone = [full_scale[i][3], known[i][3]].map(|errors| errors as f64);
-        assert!(
-            alone[1] <= most(alone[0]),
-            "{}: {alone:?}",
-            estimator.name()
-        );
-        for (name, errors) in [("known", known[i][0]), ("unknown", unknown[i][0])] {
-            assert!(
-                errors as f64 <= most(reference),
-                "{} {name}: {errors}",
-                estimator.name()
-            );
+        assert!(alone[1] <= most(alone[0]), "{name}: {alone:?}");
+        for (well, errors) in [("known", known[i][0]), ("unknown", unknown[i][0])] {
+            assert!(errors as f64 <= most(reference), "{name} {well}: {errors}");
         }
     }
 }

@@ -109,19 +109,15 @@ fn a_module_uses_only_modules_before_it() {
                 arrows += usize::from(there < here);
             }
         }
-        println!(
-            "{name}: {} modules, {arrows} uses of one before",
-            floors.len()
-        );
+        let modules = floors.len();
+        println!("{name}: {modules} modules, {arrows} uses of one before");
         assert!(arrows > fewest);
     }
 }
 
 /// The name of a manifest's package.
 fn package(manifest: &str) -> &str {
-    let name = manifest
-        .lines()
-        .find_map(|line| line.strip_prefix("name = "));
+    let name = (manifest.lines()).find_map(|line| line.strip_prefix("name = "));
     name.expect("a package").trim_matches('"')
 }
 
@@ -156,12 +152,8 @@ fn a_crate_depends_only_on_crates_before_it() {
     let members = workspace.split("members = [").nth(1).expect("members");
     let members = members.split(']').next().unwrap_or_default();
     let members: Vec<&str> = members.split('"').skip(1).step_by(2).collect();
-    for name in &members {
-        assert!(
-            CRATES.contains(name),
-            "{name} has no place in the order of crates"
-        );
-    }
+    let missing = members.iter().find(|name| !CRATES.contains(name));
+    assert_eq!(missing, None, "no place in the order of crates");
     assert_eq!(members.len(), CRATES.len());
 }
 

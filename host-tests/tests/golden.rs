@@ -3,11 +3,11 @@
 
 use std::fmt::Write as _;
 
+use crate::support::random;
 use judges::accuracy;
 use judges::hard_cases::flaw::{Bad, Flaw, Second};
 use judges::hard_cases::{self, HardRow, Recipe, Shape};
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use rand::Rng as _;
 use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Pixels};
@@ -19,18 +19,10 @@ use slitrange::spot;
 
 /// The checked centre of a row.
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {
-    let light =
-        Row::new(&row.light, &[], row.geometry.saturated_from()).expect("quantised to 12 bits");
+    let (geometry, by) = (&row.geometry, Estimator::default());
+    let light = Row::new(&row.light, &[], geometry.saturated_from()).expect("12 bits");
     let (spot, budget) = spot::find(&light)?;
-    centre_of_spot(
-        Estimator::default(),
-        &light,
-        &spot,
-        before,
-        &row.geometry,
-        None,
-        budget,
-    )
+    centre_of_spot(by, &light, &spot, before, geometry, None, budget)
 }
 
 /// An answer to a row: centre, uncertainty by noise and by the shape, height, width and table. Pixels as
@@ -96,52 +88,54 @@ enum Rows {
     TwoPlaces,
 }
 
+use Rows::*;
+
 impl Rows {
     const ALL: [Self; 12] = [
-        Self::Alike,
-        Self::Unlike,
-        Self::OneCertain,
-        Self::Outliers,
-        Self::Misfits,
-        Self::Faults,
-        Self::TooCertain,
-        Self::Moving,
-        Self::MovingOutliers,
-        Self::Correlated,
-        Self::CorrelatedExcess,
-        Self::TwoPlaces,
+        Alike,
+        Unlike,
+        OneCertain,
+        Outliers,
+        Misfits,
+        Faults,
+        TooCertain,
+        Moving,
+        MovingOutliers,
+        Correlated,
+        CorrelatedExcess,
+        TwoPlaces,
     ];
 
     fn frame(self, count: usize) -> Frame {
         const UNCERTAINTY: f64 = 0.03;
-        let mut random = ChaCha8Rng::seed_from_u64(count as u64);
+        let mut random = random(count as u64);
         let mut frame = Frame::default();
         let mut error: f64 = StandardNormal.sample(&mut random);
         for number in 0..count {
             let new: f64 = StandardNormal.sample(&mut random);
             let is_fourth = number % 4 == 1;
             error = match self {
-                Self::Correlated | Self::CorrelatedExcess => 0.9 * error + 0.44 * new,
+                Correlated | CorrelatedExcess => 0.9 * error + 0.44 * new,
                 _ => new,
             };
             let uncertainty = match self {
-                Self::Unlike => UNCERTAINTY * 20f64.powf(random.random()),
-                Self::OneCertain if number == 2 => 1e-3 * UNCERTAINTY,
+                Unlike => UNCERTAINTY * 20f64.powf(random.random()),
+                OneCertain if number == 2 => 1e-3 * UNCERTAINTY,
                 _ => UNCERTAINTY,
             };
             let growth = match self {
-                Self::TooCertain => 3.0,
-                Self::CorrelatedExcess => 5.0,
+                TooCertain => 3.0,
+                CorrelatedExcess => 5.0,
                 _ => 1.0,
             };
             let place = match self {
-                Self::Outliers if is_fourth => 0.5,
-                Self::Moving => 0.05 * number as f64,
-                Self::MovingOutliers => 0.05 * number as f64 + if is_fourth { 0.5 } else { 0.0 },
-                Self::TwoPlaces => 0.3 * f64::from(u8::from(random.random::<bool>())),
+                Outliers if is_fourth => 0.5,
+                Moving => 0.05 * number as f64,
+                MovingOutliers => 0.05 * number as f64 + if is_fourth { 0.5 } else { 0.0 },
+                TwoPlaces => 0.3 * f64::from(u8::from(random.random::<bool>())),
                 _ => 0.0,
             };
-            if matches!(self, Self::Faults) && is_fourth {
+            if matches!(self, Faults) && is_fourth {
                 frame.add(Err(Fault::SensorSilent));
                 continue;
             }
@@ -152,7 +146,7 @@ impl Rows {
                 width: Pixels::from_int(9),
                 class: WidthClass::default(),
                 shape: Default::default(),
-                misfit: matches!(self, Self::Misfits) && is_fourth,
+                misfit: matches!(self, Misfits) && is_fourth,
             }));
         }
         frame
@@ -200,52 +194,45 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
         pixels,
         from_spot: (at, at + 0.1),
     };
-    let second = |share, offset, widths| {
+    let hot = |s, pixels, at| Flaw::Hot(bad(3000.0 * s, pixels, at));
+    let dead = |s| Flaw::Stuck(bad(4000.0 * (1.0 - s), 1, 0.5));
+    let second = |s, offset, widths| {
         Flaw::Second(Second {
-            share,
+            share: 1.2 * s,
             offset,
             widths,
         })
     };
+    let ghost = |share| {
+        Flaw::Ghost(Second {
+            share,
+            widths: 6.0,
+            offset: 3.0,
+        })
+    };
     let flaws: [(&str, &dyn Fn(f64) -> Flaw); 14] = [
         ("one hot pixel at 1 sigma, to 3000 counts", &|s| {
-            Flaw::Hot(bad(3000.0 * s, 1, 1.0))
+            hot(s, 1, 1.0)
         }),
         ("two hot pixels at 4 sigma, to 3000 counts", &|s| {
-            Flaw::Hot(bad(3000.0 * s, 2, 4.0))
+            hot(s, 2, 4.0)
         }),
-        ("a dead pixel at 0.5 sigma, from 4000 counts", &|s| {
-            Flaw::Stuck(bad(4000.0 * (1.0 - s), 1, 0.5))
-        }),
-        ("a second spot at 2 sigma, to 1.2", &|s| {
-            second(1.2 * s, 2.0, 1.0)
-        }),
-        ("a second spot at 3 sigma, to 1.2", &|s| {
-            second(1.2 * s, 3.0, 1.0)
-        }),
+        ("a dead pixel at 0.5 sigma, from 4000 counts", &dead),
+        ("a second spot at 2 sigma, to 1.2", &|s| second(s, 2.0, 1.0)),
+        ("a second spot at 3 sigma, to 1.2", &|s| second(s, 3.0, 1.0)),
         ("a second spot at 5.5 sigma, to 1.2", &|s| {
-            second(1.2 * s, 5.5, 1.0)
+            second(s, 5.5, 1.0)
         }),
         ("a narrow second spot at 12 sigma, to 1.2", &|s| {
-            second(1.2 * s, 12.0, 0.7)
+            second(s, 12.0, 0.7)
         }),
         ("a wide second spot at -15 sigma, to 1.2", &|s| {
-            second(1.2 * s, -15.0, 1.5)
+            second(s, -15.0, 1.5)
         }),
-        ("a wide ghost at 3 sigma, to 0.2", &|s| {
-            Flaw::Ghost(Second {
-                share: 0.2 * s,
-                widths: 6.0,
-                offset: 3.0,
-            })
-        }),
+        ("a wide ghost at 3 sigma, to 0.2", &|s| ghost(0.2 * s)),
         ("a slope, to 20 counts a pixel", &|s| Flaw::Slope(20.0 * s)),
-        ("a step at 1 sigma, to 800 counts", &|s| {
-            Flaw::Step(800.0 * s, 1.0)
-        }),
-        ("a ripple of 30 px, to 400 counts", &|s| {
-            Flaw::Ripple(400.0 * s, 30.0)
-        }),
+        ("a step at 1 sigma, to 800 counts", &|s| Flaw::Step(800.0 * s, 1.0)),
+        ("a ripple of 30 px, to 400 counts", &|s| Flaw::Ripple(400.0 * s, 30.0)),
         ("responses that differ, to 0.2", &|s| {
             Flaw::Response(0.2 * s)
         }),
@@ -271,9 +258,7 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
                             Err(_) => 'f',
                             Ok(found) if found.misfit => 'm',
                             Ok(found) if found.shape.uncertainty(None) > found.uncertainty => 'u',
-                            Ok(found) if Some(found.centre) == alone.ok().map(|it| it.centre) => {
-                                '.'
-                            }
+                            Ok(found) if alone.is_ok_and(|it| it.centre == found.centre) => '.',
                             Ok(_) => 'r',
                         }
                     })

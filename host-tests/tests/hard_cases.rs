@@ -25,11 +25,8 @@ fn the_catalogue_is_large_and_its_cases_differ() {
         assert_eq!(first, again, "{}", case.name);
         // Rows of one number differ; those that are all alike by nature do not.
         let is_constant = first.iter().all(|count| *count == first[0]);
-        assert!(
-            is_constant || first != other || case.name == "any words",
-            "{}",
-            case.name
-        );
+        let may_be_alike = is_constant || case.name == "any words";
+        assert!(may_be_alike || first != other, "{}", case.name);
     }
 }
 

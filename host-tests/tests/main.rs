@@ -35,6 +35,7 @@ mod second_judge;
 mod session;
 mod shape;
 mod store;
+mod support;
 mod symmetries;
 mod tracking;
 mod triangulation;

@@ -6,7 +6,8 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use judges::accuracy::{self, centre_of, centre_with};
+use crate::support::checked;
+use judges::accuracy::{centre_of, centre_with};
 use judges::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
 use simulator::least_squares;
@@ -26,23 +27,19 @@ fn folder() -> Option<PathBuf> {
     let is_there = folder.is_dir();
     if !is_there {
         // Past the capture of a passing test's output.
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: no photographs in {}",
-            folder.display()
-        );
+        let (mut errors, folder) = (std::io::stderr(), folder.display());
+        let _ = writeln!(errors, "SKIPPED: no photographs in {folder}");
     }
     is_there.then_some(folder)
 }
 
 /// The photographs, with their names.
 fn photographs(folder: &Path) -> impl Iterator<Item = (&'static str, Photograph)> {
-    ["TEM00_200mm", "t-580mm", "t-hene"]
-        .into_iter()
-        .map(|name| {
-            let photograph = Photograph::read(folder.join(format!("{name}.pgm")));
-            (name, photograph.expect("a photograph"))
-        })
+    let names = ["TEM00_200mm", "t-580mm", "t-hene"].into_iter();
+    names.map(|name| {
+        let photograph = Photograph::read(folder.join(format!("{name}.pgm")));
+        (name, photograph.expect("a photograph"))
+    })
 }
 
 #[test]
@@ -67,14 +64,9 @@ fn centres_lie_near_the_least_squares_fit() {
             ("r = infinity", &least_squares, 0.002),
         ] {
             let rms = statistics::rms(offs);
-            let largest = offs
-                .iter()
-                .fold(0.0f64, |largest, off| largest.max(off.abs()));
-            println!(
-                "{name}, {tables}: {} rows, {rms:.5} sigma RMS, {largest:.5} at most",
-                offs.len()
-            );
-            assert!(offs.len() >= 80 && rms <= limit, "{name}, {tables}: {rms}");
+            let (rows, largest) = (offs.len(), judges::accuracy::largest(offs));
+            println!("{name}, {tables}: {rows} rows, {rms:.5} sigma RMS, {largest:.5} at most");
+            assert!(rows >= 80 && rms <= limit, "{name}, {tables}: {rms}");
         }
     }
 }
@@ -99,14 +91,11 @@ fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, 
         .filter(|centre| centre.amplitude.to_f64() >= BRIGHT)?;
     let in_picture = |centre: RowCentre| centre.centre.to_f64() - first as f64;
     let fit = least_squares::fit_near(&picture, in_picture(centre))?;
-    let other =
-        centre_with(other, None, &geometry, &light).expect("a centre by the other tables too");
-    fit.is_whole_in(picture.len()).then(|| {
-        (
-            (in_picture(centre) - fit.centre) / fit.width,
-            (in_picture(other) - fit.centre) / fit.width,
-        )
-    })
+    let other = centre_with(other, None, &geometry, &light);
+    let other = other.expect("a centre by the other tables too");
+    let off = |centre| (in_picture(centre) - fit.centre) / fit.width;
+    fit.is_whole_in(picture.len())
+        .then(|| (off(centre), off(other)))
 }
 
 /// A real spot is lopsided. The check does not reject it: u says how far its centre is uncertain.
@@ -121,8 +110,7 @@ fn few_rows_are_flagged_and_centres_lie_within_two_uncertainties_of_the_fit() {
         let rows: Vec<(f64, f64, bool)> = (0..photograph.height)
             .filter_map(|y| {
                 let (light, first, picture) = row(&photograph, y)?;
-                let [_, checked] = accuracy::answers(&geometry, &light, Estimator::PhaseTable);
-                let found = checked.ok()?;
+                let found = checked(&geometry, &light, Estimator::PhaseTable).ok()?;
                 if found.amplitude.to_f64() < BRIGHT {
                     return None;
                 }
@@ -140,13 +128,10 @@ fn few_rows_are_flagged_and_centres_lie_within_two_uncertainties_of_the_fit() {
             rows.iter().filter(|row| is(row)).count() as f64 / rows.len() as f64
         };
         let (within, flagged) = (share(|row| row.0 <= 2.0), share(|row| row.2));
+        let (n, shape) = (rows.len(), upper_median(rows.iter().map(|row| row.1)));
         println!(
-            "{name}: {} rows, {:.1} % within 2u, {:.1} % flagged, the shape's part {:.3} widths (median)",
-            rows.len(),
-            100.0 * within,
-            100.0 * flagged,
-            upper_median(rows.iter().map(|row| row.1))
+            "{name}: {n} rows, {within:.3} within 2u, {flagged:.3} flagged, shape's median {shape:.3}"
         );
-        assert!(rows.len() >= 80 && within >= 0.95 && flagged <= 0.1);
+        assert!(n >= 80 && within >= 0.95 && flagged <= 0.1);
     }
 }

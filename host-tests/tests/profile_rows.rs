@@ -1,10 +1,9 @@
 //! Seeded rows of a spot of any profile, and the bias of a centre over the sub-pixel phases.
 
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
+use crate::support::random;
 use rayon::prelude::*;
 use simulator::profiles::Curve;
-use simulator::scene::{Scene, ShotNoise, quantise};
+use simulator::scene::quantise;
 use slitrange::base::fault::Fault;
 use slitrange::centre::RowCentre;
 use slitrange::row::Geometry;
@@ -29,18 +28,7 @@ pub struct Rows<'a> {
 impl Rows<'_> {
     /// The sensor's geometry: [`pixels`] of light.
     pub fn geometry(&self) -> Geometry {
-        self.scene().geometry()
-    }
-
-    fn scene(&self) -> Scene {
-        self.scene_of(pixels(self.cell.width))
-    }
-
-    fn scene_of(&self, pixels: usize) -> Scene {
-        Scene {
-            spot: None,
-            ..self.cell.scene_of(pixels)
-        }
+        self.cell.scene_of(pixels(self.cell.width)).geometry()
     }
 
     /// A row's counts, light positive, and where its spot is: evenly over 16 pixels and their phases.
@@ -53,18 +41,17 @@ impl Rows<'_> {
         const GOLDEN: f64 = 0.618_033_988_749_895;
         let middle = pixels as f64 / 2.0;
         let centre = middle - 8.0 + 16.0 * (row as f64 * GOLDEN).fract();
-        let mut random = ChaCha8Rng::seed_from_u64(!self.cell.seed);
+        let mut random = random(!self.cell.seed);
         random.set_stream(row);
-        let mut counts = self.scene_of(pixels).row_with_centre(row, centre, 1.0);
+        let mut scene = self.cell.scene_of(pixels);
+        scene.spot = None;
+        let mut counts = scene.row_with_centre(row, centre, 1.0);
         let mut light: Vec<f32> = (0..counts.len())
             .map(|i| self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width))
             .map(|light| light as f32)
             .collect();
-        if let Some(electrons_per_count) = self.cell.electrons_per_count {
-            ShotNoise {
-                electrons_per_count,
-            }
-            .apply(&mut light, &mut random);
+        if let Some(noise) = scene.shot_noise {
+            noise.apply(&mut light, &mut random);
         }
         for (count, light) in counts.iter_mut().zip(light) {
             *count += light;

@@ -2,19 +2,19 @@
 //! tests print every figure that they assert.
 
 use crate::profile_rows::{Rows, bias, pixels};
-use judges::accuracy::{Cell, PIXELS, answers, centre_after, centre_of, centre_with, largest};
+use crate::support::{Noise, cell, checked, geometry, random};
+use judges::accuracy::{Cell, PIXELS, centre_after, centre_of, centre_with, largest};
 use judges::core_tables;
 use judges::measured_profile::MeasuredProfile;
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, Widths, set};
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use rand::Rng as _;
 use rand_distr::StandardNormal;
 use simulator::profiles::{self, Blur, Curve, Slit};
 use simulator::sinc_fit::{Sinc, fit_from};
 use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{MIXES, TableSet};
 use slitrange::centre::{Estimator, RowCentre};
-use slitrange::row::{Geometry, Polarity};
+use slitrange::row::Geometry;
 use statistics::{mean, rms};
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
@@ -34,18 +34,34 @@ fn columns(widths: &[f64], characters: usize) -> String {
     heads.collect()
 }
 
-/// Root mean square of each column.
-fn root_mean_squares<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
-    std::array::from_fn(|i| rms(errors.iter().map(|errors| errors[i])))
+/// The estimators with phase tables.
+const TABLES: [Estimator; 3] = [
+    Estimator::PhaseTable,
+    Estimator::Adaptive,
+    Estimator::Fraunhofer,
+];
+
+/// What a statistic says of each column.
+fn of_columns<const N: usize>(errors: &[[f64; N]], of: fn(&[f64]) -> f64) -> [f64; N] {
+    std::array::from_fn(|i| of(&errors.iter().map(|errors| errors[i]).collect::<Vec<_>>()))
 }
 
-/// The same about each column's mean.
+fn root_mean_squares<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
+    of_columns(errors, |column| rms(column))
+}
+
+/// The root mean squares about each column's mean.
 fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
-    std::array::from_fn(|i| {
-        let column = errors.iter().map(|errors| errors[i]);
-        let mean = mean(column.clone());
-        rms(column.map(|error| error - mean))
+    of_columns(errors, |column| {
+        let mean = mean(column);
+        rms(column.iter().map(|error| error - mean))
     })
+}
+
+/// A noise in a table, and the height.
+fn noise_name(amplitude: f64, (read_noise, electrons_per_count): Noise) -> String {
+    let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
+    format!("{amplitude}, {electrons}, {read_noise}")
 }
 
 /// Measures the bias without noise (see [`bias`]). On the gaussian, the bias is at most 0.0005 px for widths
@@ -68,36 +84,21 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     );
     let mut failures = vec![];
     for (name, curve) in symmetric() {
-        for estimator in [
-            Estimator::PhaseTable,
-            Estimator::Adaptive,
-            Estimator::Fraunhofer,
-        ] {
+        for estimator in TABLES {
             text += &format!("{name:>14}{:>14}", estimator.name());
             let mixes = match estimator {
                 Estimator::Adaptive => &EVERY_MIX[..],
                 _ => &[0],
             };
             for width in WIDTHS {
-                let worst = mixes
-                    .iter()
-                    .map(|&shot_variance_per_count_q16| {
-                        let pixels = pixels(width);
-                        let geometry = Geometry {
-                            words: pixels,
-                            shielded: 0..0,
-                            light: 0..pixels,
-                            polarity: Polarity::Rising,
-                            bits: 12,
-                            shot_variance_per_count_q16,
-                            saturation: slitrange::row::LARGEST_COUNT,
-                        };
-                        let errors = bias(&curve, width, |light, before| {
-                            centre_after(before, &geometry, light, estimator)
-                        });
-                        largest(&errors.expect("centres").concat())
-                    })
-                    .fold(0.0, f64::max);
+                let of_mix = mixes.iter().map(|&shot| {
+                    let geometry = geometry(pixels(width), shot);
+                    let errors = bias(&curve, width, |light, before| {
+                        centre_after(before, &geometry, light, estimator)
+                    });
+                    largest(&errors.expect("centres").concat())
+                });
+                let worst = of_mix.fold(0.0, f64::max);
                 text += &format!("{:>6.0}", worst * 1e4);
                 let limit = match (name, estimator) {
                     ("gaussian", _) => 0.0005,
@@ -121,7 +122,7 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
 /// bound in white noise, and is 1.2 to 1.3 of it in shot noise. The estimator stays close to its fit: up to
 /// 1 % worse in white noise, where the default is 3 to 5 % worse; and 2 to 5 % better in shot noise, where
 /// the default is 6 to 9 % better.
-fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
+fn of_fraunhofer(noises: &[(f64, Noise)], widths: &[f64]) -> String {
     let curve = profiles::slit();
     let mut text = format!(
         "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, \
@@ -129,20 +130,12 @@ fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
          counts, e/count, read{}\n",
         columns(widths, 19)
     );
-    for &(amplitude, electrons_per_count, noise) in noises {
-        let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
-        text += &format!("{:>21}", format!("{amplitude}, {electrons}, {noise}"));
+    for &(amplitude, noise) in noises {
+        text += &format!("{:>21}", noise_name(amplitude, noise));
         for &width in widths {
             let rows = Rows {
                 curve: &curve,
-                cell: Cell {
-                    width,
-                    amplitude,
-                    read_noise: noise,
-                    electrons_per_count,
-                    rows: 10_000,
-                    seed: (amplitude * width) as u64,
-                },
+                cell: cell(width, amplitude, noise, 10_000, (amplitude * width) as u64),
             };
             let errors = rows.errors(|light| centres_and_fit(&rows.geometry(), light));
             let bound = profiles::bound(&curve, &rows.cell.spot(), 8.0);
@@ -151,7 +144,7 @@ fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
             text += &format!("  {fraunhofer:>5.2}{default:>6.2}{fit:>6.2}");
             // The standard error of a ratio over 10,000 rows is 0.7 %; of one to another on the same rows it
             // is less.
-            if electrons_per_count.is_some() {
+            if noise.1.is_some() {
                 assert!(fraunhofer < fit, "{width}: {fraunhofer} {fit}");
                 assert!(default < 0.97 * fit, "{width}: {default} {fit}");
             } else {
@@ -168,17 +161,20 @@ fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
 
 #[test]
 fn fraunhofer_is_as_good_as_the_fit_of_its_profile() {
-    of_fraunhofer(&[(2400.0, None, 24.0), (1000.0, Some(5.0), 2.0)], &[8.0]);
+    of_fraunhofer(
+        &[(2400.0, (24.0, None)), (1000.0, (2.0, Some(5.0)))],
+        &[8.0],
+    );
 }
 
 #[test]
 #[ignore = "the whole grid; takes 9 CPU s; run by .ci/run"]
 fn fraunhofer_against_the_fit_of_its_own_profile_on_the_whole_grid() {
     let noises = [
-        (2400.0, None, 24.0),
-        (2400.0, None, 2.4),
-        (1000.0, Some(5.0), 2.0),
-        (3800.0, Some(10.0), 4.0),
+        (2400.0, (24.0, None)),
+        (2400.0, (2.4, None)),
+        (1000.0, (2.0, Some(5.0))),
+        (3800.0, (4.0, Some(10.0))),
     ];
     let text = of_fraunhofer(&noises, &[2.0, 8.0, 10.5]);
     insta::assert_snapshot!("fraunhofer", text);
@@ -187,13 +183,9 @@ fn fraunhofer_against_the_fit_of_its_own_profile_on_the_whole_grid() {
 /// What `fraunhofer` and the default find in a row, and the fit of sinc^2 in f64.
 fn centres_and_fit(geometry: &Geometry, light: &[u16]) -> Result<[f64; 3], Fault> {
     let default = centre_of(geometry, light, Estimator::PhaseTable)?;
-    Ok([
-        centre_of(geometry, light, Estimator::Fraunhofer)?
-            .centre
-            .to_f64(),
-        default.centre.to_f64(),
-        sinc_fit(light, &default),
-    ])
+    let fraunhofer = centre_of(geometry, light, Estimator::Fraunhofer)?;
+    let [fraunhofer, found] = [fraunhofer, default].map(|it| it.centre.to_f64());
+    Ok([fraunhofer, found, sinc_fit(light, &default)])
 }
 
 /// A row's flaws, besides its noise.
@@ -211,40 +203,31 @@ enum Flaw {
 /// either. A laser spot of 1 mm makes a blur of a quarter of the width, one of 3 mm three quarters.
 #[test]
 fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
+    let blurred = profiles::blurred_slit;
     let blurs = [
         ("point", profiles::slit()),
-        (
-            "gaussian, 0.24",
-            profiles::blurred_slit(0.24, Blur::Gaussian),
-        ),
-        ("gaussian, 0.5", profiles::blurred_slit(0.5, Blur::Gaussian)),
-        ("gaussian, 1.0", profiles::blurred_slit(1.0, Blur::Gaussian)),
-        ("box, 0.5", profiles::blurred_slit(0.5, Blur::Box)),
-        ("box, 1.0", profiles::blurred_slit(1.0, Blur::Box)),
+        ("gaussian, 0.24", blurred(0.24, Blur::Gaussian)),
+        ("gaussian, 0.5", blurred(0.5, Blur::Gaussian)),
+        ("gaussian, 1.0", blurred(1.0, Blur::Gaussian)),
+        ("box, 0.5", blurred(0.5, Blur::Box)),
+        ("box, 1.0", blurred(1.0, Blur::Box)),
     ];
     let noises = [
-        (3000.0, None, 0.0, Flaw::None),
-        (2400.0, None, 24.0, Flaw::None),
-        (1000.0, Some(5.0), 2.0, Flaw::None),
-        (3000.0, Some(10.0), 4.0, Flaw::None),
-        (3000.0, None, 1.0, Flaw::Slope),
-        (3000.0, None, 1.0, Flaw::Sensitivity),
+        (3000.0, (0.0, None), Flaw::None),
+        (2400.0, (24.0, None), Flaw::None),
+        (1000.0, (2.0, Some(5.0)), Flaw::None),
+        (3000.0, (4.0, Some(10.0)), Flaw::None),
+        (3000.0, (1.0, None), Flaw::Slope),
+        (3000.0, (1.0, None), Flaw::Sensitivity),
     ];
     println!(
         "distance from the fit of sinc^2 in 1e-4 px, RMS over 300 rows: fraunhofer, phase-table; blur: \
          standard deviation over the width"
     );
     for (name, curve) in &blurs {
-        for (amplitude, electrons_per_count, read_noise, flaw) in noises {
+        for (amplitude, noise, flaw) in noises {
             for width in [4.0, 8.0] {
-                let cell = Cell {
-                    width,
-                    amplitude,
-                    read_noise,
-                    electrons_per_count,
-                    rows: 300,
-                    seed: 71,
-                };
+                let cell = cell(width, amplitude, noise, 300, 71);
                 let rows = Rows { curve, cell };
                 let distances = rows.errors(|light| {
                     let light = with_flaw(light, flaw);
@@ -258,13 +241,14 @@ fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
                     .collect();
                 let [fraunhofer, default] = root_mean_squares(&distances);
                 println!(
-                    "{name:>14}, {amplitude} counts, {electrons_per_count:?} e/count, read noise \
-                     {read_noise}, {flaw:?}, sigma {width}: {:.1} {:.1}",
+                    "{name:>14}, {}, {flaw:?}, sigma {width}: {:.1} {:.1}",
+                    noise_name(amplitude, noise),
                     1e4 * fraunhofer,
                     1e4 * default
                 );
+                let is_near = fraunhofer <= 0.8 * default || fraunhofer <= 2e-4;
                 assert!(
-                    fraunhofer <= 0.8 * default || fraunhofer <= 2e-4,
+                    is_near,
                     "{name}, {cell:?}, {flaw:?}: {fraunhofer} {default}"
                 );
             }
@@ -274,7 +258,7 @@ fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
 
 /// A row with a flaw.
 fn with_flaw(light: &[u16], flaw: Flaw) -> Vec<u16> {
-    let mut random = ChaCha8Rng::seed_from_u64(light.iter().map(|&count| u64::from(count)).sum());
+    let mut random = random(light.iter().map(|&count| u64::from(count)).sum());
     let level = f64::from(light[0]);
     let flawed = light.iter().enumerate().map(|(i, &count)| {
         let count = f64::from(count);
@@ -287,9 +271,8 @@ fn with_flaw(light: &[u16], flaw: Flaw) -> Vec<u16> {
             }
         }
     });
-    flawed
-        .map(|count| count.round().clamp(0.0, 4095.0) as u16)
-        .collect()
+    let rounded = flawed.map(|count| count.round().clamp(0.0, 4095.0) as u16);
+    rounded.collect()
 }
 
 /// Slits of a Fresnel number up to 0.55, for a point and a laser spot of 1 mm. A slit of 200 um has 0.33 at
@@ -315,14 +298,9 @@ fn wide_slits_are_read_without_fault_or_flag() {
         for spot_diameter in [0.0, 1e-3] {
             let curve = Slit::of_fresnel_number(number, spot_diameter).curve();
             for (amplitude, read_noise) in [(200.0, 4.0), (1000.0, 2.0), (3000.0, 2.0)] {
-                let cells = [4.0, 8.0, 10.5].map(|width| Cell {
-                    width,
-                    amplitude,
-                    read_noise,
-                    electrons_per_count: Some(10.0),
-                    rows: 30,
-                    seed: 81 + width as u64,
-                });
+                let noise = (read_noise, Some(10.0));
+                let cells = [4.0, 8.0, 10.5]
+                    .map(|width| cell(width, amplitude, noise, 30, 81 + width as u64));
                 let mut line = format!(
                     "Fresnel number {number}, spot of {} mm, {amplitude:>4} counts:",
                     1e3 * spot_diameter
@@ -355,8 +333,7 @@ fn read(curve: &Curve, cells: &[Cell], estimator: Estimator) -> [f64; 4] {
         let geometry = cell.scene_of(PIXELS).geometry();
         for row in 0..cell.rows {
             let (light, truth) = rows.row_of(PIXELS, row);
-            let [_, found] = answers(&geometry, &light, estimator);
-            let Ok(found) = found else {
+            let Ok(found) = checked(&geometry, &light, estimator) else {
                 faults += 1.0;
                 continue;
             };
@@ -400,24 +377,14 @@ fn of_measured_profiles(profiles: &[(&str, Curve)], widths: &[f64]) -> String {
     let mut failures = vec![];
     for (name, curve) in profiles {
         for &width in widths {
-            for (amplitude, electrons_per_count, noise, noise_ratio) in [
-                (2400.0, None, 24.0, f64::INFINITY),
-                (2000.0, Some(5.0), 2.0, 0.02),
+            for (amplitude, noise, noise_ratio) in [
+                (2400.0, (24.0, None), f64::INFINITY),
+                (2000.0, (2.0, Some(5.0)), 0.02),
             ] {
-                let cell = Cell {
-                    width,
-                    amplitude,
-                    read_noise: noise,
-                    electrons_per_count,
-                    rows: 20_000,
-                    seed: 51 + width as u64,
-                };
+                let cell = cell(width, amplitude, noise, 20_000, 51 + width as u64);
                 let measured = measure(curve, cell);
-                let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
-                text += &format!(
-                    "{name:>14}{width:>7}{:>22}",
-                    format!("{amplitude}, {electrons}, {noise}")
-                );
+                let noise = noise_name(amplitude, noise);
+                text += &format!("{name:>14}{width:>7}{noise:>22}");
                 for noise_ratio in [DEFAULT.noise_ratio, noise_ratio] {
                     let plan = plan(measured.width, noise_ratio);
                     // In units of the width that was measured.
@@ -433,10 +400,9 @@ fn of_measured_profiles(profiles: &[(&str, Curve)], widths: &[f64]) -> String {
                         _ => root_mean_squares(&errors),
                     };
                     let bound = profiles::bound(curve, &cell.spot(), 8.0);
+                    let [of_measured, of_gaussian] = [measured, gaussian].map(|it| it / truth);
                     text += &format!(
-                        "{:>10.2}{:>8.2}{:>8.2}",
-                        measured / truth,
-                        gaussian / truth,
+                        "{of_measured:>10.2}{of_gaussian:>8.2}{:>8.2}",
                         truth / bound
                     );
                     if measured > 1.03 * truth {
@@ -468,13 +434,8 @@ fn tables_of_every_measured_profile_are_as_good_as_those_of_the_true_one() {
 
 /// The profile of a cell's spot, from rows of its noise.
 fn measure(curve: &Curve, cell: Cell) -> MeasuredProfile {
-    let rows = Rows {
-        curve,
-        cell: Cell {
-            seed: cell.seed + 100,
-            ..cell
-        },
-    };
+    let mut rows = Rows { curve, cell };
+    rows.cell.seed += 100;
     let geometry = rows.geometry();
     let found: Vec<(Vec<u16>, RowCentre)> = (0..MEASURED_ROWS)
         .map(|row| {
@@ -526,21 +487,10 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     );
     for width in [2.0, 4.0, 8.0] {
         for noise_ratio in [f64::INFINITY, DEFAULT.noise_ratio, 0.02] {
-            let cell = Cell {
-                width,
-                amplitude: 2000.0,
-                read_noise: 2.0,
-                electrons_per_count: Some(5.0),
-                rows: 0,
-                seed: 61,
-            };
+            let cell = cell(width, 2000.0, (2.0, Some(5.0)), 0, 61);
             let measured = measure(&curve, cell);
             let plan = plan(measured.width, noise_ratio);
-            let geometry = Rows {
-                curve: &curve,
-                cell,
-            }
-            .geometry();
+            let geometry = cell.scene_of(pixels(width)).geometry();
             let largest = |profile: Profile<'_>| {
                 let tables = set(profile, plan);
                 let tables = core_tables::borrow(&tables);
@@ -569,7 +519,7 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
 /// own formula the worst, 1.048, are those that are for r = 0.23 where r is 0.8. What chance leaves of the
 /// ratio of two errors that differ by 5 % is 0.16 % over 40,000 rows, and half of that for the mean over the
 /// widths. (Spots of 11.6 px and more are summed to narrower ones.)
-fn of_wrong_widths(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
+fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
     let curve = profiles::gaussian();
     let mut text = format!(
         "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in \
@@ -578,40 +528,32 @@ fn of_wrong_widths(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String
         columns(widths, 19)
     );
     let mut failures = vec![];
-    for &(amplitude, electrons_per_count, noise) in noises {
-        let exact = electrons_per_count.map_or(f64::INFINITY, |electrons: f64| {
-            (noise * noise + 1.0 / 12.0) * electrons / amplitude
+    for &(amplitude, noise) in noises {
+        let exact = noise.1.map_or(f64::INFINITY, |electrons: f64| {
+            (noise.0 * noise.0 + 1.0 / 12.0) * electrons / amplitude
         });
         let taken = noise_ratio_of_mix(exact);
-        let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
-        let name = format!("{amplitude}, {electrons}, {noise}");
+        let name = noise_name(amplitude, noise);
         text += &format!("{name:>21}{exact:>6.3}{taken:>10}");
         let mut means = [0.0; 3];
         for &width in widths {
+            let seed = (amplitude + 10.0 * (width + noise.0)) as u64;
             let rows = Rows {
                 curve: &curve,
-                cell: Cell {
-                    width,
-                    amplitude,
-                    read_noise: noise,
-                    electrons_per_count,
-                    rows: 40_000,
-                    seed: (amplitude + 10.0 * (width + noise)) as u64,
-                },
+                cell: cell(width, amplitude, noise, 40_000, seed),
             };
             let one = |width, noise_ratio| {
-                set(
-                    &phase_tables::gaussian,
-                    Plan {
-                        noise_ratio,
-                        widths: Widths {
-                            narrowest: width,
-                            count: 1,
-                            ..COARSE
-                        },
-                        ..DEFAULT
-                    },
-                )
+                let widths = Widths {
+                    narrowest: width,
+                    count: 1,
+                    ..COARSE
+                };
+                let plan = Plan {
+                    noise_ratio,
+                    widths,
+                    ..DEFAULT
+                };
+                set(&phase_tables::gaussian, plan)
             };
             let tables = [
                 one(width, exact),
@@ -655,22 +597,22 @@ fn of_wrong_widths(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String
 
 #[test]
 fn a_wrong_width_costs_a_twentieth_at_most() {
-    of_wrong_widths(&[(200.0, None, 8.0)], &[2.0, 8.0]);
+    of_wrong_widths(&[(200.0, (8.0, None))], &[2.0, 8.0]);
 }
 
 #[test]
 #[ignore = "the whole grid; takes 25 CPU s; run by .ci/run"]
 fn a_wrong_width_costs_a_twentieth_at_most_on_the_whole_grid() {
     let noises = [
-        (200.0, None, 8.0),
-        (1000.0, None, 2.0),
-        (3600.0, None, 2.0),
-        (100.0, Some(5.0), 4.0),
-        (1000.0, Some(5.0), 2.0),
-        (3800.0, Some(5.0), 2.0),
-        (3800.0, Some(2.0), 2.0),
-        (3800.0, Some(10.0), 1.0),
-        (3800.0, Some(10.0), 8.0),
+        (200.0, (8.0, None)),
+        (1000.0, (2.0, None)),
+        (3600.0, (2.0, None)),
+        (100.0, (4.0, Some(5.0))),
+        (1000.0, (2.0, Some(5.0))),
+        (3800.0, (2.0, Some(5.0))),
+        (3800.0, (2.0, Some(2.0))),
+        (3800.0, (1.0, Some(10.0))),
+        (3800.0, (8.0, Some(10.0))),
     ];
     let text = of_wrong_widths(&noises, &[1.2, 2.0, 4.0, 8.0, 10.5]);
     insta::assert_snapshot!("wrong_width", text);

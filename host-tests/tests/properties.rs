@@ -1,5 +1,6 @@
 //! Properties that hold for all inputs.
 
+use crate::support::geometry;
 use proptest::prelude::*;
 use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;
@@ -8,53 +9,47 @@ use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::tables::BLOCKS;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
 use slitrange::distance::Calibration;
-use slitrange::frame::Mean;
 use slitrange::frame::comb::{Comb, FEWEST, Slits};
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
 use slitrange::measurement::steps::centre_of_spot;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::background::Background;
 use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity, Row};
+use slitrange::row::{Geometry, Polarity};
 use slitrange::spot::Spot;
 use slitrange_device::protocol::command::{self, MAX_LINE};
 use slitrange_device::protocol::input::{Echo, Input};
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
-    Measurement::new(
-        geometry,
-        Options {
-            estimator: Estimator::default(),
-            rows,
-            mean: Mean::default(),
-            black_level,
-            ..Options::default()
-        },
-    )
+    let options = Options {
+        rows,
+        black_level,
+        ..Options::default()
+    };
+    Measurement::new(geometry, options)
 }
 
 /// With the nominal calibration.
-fn reading(result: Result<Measured, Fault>) -> Result<Reading, Fault> {
-    result?.reading(
-        Calibration::nominal().as_ref(),
-        &CalibrationErrors::Unknown,
-        Surface::Off,
-    )
+pub fn nominal_reading(result: Result<Measured, Fault>) -> Result<Reading, Fault> {
+    let errors = CalibrationErrors::Unknown;
+    result?.reading(Calibration::nominal().as_ref(), &errors, Surface::Off)
+}
+
+pub fn any_black_level() -> impl Strategy<Value = BlackLevel> {
+    prop_oneof![
+        Just(BlackLevel::Shielded),
+        Just(BlackLevel::Frame),
+        (0..4096).prop_map(|counts| BlackLevel::Fixed(Counts::from_int(counts))),
+    ]
 }
 
 /// Any spot, be it one that the search would never find.
 fn spots() -> impl Strategy<Value = Spot> {
     let centres = prop_oneof![0..5000usize, any::<usize>()];
     let blocks = prop_oneof![0..9u32, any::<u32>()];
-    let counts = || {
-        prop_oneof![
-            (0..4096 * 256).prop_map(Counts::from_bits),
-            any::<i32>().prop_map(Counts::from_bits)
-        ]
-    };
+    let counts = || prop_oneof![(0..4096 * 256), any::<i32>()].prop_map(Counts::from_bits);
     (centres, blocks, counts(), counts(), counts()).prop_map(
         |(centre, block_log2, height, level, noise)| Spot {
             centre,
@@ -68,26 +63,20 @@ fn spots() -> impl Strategy<Value = Spot> {
 
 /// Any row before, of any table.
 fn befores() -> impl Strategy<Value = Option<RowCentre>> {
-    let pixels = || {
-        prop_oneof![
-            (0..4096 * 65536).prop_map(Pixels::from_bits),
-            any::<i32>().prop_map(Pixels::from_bits)
-        ]
-    };
+    let pixels = || prop_oneof![(0..4096 * 65536), any::<i32>()].prop_map(Pixels::from_bits);
     let blocks = prop_oneof![prop::sample::select(&BLOCKS[..]), any::<u8>()];
     let class =
         (0..9u8, 0..40u8, blocks).prop_map(|(set, table, block)| WidthClass { set, table, block });
-    prop::option::of(
-        (pixels(), pixels(), class).prop_map(|(centre, width, class)| RowCentre {
-            centre,
-            uncertainty: Pixels::from_bits(1),
-            amplitude: Counts::from_int(1),
-            width,
-            class,
-            shape: Default::default(),
-            misfit: false,
-        }),
-    )
+    let row = |(centre, width, class)| RowCentre {
+        centre,
+        uncertainty: Pixels::from_bits(1),
+        amplitude: Counts::from_int(1),
+        width,
+        class,
+        shape: Default::default(),
+        misfit: false,
+    };
+    prop::option::of((pixels(), pixels(), class).prop_map(row))
 }
 
 /// Rows of any length: any 12-bit counts, extremes, blocks on a flat row, or a few gaussians on noise.
@@ -154,16 +143,8 @@ proptest! {
         shot in any::<u16>(),
         saturation in prop_oneof![Just(4095), any::<u16>()],
     ) {
-        let geometry = Geometry {
-            words: light.len(),
-            shielded: 0..0,
-            light: 0..light.len(),
-            polarity: Polarity::Rising,
-            bits,
-            shot_variance_per_count_q16: shot,
-            saturation,
-        };
-        let row = Row::new(&light, &[], saturation).expect("12 bits");
+        let geometry = Geometry { bits, saturation, ..geometry(light.len(), shot) };
+        let row = slitrange::row::Row::new(&light, &[], saturation).expect("12 bits");
         let ((spot, budget), found) = match slitrange::spot::find(&row) {
             Ok(of_row) if found => (of_row, true),
             _ => ((spot, WorkBudget::of_row()), false),
@@ -228,15 +209,7 @@ proptest! {
                 *count = (f64::from(*count) + more).min(4095.0) as u16;
             }
         }
-        let geometry = Geometry {
-            words: light.len(),
-            shielded: 0..0,
-            light: 0..light.len(),
-            polarity: Polarity::Rising,
-            bits: 12,
-            shot_variance_per_count_q16: 6554,
-            saturation: slitrange::row::LARGEST_COUNT,
-        };
+        let geometry = geometry(light.len(), 6554);
         for estimator in Estimator::ALL {
             let options = Options { estimator, rows: 2, slits: Slits::Comb, ..Options::default() };
             let mut measurement = Measurement::new(geometry.clone(), options);
@@ -279,7 +252,7 @@ proptest! {
                 })
                 .collect();
             let result = measurement(sensor_heads::tcd1304dg(), 1, BlackLevel::Shielded).row(&mut words);
-            reading(result.expect("a frame of one row is complete"))
+            nominal_reading(result.expect("a frame of one row is complete"))
         };
         let without_black = |reading: Reading| Reading { black_level: Counts::from_int(0), ..reading };
         let (dark, light) = (read(0), read(offset));
@@ -356,12 +329,17 @@ fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
 /// Rows that a sensor can deliver give every kind of fault with every estimator, and also a reading.
 #[test]
 fn every_fault_is_reachable() {
-    let spot = |centre| words_of(&[(centre, 8.0, 2000.0)]);
-    let twins = [(1500.3, 8.0, 2000.0), (1800.3, 8.0, 2000.0)];
+    let spots = |centres: Vec<f64>| {
+        words_of(
+            &centres
+                .into_iter()
+                .map(|it| (it, 8.0, 2000.0))
+                .collect::<Vec<_>>(),
+        )
+    };
+    let spot = |centre| spots(vec![centre]);
     // Images 1 mm apart fit the mask in no way that is better than another.
-    let even: Vec<_> = (0..14)
-        .map(|i| (900.3 + 132.0 * f64::from(i), 8.0, 2000.0))
-        .collect();
+    let even = spots((0..14).map(|i| 900.3 + 132.0 * f64::from(i)).collect());
     let dim = || words_of(&[(1800.3, 8.0, 3.5)]);
     let cut = || words_of(&[(1800.3, 1.0, 60_000.0)]);
     let cases: [(&str, Vec<Vec<u16>>, bool); 15] = [
@@ -373,26 +351,21 @@ fn every_fault_is_reachable() {
         ("too dim at the longest exposure", vec![dim()], true),
         ("saturated at the shortest exposure", vec![cut()], true),
         ("spot at the edge", vec![spot(-6.0)], true),
-        ("two spots", vec![words_of(&twins)], true),
+        ("two spots", vec![spots(vec![1500.3, 1800.3])], true),
         ("unsteady", vec![spot(1800.3), spot(1900.3)], true),
         ("out of range", vec![spot(100.3)], true),
         ("not calibrated", vec![spot(1800.3)], false),
         ("too few slits", vec![spot(1800.3)], true),
-        ("slits unclear", vec![words_of(&even)], true),
+        ("slits unclear", vec![even], true),
         ("laser off", vec![spot(1800.3)], true),
     ];
     for estimator in Estimator::ALL {
         for (name, rows, calibrated) in &cases {
+            let is_comb = name.contains("slits");
             let options = Options {
                 estimator,
                 rows: rows.len() as u16,
-                mean: Mean::default(),
-                black_level: BlackLevel::Shielded,
-                slits: if name.contains("slits") {
-                    Slits::Comb
-                } else {
-                    Slits::One
-                },
+                slits: if is_comb { Slits::Comb } else { Slits::One },
                 laser: *name != "laser off",
                 ..Options::default()
             };
@@ -402,18 +375,12 @@ fn every_fault_is_reachable() {
                 "saturated at the shortest exposure" => Some(Exposure::SHORTEST),
                 _ => None,
             };
-            let results = rows
-                .iter()
-                .filter_map(|row| measurement.row_with(&mut row.clone(), exposure, None));
-            let result = results.last().expect("the frame is complete");
+            let of_row = |row: &Vec<u16>| measurement.row_with(&mut row.clone(), exposure, None);
+            let result = rows.iter().filter_map(of_row).last();
             let calibration = Calibration::nominal().filter(|_| *calibrated);
-            let result = result.and_then(|measured| {
-                measured.reading(
-                    calibration.as_ref(),
-                    &CalibrationErrors::Unknown,
-                    Surface::Off,
-                )
-            });
+            let errors = CalibrationErrors::Unknown;
+            let result = (result.expect("the frame is complete"))
+                .and_then(|found| found.reading(calibration.as_ref(), &errors, Surface::Off));
             let found = result.map_or_else(|fault| fault.name(), |_| "reading");
             assert_eq!(found, *name, "{estimator:?}: {result:?}");
         }

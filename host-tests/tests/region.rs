@@ -1,16 +1,16 @@
 //! The settings `region` and `peak`: which part of a row is searched, and which of several spots is measured.
 //! The tests print every figure that they assert.
 
-use rand::{Rng as _, SeedableRng as _};
+use crate::support::{self, random};
+use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::Measured;
-use slitrange::row::{Geometry, LARGEST_COUNT, Polarity};
+use slitrange::row::{Geometry, LARGEST_COUNT};
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
 
@@ -20,15 +20,7 @@ const READ_NOISE: f64 = 4.0;
 const BLACK_LEVEL: f64 = 300.0;
 
 fn geometry() -> Geometry {
-    Geometry {
-        words: PIXELS,
-        shielded: 0..0,
-        light: 0..PIXELS,
-        polarity: Polarity::Rising,
-        bits: 12,
-        shot_variance_per_count_q16: (65536.0 / ELECTRONS_PER_COUNT).round() as u16,
-        saturation: LARGEST_COUNT,
-    }
+    support::geometry(PIXELS, 6554)
 }
 
 /// A gaussian of light.
@@ -37,6 +29,16 @@ struct Light {
     centre: f64,
     width: f64,
     height: f64,
+}
+
+impl Light {
+    fn new(centre: f64, width: f64, height: f64) -> Self {
+        Self {
+            centre,
+            width,
+            height,
+        }
+    }
 }
 
 /// A row with these spots, in shot noise and read noise.
@@ -87,16 +89,16 @@ fn with_peak(peak: SpotChoice) -> Options {
 /// The same bits, for results and for faults.
 #[test]
 fn a_region_is_measured_as_a_row_of_these_pixels() {
-    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let mut random = random(1);
     let (mut centres, mut faults) = (0, 0);
     for number in 0..400 {
         let first = random.random_range(0..3000);
         let last = random.random_range(first + 100..PIXELS as u16);
         let inside = random.random_range(f64::from(first)..f64::from(last));
-        let spot = |centre, random: &mut ChaCha8Rng| Light {
-            centre,
-            width: random.random_range(1.2..20.0),
-            height: 10.0 * f64::powf(400.0, random.random_range(0.0..1.0)),
+        let spot = |centre, random: &mut ChaCha8Rng| {
+            let width = random.random_range(1.2..20.0);
+            let height = 10.0 * f64::powf(400.0, random.random_range(0.0..1.0));
+            Light::new(centre, width, height)
         };
         let mut spots = vec![spot(inside, &mut random)];
         if number % 3 == 0 {
@@ -118,29 +120,28 @@ fn a_region_is_measured_as_a_row_of_these_pixels() {
             region: Region::ALL,
             ..options
         };
+        let on_row = |place: Pixels| Pixels::from_bits(place.to_bits() + (i32::from(first) << 16));
         match (in_region, measure(narrow, whole, &rows)) {
             (Ok(found), Ok(expected)) => {
                 centres += 1;
-                let centre = expected.frame.centre.to_bits() + (i32::from(first) << 16);
-                assert_eq!(found.frame.centre.to_bits(), centre, "{spots:?}");
+                assert_eq!(
+                    found.frame.centre,
+                    on_row(expected.frame.centre),
+                    "{spots:?}"
+                );
                 assert_eq!(found.frame.uncertainty, expected.frame.uncertainty);
                 assert_eq!(found.frame.misfits, expected.frame.misfits);
             }
             (Err(found), Err(expected)) => {
                 faults += 1;
-                let moved =
-                    |place: Pixels| Pixels::from_bits(place.to_bits() + (i32::from(first) << 16));
-                let expected = match expected {
-                    Fault::SpotAtEdge { centre } => Fault::SpotAtEdge {
-                        centre: moved(centre),
-                    },
-                    Fault::TwoSpots { centre, other } => Fault::TwoSpots {
-                        centre: moved(centre),
-                        other: moved(other),
-                    },
-                    fault => fault,
-                };
-                assert_eq!(found, expected, "{spots:?}");
+                let mut moved = expected;
+                if let Fault::SpotAtEdge { centre } = &mut moved {
+                    *centre = on_row(*centre);
+                }
+                if let Fault::TwoSpots { centre, other } = &mut moved {
+                    (*centre, *other) = (on_row(*centre), on_row(*other));
+                }
+                assert_eq!(found, moved, "{spots:?}");
             }
             (found, expected) => panic!("{found:?} {expected:?} {spots:?}"),
         }
@@ -151,17 +152,9 @@ fn a_region_is_measured_as_a_row_of_these_pixels() {
 
 #[test]
 fn a_lamp_outside_the_region_does_no_harm() {
-    let mut random = ChaCha8Rng::seed_from_u64(2);
-    let spot = Light {
-        centre: 1800.3,
-        width: 8.0,
-        height: 800.0,
-    };
-    let lamp = Light {
-        centre: 2600.0,
-        height: 900.0,
-        ..spot
-    };
+    let mut random = random(2);
+    let [spot, lamp] =
+        [(1800.3, 800.0), (2600.0, 900.0)].map(|(centre, height)| Light::new(centre, 8.0, height));
     let rows = [row(&mut random, &[spot, lamp])];
     let whole = measure(geometry(), Options::default(), &rows);
     assert!(matches!(whole, Err(Fault::TwoSpots { .. })), "{whole:?}");
@@ -176,7 +169,7 @@ fn a_lamp_outside_the_region_does_no_harm() {
 /// `last` measure theirs within the claimed uncertainty.
 #[test]
 fn peak_measures_the_first_or_the_last_spot() {
-    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let mut random = random(4);
     for peak in [SpotChoice::First, SpotChoice::Last] {
         let (mut squares, mut number, mut faults, mut flagged) = (0.0, 0, 0, 0);
         for _ in 0..1000 {
@@ -184,11 +177,7 @@ fn peak_measures_the_first_or_the_last_spot() {
             let mut centre = random.random_range(300.0..800.0);
             let spots: Vec<_> = (0..random.random_range(2..=3))
                 .map(|_| {
-                    let spot = Light {
-                        centre,
-                        width,
-                        height: random.random_range(500.0..2500.0),
-                    };
+                    let spot = Light::new(centre, width, random.random_range(500.0..2500.0));
                     centre += random.random_range(40.0..100.0) * width;
                     spot
                 })
@@ -212,10 +201,8 @@ fn peak_measures_the_first_or_the_last_spot() {
             }
         }
         let rms = (squares / f64::from(number)).sqrt();
-        println!(
-            "{}: {number} centres, errors of {rms:.3} u, {flagged} flagged, {faults} faults",
-            peak.name()
-        );
+        let name = peak.name();
+        println!("{name}: {number} centres, {rms:.3} u, {flagged} flagged, {faults} faults");
         assert!(number > 980 && (0.95..1.05).contains(&rms));
     }
 }
@@ -223,23 +210,17 @@ fn peak_measures_the_first_or_the_last_spot() {
 /// One spot is measured as without the setting: to the same bits.
 #[test]
 fn one_spot_is_the_first_and_the_last() {
-    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut random = random(5);
     for _ in 0..300 {
-        let spot = Light {
-            centre: random.random_range(0.0..PIXELS as f64),
-            width: random.random_range(1.2..25.0),
-            height: random.random_range(20.0..3500.0),
-        };
+        let centre = random.random_range(0.0..PIXELS as f64);
+        let width = random.random_range(1.2..25.0);
+        let spot = Light::new(centre, width, random.random_range(20.0..3500.0));
         let rows = [row(&mut random, &[spot]), row(&mut random, &[spot])];
         let strongest = measure(geometry(), Options::default(), &rows);
         for peak in [SpotChoice::First, SpotChoice::Last] {
             let found = measure(geometry(), with_peak(peak), &rows);
-            assert_eq!(
-                format!("{found:?}"),
-                format!("{strongest:?}"),
-                "{} {spot:?}",
-                peak.name()
-            );
+            let [found, strongest] = [&found, &strongest].map(|it| format!("{it:?}"));
+            assert_eq!(found, strongest, "{} {spot:?}", peak.name());
         }
     }
 }
@@ -248,20 +229,14 @@ fn one_spot_is_the_first_and_the_last() {
 /// one spot are measured as without the setting.
 #[test]
 fn close_spots_give_no_confident_error() {
-    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let mut random = random(6);
     let (mut centres, mut rest, mut wrong) = (0, 0, 0);
     for _ in 0..2000 {
         let width = random.random_range(3.0..12.0);
-        let first = Light {
-            centre: random.random_range(800.0..2500.0),
-            width,
-            height: random.random_range(300.0..2500.0),
-        };
-        let second = Light {
-            centre: first.centre + width * random.random_range(2.0..40.0),
-            height: random.random_range(300.0..2500.0),
-            ..first
-        };
+        let centre = random.random_range(800.0..2500.0);
+        let first = Light::new(centre, width, random.random_range(300.0..2500.0));
+        let centre = centre + width * random.random_range(2.0..40.0);
+        let second = Light::new(centre, width, random.random_range(300.0..2500.0));
         let rows = [row(&mut random, &[first, second])];
         let peak = [SpotChoice::First, SpotChoice::Last][centres % 2];
         match measure(geometry(), with_peak(peak), &rows) {
@@ -273,10 +248,8 @@ fn close_spots_give_no_confident_error() {
                     wrong += 1;
                     // They look like one spot.
                     let strongest = measure(geometry(), Options::default(), &rows);
-                    assert_eq!(
-                        format!("{:?}", Ok::<_, Fault>(found)),
-                        format!("{strongest:?}")
-                    );
+                    let found = format!("{:?}", Ok::<_, Fault>(found));
+                    assert_eq!(found, format!("{strongest:?}"));
                 }
             }
             _ => rest += 1,

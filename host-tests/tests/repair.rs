@@ -1,19 +1,19 @@
 //! The repair of rows with pixels that do not belong to the spot, compared with the default estimator alone
 //! and with the bound of clean rows.
 
+use crate::support::{self, random};
 use judges::accuracy::{Answer, Cell, centre_of};
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use rand::Rng as _;
 use rayon::prelude::*;
 use simulator::scene::quantise;
 use slitrange::centre::Estimator;
 use slitrange::measurement::steps::robust_centre;
-use slitrange::row::{Geometry, Row};
+use slitrange::row::Geometry;
 use slitrange::spot;
 use statistics::{mean, rms};
 
 fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
-    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
+    let row = support::row(light);
     let (spot, mut budget) = spot::find(&row)?;
     robust_centre(&row, &spot, None, geometry, None, &mut budget)
 }
@@ -24,14 +24,7 @@ fn with_the_default(geometry: &Geometry, light: &[u16]) -> Answer {
 
 /// A spot of so many counts, in the noise of all rows here.
 fn cell(width: f64, amplitude: f64, seed: u64) -> Cell {
-    Cell {
-        width,
-        amplitude,
-        read_noise: 2.0,
-        electrons_per_count: Some(5.0),
-        rows: rows(width),
-        seed,
-    }
+    support::cell(width, amplitude, (2.0, Some(5.0)), rows(width), seed)
 }
 
 /// Rows of a cell. Narrow spots are silently off in one row in 2000, of which 4000 rows have too few to tell
@@ -75,7 +68,7 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
     let results: Vec<(f64, Answer)> = (0..rows(width))
         .into_par_iter()
         .map(|row| {
-            let mut random = ChaCha8Rng::seed_from_u64(row + 77);
+            let mut random = random(row + 77);
             let truth = cell.true_centre(row);
             let mut counts = scene.row_with_centre(row, truth, 1.0);
             let near = (truth + random.random_range(-3.0 * width..3.0 * width)).round() as usize;
@@ -95,24 +88,18 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
             (truth, centre(&geometry, &quantise(&counts, 4095)))
         })
         .collect();
-    let errors: Vec<f64> = results
-        .iter()
-        .filter_map(|(truth, found)| Some(found.ok()?.centre.to_f64() - truth))
-        .collect();
+    // The errors, and the flags.
+    let found = results.iter().filter_map(|(truth, found)| {
+        let found = found.ok()?;
+        Some((found.centre.to_f64() - truth, found.misfit))
+    });
+    let (errors, flags): (Vec<f64>, Vec<bool>) = found.unzip();
+    let is_silent = |(error, flag): &(&f64, &bool)| !**flag && error.abs() > 0.1 * width;
     Outcome {
         rmse: rms(&errors),
         mean: mean(&errors),
-        misfits: results
-            .iter()
-            .filter(|(_, found)| found.is_ok_and(|found| found.misfit))
-            .count() as u64,
-        silent: results
-            .iter()
-            .filter_map(|(truth, found)| Some((truth, found.ok()?)))
-            .filter(|(truth, found)| {
-                !found.misfit && (found.centre.to_f64() - *truth).abs() > 0.1 * width
-            })
-            .count() as u64,
+        misfits: flags.iter().filter(|flag| **flag).count() as u64,
+        silent: errors.iter().zip(&flags).filter(is_silent).count() as u64,
         faults: rows(width) - errors.len() as u64,
     }
 }
@@ -207,11 +194,9 @@ fn the_repair_does_not_take_a_tilt_for_outliers() {
                 *count += (2.0 * (i as f64 - truth)).clamp(-300.0, 300.0) as f32 + 300.0;
             }
             let found = repaired(&scene.geometry(), &quantise(&counts, 4095));
-            if let Ok(found) = found
-                && !found.misfit
-            {
-                let claim = found.uncertainty.to_f64();
-                worst = worst.max((found.centre.to_f64() - truth).abs() / claim);
+            if let Some(found) = found.ok().filter(|found| !found.misfit) {
+                let off = (found.centre.to_f64() - truth).abs();
+                worst = worst.max(off / found.uncertainty.to_f64());
             }
         }
         println!("sigma {width}: off by {worst:.1} of the claim at most");

@@ -1,11 +1,12 @@
 //! The coarse search on seeded rows: it finds the spot, tells the spot from a second one, and finds no spot
 //! in noise. The tests print every figure that they assert.
 
-use judges::accuracy::{Cell, centre_of};
+use crate::support::{cell, checked, find, mirrored, random, row, tally};
+use judges::accuracy::centre_of;
 use judges::hard_cases::Truth;
 use judges::hard_cases::judge::Said;
 use phase_tables::gaussian;
-use rand::{Rng as _, SeedableRng as _};
+use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -14,13 +15,8 @@ use slitrange::base::fault::Fault;
 use slitrange::base::units::Pixels;
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::measurement::steps::centre_of_spot;
-use slitrange::row::{Geometry, Row};
+use slitrange::row::{Geometry, sensor_heads};
 use slitrange::spot::{self, MIN_PIXELS, Spot};
-
-fn find(light: &[u16]) -> Result<Spot, Fault> {
-    let row = Row::new(light, &[], 4095).expect("12 bits");
-    Ok(spot::find(&row)?.0)
-}
 
 /// The place that a spot's pixel stands for: it is the one to the right of a block's middle.
 fn place(spot: &Spot) -> f64 {
@@ -29,12 +25,20 @@ fn place(spot: &Spot) -> f64 {
 
 /// Whether any estimator has a centre of the row's spot that is off by more than it claims, without a flag.
 fn misleads(light: &[u16], geometry: &Geometry, truth: Truth) -> bool {
-    let row = Row::new(light, &[], 4095).expect("12 bits");
-    let (spot, budget) = spot::find(&row).expect("a spot");
-    Estimator::ALL.into_iter().any(|estimator| {
-        let found = centre_of_spot(estimator, &row, &spot, None, geometry, None, budget);
-        Said::of_row(truth, &found).is_confident_error()
-    })
+    let said = |estimator| Said::of_row(truth, &checked(geometry, light, estimator));
+    Estimator::ALL
+        .into_iter()
+        .any(|it| said(it).is_confident_error())
+}
+
+/// Whether the search finds two spots.
+fn are_two(light: &[u16]) -> bool {
+    matches!(find(light), Err(Fault::TwoSpots { .. }))
+}
+
+/// What the search finds in a row after one with a spot there.
+fn find_again(light: &[u16], before: &Spot, width: f64) -> Result<Spot, Fault> {
+    Ok(spot::find_again(&row(light), before, Pixels::from_f32(width as f32))?.0)
 }
 
 /// Fewer than one row in a thousand fails at a peak signal-to-noise ratio of 5, from a width of 1.5: no spot,
@@ -49,17 +53,8 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
     const NOISE: f64 = 20.0;
     for &(width, pixels, most) in cells {
         for &snr in snrs {
-            let cell = Cell {
-                width,
-                amplitude: snr * NOISE,
-                read_noise: NOISE,
-                electrons_per_count: None,
-                rows: ROWS,
-                seed: 21,
-            };
-            let scene = cell.scene_of(pixels);
-            // Missed, wrong, misleading.
-            let row = |row: u64| {
+            let scene = cell(width, snr * NOISE, (NOISE, None), ROWS, 21).scene_of(pixels);
+            let [missed, wrong, misleading] = tally(ROWS, |row| {
                 let margin = 3.0 * width + 8.0;
                 let part = (row as f64 * 0.618_033_988_749_895).fract();
                 let truth = margin + part * (pixels as f64 - 2.0 * margin);
@@ -69,23 +64,19 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
                     Ok(spot) if (place(&spot) - truth).abs() <= 1.5 * width + 1.0 => [0; 3],
                     Ok(_) => {
                         let misleads = misleads(&light, &scene.geometry(), Truth::Centre(truth));
-                        [0, 1, u32::from(misleads)]
+                        [0, 1, u64::from(misleads)]
                     }
                 }
-            };
-            let add = |a: [u32; 3], b: [u32; 3]| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-            let [missed, wrong, misleading] =
-                (0..ROWS).into_par_iter().map(row).reduce(|| [0; 3], add);
+            });
+            let [of_missed, of_wrong] = [missed, wrong].map(|it| 100.0 * it as f64 / ROWS as f64);
             println!(
-                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, \
-                 {misleading} of the wrong spots gave a centre",
-                100.0 * f64::from(missed) / ROWS as f64,
-                100.0 * f64::from(wrong) / ROWS as f64,
+                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {of_missed:.3} %, wrong \
+                 {of_wrong:.3} %, {misleading} of the wrong spots gave a centre"
             );
             assert_eq!(misleading, 0);
             if snr >= 5.0 {
-                assert!(f64::from(missed + wrong) < most * ROWS as f64);
-                assert!(f64::from(wrong) < 0.003 * ROWS as f64);
+                assert!(((missed + wrong) as f64) < most * ROWS as f64);
+                assert!((wrong as f64) < 0.003 * ROWS as f64);
             }
         }
     }
@@ -116,45 +107,27 @@ fn dim_spots_of_any_width_are_found_or_no_centre_is() {
 #[test]
 fn noise_has_no_centre() {
     const ROWS: u64 = 20_000;
-    let cell = Cell {
-        width: 1.0,
-        amplitude: 0.0,
-        read_noise: 20.0,
-        electrons_per_count: None,
-        rows: ROWS,
-        seed: 22,
-    };
-    let scene = cell.scene_of(3648);
-    let (passed, misleading) = (0..ROWS)
-        .into_par_iter()
-        .filter_map(|row| {
-            let light = quantise(&scene.row_with_centre(row, 1800.0, 1.0), 4095);
-            find(&light).ok()?;
-            let misleads = misleads(&light, &scene.geometry(), Truth::None);
-            let found = centre_of(&scene.geometry(), &light, Estimator::default());
-            assert!(found.is_err(), "row {row}: {found:?}");
-            Some((1, u32::from(misleads)))
-        })
-        .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let scene = cell(1.0, 0.0, (20.0, None), ROWS, 22).scene_of(3648);
+    let [passed, misleading] = tally(ROWS, |row| {
+        let light = quantise(&scene.row_with_centre(row, 1800.0, 1.0), 4095);
+        if find(&light).is_err() {
+            return [0, 0];
+        }
+        let found = centre_of(&scene.geometry(), &light, Estimator::default());
+        assert!(found.is_err(), "row {row}: {found:?}");
+        [1, misleads(&light, &scene.geometry(), Truth::None).into()]
+    });
     println!("{passed} of {ROWS} rows of noise pass for a spot, {misleading} for a centre");
-    assert!(passed as u64 * 33 < ROWS && misleading == 0);
+    assert!(passed * 33 < ROWS && misleading == 0);
 }
 
 /// A row with a second spot of so much of the first one's height, so many widths off to either side, and the
 /// higher one's centre.
 fn pair(number: u64, width: f64, strength: f64, apart: f64) -> (Vec<u16>, f64) {
-    let random = &mut ChaCha8Rng::seed_from_u64(number);
-    let cell = Cell {
-        width,
-        amplitude: 2000.0,
-        read_noise: 4.0,
-        electrons_per_count: Some(10.0),
-        rows: 0,
-        seed: 23,
-    };
-    let mut scene = cell.scene_of(2048);
+    let random = &mut random(number);
     let side = if random.random_bool(0.5) { 1.0 } else { -1.0 };
     let offset = side * apart * width;
+    let mut scene = cell(width, 2000.0, (4.0, Some(10.0)), 0, 23).scene_of(2048);
     scene.second_reflection = Some(SecondReflection {
         offset,
         width,
@@ -183,47 +156,41 @@ fn two_spots_are_told_apart() {
             let found: Vec<_> = found.collect();
             let near = found.iter().flatten().filter(|found| found.1).count();
             let furthest = (found.iter().flatten()).fold(0.0, |most: f64, found| most.max(found.0));
+            let furthest = furthest / width;
             println!(
-                "sigma {width:>4}, 50 % at {apart:>2} widths: {near} of {ROWS} near, the furthest {:.2} \
-                 widths off",
-                furthest / width
+                "sigma {width:>4}, 50 % at {apart:>2} widths: {near} of {ROWS} near, the furthest \
+                 {furthest:.2} widths off"
             );
             assert!(near as f64 >= 0.999 * ROWS as f64);
             for strength in [0.8, 1.0, 1.2] {
-                let faults = (0..ROWS / 4).into_par_iter().map(|number| {
+                let [first, again] = tally(ROWS / 4, |number| {
                     let (light, _) = pair(number, width, strength, apart);
                     let (before, _) = pair(number, width, 0.0, apart);
-                    let before = find(&before).expect("a spot");
-                    let row = Row::new(&light, &[], 4095).expect("12 bits");
-                    let again = spot::find_again(&row, &before, Pixels::from_f32(width as f32));
-                    let again = again.map(|(spot, _)| spot);
-                    let are_two = |found| u64::from(matches!(found, Err(Fault::TwoSpots { .. })));
-                    (are_two(find(&light)), are_two(again))
+                    let again = find_again(&light, &find(&before).expect("a spot"), width);
+                    let again = matches!(again, Err(Fault::TwoSpots { .. }));
+                    [are_two(&light), again].map(u64::from)
                 });
-                let (first, again) = faults.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+                let (percent, rows) = (100.0 * strength, ROWS / 4);
                 println!(
-                    "sigma {width:>4}, {:>3} % at {apart:>2} widths: of {} rows {first} are two spots, and \
-                     {again} after a row with one",
-                    100.0 * strength,
-                    ROWS / 4
+                    "sigma {width:>4}, {percent:>3} % at {apart:>2} widths: of {rows} rows {first} are two \
+                     spots, and {again} after a row with one"
                 );
-                assert!(first.min(again) as f64 >= 0.99 * (ROWS / 4) as f64);
+                assert!(first.min(again) as f64 >= 0.99 * rows as f64);
             }
         }
     }
 }
 
+/// The sum of twelve even numbers, which has a variance of one.
+fn nearly_normal(random: &mut ChaCha8Rng) -> f64 {
+    (0..12).map(|_| random.random_range(-0.5..0.5)).sum()
+}
+
 /// A row of 2048 pixels of light on a level of 200, with 3 counts of noise.
 fn noisy(seed: u64, light: impl Fn(f64) -> f64) -> Vec<u16> {
-    let random = &mut ChaCha8Rng::seed_from_u64(seed);
-    let counts: Vec<f32> = (0..2048)
-        .map(|i| {
-            // Of twelve even numbers the sum is nearly normal, with a variance of one.
-            let normal = (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
-            (200.0 + light(f64::from(i)) + 3.0 * normal) as f32
-        })
-        .collect();
-    quantise(&counts, 4095)
+    let random = &mut random(seed);
+    let count = |i: i32| (200.0 + light(f64::from(i)) + 3.0 * nearly_normal(random)) as f32;
+    quantise(&(0..2048).map(count).collect::<Vec<_>>(), 4095)
 }
 
 /// A flat top, a box, side lobes, a hot pixel or a dead pixel are not a second spot.
@@ -237,9 +204,8 @@ fn one_spot_does_not_count_as_two() {
         for seed in 0..100 {
             let centre = 1000.0 + seed as f64 * 0.37;
             let shape = |factor: f64| {
-                noisy(seed, |x| {
-                    (2000.0 * factor * gaussian(x - centre, width)).min(3800.0)
-                })
+                let height = 2000.0 * factor;
+                noisy(seed, |x| (height * gaussian(x - centre, width)).min(3800.0))
             };
             let plain = shape(1.0);
             let top = centre.round() as usize;
@@ -248,12 +214,10 @@ fn one_spot_does_not_count_as_two() {
                 light[pixel] = count;
                 light
             };
-            let boxed = noisy(seed, |x| {
-                f64::from((x - centre).abs() < 2.0 * width) * 2000.0
-            });
-            let lobes = noisy(seed, |x| {
-                2000.0 * sinc_squared((x - centre) / (2.66 * width))
-            });
+            let is_in = |x: f64| f64::from((x - centre).abs() < 2.0 * width);
+            let boxed = noisy(seed, |x| is_in(x) * 2000.0);
+            let zero = 2.66 * width;
+            let lobes = noisy(seed, |x| 2000.0 * sinc_squared((x - centre) / zero));
             for (name, light) in [
                 ("gaussian", plain.clone()),
                 ("cut off at half", shape(4.0)),
@@ -267,12 +231,7 @@ fn one_spot_does_not_count_as_two() {
             ] {
                 let found = find(&light);
                 assert!(found.is_ok(), "{name} of {width}, {seed}: {found:?}");
-                let row = Row::new(&light, &[], 4095).expect("12 bits");
-                let again = spot::find_again(
-                    &row,
-                    &found.expect("a spot"),
-                    Pixels::from_f32(width as f32),
-                );
+                let again = find_again(&light, &found.expect("a spot"), width);
                 assert!(again.is_ok(), "{name} of {width}, {seed}, again: {again:?}");
             }
         }
@@ -291,21 +250,17 @@ fn speckle_lumps_mostly_count_as_one_spot() {
         (30.0, 2.5),
         (30.0, 10.0),
     ] {
-        let two = (0..ROWS).into_par_iter().filter(|&seed| {
-            let random = &mut ChaCha8Rng::seed_from_u64(seed);
+        let [two] = tally(ROWS, |seed| {
+            let random = &mut random(seed);
             let reach = (3.0 * grain).ceil() as usize;
-            let weights: Vec<f64> = (0..=2 * reach)
-                .map(|k| (-0.5 * ((k as f64 - reach as f64) / grain).powi(2)).exp())
-                .collect();
+            let weight = |k: usize| (-0.5 * ((k as f64 - reach as f64) / grain).powi(2)).exp();
+            let weights: Vec<f64> = (0..=2 * reach).map(weight).collect();
             let norm: f64 = weights.iter().map(|weight| weight * weight).sum();
             let mut field = || -> Vec<f64> {
-                let white: Vec<f64> = (0..2048 + 2 * reach)
-                    .map(|_| (0..12).map(|_| random.random_range(-0.5..0.5)).sum())
-                    .collect();
-                let smooth = white.windows(weights.len());
-                let product =
-                    |white: &[f64]| white.iter().zip(&weights).map(|(a, b)| a * b).sum::<f64>();
-                smooth.map(product).collect()
+                let white = (0..2048 + 2 * reach).map(|_| nearly_normal(random));
+                let white: Vec<f64> = white.collect();
+                let product = |it: &[f64]| it.iter().zip(&weights).map(|(a, b)| a * b).sum();
+                white.windows(weights.len()).map(product).collect()
             };
             let (real, imaginary) = (field(), field());
             let light = noisy(seed, |x| {
@@ -313,11 +268,10 @@ fn speckle_lumps_mostly_count_as_one_spot() {
                 let speckle = (real[i] * real[i] + imaginary[i] * imaginary[i]) / (2.0 * norm);
                 700.0 * gaussian(x - 1000.0, width) * speckle
             });
-            matches!(find(&light), Err(Fault::TwoSpots { .. }))
+            [are_two(&light).into()]
         });
-        let two = two.count();
         println!("sigma {width}, grains of {grain}: two spots in {two} rows of {ROWS}");
-        assert!(two as u64 * 7 < ROWS);
+        assert!(two * 7 < ROWS);
     }
 }
 
@@ -330,12 +284,12 @@ fn a_rising_background_hides_no_spot() {
         let pixels = ((2200.0 / slope) as usize).clamp(440, 2048);
         for width in [1.5, 4.0, 10.5, 20.0] {
             for seed in 0..200 {
-                let random = &mut ChaCha8Rng::seed_from_u64(seed);
-                let truth = random.random_range(3.0 * width..pixels as f64 - 3.0 * width);
+                let margin = 3.0 * width;
+                let truth = random(seed).random_range(margin..pixels as f64 - margin);
                 let mut light = noisy(seed, |x| 1000.0 * gaussian(x - truth, width) + slope * x);
                 light.truncate(pixels);
-                let mirrored: Vec<u16> = light.iter().rev().copied().collect();
-                for (light, truth) in [(light, truth), (mirrored, pixels as f64 - 1.0 - truth)] {
+                let turned = (mirrored(&light), pixels as f64 - 1.0 - truth);
+                for (light, truth) in [(light, truth), turned] {
                     let spot = find(&light).expect("a spot");
                     furthest = furthest.max((place(&spot) - truth).abs() / (1.5 * width + 1.0));
                     if slope >= 1.0 {
@@ -347,10 +301,8 @@ fn a_rising_background_hides_no_spot() {
                             pixels as f64 - truth
                         };
                         let off = spot.background.level.to_f64() - 200.0 - slope * from_dark;
-                        assert!(
-                            off.abs() <= 0.1 * slope * pixels as f64 + 100.0,
-                            "{slope} {width} {seed}: {off}"
-                        );
+                        let most = 0.1 * slope * pixels as f64 + 100.0;
+                        assert!(off.abs() <= most, "{slope} {width} {seed}: {off}");
                     }
                 }
             }
@@ -364,10 +316,8 @@ fn a_rising_background_hides_no_spot() {
 #[test]
 fn rows_that_no_sensor_makes_have_no_spot() {
     for pixels in [0, 1, MIN_PIXELS - 1] {
-        assert!(matches!(
-            find(&vec![100; pixels]),
-            Err(Fault::NoSpot { .. })
-        ));
+        let found = find(&vec![100; pixels]);
+        assert!(matches!(found, Err(Fault::NoSpot { .. })));
     }
     for pixels in [MIN_PIXELS, 142, 1000, 4096] {
         for count in [0, 1, 2000, 4095] {
@@ -427,8 +377,9 @@ struct BesideWideLight {
 impl BesideWideLight {
     /// The row of a seed, and the spot's centre.
     fn row(&self, seed: u64) -> (Vec<u16>, f64) {
-        let random = &mut ChaCha8Rng::seed_from_u64(seed);
-        let margin = 64.0 + 6.0 * self.spot.1;
+        let random = &mut random(seed);
+        let ((height, wide), (spot, width)) = (self.wide, self.spot);
+        let margin = 64.0 + 6.0 * width;
         let (middle, centre) = loop {
             let middle = random.random_range(0.0..3648.0);
             let side = if random.random_bool(0.5) { 1.0 } else { -1.0 };
@@ -438,93 +389,51 @@ impl BesideWideLight {
             }
         };
         let row = wide_light(random, |x| {
-            self.wide.0 * gaussian(x - middle, self.wide.1)
-                + self.spot.0 * gaussian(x - centre, self.spot.1)
+            height * gaussian(x - middle, wide) + spot * gaussian(x - centre, width)
         });
         (row, centre)
     }
 }
 
-/// Rows with one spot, by what the measurement says of them.
-#[derive(Clone, Copy, Debug, Default)]
-struct Rows {
-    all: u32,
-    /// A fault, or a centre that is off by more than the spot's width.
-    lost: u32,
-    /// A centre with a flag.
-    flagged: u32,
-    /// A centre without a flag that is off by more than five times its uncertainty.
-    misled: u32,
-}
-
-impl Rows {
-    fn of(light: &[u16], truth: f64, width: f64, estimator: Estimator) -> Self {
-        let row = Row::new(light, &[], 4095).expect("12 bits");
-        let geometry = slitrange::row::sensor_heads::tcd1304dg();
-        let found = spot::find(&row).and_then(|(spot, budget)| {
-            centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
-        });
-        let (lost, flagged, misled) = match found {
-            Err(_) => (true, false, false),
-            Ok(found) => {
-                let off = (found.centre.to_f64() - truth).abs();
-                let by_shape = found.shape.uncertainty(None).to_f64();
-                let is_off = off > 5.0 * found.uncertainty.to_f64().hypot(by_shape);
-                (off > width, found.misfit, is_off && !found.misfit)
-            }
-        };
-        Self {
-            all: 1,
-            lost: lost.into(),
-            flagged: flagged.into(),
-            misled: misled.into(),
-        }
-    }
-
-    fn add(self, other: Self) -> Self {
-        Self {
-            all: self.all + other.all,
-            lost: self.lost + other.lost,
-            flagged: self.flagged + other.flagged,
-            misled: self.misled + other.misled,
-        }
-    }
-
-    fn percent(&self, rows: u32) -> f64 {
-        100.0 * f64::from(rows) / f64::from(self.all)
-    }
+/// What the default estimator does with a row with one spot: it loses the spot (a fault, or a centre that is
+/// off by more than the spot's width), has a flag, or misleads (without a flag, the centre is off by more
+/// than five times its uncertainty).
+fn lost_flagged_misled(light: &[u16], truth: f64, width: f64) -> [u64; 3] {
+    let found = checked(&sensor_heads::tcd1304dg(), light, Estimator::default());
+    let Ok(found) = found else {
+        return [1, 0, 0];
+    };
+    let off = (found.centre.to_f64() - truth).abs();
+    let by_shape = found.shape.uncertainty(None).to_f64();
+    let is_off = off > 5.0 * found.uncertainty.to_f64().hypot(by_shape);
+    [off > width, found.misfit, is_off && !found.misfit].map(u64::from)
 }
 
 /// Shares of the rows in which a spot of 60 counts or more beside wide light of up to 100 counts is lost, is
 /// flagged, or misleads. `rows` is the number of rows for each pair of lights.
 fn check_spots_beside_wide_light(rows: u64) {
     const APART: [f64; 5] = [0.0, 150.0, 300.0, 600.0, 1200.0];
+    println!("lost, flagged and misleading rows of spots of so many counts");
     for (wide_width, wide, width) in [300.0, 1000.0].into_iter().flat_map(|wide_width| {
         let lights = [20.0, 50.0, 100.0].into_iter();
         lights.flat_map(move |wide| [1.5, 7.7, 16.0].map(|width| (wide_width, wide, width)))
     }) {
         print!("light {wide:>3} x {wide_width:>4}, spot sigma {width:>4}:");
         for height in [60.0, 100.0, 200.0, 1000.0] {
-            let row = |number: u64| {
+            let found = tally(rows, |number| {
                 let case = BesideWideLight {
                     wide: (wide, wide_width),
                     spot: (height, width),
                     apart: APART[number as usize % APART.len()],
                 };
                 let (light, truth) = case.row(number);
-                Rows::of(&light, truth, width, Estimator::default())
-            };
-            let found = (0..rows).into_par_iter().map(row);
-            let found = found.reduce(Rows::default, Rows::add);
-            print!(
-                "  {height:>4} high {:.2} {:.1} {:.2} %",
-                found.percent(found.lost),
-                found.percent(found.flagged),
-                found.percent(found.misled)
-            );
-            assert!(100 * found.lost <= found.all, "{found:?}");
-            assert!(4 * found.flagged <= found.all, "{found:?}");
-            assert!(1000 * found.misled <= found.all, "{found:?}");
+                lost_flagged_misled(&light, truth, width)
+            });
+            let [lost, flagged, misled] = found.map(|it| 100.0 * it as f64 / rows as f64);
+            print!("  {height:>4} high {lost:.2} {flagged:.1} {misled:.2} %");
+            let [lost, flagged, misled] = found;
+            let are_few = 100 * lost <= rows && 4 * flagged <= rows && 1000 * misled <= rows;
+            assert!(are_few, "{found:?}");
         }
         println!();
     }
@@ -533,14 +442,12 @@ fn check_spots_beside_wide_light(rows: u64) {
 /// Light that is too wide to be a spot hides no spot, whether the spot lies on it or beside it.
 #[test]
 fn wide_light_hides_no_spot() {
-    println!("lost, flagged and misleading rows of spots of so many counts");
     check_spots_beside_wide_light(100);
 }
 
 #[test]
 #[ignore = "72,000 rows take 15 CPU s; run by .ci/run"]
 fn wide_light_hides_no_spot_in_many_rows() {
-    println!("lost, flagged and misleading rows of spots of so many counts");
     check_spots_beside_wide_light(1000);
 }
 
@@ -558,15 +465,13 @@ enum SlowLight {
 
 impl SlowLight {
     fn row(self, seed: u64) -> Vec<u16> {
-        let random = &mut ChaCha8Rng::seed_from_u64(seed);
+        let random = &mut random(seed);
         let mut between =
             |from: f64, to: f64| from * f64::powf(to / from, random.random_range(0.0..1.0));
         let (height, width) = (between(10.0, 300.0), between(300.0, 2000.0));
         let softness = between(10.0, 100.0);
-        let (middle, edge) = (
-            random.random_range(0.0..3648.0),
-            random.random_range(500.0..3148.0),
-        );
+        let middle = random.random_range(0.0..3648.0);
+        let edge = random.random_range(500.0..3148.0);
         wide_light(random, |x| match self {
             Self::None => 0.0,
             Self::Wide => height * gaussian(x - middle, width),
@@ -581,36 +486,34 @@ impl SlowLight {
 /// row's end cuts. By `adaptive` wide light, too, has a flagged centre in a few rows of a million.
 fn check_rows_without_spot(rows: u64) {
     const ESTIMATORS: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
-    let geometry = slitrange::row::sensor_heads::tcd1304dg();
+    let geometry = sensor_heads::tcd1304dg();
     for (light, most_flagged) in [
         (SlowLight::None, [0, 0]),
         (SlowLight::Wide, [0, 10]),
         (SlowLight::Rising, [10, 10]),
         (SlowLight::Part, [10, 10]),
     ] {
-        let found = (0..rows).into_par_iter().map(|seed| {
+        let found = tally::<6>(rows, |seed| {
             let counts = light.row(seed);
-            let row = Row::new(&counts, &[], 4095).expect("12 bits");
-            let Ok((spot, budget)) = spot::find(&row) else {
-                return [[0; 3]; 2];
-            };
-            ESTIMATORS.map(|estimator| {
-                match centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget) {
-                    Err(_) => [1, 0, 0],
-                    Ok(centre) if centre.misfit => [1, 1, 0],
-                    Ok(centre) => {
-                        println!("{light:?}, row {seed}: {spot:?}, {centre:?}");
-                        [1, 0, 1]
-                    }
+            if find(&counts).is_err() {
+                return [0; 6];
+            }
+            let counted = ESTIMATORS.map(|estimator| {
+                let centre = checked(&geometry, &counts, estimator);
+                let is_flagged = centre.is_ok_and(|centre| centre.misfit);
+                if centre.is_ok() && !is_flagged {
+                    println!("{light:?}, row {seed}: {centre:?}");
                 }
-            })
+                [true, is_flagged, centre.is_ok() && !is_flagged].map(u64::from)
+            });
+            std::array::from_fn(|i| counted[i / 3][i % 3])
         });
-        let add = |a: [u32; 3], b: [u32; 3]| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-        let add = |a: [[u32; 3]; 2], b: [[u32; 3]; 2]| [add(a[0], b[0]), add(a[1], b[1])];
-        let found = found.reduce(|| [[0; 3]; 2], add);
-        for ((estimator, [candidates, flagged, centres]), most_flagged) in
-            ESTIMATORS.into_iter().zip(found).zip(most_flagged)
-        {
+        let found = ESTIMATORS
+            .into_iter()
+            .zip(found.chunks(3))
+            .zip(most_flagged);
+        for ((estimator, found), most_flagged) in found {
+            let [candidates, flagged, centres] = [found[0], found[1], found[2]];
             println!(
                 "{} {light:?}: of {rows} rows {candidates} have a candidate, {flagged} a flagged centre, \
                  {centres} a centre without a flag",
@@ -638,17 +541,16 @@ fn light_that_changes_slowly_has_no_centre_in_many_rows() {
 #[test]
 fn a_spot_in_the_dark_part_of_a_row_is_found() {
     for (height, width) in [(60.0, 1.5), (60.0, 7.7), (100.0, 16.0), (1000.0, 7.7)] {
-        let rows = (0..200u64).into_par_iter().map(|seed| {
-            let random = &mut ChaCha8Rng::seed_from_u64(seed);
+        let found = tally(200, |seed| {
+            let random = &mut random(seed);
             let centre = random.random_range(150.0..700.0);
             let light = wide_light(random, |x| {
                 150.0 / (1.0 + ((1000.0 - x) / 30.0).exp()) + height * gaussian(x - centre, width)
             });
-            Rows::of(&light, centre, width, Estimator::default())
+            lost_flagged_misled(&light, centre, width)
         });
-        let rows = rows.reduce(Rows::default, Rows::add);
-        println!("{height} counts, sigma {width}: {rows:?}");
-        assert!(100 * rows.lost <= rows.all && rows.misled == 0);
+        println!("{height} counts, sigma {width}: lost, flagged, misled {found:?} of 200");
+        assert!(100 * found[0] <= 200 && found[2] == 0);
     }
 }
 
@@ -658,41 +560,30 @@ fn two_spots_and_hot_pixels_are_told_beside_wide_light() {
     const ROWS: u64 = 200;
     for width in [1.5, 7.7, 16.0] {
         for strength in [0.8, 1.0, 1.2] {
-            let two = (0..ROWS).into_par_iter().filter(|&seed| {
-                let random = &mut ChaCha8Rng::seed_from_u64(seed);
-                let (middle, apart) = (
-                    random.random_range(1000.0..2600.0),
-                    random.random_range(8.0 * width..500.0),
-                );
+            let [two] = tally(ROWS, |seed| {
+                let random = &mut random(seed);
+                let middle = random.random_range(1000.0..2600.0);
+                let apart = random.random_range(8.0 * width..500.0);
                 let light = wide_light(random, |x| {
                     100.0 * gaussian(x - middle, 300.0)
                         + 200.0 * gaussian(x - middle - 300.0, width)
                         + 200.0 * strength * gaussian(x - middle - 300.0 + apart, width)
                 });
-                matches!(find(&light), Err(Fault::TwoSpots { .. }))
+                [are_two(&light).into()]
             });
-            let two = two.count();
-            println!(
-                "sigma {width:>4}, {:>3} %: of {ROWS} rows {two} are two spots",
-                100.0 * strength
-            );
+            let percent = 100.0 * strength;
+            println!("sigma {width:>4}, {percent:>3} %: of {ROWS} rows {two} are two spots");
             assert!(two as f64 >= 0.99 * ROWS as f64);
         }
     }
-    let centres = (0..ROWS).into_par_iter().filter(|&seed| {
+    let [centres] = tally(ROWS, |seed| {
         let mut light = SlowLight::Wide.row(seed);
         for pixel in (20..light.len()).step_by(97) {
             light[pixel] = 1500;
         }
-        let row = Row::new(&light, &[], 4095).expect("12 bits");
-        let geometry = slitrange::row::sensor_heads::tcd1304dg();
-        let centre = |(spot, budget)| {
-            let estimator = Estimator::default();
-            centre_of_spot(estimator, &row, &spot, None, &geometry, None, budget)
-        };
-        spot::find(&row).and_then(centre).is_ok()
+        let found = checked(&sensor_heads::tcd1304dg(), &light, Estimator::default());
+        [found.is_ok().into()]
     });
-    let centres = centres.count();
     println!("hot pixels: of {ROWS} rows {centres} have a centre");
     assert_eq!(centres, 0);
 }
@@ -701,8 +592,7 @@ fn two_spots_and_hot_pixels_are_told_beside_wide_light() {
 #[test]
 fn a_spot_that_moves_past_wide_light_is_followed() {
     for (height, width) in [(60.0, 7.7), (200.0, 1.5), (200.0, 16.0)] {
-        let random = &mut ChaCha8Rng::seed_from_u64(7);
-        let geometry = slitrange::row::sensor_heads::tcd1304dg();
+        let (random, geometry) = (&mut random(7), sensor_heads::tcd1304dg());
         let mut before: Option<(Spot, RowCentre)> = None;
         let mut furthest = 0.0f64;
         for number in 0..300 {
@@ -710,16 +600,14 @@ fn a_spot_that_moves_past_wide_light_is_followed() {
             let light = wide_light(random, |x| {
                 100.0 * gaussian(x - 1800.0, 300.0) + height * gaussian(x - truth, width)
             });
-            let row = Row::new(&light, &[], 4095).expect("12 bits");
+            let row = row(&light);
             let found = match &before {
                 Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
                 None => spot::find(&row),
             };
             let (spot, budget) = found.expect("a spot");
-            let before_this = before.as_ref().map(|(_, centre)| centre);
-            let estimator = Estimator::default();
-            let centre =
-                centre_of_spot(estimator, &row, &spot, before_this, &geometry, None, budget);
+            let (last, by) = (before.as_ref().map(|it| &it.1), Estimator::default());
+            let centre = centre_of_spot(by, &row, &spot, last, &geometry, None, budget);
             let centre = centre.expect("a centre");
             furthest = furthest.max((centre.centre.to_f64() - truth).abs() / width);
             before = Some((spot, centre));

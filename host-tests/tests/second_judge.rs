@@ -54,15 +54,9 @@ fn many_clean_rows_have_the_errors_that_they_claim_and_no_flag() {
 #[ignore = "36,000 rows take 6 CPU s; run by .ci/run"]
 fn the_shape_hardly_adds_to_the_uncertainty_of_clean_rows() {
     let clean = Kind::named("clean").expect("a kind");
-    for (name, take, count, most) in [
-        (
-            "rows",
-            second_judge::row as fn(&Kind, u64) -> second_judge::Frame,
-            10_000,
-            1.075,
-        ),
-        ("frames", second_judge::frame, 500, 1.05),
-    ] {
+    type Take = fn(&Kind, u64) -> second_judge::Frame;
+    let (row, frame): (Take, Take) = (second_judge::row, second_judge::frame);
+    for (name, take, count, most) in [("rows", row, 10_000, 1.075), ("frames", frame, 500, 1.05)] {
         for judged in [JUDGED[0], JUDGED[2]] {
             let growths: Vec<f64> = (0..count)
                 .into_par_iter()
@@ -78,12 +72,12 @@ fn the_shape_hardly_adds_to_the_uncertainty_of_clean_rows() {
                 .collect();
             let mean = statistics::mean(&growths);
             let grown = growths.iter().filter(|growth| **growth > 1.0).count();
-            println!(
-                "{name}, calibrated {}: u grows by {:.1} % on average, in {:.1} % of them",
-                judged.is_calibrated,
-                100.0 * (mean - 1.0),
-                100.0 * grown as f64 / growths.len() as f64
+            let of = growths.len();
+            print!(
+                "{name}, calibrated {}: u is {mean:.3} times as large on ",
+                judged.is_calibrated
             );
+            println!("average, and larger in {grown} of {of}");
             assert!(growths.len() as u64 >= count - count / 100);
             assert!(mean <= most, "{mean}");
         }
@@ -117,13 +111,11 @@ fn confident_errors_are_rare() {
     let (mut wrong, mut errors, mut frames) = (vec![], 0, 0);
     for kind in Kind::all() {
         let tally = judge_frames(kind, 1000);
+        let (name, ratio) = (kind.name, tally.error_over_claim());
+        let (of, numbers) = (tally.count, &tally.numbers);
         println!(
-            "{}: {} errors of {} frames, errors over claims {:.2}; {:?}",
-            kind.name,
-            tally.errors,
-            tally.count,
-            tally.error_over_claim(),
-            tally.numbers
+            "{name}: {} errors of {of}, over claims {ratio:.2}; {numbers:?}",
+            tally.errors
         );
         if tally.share(tally.errors) > OF_A_KIND {
             wrong.push(kind.name);

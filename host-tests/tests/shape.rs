@@ -3,7 +3,8 @@
 
 use std::f64::consts::TAU;
 
-use rand::{Rng as _, SeedableRng as _};
+use crate::support::random;
+use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::base::units::Pixels;
@@ -42,22 +43,17 @@ fn hidden(flaw: impl Fn(f64) -> f64, white: f64) -> (f64, f64) {
         let mut values: Vec<f64> = places.iter().map(|u| function(*u)).collect();
         for before in &basis {
             let part = product(&values, before);
-            values
-                .iter_mut()
-                .zip(before)
-                .for_each(|(value, before)| *value -= part * before);
+            let pairs = values.iter_mut().zip(before);
+            pairs.for_each(|(value, before)| *value -= part * before);
         }
         let norm = product(&values, &values).sqrt();
         values.iter_mut().for_each(|value| *value /= norm);
         basis.push(values);
     }
     let odd: Vec<f64> = places.iter().map(|u| flaw(*u) - flaw(-u)).collect();
-    let parts: Vec<f64> = basis
-        .iter()
-        .map(|function| product(&odd, function))
-        .collect();
+    let parts: Vec<f64> = basis.iter().map(|it| product(&odd, it)).collect();
     // The largest part as 100 pixels, so that rounding does not matter. The estimator hides the first.
-    let scale = 100.0 / parts.iter().fold(0.0f64, |most, part| most.max(part.abs()));
+    let scale = 100.0 / judges::accuracy::largest(&parts);
     let mut components = [Pixels::default(); COMPONENTS];
     for (component, part) in components.iter_mut().zip(&parts).skip(1) {
         *component = Pixels::from_f32((part * scale) as f32);
@@ -115,7 +111,7 @@ const KINDS: [(&str, Draw); 5] = [
 #[test]
 fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
     const FLAWS: usize = 600;
-    let mut random = ChaCha8Rng::seed_from_u64(16);
+    let mut random = random(16);
     println!("hidden shift over its uncertainty: median, 90 %, 99 %, root mean square");
     for (name, draw) in KINDS {
         let mut ratios: Vec<f64> = (0..FLAWS)
@@ -130,12 +126,8 @@ fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
         ratios.sort_by(f64::total_cmp);
         let quantile = |share: f64| ratios[(share * FLAWS as f64) as usize];
         let rms = statistics::rms(&ratios);
-        println!(
-            "{name:>18}: {:.2} {:.2} {:.2} {rms:.2}",
-            quantile(0.5),
-            quantile(0.9),
-            quantile(0.99)
-        );
+        let quantiles = [0.5, 0.9, 0.99].map(quantile);
+        println!("{name:>18}: {quantiles:.2?} {rms:.2}");
         assert!(quantile(0.99) <= 5.0, "{name}");
         assert!((0.1..=1.5).contains(&rms), "{name}: {rms}");
     }

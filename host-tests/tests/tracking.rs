@@ -1,23 +1,20 @@
 //! Rows that follow each other: the result of the row before saves work in the next rows, and must not
 //! mislead them. The tests print every figure that they assert.
 
+use crate::properties::{any_black_level, nominal_reading};
+use crate::support::{geometry, random, row};
 use proptest::prelude::*;
-use rand::{Rng as _, SeedableRng as _};
+use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{self, ReadNoise, Scene, Sensor, ShotNoise, quantise};
 use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
+use slitrange::base::units::Pixels;
 use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::frame::Mean;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::reading::Measured;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::measurement::{Measurement, Options};
 use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::spot::{self, Spot};
 use statistics::rms;
 
@@ -34,24 +31,13 @@ struct Shown {
     read_noise: f64,
 }
 
-/// Electrons that make a count, of all spots here.
-const ELECTRONS_PER_COUNT: f64 = 10.0;
-
-fn geometry() -> Geometry {
-    Geometry {
-        words: PIXELS,
-        shielded: 0..0,
-        light: 0..PIXELS,
-        polarity: Polarity::Rising,
-        bits: 12,
-        shot_variance_per_count_q16: (65536.0 / ELECTRONS_PER_COUNT).round() as u16,
-        saturation: slitrange::row::LARGEST_COUNT,
-    }
-}
+/// Variance of the shot noise for each count, Q0.16: ten electrons make a count, of all spots here.
+const SHOT: u16 = 6554;
 
 impl Shown {
     /// The counts of a row; `number` selects the noise.
     fn counts(&self, number: u64) -> Vec<u16> {
+        let electrons_per_count = 10.0;
         let scene = Scene {
             seed: 8,
             black_level: Some(scene::BlackLevel::steady(self.black_level)),
@@ -60,7 +46,7 @@ impl Shown {
                 counts_per_second: self.amplitude,
             }),
             shot_noise: Some(ShotNoise {
-                electrons_per_count: ELECTRONS_PER_COUNT,
+                electrons_per_count,
             }),
             read_noise: Some(ReadNoise {
                 counts: self.read_noise,
@@ -97,14 +83,14 @@ impl Tracker {
     }
 
     fn row(&mut self, counts: &[u16]) -> Result<RowCentre, Fault> {
-        let row = Row::new(counts, &[], 4095).expect("quantised to 12 bits");
+        let row = row(counts);
         let before = self.before.take();
         let (spot, _) = match &before {
             Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
             None => spot::find(&row),
         }?;
         let before = before.as_ref().map(|(_, centre)| centre);
-        let centre = centre::centre(self.estimator, &row, &spot, before, &geometry())?;
+        let centre = centre::centre(self.estimator, &row, &spot, before, &geometry(PIXELS, SHOT))?;
         self.before = Some((spot, centre));
         Ok(centre)
     }
@@ -129,32 +115,26 @@ impl After {
         rms(self.pulls.iter().map(|(pull, _)| pull))
     }
 
-    fn worst(&self) -> (f64, Option<Shown>) {
-        self.worst_but(0)
+    /// The largest error over its claim when so many that are larger are left out, and what was shown.
+    fn worst_but(&self, few: usize) -> (f64, Option<Shown>) {
+        let mut pulls = self.pulls.clone();
+        pulls.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+        let worst = pulls.get(few);
+        worst.map_or((0.0, None), |&(pull, shown)| (pull.abs(), Some(shown)))
     }
 
-    /// The largest error over its claim when so many that are larger are left out.
-    fn worst_but(&self, few: usize) -> (f64, Option<Shown>) {
-        let mut pulls: Vec<(f64, Shown)> = self
-            .pulls
-            .iter()
-            .map(|&(pull, shown)| (pull.abs(), shown))
-            .collect();
-        pulls.sort_by(|a, b| b.0.total_cmp(&a.0));
-        pulls
-            .get(few)
-            .map_or((0.0, None), |&(pull, shown)| (pull, Some(shown)))
+    /// No error but a few is larger than so many times its claim.
+    #[track_caller]
+    fn assert_worst(&self, few: usize, most: f64) {
+        let (worst, shown) = self.worst_but(few);
+        assert!(worst <= most, "{worst} {shown:?}");
     }
 }
 
 /// Of some 6000 centres, how many may be further off. The errors of the centroid are not normal, but largest
 /// where a window was chosen the wrong way: from seed to seed the largest of 6000 was 6.9 to 9.1 claims.
 fn left_out(estimator: Estimator) -> usize {
-    if estimator == Estimator::Centroid {
-        3
-    } else {
-        0
-    }
+    3 * usize::from(estimator == Estimator::Centroid)
 }
 
 /// Shows `frames` spots to an estimator, which then change.
@@ -165,7 +145,7 @@ fn after(
 ) -> After {
     let mut after = After::default();
     for frame in 0..frames {
-        let random = &mut ChaCha8Rng::seed_from_u64(frame);
+        let random = &mut random(frame);
         let start = any_spot(random);
         let mut tracker = Tracker::new(estimator);
         let number = |row| frame * 64 + row;
@@ -181,16 +161,15 @@ fn after(
             match tracker.row(&shown.counts(number(row))) {
                 Ok(found) => {
                     let error = found.centre.to_f64() - shown.centre;
-                    after
-                        .pulls
-                        .push((error / found.uncertainty.to_f64(), shown));
+                    let pull = error / found.uncertainty.to_f64();
+                    after.pulls.push((pull, shown));
                     after.widths += (found.width.to_f64() / shown.width).ln();
                 }
                 Err(fault) => after.faults[fault.kind()] += 1,
             }
         }
     }
-    let (worst, shown) = after.worst();
+    let (worst, shown) = after.worst_but(0);
     println!(
         "{:>14}: {} centres, error / claim {:.3} RMS, {worst:.2} at most, width off by a factor of {:.2}; \
          faults {:?}",
@@ -217,9 +196,9 @@ fn the_tracker_agrees_with_a_measurement() {
             black_level: BlackLevel::Frame,
             ..Options::default()
         };
-        let mut measurement = Measurement::new(geometry(), options);
+        let mut measurement = Measurement::new(geometry(PIXELS, SHOT), options);
         let mut tracker = Tracker::new(estimator);
-        let shown = any_spot(&mut ChaCha8Rng::seed_from_u64(4));
+        let shown = any_spot(&mut random(4));
         let (mut sum, mut measured) = (0.0, None);
         for row in 0..16 {
             let mut counts = shown.counts(row);
@@ -251,7 +230,7 @@ fn the_row_before_changes_little_for_a_spot_at_rest() {
             let (mut apart, mut tracked, mut alone) = (0.0, 0.0, 0.0);
             let (mut n, mut faults) = (0.0, 0);
             for frame in 0..40 {
-                let random = &mut ChaCha8Rng::seed_from_u64(frame);
+                let random = &mut random(frame);
                 let shown = Shown {
                     centre: random.random_range(900.0..1100.0),
                     width,
@@ -283,11 +262,8 @@ fn the_row_before_changes_little_for_a_spot_at_rest() {
                  claim {tracked:.3} with the row before, {alone:.3} without; faults {faults}",
                 estimator.name()
             );
-            let limit = if estimator == Estimator::Fraunhofer {
-                0.4
-            } else {
-                0.3
-            };
+            let is_slit = estimator == Estimator::Fraunhofer;
+            let limit = if is_slit { 0.4 } else { 0.3 };
             // 600 rows give a standard deviation to 3 %, and the two share their noise.
             let good = apart <= limit && tracked <= 1.03 * alone && n >= 100.0 && faults == 0;
             if !good {
@@ -305,15 +281,13 @@ fn a_spot_that_jumps_is_found_at_its_new_place() {
         let after = after(estimator, 1500, |random, start| {
             let near = 8.0 * start.width * random.random_range(-1.0..1.0);
             let anywhere = random.random_range(300.0..1748.0);
-            let centre = if random.random_bool(0.5) {
-                (start.centre + near).clamp(300.0, 1748.0)
-            } else {
-                anywhere
+            let centre = match random.random_bool(0.5) {
+                true => (start.centre + near).clamp(300.0, 1748.0),
+                false => anywhere,
             };
             Shown { centre, ..start }
         });
-        let (worst, shown) = after.worst_but(left_out(estimator));
-        assert!(worst <= 5.0, "{estimator:?}: {worst} {shown:?}");
+        after.assert_worst(left_out(estimator), 5.0);
         assert_eq!(after.faults, [0; Fault::KINDS], "{estimator:?}");
     }
 }
@@ -340,11 +314,7 @@ fn a_spot_that_changes_its_width_is_not_lost() {
                 centre: start.centre + random.random_range(-0.3..0.3),
                 ..start
             });
-            let (largest, shown) = after.worst_but(left_out(estimator));
-            assert!(
-                largest <= worst,
-                "{estimator:?} {factor}: {largest} {shown:?}"
-            );
+            after.assert_worst(left_out(estimator), worst);
             assert!(after.rms_pull() <= most, "{estimator:?} {factor}");
         }
     }
@@ -361,8 +331,7 @@ fn a_spot_at_an_edge_is_a_fault_or_right() {
                 ..start
             }
         });
-        let (worst, shown) = after.worst();
-        assert!(worst <= 5.0, "{estimator:?}: {worst} {shown:?}");
+        after.assert_worst(0, 5.0);
     }
 }
 
@@ -374,8 +343,7 @@ fn a_spot_that_saturates_is_a_fault_or_right() {
             amplitude: random.random_range(3000.0..10_000.0),
             ..start
         });
-        let (worst, shown) = after.worst();
-        assert!(worst <= 5.0, "{estimator:?}: {worst} {shown:?}");
+        after.assert_worst(0, 5.0);
         let masks = estimator == Estimator::GaussNewton;
         assert!(after.faults[3] > 1000 || masks, "{estimator:?}");
     }
@@ -390,13 +358,9 @@ fn a_lamp_that_flickers_moves_no_centre() {
             black_level: 300.0 + random.random_range(0.0..200.0),
             ..start
         });
-        let (worst, shown) = after.worst();
-        assert!(worst <= 5.0, "{estimator:?}: {worst} {shown:?}");
+        after.assert_worst(0, 5.0);
         let faults: u32 = after.faults.iter().sum();
-        let most = match estimator {
-            Estimator::Centroid => 100,
-            _ => 0,
-        };
+        let most = 100 * u32::from(estimator == Estimator::Centroid);
         assert!(faults <= most, "{estimator:?}: {:?}", after.faults);
     }
 }
@@ -429,7 +393,7 @@ fn a_spot_that_disappears_has_no_centre() {
 /// except for one row in a thousand.
 #[test]
 fn find_again_is_as_exact_as_find() {
-    let random = &mut ChaCha8Rng::seed_from_u64(5);
+    let random = &mut random(5);
     let (mut first, mut again, mut apart) = (0.0f64, 0.0f64, 0.0f64);
     let mut further = 0;
     for number in 0..2000 {
@@ -448,16 +412,14 @@ fn find_again_is_as_exact_as_find() {
             ..before
         };
         let (before, counts) = (before.counts(2 * number), shown.counts(2 * number + 1));
-        let row = |counts| Row::new(counts, &[], 4095).expect("quantised to 12 bits");
         let (before, _) = spot::find(&row(&before)).expect("a spot");
         let row = row(&counts);
         let (found, _) = spot::find(&row).expect("a spot");
-        let (found_again, _) =
-            spot::find_again(&row, &before, Pixels::from_f32(width as f32)).expect("a spot");
+        let again_found = spot::find_again(&row, &before, Pixels::from_f32(width as f32));
+        let (found_again, _) = again_found.expect("a spot");
         // The pixel to the right of the middle.
-        let off = |spot: &Spot| {
-            (spot.centre as f64 - 0.5 - shown.centre).abs() / f64::from(1u32 << spot.block_log2)
-        };
+        let from_place = |spot: &Spot| (spot.centre as f64 - 0.5 - shown.centre).abs();
+        let off = |spot: &Spot| from_place(spot) / f64::from(1u32 << spot.block_log2);
         if off(&found).max(off(&found_again)) > 0.6 {
             further += 1;
             continue;
@@ -476,74 +438,45 @@ fn find_again_is_as_exact_as_find() {
     assert!(apart <= 0.75);
 }
 
+const WORDS: u32 = 3694;
+
+fn random_bits(seed: u64, i: u32) -> u64 {
+    let mixed = (seed | 1).wrapping_mul(u64::from(i) + 1);
+    mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 48
+}
+
+/// Words of any bits, of which a function makes what a row may have.
+fn any_bits(of: fn(u16) -> u16) -> impl Strategy<Value = Vec<u16>> {
+    let words = move |seed| {
+        (0..WORDS)
+            .map(|i| of(random_bits(seed, i) as u16))
+            .collect()
+    };
+    any::<u64>().prop_map(words)
+}
+
+/// A row of a TCD1304DG with a spot of a centre, width and height, on a level, with noise of a seed.
+fn spot_words((centre, width, amplitude, level, noise): (f64, f64, f64, f64, u64)) -> Vec<u16> {
+    let word = |i| {
+        let u = (f64::from(i) - 34.0 - centre) / width;
+        let noise = random_bits(noise, i) as f64 / 8192.0;
+        let light = level + amplitude * (-0.5 * u * u).exp() + noise;
+        (4095.0 - light.clamp(0.0, 4095.0)) as u16
+    };
+    (0..WORDS).map(word).collect()
+}
+
 /// A row of a TCD1304DG, or what comes instead.
-#[derive(Clone, Debug)]
-enum Words {
-    Any(u64),
-    OfTheConverter(u64),
-    Extremes(u64),
-    Flat(u16),
-    Stripes {
-        level: u16,
-        stripes: Vec<(usize, usize, u16)>,
-    },
-    Spot {
-        centre: f64,
-        width: f64,
-        amplitude: f64,
-        level: f64,
-        noise: u64,
-    },
-    Short(usize),
-}
-
-impl Words {
-    fn words(&self) -> Vec<u16> {
-        const WORDS: u32 = 3694;
-        let random = |seed: u64, i: u32| {
-            (seed | 1)
-                .wrapping_mul(u64::from(i) + 1)
-                .wrapping_mul(0x9e37_79b9_7f4a_7c15)
-                >> 48
-        };
-        match self {
-            Self::Any(seed) => (0..WORDS).map(|i| random(*seed, i) as u16).collect(),
-            Self::OfTheConverter(seed) => (0..WORDS)
-                .map(|i| random(*seed, i) as u16 & 0xfff)
-                .collect(),
-            Self::Extremes(seed) => (0..WORDS)
-                .map(|i| 4095 * (random(*seed, i) as u16 & 1))
-                .collect(),
-            Self::Flat(level) => vec![*level; WORDS as usize],
-            Self::Stripes { level, stripes } => {
-                let mut words = vec![*level; WORDS as usize];
-                for &(start, length, value) in stripes {
-                    let end = (start + length).min(words.len());
-                    words[start..end].fill(value);
-                }
-                words
-            }
-            Self::Spot {
-                centre,
-                width,
-                amplitude,
-                level,
-                noise,
-            } => (0..WORDS)
-                .map(|i| {
-                    let u = (f64::from(i) - 34.0 - centre) / width;
-                    let noise = random(*noise, i) as f64 / 8192.0;
-                    let light = level + amplitude * (-0.5 * u * u).exp() + noise;
-                    (4095.0 - light.clamp(0.0, 4095.0)) as u16
-                })
-                .collect(),
-            Self::Short(length) => vec![2000; *length],
-        }
-    }
-}
-
-fn any_words() -> impl Strategy<Value = Words> {
+fn any_words() -> impl Strategy<Value = Vec<u16>> {
     let stripes = prop::collection::vec((0..3694usize, 1..400usize, 0..4096u16), 0..8);
+    let striped = |(level, stripes): (u16, Vec<(usize, usize, u16)>)| {
+        let mut words = vec![level; WORDS as usize];
+        for (start, length, value) in stripes {
+            let end = (start + length).min(words.len());
+            words[start..end].fill(value);
+        }
+        words
+    };
     let spot = (
         -300.0..4000.0f64,
         prop_oneof![0.1..3.0f64, 3.0..20.0f64, 20.0..400.0f64],
@@ -552,58 +485,38 @@ fn any_words() -> impl Strategy<Value = Words> {
         any::<u64>(),
     );
     prop_oneof![
-        1 => any::<u64>().prop_map(Words::Any),
-        2 => any::<u64>().prop_map(Words::OfTheConverter),
-        1 => any::<u64>().prop_map(Words::Extremes),
-        1 => (0..4096u16).prop_map(Words::Flat),
-        2 => (0..4096u16, stripes).prop_map(|(level, stripes)| Words::Stripes { level, stripes }),
-        8 => spot.prop_map(|(centre, width, amplitude, level, noise)| {
-            Words::Spot { centre, width, amplitude, level, noise }
-        }),
-        1 => (0..4000usize).prop_map(Words::Short),
+        1 => any_bits(|bits| bits),
+        2 => any_bits(|bits| bits & 0xfff),
+        1 => any_bits(|bits| 4095 * (bits & 1)),
+        1 => (0..4096u16).prop_map(|level| vec![level; WORDS as usize]),
+        2 => (0..4096u16, stripes).prop_map(striped),
+        8 => spot.prop_map(spot_words),
+        1 => (0..4000usize).prop_map(|length| vec![2000; length]),
     ]
 }
 
 /// Rows at random, or a spot that each row changes a little: moves, swells, brightens.
-fn any_rows() -> impl Strategy<Value = Vec<Words>> {
-    let drifting = (
-        (
-            0.0..3648.0f64,
-            0.8..120.0f64,
-            50.0..4500.0f64,
-            0.0..1000.0f64,
-        ),
-        prop::collection::vec(
-            (-3.0..3.0f64, 0.5..2.0f64, 0.5..2.0f64, any::<u64>()),
-            1..10,
-        ),
-    )
-        .prop_map(|((mut centre, mut width, mut amplitude, level), changes)| {
-            let changed = changes
-                .into_iter()
-                .map(|(moves, swells, brightens, noise)| {
-                    centre += moves * width;
-                    width *= swells;
-                    amplitude *= brightens;
-                    Words::Spot {
-                        centre,
-                        width,
-                        amplitude,
-                        level,
-                        noise,
-                    }
-                });
-            changed.collect::<Vec<_>>()
-        });
+fn any_rows() -> impl Strategy<Value = Vec<Vec<u16>>> {
+    let spot = (
+        0.0..3648.0f64,
+        0.8..120.0f64,
+        50.0..4500.0f64,
+        0.0..1000.0f64,
+    );
+    let change = (-3.0..3.0f64, 0.5..2.0f64, 0.5..2.0f64, any::<u64>());
+    let drifting = (spot, prop::collection::vec(change, 1..10)).prop_map(|(spot, changes)| {
+        let (mut centre, mut width, mut amplitude, level) = spot;
+        let changed = changes
+            .into_iter()
+            .map(|(moves, swells, brightens, noise)| {
+                centre += moves * width;
+                width *= swells;
+                amplitude *= brightens;
+                spot_words((centre, width, amplitude, level, noise))
+            });
+        changed.collect::<Vec<_>>()
+    });
     prop_oneof![prop::collection::vec(any_words(), 1..10), drifting]
-}
-
-fn black_levels() -> impl Strategy<Value = BlackLevel> {
-    prop_oneof![
-        Just(BlackLevel::Shielded),
-        Just(BlackLevel::Frame),
-        (0..4096).prop_map(|counts| BlackLevel::Fixed(Counts::from_int(counts))),
-    ]
 }
 
 proptest! {
@@ -616,7 +529,7 @@ proptest! {
         rows in any_rows(),
         in_a_frame in 1..6u16,
         estimator in prop::sample::select(&Estimator::ALL[..]),
-        black_level in black_levels(),
+        black_level in any_black_level(),
     ) {
         let options = Options {
             rows: in_a_frame,
@@ -631,14 +544,9 @@ proptest! {
         let ends = [from, to].map(|end| calibration.distance_at(end).expect("valid").0);
         for (i, row) in rows.iter().enumerate() {
             let is_last = (i + 1) % usize::from(in_a_frame) == 0;
-            let result = measurement.row(&mut row.words());
+            let result = measurement.row(&mut row.clone());
             prop_assert_eq!(result.is_some(), is_last);
-            let errors = CalibrationErrors::Unknown;
-            let nominal = Calibration::nominal();
-            let reading = |measured: Measured| {
-                measured.reading(nominal.as_ref(), &errors, Surface::Off)
-            };
-            if let Some(Ok(reading)) = result.map(|result| result.and_then(reading)) {
+            if let Some(Ok(reading)) = result.map(nominal_reading) {
                 prop_assert!(reading.centre >= from && reading.centre <= to, "{:?}", reading);
                 let within = ends[0].min(ends[1])..=ends[0].max(ends[1]);
                 prop_assert!(within.contains(&reading.distance), "{:?}", reading);

@@ -1,7 +1,7 @@
 //! Eq. (1) in integers against eq. (1) with its trigonometry in f64.
 
+use crate::records::cases;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use simulator::optics::Optics;
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Micrometres, Pixels};
@@ -28,10 +28,8 @@ fn the_nominal_calibration_is_that_of_the_nominal_optics() {
     let (from, to) = nominal.valid();
     for outside in [from.to_bits() - 1, to.to_bits() + 1, i32::MIN, i32::MAX] {
         let centre = Pixels::from_bits(outside);
-        assert_eq!(
-            nominal.distance_at(centre),
-            Err(Fault::OutOfRange { centre })
-        );
+        let fault = Fault::OutOfRange { centre };
+        assert_eq!(nominal.distance_at(centre), Err(fault));
     }
 }
 
@@ -47,17 +45,17 @@ fn the_nominal_constants_are_rounded_to_the_nearest() {
     assert_eq!(nominal.pole().to_bits(), (pole * 65536.0).round() as i32);
 }
 
+/// A curve of D in micrometres, K in steps, and the pole and the ends of the range in pixels.
+fn curve(d: i32, k: i64, pole: i32, from: i32, to: i32) -> Result<Eq1, Eq1Error> {
+    let [pole, from, to] = [pole, from, to].map(Pixels::from_int);
+    Eq1::new(Micrometres::from_int(d), k, pole, from..=to)
+}
+
 /// At p = 512 px from the pole, K = p (2^31 - 1/2) steps of 2^-8 um rounds to 2^31 steps, one more than fits.
 #[test]
 fn a_curve_is_refused_from_the_first_distance_on_that_does_not_fit() {
     let k = 512 * ((1 << 39) - (1 << 7));
-    let new = |k| {
-        let (pole, valid) = (
-            Pixels::from_int(0),
-            Pixels::from_int(512)..=Pixels::from_int(513),
-        );
-        Eq1::new(Micrometres::from_int(0), k, pole, valid)
-    };
+    let new = |k| curve(0, k, 0, 512, 513);
     assert_eq!(new(k).err(), Some(Eq1Error::Distance));
     let curve = new(k - 1).expect("a curve");
     let (distance, _) = curve.distance_at(Pixels::from_int(512)).expect("in range");
@@ -66,42 +64,33 @@ fn a_curve_is_refused_from_the_first_distance_on_that_does_not_fit() {
 
 #[test]
 fn invalid_curves_are_refused() {
-    let new = |d, k, pole, from, to| {
-        Eq1::new(
-            Micrometres::from_int(d),
-            k,
-            Pixels::from_int(pole),
-            Pixels::from_int(from)..=Pixels::from_int(to),
-        )
-        .err()
-    };
-    let k = 1 << 47;
-    assert_eq!(
-        new(0, k, -100, 0, 3000),
-        Some(Eq1Error::Distance),
-        "21 m at pixel 0"
-    );
-    assert_eq!(new(0, k, -1000, 0, 3000), None);
-    assert_eq!(new(0, 0, -1000, 0, 3000), Some(Eq1Error::K));
-    assert_eq!(new(0, 1 << 55, -1000, 0, 3000), Some(Eq1Error::K));
-    assert_eq!(new(0, k, -1000, 3000, 2999), Some(Eq1Error::Empty));
-    assert_eq!(new(0, k, -1000, 3000, 3000), Some(Eq1Error::Empty));
-    for pole in [0, 1500, 3000] {
-        assert_eq!(
-            new(0, 1 << 36, pole, 0, 3000),
-            Some(Eq1Error::Pole),
-            "{pole}"
-        );
+    use Eq1Error::{Distance, Empty, Flat, K, Pole};
+    let (k, metre) = (1 << 47, 1 << 36);
+    for (k, pole, from, to, expected) in [
+        // 21 m at pixel 0.
+        (k, -100, 0, 3000, Some(Distance)),
+        (k, -1000, 0, 3000, None),
+        (0, -1000, 0, 3000, Some(K)),
+        (1 << 55, -1000, 0, 3000, Some(K)),
+        (i64::MIN, -1000, 0, 3000, Some(K)),
+        (k, -1000, 3000, 2999, Some(Empty)),
+        (k, -1000, 3000, 3000, Some(Empty)),
+        (metre, 0, 0, 3000, Some(Pole)),
+        (metre, 1500, 0, 3000, Some(Pole)),
+        (metre, 3000, 0, 3000, Some(Pole)),
+        // 2^20 um px: 1 m at a pixel from the pole, and 2^20/4000^2 = 0.066 um a pixel at the far end.
+        (metre, -1, 0, 3999, None),
+        (metre, 4000, 0, 3999, None),
+        // A sixteenth of a micrometre a pixel is reached 4096 pixels from the pole.
+        (metre, -1, 0, 4095, None),
+        (metre, -1, 0, 4096, Some(Flat)),
+        (-metre, -1, 0, 4095, None),
+        // K of a step.
+        (1, -1, 0, 3000, Some(Flat)),
+    ] {
+        let found = curve(0, k, pole, from, to).err();
+        assert_eq!(found, expected, "K {k}, pole {pole}, {from} to {to}");
     }
-    // 2^20 um px: 1 m at a pixel from the pole, and 2^20/4000^2 = 0.066 um a pixel at the far end.
-    assert_eq!(new(0, 1 << 36, -1, 0, 3999), None, "a pixel from the pole");
-    assert_eq!(new(0, 1 << 36, 4000, 0, 3999), None, "on its other side");
-    // A sixteenth of a micrometre a pixel is reached 4096 pixels from the pole.
-    assert_eq!(new(0, 1 << 36, -1, 0, 4095), None);
-    assert_eq!(new(0, 1 << 36, -1, 0, 4096), Some(Eq1Error::Flat));
-    assert_eq!(new(0, -(1 << 36), -1, 0, 4095), None);
-    assert_eq!(new(0, 1, -1, 0, 3000), Some(Eq1Error::Flat), "K of a step");
-    assert_eq!(new(0, i64::MIN, -1000, 0, 3000), Some(Eq1Error::K));
 }
 
 /// The limit is exact to the last bit. At one pixel from the pole, the curve agrees with f64 up to the
@@ -116,21 +105,18 @@ fn curves_are_refused_less_than_a_pixel_from_the_pole() {
         Eq1::new(Micrometres::from_int(0), k, pole, first..=last)
     };
     for sign in [1, -1] {
-        let (from, to) = (
-            pixel.min(sign * 3000 * pixel),
-            pixel.max(sign * 3000 * pixel),
-        );
-        let (from, to) = if sign > 0 { (from, to) } else { (from, -pixel) };
+        let (from, to) = match sign {
+            1 => (pixel, 3000 * pixel),
+            _ => (-3000 * pixel, -pixel),
+        };
         let curve = new(most, 0, from, to).expect("a pixel from the pole");
-        let (distance, slope) = curve
-            .distance_at(Pixels::from_int(sign))
-            .expect("the end of its range");
+        let end = curve.distance_at(Pixels::from_int(sign));
+        let (distance, slope) = end.expect("the end of its range");
         assert_eq!(distance.to_bits(), sign * i32::MAX);
         assert!((f64::from(slope) + 2f64.powi(23)).abs() <= 1.0, "{slope}");
-        let nearer = if sign > 0 {
-            (pixel - 1, to)
-        } else {
-            (from, 1 - pixel)
+        let nearer = match sign {
+            1 => (pixel - 1, to),
+            _ => (from, 1 - pixel),
         };
         assert_eq!(new(most, 0, nearer.0, nearer.1), Err(Eq1Error::Pole));
         assert_eq!(new(most + 2, 0, from, to).is_err(), sign > 0);
@@ -153,31 +139,19 @@ fn extreme_parameters_give_distances_in_range_or_are_refused() {
     assert_eq!(curve(Micrometres::MIN, metre(-1)), Err(Eq1Error::Distance));
     let near_far_end = curve(Micrometres::MAX, metre(-1)).expect("below D");
     let (distance, _) = near_far_end.distance_at(first).expect("in range");
-    assert_eq!(
-        distance.to_bits(),
-        i32::MAX - Micrometres::from_int(1_000_000).to_bits()
-    );
+    let metre_bits = Micrometres::from_int(1_000_000).to_bits();
+    assert_eq!(distance.to_bits(), i32::MAX - metre_bits);
     // Distances below zero are what a sensor may define them to be.
     let below = curve(Micrometres::MIN, metre(1)).expect("above D");
     let (distance, slope) = below.distance_at(last).expect("in range");
-    assert_eq!(
-        distance.to_bits(),
-        i32::MIN + Micrometres::from_int(500_000).to_bits()
-    );
+    assert_eq!(distance.to_bits(), i32::MIN + metre_bits / 2);
     assert!((slope + 250.0).abs() < 1e-3, "{slope}");
 }
 
 #[test]
 fn errors_say_what_is_wrong_and_what_to_do() {
-    let text: Vec<String> = [
-        Eq1Error::K,
-        Eq1Error::Empty,
-        Eq1Error::Pole,
-        Eq1Error::Distance,
-        Eq1Error::Flat,
-    ]
-    .map(|error| error.to_string())
-    .into();
+    use Eq1Error::{Distance, Empty, Flat, K, Pole};
+    let text = [K, Empty, Pole, Distance, Flat].map(|error| error.to_string());
     insta::assert_snapshot!(text.join("\n"));
 }
 
@@ -190,12 +164,7 @@ fn exact(d: i32, k: i64, from_pole: i64) -> i128 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 4000,
-        rng_seed: RngSeed::Fixed(6),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(4000))]
 
     /// For every accepted curve, the distance of every centre in its range is that of an exact division of
     /// integers, and the distances are monotone.

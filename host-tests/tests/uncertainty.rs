@@ -1,15 +1,13 @@
 //! The parts of u: where one alone is large, errors are as large as it says. The parts of a fit are tested
 //! with the tool, noise and motion with the frames.
 
+use crate::records::cases;
+use crate::support::{listing, scene};
 use judges::frames::{self, at_centre};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use rayon::prelude::*;
 use simulator::distorted_optics::DistortedOptics;
-use simulator::scene::{
-    BlackLevel, FixedPattern, ReadNoise, Response, Scene, Sensor, ShotNoise, Simulation, Speckle,
-    Spot,
-};
+use simulator::scene::{Scene, Sensor, Simulation};
 use slitrange::base::places::PLACES;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
@@ -53,31 +51,19 @@ fn pixels_over_claim(
         .into_par_iter()
         .filter_map(|seed| {
             let centre = 1023.5 + (f64::from(seed) * 0.618_034).fract();
-            let scene = Scene {
-                seed: seed.into(),
-                spot: Some(Spot {
-                    width,
-                    counts_per_second: height,
-                }),
-                exposure: 1.0,
-                black_level: Some(BlackLevel::steady(300.0)),
-                response: Some(Response {
-                    deviation: response,
-                }),
-                fixed_pattern: Some(FixedPattern { counts: offset }),
-                read_noise: Some(ReadNoise { counts: 4.0 }),
-                shot_noise: Some(ShotNoise {
-                    electrons_per_count: 10.0,
-                }),
-                ..Scene::dark(Sensor::Row(2048))
-            };
-            let measured = frame(&scene, options, scene.optics.distance(centre))?.frame;
-            let pixels = errors.of_centre(
-                estimator,
-                measured.width,
-                measured.amplitude,
-                Counts::default(),
+            let text = format!(
+                "spot = {{ width = {width}, counts_per_second = {height} }}
+                black_level.counts = 300.0
+                response.deviation = {response}
+                fixed_pattern.counts = {offset}
+                read_noise.counts = 4.0
+                shot_noise.electrons_per_count = 10.0"
             );
+            let mut scene = listing(Scene::dark(Sensor::Row(2048)), &text);
+            (scene.seed, scene.exposure) = (seed.into(), 1.0);
+            let measured = frame(&scene, options, scene.optics.distance(centre))?.frame;
+            let (width, height, ambient) = (measured.width, measured.amplitude, Counts::default());
+            let pixels = errors.of_centre(estimator, width, height, ambient);
             // The rows' noise is small beside the pixels here, and known.
             let claim = f64::from(pixels).hypot(measured.uncertainty.to_f64());
             Some((measured.centre.to_f64() - centre) / claim)
@@ -97,10 +83,8 @@ fn response_and_offset_of_pixels_move_centres_as_far_as_claimed() {
                 assert!(found.len() > 250, "{}: {}", estimator.name(), found.len());
                 rms(&found)
             });
-            println!(
-                "{:12} width {width:2} height {height:4}: response {response:.2} offset {offset:.2}",
-                estimator.name()
-            );
+            let name = estimator.name();
+            println!("{name:12} {width:2} x {height:4}: response {response:.2} offset {offset:.2}");
             assert!((0.8..1.15).contains(&response) && (0.8..1.15).contains(&offset));
         }
     }
@@ -133,35 +117,24 @@ fn an_unadjusted_head_is_off_by_its_tolerances() {
         let step = after.relative_to(&before);
         steps.push((step.distance.to_f64() - 1e6 * (second - first)) / step.uncertainty.to_f64());
     }
-    println!(
-        "{}: {:.3} of u, a step {:.3}",
-        errors.len(),
-        rms(&errors),
-        rms(&steps)
-    );
-    assert!(errors.len() > 1900);
+    let (heads, of_error, of_step) = (errors.len(), rms(&errors), rms(&steps));
+    println!("{heads}: {of_error:.3} of u, a step {of_step:.3}");
+    assert!(heads > 1900);
     let five_deviations = 5.0 / f64::sqrt(2.0 * 2000.0);
-    assert!((rms(&errors) - 1.0).abs() < five_deviations);
-    assert!((rms(&steps) - 1.036).abs() < five_deviations);
+    assert!((of_error - 1.0).abs() < five_deviations);
+    assert!((of_step - 1.036).abs() < five_deviations);
 }
 
 /// The physical estimate: a laser spot of 1 mm and a single wavelength on a surface that keeps the
 /// polarisation. No constant of it comes from this simulation.
 #[test]
 fn speckle_moves_distances_as_far_as_physics_says() {
-    let scene = Scene::load("speckle-at-rest").expect("a scene");
-    let metal = Scene {
-        speckle: scene.speckle.map(|speckle| Speckle {
-            polarisations: 1,
-            ..speckle
-        }),
+    let mut metal = scene("speckle-at-rest");
+    if let (Some(speckle), Some(spot)) = (&mut metal.speckle, &mut metal.spot) {
+        speckle.polarisations = 1;
         // A quarter of full scale is usual; darker here, so that no bright speckle is beyond full scale.
-        spot: scene.spot.map(|spot| Spot {
-            counts_per_second: 0.3 * spot.counts_per_second,
-            ..spot
-        }),
-        ..scene
-    };
+        spot.counts_per_second *= 0.3;
+    }
     let options = Options {
         rows: 1,
         ..Options::default()
@@ -170,10 +143,8 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         .into_par_iter()
         .filter_map(|seed| {
             let distance = 0.62 + 0.38 * (f64::from(seed) * 0.618_034).fract();
-            let scene = Scene {
-                seed: 1000 + u64::from(seed),
-                ..metal.clone()
-            };
+            let mut scene = metal.clone();
+            scene.seed = 1000 + u64::from(seed);
             let measured = frame(&scene, options, distance)?;
             let calibration = Calibration::nominal();
             let errors = CalibrationErrors::Unknown;
@@ -186,15 +157,12 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         })
         .collect();
     let [one, two] = [1.0, 2.0].map(|limit| within(&found, limit));
-    println!(
-        "{}: RMS {:.3}, within u {one:.3}, 2 u {two:.3}",
-        found.len(),
-        rms(&found)
-    );
+    let (count, rms) = (found.len(), rms(&found));
+    println!("{count}: RMS {rms:.3}, within u {one:.3}, 2 u {two:.3}");
     // Too dark for a distance: a few.
-    assert!(found.len() > 360);
+    assert!(count > 360);
     // Of 400 normal errors the RMS is known to 3.5 %, and the share within 2 u to 1 %.
-    assert!((0.88..1.12).contains(&rms(&found)));
+    assert!((0.88..1.12).contains(&rms));
     assert!((0.92..0.98).contains(&two));
 }
 
@@ -253,12 +221,7 @@ fn any_measured() -> impl Strategy<Value = Measured> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 4000,
-        rng_seed: RngSeed::Fixed(6),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(4000))]
 
     /// Whatever a record and a frame say, u is above zero, and not below any part: a reading's, and a
     /// difference's.

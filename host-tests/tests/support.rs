@@ -1,0 +1,99 @@
+//! What several topics write their rows and scenes with.
+
+use judges::accuracy::{Answer, Cell};
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use simulator::scene::{Effect, Scene, Sensor};
+use slitrange::base::fault::Fault;
+use slitrange::centre::Estimator;
+use slitrange::measurement::steps::centre_of_spot;
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::{self, Spot};
+
+/// Random numbers of a seed.
+pub fn random(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}
+
+/// A scene of this repository.
+pub fn scene(name: &str) -> Scene {
+    Scene::load(name).expect("a scene")
+}
+
+/// The scene with the effects of a text, written as in a scene's file: an effect a line.
+pub fn listing(scene: Scene, effects: &str) -> Scene {
+    let is_listed = |effect: &Effect| {
+        let mut names = effects
+            .lines()
+            .map(|line| line.trim().split([' ', '.']).next());
+        names.any(|name| name == Some(effect.name()))
+    };
+    let others = (Effect::ALL.into_iter().filter(is_listed)).fold(scene, Scene::without);
+    let text = format!("{effects}\n{}", others.to_toml().expect("text"));
+    Scene::from_toml(&text).expect("a scene")
+}
+
+/// Read noise in counts, and electrons a count where there is shot noise.
+pub type Noise = (f64, Option<f64>);
+
+/// Rows of a spot with a width in pixels and a height in counts.
+pub const fn cell(width: f64, amplitude: f64, noise: Noise, rows: u64, seed: u64) -> Cell {
+    let (read_noise, electrons_per_count) = noise;
+    Cell {
+        width,
+        amplitude,
+        read_noise,
+        electrons_per_count,
+        rows,
+        seed,
+    }
+}
+
+/// So many pixels of 12 bits, all of them lit, and light positive.
+pub fn geometry(pixels: usize, shot_variance_per_count_q16: u16) -> Geometry {
+    Geometry {
+        shot_variance_per_count_q16,
+        ..Sensor::Row(pixels).geometry()
+    }
+}
+
+/// A row of 12 bits without shielded pixels.
+pub fn row(light: &[u16]) -> Row<'_> {
+    Row::new(light, &[], 4095).expect("12 bits")
+}
+
+/// The spot that the coarse search finds.
+pub fn find(light: &[u16]) -> Result<Spot, Fault> {
+    Ok(spot::find(&row(light))?.0)
+}
+
+/// The centre that the measurement finds with an estimator.
+pub fn checked(geometry: &Geometry, light: &[u16], estimator: Estimator) -> Answer {
+    let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
+    let (spot, budget) = spot::find(&row)?;
+    centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
+}
+
+/// The row from its last pixel to its first.
+pub fn mirrored(light: &[u16]) -> Vec<u16> {
+    light.iter().rev().copied().collect()
+}
+
+/// Sums over rows of what a function counts in each.
+pub fn tally<const N: usize>(rows: u64, count: impl Fn(u64) -> [u64; N] + Send + Sync) -> [u64; N] {
+    let add = |a: [u64; N], b: [u64; N]| std::array::from_fn(|i| a[i] + b[i]);
+    (0..rows).into_par_iter().map(count).reduce(|| [0; N], add)
+}
+
+/// Simpson's rule over twice as many steps.
+pub fn integral(from: f64, to: f64, steps: usize, value: impl Fn(f64) -> f64) -> f64 {
+    let h = (to - from) / (2 * steps) as f64;
+    let weight = |i| match i {
+        0 => 1.0,
+        _ if i == 2 * steps => 1.0,
+        _ => (2 + 2 * (i % 2)) as f64,
+    };
+    let terms = (0..=2 * steps).map(|i| weight(i) * value(from + h * i as f64));
+    terms.sum::<f64>() * h / 3.0
+}
