@@ -1,13 +1,10 @@
 //! The estimators against the Cramér-Rao bound, their own claims and, without noise, the truth, on seeded
 //! rows. Every figure asserted is printed.
 
-use crate::support::{self, cell};
-use judges::accuracy::{
-    Before, Cell, Outcome, PIXELS, Phases, Rows, centre_after, centre_of, centre_with, largest,
-};
+use crate::support::{self, *};
+use judges::accuracy::{Before, Outcome, Phases, Rows, centre_after, centre_with, largest};
 use judges::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
-use slitrange::centre::Estimator;
 use slitrange::centre::tables::TableSet;
 
 /// A noise: its name in a table, the spot's height, the noise, and a seed.

@@ -1,18 +1,14 @@
 //! Ambient light: what `ambient subtract` takes away, and the noise that it costs.
 
-use crate::support::{listing, scene};
+use crate::support::*;
 use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
 use judges::frames::words;
 use simulator::scene::comb::Comb as Mask;
-use simulator::scene::{Effect, Scene, Simulation};
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::row::Geometry;
-use statistics::{mean, rms};
 
 const FRAMES: usize = 400;
 
@@ -106,11 +102,7 @@ fn lit_and_dark_words() -> (Vec<u16>, Vec<u16>) {
 }
 
 fn subtracting(rows: u16) -> Options {
-    Options {
-        ambient: Subtract,
-        rows,
-        ..Options::default()
-    }
+    options(|it| (it.ambient, it.rows) = (Subtract, rows))
 }
 
 /// Each row has the same words, so that r changes by the noise of the mean alone. It must not be below the
@@ -175,10 +167,8 @@ fn the_mean_outlasts_other_settings() {
     // The shielded pixels have noise too.
     assert!(expected.0 < 60.0);
     let mut measurement = settled();
-    let other = Options {
-        black_level: BlackLevel::Frame,
-        ..one
-    };
+    let mut other = one;
+    other.black_level = BlackLevel::Frame;
     for options in [other, one] {
         measurement.set(options, None);
         measurement.set_geometry(geometry.clone());
@@ -327,12 +317,7 @@ fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
     let window = beside_a_window(comb.clone());
     const ROWS: usize = 200;
     let measure = |scene: &Scene, ambient| {
-        let options = Options {
-            slits: Slits::Comb,
-            ambient,
-            rows: 1,
-            ..Options::default()
-        };
+        let options = options(|it| (it.slits, it.ambient, it.rows) = (Slits::Comb, ambient, 1));
         let geometry = scene.geometry();
         let mut measurement = Measurement::new(geometry.clone(), options);
         let mut dark = scene.clone();

@@ -1,16 +1,12 @@
 //! The check: how seldom it fails a good row, and how often it finds a flaw.
 
-use crate::support::{random, tally};
-use judges::accuracy::{self, Answer};
+use crate::support::*;
+use judges::accuracy;
 use judges::hard_cases::flaw::{Bad, Flaw, Second};
 use judges::hard_cases::judge::Said;
 use judges::hard_cases::recipe::{Place, Recipe};
 use judges::hard_cases::{HardRow, Shape};
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use slitrange::centre::spot_shape::SpotShape;
-use slitrange::centre::{Estimator, RowCentre};
 
 /// An estimator's answer to a row, alone and as the measurement takes it.
 fn answers_to(row: &HardRow, estimator: Estimator) -> [Answer; 2] {
@@ -52,9 +48,7 @@ fn clean_rows_pass_the_check() {
         (3600.0, 1.0, None),
     ];
     let (mut rows, mut doubted, mut failures) = (0, 0, vec![]);
-    println!(
-        "rows of {ROWS} that were flagged or repaired: dim, middle, bright, bright without shot noise"
-    );
+    println!("rows of {ROWS} that were doubted: dim, middle, bright, bright without shot noise");
     use Shape::{Fresnel, Gaussian, LaserSpot, SincSquared};
     for shape in [Gaussian, SincSquared, Fresnel, LaserSpot] {
         for width in [0.8, 1.5, 4.0, 10.5, 20.0] {

@@ -1,20 +1,12 @@
 //! A comb of slits in the core: which peak belongs to which slit, and rows of all slits as a whole. The tests
 //! print every figure that they assert.
 
-use crate::support::{listing, random, scene, tally};
+use crate::support::*;
 use judges::frames;
-use rand::Rng as _;
 use rand::seq::SliceRandom as _;
-use rand_distr::StandardNormal;
-use rayon::prelude::*;
+use simulator::scene::SecondReflection;
 use simulator::scene::comb::Comb as Mask;
-use simulator::scene::{Scene, SecondReflection, Simulation};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
-use slitrange::centre::Estimator;
 use slitrange::frame::comb::{Comb, MAX_SLITS, Maximum, Slits, assign};
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Measured;
 
 /// Maxima of the nominal comb for spots anywhere in the nominal range. Up to half of the slits have no peak,
 /// and one peak anywhere on the row is false. Speckle moves each peak by 2.2 pixels RMS (a 1 mm spot on metal
@@ -76,17 +68,13 @@ fn quiet() -> Scene {
     scene
 }
 
-fn options(rows: u16) -> Options {
-    Options {
-        rows,
-        slits: Slits::Comb,
-        ..Options::default()
-    }
+fn comb_options(rows: u16) -> Options {
+    options(|it| (it.rows, it.slits) = (rows, Slits::Comb))
 }
 
 fn measure(scene: &Scene, distance: f64, rows: u16) -> Result<Measured, Fault> {
     let simulation = Simulation::new(scene.clone());
-    frames::measure(&simulation, options(rows), distance, 0, None)
+    frames::measure(&simulation, comb_options(rows), distance, 0, None)
 }
 
 /// Without speckle the mean over 16 images has the error of one image's noise over four, and what the
@@ -139,7 +127,7 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
         };
         let height = random.random_range(50.0..1500.0);
         false_spot.add(&mut light[geometry.light.clone()], 0.0, height);
-        let mut measurement = Measurement::new(geometry.clone(), options(1));
+        let mut measurement = Measurement::new(geometry.clone(), comb_options(1));
         let measured = measurement.row(&mut frames::words(&light, &geometry));
         match measured.expect("a frame of one row") {
             Ok(measured) => {
@@ -175,12 +163,8 @@ fn a_comb_in_the_dark_and_a_single_spot_are_faults() {
     assert!(is_dark, "{found:?}");
     // Slits 1 mm apart look the same if they are shifted by one.
     let mut even = quiet();
-    for (slit, place) in even
-        .comb
-        .iter_mut()
-        .flat_map(|mask| &mut mask.slits)
-        .zip(-7..)
-    {
+    let slits = even.comb.iter_mut().flat_map(|mask| &mut mask.slits);
+    for (slit, place) in slits.zip(-7..) {
         slit.place = 1e-3 * f64::from(place);
     }
     let found = measure(&even, 0.8, 4);
@@ -202,7 +186,8 @@ fn errors_of_slits(waist: f64, linewidth: f64, surfaces: u64) -> Vec<[Option<f64
         .filter_map(|surface| {
             let simulation = Simulation::on_surface(scene.clone(), surface);
             let distance = 0.6 + 0.42 * (surface as f64 * 0.618_033_988_749_895).fract();
-            let found = frames::measure(&simulation, options(1), distance, surface, None).ok()?;
+            let found =
+                frames::measure(&simulation, comb_options(1), distance, surface, None).ok()?;
             let truth = scene.optics.centre(distance);
             let mut errors = [None; MAX_SLITS];
             let images = found.comb?.centres;
@@ -241,9 +226,7 @@ fn neighbours_share_as_much_speckle_as_the_core_says() {
         }
         let (c, n) = (products / squares, MAX_SLITS as f64);
         let factor = ((1.0 + 2.0 * c * (n - 1.0) / n) / (1.0 - 2.0 * c / n)).sqrt();
-        println!(
-            "{waist} m, line of {linewidth} m: neighbours correlate by {c:.3}: factor {factor:.3}"
-        );
+        println!("{waist} m, line of {linewidth} m: correlation {c:.3}, factor {factor:.3}");
         assert!(factors.contains(&factor));
     }
 }
@@ -253,10 +236,8 @@ fn neighbours_share_as_much_speckle_as_the_core_says() {
 fn every_estimator_measures_a_comb() {
     let scene = quiet();
     for estimator in Estimator::ALL {
-        let options = Options {
-            estimator,
-            ..options(8)
-        };
+        let mut options = comb_options(8);
+        options.estimator = estimator;
         let simulation = Simulation::new(scene.clone());
         let measured = frames::measure(&simulation, options, 0.8, 0, None).expect("a centre");
         let off = measured.frame.centre.to_f64() - scene.optics.centre(0.8);

@@ -12,14 +12,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::{checked, geometry, random};
-use judges::accuracy::Answer;
-use rand::Rng as _;
-use rand_distr::StandardNormal;
+use crate::support::*;
 use simulator::optics::Optics;
-use slitrange::centre::Estimator;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
-use statistics::{rms, upper_median};
+use statistics::upper_median;
 
 /// Points of a slit's width: 20 to a turn of phase where a neighbour's image is.
 const POINTS: usize = 128;
@@ -94,12 +90,8 @@ impl Ways {
                 .map(|s| [optics.baseline + s * sin, optics.offset + s * cos])
                 .collect();
             let wave = |a, b| Wave::of_path(length(a, b), optics.wavelength);
-            let from_point = |&x: &f64| {
-                apertures
-                    .iter()
-                    .map(|&it| wave([x, distance], it))
-                    .collect()
-            };
+            let ways = |from| apertures.iter().map(move |&it| wave(from, it));
+            let from_point = |&x: &f64| ways([x, distance]).collect();
             let to_slit: Vec<Vec<Wave>> = points.iter().map(from_point).collect();
             let of_column = |column: &[f64; 2]| {
                 let to_row: Vec<Wave> = apertures.iter().map(|&it| wave(it, *column)).collect();
@@ -123,20 +115,17 @@ impl Ways {
     /// Adds the light of each pixel from points of these amplitudes: of the slits' fields, and of the slits
     /// one by one.
     fn add(&self, amplitudes: &[Wave], together: &mut [f64], apart: &mut [f64]) {
-        for pixel in 0..together.len() {
-            for part in 0..PARTS {
-                let mut all = Wave::default();
-                for slit in &self.slits {
-                    let mut own = Wave::default();
-                    for (&way, &amplitude) in slit[pixel * PARTS + part].iter().zip(amplitudes) {
-                        own.add_product(way, amplitude);
-                    }
-                    apart[pixel] += own.light();
-                    all.re += own.re;
-                    all.im += own.im;
+        for part in 0..together.len() * PARTS {
+            let (mut all, pixel) = (Wave::default(), part / PARTS);
+            for slit in &self.slits {
+                let mut own = Wave::default();
+                for (&way, &amplitude) in slit[part].iter().zip(amplitudes) {
+                    own.add_product(way, amplitude);
                 }
-                together[pixel] += all.light();
+                apart[pixel] += own.light();
+                (all.re, all.im) = (all.re + own.re, all.im + own.im);
             }
+            together[pixel] += all.light();
         }
     }
 
@@ -228,20 +217,19 @@ impl Moved {
     }
 
     fn print(&self, name: &str) {
+        let [of_fit, of_core, of_fringes] =
+            [&self.fit, &self.core, &self.fringes].map(|it| largest(it));
+        let (fit_by, fringes) = (rms(&self.speckle), rms(&self.fringes));
+        let (middle, off, rows) = (median(&self.core), rms(&self.core), self.core.len());
+        let (lost, misfits) = (self.lost, self.misfits);
         println!(
-            "{name}: the fit moves by {:.1e} px at most; the core by {:.4} px in the median, {:.4} RMS, \
-             {:.3} at most, of {} rows; lost {:?}, misfits {:?}; fringes {:.3} of the peak RMS, \
-             {:.3} at most; speckle moves the fit by {:.2} RMS",
-            largest(&self.fit),
-            median(&self.core),
-            rms(&self.core),
-            largest(&self.core),
-            self.core.len(),
-            self.lost,
-            self.misfits,
-            rms(&self.fringes),
-            largest(&self.fringes),
-            rms(&self.speckle)
+            "{name}: the fit moves by {of_fit:.1e} px at most, and by speckle {fit_by:.2} RMS"
+        );
+        println!(
+            "the core {middle:.4} px in the median, {off:.4} RMS, {of_core:.3} at most of {rows}"
+        );
+        println!(
+            "lost {lost:?}, misfits {misfits:?}; fringes {fringes:.3} RMS, {of_fringes:.3} at most"
         );
     }
 }

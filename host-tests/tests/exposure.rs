@@ -2,14 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use crate::support::listing;
+use crate::support::*;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, is_in_middle};
 use judges::changing_light::{DELAY, Sensor, scene};
 use slitrange::base::exposure::{Exposure, ExposureMode};
-use slitrange::base::fault::Fault;
 use slitrange::light::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
-use slitrange::measurement::Options;
 use slitrange::{Counts, Estimator};
 
 fn us(us: u16) -> Exposure {
@@ -125,10 +123,7 @@ fn a_lamp_does_not_hide_the_target_for_ever() {
 #[test]
 fn a_fault_names_the_exposure_of_its_rows() {
     for rows in [2, 4, 8] {
-        let options = Options {
-            rows,
-            ..Options::default()
-        };
+        let options = options(|it| it.rows = rows);
         let mut sensor = Sensor::new(scene(), options);
         for reflectivity in [1.0, 1e-3, 1.0, 1e-4, 3e-2, 1.0] {
             for result in sensor.frames(reflectivity, 24 / usize::from(rows)) {
@@ -146,29 +141,23 @@ fn a_fault_names_the_exposure_of_its_rows() {
 /// In ambient light, whatever the estimator, and with a well below the level that is stated.
 #[test]
 fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
-    for (name, effect) in [
-        (
-            "ambient light",
-            "ambient = { counts_per_second = 3.5e5, slope = 0.0 }",
-        ),
-        (
-            "a low well",
-            "saturation = { full_well = 2200.0, blooming = 0.1 }",
-        ),
+    for effect in [
+        "ambient = { counts_per_second = 3.5e5, slope = 0.0 }",
+        "saturation = { full_well = 2200.0, blooming = 0.1 }",
     ] {
         for estimator in Estimator::ALL {
-            let options = Options {
-                estimator,
-                ..Options::default()
-            };
+            let options = options(|it| it.estimator = estimator);
             let mut sensor = Sensor::new(listing(scene(), effect), options);
             sensor.frames(0.03, 3);
             let exposures: BTreeSet<u16> = (0..320).map(|_| sensor.row(0.03).0.us()).collect();
             let results = sensor.frames(0.03, 10);
             let valid = results.iter().filter(|result| result.is_ok()).count();
-            println!("{name}, {estimator:?}: exposures {exposures:?}, {valid} of 10 frames");
-            assert_eq!(valid, 10, "{name}, {estimator:?}: {results:?}");
-            assert!(exposures.len() <= 2, "{name}, {estimator:?}: {exposures:?}");
+            println!("{effect}, {estimator:?}: exposures {exposures:?}, {valid} of 10 frames");
+            assert_eq!(valid, 10, "{effect}, {estimator:?}: {results:?}");
+            assert!(
+                exposures.len() <= 2,
+                "{effect}, {estimator:?}: {exposures:?}"
+            );
         }
     }
 }
@@ -225,12 +214,10 @@ fn assert_range(targets: usize, frames: usize, least_within: f64, most_lowest: f
     let targets = range::targets(targets, frames, &|| ());
     let (mut readings, mut beyond) = (0, 0);
     for target in &targets {
+        let (ratio, low) = (target.ratio(), target.ratio_of_lowest());
         println!(
-            "{:.2e}: ratio {:.3}, low {:.3}; {:?}",
-            target.reflectivity,
-            target.ratio(),
-            target.ratio_of_lowest(),
-            target.auto
+            "{:.2e}: ratio {ratio:.3}, low {low:.3}; {:?}",
+            target.reflectivity, target.auto
         );
         for auto in [target.auto, target.auto_lowest] {
             assert_eq!((auto.faults, auto.beyond_5), (0, 0), "{target:?}");
@@ -241,8 +228,7 @@ fn assert_range(targets: usize, frames: usize, least_within: f64, most_lowest: f
             assert!(auto.readings() > frames * 9 / 10, "{target:?}");
         }
         if is_in_middle(target.reflectivity) {
-            assert!(target.ratio() <= 1.5, "{target:?}");
-            assert!(target.ratio_of_lowest() <= most_lowest, "{target:?}");
+            assert!(ratio <= 1.5 && low <= most_lowest, "{target:?}");
         }
     }
     let within = 1.0 - beyond as f64 / readings as f64;
@@ -274,11 +260,7 @@ fn exposures_are_those_of_the_settings() {
         (fixed, us(200), 200),
         (ExposureMode::Auto, us(200), 200),
     ] {
-        let options = Options {
-            exposure,
-            exposure_limit,
-            ..Options::default()
-        };
+        let options = options(|it| (it.exposure, it.exposure_limit) = (exposure, exposure_limit));
         let last = Sensor::new(scene(), options).frames(3e-3, 3).pop();
         let measured = last.expect("three").expect("a centre");
         assert_eq!(measured.frame.exposure, Some(us(expected)));

@@ -2,17 +2,11 @@
 //! with wells that the geometry states and wells that it does not. The tests print every figure that they
 //! assert.
 
-use crate::support::{random, scene, tally};
+use crate::support::*;
 use judges::hard_cases::HardRow;
 use judges::hard_cases::judge::{Answer, Answers, Said, answers};
 use judges::hard_cases::mixtures;
 use judges::hard_cases::recipe::Recipe;
-use rand::Rng as _;
-use rayon::prelude::*;
-use simulator::scene::{Simulation, quantise};
-use slitrange::base::fault::Fault;
-use slitrange::centre::Estimator;
-use slitrange::row::Geometry;
 
 /// Whether the check finds a top to be flat that the estimator takes for a spot. No fit is among the
 /// estimators here: a fit measures such a spot by its flanks.
@@ -55,12 +49,7 @@ fn clean_tops_are_not_taken_for_flat_ones() {
 #[ignore = "takes 6 CPU s; run by .ci/run"]
 fn speckle_is_seldom_taken_for_a_flat_top() {
     const ROWS: u64 = 150;
-    for name in [
-        "speckle-at-rest",
-        "brushed-metal",
-        "microfiber",
-        "light-wood",
-    ] {
+    for name in "speckle-at-rest brushed-metal microfiber light-wood".split(' ') {
         let scene = scene(name);
         let (distance, exposure) = (scene.distance, scene.exposure);
         let geometry = scene.geometry();
@@ -90,11 +79,8 @@ fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
     let light = quantise(&counts[geometry.light.clone()], geometry.full_scale());
     HardRow {
         geometry: Geometry {
-            words: light.len(),
-            shielded: 0..0,
-            light: 0..light.len(),
-            polarity: slitrange::row::Polarity::Rising,
-            ..geometry.clone()
+            saturation: geometry.saturation,
+            ..self::geometry(light.len(), geometry.shot_variance_per_count_q16)
         },
         light,
         truth: judges::hard_cases::Truth::None,
@@ -111,37 +97,35 @@ fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
     const TIMES: [f64; 6] = [1.05, 1.1, 1.2, 1.5, 2.0, 4.0];
     println!("per cent recognised at {TIMES:?} times the well");
     for (electrons_per_count, read_noise) in [(Some(10.0), 4.0), (Some(5.0), 2.0), (None, 2.0)] {
-        for level in [800, 1500, 2500] {
-            for width in [1.5, 2.5, 4.0, 8.6, 20.0, 60.0] {
-                let shares = TIMES.map(|times| {
-                    let recipe = Recipe {
-                        pixels: if width < 15.0 { 512 } else { 2048 },
-                        electrons_per_count,
-                        read_noise,
-                        ..Recipe::clean(width)
-                    };
-                    let height = times * (f64::from(level) - recipe.black_level);
-                    let recipe = recipe
-                        .spot(|spot| spot.amplitude = height)
-                        .with_well(level, false);
-                    let [found] = tally(rows_of_each, |number| {
-                        [is_recognised(&answers(&recipe.row(77, number))[ADAPTIVE]).into()]
-                    });
-                    100.0 * found as f64 / rows_of_each as f64
-                });
-                let electrons = electrons_per_count.unwrap_or(f64::INFINITY);
-                print!("{electrons:>4} e/count, noise {read_noise}, well {level:>4}, ");
-                println!("sigma {width:>4}: {shares:?}");
-                // Fewer pixels and less light give less evidence.
-                let least = match (width, level) {
-                    (8.6.., 1500..) => 1.2,
-                    (4.0.., _) => 1.5,
-                    _ => 4.0,
+        for (level, width) in pairs([800, 1500, 2500], [1.5, 2.5, 4.0, 8.6, 20.0, 60.0]) {
+            let shares = TIMES.map(|times| {
+                let recipe = Recipe {
+                    pixels: if width < 15.0 { 512 } else { 2048 },
+                    electrons_per_count,
+                    read_noise,
+                    ..Recipe::clean(width)
                 };
-                for (times, share) in TIMES.into_iter().zip(shares) {
-                    let is_enough = times < least || share >= 90.0;
-                    assert!(is_enough, "{level} {width} {times}: {share}");
-                }
+                let height = times * (f64::from(level) - recipe.black_level);
+                let recipe = recipe
+                    .spot(|spot| spot.amplitude = height)
+                    .with_well(level, false);
+                let [found] = tally(rows_of_each, |number| {
+                    [is_recognised(&answers(&recipe.row(77, number))[ADAPTIVE]).into()]
+                });
+                100.0 * found as f64 / rows_of_each as f64
+            });
+            let electrons = electrons_per_count.unwrap_or(f64::INFINITY);
+            print!("{electrons:>4} e/count, noise {read_noise}, well {level:>4}, ");
+            println!("sigma {width:>4}: {shares:?}");
+            // Fewer pixels and less light give less evidence.
+            let least = match (width, level) {
+                (8.6.., 1500..) => 1.2,
+                (4.0.., _) => 1.5,
+                _ => 4.0,
+            };
+            for (times, share) in TIMES.into_iter().zip(shares) {
+                let is_enough = times < least || share >= 90.0;
+                assert!(is_enough, "{level} {width} {times}: {share}");
             }
         }
     }
@@ -204,9 +188,7 @@ fn a_well_below_full_scale_causes_no_more_confident_errors() {
         std::array::from_fn(|i| std::array::from_fn(|part| all[4 * i + part]))
     };
     let [full_scale, known, unknown] = [Cut::FullScale, Cut::Known, Cut::Unknown].map(tally);
-    println!(
-        "of {ROWS} rows: confident errors, unflagged, faults; confident errors of the estimator alone"
-    );
+    println!("of {ROWS} rows: confident errors, unflagged, faults; errors of the estimator alone");
     for (i, estimator) in Estimator::ALL.iter().enumerate() {
         let (name, all) = (estimator.name(), [full_scale[i], known[i], unknown[i]]);
         println!("{name:>12}: full scale, known well, unknown well {all:?}");

@@ -1,11 +1,10 @@
 //! What the exponential of the crate `micromath` would do to a centre and to the check, beside that of
 //! `libm`. docs/accuracy.md shows the figures: the reasons why the core takes `libm`.
 
-use judges::accuracy::{Cell, centre_of};
+use crate::support::*;
 use judges::float_functions::{
     Exp, WIDTHS, cell, change_of_centre, errors_in_the_check, fitted_centre,
 };
-use slitrange::centre::Estimator;
 
 const EXACT: Exp = |x| f64::from(x).exp() as f32;
 const MICROMATH: Exp = |x| micromath::F32(x).exp().0;
@@ -15,20 +14,15 @@ const MICROMATH: Exp = |x| micromath::F32(x).exp().0;
 #[test]
 fn the_fit_is_that_of_the_core() {
     for width in WIDTHS {
-        let cell = Cell {
-            rows: 50,
-            ..cell(width)
-        };
+        let cell = cell(width);
         let geometry = cell.scene().geometry();
-        for number in 0..cell.rows {
+        for number in 0..50 {
             let (light, _) = cell.light(cell.pixels(), number);
             let core = centre_of(&geometry, &light, Estimator::GaussNewton).expect("a centre");
             let fitted = fitted_centre(libm::expf, &geometry, &light).expect("a centre");
             let difference = (fitted - core.centre.to_f64()).abs();
-            assert!(
-                difference <= 0.01 * cell.spot().bound(),
-                "{width}: {difference}"
-            );
+            let most = 0.01 * cell.spot().bound();
+            assert!(difference <= most, "{width}: {difference}");
         }
     }
 }
@@ -42,9 +36,7 @@ fn narrow_spots_need_a_better_exponential_than_micromaths() {
         let bound = cell.spot().bound();
         let [libm, micromath] =
             [libm::expf, MICROMATH].map(|exp| change_of_centre(&cell, exp, EXACT) / bound);
-        println!(
-            "width {width}: centre by libm {libm:.1e} of the bound, micromath {micromath:.1e}"
-        );
+        println!("width {width}: libm {libm:.1e} of the bound, micromath {micromath:.1e}");
         assert!(libm < 1e-3, "{width}: {libm}");
         if width <= 2.0 {
             assert!(micromath > 0.01, "{width}: {micromath}");
@@ -61,9 +53,7 @@ fn the_check_would_not_notice_micromaths_exponential() {
             [libm::expf, MICROMATH].map(|exp| errors_in_the_check(exp, width as f32));
         println!("width {width}: error of e, misfit: libm {libm:?}, micromath {micromath:?}");
         assert!(libm.0 < 1e-6 && libm.1 < 1e-12, "{width}: {libm:?}");
-        assert!(
-            micromath.0 < 0.0028 && micromath.1 < 1e-6,
-            "{width}: {micromath:?}"
-        );
+        let is_small = micromath.0 < 0.0028 && micromath.1 < 1e-6;
+        assert!(is_small, "{width}: {micromath:?}");
     }
 }

@@ -2,23 +2,11 @@
 //! of their mean, and the uncertainty that it claims.
 
 use std::f64::consts::TAU;
-use std::fmt;
 
-use crate::support::{self, random};
+use crate::support::{self, *};
 use judges::frames;
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, Gamma, StandardNormal};
-use rayon::prelude::*;
-use simulator::scene::{Scene, Simulation};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
-use slitrange::centre::{RowCentre, WidthClass};
-use slitrange::distance::Calibration;
+use rand_distr::Gamma;
 use slitrange::frame::{Frame, FrameCentre, Mean};
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use statistics::rms;
 
 /// Where the spot is, in pixels.
 const TRUTH: f64 = 1800.3;
@@ -28,18 +16,6 @@ const UNCERTAINTY: f64 = 0.03;
 
 /// The numbers of rows that are looked at: few, the firmware's, the most.
 const ROWS: [usize; 3] = [5, 16, 64];
-
-fn row(centre: f64, uncertainty: f64) -> RowCentre {
-    RowCentre {
-        centre: Pixels::from_bits((centre * 65536.0).round() as i32),
-        uncertainty: Pixels::from_bits((uncertainty * 65536.0).round() as i32),
-        amplitude: Counts::from_int(1000),
-        width: Pixels::from_int(9),
-        class: WidthClass::default(),
-        shape: Default::default(),
-        misfit: false,
-    }
-}
 
 fn centre(rows: impl IntoIterator<Item = RowCentre>, how: Mean) -> Result<FrameCentre, Fault> {
     let mut frame = Frame::default();
@@ -77,11 +53,8 @@ impl Outliers {
     }
 }
 
-/// A frame, and the bound that its good rows leave.
-struct Drawn {
-    rows: Vec<RowCentre>,
-    bound: f64,
-}
+/// The rows of a frame, and the bound that the good ones leave.
+type Drawn = (Vec<RowCentre>, f64);
 
 /// Rows whose uncertainty is that of shot noise: as one over the root of the brightness, which is gamma
 /// distributed with a relative variance of 1 / `alike` (as of speckle that has `alike` degrees of freedom);
@@ -99,19 +72,15 @@ fn draw(random: &mut ChaCha8Rng, count: usize, alike: Option<f64>, outliers: Out
                 information += uncertainty.powi(-2);
             }
             let off = outlier.unwrap_or(0.0) + uncertainty * noise;
-            row(TRUTH + off, uncertainty)
+            row_centre(TRUTH + off, uncertainty)
         })
         .collect();
-    Drawn {
-        rows,
-        bound: 1.0 / f64::sqrt(information),
-    }
+    (rows, 1.0 / f64::sqrt(information))
 }
 
 /// What came of many frames.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
-    frames: usize,
     /// Root mean square error over the root mean square bound.
     ratio: f64,
     /// The same of the error over the claimed uncertainty.
@@ -121,25 +90,6 @@ struct Outcome {
     confident_errors: usize,
     /// Frames whose rows hang together.
     flagged: usize,
-    /// Root mean square claim over root mean square error, of the frames that are not flagged.
-    claimed: f64,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let percent = |count: usize| 100.0 * count as f64 / self.frames as f64;
-        write!(
-            f,
-            "RMSE / bound {:7.3}, error / claim {:6.3}, faults {:5.2} %, confident errors {:5.2} %, flagged \
-             {:6.2} %, claim / error of the others {:.2}",
-            self.ratio,
-            self.pull,
-            percent(self.faults),
-            percent(self.confident_errors),
-            percent(self.flagged),
-            self.claimed
-        )
-    }
 }
 
 /// Draws frames, and prints a line of what comes of them.
@@ -151,7 +101,7 @@ fn run(
     let found: Vec<Option<Found>> = (0..frames)
         .into_par_iter()
         .map(|frame| {
-            let Drawn { rows, bound } = draw(&mut random(frame));
+            let (rows, bound) = draw(&mut random(frame));
             let found = centre(rows, how).ok()?;
             Some(Found {
                 bound,
@@ -165,15 +115,15 @@ fn run(
     let others: Vec<&Found> = found.iter().filter(|it| !it.is_flagged).collect();
     let is_confident_error = |it: &&&Found| it.error.abs() > 5.0 * it.claim + 0.05;
     let outcome = Outcome {
-        frames: frames as usize,
         ratio: rms(found.iter().map(|it| it.error)) / rms(found.iter().map(|it| it.bound)),
         pull: rms(found.iter().map(|it| it.error / it.claim)),
         faults: frames as usize - found.len(),
         confident_errors: others.iter().filter(is_confident_error).count(),
         flagged: found.len() - others.len(),
-        claimed: rms(others.iter().map(|it| it.claim)) / rms(others.iter().map(|it| it.error)),
     };
-    println!("{name:24} {count:2} rows, {:8} {outcome}", how.name());
+    let claimed = rms(others.iter().map(|it| it.claim)) / rms(others.iter().map(|it| it.error));
+    print!("{name:24} {count:2} rows, {how:?}: {outcome:.3?}; ");
+    println!("claim / error of those that are not flagged {claimed:.2}");
     outcome
 }
 
@@ -216,10 +166,7 @@ fn the_mean_is_at_the_bound_of_the_good_rows() {
             });
             if rows == 64 {
                 assert!(weighted.ratio <= most && weighted.faults == 0, "{name}");
-                assert!(
-                    plain.ratio > 1.1 || name == "equal",
-                    "{name}: nothing to do"
-                );
+                assert!(plain.ratio > 1.1 || name == "equal", "{name}: no gain");
             }
         }
     }
@@ -230,28 +177,26 @@ fn the_mean_is_at_the_bound_of_the_good_rows() {
 /// frames claim a larger uncertainty.
 #[test]
 fn a_moving_target_is_measured_at_the_middle_of_the_frame() {
-    for speed in [0.001, 0.01, 0.1, 0.3] {
-        for rows in [8, 16, 64] {
-            let outliers = Outliers::OneSided(0.1, 3.0);
-            for (name, outliers, most) in [
-                ("brightness 4", Outliers::None, 1.1),
-                ("brightness 4, 10 % +3 px", outliers, 2.0),
-            ] {
-                let name = format!("{speed} px a row, {name}");
-                let outcome = run(FRAMES / 4, (&name, rows, Mean::Weighted), |random| {
-                    let mut drawn = draw(random, rows, Some(4.0), outliers);
-                    for (i, row) in drawn.rows.iter_mut().enumerate() {
-                        let way = speed * (i as f64 - 0.5 * (rows as f64 - 1.0));
-                        let bits = row.centre.to_bits() + (way * 65536.0).round() as i32;
-                        row.centre = Pixels::from_bits(bits);
-                    }
-                    drawn
-                });
-                if rows == 64 {
-                    assert!(outcome.ratio <= most && outcome.faults == 0, "{name}");
-                    assert!((0.9..=1.1).contains(&outcome.pull), "{name}");
-                    assert!(outcome.flagged as u64 <= FRAMES / 4 / 100, "{name}");
+    for (speed, rows) in pairs([0.001, 0.01, 0.1, 0.3], [8, 16, 64]) {
+        let outliers = Outliers::OneSided(0.1, 3.0);
+        for (name, outliers, most) in [
+            ("brightness 4", Outliers::None, 1.1),
+            ("brightness 4, 10 % +3 px", outliers, 2.0),
+        ] {
+            let name = format!("{speed} px a row, {name}");
+            let outcome = run(FRAMES / 4, (&name, rows, Mean::Weighted), |random| {
+                let mut drawn = draw(random, rows, Some(4.0), outliers);
+                for (i, row) in drawn.0.iter_mut().enumerate() {
+                    let way = speed * (i as f64 - 0.5 * (rows as f64 - 1.0));
+                    let bits = row.centre.to_bits() + (way * 65536.0).round() as i32;
+                    row.centre = Pixels::from_bits(bits);
                 }
+                drawn
+            });
+            if rows == 64 {
+                assert!(outcome.ratio <= most && outcome.faults == 0, "{name}");
+                assert!((0.9..=1.1).contains(&outcome.pull), "{name}");
+                assert!(outcome.flagged as u64 <= FRAMES / 4 / 100, "{name}");
             }
         }
     }
@@ -286,15 +231,13 @@ fn frames_with_many_wrong_rows_are_seldom_wrong() {
 fn draw_correlated(random: &mut ChaCha8Rng, count: usize, share: f64) -> Drawn {
     let mut error: f64 = StandardNormal.sample(random);
     let rows = (0..count).map(|_| {
-        let row = row(TRUTH + UNCERTAINTY * error, UNCERTAINTY);
+        let row = row_centre(TRUTH + UNCERTAINTY * error, UNCERTAINTY);
         let new: f64 = StandardNormal.sample(random);
         error = share * error + (1.0 - share * share).sqrt() * new;
         row
     });
-    Drawn {
-        rows: rows.collect(),
-        bound: UNCERTAINTY / independent(count, share).sqrt(),
-    }
+    let bound = UNCERTAINTY / independent(count, share).sqrt();
+    (rows.collect(), bound)
 }
 
 /// How many independent rows so many are worth, each of which hangs on the one before by `share`: the
@@ -312,10 +255,9 @@ fn share_for(count: usize, worth: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..50 {
         let share = 0.5 * (low + high);
-        if independent(count, share) > worth {
-            low = share;
-        } else {
-            high = share;
+        match independent(count, share) > worth {
+            true => low = share,
+            false => high = share,
         }
     }
     low
@@ -378,19 +320,14 @@ impl Missing {
 type Case = (usize, Option<f64>, Missing, Mean);
 
 fn named((rows, alike, missing, how): Case) -> String {
-    let how = how.name();
-    format!("{rows} rows, missing {missing:?}, brightness {alike:?}, {how}")
+    format!("{rows} rows, missing {missing:?}, brightness {alike:?}, {how:?}")
 }
 
 /// All cases with these numbers of rows, brightnesses and ways of missing rows.
 fn cases(rows: &[usize], alike: &[Option<f64>], missing: &[Missing]) -> Vec<Case> {
     let mut cases = vec![];
-    for &rows in rows {
-        for &alike in alike {
-            for &missing in missing {
-                cases.extend(Mean::ALL.map(|how| (rows, alike, missing, how)));
-            }
-        }
+    for ((&rows, &alike), &missing) in pairs(pairs(rows, alike), missing) {
+        cases.extend(Mean::ALL.map(|how| (rows, alike, missing, how)));
     }
     cases
 }
@@ -403,14 +340,14 @@ fn centre_in_motion(
     place: impl Fn(f64) -> f64,
 ) -> Option<FrameCentre> {
     let mut frame = Frame::default();
-    for (number, drawn) in (draw(random, rows, alike, Outliers::None).rows.iter()).enumerate() {
+    for (number, drawn) in (draw(random, rows, alike, Outliers::None).0.iter()).enumerate() {
         let from_middle = number as f64 - 0.5 * (rows as f64 - 1.0);
         let at = drawn.centre.to_f64() + place(from_middle);
         frame.add(match missing.has(number, rows, random) {
             true => Err(Fault::SensorSilent),
             false => Ok(RowCentre {
                 width: Pixels::from_int(40),
-                ..row(at, drawn.uncertainty.to_f64())
+                ..row_centre(at, drawn.uncertainty.to_f64())
             }),
         });
     }
@@ -471,16 +408,14 @@ fn both_means_hold_in_the_middle_of_the_frame_of_a_moving_target() {
 fn the_motion_says_how_far_an_acceleration_shifts_the_mean() {
     const FRAMES: u64 = 500;
     for shift_in_claims in [10.0, 30.0, 100.0] {
-        for case in cases(&[16, 64], &[None], &Missing::ALL) {
-            for speed in [0.0, 0.05] {
-                let n = case.0 as f64;
-                let shift = shift_in_claims * UNCERTAINTY / n.sqrt();
-                let acceleration = shift * 24.0 / (n * n - 1.0);
-                let place = |at| speed * at + 0.5 * acceleration * at * at;
-                let found = centres(FRAMES, |random| centre_in_motion(random, case, place));
-                print!("shift of {shift_in_claims} claims, {speed} px a row, ");
-                check_acceleration(case, &found, shift);
-            }
+        for (case, speed) in pairs(cases(&[16, 64], &[None], &Missing::ALL), [0.0, 0.05]) {
+            let n = case.0 as f64;
+            let shift = shift_in_claims * UNCERTAINTY / n.sqrt();
+            let acceleration = shift * 24.0 / (n * n - 1.0);
+            let place = |at| speed * at + 0.5 * acceleration * at * at;
+            let found = centres(FRAMES, |random| centre_in_motion(random, case, place));
+            print!("shift of {shift_in_claims} claims, {speed} px a row, ");
+            check_acceleration(case, &found, shift);
         }
     }
 }
@@ -518,14 +453,13 @@ fn check_acceleration(case: Case, found: &[FrameCentre], shift: f64) {
 fn rows_at_rest_have_neither_motion_nor_spread() {
     for case in cases(&[2, 3, 5, 8, 16, 64], &[None, Some(4.0)], &[Missing::None]) {
         let found = centres(FRAMES, |random| centre_in_motion(random, case, |_| 0.0));
-        let share = |is_so: fn(&FrameCentre) -> bool| {
-            found.iter().filter(|it| is_so(it)).count() as f64 / FRAMES as f64
+        let share = |is_so: fn(&&FrameCentre) -> bool| {
+            found.iter().filter(is_so).count() as f64 / FRAMES as f64
         };
         let moving = share(|it| it.motion.to_f64() > 0.0);
         let spread = share(|it| it.spread.to_f64() > 0.0);
-        let [of_moving, of_spread] = [moving, spread].map(|it| 100.0 * it);
         let name = named(case);
-        println!("{name}: {of_moving:.3} % with motion, {of_spread:.2} % with spread");
+        println!("{name}: {moving:.5} have motion, {spread:.4} spread");
         assert!(moving <= 0.0005, "{moving}");
         let most = match case.0 {
             2 => 0.0,
@@ -557,12 +491,12 @@ fn the_spread_is_the_displacement_beyond_the_noise() {
                     continue;
                 }
                 let found = centres(FRAMES, |random| {
-                    let displaced = draw_correlated(random, rows, share).rows;
+                    let displaced = draw_correlated(random, rows, share).0;
                     let rows = (0..).zip(&displaced).map(|(number, displaced)| {
                         let noise: f64 = StandardNormal.sample(random);
                         let way = speed * (f64::from(number) - 0.5 * (rows as f64 - 1.0));
                         let by = displacement * (displaced.centre.to_f64() - TRUTH) / UNCERTAINTY;
-                        row(TRUTH + way + by + UNCERTAINTY * noise, UNCERTAINTY)
+                        row_centre(TRUTH + way + by + UNCERTAINTY * noise, UNCERTAINTY)
                     });
                     centre(rows, how).ok()
                 });
@@ -572,11 +506,9 @@ fn the_spread_is_the_displacement_beyond_the_noise() {
                 let left = (variance - spread.powi(2)).max(0.0).sqrt();
                 let none = found.iter().filter(|it| it.spread.to_f64() == 0.0).count();
                 println!(
-                    "displaced by {displacement} px, {share} of the one before, {rows} rows, {speed} px a \
-                     row, {}: spread {spread:.4} px, none in {:.1} %, mean off by {off:.4} px, \
-                     sqrt(V - E[spread^2]) {left:.4} px",
-                    how.name(),
-                    100.0 * none as f64 / FRAMES as f64
+                    "displaced by {displacement} px, {share} of the one before, {rows} rows, {speed} px a row, \
+                     {how:?}: spread {spread:.4} px, none in {none} of {FRAMES}, mean off by {off:.4} px, \
+                     sqrt(V - E[spread^2]) {left:.4} px"
                 );
                 if rows < 16 {
                     continue;
@@ -621,9 +553,7 @@ fn a_swinging_target_widens_the_uncertainty() {
             let pull = rms(found.iter().map(|it| it.1));
             let frames = found.len();
             let name = named(case);
-            println!(
-                "{periods} periods, {name}: {frames} frames, off by {off:.4} px, pull {pull:.3}"
-            );
+            println!("{periods} periods, {name}: {frames}, off by {off:.4} px, pull {pull:.3}");
             if (0.5..=2.0).contains(&periods) {
                 assert!(pull <= 1.3, "{pull}");
             }
@@ -634,18 +564,14 @@ fn a_swinging_target_widens_the_uncertainty() {
 /// Readings of a scene, each on a surface of its own: their errors and claims in micrometres.
 fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
     let scene = support::scene(name);
-    let options = Options {
-        rows,
-        ..Options::default()
-    };
+    let options = options(|it| it.rows = rows);
     let calibration = Calibration::nominal();
     let results: Vec<Option<Found>> = (0..count)
         .into_par_iter()
         .map(|reading| {
-            let simulation = Simulation::new(Scene {
-                seed: scene.seed + reading,
-                ..scene.clone()
-            });
+            let mut scene = scene.clone();
+            scene.seed += reading;
+            let simulation = Simulation::new(scene.clone());
             let mut measurement = Measurement::new(scene.geometry(), options);
             let mut truth = 0.0;
             let mut result = None;

@@ -3,19 +3,11 @@
 
 use std::fmt::Write as _;
 
-use crate::support::random;
+use crate::support::*;
 use judges::accuracy;
 use judges::hard_cases::flaw::{Bad, Flaw, Second};
 use judges::hard_cases::{self, HardRow, Recipe, Shape};
-use rand::Rng as _;
-use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
-use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::frame::{Frame, Mean};
-use slitrange::measurement::steps::centre_of_spot;
-use slitrange::row::Row;
-use slitrange::spot;
 
 /// The checked centre of a row.
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {
@@ -143,10 +135,8 @@ impl Rows {
                 centre: Pixels::from_f32((1800.3 + place + growth * uncertainty * error) as f32),
                 uncertainty: Pixels::from_f32(uncertainty as f32),
                 amplitude: Counts::from_int(1000 + number as i32),
-                width: Pixels::from_int(9),
-                class: WidthClass::default(),
-                shape: Default::default(),
                 misfit: matches!(self, Misfits) && is_fourth,
+                ..row_centre(0.0, 0.0)
             }));
         }
         frame
@@ -158,25 +148,23 @@ impl Rows {
 fn centres_of_frames_stay_the_same() {
     const COUNTS: [usize; 10] = [1, 2, 3, 5, 7, 8, 16, 17, 40, 64];
     let mut text = String::new();
-    for rows in Rows::ALL {
-        for count in COUNTS {
-            let frame = rows.frame(count);
-            for how in Mean::ALL {
-                let answer = match frame.centre(how) {
-                    Ok(centre) => format!(
-                        "x {} u {} a {} n {}/{} m {} c {:?}",
-                        centre.centre.to_bits(),
-                        centre.uncertainty.to_bits(),
-                        centre.amplitude.to_bits(),
-                        centre.rows_used,
-                        centre.rows,
-                        centre.misfits,
-                        centre.correlated
-                    ),
-                    Err(fault) => format!("f {fault}"),
-                };
-                writeln!(text, "{rows:?} {count} {}: {answer}", how.name()).expect("text");
-            }
+    for (rows, count) in pairs(Rows::ALL, COUNTS) {
+        let frame = rows.frame(count);
+        for how in Mean::ALL {
+            let answer = match frame.centre(how) {
+                Ok(centre) => format!(
+                    "x {} u {} a {} n {}/{} m {} c {:?}",
+                    centre.centre.to_bits(),
+                    centre.uncertainty.to_bits(),
+                    centre.amplitude.to_bits(),
+                    centre.rows_used,
+                    centre.rows,
+                    centre.misfits,
+                    centre.correlated
+                ),
+                Err(fault) => format!("f {fault}"),
+            };
+            writeln!(text, "{rows:?} {count} {}: {answer}", how.name()).expect("text");
         }
     }
     insta::assert_snapshot!("frames", text);
@@ -244,27 +232,25 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
     let mut text = String::new();
     for (name, flaw) in flaws {
         writeln!(text, "{name}").expect("text");
-        for (shape_name, shape) in shapes {
-            for width in [1.0, 1.5, 4.0, 10.5, 20.0] {
-                let clean = Recipe::clean(width).spot(|spot| spot.shape = shape);
-                let found: String = (1..=STRENGTHS)
-                    .map(|step| {
-                        // From 1/1000 to 1.
-                        let strength = 1e-3f64.powf(1.0 - f64::from(step) / f64::from(STRENGTHS));
-                        let row = clean.clone().with(flaw(strength)).row(7, 0);
-                        let [alone, checked] =
-                            accuracy::answers(&row.geometry, &row.light, Estimator::default());
-                        match checked {
-                            Err(_) => 'f',
-                            Ok(found) if found.misfit => 'm',
-                            Ok(found) if found.shape.uncertainty(None) > found.uncertainty => 'u',
-                            Ok(found) if alone.is_ok_and(|it| it.centre == found.centre) => '.',
-                            Ok(_) => 'r',
-                        }
-                    })
-                    .collect();
-                writeln!(text, "  {found} {shape_name}, sigma {width}").expect("text");
-            }
+        for ((shape_name, shape), width) in pairs(shapes, [1.0, 1.5, 4.0, 10.5, 20.0]) {
+            let clean = Recipe::clean(width).spot(|spot| spot.shape = shape);
+            let found: String = (1..=STRENGTHS)
+                .map(|step| {
+                    // From 1/1000 to 1.
+                    let strength = 1e-3f64.powf(1.0 - f64::from(step) / f64::from(STRENGTHS));
+                    let row = clean.clone().with(flaw(strength)).row(7, 0);
+                    let [alone, checked] =
+                        accuracy::answers(&row.geometry, &row.light, Estimator::default());
+                    match checked {
+                        Err(_) => 'f',
+                        Ok(found) if found.misfit => 'm',
+                        Ok(found) if found.shape.uncertainty(None) > found.uncertainty => 'u',
+                        Ok(found) if alone.is_ok_and(|it| it.centre == found.centre) => '.',
+                        Ok(_) => 'r',
+                    }
+                })
+                .collect();
+            writeln!(text, "  {found} {shape_name}, sigma {width}").expect("text");
         }
     }
     insta::assert_snapshot!("strengths", text);

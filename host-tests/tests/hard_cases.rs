@@ -3,11 +3,11 @@
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
+use crate::support::*;
 use judges::hard_cases;
 use judges::hard_cases::mixtures;
 use judges::hard_cases::report::{self, Catalogue};
 use judges::hard_cases::tally::Tally;
-use slitrange::centre::Estimator;
 
 static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
 
@@ -110,16 +110,9 @@ fn confident_errors_are_rare() {
         if USED.contains(estimator) {
             let [of_clean, of_flawed] =
                 [&clean, &flawed].map(|tally| tally.checked[i].confident_errors);
-            assert!(
-                of_clean <= most(OF_CLEAN),
-                "{}: {of_clean}",
-                estimator.name()
-            );
-            assert!(
-                of_flawed <= most(OF_FLAWED),
-                "{}: {of_flawed}",
-                estimator.name()
-            );
+            let name = estimator.name();
+            assert!(of_clean <= most(OF_CLEAN), "{name}: {of_clean}");
+            assert!(of_flawed <= most(OF_FLAWED), "{name}: {of_flawed}");
         }
     }
 }

@@ -6,16 +6,13 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::support::checked;
-use judges::accuracy::{centre_of, centre_with};
+use crate::support::*;
+use judges::accuracy::centre_with;
 use judges::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
 use simulator::least_squares;
 use simulator::photograph::Photograph;
-use simulator::scene::quantise;
 use slitrange::centre::tables::TableSet;
-use slitrange::centre::{Estimator, RowCentre};
-use slitrange::row::sensor_heads;
 use statistics::upper_median;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
@@ -129,9 +126,7 @@ fn few_rows_are_flagged_and_centres_lie_within_two_uncertainties_of_the_fit() {
         };
         let (within, flagged) = (share(|row| row.0 <= 2.0), share(|row| row.2));
         let (n, shape) = (rows.len(), upper_median(rows.iter().map(|row| row.1)));
-        println!(
-            "{name}: {n} rows, {within:.3} within 2u, {flagged:.3} flagged, shape's median {shape:.3}"
-        );
+        println!("{name}: {n} rows, {within:.3} within 2u, {flagged:.3} flagged, shape {shape:.3}");
         assert!(n >= 80 && within >= 0.95 && flagged <= 0.1);
     }
 }

@@ -1,24 +1,17 @@
 //! The map of the pixels: what it leaves of the pixels' differences, and what no map may do to a row.
 
 use crate::records::cases;
-use crate::support::{listing, scene};
+use crate::support::*;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use judges::frames::{self, words};
 use proptest::prelude::*;
-use rayon::prelude::*;
-use simulator::scene::{Ambient, Effect, Scene, Simulation};
-use slitrange::base::units::Counts;
+use simulator::scene::Ambient;
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Measured;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
 use slitrange::row::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
-use slitrange::row::sensor_heads::tcd1304dg;
-use slitrange::row::{Geometry, Polarity};
 use slitrange::spot::region::Region;
 use slitrange_device::store::encoded_map::{Read, Reader, Word, Words};
-use statistics::rms;
 
 /// Counts of light in the lit rows.
 const LIGHT: f64 = 2000.0;
@@ -50,10 +43,8 @@ fn without_laser(paper: &Scene, light: f64) -> Simulation {
 /// The words of a row.
 fn words_of(simulation: &Simulation, row: u64) -> Vec<u16> {
     let scene = simulation.scene();
-    words(
-        &simulation.row(row, scene.distance, scene.exposure),
-        &scene.geometry(),
-    )
+    let light = simulation.row(row, scene.distance, scene.exposure);
+    words(&light, &scene.geometry())
 }
 
 /// Takes rows of one kind.
@@ -61,16 +52,11 @@ fn take(
     field: &mut FlatField,
     kind: Kind,
     geometry: &Geometry,
-    mut row: impl FnMut(u64) -> Vec<u16>,
+    row: impl Fn(u64) -> Vec<u16>,
 ) -> Result<Taken, TakeError> {
     field.begin(kind, geometry)?;
-    for number in 0.. {
-        if let Some(result) = field.add(&mut row(number), geometry) {
-            assert!(number < u64::from(ROWS));
-            return result;
-        }
-    }
-    unreachable!("rows without an end");
+    let taken = (0..u64::from(ROWS)).find_map(|number| field.add(&mut row(number), geometry));
+    taken.expect("the last row ends it")
 }
 
 /// The map of a sensor.
@@ -102,10 +88,7 @@ fn frame_of(measured: &Measured, truth: f64) -> Frame {
 
 fn frame(paper: &Scene, centre: f64, rows: u16, map: Option<&PixelMap>) -> Frame {
     let simulation = Simulation::new(paper.clone());
-    let options = Options {
-        rows,
-        ..Options::default()
-    };
+    let options = options(|it| it.rows = rows);
     let distance = paper.optics.distance(centre);
     let measured = frames::measure(&simulation, options, distance, 0, map).expect("a centre");
     frame_of(&measured, simulation.true_centre(0, distance))
@@ -157,10 +140,7 @@ fn subtracted_frame(paper: &Scene, centre: f64, map: Option<&PixelMap>) -> Frame
     let window = "ambient = { counts_per_second = 100e3, slope = 11.0 }";
     let mut scene = listing(paper.clone(), window);
     scene.distance = paper.optics.distance(centre);
-    let options = Options {
-        ambient: AmbientMode::Subtract,
-        ..Options::default()
-    };
+    let options = options(|it| it.ambient = AmbientMode::Subtract);
     let mut measurement = Measurement::new(paper.geometry(), options);
     let (dark, lit) = (dark(scene.clone()), Simulation::new(scene));
     let mut row = 0;
@@ -200,9 +180,7 @@ fn a_map_corrects_only_the_gains_of_subtracted_rows() {
     let [bare, corrected] = [0, 1].map(|i| rms(frames.iter().map(|frame| frame[i][0])));
     let of_claim = |[_, [error, noise, pixels]]: &[Frame; 2]| error / noise.hypot(*pixels);
     let claims = rms(frames.iter().map(of_claim));
-    println!(
-        "RMS error without a map {bare:.5} px, with it {corrected:.5} px, {claims:.2} of the claim"
-    );
+    println!("without a map {bare:.5} px, with it {corrected:.5} px, {claims:.2} of the claim");
     assert!(corrected < 0.4 * bare);
     // The RMS of 32 errors is known to 13 %.
     assert!((0.5..1.5).contains(&claims));
@@ -231,10 +209,8 @@ fn rows_that_make_no_map_are_refused_with_a_reason() {
     let light = [-20.0, 300.0, 5000.0].map(|light| without_laser(&paper, light));
     let mut refused: Vec<_> = light.iter().map(|scene| of(Kind::Lit, scene)).collect();
     // A weak spot on even light.
-    let even = format!(
-        "ambient = {{ counts_per_second = {}, slope = 0.0 }}",
-        LIGHT / paper.exposure
-    );
+    let a_second = LIGHT / paper.exposure;
+    let even = format!("ambient = {{ counts_per_second = {a_second}, slope = 0.0 }}");
     let mut weak = listing(paper.clone(), &even);
     if let Some(spot) = &mut weak.spot {
         spot.counts_per_second /= 8.0;
@@ -343,12 +319,9 @@ fn with_darker_pixels(
         measured.frame.centre.to_f64()
     };
     let even = read(&light, options, None);
-    let gain = |pixel: usize| {
-        if is_darker(pixel as f64, even) {
-            0.8
-        } else {
-            1.0
-        }
+    let gain = |pixel: usize| match is_darker(pixel as f64, even) {
+        true => 0.8,
+        false => 1.0,
     };
     let mut uneven = light.clone();
     for (count, pixel) in uneven[geometry.light.clone()].iter_mut().zip(0..) {
@@ -375,16 +348,10 @@ fn a_map_corrects_each_pixel_of_a_comb_once() {
     let centres: Vec<f64> = (scene.openings().iter())
         .map(|slit| slit.centre(0.8))
         .collect();
-    let options = Options {
-        slits: Slits::Comb,
-        ..Options::default()
-    };
+    let options = options(|it| it.slits = Slits::Comb);
     // Beyond 10 pixels on each image's right side.
-    let is_darker = |pixel, _| {
-        centres
-            .iter()
-            .any(|it| (10.0..60.0).contains(&(pixel - it)))
-    };
+    let beside = |off: f64| (10.0..60.0).contains(&off);
+    let is_darker = |pixel, _| centres.iter().any(|it| beside(pixel - it));
     with_darker_pixels(scene, options, Region::ALL, is_darker);
 }
 
@@ -402,11 +369,8 @@ fn entries() -> impl Strategy<Value = Vec<Entry>> {
     let entry = (edges(1 << 14), edges(1 << 14));
     prop::collection::vec(entry, 1..200).prop_map(|some| {
         let entry = |&(offset, gain): &(i16, i16)| Entry::new(offset, gain).expect("in range");
-        some.iter()
-            .map(entry)
-            .cycle()
-            .take(MAX_MAP_PIXELS)
-            .collect()
+        let all = some.iter().map(entry).cycle();
+        all.take(MAX_MAP_PIXELS).collect()
     })
 }
 

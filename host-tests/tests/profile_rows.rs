@@ -1,14 +1,9 @@
 //! Seeded rows of a spot of any profile, and the bias of a centre over the sub-pixel phases.
 
-use crate::support::random;
-use rayon::prelude::*;
+use crate::support::*;
 use simulator::profiles::Curve;
-use simulator::scene::quantise;
-use slitrange::base::fault::Fault;
-use slitrange::centre::RowCentre;
-use slitrange::row::Geometry;
 
-use judges::accuracy::{Cell, Phases};
+use judges::accuracy::Phases;
 
 /// Pixels of a row that is long enough for the spot and as much background: the noise is not known well on
 /// it, but the centre does not depend on that where the tables are given.

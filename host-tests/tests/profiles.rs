@@ -2,20 +2,14 @@
 //! tests print every figure that they assert.
 
 use crate::profile_rows::{Rows, bias, pixels};
-use crate::support::{Noise, cell, checked, geometry, random};
-use judges::accuracy::{Cell, PIXELS, centre_after, centre_of, centre_with, largest};
+use crate::support::*;
+use judges::accuracy::{centre_after, centre_with, largest};
 use judges::core_tables;
 use judges::measured_profile::MeasuredProfile;
-use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, Widths, set};
-use rand::Rng as _;
-use rand_distr::StandardNormal;
+use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, set};
 use simulator::profiles::{self, Blur, Curve, Slit};
 use simulator::sinc_fit::{Sinc, fit_from};
-use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{MIXES, TableSet};
-use slitrange::centre::{Estimator, RowCentre};
-use slitrange::row::Geometry;
-use statistics::{mean, rms};
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
 /// mm.
@@ -83,34 +77,32 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
         columns(&WIDTHS, 6)
     );
     let mut failures = vec![];
-    for (name, curve) in symmetric() {
-        for estimator in TABLES {
-            text += &format!("{name:>14}{:>14}", estimator.name());
-            let mixes = match estimator {
-                Estimator::Adaptive => &EVERY_MIX[..],
-                _ => &[0],
-            };
-            for width in WIDTHS {
-                let of_mix = mixes.iter().map(|&shot| {
-                    let geometry = geometry(pixels(width), shot);
-                    let errors = bias(&curve, width, |light, before| {
-                        centre_after(before, &geometry, light, estimator)
-                    });
-                    largest(&errors.expect("centres").concat())
+    for ((name, curve), estimator) in pairs(symmetric(), TABLES) {
+        text += &format!("{name:>14}{:>14}", estimator.name());
+        let mixes = match estimator {
+            Estimator::Adaptive => &EVERY_MIX[..],
+            _ => &[0],
+        };
+        for width in WIDTHS {
+            let of_mix = mixes.iter().map(|&shot| {
+                let geometry = geometry(pixels(width), shot);
+                let errors = bias(&curve, width, |light, before| {
+                    centre_after(before, &geometry, light, estimator)
                 });
-                let worst = of_mix.fold(0.0, f64::max);
-                text += &format!("{:>6.0}", worst * 1e4);
-                let limit = match (name, estimator) {
-                    ("gaussian", _) => 0.0005,
-                    _ if width < 1.5 => f64::INFINITY,
-                    _ => 0.001,
-                };
-                if worst > limit {
-                    failures.push(format!("{name}, {estimator:?}, sigma {width}: {worst}"));
-                }
+                largest(&errors.expect("centres").concat())
+            });
+            let worst = of_mix.fold(0.0, f64::max);
+            text += &format!("{:>6.0}", worst * 1e4);
+            let limit = match (name, estimator) {
+                ("gaussian", _) => 0.0005,
+                _ if width < 1.5 => f64::INFINITY,
+                _ => 0.001,
+            };
+            if worst > limit {
+                failures.push(format!("{name}, {estimator:?}, sigma {width}: {worst}"));
             }
-            text += "\n";
         }
+        text += "\n";
     }
     println!("{text}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
@@ -123,7 +115,7 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
 /// 1 % worse in white noise, where the default is 3 to 5 % worse; and 2 to 5 % better in shot noise, where
 /// the default is 6 to 9 % better.
 fn of_fraunhofer(noises: &[(f64, Noise)], widths: &[f64]) -> String {
-    let curve = profiles::slit();
+    let curve = &profiles::slit();
     let mut text = format!(
         "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, \
          10000 rows a cell; sigma in pixels\n\
@@ -133,12 +125,10 @@ fn of_fraunhofer(noises: &[(f64, Noise)], widths: &[f64]) -> String {
     for &(amplitude, noise) in noises {
         text += &format!("{:>21}", noise_name(amplitude, noise));
         for &width in widths {
-            let rows = Rows {
-                curve: &curve,
-                cell: cell(width, amplitude, noise, 10_000, (amplitude * width) as u64),
-            };
+            let cell = cell(width, amplitude, noise, 10_000, (amplitude * width) as u64);
+            let rows = Rows { curve, cell };
             let errors = rows.errors(|light| centres_and_fit(&rows.geometry(), light));
-            let bound = profiles::bound(&curve, &rows.cell.spot(), 8.0);
+            let bound = profiles::bound(curve, &cell.spot(), 8.0);
             let [fraunhofer, default, fit] =
                 root_mean_squares(&errors.expect("centres")).map(|error| error / bound);
             text += &format!("  {fraunhofer:>5.2}{default:>6.2}{fit:>6.2}");
@@ -161,10 +151,8 @@ fn of_fraunhofer(noises: &[(f64, Noise)], widths: &[f64]) -> String {
 
 #[test]
 fn fraunhofer_is_as_good_as_the_fit_of_its_profile() {
-    of_fraunhofer(
-        &[(2400.0, (24.0, None)), (1000.0, (2.0, Some(5.0)))],
-        &[8.0],
-    );
+    let noises = [(2400.0, (24.0, None)), (1000.0, (2.0, Some(5.0)))];
+    of_fraunhofer(&noises, &[8.0]);
 }
 
 #[test]
@@ -221,37 +209,28 @@ fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
         (3000.0, (1.0, None), Flaw::Sensitivity),
     ];
     println!(
-        "distance from the fit of sinc^2 in 1e-4 px, RMS over 300 rows: fraunhofer, phase-table; blur: \
-         standard deviation over the width"
+        "RMS distance from the fit of sinc^2 in 1e-4 px over 300 rows: fraunhofer, phase-table"
     );
-    for (name, curve) in &blurs {
-        for (amplitude, noise, flaw) in noises {
-            for width in [4.0, 8.0] {
-                let cell = cell(width, amplitude, noise, 300, 71);
-                let rows = Rows { curve, cell };
-                let distances = rows.errors(|light| {
-                    let light = with_flaw(light, flaw);
-                    let [fraunhofer, default, fit] = centres_and_fit(&rows.geometry(), &light)?;
-                    Ok([fraunhofer - fit, default - fit])
-                });
-                // `errors` subtracts the true centre from both.
-                let distances: Vec<[f64; 2]> = (distances.expect("centres").iter())
-                    .zip(0..cell.rows)
-                    .map(|(distances, row)| distances.map(|distance| distance + rows.row(row).1))
-                    .collect();
-                let [fraunhofer, default] = root_mean_squares(&distances);
-                println!(
-                    "{name:>14}, {}, {flaw:?}, sigma {width}: {:.1} {:.1}",
-                    noise_name(amplitude, noise),
-                    1e4 * fraunhofer,
-                    1e4 * default
-                );
-                let is_near = fraunhofer <= 0.8 * default || fraunhofer <= 2e-4;
-                assert!(
-                    is_near,
-                    "{name}, {cell:?}, {flaw:?}: {fraunhofer} {default}"
-                );
-            }
+    for ((name, curve), (amplitude, noise, flaw)) in pairs(&blurs, noises) {
+        for width in [4.0, 8.0] {
+            let cell = cell(width, amplitude, noise, 300, 71);
+            let rows = Rows { curve, cell };
+            let distances = rows.errors(|light| {
+                let light = with_flaw(light, flaw);
+                let [fraunhofer, default, fit] = centres_and_fit(&rows.geometry(), &light)?;
+                Ok([fraunhofer - fit, default - fit])
+            });
+            // `errors` subtracts the true centre from both.
+            let distances: Vec<[f64; 2]> = (distances.expect("centres").iter())
+                .zip(0..cell.rows)
+                .map(|(distances, row)| distances.map(|distance| distance + rows.row(row).1))
+                .collect();
+            let [fraunhofer, default] = root_mean_squares(&distances);
+            let (noise, offs) = (noise_name(amplitude, noise), [fraunhofer, default]);
+            let offs = offs.map(|it| 1e4 * it);
+            println!("{name:>14}, {noise}, {flaw:?}, sigma {width}: {offs:.1?}");
+            let is_near = fraunhofer <= 0.8 * default || fraunhofer <= 2e-4;
+            assert!(is_near, "{name}, {cell:?}, {flaw:?}");
         }
     }
 }
@@ -290,35 +269,26 @@ fn wide_slits_are_read_without_fault_or_flag() {
     ];
     const NUMBERS: [f64; 8] = [0.31, 0.38, 0.40, 0.42, 0.45, 0.47, 0.50, 0.55];
     let mut failures = vec![];
-    println!(
-        "90 rows of each: rows with a fault, rows with a flag, RMS error over the default's, RMS error over \
-         the claimed uncertainty"
-    );
-    for number in NUMBERS {
-        for spot_diameter in [0.0, 1e-3] {
-            let curve = Slit::of_fresnel_number(number, spot_diameter).curve();
-            for (amplitude, read_noise) in [(200.0, 4.0), (1000.0, 2.0), (3000.0, 2.0)] {
-                let noise = (read_noise, Some(10.0));
-                let cells = [4.0, 8.0, 10.5]
-                    .map(|width| cell(width, amplitude, noise, 30, 81 + width as u64));
-                let mut line = format!(
-                    "Fresnel number {number}, spot of {} mm, {amplitude:>4} counts:",
-                    1e3 * spot_diameter
-                );
-                let read = ESTIMATORS.map(|estimator| read(&curve, &cells, estimator));
-                let [[_, _, default, _], ..] = read;
-                for (estimator, [faults, flags, error, pull]) in ESTIMATORS.into_iter().zip(read) {
-                    let ratio = error / default;
-                    line += &format!(
-                        "   {} {faults} {flags} {ratio:.2} {pull:.2}",
-                        estimator.letter()
-                    );
-                    if faults > 0.0 || flags > 3.0 || ratio > 1.15 {
-                        failures.push(format!("{line}: {}", estimator.name()));
-                    }
+    println!("90 rows of each: faults, flags, RMS error over the default's and over the claim");
+    for (number, spot_diameter) in pairs(NUMBERS, [0.0, 1e-3]) {
+        let curve = Slit::of_fresnel_number(number, spot_diameter).curve();
+        for (amplitude, read_noise) in [(200.0, 4.0), (1000.0, 2.0), (3000.0, 2.0)] {
+            let noise = (read_noise, Some(10.0));
+            let cells =
+                [4.0, 8.0, 10.5].map(|width| cell(width, amplitude, noise, 30, 81 + width as u64));
+            let spot = 1e3 * spot_diameter;
+            let mut line = format!("number {number}, spot of {spot} mm, {amplitude:>4} counts:");
+            let read = ESTIMATORS.map(|estimator| read(&curve, &cells, estimator));
+            let [[_, _, default, _], ..] = read;
+            for (estimator, [faults, flags, error, pull]) in ESTIMATORS.into_iter().zip(read) {
+                let ratio = error / default;
+                let by = estimator.letter();
+                line += &format!("   {by} {faults} {flags} {ratio:.2} {pull:.2}");
+                if faults > 0.0 || flags > 3.0 || ratio > 1.15 {
+                    failures.push(format!("{line}: {}", estimator.name()));
                 }
-                println!("{line}");
             }
+            println!("{line}");
         }
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
@@ -375,42 +345,38 @@ fn of_measured_profiles(profiles: &[(&str, Curve)], widths: &[f64]) -> String {
         "", "sigma", "counts, e/count, read", "default r", "r for the noise"
     );
     let mut failures = vec![];
-    for (name, curve) in profiles {
-        for &width in widths {
-            for (amplitude, noise, noise_ratio) in [
-                (2400.0, (24.0, None), f64::INFINITY),
-                (2000.0, (2.0, Some(5.0)), 0.02),
-            ] {
-                let cell = cell(width, amplitude, noise, 20_000, 51 + width as u64);
-                let measured = measure(curve, cell);
-                let noise = noise_name(amplitude, noise);
-                text += &format!("{name:>14}{width:>7}{noise:>22}");
-                for noise_ratio in [DEFAULT.noise_ratio, noise_ratio] {
-                    let plan = plan(measured.width, noise_ratio);
-                    // In units of the width that was measured.
-                    let wider = width / measured.width;
-                    let tables = [
-                        set(&|offset, width| curve.at(offset, width * wider), plan),
-                        set(&|offset, width| measured.at(offset, width), plan),
-                        set(&phase_tables::gaussian, plan),
-                    ];
-                    let errors = errors_with(curve, cell, &tables);
-                    let [truth, measured, gaussian] = match *name {
-                        "tailed" => standard_deviations(&errors),
-                        _ => root_mean_squares(&errors),
-                    };
-                    let bound = profiles::bound(curve, &cell.spot(), 8.0);
-                    let [of_measured, of_gaussian] = [measured, gaussian].map(|it| it / truth);
-                    text += &format!(
-                        "{of_measured:>10.2}{of_gaussian:>8.2}{:>8.2}",
-                        truth / bound
-                    );
-                    if measured > 1.03 * truth {
-                        failures.push(format!("{name}, {cell:?}: {measured} {truth}"));
-                    }
+    for ((name, curve), &width) in pairs(profiles, widths) {
+        for (amplitude, noise, noise_ratio) in [
+            (2400.0, (24.0, None), f64::INFINITY),
+            (2000.0, (2.0, Some(5.0)), 0.02),
+        ] {
+            let cell = cell(width, amplitude, noise, 20_000, 51 + width as u64);
+            let measured = measure(curve, cell);
+            let noise = noise_name(amplitude, noise);
+            text += &format!("{name:>14}{width:>7}{noise:>22}");
+            for noise_ratio in [DEFAULT.noise_ratio, noise_ratio] {
+                let plan = plan(measured.width, noise_ratio);
+                // In units of the width that was measured.
+                let wider = width / measured.width;
+                let tables = [
+                    set(&|offset, width| curve.at(offset, width * wider), plan),
+                    set(&|offset, width| measured.at(offset, width), plan),
+                    set(&phase_tables::gaussian, plan),
+                ];
+                let errors = errors_with(curve, cell, &tables);
+                let [truth, measured, gaussian] = match *name {
+                    "tailed" => standard_deviations(&errors),
+                    _ => root_mean_squares(&errors),
+                };
+                let bound = profiles::bound(curve, &cell.spot(), 8.0);
+                let [of_measured, of_gaussian] = [measured, gaussian].map(|it| it / truth);
+                let truth = truth / bound;
+                text += &format!("{of_measured:>10.2}{of_gaussian:>8.2}{truth:>8.2}");
+                if measured > 1.03 * truth {
+                    failures.push(format!("{name}, {cell:?}: {measured} {truth}"));
                 }
-                text += "\n";
             }
+            text += "\n";
         }
     }
     println!("{text}");
@@ -450,14 +416,10 @@ fn measure(curve: &Curve, cell: Cell) -> MeasuredProfile {
 /// The default set's widths, moved so that one of them is this.
 fn plan(width: f64, noise_ratio: f64) -> Plan {
     let steps = (width / FINE.narrowest).ln() / FINE.ratio.ln();
-    Plan {
-        noise_ratio,
-        widths: Widths {
-            narrowest: width / FINE.ratio.powf(steps.floor()),
-            ..FINE
-        },
-        ..DEFAULT
-    }
+    let mut plan = DEFAULT;
+    (plan.noise_ratio, plan.widths) = (noise_ratio, FINE);
+    plan.widths.narrowest = width / FINE.ratio.powf(steps.floor());
+    plan
 }
 
 /// The errors with each of three sets of tables on a cell's rows.
@@ -520,7 +482,7 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
 /// ratio of two errors that differ by 5 % is 0.16 % over 40,000 rows, and half of that for the mean over the
 /// widths. (Spots of 11.6 px and more are summed to narrower ones.)
 fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
-    let curve = profiles::gaussian();
+    let curve = &profiles::gaussian();
     let mut text = format!(
         "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in \
          pixels\n\
@@ -538,21 +500,12 @@ fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
         let mut means = [0.0; 3];
         for &width in widths {
             let seed = (amplitude + 10.0 * (width + noise.0)) as u64;
-            let rows = Rows {
-                curve: &curve,
-                cell: cell(width, amplitude, noise, 40_000, seed),
-            };
+            let cell = cell(width, amplitude, noise, 40_000, seed);
+            let rows = Rows { curve, cell };
             let one = |width, noise_ratio| {
-                let widths = Widths {
-                    narrowest: width,
-                    count: 1,
-                    ..COARSE
-                };
-                let plan = Plan {
-                    noise_ratio,
-                    widths,
-                    ..DEFAULT
-                };
+                let mut plan = DEFAULT;
+                (plan.noise_ratio, plan.widths) = (noise_ratio, COARSE);
+                (plan.widths.narrowest, plan.widths.count) = (width, 1);
                 set(&phase_tables::gaussian, plan)
             };
             let tables = [
@@ -573,7 +526,7 @@ fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
                 Ok([a?, b?, c?, d?].map(|found| found.centre.to_f64()))
             });
             let [best, narrow, right, wide] = root_mean_squares(&errors.expect("centres"));
-            let bound = rows.cell.spot().bound();
+            let bound = cell.spot().bound();
             let ratios = [narrow, right, wide].map(|error| error / best);
             text += &format!("{:>7.2}{:>6.2}{:>6.2}", ratios[0], ratios[1], ratios[2]);
             for (mean, ratio) in means.iter_mut().zip(ratios) {

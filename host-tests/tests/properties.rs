@@ -1,33 +1,19 @@
 //! Properties that hold for all inputs.
 
-use crate::support::geometry;
+use crate::support::*;
 use proptest::prelude::*;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
 use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::tables::BLOCKS;
-use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
-use slitrange::distance::Calibration;
+use slitrange::centre::{self, WidthClass};
 use slitrange::frame::comb::{Comb, FEWEST, Slits};
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::steps::centre_of_spot;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::reading::{Measured, Reading};
 use slitrange::row::background::Background;
-use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity};
-use slitrange::spot::Spot;
 use slitrange_device::protocol::command::{self, MAX_LINE};
 use slitrange_device::protocol::input::{Echo, Input};
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
-    let options = Options {
-        rows,
-        black_level,
-        ..Options::default()
-    };
+    let options = options(|it| (it.rows, it.black_level) = (rows, black_level));
     Measurement::new(geometry, options)
 }
 
@@ -69,12 +55,9 @@ fn befores() -> impl Strategy<Value = Option<RowCentre>> {
         (0..9u8, 0..40u8, blocks).prop_map(|(set, table, block)| WidthClass { set, table, block });
     let row = |(centre, width, class)| RowCentre {
         centre,
-        uncertainty: Pixels::from_bits(1),
-        amplitude: Counts::from_int(1),
         width,
         class,
-        shape: Default::default(),
-        misfit: false,
+        ..row_centre(0.0, 1.0 / 65536.0)
     };
     prop::option::of((pixels(), pixels(), class).prop_map(row))
 }
@@ -211,7 +194,8 @@ proptest! {
         }
         let geometry = geometry(light.len(), 6554);
         for estimator in Estimator::ALL {
-            let options = Options { estimator, rows: 2, slits: Slits::Comb, ..Options::default() };
+            let options =
+                options(|it| (it.estimator, it.rows, it.slits) = (estimator, 2, Slits::Comb));
             let mut measurement = Measurement::new(geometry.clone(), options);
             prop_assert!(measurement.row(&mut light.clone()).is_none());
             let result = measurement.row(&mut light.clone()).expect("a frame of two rows");
@@ -330,12 +314,8 @@ fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
 #[test]
 fn every_fault_is_reachable() {
     let spots = |centres: Vec<f64>| {
-        words_of(
-            &centres
-                .into_iter()
-                .map(|it| (it, 8.0, 2000.0))
-                .collect::<Vec<_>>(),
-        )
+        let spots = centres.into_iter().map(|it| (it, 8.0, 2000.0));
+        words_of(&spots.collect::<Vec<_>>())
     };
     let spot = |centre| spots(vec![centre]);
     // Images 1 mm apart fit the mask in no way that is better than another.
@@ -359,31 +339,27 @@ fn every_fault_is_reachable() {
         ("slits unclear", vec![even], true),
         ("laser off", vec![spot(1800.3)], true),
     ];
-    for estimator in Estimator::ALL {
-        for (name, rows, calibrated) in &cases {
-            let is_comb = name.contains("slits");
-            let options = Options {
-                estimator,
-                rows: rows.len() as u16,
-                slits: if is_comb { Slits::Comb } else { Slits::One },
-                laser: *name != "laser off",
-                ..Options::default()
-            };
-            let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
-            let exposure = match *name {
-                "too dim at the longest exposure" => Some(Exposure::LONGEST),
-                "saturated at the shortest exposure" => Some(Exposure::SHORTEST),
-                _ => None,
-            };
-            let of_row = |row: &Vec<u16>| measurement.row_with(&mut row.clone(), exposure, None);
-            let result = rows.iter().filter_map(of_row).last();
-            let calibration = Calibration::nominal().filter(|_| *calibrated);
-            let errors = CalibrationErrors::Unknown;
-            let result = (result.expect("the frame is complete"))
-                .and_then(|found| found.reading(calibration.as_ref(), &errors, Surface::Off));
-            let found = result.map_or_else(|fault| fault.name(), |_| "reading");
-            assert_eq!(found, *name, "{estimator:?}: {result:?}");
-        }
+    for (estimator, (name, rows, calibrated)) in pairs(Estimator::ALL, &cases) {
+        let is_comb = name.contains("slits");
+        let options = options(|it| {
+            (it.estimator, it.rows) = (estimator, rows.len() as u16);
+            it.slits = if is_comb { Slits::Comb } else { Slits::One };
+            it.laser = *name != "laser off";
+        });
+        let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
+        let exposure = match *name {
+            "too dim at the longest exposure" => Some(Exposure::LONGEST),
+            "saturated at the shortest exposure" => Some(Exposure::SHORTEST),
+            _ => None,
+        };
+        let of_row = |row: &Vec<u16>| measurement.row_with(&mut row.clone(), exposure, None);
+        let result = rows.iter().filter_map(of_row).last();
+        let calibration = Calibration::nominal().filter(|_| *calibrated);
+        let errors = CalibrationErrors::Unknown;
+        let result = (result.expect("the frame is complete"))
+            .and_then(|found| found.reading(calibration.as_ref(), &errors, Surface::Off));
+        let found = result.map_or_else(|fault| fault.name(), |_| "reading");
+        assert_eq!(found, *name, "{estimator:?}: {result:?}");
     }
     // Only a session finds spikes.
     for name in Fault::NAMES.into_iter().filter(|name| *name != "spike") {

@@ -1,16 +1,8 @@
 //! The repair of rows with pixels that do not belong to the spot, compared with the default estimator alone
 //! and with the bound of clean rows.
 
-use crate::support::{self, random};
-use judges::accuracy::{Answer, Cell, centre_of};
-use rand::Rng as _;
-use rayon::prelude::*;
-use simulator::scene::quantise;
-use slitrange::centre::Estimator;
+use crate::support::{self, *};
 use slitrange::measurement::steps::robust_centre;
-use slitrange::row::Geometry;
-use slitrange::spot;
-use statistics::{mean, rms};
 
 fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
     let row = support::row(light);

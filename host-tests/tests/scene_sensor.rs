@@ -4,18 +4,12 @@
 use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
 use std::fmt::Display;
 
-use crate::support::{self, listing};
-use rayon::prelude::*;
+use crate::support::{self, *};
 use simulator::optics::Aperture;
 use simulator::scene::{
-    Effect, Exposure, FixedPattern, HotPixels, Lag, MainsLight, Quantisation, ReadNoise, Response,
-    Saturation, Scene, Sensor, Settling, ShotNoise, Simulation, Spot, file, quantise, random,
+    Exposure, FixedPattern, HotPixels, Lag, MainsLight, Quantisation, ReadNoise, Response,
+    Saturation, Settling, ShotNoise, Spot, file, random,
 };
-use slitrange::base::fault::Fault;
-use slitrange::centre::{Estimator, RowCentre};
-use slitrange::measurement::steps::centre_of_spot;
-use slitrange::row::Row;
-use slitrange::spot;
 
 /// Mean, variance, skewness and excess kurtosis.
 fn moments(values: &[f32]) -> [f64; 4] {
@@ -24,12 +18,8 @@ fn moments(values: &[f32]) -> [f64; 4] {
         |power| statistics::mean(values.iter().map(|&x| (f64::from(x) - mean).powi(power)));
     let variance = central(2);
     let skewness = central(3) / variance.powf(1.5);
-    [
-        mean,
-        variance,
-        skewness,
-        central(4) / variance.powi(2) - 3.0,
-    ]
+    let kurtosis = central(4) / variance.powi(2) - 3.0;
+    [mean, variance, skewness, kurtosis]
 }
 
 fn standard_deviation(values: &[f32]) -> f64 {
@@ -240,10 +230,8 @@ fn each_line_of_a_camera_has_patterns_of_its_own() {
 #[test]
 fn the_number_of_hot_pixels_is_binomial() {
     let dark = Scene::dark(Sensor::Row(3648));
-    let scene = listing(
-        dark,
-        "hot_pixels = { share = 0.01, counts_per_second = 400.0 }",
-    );
+    let leaking = "hot_pixels = { share = 0.01, counts_per_second = 400.0 }";
+    let scene = listing(dark, leaking);
     let hot = scene.hot_pixels.expect("listed");
     let numbers: Vec<f32> = (0..1000)
         .map(|seed| hot.places(seed, 0, 3648).len() as f32)
@@ -317,12 +305,9 @@ fn a_bloomed_spot_has_a_flat_top() {
     spot.add(&mut light, 400.0, height);
     let before = light.clone();
     bloom(&mut light, full_well, 1.0);
-    println!(
-        "{:.3} counts before, {:.3} after",
-        sum(&before),
-        sum(&light)
-    );
-    assert!((sum(&light) / sum(&before) - 1.0).abs() < 1e-6);
+    let [all, after] = [&before, &light].map(|it| sum(it));
+    println!("{all:.3} counts before, {after:.3} after");
+    assert!((after / all - 1.0).abs() < 1e-6);
 
     let gathered = |h: f64| height * width * FRAC_PI_2.sqrt() * libm::erf(h / (SQRT_2 * width));
     let (mut low, mut high) = (width, 100.0 * width);
@@ -501,10 +486,8 @@ fn the_front_end_amplifies_light_shifts_it_and_clips() {
         (0.75, ", saturation = 550.0", "", 550.0),
         (1.5, "", well, 620.0),
     ] {
-        let nominal = listing(
-            evenly_lit(400.0),
-            &format!("{well}black_level.counts = 300.0"),
-        );
+        let level = format!("{well}black_level.counts = 300.0");
+        let nominal = listing(evenly_lit(400.0), &level);
         let front_end = format!("front_end = {{ gain = {gain}, offset = 20.0{saturation} }}");
         let scene = listing(nominal.clone(), &front_end);
         assert_eq!(scene.geometry(), nominal.geometry());
@@ -576,10 +559,8 @@ fn lag_draws_a_ghost_behind_a_moving_target() {
         let [q, r] = [now, before].map(f64::from);
         (q - q * 100.0 / (100.0 + q) + r * 100.0 / (100.0 + r)) as f32
     });
-    let worst = apart(
-        &lagging(moving).row(7, 0.7, 0.005),
-        &expected.collect::<Vec<_>>(),
-    );
+    let expected: Vec<f32> = expected.collect();
+    let worst = apart(&lagging(moving).row(7, 0.7, 0.005), &expected);
     let place = |row: &[f32]| (0..row.len()).max_by(|&a, &b| row[a].total_cmp(&row[b]));
     let [now, before] = [now, before].map(|row| place(&row).expect("pixels"));
     println!("spot at {now}, ghost at {before}; off by {worst:.1e} counts at most");
@@ -598,12 +579,9 @@ fn lamps_flicker_from_row_to_row() {
         phase,
     };
     let lit = |lamps| {
-        let mains_light = Some(lamps);
-        let dark = Scene::dark(Sensor::Row(16));
-        Simulation::new(Scene {
-            mains_light,
-            ..dark
-        })
+        let mut scene = Scene::dark(Sensor::Row(16));
+        scene.mains_light = Some(lamps);
+        Simulation::new(scene)
     };
     for frequency in [100.0, 120.0] {
         let simulation = lit(lamps(frequency, Some(0.3), 0.0));
@@ -738,13 +716,9 @@ fn with_effect(scene: Scene, effect: Effect) -> Scene {
 #[test]
 fn all_random_streams_differ() {
     let mut first = vec![];
-    for seed in [1, 2] {
-        for effect in Effect::ALL {
-            for number in [0, 1, 2, 1 << 40] {
-                first.push(random::words(&mut random::of_row(seed, effect, number)));
-                first.push(random::words(&mut random::of_line(seed, effect, number)));
-            }
-        }
+    for ((seed, effect), number) in pairs(pairs([1, 2], Effect::ALL), [0, 1, 2, 1 << 40]) {
+        first.push(random::words(&mut random::of_row(seed, effect, number)));
+        first.push(random::words(&mut random::of_line(seed, effect, number)));
     }
     let streams = first.len();
     first.sort();
@@ -875,13 +849,8 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
 /// row before has other light of them, and the converter's steps, which would hide small differences.
 #[test]
 fn no_effect_changes_the_random_numbers_of_another() {
-    let noises = [
-        Effect::Response,
-        Effect::ShotNoise,
-        Effect::FixedPattern,
-        Effect::HotPixels,
-        Effect::ReadNoise,
-    ];
+    use Effect::{FixedPattern, HotPixels, ReadNoise, Response, ShotNoise};
+    let noises = [Response, ShotNoise, FixedPattern, HotPixels, ReadNoise];
     let noisy = (noises.into_iter()).fold(spot_behind_a_lens(), with_effect);
     for effect in Effect::ALL {
         let without = noisy.clone().without(effect);
@@ -912,11 +881,8 @@ fn an_effect_that_does_nothing_changes_nothing() {
         let effect = (Effect::ALL.into_iter()).find(|it| it.name() == name);
         let without = every.clone().without(effect.expect(name));
         let with = listing(without.clone(), in_vain);
-        assert_eq!(
-            after_darkness(&with, 3),
-            after_darkness(&without, 3),
-            "{name}"
-        );
+        let [with, without] = [with, without].map(|it| after_darkness(&it, 3));
+        assert_eq!(with, without, "{name}");
     }
 }
 
@@ -938,12 +904,7 @@ fn first_rows(scene: &Scene) -> std::ops::Range<u64> {
 /// Computes the rows in one thread, in two, and backwards.
 #[test]
 fn rows_do_not_depend_on_threads_or_order() {
-    for name in [
-        "old-sensor",
-        "moving-target",
-        "brushed-metal",
-        "paper-on-camera",
-    ] {
+    for name in "old-sensor moving-target brushed-metal paper-on-camera".split(' ') {
         let scene = support::scene(name);
         let rows = first_rows(&scene);
         let simulation = Simulation::new(scene.clone());
@@ -1022,10 +983,8 @@ fn scenes_give_a_reason_for_each_effect() {
         let lines: Vec<&str> = text.lines().collect();
         let effects = lines.windows(2).filter(|it| it[1].starts_with('['));
         let effects: Vec<_> = effects.collect();
-        assert!(
-            effects.iter().all(|it| it[0].starts_with("# ")),
-            "{name}: {effects:?}"
-        );
+        let has_reason = effects.iter().all(|it| it[0].starts_with("# "));
+        assert!(has_reason, "{name}: {effects:?}");
         assert!(effects.len() >= 4, "{name}");
     }
 }
@@ -1132,16 +1091,10 @@ fn meaningless_scenes_are_refused() {
     scene.optics.aperture = Aperture::Slit { width, height };
     refused(&scene, "optics.aperture.slit.height is 0.0043 m");
     let scene = Scene::dark(Sensor::Row(65_537));
-    refused(
-        &scene,
-        "sensor.row is 65537 pixels: it must be 65536 or fewer",
-    );
-    for effect in [
-        Effect::Defocus,
-        Effect::Coma,
-        Effect::Distortion,
-        Effect::Flare,
-    ] {
+    let words = "sensor.row is 65537 pixels: it must be 65536 or fewer";
+    refused(&scene, words);
+    use Effect::{Coma, Defocus, Distortion, Flare};
+    for effect in [Defocus, Coma, Distortion, Flare] {
         let name = format!("[{}] is a lens's", effect.name());
         refused(&with(effect), &name);
     }

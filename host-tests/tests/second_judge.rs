@@ -1,8 +1,8 @@
 //! The second judge: rows and frames with one fault each, which stays in all rows of a frame.
 
+use crate::support::*;
 use judges::second_judge::tally::{JUDGED, judge_frames};
 use judges::second_judge::{self, Kind, judge};
-use rayon::prelude::*;
 
 #[test]
 fn a_few_rows_of_each_kind_are_judged() {
@@ -113,10 +113,7 @@ fn confident_errors_are_rare() {
         let tally = judge_frames(kind, 1000);
         let (name, ratio) = (kind.name, tally.error_over_claim());
         let (of, numbers) = (tally.count, &tally.numbers);
-        println!(
-            "{name}: {} errors of {of}, over claims {ratio:.2}; {numbers:?}",
-            tally.errors
-        );
+        println!("{name}: {numbers:?} of {of} are errors, over claims {ratio:.2}");
         if tally.share(tally.errors) > OF_A_KIND {
             wrong.push(kind.name);
         }

@@ -3,11 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::random;
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::base::units::Pixels;
+use crate::support::*;
 use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
 
 /// Distance between two samples in widths, and how far the check looks.

@@ -1,19 +1,34 @@
-//! What several topics write their rows and scenes with.
+//! What several topics write their rows and scenes with, and the names that most of them use.
 
-use judges::accuracy::{Answer, Cell};
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
-use simulator::scene::{Effect, Scene, Sensor};
-use slitrange::base::fault::Fault;
-use slitrange::centre::Estimator;
-use slitrange::measurement::steps::centre_of_spot;
-use slitrange::row::{Geometry, Row};
-use slitrange::spot::{self, Spot};
+pub use judges::accuracy::{Answer, Cell, PIXELS, centre_of};
+pub use rand::{Rng as _, SeedableRng as _};
+pub use rand_chacha::ChaCha8Rng;
+pub use rand_distr::{Distribution as _, StandardNormal};
+pub use rayon::prelude::*;
+pub use simulator::scene::{Effect, Scene, Sensor, Simulation, quantise};
+pub use slitrange::base::fault::Fault;
+pub use slitrange::base::units::{Counts, Micrometres, Pixels};
+pub use slitrange::centre::{Estimator, RowCentre};
+pub use slitrange::distance::Calibration;
+pub use slitrange::measurement::steps::centre_of_spot;
+pub use slitrange::measurement::{Measurement, Options};
+pub use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+pub use slitrange::reading::{Measured, Reading};
+pub use slitrange::row::sensor_heads::{self, tcd1304dg};
+pub use slitrange::row::{Geometry, Polarity, Row};
+pub use slitrange::spot::{self, Spot};
+pub use statistics::{mean, rms};
 
 /// Random numbers of a seed.
 pub fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
+}
+
+/// The default options with a change.
+pub fn options(change: impl FnOnce(&mut Options)) -> Options {
+    let mut options = Options::default();
+    change(&mut options);
+    options
 }
 
 /// A scene of this repository.
@@ -58,6 +73,21 @@ pub fn geometry(pixels: usize, shot_variance_per_count_q16: u16) -> Geometry {
     }
 }
 
+/// A row's centre and its uncertainty, in pixels.
+pub fn row_centre(centre: f64, uncertainty: f64) -> RowCentre {
+    let [centre, uncertainty] =
+        [centre, uncertainty].map(|it| Pixels::from_bits((it * 65536.0).round() as i32));
+    RowCentre {
+        centre,
+        uncertainty,
+        amplitude: Counts::from_int(1000),
+        width: Pixels::from_int(9),
+        class: Default::default(),
+        shape: Default::default(),
+        misfit: false,
+    }
+}
+
 /// A row of 12 bits without shielded pixels.
 pub fn row(light: &[u16]) -> Row<'_> {
     Row::new(light, &[], 4095).expect("12 bits")
@@ -73,6 +103,15 @@ pub fn checked(geometry: &Geometry, light: &[u16], estimator: Estimator) -> Answ
     let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
     let (spot, budget) = spot::find(&row)?;
     centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
+}
+
+/// All pairs of two lists, in the order of two loops.
+pub fn pairs<A: Clone, B>(
+    a: impl IntoIterator<Item = A>,
+    b: impl IntoIterator<Item = B> + Clone,
+) -> impl Iterator<Item = (A, B)> {
+    let of = move |a: A| b.clone().into_iter().map(move |b| (a.clone(), b));
+    a.into_iter().flat_map(of)
 }
 
 /// The row from its last pixel to its first.

@@ -1,10 +1,9 @@
 //! Eq. (1) in integers against eq. (1) with its trigonometry in f64.
 
 use crate::records::cases;
+use crate::support::*;
 use proptest::prelude::*;
 use simulator::optics::Optics;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::distance::eq1::{Eq1, Eq1Error, NOMINAL};
 
 #[test]

@@ -2,23 +2,15 @@
 //! with the tool, noise and motion with the frames.
 
 use crate::records::cases;
-use crate::support::{listing, scene};
+use crate::support::*;
 use judges::frames::{self, at_centre};
 use proptest::prelude::*;
-use rayon::prelude::*;
 use simulator::distorted_optics::DistortedOptics;
-use simulator::scene::{Scene, Sensor, Simulation};
 use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
 use slitrange::frame::FrameCentre;
-use slitrange::measurement::Options;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
-use slitrange::reading::{Measured, Reading};
+use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
 use slitrange::row::pixels::PixelErrors;
 use slitrange_device::protocol::line::ReadingLine;
-use statistics::rms;
 
 fn within(values: &[f64], limit: f64) -> f64 {
     let count = values.iter().filter(|value| value.abs() <= limit).count();
@@ -38,11 +30,7 @@ fn pixels_over_claim(
     response: f64,
     offset: f64,
 ) -> Vec<f64> {
-    let options = Options {
-        rows: 16,
-        estimator,
-        ..Options::default()
-    };
+    let options = options(|it| (it.rows, it.estimator) = (16, estimator));
     let errors = PixelErrors {
         response_q16: (response * 65536.0) as u16,
         offset: Counts::from_f32(offset as f32),
@@ -135,10 +123,7 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         // A quarter of full scale is usual; darker here, so that no bright speckle is beyond full scale.
         spot.counts_per_second *= 0.3;
     }
-    let options = Options {
-        rows: 1,
-        ..Options::default()
-    };
+    let options = options(|it| it.rows = 1);
     let found: Vec<f64> = (0..400_u32)
         .into_par_iter()
         .filter_map(|seed| {
