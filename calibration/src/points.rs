@@ -36,6 +36,7 @@ use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
 use slitrange_device::settings::{Setting, Value};
+use statistics::least_and_most;
 
 use columns::{CLAIMED, D, FRAMES, HEIGHT, SHAPE, SIGMA, WIDTH, X};
 
@@ -46,6 +47,10 @@ pub const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
 /// the longest.
 const LARGEST_HEIGHT: u32 =
     LARGEST_COUNT as u32 * Exposure::LONGEST.us() as u32 / Exposure::SHORTEST.us() as u32;
+
+fn is_height(counts: f64) -> bool {
+    counts > 0.0 && counts <= LARGEST_HEIGHT.into()
+}
 
 /// A centre at a known distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -238,11 +243,8 @@ const LEAST_MM_PER_PX: f64 = 0.01;
 /// Checks that distances are not in metres.
 fn check_unit(points: &[Point]) -> anyhow::Result<()> {
     let span = |of: fn(&Point) -> f64| {
-        let ends = points.iter().map(of).fold(
-            (f64::INFINITY, f64::NEG_INFINITY),
-            |(least, most), value| (least.min(value), most.max(value)),
-        );
-        ends.1 - ends.0
+        let (least, most) = least_and_most(points.iter().map(of));
+        most - least
     };
     let (mm, pixels) = (span(|point| point.d_mm), span(|point| point.x_px));
     let near_zero = points.iter().all(|point| point.d_mm.abs() < METRES);
@@ -344,7 +346,7 @@ impl Line<'_> {
         }
         if let Some(height) = height_counts {
             ensure!(
-                height > 0.0 && height <= LARGEST_HEIGHT.into(),
+                is_height(height),
                 "line {line}: height_counts is {height}, and must be above 0 and at most {LARGEST_HEIGHT}: \
                  correct it, or leave the column out"
             );
@@ -368,15 +370,10 @@ impl Line<'_> {
         }
         let mut images = SlitImages::default();
         for (image, (columns, slit)) in images.iter_mut().zip(columns.chunks(2).zip(1..)) {
-            let [x, height] = columns else {
-                continue;
-            };
-            *image = match (self.number(x)?, self.number(height)?) {
+            *image = match (self.number(&columns[0])?, self.number(&columns[1])?) {
                 (None, None) => None,
                 (Some(x_px), Some(height_counts))
-                    if (-0.5..=4096.0).contains(&x_px)
-                        && height_counts > 0.0
-                        && height_counts <= LARGEST_HEIGHT.into() =>
+                    if (-0.5..=4096.0).contains(&x_px) && is_height(height_counts) =>
                 {
                     Some(SlitImage {
                         x_px,
@@ -395,73 +392,69 @@ impl Line<'_> {
 
     /// The spot's shape and its noise. None if the file has no columns for them, or one is empty.
     fn shape(&self) -> anyhow::Result<Option<KnownShape>> {
-        if SHAPE_AND_NOISE
-            .iter()
-            .any(|column| self.place(column).is_none())
-        {
+        let is_there = |column: &&str| self.place(column).is_some();
+        if !SHAPE_AND_NOISE.iter().all(is_there) {
             return Ok(None);
         }
-        let mut numbers = [0.0; SHAPE_AND_NOISE.len()];
-        let mut is_whole = true;
-        for (value, column) in numbers.iter_mut().zip(SHAPE_AND_NOISE) {
-            match self.number(column)? {
-                Some(number) => *value = number,
-                None => is_whole = false,
-            }
-        }
-        if !is_whole {
+        let numbers = SHAPE_AND_NOISE
+            .map(|column| self.number(column))
+            .into_iter();
+        let numbers: Vec<f64> = numbers
+            .filter_map(Result::transpose)
+            .collect::<Result<_, _>>()?;
+        let Ok([width_px, claimed_px, frames, components_px @ ..]) =
+            <[f64; SHAPE_AND_NOISE.len()]>::try_from(numbers)
+        else {
             return Ok(None);
-        }
-        let [width_px, claimed_px, frames, components_px @ ..] = numbers;
+        };
         let largest = Pixels::MAX.to_f64();
+        let is_small = components_px.iter().all(|it| it.abs() < largest) && width_px < largest;
         ensure!(
-            width_px > 0.0
-                && width_px < largest
-                && components_px
-                    .iter()
-                    .all(|component| component.abs() < largest)
-                && claimed_px >= 0.0
-                && frames >= 1.0,
+            width_px > 0.0 && is_small && claimed_px >= 0.0 && frames >= 1.0,
             "line {}: this is no shape of a spot: width_px must be above 0, frames 1 or more, and all below \
              {largest:.0} px: correct it, or leave the columns width_px and shape_0_px to shape_4_px empty",
             self.number
         );
-        Ok(Some(KnownShape {
-            shape: Shape {
-                width_px,
-                components_px,
-            },
-            noise_px: claimed_px / frames.sqrt(),
-        }))
+        let shape = Shape {
+            width_px,
+            components_px,
+        };
+        let noise_px = claimed_px / frames.sqrt();
+        Ok(Some(KnownShape { shape, noise_px }))
     }
 }
 
 impl Setup {
     /// Names and values of the comments that hold this setup.
     pub fn comments(&self) -> [(&'static str, Option<String>); 7] {
-        let black_level = self.black_level.map(black_level_words);
-        let estimator = self.estimator.map(|estimator| estimator.name().to_owned());
+        let default = Self::default().unnamed();
+        let changed = |value: Value| (!default.contains(&value)).then(|| words(value));
+        let [slits, region, peak] = self.unnamed().map(changed);
+        let serial_number = self.serial_number.map(|number| number.to_string());
         [
             ("head", self.head.clone()),
+            ("serial", serial_number),
             (
-                "serial",
-                self.serial_number.map(|number| number.to_string()),
+                "estimator",
+                self.estimator.map(|it| words(Value::Estimator(it))),
             ),
-            ("estimator", estimator),
-            ("black", black_level),
-            (
-                "slits",
-                (self.slits != Slits::One).then(|| self.slits.name().to_owned()),
-            ),
-            (
-                "region",
-                (self.region != Region::ALL).then(|| words(Value::Region(self.region))),
-            ),
-            (
-                "peak",
-                (self.peak != SpotChoice::Strongest).then(|| self.peak.name().to_owned()),
-            ),
+            ("black", self.black_level.map(black_level_words)),
+            ("slits", slits),
+            ("region", region),
+            ("peak", peak),
         ]
+    }
+
+    /// Takes the value of a setting that is a part of a setup.
+    pub fn take(&mut self, value: Value) {
+        match value {
+            Value::Estimator(estimator) => self.estimator = Some(estimator),
+            Value::Black(level) => self.black_level = Some(level),
+            Value::Slits(slits) => self.slits = slits,
+            Value::Region(region) => self.region = region,
+            Value::SpotChoice(peak) => self.peak = peak,
+            _ => {}
+        }
     }
 
     /// The settings that points need not name: then they have the sensor's defaults.
@@ -481,10 +474,9 @@ impl Setup {
         let words: Vec<&str> = comment.split_whitespace().collect();
         match words[..] {
             ["serial", number] => {
-                let number = number.parse().ok().with_context(|| {
-                    format!("the serial number {number:?} is no whole number below 2^32")
-                })?;
-                self.serial_number = Some(number);
+                let error =
+                    || format!("the serial number {number:?} is no whole number below 2^32");
+                self.serial_number = Some(number.parse().ok().with_context(error)?);
             }
             ["estimator", name] => self.estimator = Some(estimator(name)?),
             ["black", ..] if words.len() <= 3 => self.black_level = Some(black_level(&words[1..])?),
@@ -536,7 +528,7 @@ pub fn black_level_words(level: BlackLevel) -> String {
 }
 
 /// A value of a setting in the words of the serial line, without the setting's name.
-fn words(value: Value) -> String {
+pub fn words(value: Value) -> String {
     let line = value.to_string();
     let value = line.strip_prefix(value.setting().name());
     value.unwrap_or(&line).trim_start().to_owned()
@@ -547,16 +539,13 @@ fn words(value: Value) -> String {
 /// # Errors
 /// The words are no black level.
 pub fn black_level(words: &[&str]) -> anyhow::Result<BlackLevel> {
-    let level = match Setting::Black.read(words) {
-        Ok(Value::Black(level)) => Some(level),
-        _ => None,
-    };
-    level.with_context(|| {
-        format!(
+    match Setting::Black.read(words) {
+        Ok(Value::Black(level)) => Ok(level),
+        _ => bail!(
             "the black level {:?} must be shielded, frame, or fixed with 0 to {LARGEST_COUNT}",
             words.join(" ")
-        )
-    })
+        ),
+    }
 }
 
 #[cfg(test)]
@@ -573,16 +562,14 @@ mod tests {
              # later\r\n16,607,,+2.37e3,0.003\r\n",
         )
         .expect("points");
-        assert_eq!(
-            read.setup,
-            Setup {
-                head: Some(HEAD.to_owned()),
-                serial_number: Some(42),
-                estimator: Some(Estimator::Adaptive),
-                black_level: Some(BlackLevel::Fixed(Counts::from_int(120))),
-                ..Setup::default()
-            }
-        );
+        let setup = Setup {
+            head: Some(HEAD.to_owned()),
+            serial_number: Some(42),
+            estimator: Some(Estimator::Adaptive),
+            black_level: Some(BlackLevel::Fixed(Counts::from_int(120))),
+            ..Setup::default()
+        };
+        assert_eq!(read.setup, setup);
         let point = |line, x_px, d_mm, sigma_px| Point {
             line,
             x_px,
@@ -590,13 +577,11 @@ mod tests {
             sigma_px: Some(sigma_px),
             ..Point::default()
         };
-        assert_eq!(
-            read.points,
-            [
-                point(8, 2404.25, 600.5, 0.002),
-                point(10, 2370.0, 607.0, 0.003)
-            ]
-        );
+        let due = [
+            point(8, 2404.25, 600.5, 0.002),
+            point(10, 2370.0, 607.0, 0.003),
+        ];
+        assert_eq!(read.points, due);
         let plain = Points::parse("x_px,d_mm\n1,2").expect("points");
         assert_eq!(plain.points[0].sigma_px, None);
         assert_eq!(plain.setup, Setup::default());
@@ -624,12 +609,12 @@ mod tests {
     #[test]
     fn points_of_a_run_that_was_stopped_are_sorted() {
         let lines = "x_px,d_mm\n1800,700\n2000,620\n1900,660\n";
-        let order = |text: &str| {
+        let order = |text: &str| -> Vec<(u64, f64)> {
             let points = Points::parse(text).expect("points").points;
             points
                 .iter()
                 .map(|point| (point.line, point.d_mm))
-                .collect::<Vec<_>>()
+                .collect()
         };
         let taken = order(&format!("{TITLE}\n{lines}"));
         assert_eq!(taken, [(4, 620.0), (5, 660.0), (3, 700.0)]);
@@ -652,10 +637,8 @@ mod tests {
         };
         assert_eq!((read[0].shape, read[1].shape), (Some(shape), None));
         let without = text.replace(",shape_4_px", "").replace(",-0.005", "");
-        assert_eq!(
-            Points::parse(&without).expect("points").points[0].shape,
-            None
-        );
+        let read = Points::parse(&without).expect("points").points;
+        assert_eq!(read[0].shape, None);
     }
 
     #[test]
@@ -671,23 +654,14 @@ mod tests {
             height_counts: 1830.0,
         };
         assert_eq!((images[0], images[1]), (Some(first), None));
+        let no_image = "line 2: slit 1 has no usable image";
+        let unlike = "line 3 has no image of any slit, and line 2 has";
+        let of_comb = "# slits comb\nx_px,d_mm\n1500,600".to_owned();
         for (text, says) in [
-            (
-                text.replace("912.5", ""),
-                "line 2: slit 1 has no usable image",
-            ),
-            (
-                text.replace("1830", "0"),
-                "line 2: slit 1 has no usable image",
-            ),
-            (
-                text.clone() + &line(","),
-                "line 3 has no image of any slit, and line 2 has",
-            ),
-            (
-                "# slits comb\nx_px,d_mm\n1500,600".to_owned(),
-                "the points are those of a comb",
-            ),
+            (text.replace("912.5", ""), no_image),
+            (text.replace("1830", "0"), no_image),
+            (text.clone() + &line(","), unlike),
+            (of_comb, "the points are those of a comb"),
             ("# slits two\n".to_owned(), "line 1"),
         ] {
             let error = Points::parse(&text).expect_err("refused").to_string();

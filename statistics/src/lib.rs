@@ -17,6 +17,12 @@ fn sorted(values: impl IntoIterator<Item: Borrow<f64>>) -> Vec<f64> {
     values
 }
 
+/// The least and the largest value: infinity and its negative without a value.
+pub fn least_and_most(values: impl IntoIterator<Item: Borrow<f64>>) -> (f64, f64) {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    floats(values).fold(none, |(least, most), it| (least.min(it), most.max(it)))
+}
+
 /// The arithmetic mean.
 pub fn mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
     let add = |(sum, count), value| (sum + value, count + 1.0);
@@ -40,6 +46,36 @@ pub fn variance(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
 /// The root of the [`variance`].
 pub fn standard_deviation(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
     variance(values).sqrt()
+}
+
+/// Mean and scatter of values that come one after the other (Welford's algorithm, which does not cancel).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Moments {
+    /// How many values came.
+    pub count: u64,
+    mean: f64,
+    /// The sum of the squared differences from the mean.
+    squares: f64,
+}
+
+impl Moments {
+    /// Adds a value.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.squares += before * (value - self.mean);
+    }
+
+    /// The mean. `None` without a value.
+    pub fn mean(&self) -> Option<f64> {
+        (self.count > 0).then_some(self.mean)
+    }
+
+    /// The standard deviation of a value. `None` of fewer than two values.
+    pub fn deviation(&self) -> Option<f64> {
+        (self.count > 1).then(|| (self.squares / (self.count - 1) as f64).sqrt())
+    }
 }
 
 /// The middle value, or the mean of the middle two.
@@ -82,6 +118,12 @@ mod tests {
             ));
             assert!(is_near(variance(values()), n * (n + 1.0) / 12.0));
             assert_eq!(standard_deviation(values()), variance(values()).sqrt());
+            let mut moments = Moments::default();
+            assert_eq!((moments.mean(), moments.deviation()), (None, None));
+            values().for_each(|value| moments.add(value));
+            assert!(is_near(moments.mean().expect("values"), (n + 1.0) / 2.0));
+            let deviation = moments.deviation().expect("two values");
+            assert!(is_near(deviation.powi(2), n * (n + 1.0) / 12.0));
         }
     }
 

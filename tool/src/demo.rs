@@ -86,10 +86,7 @@ pub fn serve(
         board.be_quiet();
         let options = MonitorOptions {
             port: PortOption { port: Some(port) },
-            plain: false,
-            csv: None,
-            count: None,
-            seconds: None,
+            ..MonitorOptions::default()
         };
         return monitor(&options, pc, output);
     }

@@ -118,43 +118,17 @@ impl Surface {
     }
 }
 
-/// A design, with the numbers of which its errors are made.
-#[derive(Clone, Debug, PartialEq)]
+/// A design whose numbers make sense.
+#[derive(Clone, Debug)]
 pub struct Design {
     /// Laser, slit and sensor.
     pub geometry: Geometry,
-    /// The nearest distance in mm.
-    pub near: f64,
-    /// The farthest distance in mm.
-    pub far: f64,
-    /// Whether a mask of 16 slits takes the place of the slit.
-    pub comb: bool,
+    /// What was given.
+    options: DesignOptions,
     /// Width of the slit in mm.
-    pub slit: f64,
-    /// 1/e^2 diameter of the laser's spot in mm.
-    pub spot: f64,
+    slit: f64,
     /// Wavelength in mm.
-    pub wavelength: f64,
-    /// Equal speckle patterns.
-    pub patterns: f64,
-    /// Height of the spot in counts.
-    pub height: f64,
-    /// Electrons a count.
-    pub electrons: f64,
-    /// Noise of an unlit pixel in counts.
-    pub noise: f64,
-    /// Rows of a frame.
-    pub rows: u32,
-    /// How much the pixels differ, in percent.
-    pub pixels_percent: f64,
-    /// Points of the calibration.
-    pub points: u32,
-    /// How well their distances are known, in micrometres.
-    pub stage_um: f64,
-    /// Change of temperature in kelvin.
-    pub kelvin: f64,
-    /// Growth for a kelvin, in millionths.
-    pub expansion: f64,
+    wavelength: f64,
 }
 
 impl DesignOptions {
@@ -221,22 +195,9 @@ impl DesignOptions {
         }
         Ok(Design {
             geometry,
-            near: self.near,
-            far: self.far,
-            comb: self.comb,
+            options: self.clone(),
             slit,
-            spot: self.spot,
             wavelength,
-            patterns: self.surface.patterns(),
-            height: self.height,
-            electrons: self.electrons,
-            noise: self.noise,
-            rows: self.rows,
-            pixels_percent: self.pixels,
-            points: self.points,
-            stage_um: self.stage,
-            kelvin: self.warmer,
-            expansion: self.expansion,
         })
     }
 }
@@ -244,14 +205,26 @@ impl DesignOptions {
 impl Design {
     /// The nearest and the farthest distance that the whole sensor sees.
     fn sees(&self) -> Option<(f64, f64)> {
-        let reach = 4.0 * self.width(self.near).max(self.width(self.far));
-        self.geometry.usable(reach, self.comb)
+        let DesignOptions {
+            near, far, comb, ..
+        } = self.options;
+        let reach = 4.0 * self.width(near).max(self.width(far));
+        self.geometry.usable(reach, comb)
     }
 
     /// Whether the sensor sees the whole range.
     fn fits(&self) -> bool {
+        let DesignOptions { near, far, .. } = self.options;
         self.sees()
-            .is_some_and(|(near, far)| near <= self.near && far >= self.far)
+            .is_some_and(|(first, last)| first <= near && last >= far)
+    }
+
+    /// What is between the target and the sensor.
+    fn mask(&self) -> String {
+        match self.options.comb {
+            true => format!("comb of {COMB_SLITS} slits"),
+            false => format!("slit of {} um", self.options.slit),
+        }
     }
 }
 
@@ -264,35 +237,24 @@ const COLUMNS: usize = 5;
 /// In sentences: a number makes no sense, or the drawing cannot be written.
 pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
     let design = options.design()?;
-    let geometry = design.geometry;
     let step = (options.far - options.near) / (COLUMNS - 1) as f64;
-    let at: Vec<At> = (0..COLUMNS)
-        .map(|i| design.at(options.near + step * i as f64))
-        .collect();
+    let distances = (0..COLUMNS).map(|i| options.near + step * i as f64);
+    let at: Vec<At> = distances.map(|distance| design.at(distance)).collect();
 
-    print_dimensions(options, &design, output)?;
+    print_dimensions(&design, output)?;
     print_parts(&at, output)?;
     print_changes(options, &at[COLUMNS - 1], output)?;
-    print_tolerances(&geometry, &at, output)?;
+    print_tolerances(&design.geometry, &at, output)?;
     if let Some(path) = &options.drawing {
-        std::fs::write(path, drawing::svg(options, &design))
-            .with_context(|| path.display().to_string())?;
+        std::fs::write(path, drawing::svg(&design)).with_context(|| path.display().to_string())?;
         writeln!(output, "\ndrawn: {}", path.display())?;
     }
     Ok(())
 }
 
-fn print_dimensions(
-    options: &DesignOptions,
-    design: &Design,
-    output: &mut dyn Write,
-) -> Result<()> {
-    let geometry = &design.geometry;
+fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
+    let (geometry, options) = (&design.geometry, &design.options);
     let (pitch, pixels) = PIXELS;
-    let slit = match design.comb {
-        true => format!("comb of {COMB_SLITS} slits"),
-        false => format!("slit of {} um", options.slit),
-    };
     writeln!(
         output,
         "laser    {} nm, spot {} mm on the target, {} mm beside the slit",
@@ -300,22 +262,21 @@ fn print_dimensions(
     )?;
     writeln!(
         output,
-        "sensor   TCD1304DG, {pixels} pixels of {:.0} um, {} mm behind a {slit}",
+        "sensor   TCD1304DG, {pixels} pixels of {:.0} um, {} mm behind a {}",
         1000.0 * pitch,
-        options.slit_to_sensor
+        options.slit_to_sensor,
+        design.mask()
     )?;
     let (d, k, pole) = geometry.eq1();
+    let (degrees, tan) = (geometry.angle.to_degrees(), geometry.angle.tan());
     writeln!(
         output,
-        "angle u  {:.2} degrees from the baseline to the optical axis, tan u {:.4}",
-        geometry.angle.to_degrees(),
-        geometry.angle.tan()
+        "angle u  {degrees:.2} degrees from the baseline to the optical axis, tan u {tan:.4}"
     )?;
+    let (sign, size) = (if pole < 0.0 { "+" } else { "-" }, pole.abs());
     writeln!(
         output,
-        "eq. (1)  d = {d:.3} mm + {k:.0} mm px / (x {} {:.2} px)",
-        if pole < 0.0 { "+" } else { "-" },
-        pole.abs()
+        "eq. (1)  d = {d:.3} mm + {k:.0} mm px / (x {sign} {size:.2} px)"
     )?;
     let (sin, cos) = geometry.angle.sin_cos();
     writeln!(
@@ -324,7 +285,7 @@ fn print_dimensions(
         geometry.focal * cos,
         geometry.focal * sin
     )?;
-    let (first, last) = geometry.ends(options.near, options.far, design.comb);
+    let (first, last) = geometry.ends(options.near, options.far, options.comb);
     let sees = match design.sees() {
         Some((near, far)) => format!("{} to {}", mm(near), mm(far)),
         None => "no distance".to_owned(),
@@ -335,8 +296,9 @@ fn print_dimensions(
         100.0 * (last - first) / pixels as f64,
     )?;
     if !design.fits() {
+        let angle = None;
         let centred = DesignOptions {
-            angle: None,
+            angle,
             ..options.clone()
         }
         .design()?;
@@ -360,32 +322,19 @@ fn print_parts(at: &[At], output: &mut dyn Write) -> Result<()> {
     };
     let of = |value: &dyn Fn(&At) -> String| at.iter().map(value).collect::<Vec<_>>();
     writeln!(output)?;
-    line(
-        output,
-        "distance, mm",
-        of(&|at| format!("{:.0}", at.distance)),
-    )?;
-    line(
-        output,
-        "centre, pixel",
-        of(&|at| format!("{:.1}", at.centre)),
-    )?;
-    line(
-        output,
-        "width (sigma), pixels",
-        of(&|at| format!("{:.2}", at.width)),
-    )?;
-    line(output, "a pixel, um", of(&|at| um(at.um_a_pixel)))?;
-    line(
-        output,
-        "speckle at the slit, um",
-        of(&|at| um(at.speckle_size)),
-    )?;
-    line(
-        output,
-        "noise of one row, um",
-        of(&|at| um(at.noise_of_a_row)),
-    )?;
+    for (name, values) in [
+        ("distance, mm", of(&|at| format!("{:.0}", at.distance))),
+        ("centre, pixel", of(&|at| format!("{:.1}", at.centre))),
+        (
+            "width (sigma), pixels",
+            of(&|at| format!("{:.2}", at.width)),
+        ),
+        ("a pixel, um", of(&|at| um(at.um_a_pixel))),
+        ("speckle at the slit, um", of(&|at| um(at.speckle_size))),
+        ("noise of one row, um", of(&|at| um(at.noise_of_a_row))),
+    ] {
+        line(output, name, values)?;
+    }
     for (i, part) in at[0].parts.iter().enumerate() {
         let name = format!("frame: {}, um", part.name);
         line(output, &name, of(&|at| um(at.parts[i].um)))?;
@@ -395,61 +344,28 @@ fn print_parts(at: &[At], output: &mut dyn Write) -> Result<()> {
 }
 
 fn print_changes(options: &DesignOptions, now: &At, output: &mut dyn Write) -> Result<()> {
-    writeln!(
-        output,
-        "\ntotal at {:.0} mm now: {} um. It would be",
-        now.distance,
-        um(now.total())
-    )?;
+    let (mm, total) = (now.distance, um(now.total()));
+    writeln!(output, "\ntotal at {mm:.0} mm now: {total} um. It would be")?;
+    let with = |change: &dyn Fn(&mut DesignOptions)| {
+        let mut changed = options.clone();
+        change(&mut changed);
+        changed
+    };
     let mut changes = vec![
-        (
-            "half the laser's spot",
-            DesignOptions {
-                spot: 0.5 * options.spot,
-                ..options.clone()
-            },
-        ),
+        ("half the laser's spot", with(&|it| it.spot *= 0.5)),
         (
             "half as much baseline again",
-            DesignOptions {
-                baseline: 1.5 * options.baseline,
-                angle: None,
-                ..options.clone()
-            },
+            with(&|it| (it.baseline, it.angle) = (1.5 * options.baseline, None)),
         ),
-        (
-            "four times the rows",
-            DesignOptions {
-                rows: 4 * options.rows,
-                ..options.clone()
-            },
-        ),
+        ("four times the rows", with(&|it| it.rows *= 4)),
         (
             "a map of the pixels (head flat)",
-            DesignOptions {
-                pixels: 0.0,
-                ..options.clone()
-            },
+            with(&|it| it.pixels = 0.0),
         ),
-        (
-            "four times the points",
-            DesignOptions {
-                points: 4 * options.points,
-                ..options.clone()
-            },
-        ),
+        ("four times the points", with(&|it| it.points *= 4)),
     ];
     if !options.comb {
-        changes.insert(
-            1,
-            (
-                "the comb of 16 slits",
-                DesignOptions {
-                    comb: true,
-                    ..options.clone()
-                },
-            ),
-        );
+        changes.insert(1, ("the comb of 16 slits", with(&|it| it.comb = true)));
     }
     for (name, changed) in changes {
         // A change may leave the limits of an option.
@@ -458,11 +374,10 @@ fn print_changes(options: &DesignOptions, now: &At, output: &mut dyn Write) -> R
         };
         let at = design.at(options.far);
         let fits = if design.fits() { "" } else { "; does not fit" };
+        let (total, limit) = (um(at.total()), at.limit());
         writeln!(
             output,
-            "{:>9} um with {name}; then {} is the largest part{fits}",
-            um(at.total()),
-            at.limit()
+            "{total:>9} um with {name}; then {limit} is the largest part{fits}"
         )?;
     }
     writeln!(

@@ -3,7 +3,7 @@
 pub mod report;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, ensure};
 use calibration::fit::comb;
@@ -15,9 +15,9 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 
-use crate::record_file::{self, Shown};
+use crate::record_file;
 use crate::whole_file;
-use report::{RecordWritten, Report, ShownComb};
+use report::Report;
 
 /// Of `slitrange calibrate fit`.
 #[derive(clap::Args)]
@@ -94,23 +94,31 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     let points = comb.as_ref().map_or(&points, |comb| &comb.points);
     let solved = solve(points, position).with_context(|| file.clone())?;
     let made = form::make(&solved, options.form.form()).with_context(|| file.clone())?;
-    let mut report = Report::of(file, &solved, &made);
-    report.comb = comb.as_ref().map(ShownComb::of);
-    let setup = options.over(setup);
+    let mut report = Report::of(file, &solved, &made, comb.as_ref());
+    // Options win over the points.
+    let setup = Setup {
+        serial_number: options.serial.or(setup.serial_number),
+        estimator: options.estimator.or(setup.estimator),
+        black_level: options.black.or(setup.black_level),
+        ..setup
+    };
     let date = match options.date {
         Some(date) => date,
         None => today()?,
     };
     let record = record::of(&setup, date, &solved, &made, comb.as_ref());
     let record = EncodedRecord::new(record)?;
-    let path = options.record_path();
+    let path = match &options.output {
+        Some(path) => path.clone(),
+        None => options.points.with_extension("record"),
+    };
     ensure!(
         path != options.points,
         "{}: the record would take the place of the points: name another file with --output",
         path.display()
     );
     record_file::write(&path, &record, options.force)?;
-    report.record = Some(written(&path, &record));
+    report.add_record(&path, &record);
     if let Some(path) = &options.figure {
         figures::fit::draw(&solved, made.form, comb.as_ref(), path)
             .with_context(|| format!("{} cannot be drawn", path.display()))?;
@@ -123,37 +131,6 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-impl Options {
-    /// The setup of the points, where no option says otherwise.
-    fn over(&self, setup: Setup) -> Setup {
-        Setup {
-            serial_number: self.serial.or(setup.serial_number),
-            estimator: self.estimator.or(setup.estimator),
-            black_level: self.black.or(setup.black_level),
-            ..setup
-        }
-    }
-
-    fn record_path(&self) -> PathBuf {
-        match &self.output {
-            Some(path) => path.clone(),
-            None => self.points.with_extension("record"),
-        }
-    }
-}
-
-fn written(path: &Path, record: &EncodedRecord) -> RecordWritten {
-    let shown = Shown::of(record);
-    RecordWritten {
-        file: path.display().to_string(),
-        bytes: shown.bytes,
-        serial: shown.serial_number,
-        date: shown.date,
-        estimator: shown.estimator,
-        black: shown.black,
-    }
-}
-
 /// By the computer's clock, in UTC.
 fn today() -> anyhow::Result<Date> {
     let today = time::OffsetDateTime::now_utc().date();
@@ -164,17 +141,11 @@ fn today() -> anyhow::Result<Date> {
 }
 
 fn date(text: &str) -> Result<Date, String> {
-    let parts: Vec<&str> = text.split('-').collect();
-    let day = match parts[..] {
-        [year, month, day] => year
-            .parse()
-            .ok()
-            .zip(month.parse().ok())
-            .zip(day.parse().ok())
-            .and_then(|((year, month), day)| Date::new(year, month, day)),
-        _ => None,
+    let day = || {
+        let [year, month, day] = text.split('-').collect::<Vec<_>>().try_into().ok()?;
+        Date::new(year.parse().ok()?, month.parse().ok()?, day.parse().ok()?)
     };
-    day.ok_or_else(|| "there is no such day: write it as 2026-01-31".into())
+    day().ok_or_else(|| "there is no such day: write it as 2026-01-31".into())
 }
 
 fn black_level(words: &str) -> Result<BlackLevel, String> {

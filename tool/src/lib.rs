@@ -28,6 +28,8 @@ use std::io::{BufRead, Write};
 use std::process::ExitCode;
 
 /// What the owner of a slitrange sensor does on a PC
+// The help of a command is that of its options.
+#[expect(missing_docs)]
 #[derive(clap::Parser)]
 #[command(name = "slitrange", version)]
 pub enum Command {
@@ -37,24 +39,14 @@ pub enum Command {
     /// What belongs to the sensor head
     #[command(subcommand)]
     Head(Head),
-    // The help of each is that of its options.
-    #[expect(missing_docs)]
     Demo(demo::DemoOptions),
-    #[expect(missing_docs)]
     Design(design::DesignOptions),
-    #[expect(missing_docs)]
     Monitor(sensor::MonitorOptions),
-    #[expect(missing_docs)]
     Settings(sensor::SettingsOptions),
-    #[expect(missing_docs)]
     Plot(plot::PlotOptions),
-    #[expect(missing_docs)]
     Scope(sensor::ScopeOptions),
-    #[expect(missing_docs)]
     Row(sensor::RowOptions),
-    #[expect(missing_docs)]
     Record(sensor::RecordOptions),
-    #[expect(missing_docs)]
     Replay(replay::ReplayOptions),
 }
 
@@ -91,53 +83,23 @@ impl Command {
         input: &mut dyn BufRead,
         output: &mut dyn Write,
     ) -> anyhow::Result<ExitCode> {
-        let command = match self {
-            Self::Calibrate(command) => command,
-            Self::Demo(options) => {
-                demo::demo(options, pc, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
-            Self::Design(options) => {
-                design::design(options, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
-            Self::Monitor(options) => {
-                sensor::monitor(options, pc, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
+        match self {
+            Self::Calibrate(Calibrate::Show(options)) => return sensor::show(options, pc, output),
             Self::Settings(options) => return sensor::settings(options, pc, output),
-            Self::Plot(options) => {
-                plot::plot(options, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
-            Self::Scope(options) => {
-                sensor::scope(options, pc, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
-            Self::Row(options) => {
-                sensor::row(options, pc, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
-            Self::Record(options) => {
-                sensor::record(options, pc, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
             Self::Replay(options) => return replay::replay(options, output),
-            Self::Head(Head::Flat(options)) => {
-                sensor::flat(options, pc, input, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
-            Self::Head(Head::Measure(options)) => {
-                sensor::measure(options, pc, output)?;
-                return Ok(ExitCode::SUCCESS);
-            }
-        };
-        match command {
-            Calibrate::Fit(options) => fit::run(options, output)?,
-            Calibrate::Run(options) => sensor::run(options, pc, input, output)?,
-            Calibrate::Write(options) => sensor::write(options, pc, output)?,
-            Calibrate::Read(options) => sensor::read(options, pc, output)?,
-            Calibrate::Show(options) => return sensor::show(options, pc, output),
+            Self::Calibrate(Calibrate::Fit(options)) => fit::run(options, output)?,
+            Self::Calibrate(Calibrate::Run(options)) => sensor::run(options, pc, input, output)?,
+            Self::Calibrate(Calibrate::Write(options)) => sensor::write(options, pc, output)?,
+            Self::Calibrate(Calibrate::Read(options)) => sensor::read(options, pc, output)?,
+            Self::Demo(options) => demo::demo(options, pc, output)?,
+            Self::Design(options) => design::design(options, output)?,
+            Self::Monitor(options) => sensor::monitor(options, pc, output)?,
+            Self::Plot(options) => plot::plot(options, output)?,
+            Self::Scope(options) => sensor::scope(options, pc, output)?,
+            Self::Row(options) => sensor::row(options, pc, output)?,
+            Self::Record(options) => sensor::record(options, pc, output)?,
+            Self::Head(Head::Flat(options)) => sensor::flat(options, pc, input, output)?,
+            Self::Head(Head::Measure(options)) => sensor::measure(options, pc, output)?,
         }
         Ok(ExitCode::SUCCESS)
     }

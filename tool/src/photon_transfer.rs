@@ -11,7 +11,7 @@
 use nalgebra::{DMatrix, DVector};
 
 /// The variance of a pixel, or of many pixels together, beside its mean.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
     /// The mean above the dark, in counts.
     pub signal: f64,
@@ -57,11 +57,7 @@ pub fn dark_point(rows: &[Vec<f64>]) -> Option<Point> {
     let mean = mean_row(rows)?;
     let mut squares = 0.0;
     for row in rows {
-        let off: Vec<f64> = row
-            .iter()
-            .zip(&mean)
-            .map(|(count, mean)| count - mean)
-            .collect();
+        let off: Vec<f64> = row.iter().zip(&mean).map(|(a, b)| a - b).collect();
         let level = statistics::mean(&off);
         squares += off.iter().map(|off| (off - level).powi(2)).sum::<f64>();
     }
@@ -99,11 +95,7 @@ struct Lit<'a> {
 impl<'a> Lit<'a> {
     fn new(rows: &'a [Vec<f64>], dark: &[f64]) -> Option<Self> {
         let mean = mean_row(rows)?;
-        let signal: Vec<f64> = mean
-            .iter()
-            .zip(dark)
-            .map(|(lit, dark)| lit - dark)
-            .collect();
+        let signal: Vec<f64> = mean.iter().zip(dark).map(|(a, b)| a - b).collect();
         let slope = |pixel: usize| {
             let at = |pixel: usize| signal[pixel.min(signal.len() - 1)];
             at(pixel + 1) - at(pixel.saturating_sub(1))
@@ -140,9 +132,8 @@ impl<'a> Lit<'a> {
         // The modes take a part of each pixel's noise: its leverage.
         let taken = &weighed * &inverse;
         let points = (0..pixels).map(|pixel| {
-            let leverage: f64 = (0..3)
-                .map(|mode| taken[(pixel, mode)] * self.modes[(pixel, mode)])
-                .sum();
+            let of_mode = |mode| taken[(pixel, mode)] * self.modes[(pixel, mode)];
+            let leverage: f64 = (0..3).map(of_mode).sum();
             let freedom = (self.rows.len() as f64 - 1.0) * (1.0 - leverage);
             Point {
                 signal: self.signal[pixel],
@@ -204,10 +195,8 @@ fn fit(points: &[Point], before: &Line) -> Option<Line> {
     if !is_solvable {
         return None;
     }
-    let (dark, per_count) = (
-        (mm * v - m * mv) / determinant,
-        (all * mv - m * v) / determinant,
-    );
+    let dark = (mm * v - m * mv) / determinant;
+    let per_count = (all * mv - m * v) / determinant;
     // If the points scatter more than chance lets them, the uncertainties grow by as much.
     let off = |point: &Point| point.variance - dark - per_count * point.signal;
     let chi_squared: f64 = points.iter().map(|it| weight(it) * off(it).powi(2)).sum();
@@ -253,9 +242,8 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let dark = rows(&mut random, 0.0, 0.0, 0.0);
         let in_the_dark = dark_point(&dark).expect("rows");
-        let exposures: Vec<_> = (1..=12)
-            .map(|step| rows(&mut random, 200.0 * f64::from(step), power, place))
-            .collect();
+        let mut exposure = |step| rows(&mut random, 200.0 * f64::from(step), power, place);
+        let exposures: Vec<_> = (1..=12).map(&mut exposure).collect();
         let dark = mean_row(&dark).expect("rows");
         transfer(&exposures, &dark, in_the_dark).expect("a line")
     }
@@ -265,17 +253,13 @@ mod tests {
     #[test]
     fn gain_and_noise_are_found_with_true_uncertainties() {
         for (power, place) in [(0.0, 0.0), (0.02, 0.05)] {
-            let lines: Vec<Line> = (0..100)
-                .map(|seed| measure(seed, power, place).line)
-                .collect();
-            for (name, truth, value, u) in [
-                (
-                    "one over the gain",
-                    1.0 / GAIN,
-                    (|it| it.per_count) as fn(&Line) -> f64,
-                    (|it| it.per_count_u) as fn(&Line) -> f64,
-                ),
-                ("dark", NOISE * NOISE, |it| it.dark, |it| it.dark_u),
+            let line = |seed| measure(seed, power, place).line;
+            let lines: Vec<Line> = (0..100).map(line).collect();
+            let gain: [fn(&Line) -> f64; 2] = [|it| it.per_count, |it| it.per_count_u];
+            let dark: [fn(&Line) -> f64; 2] = [|it| it.dark, |it| it.dark_u];
+            for (name, truth, [value, u]) in [
+                ("one over the gain", 1.0 / GAIN, gain),
+                ("dark", NOISE * NOISE, dark),
             ] {
                 let mean = statistics::mean(lines.iter().map(value));
                 let pulls = lines.iter().map(|line| (value(line) - truth) / u(line));

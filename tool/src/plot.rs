@@ -33,10 +33,10 @@ Example:
   slitrange plot run.csv")]
 pub struct PlotOptions {
     /// A recording of `slitrange monitor --csv`
-    pub file: PathBuf,
+    file: PathBuf,
     /// The figure. Without it: the recording's name with the ending .svg
     #[arg(short, long, value_name = "SVG")]
-    pub output: Option<PathBuf>,
+    output: Option<PathBuf>,
 }
 
 /// The readings of a recording.
@@ -69,12 +69,12 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
     let (mean, deviation) = (statistics::mean(&mm), statistics::standard_deviation(&mm));
     let curve = allan::curve(&series.run, series.interval_s);
     figure::draw(&series, &curve, &figure)?;
+    let (readings, faults) = (series.readings.len(), series.faults.len());
+    let rate = 1.0 / series.interval_s;
     writeln!(
         output,
-        "{} readings, {:.1} a second, {} faults; mean {mean:.4} mm, standard deviation {deviation:.4} mm",
-        series.readings.len(),
-        1.0 / series.interval_s,
-        series.faults.len()
+        "{readings} readings, {rate:.1} a second, {faults} faults; mean {mean:.4} mm, standard deviation \
+         {deviation:.4} mm"
     )?;
     let least = curve.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     if let (Some((_, first)), Some((time, least))) = (curve.first(), least) {
@@ -104,10 +104,9 @@ impl Series {
     /// The longest run is too short.
     pub fn of(lines: &[Recorded]) -> Result<Self> {
         let has_readings = lines.iter().any(|line| line.kind == Kind::Reading);
-        let kind = if has_readings {
-            Kind::Reading
-        } else {
-            Kind::Difference
+        let kind = match has_readings {
+            true => Kind::Reading,
+            false => Kind::Difference,
         };
         // The sensor's own clock is better than the PC's, if the lines have it.
         let has_clock = |line: &Recorded| line.kind == Kind::Gap || line.sensor_us.is_some();

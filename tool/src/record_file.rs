@@ -19,6 +19,7 @@ use slitrange::row::Polarity;
 use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange_device::record::decode;
 use slitrange_device::record::encoded::EncodedRecord;
+use statistics::least_and_most;
 
 use crate::whole_file;
 
@@ -76,79 +77,62 @@ pub fn write(path: &Path, record: &EncodedRecord, force: bool) -> Result<()> {
 
 /// What a record says, for a person (`Display`) and for a program.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Shown {
-    /// The sensor's serial number.
-    pub serial_number: u32,
-    /// The day on which it was calibrated.
-    pub date: String,
-    /// Its length.
-    pub bytes: usize,
-    /// The CRC-32 at its end, in hexadecimal digits.
-    pub crc32: String,
-    /// What the sensor's rows are.
-    pub row: ShownRow,
-    /// How centres were found.
-    pub estimator: String,
-    /// How the black level was found.
-    pub black: String,
-    /// Whether it is that of the nominal geometry, which holds until a sensor has its own.
-    pub nominal: bool,
+pub(crate) struct Shown {
+    pub(crate) serial_number: u32,
+    pub(crate) date: String,
+    pub(crate) bytes: usize,
+    /// The CRC-32 at the record's end, in hexadecimal digits.
+    crc32: String,
+    row: ShownRow,
+    pub(crate) estimator: String,
+    pub(crate) black: String,
+    /// Whether the geometry is the nominal one, which holds until a sensor has its own.
+    nominal: bool,
     /// `eq1`, `table` or `corrected`.
-    pub kind: &'static str,
-    /// D, K and xp, where the calibration is eq. (1), plain or corrected.
-    pub eq1: Option<ShownEq1>,
-    /// The table, of distances or of residuals.
-    pub table: Option<ShownTable>,
-    /// The first and the last centre for which it is valid, in pixels.
-    pub centres_px: [f64; 2],
-    /// The shortest and the longest distance, in millimetres.
-    pub distances_mm: [f64; 2],
-    /// What the record knows of its errors.
-    pub errors: ShownErrors,
+    kind: &'static str,
+    eq1: Option<ShownEq1>,
+    table: Option<ShownTable>,
+    centres_px: [f64; 2],
+    distances_mm: [f64; 2],
+    errors: ShownErrors,
     /// The sensor's own spot. None if the calibration did not learn it.
-    pub spot: Option<ShownSpot>,
+    spot: Option<ShownSpot>,
     /// Distances at some centres.
-    pub examples: Vec<Example>,
-    /// The front end. None if it was not measured.
+    examples: Vec<Example>,
+    /// None if the front end was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub front_end: Option<ShownFrontEnd>,
-    /// The slits of a comb. None for a sensor with one slit.
+    front_end: Option<ShownFrontEnd>,
+    /// None for a sensor with one slit.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub slits: Option<Vec<ShownSlit>>,
+    slits: Option<Vec<ShownSlit>>,
 }
 
 /// A measured front end: values with their standard uncertainties.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ShownFrontEnd {
+pub(crate) struct ShownFrontEnd {
     /// What light does to a word: `rise` or `fall`.
-    pub polarity: &'static str,
+    pub(crate) polarity: &'static str,
     /// Electrons a count.
-    pub gain_electrons: [f64; 2],
-    /// The noise of a pixel in the dark, in counts.
-    pub read_noise_counts: [f64; 2],
+    pub(crate) gain_electrons: [f64; 2],
+    /// The noise of a pixel in the dark.
+    pub(crate) read_noise_counts: [f64; 2],
     /// The count that light does not exceed. None if the target was too dim to show it.
-    pub saturation_counts: Option<[f64; 2]>,
+    pub(crate) saturation_counts: Option<[f64; 2]>,
     /// The counts of an unlit pixel.
-    pub black_level_counts: [f64; 2],
+    pub(crate) black_level_counts: [f64; 2],
 }
 
 impl ShownFrontEnd {
     /// What a record says of a front end.
-    pub fn of(front_end: &FrontEnd) -> Self {
+    pub(crate) fn of(front_end: &FrontEnd) -> Self {
         let counts = |it: &Estimate<Counts>| [it.value.to_f64(), it.u.to_f64()];
-        let FrontEnd {
-            polarity,
-            gain,
-            read_noise,
-            saturation,
-            black_level,
-        } = front_end;
+        let gain = &front_end.gain;
         Self {
-            polarity: polarity_word(*polarity),
+            polarity: polarity_word(front_end.polarity),
             gain_electrons: [gain.value.to_f64(), gain.u.to_f64()],
-            read_noise_counts: counts(read_noise),
-            saturation_counts: saturation.as_ref().map(counts),
-            black_level_counts: counts(black_level),
+            read_noise_counts: counts(&front_end.read_noise),
+            saturation_counts: front_end.saturation.as_ref().map(counts),
+            black_level_counts: counts(&front_end.black_level),
         }
     }
 }
@@ -181,12 +165,12 @@ const fn polarity_word(polarity: Polarity) -> &'static str {
 
 /// A slit of a comb.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ShownSlit {
-    /// From the optical axis along the row, in micrometres.
-    pub place_um: f64,
-    /// The coefficients of the correction in pixels, of the lowest degree first. The argument is x0 from the
-    /// axis of the sensor, in units of 1024 pixels.
-    pub correction_px: [f64; CORRECTIONS],
+struct ShownSlit {
+    /// From the optical axis along the row.
+    place_um: f64,
+    /// The coefficients of the correction, of the lowest degree first. The argument is x0 from the axis of
+    /// the sensor, in units of 1024 pixels.
+    correction_px: [f64; CORRECTIONS],
 }
 
 impl ShownSlit {
@@ -200,14 +184,14 @@ impl ShownSlit {
 
 /// What a record knows of its errors: the least and the largest standard uncertainty over its centres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct ShownErrors {
-    /// Of the curve, in micrometres. None if no fit found it.
-    pub curve_um: Option<[f64; 2]>,
-    /// By the target's surface, in micrometres, for a spot of the usual height. None if the points did not
-    /// tell it: the sensor then takes an estimate.
-    pub surface_um: Option<[f64; 2]>,
-    /// The usual height in counts.
-    pub height_counts: Option<[f64; 2]>,
+struct ShownErrors {
+    /// Of the curve. None if no fit found it.
+    curve_um: Option<[f64; 2]>,
+    /// By the target's surface, for a spot of the usual height. None if the points did not tell it: the
+    /// sensor then takes an estimate.
+    surface_um: Option<[f64; 2]>,
+    /// The usual height.
+    height_counts: Option<[f64; 2]>,
 }
 
 impl ShownErrors {
@@ -225,13 +209,11 @@ impl ShownErrors {
     }
 }
 
-/// The sensor's own spot: the least and the largest value over the record's centres, in pixels.
+/// The sensor's own spot: the least and the largest value over the record's centres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ShownSpot {
-    /// The width.
-    pub width_px: [f64; 2],
-    /// How lopsided the spot is.
-    pub lopsided_px: [f64; 2],
+struct ShownSpot {
+    width_px: [f64; 2],
+    lopsided_px: [f64; 2],
 }
 
 impl ShownSpot {
@@ -246,64 +228,58 @@ impl ShownSpot {
 
 /// The least and the largest, to a tenth.
 fn ends(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
-    let ends = [
+    let (least, most) = (
         values.clone().fold(f64::INFINITY, f64::min),
         values.fold(0.0, f64::max),
-    ];
-    ends.map(|value| (10.0 * value).round() / 10.0)
+    );
+    [least, most].map(|value| (10.0 * value).round() / 10.0)
 }
 
 /// The sensor's rows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ShownRow {
+struct ShownRow {
     /// Words of a read-out.
-    pub words: usize,
+    words: usize,
     /// From the first word that sees light to behind the last.
-    pub light: [usize; 2],
+    light: [usize; 2],
     /// The same of shielded pixels.
-    pub shielded: [usize; 2],
+    shielded: [usize; 2],
     /// Bits of the converter.
-    pub bits: u8,
+    bits: u8,
     /// What light does to a word: `rise` or `fall`.
-    pub polarity: &'static str,
+    polarity: &'static str,
     /// Variance of shot noise for each count of light, in counts.
-    pub shot_variance_per_count: f64,
+    shot_variance_per_count: f64,
 }
 
 /// Eq. (1) as d = D + K/(x - xp).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ShownEq1 {
-    /// D in millimetres.
-    pub d_mm: f64,
-    /// K in millimetres times pixels.
-    pub k_mm_px: f64,
-    /// xp in pixels.
-    pub xp_px: f64,
+struct ShownEq1 {
+    d_mm: f64,
+    k_mm_px: f64,
+    xp_px: f64,
 }
 
-/// A table.
+/// A table, of distances or of residuals.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ShownTable {
+struct ShownTable {
     /// Centres in pixels, and distances or residuals in micrometres.
-    pub knots: Vec<[f64; 2]>,
+    knots: Vec<[f64; 2]>,
 }
 
-/// A distance and the curve's slope at a centre.
+/// A distance at a centre, and the slope of the curve there, to a thousandth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Example {
-    /// The centre in pixels.
-    pub x_px: f64,
-    /// The distance in millimetres.
-    pub d_mm: f64,
-    /// The slope in micrometres a pixel, to a thousandth.
-    pub um_per_px: f64,
+struct Example {
+    x_px: f64,
+    d_mm: f64,
+    um_per_px: f64,
 }
 
 impl Shown {
     /// What a record says.
-    pub fn of(written: &EncodedRecord) -> Self {
+    pub(crate) fn of(written: &EncodedRecord) -> Self {
         let record = written.record();
-        let calibration = &record.calibration;
+        let (calibration, geometry) = (&record.calibration, &record.geometry);
         let (first, last) = calibration.valid();
         let at = |centre| {
             let (distance, slope) = calibration.distance_at(centre).ok()?;
@@ -314,9 +290,7 @@ impl Shown {
             })
         };
         let distances = calibration.distances().ok();
-        let ends = distances.map_or([Micrometres::default(); 2], |ends| {
-            [*ends.start(), *ends.end()]
-        });
+        let ends = distances.map_or([Micrometres::default(); 2], |it| [*it.start(), *it.end()]);
         let (kind, eq1, table) = parts(calibration);
         Self {
             serial_number: record.serial_number,
@@ -324,13 +298,12 @@ impl Shown {
             bytes: written.bytes().len(),
             crc32: format!("{:08x}", written.sum()),
             row: ShownRow {
-                words: record.geometry.words,
-                light: [record.geometry.light.start, record.geometry.light.end],
-                shielded: [record.geometry.shielded.start, record.geometry.shielded.end],
-                bits: record.geometry.bits,
-                polarity: polarity_word(record.geometry.polarity),
-                shot_variance_per_count: f64::from(record.geometry.shot_variance_per_count_q16)
-                    / 65536.0,
+                words: geometry.words,
+                light: [geometry.light.start, geometry.light.end],
+                shielded: [geometry.shielded.start, geometry.shielded.end],
+                bits: geometry.bits,
+                polarity: polarity_word(geometry.polarity),
+                shot_variance_per_count: f64::from(geometry.shot_variance_per_count_q16) / 65536.0,
             },
             estimator: record.estimator.name().to_owned(),
             black: black_level_words(record.black_level),
@@ -341,11 +314,10 @@ impl Shown {
                 k_mm_px: curve.k() as f64 / 65536.0 / 1e3,
                 xp_px: curve.pole().to_f64(),
             }),
-            table: table.map(|knots| ShownTable {
-                knots: knots
-                    .iter()
-                    .map(|knot| [knot.centre.to_f64(), knot.value.to_f64()])
-                    .collect(),
+            table: table.map(|knots| {
+                let numbers = |knot: Knot| [knot.centre.to_f64(), knot.value.to_f64()];
+                let knots = knots.iter().map(numbers).collect();
+                ShownTable { knots }
             }),
             centres_px: [first.to_f64(), last.to_f64()],
             distances_mm: ends.map(|end| end.to_f64() / 1e3),
@@ -362,124 +334,77 @@ impl Shown {
 
     /// Names and values that a person reads, one a line.
     fn fields(&self) -> Vec<(&'static str, String)> {
-        let ShownRow {
-            words,
-            light,
-            shielded,
-            bits,
-            polarity,
-            shot_variance_per_count,
-        } = &self.row;
-        let mut fields = vec![
-            ("serial number", self.serial_number.to_string()),
-            ("date", self.date.clone()),
-            ("bytes", self.bytes.to_string()),
-            ("CRC-32", self.crc32.clone()),
-            (
-                "row",
-                format!(
-                    "{words} words: light {}..{}, shielded {}..{}",
-                    light[0], light[1], shielded[0], shielded[1]
-                ),
-            ),
-            (
-                "counts",
-                format!(
-                    "{bits} bits that {polarity} with light, shot noise {shot_variance_per_count:.5} \
-                     counts^2 a count"
-                ),
-            ),
-            (
-                "front end",
-                match self.front_end {
-                    Some(front_end) => front_end.to_string(),
-                    None => "not measured: the sensor assumes a usual one".to_owned(),
-                },
-            ),
-            ("estimator", self.estimator.clone()),
-            ("black level", self.black.clone()),
-            (
-                "calibration",
-                match self.kind {
-                    _ if self.nominal => {
-                        "d = D + K/(x - xp), nominal: the sensor has none of its own".to_owned()
-                    }
-                    "eq1" => "d = D + K/(x - xp)".to_owned(),
-                    "table" => "a table of distances".to_owned(),
-                    _ => "d = D + K/(x - xp), plus a table of residuals".to_owned(),
-                },
-            ),
-        ];
-        if let Some(ShownEq1 {
-            d_mm,
-            k_mm_px,
-            xp_px,
-        }) = self.eq1
-        {
-            fields.push(("D", format!("{d_mm:.4} mm")));
-            fields.push(("K", format!("{k_mm_px:.5} mm px")));
-            fields.push(("xp", format!("{xp_px:.5} px")));
+        let mut fields = Vec::new();
+        let mut add = |name, value: String| fields.push((name, value));
+        let row = &self.row;
+        let ([from, to], [first, last]) = (row.light, row.shielded);
+        add("serial number", self.serial_number.to_string());
+        add("date", self.date.clone());
+        add("bytes", self.bytes.to_string());
+        add("CRC-32", self.crc32.clone());
+        let pixels = format!("light {from}..{to}, shielded {first}..{last}");
+        add("row", format!("{} words: {pixels}", row.words));
+        let counts = format!(
+            "{} bits that {} with light, shot noise {:.5} counts^2 a count",
+            row.bits, row.polarity, row.shot_variance_per_count
+        );
+        add("counts", counts);
+        let front_end = self.front_end.map(|front_end| front_end.to_string());
+        let not_measured = || "not measured: the sensor assumes a usual one".to_owned();
+        add("front end", front_end.unwrap_or_else(not_measured));
+        add("estimator", self.estimator.clone());
+        add("black level", self.black.clone());
+        let calibration = match self.kind {
+            _ if self.nominal => "d = D + K/(x - xp), nominal: the sensor has none of its own",
+            "eq1" => "d = D + K/(x - xp)",
+            "table" => "a table of distances",
+            _ => "d = D + K/(x - xp), plus a table of residuals",
+        };
+        add("calibration", calibration.to_owned());
+        if let Some(eq1) = self.eq1 {
+            add("D", format!("{:.4} mm", eq1.d_mm));
+            add("K", format!("{:.5} mm px", eq1.k_mm_px));
+            add("xp", format!("{:.5} px", eq1.xp_px));
         }
-        if let Some(table) = &self.table {
-            fields.push((
+        if let Some(ShownTable { knots }) = &self.table {
+            add(
                 "knots",
-                format!("{}, monotone cubics between them", table.knots.len()),
-            ));
+                format!("{}, monotone cubics between them", knots.len()),
+            );
         }
         let [first, last] = self.centres_px;
-        fields.push(("centres", format!("{first:.5} to {last:.5} px")));
+        add("centres", format!("{first:.5} to {last:.5} px"));
         let [least, most] = self.distances_mm;
-        fields.push(("distances", format!("{least:.4} to {most:.4} mm")));
-        fields.push((
-            "curve",
-            match (self.errors.curve_um, self.nominal) {
-                (Some([least, most]), _) => {
-                    format!("standard uncertainty {least:.1} to {most:.1} um")
-                }
-                (None, true) => "tolerances of a head that was never calibrated".to_owned(),
-                (None, false) => "uncertainty not in the record: fit again to have it".to_owned(),
-            },
-        ));
-        let surface = self.errors.surface_um.zip(self.errors.height_counts);
-        fields.push((
-            "surface",
-            match surface {
-                Some(([least, most], [dim, bright])) => format!(
-                    "moves distances by {least:.0} to {most:.0} um, at a height of {dim:.0} to {bright:.0} \
-                     counts"
-                ),
-                None => "not in the record: the sensor takes an estimate".to_owned(),
-            },
-        ));
-        fields.push((
-            "spot",
-            match self.spot {
-                Some(ShownSpot {
-                    width_px: [least, most],
-                    lopsided_px: [even, odd],
-                }) => format!(
-                    "width {least:.3} to {most:.3} px, lopsided by {even:.4} to {odd:.4} px"
-                ),
-                None => "not in the record: any symmetric spot counts as clean".to_owned(),
-            },
-        ));
+        add("distances", format!("{least:.4} to {most:.4} mm"));
+        let curve = match (self.errors.curve_um, self.nominal) {
+            (Some([least, most]), _) => format!("standard uncertainty {least:.1} to {most:.1} um"),
+            (None, true) => "tolerances of a head that was never calibrated".to_owned(),
+            (None, false) => "uncertainty not in the record: fit again to have it".to_owned(),
+        };
+        add("curve", curve);
+        let surface = match self.errors.surface_um.zip(self.errors.height_counts) {
+            Some(([least, most], [dim, bright])) => format!(
+                "moves distances by {least:.0} to {most:.0} um, at a height of {dim:.0} to {bright:.0} counts"
+            ),
+            None => "not in the record: the sensor takes an estimate".to_owned(),
+        };
+        add("surface", surface);
+        let spot = match self.spot.map(|spot| (spot.width_px, spot.lopsided_px)) {
+            Some(([least, most], [even, odd])) => {
+                format!("width {least:.3} to {most:.3} px, lopsided by {even:.4} to {odd:.4} px")
+            }
+            None => "not in the record: any symmetric spot counts as clean".to_owned(),
+        };
+        add("spot", spot);
         if let Some(slits) = &self.slits {
-            let of = |value: fn(&ShownSlit) -> f64| {
-                let values = || slits.iter().map(value);
-                (
-                    values().fold(f64::INFINITY, f64::min),
-                    values().fold(f64::NEG_INFINITY, f64::max),
-                )
-            };
+            let of = |value: fn(&ShownSlit) -> f64| least_and_most(slits.iter().map(value));
             let (left, right) = of(|slit| slit.place_um);
             let (least, most) = of(|slit| slit.correction_px[0]);
-            fields.push((
-                "slits",
-                format!(
-                    "{}, from {left:.0} to {right:.0} um; corrections on the axis {least:+.4} to {most:+.4} px",
-                    slits.len()
-                ),
-            ));
+            let count = slits.len();
+            let slits = format!(
+                "{count}, from {left:.0} to {right:.0} um; corrections on the axis {least:+.4} to {most:+.4} px"
+            );
+            add("slits", slits);
         }
         fields
     }
@@ -521,11 +446,7 @@ fn parts(calibration: &Calibration) -> (&'static str, Option<&Eq1>, Option<&Knot
     match calibration {
         Calibration::Eq1(curve) => ("eq1", Some(curve), None),
         Calibration::Table(table) => ("table", None, Some(table.knots())),
-        Calibration::Corrected(corrected) => (
-            "corrected",
-            Some(corrected.curve()),
-            Some(corrected.residuals()),
-        ),
+        Calibration::Corrected(it) => ("corrected", Some(it.curve()), Some(it.residuals())),
     }
 }
 
@@ -539,60 +460,47 @@ fn between(first: Pixels, last: Pixels, index: i32) -> Pixels {
 
 /// How two records differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Comparison {
+pub(crate) struct Comparison {
     /// Bit for bit.
-    pub same: bool,
-    /// What they say otherwise than each other.
-    pub differences: Vec<Difference>,
+    pub(crate) same: bool,
+    differences: Vec<Difference>,
     /// Knots of the two tables that are not the same, where both have as many.
-    pub knots_differ: usize,
-    /// The centres for which both are valid, in pixels.
-    pub common_px: Option<[f64; 2]>,
+    knots_differ: usize,
+    /// The centres for which both are valid.
+    common_px: Option<[f64; 2]>,
     /// By how much their distances differ most over those centres.
-    pub largest: Option<Largest>,
+    largest: Option<Largest>,
 }
 
-/// What one record says and what the other.
+/// What one record says of a field and what the other.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Difference {
-    /// Of what.
-    pub field: &'static str,
-    /// The first one's.
-    pub first: String,
-    /// The second one's.
-    pub second: String,
+struct Difference {
+    field: &'static str,
+    first: String,
+    second: String,
 }
 
-/// The largest difference of distances.
+/// The largest difference of distances: the second's less the first's, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Largest {
-    /// The second's distance less the first's, in micrometres.
-    pub um: f64,
-    /// Where, in pixels.
-    pub x_px: f64,
+struct Largest {
+    um: f64,
+    x_px: f64,
 }
 
 impl Comparison {
     /// Compares two records.
-    pub fn of(first: &EncodedRecord, second: &EncodedRecord) -> Self {
+    pub(crate) fn of(first: &EncodedRecord, second: &EncodedRecord) -> Self {
         let (a, b) = (Shown::of(first), Shown::of(second));
         let value = |fields: &[(&str, String)], name: &str| {
-            fields
-                .iter()
-                .find(|(field, _)| *field == name)
-                .map_or("none".to_owned(), |(_, value)| value.clone())
+            let field = fields.iter().find(|(field, _)| *field == name);
+            field.map_or("none".to_owned(), |(_, value)| value.clone())
         };
         let (ours, theirs) = (a.fields(), b.fields());
-        let mut names: Vec<&'static str> = ours.iter().map(|(name, _)| *name).collect();
-        names.extend(
-            theirs
-                .iter()
-                .map(|(name, _)| *name)
-                .filter(|name| value(&ours, name) == "none"),
-        );
-        let differences = names
-            .into_iter()
-            .map(|field| Difference {
+        let further = theirs
+            .iter()
+            .filter(|(name, _)| value(&ours, name) == "none");
+        let differences = (ours.iter().chain(further))
+            .map(|&(field, _)| Difference {
                 field,
                 first: value(&ours, field),
                 second: value(&theirs, field),
@@ -632,10 +540,8 @@ fn distances_apart(
         .map(Pixels::from_bits);
     let knots = calibrations.into_iter().flat_map(|calibration| {
         let (.., knots) = parts(calibration);
-        knots
-            .into_iter()
-            .flat_map(Knots::iter)
-            .map(|Knot { centre, .. }| centre)
+        let knots = knots.into_iter().flat_map(Knots::iter);
+        knots.map(|knot| knot.centre)
     });
     let largest = grid
         .chain(knots.filter(|centre| (from..=to).contains(centre)))
@@ -657,13 +563,8 @@ impl fmt::Display for Comparison {
             return f.write_str("the same, bit for bit");
         }
         f.write_str("they differ")?;
-        for Difference {
-            field,
-            first,
-            second,
-        } in &self.differences
-        {
-            write!(f, "\n{field:<14}{first}\n{:<14}{second}", "")?;
+        for it in &self.differences {
+            write!(f, "\n{:<14}{}\n{:<14}{}", it.field, it.first, "", it.second)?;
         }
         if self.knots_differ > 0 {
             write!(f, "\n{:<14}{} are not the same", "knots", self.knots_differ)?;

@@ -18,6 +18,7 @@ use slitrange_device::session::{Actions, Event, Session};
 use slitrange_device::settings::Value;
 use slitrange_device::settings::serial_line::{Format, PixelStream};
 use slitrange_device::store::{Stored, configuration::Configuration};
+use statistics::Moments;
 
 use crate::recording::{self, Row, Sensor};
 use crate::whole_file::NewFile;
@@ -29,13 +30,13 @@ use crate::whole_file::NewFile;
 #[derive(Clone, Debug, clap::Args)]
 pub struct ReplayOptions {
     /// A file that `slitrange record` wrote
-    pub file: PathBuf,
+    file: PathBuf,
     /// Another setting, as it is typed at the sensor: --set "estimator centroid"
     #[arg(long, value_name = "SETTING", value_parser = recording::setting)]
-    pub set: Vec<Value>,
+    set: Vec<Value>,
     /// Write a table: a line for each row, with its distance, u and centre, or its fault
     #[arg(long)]
-    pub csv: Option<PathBuf>,
+    csv: Option<PathBuf>,
 }
 
 /// The core on the PC, with the settings and the record of a sensor.
@@ -85,22 +86,23 @@ impl Core {
             record: (!record.is_of_factory()).then_some(record),
         });
         core.session.start(&stored, &mut core.actions);
-        core.take(Event::Line(Ok(Command::Calibration(Some(
-            sensor.is_calibration_on,
-        )))));
+        let is_on = Command::Calibration(Some(sensor.is_calibration_on));
+        core.take(Event::Line(Ok(is_on)));
         Ok(core)
     }
 
     /// What the firmware does with an event.
     fn take(&mut self, event: Event) {
-        self.session
-            .take(event, &Vitals::default(), &mut self.actions);
-        if let Some(applied) = self.actions.apply.take() {
-            self.measurement.set_geometry(applied.geometry);
-            self.measurement
-                .set(applied.settings.options(), applied.profile);
-            let comb = applied.comb.unwrap_or_else(Comb::nominal);
-            self.measurement.set_comb(comb);
+        let Self {
+            measurement,
+            session,
+            actions,
+        } = self;
+        session.take(event, &Vitals::default(), actions);
+        if let Some(applied) = actions.apply.take() {
+            measurement.set_geometry(applied.geometry);
+            measurement.set(applied.settings.options(), applied.profile);
+            measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
         }
     }
 
@@ -153,12 +155,8 @@ pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCod
         }
     }
     let (sensor, damaged) = (recording.sensor(), recording.damaged());
-    writeln!(
-        output,
-        "{rows} rows of {}, record {:08x}",
-        sensor.head,
-        sensor.record.sum()
-    )?;
+    let (head, sum) = (&sensor.head, sensor.record.sum());
+    writeln!(output, "{rows} rows of {head}, record {sum:08x}")?;
     if damaged > 0 {
         writeln!(
             output,
@@ -166,8 +164,8 @@ pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCod
         )?;
     }
     ensure!(rows > 0, "there is no row to measure");
-    if let Some(deviation) = distances.deviation() {
-        let Moments { count, mean, .. } = distances;
+    if let (Some(mean), Some(deviation)) = (distances.mean(), distances.deviation()) {
+        let count = distances.count;
         writeln!(
             output,
             "{count} distances: mean {mean:.4} mm, standard deviation {deviation:.4} mm"
@@ -203,57 +201,13 @@ fn line(row: &Row, reading: &Result<Reading, Fault>) -> String {
     let mut line = format!("{},{},{exposure},", row.head.number, row.head.time_us);
     match reading {
         Ok(reading) => {
-            let mm = |length: slitrange::Micrometres| length.to_f64() / 1000.0;
-            line += &format!(
-                "{:.6},{:.6},{:.6},{:.6},",
-                mm(reading.distance),
-                mm(reading.uncertainty),
-                mm(reading.parts.noise),
-                reading.centre.to_f64()
-            );
+            let lengths = [reading.distance, reading.uncertainty, reading.parts.noise];
+            for length in lengths {
+                line += &format!("{:.6},", length.to_f64() / 1000.0);
+            }
+            line += &format!("{:.6},", reading.centre.to_f64());
         }
         Err(fault) => line += &format!(",,,,{}", fault.name()),
     }
     line + "\n"
-}
-
-/// Mean and scatter of values that come one after the other (Welford's method).
-#[derive(Clone, Copy, Debug, Default)]
-struct Moments {
-    count: u64,
-    mean: f64,
-    /// The sum of the squares of the differences from the mean.
-    squares: f64,
-}
-
-impl Moments {
-    fn add(&mut self, value: f64) {
-        self.count += 1;
-        let before = value - self.mean;
-        self.mean += before / self.count as f64;
-        self.squares += before * (value - self.mean);
-    }
-
-    /// The standard deviation of a sample. `None` of fewer than two values.
-    fn deviation(&self) -> Option<f64> {
-        (self.count > 1).then(|| (self.squares / (self.count - 1) as f64).sqrt())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn moments_are_those_of_all_values() {
-        let mut moments = Moments::default();
-        assert_eq!(moments.deviation(), None);
-        // 1, 2, 3 and 4: squares of 2.25, 0.25, 0.25 and 2.25.
-        for value in 1..=4 {
-            moments.add(f64::from(value));
-        }
-        assert_eq!(moments.mean, 2.5);
-        let deviation = moments.deviation().expect("four values");
-        assert!((deviation - (5.0_f64 / 3.0).sqrt()).abs() < 1e-12);
-    }
 }

@@ -2,22 +2,21 @@
 //! that the sensor's user gives, against the firmware on the emulated board, with a power cycle in between.
 #![cfg(unix)]
 
-use std::cell::RefCell;
-use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use clap::Parser;
 use simulator::bound;
 use simulator::distorted_optics::DistortedOptics;
 use simulator::optics::Optics;
 use simulator::scene::{Scene, Simulation};
-use slitrange_tool::Command;
-use slitrange_tool::pc::{Pc, Port};
+use slitrange_tool::pc::Pc as _;
 use statistics::rms;
 use virtual_board::light::{Target, of_scene_through};
 use virtual_board::stage::Stage;
 use virtual_board::{Firmware, SharedFlash, VirtualBoard};
+
+use crate::command::{done, slitrange};
+use crate::desk::Desk;
 
 /// Where it is used, in metres.
 const NEAREST: f64 = 0.60;
@@ -47,80 +46,9 @@ impl Bench {
     /// Powers the sensor on, works with it at a PC, and cuts its power.
     fn work(&self, stage: &Path, work: impl FnOnce(&Desk)) {
         let stage = Stage::new(stage, self.target.clone());
-        let desk = Desk(RefCell::new((self.power_on(), stage)));
+        let desk = Desk::new(self.power_on(), Some(stage));
         work(&desk);
-        let (board, _) = desk.0.into_inner();
-        board.finish().expect("a clean run");
-    }
-}
-
-/// A PC whose clock is the board's, with the board at its only serial port, and the stage.
-struct Desk(RefCell<(VirtualBoard, Stage)>);
-
-impl Desk {
-    /// Runs the board until `until`, or until it has said something for a port.
-    fn wait(&self, until: Duration, for_port: bool) -> Vec<u8> {
-        let (board, stage) = &mut *self.0.borrow_mut();
-        loop {
-            let said: Vec<u8> = board
-                .take_bytes()
-                .into_iter()
-                .map(|(_, byte)| byte)
-                .collect();
-            // The lines would pile up.
-            board.take_lines();
-            let left = until.saturating_sub(Duration::from_nanos(board.now()));
-            if left.is_zero() || (for_port && !said.is_empty()) {
-                return said;
-            }
-            stage.look();
-            let step = left.min(Duration::from_millis(5));
-            board.run_for(step).expect("a clean run");
-        }
-    }
-
-    /// A command of the tool, and what it says.
-    fn slitrange(&self, arguments: &[&str]) {
-        println!("$ slitrange {}", arguments.join(" "));
-        let all = ["slitrange"].iter().chain(arguments);
-        let command = Command::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
-        let mut output = Vec::new();
-        let result = command.run(self, &mut io::empty(), &mut output);
-        println!("{}", String::from_utf8_lossy(&output));
-        result.unwrap_or_else(|error| panic!("{error:#}"));
-    }
-}
-
-impl Pc for Desk {
-    fn open(&self, _: &str) -> serialport::Result<Box<dyn Port + '_>> {
-        self.0.borrow_mut().0.take_bytes();
-        Ok(Box::new(self))
-    }
-
-    fn now(&self) -> Duration {
-        Duration::from_nanos(self.0.borrow().0.now())
-    }
-
-    fn sleep(&self, time: Duration) {
-        self.wait(self.now() + time, false);
-    }
-}
-
-impl Port for &Desk {
-    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize> {
-        let said = self.wait(self.now() + wait, true);
-        bytes[..said.len()].copy_from_slice(&said);
-        if said.is_empty() {
-            return Err(io::ErrorKind::TimedOut.into());
-        }
-        Ok(said.len())
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let (board, stage) = &mut *self.0.borrow_mut();
-        stage.look();
-        board.send_at(board.now(), bytes);
-        Ok(())
+        desk.board.into_inner().finish().expect("a clean run");
     }
 }
 
@@ -133,14 +61,11 @@ struct Compared {
 /// The first frames may still have rows of the place before.
 fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
     let results = (0..2 + count).map(|_| {
-        let line = board.run_until_line(
-            |line| line.starts_with("d ") || line.starts_with("f "),
-            PATIENCE,
-        );
+        let is_result = |line: &str| line.starts_with("d ") || line.starts_with("f ");
+        let line = board.run_until_line(is_result, PATIENCE);
         line.expect("a result").text
     });
-    let results: Vec<String> = results.skip(2).collect();
-    let distances = results.iter().map(|line| {
+    let distances = results.skip(2).map(|line| {
         let words: Vec<&str> = line.split(' ').collect();
         assert_eq!(words[0], "d", "{line}");
         words[1].parse().expect("a distance")
@@ -197,47 +122,28 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
 
-    let names = [
-        "points.csv",
-        "sensor.record",
-        "fit.svg",
-        "run.csv",
-        "bench.toml",
-    ];
-    let [file, record, figure, recording, settings] =
-        names.map(|name| folder.join(name).display().to_string());
+    let file = |name| folder.join(name).display().to_string();
+    let [points_file, record, recording] = ["points.csv", "sensor.record", "run.csv"].map(file);
+    let [figure, settings] = ["fit.svg", "bench.toml"].map(file);
     bench.work(&stage, |desk| {
-        let command = format!("echo {{}} > {}", stage.display());
         // A little more than the range in which it is used: a calibration ends with its points.
-        let run = [
-            "calibrate",
-            "run",
-            "--port",
-            "board",
-            "--from",
-            "598",
-            "--to",
-            "1022",
-        ];
-        let how = ["--points", points, "--frames", frames, "--settle", "0.05"];
-        let stage = ["--stage-command", &command, &file];
-        desk.slitrange(&[&run[..], &how, &stage].concat());
-        desk.slitrange(&[
-            "calibrate",
-            "fit",
-            &file,
-            "-o",
-            &record,
-            "--figure",
-            &figure,
-        ]);
-        desk.slitrange(&["calibrate", "write", "--port", "board", &record]);
-        desk.slitrange(&["calibrate", "show", &record, "--port", "board"]);
-        desk.slitrange(&[
-            "monitor", "--port", "board", "--csv", &recording, "--count", "5",
-        ]);
-        desk.slitrange(&["settings", "save", &settings, "--port", "board"]);
-        desk.slitrange(&["settings", "load", &settings, "--port", "board"]);
+        let run = format!(
+            "calibrate run --port board --from 598 --to 1022 --points {points} --frames {frames} --settle 0.05"
+        );
+        let move_to = format!("echo {{}} > {}", stage.display());
+        let mut words: Vec<&str> = run.split(' ').collect();
+        words.extend(["--stage-command", &move_to, &points_file]);
+        done(slitrange(desk, &words, ""));
+        for line in [
+            format!("calibrate fit {points_file} -o {record} --figure {figure}"),
+            format!("calibrate write --port board {record}"),
+            format!("calibrate show {record} --port board"),
+            format!("monitor --port board --csv {recording} --count 5"),
+            format!("settings save {settings} --port board"),
+            format!("settings load {settings} --port board"),
+        ] {
+            done(desk.run(&line));
+        }
     });
     let lines = std::fs::read_to_string(&recording).expect("a recording");
     assert_eq!(lines.lines().count(), 6, "{lines}");
@@ -245,9 +151,7 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     let errors = errors(&bench, steps, count);
     let rms_error = rms(errors.iter().map(|compared| compared.error));
     let bound = rms(errors.iter().map(|compared| compared.bound));
-    let largest = errors.iter().fold(0.0, |largest: f64, compared| {
-        largest.max(compared.error.abs())
-    });
+    let largest = errors.iter().map(|it| it.error.abs()).fold(0.0, f64::max);
     println!(
         "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest \
          {largest:.2} um",
@@ -294,7 +198,7 @@ fn a_front_end_is_measured() {
     let folder = tempfile::tempdir().expect("a folder");
     let stage = folder.path().join("stage");
     bench.work(&stage, |desk| {
-        desk.slitrange(&["head", "measure", "--port", "board"]);
+        done(desk.run("head measure --port board"));
         println!("{:.0} s of the board's time", desk.now().as_secs_f64());
     });
 
@@ -308,22 +212,14 @@ fn a_front_end_is_measured() {
         let (number, _) = rest.split_once(after).expect("a unit");
         number.parse().expect("a number")
     };
-    let gain = number("info front end gain ", " electrons");
-    let read_noise = number("info front end read noise ", " counts");
-    let saturation = number("info front end saturation ", " counts");
-    for (name, found, truth) in [
-        ("gain", gain, electrons / amplifier.gain),
-        (
-            "read noise",
-            read_noise,
-            scene.read_noise.expect("read noise").counts,
-        ),
-        (
-            "saturation",
-            saturation,
-            amplifier.saturation.expect("a saturation"),
-        ),
+    let read_noise = scene.read_noise.expect("read noise").counts;
+    let saturation = amplifier.saturation.expect("a saturation");
+    for (name, unit, truth) in [
+        ("gain", " electrons", electrons / amplifier.gain),
+        ("read noise", " counts", read_noise),
+        ("saturation", " counts", saturation),
     ] {
+        let found = number(&format!("info front end {name} "), unit);
         println!("{name}: {found} of {truth:.2}");
         assert!((found / truth - 1.0).abs() < 0.05, "{name}");
     }

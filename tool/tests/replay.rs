@@ -4,9 +4,9 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::io::{self, Read};
+use std::path::Path;
 use std::process::ExitCode;
 
-use clap::Parser as _;
 use judges::frames::words;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -27,9 +27,10 @@ use slitrange_device::protocol::packet::RowHead;
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::settings::Settings;
-use slitrange_tool::Command;
 use slitrange_tool::pc::RealPc;
 use slitrange_tool::recording::{Reader, Row, Sensor, Writer};
+
+use crate::command::{begins, ends, slitrange};
 
 /// Counts the bytes that this thread has allocated, and the most of them at a time.
 struct Counted;
@@ -159,15 +160,13 @@ fn recorded(
     (sensor, rows.into_iter().enumerate().map(row).collect())
 }
 
-/// `slitrange replay` of a file.
-fn replay(path: &std::path::Path, more: &[&str]) -> (ExitCode, String) {
+/// `slitrange replay` of a file whose rows give the sensor's bits: what it says.
+fn replay(path: &Path, more: &[&str]) -> String {
     let path = path.to_str().expect("a path");
-    let arguments = [&["slitrange", "replay", path], more].concat();
-    let command = Command::try_parse_from(arguments).unwrap_or_else(|error| panic!("{error}"));
-    let mut output = Vec::new();
-    let ended = command.run(&RealPc::new(), &mut io::empty(), &mut output);
-    let ended = ended.unwrap_or_else(|error| panic!("{error:#}"));
-    (ended, String::from_utf8(output).expect("text"))
+    let words = [&["replay", path], more].concat();
+    let (code, said) = slitrange(&RealPc::new(), &words, "");
+    assert_eq!(code, Ok(ExitCode::SUCCESS), "{said}");
+    said
 }
 
 /// Each estimator, and each setting that changes what a row gives.
@@ -175,33 +174,18 @@ fn replay(path: &std::path::Path, more: &[&str]) -> (ExitCode, String) {
 fn rows_of_all_scenes_replay_bit_by_bit() {
     let directory = tempfile::tempdir().expect("a directory");
     let default = Settings::default();
-    let mut all = vec![];
-    for estimator in Estimator::ALL {
-        let settings = Settings {
-            estimator,
-            ..default
-        };
-        all.push((settings, None));
-    }
-    let black_level = BlackLevel::Frame;
+    let of = |change: &dyn Fn(&mut Settings)| {
+        let mut settings = default;
+        change(&mut settings);
+        (settings, None)
+    };
+    let estimators = Estimator::ALL.into_iter();
+    let mut all: Vec<_> = estimators.map(|it| of(&|set| set.estimator = it)).collect();
     let region = Region::new(600, 3000).expect("a region");
     all.extend([
-        (
-            Settings {
-                black_level,
-                peak: SpotChoice::First,
-                ..default
-            },
-            None,
-        ),
-        (Settings { region, ..default }, None),
-        (
-            Settings {
-                slits: Slits::Comb,
-                ..default
-            },
-            None,
-        ),
+        of(&|set| (set.black_level, set.peak) = (BlackLevel::Frame, SpotChoice::First)),
+        of(&|set| set.region = region),
+        of(&|set| set.slits = Slits::Comb),
         (default, Some(profile())),
     ]);
     let (mut centres, mut faults) = (0, 0);
@@ -229,14 +213,10 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
 
         let path = directory.path().join(format!("{place}.slitrange"));
         std::fs::write(&path, &bytes).expect("a file");
-        let (code, said) = replay(&path, &[]);
-        assert_eq!(code, ExitCode::SUCCESS, "{settings:?}: {said}");
-        let start = format!("{} rows of TCD1304DG, record ", rows.len());
-        assert!(said.starts_with(&start), "{said}");
-        assert!(
-            said.ends_with("all rows give the bits that the sensor reported\n"),
-            "{said}"
-        );
+        println!("{settings:?}");
+        let said = replay(&path, &[]);
+        begins(&said, &format!("{} rows of TCD1304DG, record ", rows.len()));
+        ends(&said, "all rows give the bits that the sensor reported\n");
     }
     println!("{centres} centres and {faults} faults");
     // A test of faults only, or of none, would show little.
@@ -320,7 +300,7 @@ fn damaged_text_is_refused_and_a_damaged_row_is_left_out() {
 }
 
 /// The most bytes that `replay` of so many rows has allocated at a time, with a table.
-fn most_memory(directory: &std::path::Path, rows: usize) -> usize {
+fn most_memory(directory: &Path, rows: usize) -> usize {
     let path = directory.join(format!("{rows}.slitrange"));
     let mut file = std::fs::File::create(&path).expect("a file");
     io::copy(&mut Repeated::new(rows), &mut file).expect("a recording");
@@ -328,10 +308,9 @@ fn most_memory(directory: &std::path::Path, rows: usize) -> usize {
     let table = table.to_str().expect("a path");
     let before = ALLOCATED.get();
     MOST.set(before);
-    let (code, said) = replay(&path, &["--csv", table]);
+    let said = replay(&path, &["--csv", table]);
     let most = MOST.get() - before;
-    assert_eq!(code, ExitCode::SUCCESS, "{said}");
-    assert!(said.starts_with(&format!("{rows} rows of ")), "{said}");
+    begins(&said, &format!("{rows} rows of "));
     std::fs::remove_file(&path).expect("the file");
     let lines = std::fs::read_to_string(table).expect("a table");
     assert_eq!(lines.lines().count(), rows + 1);

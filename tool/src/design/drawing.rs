@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Design, DesignOptions};
+use super::Design;
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 640.0;
@@ -22,10 +22,8 @@ struct View {
 impl View {
     /// Where a point is drawn that lies `away` mm from the beam and `along` mm along it.
     fn place(&self, (away, along): Place) -> Place {
-        (
-            self.origin.0 + self.scale * along,
-            self.origin.1 - self.scale * away,
-        )
+        let (x, y) = self.origin;
+        (x + self.scale * along, y - self.scale * away)
     }
 }
 
@@ -52,12 +50,8 @@ impl Svg {
 
     /// A dimension: a line with an arrow at both ends, and its text in the middle or beside it.
     fn dimension(&mut self, ends: (Place, Place), text: &str, (at, anchor): (Place, &str)) {
-        self.line(
-            ends,
-            GREY,
-            1.0,
-            r##" marker-start="url(#arrow)" marker-end="url(#arrow)""##,
-        );
+        let arrows = r##" marker-start="url(#arrow)" marker-end="url(#arrow)""##;
+        self.line(ends, GREY, 1.0, arrows);
         self.text(at, anchor, text);
     }
 
@@ -120,7 +114,7 @@ impl Parts {
     }
 }
 
-pub(super) fn svg(options: &DesignOptions, design: &Design) -> String {
+pub(super) fn svg(design: &Design) -> String {
     let mut svg = Svg(format!(
         r##"<svg width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}" xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" font-size="16" fill="{INK}">
 <title>Laser, slit, sensor and target: the dimensions of eq. (1)</title>
@@ -128,14 +122,14 @@ pub(super) fn svg(options: &DesignOptions, design: &Design) -> String {
 <rect width="{WIDTH}" height="{HEIGHT}" fill="#ffffff"/>
 "##
     ));
-    draw_whole(&mut svg, options, design);
-    draw_slit_and_sensor(&mut svg, options, design);
+    draw_whole(&mut svg, design);
+    draw_slit_and_sensor(&mut svg, design);
     svg.0 + "</svg>\n"
 }
 
 /// Laser, beam, targets and slit, to scale.
-fn draw_whole(svg: &mut Svg, options: &DesignOptions, design: &Design) {
-    let geometry = &design.geometry;
+fn draw_whole(svg: &mut Svg, design: &Design) {
+    let (geometry, options) = (&design.geometry, &design.options);
     let parts = Parts::of(design);
     let room = (WIDTH - 190.0) / options.far;
     let view = View {
@@ -149,12 +143,8 @@ fn draw_whole(svg: &mut Svg, options: &DesignOptions, design: &Design) {
     // The optical axis, from the sensor to the beam.
     let to_beam = geometry.baseline / geometry.angle.cos();
     let hit = parts.near_slit(to_beam, 0.0);
-    svg.line(
-        (place(parts.near_slit(-geometry.focal, 0.0)), place(hit)),
-        GREY,
-        1.0,
-        BROKEN,
-    );
+    let sensor = place(parts.near_slit(-geometry.focal, 0.0));
+    svg.line((sensor, place(hit)), GREY, 1.0, BROKEN);
     // Light from the nearest and the farthest target to the pixels.
     for distance in [options.near, options.far] {
         let pixel = place(parts.pixel(geometry.centre(distance)));
@@ -178,8 +168,7 @@ fn draw_whole(svg: &mut Svg, options: &DesignOptions, design: &Design) {
     svg.line(ends(0.0, half), INK, 3.0, "");
     svg.line(ends(-geometry.focal, half), INK, 5.0, "");
     svg.text((slit.0 + 14.0, slit.1 - 10.0), "start", "slit");
-    let (x, y) = place(parts.near_slit(-geometry.focal, 0.0));
-    svg.text((x, y - 24.0), "middle", "sensor");
+    svg.text((sensor.0, sensor.1 - 24.0), "middle", "sensor");
 
     // Dimensions.
     let left = beam.0 - 78.0;
@@ -214,16 +203,13 @@ fn draw_whole(svg: &mut Svg, options: &DesignOptions, design: &Design) {
         r#"<path d="M{:.1},{:.1} A70,70 0 0 0 {:.1},{:.1}" fill="none" stroke="{GREY}" marker-end="url(#arrow)"/>"#,
         foot.0, foot.1, end.0, end.1
     );
-    svg.text(
-        (foot.0 + 12.0, foot.1 + 22.0),
-        "start",
-        &format!("u = {:.2}°", geometry.angle.to_degrees()),
-    );
+    let angle = format!("u = {:.2}°", geometry.angle.to_degrees());
+    svg.text((foot.0 + 12.0, foot.1 + 22.0), "start", &angle);
 }
 
 /// Slit and sensor, larger: the axis lies level.
-fn draw_slit_and_sensor(svg: &mut Svg, options: &DesignOptions, design: &Design) {
-    let geometry = &design.geometry;
+fn draw_slit_and_sensor(svg: &mut Svg, design: &Design) {
+    let (geometry, options) = (&design.geometry, &design.options);
     let half = 0.5 * geometry.pixels as f64 * geometry.pitch;
     let scale = (90.0 / half).min(190.0 / geometry.focal);
     let middle = (630.0, 150.0);
@@ -240,33 +226,21 @@ fn draw_slit_and_sensor(svg: &mut Svg, options: &DesignOptions, design: &Design)
         let x = (pixel - geometry.axis) * geometry.pitch;
         // The light comes from the other side of the axis.
         svg.line((place(-22.0, -x * 22.0 / f), place(f, x)), LIGHT, 1.2, "");
-        let at = place(f, x);
-        svg.text(
-            (at.0 + 12.0, at.1 + 5.0),
-            "start",
-            &format!("{name}: pixel {pixel:.0}"),
-        );
+        let (at, words) = (place(f, x), format!("{name}: pixel {pixel:.0}"));
+        svg.text((at.0 + 12.0, at.1 + 5.0), "start", &words);
     }
     // The mask has a gap.
     for side in [-1.0, 1.0] {
-        svg.line(
-            (place(0.0, side * 0.4), place(0.0, side * half)),
-            INK,
-            4.0,
-            "",
-        );
+        let ends = (place(0.0, side * 0.4), place(0.0, side * half));
+        svg.line(ends, INK, 4.0, "");
     }
     svg.line((place(f, -half), place(f, half)), INK, 6.0, "");
     let (top, bottom) = (place(f, half), place(f, -half));
-    let last = geometry.pixels - 1;
-    svg.text(
-        (top.0 + 12.0, top.1 + 6.0),
-        "start",
-        &format!("pixel {last}"),
-    );
+    let last = format!("pixel {}", geometry.pixels - 1);
+    svg.text((top.0 + 12.0, top.1 + 6.0), "start", &last);
     svg.text((bottom.0 + 12.0, bottom.1 + 8.0), "start", "pixel 0");
     svg.text((top.0, top.1 - 20.0), "middle", "TCD1304DG");
-    let slit = match design.comb {
+    let slit = match options.comb {
         true => "comb of 16 slits, each 200 um x 3 mm".to_owned(),
         false => format!("slit {} um x 3 mm", options.slit),
     };

@@ -39,11 +39,8 @@ pub struct At {
 impl At {
     /// The root of the sum of the squares of the parts, in micrometres.
     pub fn total(&self) -> f64 {
-        self.parts
-            .iter()
-            .map(|part| part.um * part.um)
-            .sum::<f64>()
-            .sqrt()
+        let squares = self.parts.iter().map(|part| part.um * part.um);
+        squares.sum::<f64>().sqrt()
     }
 
     /// The largest part.
@@ -59,35 +56,29 @@ impl Design {
         let geometry = &self.geometry;
         let um_a_pixel = 1000.0 * geometry.mm_a_pixel(distance);
         let width = self.width(distance);
-        let slits = if self.comb { COMB_SLITS as f64 } else { 1.0 };
+        let slits = if self.options.comb {
+            COMB_SLITS as f64
+        } else {
+            1.0
+        };
         let row = um_a_pixel * self.centre_noise(width) / slits.sqrt();
-        let rows = f64::from(self.rows);
+        let rows = f64::from(self.options.rows);
         let speckle = self.speckle(distance, slits);
-        let parts = vec![
-            Part {
-                name: "noise",
-                um: row / rows.sqrt(),
-            },
-            Part {
-                name: "quantisation",
-                um: um_a_pixel * quantisation(width, self.height) / (slits * rows).sqrt(),
-            },
-            Part {
-                name: "speckle",
-                um: speckle,
-            },
-            Part {
-                name: "pixels",
-                um: um_a_pixel * pixels(width, 0.01 * self.pixels_percent) / slits.sqrt(),
-            },
-            Part {
-                name: "calibration",
-                um: self.calibration(distance, row / um_a_pixel / rows.sqrt(), slits),
-            },
-            Part {
-                name: "temperature",
-                um: self.warming(distance),
-            },
+        let of_map = pixels(width, 0.01 * self.options.pixels);
+        let rounding = quantisation(width, self.options.height);
+        let parts = [
+            ("noise", row / rows.sqrt()),
+            (
+                "quantisation",
+                um_a_pixel * rounding / (slits * rows).sqrt(),
+            ),
+            ("speckle", speckle),
+            ("pixels", um_a_pixel * of_map / slits.sqrt()),
+            (
+                "calibration",
+                self.calibration(distance, row / um_a_pixel / rows.sqrt(), slits),
+            ),
+            ("temperature", self.warming(distance)),
         ];
         At {
             distance,
@@ -95,8 +86,8 @@ impl Design {
             width,
             um_a_pixel,
             noise_of_a_row: row,
-            speckle_size: 1000.0 * self.wavelength * geometry.range(distance) / self.spot,
-            parts,
+            speckle_size: 1000.0 * self.wavelength * geometry.range(distance) / self.options.spot,
+            parts: parts.map(|(name, um)| Part { name, um }).to_vec(),
         }
     }
 
@@ -105,15 +96,14 @@ impl Design {
     pub fn width(&self, distance: f64) -> f64 {
         let geometry = &self.geometry;
         let range = geometry.range(distance);
-        let slit = if self.comb {
-            COMB_SLIT_UM / 1000.0
-        } else {
-            self.slit
+        let slit = match self.options.comb {
+            true => COMB_SLIT_UM / 1000.0,
+            false => self.slit,
         };
         let point = width_behind_slit(slit, range, geometry.focal, self.wavelength);
         let scale = geometry.focal / range * geometry.viewing_angle(distance).cos();
         // A beam's standard deviation is a quarter of its 1/e^2 diameter.
-        let image = 0.25 * self.spot * scale;
+        let image = 0.25 * self.options.spot * scale;
         (point / geometry.pitch)
             .hypot(image / geometry.pitch)
             .hypot(1.0 / 12f64.sqrt())
@@ -128,9 +118,10 @@ impl Design {
         let information: f64 = (-reach..=reach)
             .map(|i| {
                 let x = f64::from(i) / width;
-                let light = self.height * (-0.5 * x * x).exp();
+                let light = self.options.height * (-0.5 * x * x).exp();
                 let slope = light * x / width;
-                slope * slope / (self.noise * self.noise + light / self.electrons)
+                slope * slope
+                    / (self.options.noise * self.options.noise + light / self.options.electrons)
             })
             .sum();
         information.sqrt().recip()
@@ -140,8 +131,8 @@ impl Design {
     /// as a distance, n slits and M equal patterns. For n M = 1, one slit on metal, it has no bound,
     /// because a spot may be dark. The factor 1.3 is from the simulation, where it is 1.26 to 1.5.
     fn speckle(&self, distance: f64, slits: f64) -> f64 {
-        let s = 250.0 * self.spot / self.geometry.viewing_angle(distance).tan();
-        let patterns = slits * self.patterns;
+        let s = 250.0 * self.options.spot / self.geometry.viewing_angle(distance).tan();
+        let patterns = slits * self.options.surface.patterns();
         match patterns > 1.0 {
             true => s / (2.0 * (patterns - 1.0)).sqrt(),
             false => 1.3 * s,
@@ -155,18 +146,21 @@ impl Design {
     /// parabolas in the distance.
     fn calibration(&self, distance: f64, noise: f64, slits: f64) -> f64 {
         let geometry = &self.geometry;
-        let half = 0.5 * (self.far - self.near);
+        let half = 0.5 * (self.options.far - self.options.near);
         let terms = |at: f64| {
-            let t = (at - self.near) / half - 1.0;
+            let t = (at - self.options.near) / half - 1.0;
             Vector3::new(1.0, t, t * t)
         };
-        let (first, last) = (geometry.centre(self.far), geometry.centre(self.near));
-        let step = (last - first) / f64::from(self.points - 1);
+        let (first, last) = (
+            geometry.centre(self.options.far),
+            geometry.centre(self.options.near),
+        );
+        let step = (last - first) / f64::from(self.options.points - 1);
         let mut information = Matrix3::zeros();
-        for i in 0..self.points {
+        for i in 0..self.options.points {
             let at = geometry.distance(first + step * f64::from(i));
             let um = (self.speckle(at, slits))
-                .hypot(self.stage_um)
+                .hypot(self.options.stage)
                 .hypot(1000.0 * geometry.mm_a_pixel(at) * noise);
             information += terms(at) * terms(at).transpose() / (um * um);
         }
@@ -180,7 +174,7 @@ impl Design {
     /// By how much the distance changes, in micrometres, when frame and mount warm up after the calibration:
     /// baseline and slit-to-sensor grow alike, the chip with the pixels does not.
     fn warming(&self, distance: f64) -> f64 {
-        let growth = 1.0 + 1e-6 * self.expansion * self.kelvin;
+        let growth = 1.0 + 1e-6 * self.options.expansion * self.options.warmer;
         let mut warm = self.geometry;
         warm.baseline *= growth;
         warm.focal *= growth;

@@ -102,30 +102,16 @@ impl Geometry {
     /// By how much each wrong dimension moves the distance, in mm, without a calibration.
     pub fn tolerances(&self, distance: f64) -> [(&'static str, f64); 5] {
         let turn = 0.1f64.to_radians();
-        let deeper = Self {
-            focal: self.focal + 0.1,
-            ..*self
-        };
-        let wider = Self {
-            baseline: self.baseline + 0.1,
-            ..*self
-        };
-        let turned = Self {
-            angle: self.angle - turn,
-            ..*self
-        };
+        let (focal, baseline) = (self.focal + 0.1, self.baseline + 0.1);
+        let angle = self.angle - turn;
+        let beam = self.centre_of(distance * turn.sin(), distance * turn.cos());
+        let of = |built: Self| built.centre(distance);
         [
-            (
-                "slit 0.1 mm along the row",
-                self.behind(0.1).centre(distance),
-            ),
-            ("slit to sensor 0.1 mm", deeper.centre(distance)),
-            ("baseline 0.1 mm", wider.centre(distance)),
-            ("slit and sensor 0.1 degrees", turned.centre(distance)),
-            (
-                "beam 0.1 degrees",
-                self.centre_of(distance * turn.sin(), distance * turn.cos()),
-            ),
+            ("slit 0.1 mm along the row", of(self.behind(0.1))),
+            ("slit to sensor 0.1 mm", of(Self { focal, ..*self })),
+            ("baseline 0.1 mm", of(Self { baseline, ..*self })),
+            ("slit and sensor 0.1 degrees", of(Self { angle, ..*self })),
+            ("beam 0.1 degrees", beam),
         ]
         .map(|(name, centre)| (name, (self.distance(centre) - distance).abs()))
     }
@@ -163,11 +149,10 @@ impl Geometry {
 
 /// The places of the first and the last slit along the row.
 fn outer_slits(comb: bool) -> (f64, f64) {
-    let place = |um: i32| f64::from(um) / 1000.0;
     match comb {
         true => (
-            place(NOMINAL_PLACES_UM[0]),
-            place(NOMINAL_PLACES_UM[COMB_SLITS - 1]),
+            f64::from(NOMINAL_PLACES_UM[0]) / 1000.0,
+            f64::from(NOMINAL_PLACES_UM[COMB_SLITS - 1]) / 1000.0,
         ),
         false => (0.0, 0.0),
     }

@@ -1,6 +1,7 @@
 //! What a person, or a program, is told of a fit.
 
 use std::fmt;
+use std::path::Path;
 
 use calibration::fit::comb::{FittedComb, FittedSlit};
 use calibration::fit::curve::{FEW_FREEDOMS, Quality};
@@ -11,197 +12,153 @@ use calibration::record::form::Made;
 use calibration::record::surface::Surface;
 use calibration::record::verdict::{SCATTERED, Verdict};
 use serde::Serialize;
+use slitrange_device::record::encoded::EncodedRecord;
+
+use crate::record_file::Shown;
 
 /// The report. Units stand in the names.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Whether the calibration is good enough.
-    pub verdict: Verdict,
+    verdict: Verdict,
     /// The file of the points.
-    pub file: String,
+    file: String,
     /// Points that were read.
-    pub points: usize,
+    points: usize,
     /// Points that count.
-    pub used: usize,
-    /// Points that do not.
-    pub rejected: Vec<Rejected>,
-    /// What the calibration is made of.
-    pub form: Form,
-    /// Why.
-    pub form_because: String,
-    /// Eq. (1).
-    pub eq1: Parameters,
+    used: usize,
+    rejected: Vec<Rejected>,
+    form: Form,
+    form_because: String,
+    eq1: Parameters,
     /// How the centres lie to xp.
-    pub pole: Pole,
+    pole: Pole,
     /// How well eq. (1) alone goes with the points.
-    pub eq1_alone: Residuals,
+    eq1_alone: Residuals,
     /// How well the curve of that form does.
-    pub curve: Residuals,
+    curve: Residuals,
     /// The centres and distances for which it holds.
-    pub range: Range,
-    /// Its table, where it has one.
-    pub table: Option<Table>,
+    range: Range,
+    table: Option<Table>,
     /// How far the sensor's distances are from the curve, by rounding and tabulation, at most.
-    pub held_within_um: f64,
+    held_within_um: f64,
     /// What was known of the points' errors.
-    pub weights: String,
+    weights: String,
     /// How much the points scatter over what was given of their errors; where nothing was, their centres'
     /// scatter in pixels.
-    pub scatter: Option<f64>,
-    /// How far the target's surface moves distances, if the points tell it.
-    pub surface: Option<ShownSurface>,
-    /// The slits of a comb.
+    scatter: Option<f64>,
+    surface: Option<ShownSurface>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub comb: Option<ShownComb>,
+    comb: Option<ShownComb>,
     /// What the points cannot show.
-    pub cannot_show: Vec<String>,
-    /// The record that was written.
-    pub record: Option<RecordWritten>,
+    cannot_show: Vec<String>,
+    record: Option<RecordWritten>,
 }
 
 /// A point that was rejected.
 #[derive(Clone, Debug, Serialize)]
-pub struct Rejected {
-    /// Its line in the file.
-    pub line: u64,
-    /// Its centre.
-    pub x_px: f64,
-    /// Its distance.
-    pub d_mm: f64,
+struct Rejected {
+    line: u64,
+    x_px: f64,
+    d_mm: f64,
     /// Its distance less that of the curve at its centre.
-    pub off_mm: f64,
+    off_mm: f64,
     /// How many times its standard uncertainty that is.
-    pub off_deviations: f64,
+    off_deviations: f64,
 }
 
 /// A parameter with its standard uncertainty, where that is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Value {
-    /// The parameter.
-    pub value: f64,
-    /// Its standard uncertainty.
-    pub uncertainty: Option<f64>,
+struct Value {
+    value: f64,
+    uncertainty: Option<f64>,
 }
 
 /// Eq. (1)'s parameters.
 #[derive(Clone, Debug, Serialize)]
-pub struct Parameters {
-    /// D.
-    pub d_mm: Value,
-    /// K.
-    pub k_mm_px: Value,
-    /// xp.
-    pub xp_px: Value,
+struct Parameters {
+    d_mm: Value,
+    k_mm_px: Value,
+    xp_px: Value,
     /// Correlation of D with K, D with xp, K with xp.
-    pub correlation: [f64; 3],
+    correlation: [f64; 3],
     /// Covariance in the order D, K, xp, where it is known.
-    pub covariance: Option<[[f64; 3]; 3]>,
+    covariance: Option<[[f64; 3]; 3]>,
 }
 
-/// Where the pole lies.
+/// How far the pole is from the nearest centre of the range, and the same over the range's length.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Pole {
-    /// From the nearest centre of the range.
-    pub from_range_px: f64,
-    /// The same over the range's length.
-    pub ranges_away: f64,
+struct Pole {
+    from_range_px: f64,
+    ranges_away: f64,
 }
 
 /// How well a curve goes with its points.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Residuals {
+struct Residuals {
     /// How many parameters it is worth.
-    pub freedoms: f64,
-    /// Root mean square of the residuals.
-    pub rms_um: f64,
-    /// The largest.
-    pub largest_um: f64,
+    freedoms: f64,
+    rms_um: f64,
+    largest_um: f64,
     /// Root mean square of each point's distance from the curve that the others make.
-    pub cross_validated_um: Option<f64>,
+    cross_validated_um: Option<f64>,
     /// Root mean square of the curve's own standard uncertainty over the range.
-    pub uncertainty_um: Option<f64>,
-    /// The largest of it.
-    pub largest_uncertainty_um: Option<f64>,
+    uncertainty_um: Option<f64>,
+    largest_uncertainty_um: Option<f64>,
     /// The part of an error of the point at the first centre that the curve takes over.
-    pub leverage_first: f64,
-    /// The same at the last centre.
-    pub leverage_last: f64,
+    leverage_first: f64,
+    leverage_last: f64,
 }
 
 /// How far a target's surface moves distances. It grows with the distance, and varies as one over the square
 /// root of the spot's height.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ShownSurface {
+struct ShownSurface {
     /// The distance in the middle of the points.
-    pub middle_mm: f64,
+    middle_mm: f64,
     /// Standard deviation there, of a spot of the usual height.
-    pub deviation_um: f64,
+    deviation_um: f64,
     /// How well that is known, over itself.
-    pub known_to: f64,
+    known_to: f64,
     /// The usual height there.
-    pub height_counts: f64,
+    height_counts: f64,
 }
 
 /// What the points tell of a comb.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ShownComb {
-    /// The slits.
-    pub slits: Vec<FittedSlit>,
+struct ShownComb {
+    slits: Vec<FittedSlit>,
     /// Images that count.
-    pub images: usize,
-    /// Images that do not: they lie far from the others of their point.
-    pub rejected: usize,
+    images: usize,
+    /// Images that lie far from the others of their point.
+    rejected: usize,
     /// Standard uncertainty of a point's centre by the scatter of its slits, root mean square.
-    pub scatter_px: f64,
+    scatter_px: f64,
 }
 
-impl ShownComb {
-    /// What a fit found.
-    pub fn of(comb: &FittedComb) -> Self {
-        Self {
-            slits: comb.slits.clone(),
-            images: comb.images,
-            rejected: comb.rejected,
-            scatter_px: comb.scatter_px,
-        }
-    }
-}
-
-/// For which centres and distances a calibration holds.
+/// The ends of the centres and distances for which a calibration holds.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Range {
-    /// The first centre.
-    pub first_px: f64,
-    /// The last centre.
-    pub last_px: f64,
-    /// The distance there.
-    pub first_mm: f64,
-    /// The distance there.
-    pub last_mm: f64,
+struct Range {
+    first_px: f64,
+    last_px: f64,
+    first_mm: f64,
+    last_mm: f64,
 }
 
 /// A table.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Table {
-    /// Its knots.
-    pub knots: usize,
+struct Table {
+    knots: usize,
 }
 
 /// A record that was written.
 #[derive(Clone, Debug, Serialize)]
-pub struct RecordWritten {
-    /// Where.
-    pub file: String,
-    /// Its length.
-    pub bytes: usize,
-    /// The sensor's serial number.
-    pub serial: u32,
-    /// The day.
-    pub date: String,
-    /// How centres were found.
-    pub estimator: String,
-    /// How the black level was found.
-    pub black: String,
+struct RecordWritten {
+    file: String,
+    bytes: usize,
+    serial: u32,
+    date: String,
+    estimator: String,
+    black: String,
 }
 
 impl Residuals {
@@ -221,8 +178,8 @@ impl Residuals {
 }
 
 impl Report {
-    /// That of a calibration.
-    pub fn of(file: String, solved: &Solved, made: &Made<'_>) -> Self {
+    /// That of a calibration, and of a comb if the sensor has one.
+    pub fn of(file: String, solved: &Solved, made: &Made<'_>, comb: Option<&FittedComb>) -> Self {
         let (curve, quality) = (made.curve, solved.quality(made.form));
         let fit = &solved.plain.eq1;
         let unit = fit.unit_covariance;
@@ -237,9 +194,8 @@ impl Report {
             [0, 1, 2].map(|i| [0, 1, 2].map(|j| variance * unit[(i, j)] * factors[i] * factors[j]))
         });
         let (first, last) = curve.eq1.valid;
-        let from_range = (first - fit.curve.pole)
-            .abs()
-            .min((last - fit.curve.pole).abs());
+        let from_range = [first, last].map(|end| (end - fit.curve.pole).abs());
+        let from_range = from_range[0].min(from_range[1]);
         let all = || solved.points.iter().zip(&solved.verdicts);
         let rejected = all().filter(|(_, verdict)| !verdict.kept);
         let mut report = Self {
@@ -290,12 +246,30 @@ impl Report {
                 known_to: surface.known_to,
                 height_counts: surface.height,
             }),
-            comb: None,
+            comb: comb.map(|comb| ShownComb {
+                slits: comb.slits.clone(),
+                images: comb.images,
+                rejected: comb.rejected,
+                scatter_px: comb.scatter_px,
+            }),
             cannot_show: Vec::new(),
             record: None,
         };
         report.cannot_show = report.limits(solved.weights);
         report
+    }
+
+    /// Adds the record that was written to a file.
+    pub(super) fn add_record(&mut self, path: &Path, record: &EncodedRecord) {
+        let shown = Shown::of(record);
+        self.record = Some(RecordWritten {
+            file: path.display().to_string(),
+            bytes: shown.bytes,
+            serial: shown.serial_number,
+            date: shown.date,
+            estimator: shown.estimator,
+            black: shown.black,
+        });
     }
 
     /// What the points cannot show.
@@ -330,18 +304,16 @@ impl Report {
                 )
             });
         }
-        if self.used > 3 {
-            for (which, leverage) in [
-                ("first", self.curve.leverage_first),
-                ("last", self.curve.leverage_last),
-            ] {
-                if leverage > 0.5 {
-                    limits.push(format!(
-                        "the {which} point holds the curve there: {:.0} % of its error is in it; take more \
-                         points near that end",
-                        100.0 * leverage
-                    ));
-                }
+        for (which, leverage) in [
+            ("first", self.curve.leverage_first),
+            ("last", self.curve.leverage_last),
+        ] {
+            if self.used > 3 && leverage > 0.5 {
+                let percent = 100.0 * leverage;
+                limits.push(format!(
+                    "the {which} point holds the curve there: {percent:.0} % of its error is in it; take more \
+                     points near that end"
+                ));
             }
         }
         limits.push(
@@ -365,55 +337,45 @@ impl fmt::Display for Report {
             Form::Table => "a table of smoothed distances",
         };
         writeln!(f, "{}\n", self.verdict)?;
+        let (file, points, used) = (&self.file, self.points, self.used);
+        let rejected = self.rejected.len();
         writeln!(
             f,
-            "{}: {} points, {} used, {} rejected",
-            self.file,
-            self.points,
-            self.used,
-            self.rejected.len()
+            "{file}: {points} points, {used} used, {rejected} rejected"
         )?;
         writeln!(f, "  weighted {}", self.weights)?;
-        let Range {
-            first_px,
-            last_px,
-            first_mm,
-            last_mm,
-        } = self.range;
-        writeln!(
+        let range = &self.range;
+        let (from, to) = (range.first_mm, range.last_mm);
+        write!(
             f,
-            "  from {first_px:.3} to {last_px:.3} px, which are {first_mm:.3} to {last_mm:.3} mm"
+            "  from {:.3} to {:.3} px, ",
+            range.first_px, range.last_px
         )?;
+        writeln!(f, "which are {from:.3} to {to:.3} mm")?;
         writeln!(f, "\nCalibration: {form} ({})", self.form_because)?;
         if let Some(Table { knots }) = self.table {
             writeln!(f, "  {knots} knots")?;
         }
+        let within = self.held_within_um;
         writeln!(
             f,
-            "  the sensor's distances are within {:.3} um of the curve, rounding and knots included",
-            self.held_within_um
+            "  the sensor's distances are within {within:.3} um of the curve, rounding and knots included"
         )?;
 
         writeln!(f, "\nEq. (1): d = D + K/(x - xp)")?;
-        let Parameters {
-            d_mm,
-            k_mm_px,
-            xp_px,
-            correlation,
-            ..
-        } = &self.eq1;
-        writeln!(f, "  D   {:>14} mm", Measured(d_mm))?;
-        writeln!(f, "  K   {:>14} mm px", Measured(k_mm_px))?;
-        writeln!(f, "  xp  {:>14} px", Measured(xp_px))?;
+        let eq1 = &self.eq1;
+        writeln!(f, "  D   {:>14} mm", Measured(&eq1.d_mm))?;
+        writeln!(f, "  K   {:>14} mm px", Measured(&eq1.k_mm_px))?;
+        writeln!(f, "  xp  {:>14} px", Measured(&eq1.xp_px))?;
+        let [dk, dx, kx] = eq1.correlation;
         writeln!(
             f,
-            "  correlation D,K {:+.6}  D,xp {:+.6}  K,xp {:+.6}",
-            correlation[0], correlation[1], correlation[2]
+            "  correlation D,K {dk:+.6}  D,xp {dx:+.6}  K,xp {kx:+.6}"
         )?;
+        let (px, ranges) = (self.pole.from_range_px, self.pole.ranges_away);
         writeln!(
             f,
-            "  the pole xp is {:.0} px from the range, {:.2} times its length",
-            self.pole.from_range_px, self.pole.ranges_away
+            "  the pole xp is {px:.0} px from the range, {ranges:.2} times its length"
         )?;
 
         writeln!(
@@ -426,22 +388,22 @@ impl fmt::Display for Report {
         }
         match (self.scatter, self.weights.starts_with("all")) {
             (Some(scatter), true) => writeln!(f, "  centres scatter by {scatter:.5} px")?,
-            (Some(scatter), false) => writeln!(
-                f,
-                "  points scatter {scatter:.2} times as much as was given{}",
-                if scatter > SCATTERED && self.used >= FEWEST_TO_REJECT {
-                    ": an uncertainty was given too small, or an error not at all"
-                } else {
-                    ""
-                }
-            )?,
+            (Some(scatter), false) => {
+                let hint = match scatter > SCATTERED && self.used >= FEWEST_TO_REJECT {
+                    true => ": an uncertainty was given too small, or an error not at all",
+                    false => "",
+                };
+                writeln!(
+                    f,
+                    "  points scatter {scatter:.2} times as much as was given{hint}"
+                )?;
+            }
             (None, _) => {}
         }
 
         writeln!(f, "\nThe curve itself")?;
-        if let (Some(rms), Some(largest)) =
-            (self.curve.uncertainty_um, self.curve.largest_uncertainty_um)
-        {
+        let curve = &self.curve;
+        if let (Some(rms), Some(largest)) = (curve.uncertainty_um, curve.largest_uncertainty_um) {
             writeln!(
                 f,
                 "  standard uncertainty over the range: RMS {rms:.2} um, largest {largest:.2} um"
@@ -450,7 +412,7 @@ impl fmt::Display for Report {
         writeln!(
             f,
             "  freedoms {:.1}; leverage of the first point {:.2}, of the last {:.2}",
-            self.curve.freedoms, self.curve.leverage_first, self.curve.leverage_last
+            curve.freedoms, curve.leverage_first, curve.leverage_last
         )?;
 
         if let Some(comb) = &self.comb {
@@ -498,17 +460,14 @@ impl fmt::Display for Report {
         for limit in &self.cannot_show {
             writeln!(f, "  {limit}")?;
         }
-        if let Some(record) = &self.record {
-            writeln!(
+        if let Some(it) = &self.record {
+            let (estimator, black) = (&it.estimator, &it.black);
+            write!(
                 f,
-                "\n{}: {} bytes, serial {}, {}, estimator {}, black {}",
-                record.file,
-                record.bytes,
-                record.serial,
-                record.date,
-                record.estimator,
-                record.black
+                "\n{}: {} bytes, serial {}, ",
+                it.file, it.bytes, it.serial
             )?;
+            writeln!(f, "{}, estimator {estimator}, black {black}", it.date)?;
         }
         Ok(())
     }
@@ -516,12 +475,8 @@ impl fmt::Display for Report {
 
 /// The slits of a comb, a line for each.
 fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
-    writeln!(
-        f,
-        "\nThe comb: {} slits, {} images",
-        comb.slits.len(),
-        comb.images
-    )?;
+    let (slits, images) = (comb.slits.len(), comb.images);
+    writeln!(f, "\nThe comb: {slits} slits, {images} images")?;
     if comb.rejected > 0 {
         writeln!(
             f,
@@ -539,9 +494,7 @@ fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
         "  slit  place um  points  degree  correction px  residual px"
     )?;
     for (slit, number) in comb.slits.iter().zip(1..) {
-        let degree = slit
-            .degree
-            .map_or("none".to_owned(), |degree| degree.to_string());
+        let degree = slit.degree.map_or("none".to_owned(), |it| it.to_string());
         writeln!(
             f,
             "  {number:>4}  {:>8.0}  {:>6}  {degree:>6}  {:>+13.4}  {:>11.4}",
@@ -552,10 +505,8 @@ fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
 }
 
 fn residuals(f: &mut fmt::Formatter<'_>, name: &str, of: &Residuals) -> fmt::Result {
-    let cross_validated = match of.cross_validated_um {
-        Some(error) => format!("{error:.3}"),
-        None => "none".into(),
-    };
+    let cross_validated = of.cross_validated_um.map(|um| format!("{um:.3}"));
+    let cross_validated = cross_validated.unwrap_or("none".to_owned());
     writeln!(
         f,
         "  {name:<21} {:>10.3} {:>10.3} {cross_validated:>16}",

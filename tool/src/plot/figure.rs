@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use figures::axes::{self, Area, Axis, Scale, panel};
 use figures::dark::{BLUE as MEASURED, RED as EXPECTED};
 use plotters::prelude::*;
-use statistics::{mean, standard_deviation};
+use statistics::{least_and_most, mean, standard_deviation};
 
 use super::{Series, spectrum};
 
@@ -36,9 +36,7 @@ pub fn draw(series: &Series, allan: &[(f64, f64)], path: &Path) -> Result<()> {
 
 /// The smallest and the largest value, with a little room. A range is never empty.
 fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (least, most) = values.fold((f64::MAX, f64::MIN), |(least, most), value| {
-        (least.min(value), most.max(value))
-    });
+    let (least, most) = least_and_most(values);
     let room = (0.05 * (most - least)).max(1e-4);
     (least - room, most + room)
 }
@@ -54,22 +52,16 @@ fn linear<'a>(range: (f64, f64), name: &'a str, ticks: usize) -> Axis<'a> {
 
 /// A logarithmic axis around positive values, with ticks at 1, 2 and 5 of each decade.
 fn log<'a>(values: impl Iterator<Item = f64>, name: &'a str) -> Axis<'a> {
-    let positive = values.filter(|value| *value > 0.0);
-    let (least, most) = positive.fold((f64::MAX, f64::MIN), |(least, most), value| {
-        (least.min(value), most.max(value))
-    });
     // Without a positive value, any range.
-    let (least, most) = if least <= most {
-        (0.8 * least, 1.25 * most)
-    } else {
-        (0.1, 10.0)
+    let (least, most) = match least_and_most(values.filter(|value| *value > 0.0)) {
+        (least, most) if least <= most => (0.8 * least, 1.25 * most),
+        _ => (0.1, 10.0),
     };
     let decades = least.log10().floor() as i32..=most.log10().ceil() as i32;
     let is_wide = most / least > 300.0;
     let parts: &[f64] = if is_wide { &[1.0] } else { &[1.0, 2.0, 5.0] };
-    let ticks: Vec<f64> = decades
-        .flat_map(|decade| parts.iter().map(move |part| part * 10f64.powi(decade)))
-        .collect();
+    let of_decade = |decade| parts.iter().map(move |part| part * 10f64.powi(decade));
+    let ticks: Vec<f64> = decades.flat_map(of_decade).collect();
     Axis::new(Scale::Log, (least, most), name, &ticks, |value| {
         // Without the digits that the computer adds.
         let digits = (-value.log10().floor()).max(0.0) as usize;
@@ -90,10 +82,8 @@ fn draw_over_time(area: &Area<'_>, series: &Series, mm: &[f64]) -> Result<()> {
     let x = linear((0.0, (end - start).max(1e-3)), "time in s", 10);
     let mut panel = panel(area, &title, 30, &x, &linear(y, "mm from the mean", 6))?;
     // A line over a pause would be no reading.
-    let runs = series
-        .readings
-        .chunk_by(|before, after| after.0 - before.0 < series.pause_s);
-    for run in runs {
+    let goes_on = |before: &(f64, f64), after: &(f64, f64)| after.0 - before.0 < series.pause_s;
+    for run in series.readings.chunk_by(goes_on) {
         let points = run.iter().map(|(time, mm)| (time - start, mm - mean));
         axes::draw_line(&mut panel, points, MEASURED.stroke_width(1))?;
     }
@@ -110,10 +100,9 @@ fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
     let (least, most) = range(mm.iter().copied());
     // Scott's rule: the bins that show a gaussian best.
     let width = 3.49 * deviation / (mm.len() as f64).cbrt();
-    let bins = if width > 0.0 {
-        ((most - least) / width).ceil()
-    } else {
-        BINS.0
+    let bins = match width > 0.0 {
+        true => ((most - least) / width).ceil(),
+        false => BINS.0,
     };
     let bins = bins.clamp(BINS.0, BINS.1) as usize;
     let width = (most - least) / bins as f64;
@@ -130,10 +119,7 @@ fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
             * (-0.5 * off * off).exp()
             * counts.iter().sum::<u32>() as f64
     };
-    let highest = counts
-        .iter()
-        .map(|&count| f64::from(count))
-        .fold(1.0, f64::max);
+    let highest = f64::from(counts.iter().copied().fold(1, u32::max));
     let highest = highest.max(expected(mean).min(2.0 * highest));
     let x = linear((least, most), "distance in mm", 8);
     let y = Axis::linear((0.0, 1.08 * highest), "readings in a bin", 6, 0);
@@ -141,10 +127,8 @@ fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
     let mut panel = panel(area, title, 30, &x, &y)?;
     panel.draw_series(counts.iter().enumerate().map(|(bin, &count)| {
         let left = least + bin as f64 * width;
-        Rectangle::new(
-            [(left, 0.0), (left + width, f64::from(count))],
-            MEASURED.mix(0.5).filled(),
-        )
+        let corners = [(left, 0.0), (left + width, f64::from(count))];
+        Rectangle::new(corners, MEASURED.mix(0.5).filled())
     }))?;
     let steps = (0..=300).map(|step| least + (most - least) * f64::from(step) / 300.0);
     let curve = steps.map(|mm| (mm, expected(mm)));
@@ -162,16 +146,13 @@ fn draw_allan(area: &Area<'_>, series: &Series, allan: &[(f64, f64)]) -> Result<
         series.run.len()
     );
     let x = log(allan.iter().map(|(time, _)| *time), "time of a mean in s");
-    let y = log(
-        allan.iter().map(|(_, deviation)| *deviation),
-        "deviation in mm",
-    );
+    let deviations = allan.iter().map(|(_, deviation)| *deviation);
+    let y = log(deviations, "deviation in mm");
     let mut panel = panel(area, &title, 30, &x, &y)?;
     if let Some(&(first, deviation)) = allan.first() {
         // Falls with the root of the time.
-        let noise = allan
-            .iter()
-            .map(|(time, _)| (*time, deviation * (first / time).sqrt()));
+        let times = allan.iter().map(|(time, _)| *time);
+        let noise = times.map(|time| (time, deviation * (first / time).sqrt()));
         axes::draw_line(&mut panel, noise, EXPECTED.stroke_width(1))?;
     }
     let of_readings = allan.iter().copied();
@@ -181,10 +162,7 @@ fn draw_allan(area: &Area<'_>, series: &Series, allan: &[(f64, f64)]) -> Result<
 
 fn draw_spectrum(area: &Area<'_>, series: &Series) -> Result<()> {
     let lines = spectrum::density(&series.run, 1.0 / series.interval_s);
-    let x = log(
-        lines.iter().map(|(frequency, _)| *frequency),
-        "frequency in Hz",
-    );
+    let x = log(lines.iter().map(|(hertz, _)| *hertz), "frequency in Hz");
     let y = log(lines.iter().map(|(_, density)| *density), "mm / root Hz");
     let mut panel = panel(area, "spectrum of the longest run", 30, &x, &y)?;
     axes::draw_line(&mut panel, lines, MEASURED.stroke_width(1))

@@ -7,7 +7,7 @@ use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::flat::Flat;
 
 use super::answers;
-use super::line::{ANSWER, FRAME, LineError, SAVE};
+use super::line::{ANSWER, FRAME, LineError, SAVE, is_echoed};
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -24,14 +24,13 @@ For a script, in two runs:
   slitrange head flat --port /dev/ttyACM0 --only lit")]
 pub struct FlatOptions {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// Take only these rows, and ask nothing: dark rows first, lit rows in another run
     #[arg(long, value_enum)]
-    pub only: Option<Only>,
+    only: Option<Only>,
     /// Leave the flash as it is: the map is used until the power goes
     #[arg(long)]
-    pub no_save: bool,
+    no_save: bool,
 }
 
 /// The rows that one run takes.
@@ -54,8 +53,7 @@ pub fn flat(
     output: &mut dyn Write,
 ) -> Result<()> {
     let mut session = options.port.open(pc)?;
-    let (head, port) = (session.head().to_owned(), session.port().to_owned());
-    writeln!(output, "sensor {head} at {port}")?;
+    writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     for (kind, only, what_to_do) in [
         (
             Kind::Dark,
@@ -71,10 +69,7 @@ pub fn flat(
     ] {
         match options.only {
             None => take_with_person(&mut session, kind, what_to_do, input, output)?,
-            Some(wanted) if wanted == only => {
-                let answer = take(&mut session, kind)?;
-                writeln!(output, "{answer}")?;
-            }
+            Some(wanted) if wanted == only => writeln!(output, "{}", take(&mut session, kind)?)?,
             Some(_) => {}
         }
     }
@@ -89,16 +84,12 @@ pub fn flat(
     } else {
         // The same map may be saved twice without harm.
         let save = Flat::Save.to_string();
-        (session.line())
-            .ask(&save, SAVE, |lines| (lines.last()? == &save).then_some(()))
-            .context("the map is in use, but not saved")?;
+        let saved = (session.line()).ask(&save, SAVE, |lines| is_echoed(lines, &save));
+        saved.context("the map is in use, but not saved")?;
         writeln!(output, "saved: the map is kept over a power cycle")?;
     }
-    writeln!(
-        output,
-        "Put the slit back. Then calibrate: slitrange calibrate run"
-    )?;
-    Ok(())
+    let next = "Put the slit back. Then calibrate: slitrange calibrate run";
+    Ok(writeln!(output, "{next}")?)
 }
 
 /// Asks the person for darkness or light until the sensor accepts its rows.

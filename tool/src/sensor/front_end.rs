@@ -35,20 +35,19 @@ use crate::whole_file;
 #[derive(Clone, Debug, clap::Args)]
 pub struct MeasureOptions {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// Write a table: signal and variance of each pixel and exposure
     #[arg(long, value_parser = whole_file::output)]
-    pub csv: Option<PathBuf>,
+    csv: Option<PathBuf>,
     /// Draw the noise over the light, and the light over the exposure, as an SVG
     #[arg(long, value_parser = whole_file::output)]
-    pub figure: Option<PathBuf>,
+    figure: Option<PathBuf>,
     /// Leave the flash as it is: what was measured is used until the power goes
     #[arg(long)]
-    pub no_save: bool,
+    no_save: bool,
     /// Measure and report, but leave the sensor as it is
     #[arg(long)]
-    pub dry_run: bool,
+    dry_run: bool,
 }
 
 /// The settings that measuring changes.
@@ -175,10 +174,8 @@ fn report(front_end: &FrontEnd, in_use: &Geometry, output: &mut dyn Write) -> Re
         black_level_counts: [black, black_u],
     } = ShownFrontEnd::of(front_end);
     let until_now = in_use.electrons_per_count();
-    writeln!(
-        output,
-        "gain         {gain:.2} electrons a count, u {gain_u:.2} (until now {until_now})"
-    )?;
+    let gain = format!("{gain:.2} electrons a count, u {gain_u:.2}");
+    writeln!(output, "gain         {gain} (until now {until_now})")?;
     writeln!(output, "read noise   {noise:.2} counts, u {noise_u:.2}")?;
     match saturation_counts {
         Some([level, u]) => writeln!(output, "saturation   {level:.1} counts, u {u:.1}")?,
@@ -190,10 +187,8 @@ fn report(front_end: &FrontEnd, in_use: &Geometry, output: &mut dyn Write) -> Re
     writeln!(output, "black level  {black:.2} counts, u {black_u:.2}")?;
     writeln!(output, "polarity     the words {polarity} with light")?;
     if front_end.polarity != in_use.polarity {
-        writeln!(
-            output,
-            "             until now the firmware took it the other way round"
-        )?;
+        let until_now = "until now the firmware took it the other way round";
+        writeln!(output, "             {until_now}")?;
     }
     Ok(())
 }
@@ -202,14 +197,9 @@ fn report(front_end: &FrontEnd, in_use: &Geometry, output: &mut dyn Write) -> Re
 fn csv(transfer: &Transfer) -> String {
     let mut text = "signal_counts,variance_counts2,freedom,line_counts2\n".to_owned();
     for point in &transfer.points {
-        let _ = writeln!(
-            text,
-            "{:.2},{:.3},{:.1},{:.3}",
-            point.signal,
-            point.variance,
-            point.freedom,
-            transfer.line.at(point.signal)
-        );
+        let (signal, variance, freedom) = (point.signal, point.variance, point.freedom);
+        let line = transfer.line.at(signal);
+        let _ = writeln!(text, "{signal:.2},{variance:.3},{freedom:.1},{line:.3}");
     }
     text
 }

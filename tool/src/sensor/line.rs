@@ -116,22 +116,20 @@ impl fmt::Display for LineError {
             Self::Silent {
                 name,
                 command,
-                heard: None,
-            } => write!(
-                f,
-                "no sensor answers `{command}` at {name}: check that this is the sensor's port and that the \
-                 sensor has power"
-            ),
-            Self::Silent {
-                name,
-                command,
-                heard: Some(line),
-            } => write!(
-                f,
-                "`{command}` has no answer at {name}, where `{}` came last: check that this is the sensor's \
-                 port, and that its firmware knows that command (`info`, `help`)",
-                line.escape_debug()
-            ),
+                heard,
+            } => match heard {
+                None => write!(
+                    f,
+                    "no sensor answers `{command}` at {name}: check that this is the sensor's port and that \
+                     the sensor has power"
+                ),
+                Some(line) => write!(
+                    f,
+                    "`{command}` has no answer at {name}, where `{}` came last: check that this is the \
+                     sensor's port, and that its firmware knows that command (`info`, `help`)",
+                    line.escape_debug()
+                ),
+            },
             Self::Refused { command, answer } => {
                 write!(f, "the sensor answers `{command}` with `{answer}`")
             }
@@ -393,12 +391,9 @@ impl<'a> Line<'a> {
     }
 
     fn say(&mut self, bytes: &[u8], command: &str) -> Result<(), LineError> {
-        self.port.write(bytes).map_err(|error| {
-            if error.kind() == io::ErrorKind::TimedOut {
-                self.silent(command, None)
-            } else {
-                self.gone(error)
-            }
+        self.port.write(bytes).map_err(|error| match error.kind() {
+            io::ErrorKind::TimedOut => self.silent(command, None),
+            _ => self.gone(error),
         })
     }
 
@@ -461,12 +456,14 @@ fn is_error(line: &str) -> bool {
 /// Whether an error is about what was asked, and not about words that noise may have changed: those are the
 /// errors up to E7, of [`Error`](slitrange_device::protocol::command::Error).
 fn is_understood(error: &str) -> bool {
-    let digits = error
-        .strip_prefix('E')
-        .and_then(|rest| rest.split(' ').next());
-    digits
-        .and_then(|digits| digits.parse().ok())
-        .is_some_and(|number: u32| number > 7)
+    let words = error.strip_prefix('E').unwrap_or_default();
+    let digits = words.split(' ').next().unwrap_or_default();
+    digits.parse().is_ok_and(|number: u32| number > 7)
+}
+
+/// Whether the last line is the command itself: so a sensor answers what it has done.
+pub(super) fn is_echoed(lines: &[String], command: &str) -> Option<()> {
+    (lines.last()? == command).then_some(())
 }
 
 /// What a sensor says when it starts.

@@ -47,7 +47,7 @@ const PROGRESS: Duration = Duration::from_secs(10);
 /// At a terminal: a live view with the distance, its trend and statistics. q or Ctrl-C ends it. Into a pipe,
 /// and with --plain: a line for each reading. The sensor is left as it was found. If the setting `output` has
 /// no distance, `monitor` adds it until its end.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(after_help = "\
 The columns of FILE are: time_s (since the start, by the PC's clock), kind (reading, difference: a distance
 relative to `zero`, fault, held: a fault with an earlier distance in its place, gap: the sensor went away),
@@ -61,20 +61,19 @@ Examples:
   slitrange monitor --plain --count 10")]
 pub struct MonitorOptions {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    pub(crate) port: PortOption,
     /// Write lines instead of the live view
     #[arg(long)]
-    pub plain: bool,
+    pub(crate) plain: bool,
     /// Write each reading and fault to a new file
     #[arg(long, value_name = "FILE")]
-    pub csv: Option<PathBuf>,
+    pub(crate) csv: Option<PathBuf>,
     /// End after so many readings and faults
     #[arg(long)]
-    pub count: Option<u64>,
+    pub(crate) count: Option<u64>,
     /// End after this time
     #[arg(long)]
-    pub seconds: Option<f64>,
+    pub(crate) seconds: Option<f64>,
 }
 
 /// The readings so far, and how they came.
@@ -124,10 +123,7 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         reading_came: began,
         results: 0,
     };
-    let mut screen = match options.plain {
-        true => None,
-        false => pc.screen()?,
-    };
+    let mut screen = if options.plain { None } else { pc.screen()? };
     let ended = monitor.run(session, &mut screen, output);
     drop(screen);
     match ended {
@@ -189,10 +185,10 @@ impl<'a> Monitor<'a> {
                 writeln!(output, "{}", self.progress())?;
             }
         }
-        if let Link::There(session) = &mut link
+        if let (Link::There(session), Some([_, now])) = (&mut link, &mut self.lost)
             && let Ok(lost) = session.losses()
         {
-            self.note_losses(lost);
+            *now = lost;
         }
         Ok(())
     }
@@ -225,12 +221,6 @@ impl<'a> Monitor<'a> {
             self.title = format!("{}; `output` also has `distance` for now", self.sensor);
         }
         session.losses()
-    }
-
-    fn note_losses(&mut self, lost: (u32, u32)) {
-        if let Some([_, now]) = &mut self.lost {
-            *now = lost;
-        }
     }
 
     /// Takes the next line, if one comes.
@@ -275,8 +265,7 @@ impl<'a> Monitor<'a> {
         as_lines: bool,
         output: &mut dyn Write,
     ) -> Result<Link<'a>> {
-        let why = error.to_string();
-        let at = self.time();
+        let (why, at) = (error.to_string(), self.time());
         if let Some(recording) = &mut self.recording {
             recording.add_gap(at, &why)?;
         }
@@ -305,12 +294,10 @@ impl<'a> Monitor<'a> {
         } else if as_lines {
             let seconds = at.as_secs_f64();
             match &result.what {
-                Ok(reading) => writeln!(
-                    output,
-                    "{seconds:>9.3} s   {:>10.4} mm   {}",
-                    reading.distance_mm,
-                    details(reading)
-                )?,
+                Ok(reading) => {
+                    let (mm, details) = (reading.distance_mm, details(reading));
+                    writeln!(output, "{seconds:>9.3} s   {mm:>10.4} mm   {details}")?;
+                }
                 Err(fault) => writeln!(output, "{seconds:>9.3} s   fault: {fault}")?,
             }
         }
@@ -337,11 +324,9 @@ impl<'a> Monitor<'a> {
     }
 
     fn is_done(&self) -> bool {
-        let is_late = |seconds| self.time().as_secs_f64() >= seconds;
-        self.options
-            .count
-            .is_some_and(|count| self.results >= count)
-            || self.options.seconds.is_some_and(is_late)
+        let MonitorOptions { count, seconds, .. } = self.options;
+        count.is_some_and(|count| self.results >= count)
+            || seconds.is_some_and(|seconds| self.time().as_secs_f64() >= seconds)
             || self.pc.interrupted()
     }
 
@@ -370,44 +355,39 @@ impl<'a> Monitor<'a> {
     }
 
     fn progress(&self) -> String {
-        let faults = self.statistics.all_faults();
+        let (seconds, faults) = (self.time().as_secs_f64(), self.statistics.all_faults());
         format!(
-            "{:.0} s: {}, {faults} faults",
-            self.time().as_secs_f64(),
+            "{seconds:.0} s: {}, {faults} faults",
             self.statistics.line()
         )
     }
 
     /// The text at the end of the command.
     fn sum_up(&self, output: &mut dyn Write) -> Result<()> {
+        let statistics = &self.statistics;
+        let (seconds, line) = (self.time().as_secs_f64(), statistics.line());
         writeln!(
             output,
-            "{:.1} s: {}",
-            self.time().as_secs_f64(),
-            self.statistics.line()
+            "{seconds:.1} s: {line}\n{}",
+            statistics.faults_line()
         )?;
-        writeln!(output, "{}", self.statistics.faults_line())?;
         if let Some((rows, dropped)) = self.losses() {
             writeln!(output, "{rows} rows lost, {dropped} lines dropped")?;
         }
-        if self.statistics.missing > 0 {
-            let missing = self.statistics.missing;
+        if statistics.missing > 0 {
+            let missing = statistics.missing;
             writeln!(output, "{missing} results did not arrive, by their numbers")?;
         }
-        if self.statistics.unreadable > 0 {
-            let unreadable = self.statistics.unreadable;
+        if statistics.unreadable > 0 {
+            let unreadable = statistics.unreadable;
             writeln!(
                 output,
                 "{unreadable} lines could not be read: check the cable"
             )?;
         }
         if let Some(recording) = &self.recording {
-            writeln!(
-                output,
-                "written: {}, {} lines",
-                recording.name(),
-                recording.lines
-            )?;
+            let (name, lines) = (recording.name(), recording.lines);
+            writeln!(output, "written: {name}, {lines} lines")?;
         }
         Ok(())
     }

@@ -33,7 +33,7 @@ pub enum Spacing {
 pub struct Which {
     /// The distances to go to: a file with one in millimetres a line, # before remarks
     #[arg(long, value_name = "LIST", conflicts_with_all = ["from", "to", "points", "spacing", "round"])]
-    pub positions: Option<PathBuf>,
+    positions: Option<PathBuf>,
     /// The first distance in millimetres
     #[arg(
         long,
@@ -41,7 +41,7 @@ pub struct Which {
         required_unless_present = "positions",
         allow_negative_numbers = true
     )]
-    pub from: Option<f64>,
+    from: Option<f64>,
     /// The last distance in millimetres
     #[arg(
         long,
@@ -49,18 +49,18 @@ pub struct Which {
         required_unless_present = "positions",
         allow_negative_numbers = true
     )]
-    pub to: Option<f64>,
+    to: Option<f64>,
     /// How many positions there are from the first to the last, both included
     #[arg(long, value_name = "N", default_value_t = 30)]
-    pub points: usize,
+    points: usize,
     /// What is even between them: `pixels` assumes distances from the laser's origin; if the stage's zero is
     /// elsewhere, take `distance`
     #[arg(long, value_enum, default_value_t = Spacing::Pixels)]
-    pub spacing: Spacing,
+    spacing: Spacing,
     /// Round the positions between the first and the last to multiples of this, so that a person can set
     /// them [default: 1, and 0.001 with a stage]
     #[arg(long, value_name = "MM", value_parser = step)]
-    pub round: Option<f64>,
+    round: Option<f64>,
 }
 
 impl Which {

@@ -18,7 +18,7 @@ use super::port::PortOption;
 use super::session::Session;
 use super::transfer::record_in_use;
 use crate::pc::Pc;
-use crate::recording::{Rows, Sensor, Writer};
+use crate::recording::{Row, Rows, Sensor, Writer};
 
 /// Without a row for so long, the sensor has stopped. A row takes 66 ms; an emulated board can be slower than
 /// the clock on the wall.
@@ -39,23 +39,25 @@ const TICK: Duration = Duration::from_millis(100);
 #[derive(Clone, Debug, clap::Args)]
 pub struct RecordOptions {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// How many rows
     #[arg(long, default_value_t = 100)]
-    pub rows: u32,
+    rows: u32,
     /// Bits a second on the line while rows are recorded
-    #[arg(long, default_value_t = 921_600, value_parser = baud)]
-    pub baud: u32,
+    #[arg(long, default_value = "921600", value_parser = baud)]
+    baud: Baud,
     /// The file to write
-    pub file: PathBuf,
+    file: PathBuf,
 }
 
 /// Reads a rate that the sensor has.
-fn baud(word: &str) -> Result<u32> {
+fn baud(word: &str) -> Result<Baud> {
     let rates = Baud::ALL.map(|baud| baud.bits_a_second());
-    let rate = word.parse().ok().filter(|rate| rates.contains(rate));
-    rate.with_context(|| format!("the sensor has the rates {rates:?}"))
+    let rate = word.parse::<u32>().ok();
+    let baud = Baud::ALL
+        .into_iter()
+        .find(|it| Some(it.bits_a_second()) == rate);
+    baud.with_context(|| format!("the sensor has the rates {rates:?}"))
 }
 
 /// `record`.
@@ -79,16 +81,8 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
     let mut file = BufWriter::new(file);
     let mut writer = Writer::default();
     file.write_all(&writer.head(&sensor))?;
-    let found = Baud::ALL
-        .into_iter()
-        .find(|it| it.bits_a_second() == options.baud);
-    let recorded = take_rows(
-        &mut session,
-        found.unwrap_or_default(),
-        options.rows,
-        |row| Ok(file.write_all(&writer.row(row))?),
-        output,
-    );
+    let write = |row: &Row| Ok(file.write_all(&writer.row(row))?);
+    let recorded = take_rows(&mut session, options.baud, options.rows, write, output);
     file.flush()?;
     // The sensor has its own settings again before anything is said.
     drop(session);
@@ -127,7 +121,7 @@ fn take_rows(
     session: &mut Session<'_>,
     baud: Baud,
     wanted: u32,
-    mut write: impl FnMut(&crate::recording::Row) -> Result<()>,
+    mut write: impl FnMut(&Row) -> Result<()>,
     output: &mut dyn Write,
 ) -> Result<(u32, u64)> {
     session.borrow(Value::Pixels(PixelStream::Rows))?;

@@ -33,20 +33,19 @@ const ROW: Duration = Duration::from_secs(20);
 #[derive(Clone, Debug, clap::Args)]
 pub struct RowOptions {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// Only the pixels around the spot, or those of all images of a comb
     #[arg(long)]
-    pub window: bool,
+    window: bool,
     /// Only the pixels from FIRST to LAST, whatever the row shows
     #[arg(long, num_args = 2, value_names = ["FIRST", "LAST"], conflicts_with = "window")]
-    pub pixels: Option<Vec<u16>>,
+    pixels: Option<Vec<u16>>,
     /// Write a table: pixel, count, and the fit's count
     #[arg(long, value_parser = whole_file::output)]
-    pub csv: Option<PathBuf>,
+    csv: Option<PathBuf>,
     /// Draw the row, the fitted gaussian and the residuals, as an SVG
     #[arg(long, value_parser = whole_file::output)]
-    pub figure: Option<PathBuf>,
+    figure: Option<PathBuf>,
 }
 
 impl RowOptions {

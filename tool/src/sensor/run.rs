@@ -10,11 +10,9 @@ use slitrange::base::exposure::Exposure;
 use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
 use slitrange::frame::comb::Slits;
-use slitrange::spot::choice::SpotChoice;
-use slitrange::spot::region::Region;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::settings::{Setting, Value};
-use statistics::{mean, rms, standard_deviation, upper_median};
+use statistics::{least_and_most, mean, rms, standard_deviation, upper_median};
 use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};
@@ -22,7 +20,7 @@ use super::line::LineError;
 use super::port::PortOption;
 use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
-use super::taken::{Millimetres, PointsFile, Taken};
+use super::taken::{Millimetres, PointLine, PointsFile, Taken};
 use crate::pc::Pc;
 use crate::whole_file;
 
@@ -74,17 +72,16 @@ Then: slitrange calibrate fit points.csv"
 pub struct RunOptions {
     /// The points: a CSV file, begun or gone on with
     #[arg(value_parser = whole_file::output)]
-    pub file: PathBuf,
+    file: PathBuf,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// Where the target is to be.
     #[command(flatten)]
-    pub which: Which,
+    which: Which,
     /// A program that moves the target, as a line for the shell: {} is replaced by the distance in
     /// millimetres. It must not return before the target is there
     #[arg(long, value_name = "COMMAND")]
-    pub stage_command: Option<String>,
+    stage_command: Option<String>,
     /// How long to wait after each move of the stage
     #[arg(
         long,
@@ -92,7 +89,7 @@ pub struct RunOptions {
         default_value_t = 0.0,
         requires = "stage_command"
     )]
-    pub settle: f64,
+    settle: f64,
     /// Frames at each position. They average noise, but not the speckle that a target at rest keeps: more
     /// positions do
     #[arg(
@@ -101,7 +98,7 @@ pub struct RunOptions {
         default_value_t = 8,
         value_parser = clap::value_parser!(u16).range(1..=1000)
     )]
-    pub frames: u16,
+    frames: u16,
 }
 
 /// `calibrate run`. `input` is what a person types.
@@ -153,7 +150,7 @@ pub fn run(
         session.head(),
         session.port(),
         settings(&setup)
-            .map(|value| value.to_string())
+            .map(|it| it.to_string())
             .collect::<Vec<_>>()
             .join(", "),
         missing.len(),
@@ -202,30 +199,21 @@ fn list(distances: &[f64]) -> String {
 /// Asks a sensor for its setup.
 fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     let record = session.calibration()?.record;
-    Ok(Setup {
+    let mut setup = Setup {
         head: Some(session.head().to_owned()),
         serial_number: Some(record.map_or(0, |record| record.serial_number)),
-        estimator: match session.value(Setting::Estimator)? {
-            Value::Estimator(estimator) => Some(estimator),
-            _ => None,
-        },
-        black_level: match session.value(Setting::Black)? {
-            Value::Black(level) => Some(level),
-            _ => None,
-        },
-        slits: match session.value(Setting::Slits)? {
-            Value::Slits(slits) => slits,
-            _ => Slits::One,
-        },
-        region: match session.value(Setting::Region)? {
-            Value::Region(region) => region,
-            _ => Region::ALL,
-        },
-        peak: match session.value(Setting::SpotChoice)? {
-            Value::SpotChoice(peak) => peak,
-            _ => SpotChoice::Strongest,
-        },
-    })
+        ..Setup::default()
+    };
+    for setting in [
+        Setting::Estimator,
+        Setting::Black,
+        Setting::Slits,
+        Setting::Region,
+        Setting::SpotChoice,
+    ] {
+        setup.take(session.value(setting)?);
+    }
+    Ok(setup)
 }
 
 /// The settings that points are taken with.
@@ -415,11 +403,8 @@ impl Walk<'_> {
                 }
             }
         }
-        let pixels = || centres.iter().map(|centre| centre.x_px);
-        Ok(Err(NoPoint::Scattered {
-            least: pixels().fold(f64::INFINITY, f64::min),
-            most: pixels().fold(f64::NEG_INFINITY, f64::max),
-        }))
+        let (least, most) = least_and_most(centres.iter().map(|centre| centre.x_px));
+        Ok(Err(NoPoint::Scattered { least, most }))
     }
 
     /// A frame's centre, of a sensor that is set as it was.
@@ -431,12 +416,9 @@ impl Walk<'_> {
                     || centre.slits.is_some() != (self.setup.slits == Slits::Comb)
                     || Some(centre.estimator) != self.setup.estimator.map(Estimator::letter) =>
             {
-                Err(LineError::Restarted {
-                    banner: format!(
-                        "{} rows a frame, estimator {}",
-                        centre.rows, centre.estimator
-                    ),
-                })
+                let (rows, estimator) = (centre.rows, centre.estimator);
+                let banner = format!("{rows} rows a frame, estimator {estimator}");
+                Err(LineError::Restarted { banner })
             }
             _ => Ok(answer),
         }
@@ -462,19 +444,11 @@ impl Walk<'_> {
     }
 
     fn report(&mut self, place: &str, point: &Taken) -> Result<()> {
-        let Taken {
-            x_px,
-            d_mm,
-            sigma_px,
-            frames,
-            claimed_px,
-            misfits,
-            ..
-        } = *point;
+        let (mm, frames, misfits) = (Millimetres(point.d_mm), point.frames, point.misfits);
+        let (x_px, sigma_px, claimed_px) = (point.x_px, point.sigma_px, point.claimed_px);
         write!(
             self.output,
-            "{place}  {} mm  x {x_px:.5} px +- {sigma_px:.5} ({frames} frames",
-            Millimetres(d_mm)
+            "{place}  {mm} mm  x {x_px:.5} px +- {sigma_px:.5} ({frames} frames"
         )?;
         if let Some(scatter) = point.scatter_px {
             write!(self.output, ", scatter {scatter:.5}")?;
@@ -497,7 +471,7 @@ impl Walk<'_> {
 /// slope, at least. This takes the slope of the nominal geometry at the farther end of its range, or at the
 /// distance if that is beyond. A centre that moves by less than a tenth of that is at rest. Where a tenth is
 /// within the noise, nobody can tell.
-fn at_rest<'a>(points: &'a [Taken], point: &Taken) -> Option<&'a Taken> {
+fn at_rest<'a>(points: &'a [PointLine], point: &Taken) -> Option<&'a PointLine> {
     points.iter().find(|other| {
         let beyond = FARTHEST_MM.max(point.d_mm.abs()).max(other.d_mm.abs()) - NOMINAL_D_MM;
         let expected = NOMINAL_K_MM_PX / beyond.powi(2) * (point.d_mm - other.d_mm).abs();
@@ -530,7 +504,7 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     let places = || centres.iter().map(|centre| centre.x_px);
     let claimed = rms(centres.iter().map(|centre| centre.claimed_px));
     let scatter = (centres.len() > 1).then(|| standard_deviation(places()));
-    let rounded = |value: f64| (value * 1e6).round() / 1e6;
+    let heights = centres.iter().map(|it| it.height_counts * to_longest(it));
     Taken {
         x_px: rounded(mean(places())),
         d_mm,
@@ -543,11 +517,15 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
         misfits: centres.iter().map(|centre| centre.misfits).sum(),
         correlated: centres.iter().filter_map(|centre| centre.correlated).min(),
         // The median: a line that lost a digit does not count.
-        height_counts: Some(upper_median(centres.iter().map(height_at_longest)))
-            .filter(|height| *height > 0.0),
+        height_counts: Some(upper_median(heights)).filter(|height| *height > 0.0),
         shape: mean_shape(centres),
         slits: mean_images(centres),
     }
+}
+
+/// As many decimals as a file holds.
+fn rounded(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
 }
 
 /// The factor from a height in counts to that at the longest exposure.
@@ -555,22 +533,15 @@ fn to_longest(centre: &Centre) -> f64 {
     f64::from(Exposure::LONGEST.us()) / f64::from(centre.exposure_us)
 }
 
-/// The height that the spot would have at the longest exposure, in counts.
-fn height_at_longest(centre: &Centre) -> f64 {
-    centre.height_counts * to_longest(centre)
-}
-
 /// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half
 /// of the frames has none.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
     let with_images = centres.iter().filter_map(|centre| {
-        let factor = to_longest(centre);
         let scaled = |image: SlitImage| SlitImage {
-            height_counts: image.height_counts * factor,
+            height_counts: image.height_counts * to_longest(centre),
             ..image
         };
-        let images = centre.slits?;
-        Some(images.map(|image| image.map(scaled)))
+        Some(centre.slits?.map(|image| image.map(scaled)))
     });
     let frames: Vec<SlitImages> = with_images.collect();
     if frames.is_empty() {
@@ -582,25 +553,20 @@ fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
             return None;
         }
         let x_px = middle_mean(images.iter().map(|image| image.x_px).collect());
-        let height = upper_median(images.iter().map(|image| image.height_counts));
-        Some(SlitImage {
-            x_px: (x_px * 1e6).round() / 1e6,
-            height_counts: height,
+        let height_counts = upper_median(images.iter().map(|image| image.height_counts));
+        let x_px = rounded(x_px);
+        (height_counts > 0.0).then_some(SlitImage {
+            x_px,
+            height_counts,
         })
-        .filter(|image| image.height_counts > 0.0)
     }))
 }
 
 /// The mean shape of the frames, rounded as a file holds it. None if a frame has none.
 fn mean_shape(centres: &[Centre]) -> Option<Shape> {
-    let shapes: Vec<Shape> = centres
-        .iter()
-        .map(|centre| centre.shape)
-        .collect::<Option<_>>()?;
-    let mean = |of: &dyn Fn(&Shape) -> f64| {
-        let mean = middle_mean(shapes.iter().map(of).collect());
-        (mean * 1e6).round() / 1e6
-    };
+    let shapes = centres.iter().map(|centre| centre.shape);
+    let shapes: Vec<Shape> = shapes.collect::<Option<_>>()?;
+    let mean = |of: &dyn Fn(&Shape) -> f64| rounded(middle_mean(shapes.iter().map(of).collect()));
     Some(Shape {
         width_px: mean(&|shape| shape.width_px),
         components_px: std::array::from_fn(|index| mean(&|shape| shape.components_px[index])),
@@ -651,8 +617,9 @@ mod tests {
         assert_eq!(point.sigma_px, 0.01291);
         assert_eq!(point.height_counts, Some(1000.0));
         // A height is that at the longest exposure.
+        let exposure_us = 560;
         let short = Centre {
-            exposure_us: 560,
+            exposure_us,
             ..centre(1800.0)
         };
         assert_eq!(taken(700.0, &[short]).height_counts, Some(10_000.0));
@@ -666,8 +633,9 @@ mod tests {
             correlated: Some(5),
             ..centre(1800.0)
         };
+        let correlated = Some(3);
         let worse = Centre {
-            correlated: Some(3),
+            correlated,
             ..flagged
         };
         let point = taken(700.0, &[centre(1800.0), flagged, worse]);
@@ -693,17 +661,19 @@ mod tests {
 
     #[test]
     fn an_image_is_the_mean_of_the_frames_that_have_it() {
+        let height_counts = 1000.0;
         let image = |x_px| {
             Some(SlitImage {
                 x_px,
-                height_counts: 1000.0,
+                height_counts,
             })
         };
         let with = |first, second| {
             let mut slits = SlitImages::default();
             (slits[0], slits[1]) = (first, second);
+            let slits = Some(slits);
             Centre {
-                slits: Some(slits),
+                slits,
                 ..centre(1800.0)
             }
         };
@@ -723,7 +693,7 @@ mod tests {
     #[test]
     fn a_target_that_did_not_move_is_told_from_one_that_did() {
         let at = |d_mm: f64, x_px: f64| taken(d_mm, &[centre(x_px); 4]);
-        let there = [at(700.0, 2059.46), at(690.0, 2092.14)];
+        let there = [at(700.0, 2059.46), at(690.0, 2092.14)].map(|point| PointLine::from(&point));
         let found = |d_mm, x_px| at_rest(&there, &at(d_mm, x_px)).map(|point| point.d_mm);
         assert_eq!(found(710.0, 2059.46), Some(700.0));
         assert_eq!(found(710.0, 2059.55), Some(700.0));

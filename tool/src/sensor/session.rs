@@ -8,7 +8,7 @@ use slitrange_device::settings::serial_line::{Baud, Format};
 use slitrange_device::settings::{Setting, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
-use super::line::{ANSWER, FRAME, Line, LineError, RECONNECT, TRIES};
+use super::line::{ANSWER, FRAME, Line, LineError, RECONNECT, TRIES, is_echoed};
 use crate::pc::Pc;
 
 /// Between two attempts to reach a sensor that is away.
@@ -301,9 +301,7 @@ impl<'a> Session<'a> {
 
     fn use_map(&mut self, on: bool) -> Result<(), LineError> {
         let command = Flat::Use(on).to_string();
-        (self.line).ask(&command, ANSWER, |lines| {
-            (lines.last()? == &command).then_some(())
-        })
+        (self.line).ask(&command, ANSWER, |lines| is_echoed(lines, &command))
     }
 
     /// Has the sensor send packets at a rate until the session ends. The packets come from [`Session::line`].
@@ -421,10 +419,8 @@ impl<'a> Session<'a> {
         let values = values.iter().map(|value| value.setting().name());
         let names = ["stream", "rows", "echo"].into_iter().chain(values);
         let names = names.chain(map.then_some("flat"));
-        names
-            .map(|name| format!("`{name}`"))
-            .collect::<Vec<_>>()
-            .join(", ")
+        let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+        names.join(", ")
     }
 }
 

@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
+use calibration::points::words;
 use slitrange_device::protocol::command::{Command, Error, parse};
 use slitrange_device::settings::serial_line::Format;
 use slitrange_device::settings::{Affects, Setting, Settings, Value};
 
-use super::line::SAVE;
+use super::line::{SAVE, is_echoed};
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -100,7 +101,7 @@ pub fn settings(
         Some(SettingsCommand::Get { name }) => {
             let setting = named(name)?;
             let value = value(&mut options.port.open(pc)?, setting)?;
-            writeln!(output, "{}", text(value))?;
+            writeln!(output, "{}", words(value))?;
         }
         Some(SettingsCommand::Set { words }) => {
             let value = read(&words.join(" "))?;
@@ -134,23 +135,12 @@ pub fn settings(
     Ok(ExitCode::SUCCESS)
 }
 
-/// A value without the name of its setting, as a person types it.
-fn text(value: Value) -> String {
-    let line = value.to_string();
-    let name = value.setting().name();
-    line.strip_prefix(name)
-        .unwrap_or(&line)
-        .trim_start()
-        .to_owned()
-}
-
 /// Finds a setting by the words of its name.
 fn named(words: &[String]) -> Result<Setting> {
     let name = words.join(" ").to_ascii_lowercase();
     let setting = Setting::ALL.iter().find(|setting| setting.name() == name);
-    setting
-        .copied()
-        .with_context(|| format!("`{name}` is no setting. {}", names()))
+    let unknown = || format!("`{name}` is no setting. {}", names());
+    setting.copied().with_context(unknown)
 }
 
 fn names() -> String {
@@ -162,21 +152,13 @@ fn names() -> String {
 fn read(line: &str) -> Result<Value> {
     match parse(line.as_bytes()) {
         Ok(Command::Set(value)) => Ok(value),
-        Ok(Command::Show(setting)) => {
-            bail!(
-                "`{line}` lacks the value: {} {}",
-                setting.name(),
-                setting.form()
-            )
-        }
+        Ok(Command::Show(it)) => bail!("`{line}` lacks the value: {} {}", it.name(), it.form()),
         Ok(_) | Err(Error::Unknown(_)) => bail!("`{line}` is no setting. {}", names()),
         Err(error) => {
             let error = error.to_string();
             // The number is for programs.
-            let words = error
-                .split_once(' ')
-                .map_or(error.as_str(), |(_, words)| words);
-            bail!("`{line}`: {words}")
+            let words = error.split_once(' ').map(|(_, words)| words);
+            bail!("`{line}`: {}", words.unwrap_or(&error))
         }
     }
 }
@@ -225,11 +207,11 @@ fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
         let default = factory.get(setting);
         let (mark, of_factory) = match value == default {
             true => ("", String::new()),
-            false => (" *", format!("; factory {}", text(default))),
+            false => (" *", format!("; factory {}", words(default))),
         };
         rows.push([
             setting.name().to_owned(),
-            format!("{}{mark}", text(value)),
+            format!("{}{mark}", words(value)),
             format!("{}: {}{of_factory}", setting.help(), setting.form()),
         ]);
     }
@@ -274,24 +256,17 @@ fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<
     let setting = new.setting();
     let before = value(session, setting)?;
     if before == new {
-        writeln!(output, "{new} (as before)")?;
-        return Ok(());
+        return Ok(writeln!(output, "{new} (as before)")?);
     }
     session.set_for_good(new)?;
-    writeln!(output, "{new} (it was {})", text(before))?;
-    Ok(())
+    Ok(writeln!(output, "{new} (it was {})", words(before))?)
 }
 
 fn save(session: &mut Session<'_>, file: &Path, output: &mut dyn Write) -> Result<()> {
     let values = all(session)?;
     whole_file::write(file, to_toml(&values).as_bytes())?;
-    writeln!(
-        output,
-        "written: {}, {} settings",
-        file.display(),
-        values.len()
-    )?;
-    Ok(())
+    let (file, count) = (file.display(), values.len());
+    Ok(writeln!(output, "written: {file}, {count} settings")?)
 }
 
 /// The file of some values, with what may be set behind each.
@@ -305,17 +280,13 @@ fn to_toml(values: &[Value]) -> String {
             name if name.contains(' ') => format!("\"{name}\""),
             name => name.to_owned(),
         };
-        let text = text(value);
+        let text = words(value);
         let text = match text.parse::<i64>() {
             Ok(number) => toml::Value::Integer(number),
             Err(_) => toml::Value::String(text),
         };
-        let _ = writeln!(
-            toml,
-            "# {}: {}\n{key} = {text}",
-            setting.help(),
-            setting.form()
-        );
+        let (help, form) = (setting.help(), setting.form());
+        let _ = writeln!(toml, "# {help}: {form}\n{key} = {text}");
     }
     toml
 }
@@ -383,32 +354,17 @@ fn load(
         session
             .set_for_good(new)
             .context("some settings were sent, some were not: load the file again")?;
-        writeln!(
-            output,
-            "{}: {} -> {}",
-            new.setting().name(),
-            text(before),
-            text(new)
-        )?;
+        let (name, before, new) = (new.setting().name(), words(before), words(new));
+        writeln!(output, "{name}: {before} -> {new}")?;
     }
-    writeln!(
-        output,
-        "{} {} changed, {} as before",
-        changes.len(),
-        if changes.len() == 1 {
-            "setting"
-        } else {
-            "settings"
-        },
-        values.len() - changes.len()
-    )?;
+    let (count, same) = (changes.len(), values.len() - changes.len());
+    let what = if count == 1 { "setting" } else { "settings" };
+    writeln!(output, "{count} {what} changed, {same} as before")?;
     if to_flash {
         let save = Command::Save.to_string();
         // The same may be saved twice without harm.
-        session
-            .line()
-            .ask(&save, SAVE, |lines| (*lines.last()? == save).then_some(()))
-            .context("the settings are in use, but not saved")?;
+        let saved = (session.line()).ask(&save, SAVE, |lines| is_echoed(lines, &save));
+        saved.context("the settings are in use, but not saved")?;
         writeln!(output, "saved: they are kept over a power cycle")?;
     }
     Ok(())
@@ -429,13 +385,8 @@ fn compare(
         compared += 1;
         if our != their {
             different += 1;
-            let name = setting.name();
-            writeln!(
-                output,
-                "{name}: {} at {here}, {} in {there}",
-                text(our),
-                text(their)
-            )?;
+            let (name, our, their) = (setting.name(), words(our), words(their));
+            writeln!(output, "{name}: {our} at {here}, {their} in {there}")?;
         }
     }
     writeln!(output, "{different} of {compared} settings differ")?;
@@ -465,15 +416,10 @@ mod tests {
         // The list of all settings grows.
         let lines = error
             .lines()
-            .map(|line| line.split(" The settings are: ").next());
+            .map(|it| it.split(" The settings are: ").next());
         insta::assert_debug_snapshot!(lines.collect::<Vec<_>>());
-        for text in [
-            "",
-            "rows",
-            "rows = [1]",
-            "rows = 1.5",
-            "exposure = \"limit 20\"",
-        ] {
+        let limit = "exposure = \"limit 20\"";
+        for text in ["", "rows", "rows = [1]", "rows = 1.5", limit] {
             let error = format!("{:#}", from_toml(text).expect_err("wrong"));
             println!("{error}");
         }
@@ -481,9 +427,7 @@ mod tests {
 
     #[test]
     fn a_boolean_is_on_or_off() {
-        assert_eq!(
-            from_toml("laser = false").expect("a value"),
-            [Value::Laser(false)]
-        );
+        let values = from_toml("laser = false").expect("a value");
+        assert_eq!(values, [Value::Laser(false)]);
     }
 }

@@ -1,10 +1,12 @@
 //! Records between sensors and files.
 
+use std::fmt::Display;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
+use serde::Serialize;
 use slitrange::frame::comb::Slits;
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::piece::{PIECE, Piece};
@@ -14,7 +16,7 @@ use slitrange_device::record::{Record, decode};
 use slitrange_device::settings::Value;
 
 use super::answers::{InUse, RecordInUse};
-use super::line::{ANSWER, LineError, SAVE};
+use super::line::{ANSWER, LineError, SAVE, is_echoed};
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -34,27 +36,25 @@ const TRIES: usize = 3;
 #[derive(Clone, Debug, clap::Args)]
 pub struct WriteOptions {
     /// The record
-    pub file: PathBuf,
+    file: PathBuf,
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// Leave the flash as it is: the record is used until the power goes
     #[arg(long)]
-    pub no_save: bool,
+    no_save: bool,
 }
 
 /// Read the record that the sensor uses, show it, and write it to a file
 #[derive(Clone, Debug, clap::Args)]
 pub struct ReadOptions {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// The file to write
     #[arg(short, long, value_name = "FILE", value_parser = whole_file::output)]
-    pub output: Option<PathBuf>,
+    output: Option<PathBuf>,
     /// Replace FILE even if something else is in it
     #[arg(long, requires = "output")]
-    pub force: bool,
+    force: bool,
 }
 
 /// Show a record, of a file or of a sensor, or how two of them differ
@@ -71,13 +71,13 @@ slitrange calibrate show FILE
 pub struct ShowOptions {
     /// Records
     #[arg(value_name = "FILE", num_args = 0..=2, required_unless_present = "port")]
-    pub files: Vec<PathBuf>,
+    files: Vec<PathBuf>,
     /// A sensor's serial port: the record that it uses
     #[arg(long)]
-    pub port: Option<String>,
+    port: Option<String>,
     /// For programs
     #[arg(long)]
-    pub json: bool,
+    json: bool,
 }
 
 /// `calibrate write`.
@@ -105,15 +105,12 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         })?,
     };
     let record = written.record();
+    let (bytes, sum) = (written.bytes().len(), written.sum());
+    let (number, date) = (record.serial_number, record.date);
+    let (head, port) = (session.head(), session.port());
     writeln!(
         output,
-        "record of sensor {}, {}, {} bytes, CRC-32 {:08x}, for the sensor {} at {}",
-        record.serial_number,
-        record.date,
-        written.bytes().len(),
-        written.sum(),
-        session.head(),
-        session.port()
+        "record of sensor {number}, {date}, {bytes} bytes, CRC-32 {sum:08x}, for the sensor {head} at {port}"
     )?;
     if let Some(RecordInUse { serial_number, .. }) = before
         && serial_number != 0
@@ -152,13 +149,11 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         record.estimator.name(),
         Value::Black(record.black_level)
     )?;
-    let kept = if options.no_save {
-        "not saved: it is used until the power goes"
-    } else {
-        "saved: it is kept over a power cycle"
+    let kept = match options.no_save {
+        true => "not saved: it is used until the power goes",
+        false => "saved: it is kept over a power cycle",
     };
-    writeln!(output, "{kept}")?;
-    Ok(())
+    Ok(writeln!(output, "{kept}")?)
 }
 
 /// Uploads a record, checks it, sets some settings that an upload changes, and has all of it saved, if it is
@@ -261,9 +256,7 @@ fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
     let question = Command::Save.to_string();
     let mut tries = 1;
     loop {
-        let saved = session.line().ask_once(&question, SAVE, |lines| {
-            (*lines.last()? == question).then_some(())
-        });
+        let saved = (session.line()).ask_once(&question, SAVE, |it| is_echoed(it, &question));
         match saved {
             Ok(()) => {}
             Err(LineError::Silent { .. } | LineError::Refused { .. }) => {
@@ -358,32 +351,25 @@ pub fn show(options: &ShowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Resul
     if let Some(port) = &options.port {
         records.push(record_in_use(&mut Session::open(pc, port)?)?);
     }
-    match records.as_slice() {
-        [record] => {
-            let shown = Shown::of(record);
-            if options.json {
-                writeln!(output, "{}", serde_json::to_string_pretty(&shown)?)?;
-            } else {
-                writeln!(output, "{shown}")?;
-            }
-            Ok(ExitCode::SUCCESS)
-        }
+    let (shown, same) = match records.as_slice() {
+        [record] => (text(&Shown::of(record), options.json)?, true),
         [first, second] => {
             let comparison = Comparison::of(first, second);
-            if options.json {
-                writeln!(output, "{}", serde_json::to_string_pretty(&comparison)?)?;
-            } else {
-                writeln!(output, "{comparison}")?;
-            }
-            Ok(if comparison.same {
-                ExitCode::SUCCESS
-            } else {
-                ExitCode::FAILURE
-            })
+            (text(&comparison, options.json)?, comparison.same)
         }
         _ => bail!(
             "there are {} records: show one, or compare two",
             records.len()
         ),
+    };
+    writeln!(output, "{shown}")?;
+    Ok(ExitCode::from(u8::from(!same)))
+}
+
+/// For a person, or for a program.
+fn text(shown: &(impl Display + Serialize), is_json: bool) -> Result<String> {
+    match is_json {
+        true => Ok(serde_json::to_string_pretty(shown)?),
+        false => Ok(shown.to_string()),
     }
 }

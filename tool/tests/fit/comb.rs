@@ -7,7 +7,9 @@ use calibration::record::form;
 use rand_distr::{Distribution as _, StandardNormal};
 use simulator::optics::Optics;
 use slitrange::frame::comb::NOMINAL_PLACES_UM;
-use slitrange_tool::fit::report::{Report, ShownComb};
+use slitrange_tool::fit::report::Report;
+
+use crate::command::says;
 
 use super::truth::{Truth, seeded};
 
@@ -30,18 +32,11 @@ fn report_and_figure_name_the_slits() {
     let comb = comb::fit(&points).expect("a fit").expect("a comb");
     let solved = solve(&comb.points, None).expect("a fit");
     let made = form::make(&solved, None).expect("a calibration");
-    let mut report = Report::of("points.csv".into(), &solved, &made);
-    report.comb = Some(ShownComb::of(&comb));
+    let report = Report::of("points.csv".into(), &solved, &made, Some(&comb));
     let text = report.to_string();
     println!("{text}");
-    assert!(
-        text.contains("\nThe comb: 16 slits, 960 images\n"),
-        "{text}"
-    );
-    assert!(
-        text.contains("\n    16      6800      60       3  "),
-        "{text}"
-    );
+    let last = "\n    16      6800      60       3  ";
+    says(&text, ["\nThe comb: 16 slits, 960 images\n", last]);
     assert!(text.lines().all(|line| line.len() <= 150));
     let json = serde_json::to_string(&report).expect("JSON");
     assert!(json.contains("\"residual_px\""), "{json}");

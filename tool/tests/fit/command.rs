@@ -22,10 +22,9 @@ fn slitrange(directory: &Path, options: &[&str]) -> Output {
 }
 
 fn printed(output: &Output) -> String {
-    let text = if output.status.success() {
-        &output.stdout
-    } else {
-        &output.stderr
+    let text = match output.status.success() {
+        true => &output.stdout,
+        false => &output.stderr,
     };
     String::from_utf8_lossy(text).into_owned()
 }

@@ -76,7 +76,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
                 prop_assert!(off <= rounding, "{off} um at {centre}, {rounding} allowed");
             }
         }
-        let report = Report::of("points".into(), &solved, &made);
+        let report = Report::of("points".into(), &solved, &made, None);
         prop_assert!(!report.to_string().contains("NaN"), "{}", report);
         figures::fit::draw(&solved, made.form, None, &directory.path().join("a.svg"))
             .expect("a figure");

@@ -10,17 +10,18 @@ use std::time::{Duration, Instant};
 use slitrange_tool::demo::{DemoOptions, serve};
 use slitrange_tool::screen::Key;
 
+use crate::command::{begins, says};
+
 use super::screen::Person;
 use super::stand_in::{StandIn, Trouble};
 
 /// A program that notes its process and its options, says a few lines, and goes on as `rest` says.
 fn board(sensor: &StandIn, rest: &str) -> PathBuf {
     let program = sensor.path("board");
-    let (noted, port) = (sensor.path("noted"), sensor.port());
+    let (noted, port) = (sensor.file("noted"), sensor.port());
     let script = format!(
-        "#!/bin/sh\necho $$ \"$@\" > '{}'\necho 'a message' >&2\necho booting\n\
-         echo 'serial line: {port}'\n{rest}\n",
-        noted.display()
+        "#!/bin/sh\necho $$ \"$@\" > '{noted}'\necho 'a message' >&2\necho booting\n\
+         echo 'serial line: {port}'\n{rest}\n"
     );
     fs::write(&program, script).expect("a script");
     fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("a program");
@@ -29,7 +30,7 @@ fn board(sensor: &StandIn, rest: &str) -> PathBuf {
 
 /// The process that the script noted, and its options.
 fn noted(sensor: &StandIn) -> (u32, String) {
-    let noted = fs::read_to_string(sensor.path("noted")).expect("a note");
+    let noted = sensor.text("noted");
     let (process, options) = noted.trim_end().split_once(' ').expect("two words");
     (process.parse().expect("a number"), options.to_owned())
 }
@@ -86,8 +87,7 @@ fn the_board_is_started_and_its_port_is_named_and_ctrl_c_ends_it() {
     };
     let mut reader = Reader(&sensor, String::new());
     serve(&program, &with, &sensor, &mut reader).expect("an end");
-    let line = format!("monitor --port {}\n", sensor.port());
-    assert!(reader.1.contains(&line), "{}", reader.1);
+    says(&reader.1, [format!("monitor --port {}\n", sensor.port())]);
     let (process, arguments) = noted(&sensor);
     assert_eq!(arguments, "--pty --scene quiet-paper --rows 4");
     assert!(!runs(process));
@@ -102,11 +102,8 @@ fn the_live_view_shows_the_readings_of_the_board() {
     serve(&program, &options(None, true), &person, &mut output).expect("an end");
     let output = String::from_utf8(output).expect("text");
     println!("{output}");
-    assert!(output.starts_with("booting\n"), "{output}");
-    assert!(
-        output.contains(" readings, ") && output.contains("no faults"),
-        "{output}"
-    );
+    begins(&output, "booting\n");
+    says(&output, [" readings, ", "no faults"]);
     let (process, arguments) = noted(&sensor);
     assert_eq!(arguments, "--pty");
     assert!(!runs(process));
@@ -119,19 +116,14 @@ fn a_board_that_ends_is_an_error() {
     let mut output = Vec::new();
     let ended = serve(&program, &options(None, false), &sensor, &mut output);
     let error = format!("{:#}", ended.expect_err("it ended"));
-    let output = String::from_utf8(output).expect("text");
-    assert!(
-        error.contains("the virtual board ended (exit status: 3)"),
-        "{error}"
-    );
-    assert!(output.starts_with("booting\n"), "{output}");
+    says(&error, ["the virtual board ended (exit status: 3)"]);
+    begins(&String::from_utf8_lossy(&output), "booting\n");
 }
 
 #[test]
 fn without_the_board_the_error_says_how_to_build_it() {
     // The program of this test has no virtual board beside it.
     let sensor = StandIn::new(4, Trouble::default());
-    let (result, _) = sensor.command("demo", &["quiet-paper"], "");
-    let error = result.expect_err("no board");
-    assert!(error.contains("`cargo build --bin demo`"), "{error}");
+    let error = sensor.refused("demo quiet-paper");
+    says(&error, ["`cargo build --bin demo`"]);
 }

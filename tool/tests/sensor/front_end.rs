@@ -1,7 +1,5 @@
 //! `slitrange head measure`, on simulated heads whose numbers nobody knows.
 
-use std::fs;
-
 use judges::frames::words;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -9,13 +7,16 @@ use simulator::scene::{
     Ambient, FixedPattern, FrontEnd as Simulated, Motion, ReadNoise, Response, Saturation, Scene,
     ShotNoise, Simulation, Spot,
 };
+use slitrange::base::units::Counts;
 use slitrange::distance::Calibration;
 use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::row::front_end::FrontEnd;
+use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange::row::{Geometry, Polarity};
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
+
+use crate::command::{begins, says};
 
 use super::stand_in::{SimulatedHead, StandIn, Trouble};
 
@@ -85,17 +86,8 @@ fn head(number: u64) -> (Scene, Truth) {
     (scene, truth)
 }
 
-/// Runs `slitrange head measure` with further options.
-fn measure(sensor: &StandIn, options: &[&str]) -> (Result<(), String>, String) {
-    let port = sensor.port();
-    let arguments: Vec<&str> = ["measure", "--port", &port]
-        .iter()
-        .chain(options)
-        .copied()
-        .collect();
-    let (result, output) = sensor.command("head", &arguments, "");
-    (result.map(|_| ()), output)
-}
+const MEASURE: &str = "head measure --port PORT";
+const NO_SAVE: &str = "head measure --port PORT --no-save";
 
 /// A sensor with a simulated head.
 fn sensor(scene: Scene, polarity: Polarity) -> StandIn {
@@ -105,40 +97,48 @@ fn sensor(scene: Scene, polarity: Polarity) -> StandIn {
 }
 
 /// What the sensor's record says of its front end.
-fn recorded(sensor: &StandIn) -> Option<FrontEnd> {
+fn recorded(sensor: &StandIn) -> FrontEnd {
+    found(sensor).expect("a front end")
+}
+
+/// The same. `None` if the record says nothing.
+fn found(sensor: &StandIn) -> Option<FrontEnd> {
     sensor.state().record()?.record().front_end
+}
+
+/// A record with this serial number, and otherwise the one in use.
+fn with_number(sensor: &StandIn, serial_number: u32) -> EncodedRecord {
+    let in_use = sensor.state().record().expect("a record");
+    let record = Record {
+        serial_number,
+        ..in_use.record().clone()
+    };
+    EncodedRecord::new(record).expect("a record")
+}
+
+/// A record without its front end.
+fn without_front_end(record: &EncodedRecord) -> Record {
+    Record {
+        front_end: None,
+        ..record.record().clone()
+    }
 }
 
 /// Errors in percent of the value, and over the claimed uncertainty.
 fn compare(found: &FrontEnd, truth: &Truth) -> [(&'static str, f64, f64); 4] {
-    let saturation = found.saturation.expect("a saturation");
-    let of = |name, truth: f64, value: f64, u: f64| {
-        let error = value - truth;
-        (name, 100.0 * error / truth, error / u)
-    };
-    let gain = found.gain;
+    let counts = |it: Estimate<Counts>| (it.value.to_f64(), it.u.to_f64());
+    let (black, black_u) = counts(found.black_level);
+    // A pixel differs from the 13 shielded ones, and counts of the record have 1/256 as a step.
+    let black = (black, black_u.hypot(PATTERN / 13f64.sqrt()));
+    let gain = (found.gain.value.to_f64(), found.gain.u.to_f64());
+    let saturation = counts(found.saturation.expect("a saturation"));
     [
-        of("gain", truth.gain, gain.value.to_f64(), gain.u.to_f64()),
-        of(
-            "read noise",
-            truth.read_noise,
-            found.read_noise.value.to_f64(),
-            found.read_noise.u.to_f64(),
-        ),
-        of(
-            "saturation",
-            truth.saturation,
-            saturation.value.to_f64(),
-            saturation.u.to_f64(),
-        ),
-        of(
-            "black level",
-            truth.black_level,
-            found.black_level.value.to_f64(),
-            // A pixel differs from the 13 shielded ones, and counts of the record have 1/256 as a step.
-            (found.black_level.u.to_f64()).hypot(PATTERN / 13f64.sqrt()),
-        ),
+        ("gain", truth.gain, gain),
+        ("read noise", truth.read_noise, counts(found.read_noise)),
+        ("saturation", truth.saturation, saturation),
+        ("black level", truth.black_level, black),
     ]
+    .map(|(name, truth, (value, u))| (name, 100.0 * (value - truth) / truth, (value - truth) / u))
 }
 
 /// Twelve unknown heads: each number within 5 %, and within four of its uncertainties.
@@ -148,9 +148,8 @@ fn unknown_heads_are_measured_to_five_percent() {
     for number in 0..12 {
         let (scene, truth) = head(number);
         let sensor = sensor(scene, truth.polarity);
-        let (result, _) = measure(&sensor, &["--no-save"]);
-        result.expect("measured");
-        let found = recorded(&sensor).expect("a front end");
+        sensor.done(NO_SAVE);
+        let found = recorded(&sensor);
         assert_eq!(found.polarity, truth.polarity);
         for ((name, percent, over_u), worst) in compare(&found, &truth).iter().zip(&mut worst) {
             println!("head {number}: {name} off by {percent:.2} %, {over_u:.2} u");
@@ -218,8 +217,8 @@ fn readings_claim_their_noise_after_a_measurement() {
     for number in [0, 2, 4, 6] {
         let (scene, truth) = head(number);
         let sensor = sensor(scene.clone(), truth.polarity);
-        measure(&sensor, &["--no-save"]).0.expect("measured");
-        let found = recorded(&sensor).expect("a front end");
+        sensor.done(NO_SAVE);
+        let found = recorded(&sensor);
         // What the firmware assumes: 10 electrons a count, and saturation at full scale.
         let assumed = Geometry {
             polarity: truth.polarity,
@@ -255,19 +254,12 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     }
     let settings = sensor.state().settings();
     let record = sensor.state().record();
-    let (csv, figure) = (sensor.path("transfer.csv"), sensor.path("transfer.svg"));
-    let path = |path: &std::path::Path| path.to_str().expect("text").to_owned();
-    let options = ["--csv", &path(&csv), "--figure", &path(&figure)];
-
-    let (result, output) = measure(&sensor, &[&options[..], &["--dry-run"]].concat());
-    result.expect("measured");
-    assert!(output.contains("a dry run"));
+    let figured = "head measure --port PORT --csv @transfer.csv --figure @transfer.svg";
+    says(&sensor.done(&format!("{figured} --dry-run")), ["a dry run"]);
     assert_eq!(sensor.state().record(), record);
     assert_eq!(sensor.state().settings(), settings);
 
-    let (result, output) = measure(&sensor, &options);
-    result.expect("measured");
-    for part in [
+    let parts = [
         "sensor TCD1304DG at ",
         "laser off: 4 rows",
         "gain ",
@@ -277,58 +269,39 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
         "black level ",
         "the words fall with light",
         "in use and saved",
-    ] {
-        assert!(output.contains(part), "{part}");
-    }
+    ];
+    says(&sensor.done(figured), parts);
     assert_eq!(sensor.state().settings(), settings);
     let saved = sensor.state().saved_record();
     assert_eq!(sensor.state().record(), saved);
-    let (before, after) = (record.expect("a record"), sensor.state().record());
-    let after = after.expect("a record").record().clone();
-    assert!(after.front_end.is_some());
-    let without = Record {
-        front_end: None,
-        ..after
-    };
-    assert_eq!(&without, before.record());
-    let table = fs::read_to_string(&csv).expect("a table");
-    assert!(table.starts_with("signal_counts,variance_counts2,"));
+    let (before, after) = (record.expect("a record"), saved.expect("a record"));
+    assert!(after.record().front_end.is_some());
+    assert_eq!(&without_front_end(&after), before.record());
+    let table = sensor.text("transfer.csv");
+    begins(&table, "signal_counts,variance_counts2,");
     assert!(table.lines().count() > 500);
-    let drawn = fs::read_to_string(&figure).expect("a figure");
-    for title in ["noise over light", "top of the spot", "saturated"] {
-        assert!(drawn.contains(title), "{title}");
-    }
+    let titles = ["noise over light", "top of the spot", "saturated"];
+    says(&sensor.text("transfer.svg"), titles);
 
     // A calibration without a front end leaves the one that was measured.
-    let file = sensor.path("own.record");
     let own = EncodedRecord::new(Record {
         serial_number: 7,
         errors: CalibrationErrors::Unknown,
         ..before.record().clone()
-    })
-    .expect("a record");
-    fs::write(&file, own.bytes()).expect("written");
-    let port = sensor.port();
-    let (result, output) = sensor.slitrange(&["write", "--port", &port, &path(&file)], "");
-    result.expect("written");
-    assert!(output.contains("with the front end that was measured on this sensor"));
-    let record = sensor.state().saved_record().expect("a record");
-    assert_eq!(record.record().serial_number, 7);
-    assert!(record.record().front_end.is_some());
+    });
+    sensor.write("own.record", own.expect("a record").bytes());
+    let output = sensor.done("calibrate write --port PORT @own.record");
+    says(
+        &output,
+        ["with the front end that was measured on this sensor"],
+    );
+    let saved = || sensor.state().saved_record().expect("a record");
+    assert_eq!(saved().record().serial_number, 7);
+    assert!(saved().record().front_end.is_some());
 
     // Measured again, with what was measured before in use.
-    let (result, output) = measure(&sensor, &[]);
-    result.expect("measured");
-    assert!(!output.contains("(until now 10.00)"));
-    assert_eq!(
-        sensor
-            .state()
-            .saved_record()
-            .expect("a record")
-            .record()
-            .serial_number,
-        7
-    );
+    assert!(!sensor.done(MEASURE).contains("(until now 10.00)"));
+    assert_eq!(saved().record().serial_number, 7);
 }
 
 /// A scene with a spot of another brightness.
@@ -365,18 +338,14 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
         sensor.state().type_line(line);
         let settings = sensor.state().settings();
         let record = sensor.state().record();
-        let error = measure(&sensor, &[]).0.expect_err("not measured");
-        println!("{error}");
-        assert!(error.contains(expected), "{error}");
+        says(&sensor.refused(MEASURE), [expected]);
         assert_eq!(sensor.state().settings(), settings);
         assert_eq!(sensor.state().record(), record);
     }
     // A dimmer target: the gain is measured, the saturation is not.
     let sensor = sensor(with_light(&bright, 150e3), truth.polarity);
-    let (result, output) = measure(&sensor, &[]);
-    result.expect("measured");
-    assert!(output.contains("saturation   not measured"), "{output}");
-    let found = recorded(&sensor).expect("a front end");
+    says(&sensor.done(MEASURE), ["saturation   not measured"]);
+    let found = recorded(&sensor);
     assert_eq!(found.saturation, None);
     assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
 }
@@ -391,8 +360,8 @@ fn a_spot_that_just_saturates_gives_the_right_gain() {
     for times in [0.9, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4, 1.6, 2.0] {
         let counts_per_second = times * room / (amplification * 5.6e-3);
         let sensor = sensor(with_light(&scene, counts_per_second), truth.polarity);
-        measure(&sensor, &[]).0.expect("measured");
-        let found = recorded(&sensor).expect("a front end");
+        sensor.done(MEASURE);
+        let found = recorded(&sensor);
         let error = found.gain.value.to_f64() - truth.gain;
         let u = found.gain.u.to_f64();
         println!(
@@ -417,8 +386,8 @@ fn echo_and_map_are_put_back() {
     for line in ["flat dark", "flat lit", "echo on"] {
         sensor.state().type_line(line);
     }
-    measure(&sensor, &["--no-save"]).0.expect("measured");
-    let found = recorded(&sensor).expect("a front end");
+    sensor.done(NO_SAVE);
+    let found = recorded(&sensor);
     assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
     assert!(sensor.state().settings().echo);
     assert!(sensor.state().settings().stream);
@@ -435,26 +404,17 @@ fn ctrl_c_ends_the_measurement_in_order() {
     }
     let before = sensor.state().settings();
     sensor.state().interrupted = true;
-    let error = measure(&sensor, &[]).0.expect_err("Ctrl-C");
-    assert!(error.starts_with("ended by Ctrl-C"), "{error}");
+    begins(&sensor.refused(MEASURE), "ended by Ctrl-C");
     assert_eq!(sensor.state().settings(), before);
     assert!(sensor.state().is_map_on());
-    assert_eq!(recorded(&sensor), None);
+    assert_eq!(found(&sensor), None);
 }
 
 /// A tool that dies at any moment leaves the flash as it was, or with all that was measured.
 #[test]
 fn a_tool_that_is_killed_loses_no_calibration() {
     let (scene, truth) = head(2);
-    let own = {
-        let sensor = sensor(scene.clone(), truth.polarity);
-        let nominal = sensor.state().record().expect("a record");
-        EncodedRecord::new(Record {
-            serial_number: 9,
-            ..nominal.record().clone()
-        })
-        .expect("a record")
-    };
+    let own = with_number(&sensor(scene.clone(), truth.polarity), 9);
     let mut ends = 0;
     for uses in [
         3, 30, 300, 1000, 2000, 2400, 2500, 2600, 2700, 2800, 2900, 3000, 9000,
@@ -462,17 +422,13 @@ fn a_tool_that_is_killed_loses_no_calibration() {
         let sensor = sensor(scene.clone(), truth.polarity);
         sensor.state().start_with(Some(own.clone()));
         sensor.state().kill_after = Some(uses);
-        let ended = sensor.ends_before_it_is_killed(|| measure(&sensor, &[]).0.is_ok());
+        let ended = sensor.ends_before_it_is_killed(|| sensor.run(MEASURE).0.is_ok());
         ends += usize::from(ended);
         let saved = sensor.state().saved_record().expect("a record");
         let front_end = saved.record().front_end;
         assert_eq!(saved.record().serial_number, 9);
         assert!(front_end.is_some() || !ended, "{uses}");
-        let without = Record {
-            front_end: None,
-            ..saved.record().clone()
-        };
-        assert_eq!(&without, own.record(), "{uses}");
+        assert_eq!(&without_front_end(&saved), own.record(), "{uses}");
     }
     println!("{ends} of 13 ended");
     assert!((1..13).contains(&ends));
@@ -483,16 +439,10 @@ fn a_tool_that_is_killed_loses_no_calibration() {
 fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
     let (scene, truth) = head(2);
     let sensor = sensor(scene, truth.polarity);
-    let nominal = sensor.state().record().expect("a record");
-    let own = EncodedRecord::new(Record {
-        serial_number: 9,
-        ..nominal.record().clone()
-    });
-    sensor.state().start_with(own.ok());
+    let own = with_number(&sensor, 9);
+    sensor.state().start_with(Some(own));
     sensor.state().type_line("defaults");
-    let error = measure(&sensor, &[]).0.expect_err("refused");
-    println!("{error}");
-    assert!(error.contains("which would be lost"));
+    says(&sensor.refused(MEASURE), ["which would be lost"]);
     let saved = sensor.state().saved_record().expect("a record");
     assert_eq!(saved.record().serial_number, 9);
 }
@@ -508,8 +458,8 @@ fn a_noisy_line_gives_the_same_front_end() {
     };
     let sensor = StandIn::new(5, trouble);
     sensor.state().light = Some(SimulatedHead::new(scene, truth.polarity));
-    measure(&sensor, &[]).0.expect("measured");
-    let found = recorded(&sensor).expect("a front end");
+    sensor.done(MEASURE);
+    let found = recorded(&sensor);
     for (name, _, over_u) in compare(&found, &truth) {
         println!("{name}: {over_u:.2} u");
         assert!(over_u.abs() < 4.0, "{name}");

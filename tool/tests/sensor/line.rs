@@ -14,6 +14,8 @@ use slitrange_tool::pc::{Pc, Port, RealPc};
 use slitrange_tool::sensor::line::{ANSWER, LineError};
 use slitrange_tool::sensor::session::Session;
 
+use crate::command::begins;
+
 use super::stand_in::{StandIn, Trouble};
 
 /// The PC's own ports with a clock that stands still while they are read: an answer may take as long as the
@@ -80,22 +82,16 @@ fn a_pseudo_terminal_is_a_port_and_belongs_to_one_program() {
     assert_eq!(session.head(), "TCD1304DG");
     let stream = session.value(Setting::Stream).expect("an answer");
     assert_eq!(stream, Value::Stream(false));
-    assert_eq!(
-        error(&pc, port),
-        format!("{port} is in use: end the program that has it open")
-    );
+    let in_use = format!("{port} is in use: end the program that has it open");
+    assert_eq!(error(&pc, port), in_use);
     session.borrow_rows(64).expect("set");
-    assert_eq!(
-        session.value(Setting::Rows).expect("an answer"),
-        Value::Rows(64)
-    );
+    let rows = session.value(Setting::Rows).expect("an answer");
+    assert_eq!(rows, Value::Rows(64));
     // What was set is put back, and the port is free again.
     drop(session);
     let mut session = Session::open(&pc, port).expect("a session");
-    assert_eq!(
-        session.value(Setting::Rows).expect("an answer"),
-        Value::Rows(16)
-    );
+    let rows = session.value(Setting::Rows).expect("an answer");
+    assert_eq!(rows, Value::Rows(16));
     drop(session);
     drop(ends.slave);
     assert_eq!(sensor.join().expect("no panic"), (16, true));
@@ -113,25 +109,12 @@ fn a_stream_that_was_off_stays_off() {
 fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     let pc = RealPorts::default();
     let none = error(&pc, "/dev/none");
-    println!("{none}");
-    assert!(
-        none.starts_with("there is no serial port /dev/none"),
-        "{none}"
-    );
+    begins(&none, "there is no serial port /dev/none");
     let file = error(&pc, "/etc/hostname");
-    println!("{file}");
-    assert!(
-        file.starts_with("/etc/hostname cannot be opened as a serial port: "),
-        "{file}"
-    );
+    begins(&file, "/etc/hostname cannot be opened as a serial port: ");
 
-    let sensor = StandIn::new(
-        3,
-        Trouble {
-            lost: 1.0,
-            ..Trouble::default()
-        },
-    );
+    let sensor = StandIn::new(3, Trouble::default());
+    sensor.state().trouble.lost = 1.0;
     let port = sensor.port();
     assert_eq!(
         error(&sensor, &port),
@@ -143,22 +126,14 @@ fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     sensor.state().trouble.lost = 0.0;
     let mut session = Session::open(&sensor, &port).expect("a session");
     let line = session.line();
-    let refused = line
-        .ask("rows 65", ANSWER, |_| None::<()>)
-        .expect_err("too many");
-    assert_eq!(
-        refused.to_string(),
-        "the sensor answers `rows 65` with `E3 out of range, expected rows 1..64`"
-    );
-    let silent = line
-        .ask("rows", ANSWER, |_| None::<()>)
-        .expect_err("no answer");
-    assert!(
-        silent.to_string().starts_with(&format!(
-            "`rows` has no answer at {port}, where `rows 16` came last: "
-        )),
-        "{silent}"
-    );
+    let mut refusal = |command| {
+        let answer = line.ask(command, ANSWER, |_| None::<()>);
+        answer.expect_err("no answer").to_string()
+    };
+    let refused = "the sensor answers `rows 65` with `E3 out of range, expected rows 1..64`";
+    assert_eq!(refusal("rows 65"), refused);
+    let silent = format!("`rows` has no answer at {port}, where `rows 16` came last: ");
+    begins(&refusal("rows"), &silent);
 }
 
 #[test]

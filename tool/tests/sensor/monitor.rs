@@ -6,6 +6,8 @@ use slitrange_tool::pc::Pc;
 use slitrange_tool::screen::Key;
 use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
 
+use crate::command::says;
+
 use super::screen::Person;
 use super::stand_in::{StandIn, Trouble};
 
@@ -25,13 +27,13 @@ fn lines_are_shown_and_the_stream_is_left_as_it_was() {
         let sensor = StandIn::new(1, Trouble::default());
         sensor.state().type_line(stream);
         sensor.state().type_line(format);
-        let arguments = ["--port", &sensor.port(), "--count", "20"];
-        let (result, output) = sensor.command("monitor", &arguments, "");
-        result.expect("a stream");
+        let output = sensor.done("monitor --port PORT --count 20");
         let readings = output.lines().filter(|line| line.contains(" mm   u "));
         assert_eq!(readings.count(), 20, "{output}");
-        assert!(output.contains(": 20 readings"), "{output}");
-        assert!(output.contains("no faults\n0 rows lost, 0 lines dropped\n"));
+        says(
+            &output,
+            [": 20 readings", "no faults\n0 rows lost, 0 lines dropped\n"],
+        );
         assert_eq!(sensor.state().settings().stream, stream == "stream on");
     }
 }
@@ -51,16 +53,11 @@ fn the_distance_is_added_to_the_columns_for_the_time_of_the_command() {
             state.unplug(Duration::from_secs(2));
         }
     });
-    let arguments = ["--port", &sensor.port(), "--count", "200"];
-    let (result, output) = sensor.command("monitor", &arguments, "");
-    result.expect("a stream");
-    assert!(
-        output.contains("; `output` also has `distance` for now\n"),
-        "{output}"
-    );
-    assert!(output.contains(": 200 readings"), "{output}");
+    let output = sensor.done("monitor --port PORT --count 200");
     // In millimetres, although the lines are in micrometres.
-    assert!(output.contains("standard deviation 0.0007 mm"), "{output}");
+    let deviation = "standard deviation 0.0007 mm";
+    let added = "; `output` also has `distance` for now\n";
+    says(&output, [added, ": 200 readings", deviation]);
     assert!(!output.contains("could not be read"), "{output}");
     // The echo, too, which was off meanwhile, although the cable was out.
     assert_eq!(sensor.state().settings(), found);
@@ -75,25 +72,14 @@ fn held_readings_are_faults_and_what_rate_leaves_out_is_not_missing() {
     };
     let sensor = StandIn::new(6, trouble);
     sensor.state().type_line("output counter distance");
-    for line in ["hold 1000", "rate 10"] {
+    for (line, name) in [("hold 1000", "hold"), ("rate 10", "rate")] {
         sensor.state().type_line(line);
-        let name = format!("{}.csv", line.replace(' ', "-"));
-        let file = sensor.path(&name);
-        let file = file.to_str().expect("text");
-        let arguments = ["--port", &sensor.port(), "--csv", file, "--count", "300"];
-        let (result, output) = sensor.command("monitor", &arguments, "");
-        result.expect("a stream");
+        let output = sensor.done(&format!("monitor --port PORT --csv @{name} --count 300"));
         assert!(!output.contains("did not arrive"), "{output}");
-        let lines = recorded(&sensor, &name);
+        let lines = recorded(&sensor, name);
         let held = lines.iter().filter(|line| line.kind == Kind::Held).count();
-        assert!(
-            output.contains(&format!(": {} readings", 300 - held)),
-            "{output}"
-        );
-        assert!(
-            output.contains(&format!("faults: {held} held\n")),
-            "{output}"
-        );
+        let readings = format!(": {} readings", 300 - held);
+        says(&output, [readings, format!("faults: {held} held\n")]);
         // A fifth of 300, with a standard deviation of 7.
         assert!((32..=88).contains(&held), "{held}");
     }
@@ -102,11 +88,7 @@ fn held_readings_are_faults_and_what_rate_leaves_out_is_not_missing() {
 #[test]
 fn the_first_reading_comes_in_a_quarter_of_a_second() {
     let sensor = StandIn::new(2, Trouble::default());
-    let arguments = ["--port", &sensor.port(), "--count", "1"];
-    sensor
-        .command("monitor", &arguments, "")
-        .0
-        .expect("a reading");
+    sensor.done("monitor --port PORT --count 1");
     let took = sensor.now();
     println!("{took:?}");
     assert!(took < Duration::from_millis(250), "{took:?}");
@@ -130,19 +112,19 @@ fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
             _ => {}
         }
     });
-    let file = sensor.path("run.csv");
-    let file = file.to_str().expect("text");
-    let arguments = ["--port", &sensor.port(), "--csv", file, "--seconds", "40"];
-    let (result, output) = sensor.command("monitor", &arguments, "");
-    result.expect("a recording");
+    let command = "monitor --port PORT --csv @run.csv --seconds 40";
+    let output = sensor.done(command);
     let lines = recorded(&sensor, "run.csv");
     let of = |kind| lines.iter().filter(|line| line.kind == kind).count();
     let (readings, faults, gaps) = (of(Kind::Reading), of(Kind::Fault), of(Kind::Gap));
     println!("{readings} readings, {faults} faults, {gaps} gaps");
     assert_eq!(gaps, 3);
-    assert!(output.contains(&format!(": {readings} readings")));
-    assert!(output.contains(&format!("faults: {faults} too dim\n")));
-    assert!(output.contains(&format!(", {} lines\n", lines.len())));
+    let parts = [
+        format!(": {readings} readings"),
+        format!("faults: {faults} too dim\n"),
+        format!(", {} lines\n", lines.len()),
+    ];
+    says(&output, parts);
     // No reading has a fault, and no fault a distance.
     for line in &lines {
         assert_eq!(line.distance_mm.is_some(), line.kind == Kind::Reading);
@@ -154,12 +136,8 @@ fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
     // It goes on to the end.
     assert!(lines.last().is_some_and(|line| line.time_s > 39.5));
     // A recording is not overwritten.
-    let (again, _) = sensor.command("monitor", &arguments, "");
-    let again = again.expect_err("the file exists");
-    assert!(
-        again.contains("run.csv cannot be made: if it exists, "),
-        "{again}"
-    );
+    let again = sensor.refused(command);
+    says(&again, ["run.csv cannot be made: if it exists, "]);
     assert_eq!(recorded(&sensor, "run.csv"), lines);
 }
 
@@ -167,17 +145,16 @@ fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
 fn the_live_view_shows_readings_faults_and_that_the_sensor_is_away() {
     let sensor = StandIn::new(4, Trouble::default());
     let person = Person::new(&sensor, &[(20, Key::Char(' ')), (10, Key::Quit)]);
-    let (seen, output) = person.slitrange(&["monitor", "--port", &sensor.port()]);
-    assert!(output.contains("no faults"), "{output}");
+    let (seen, output) = person.types("monitor --port PORT");
+    says(&output, ["no faults"]);
     let named = seen[0].replace(&sensor.port(), "PORT");
     let border = named.lines().next().expect("a border").replace('─', "");
     let below: Vec<&str> = named.lines().skip(1).collect();
     insta::assert_snapshot!(format!("{border}\n{}", below.join("\n")));
 
     sensor.state().trouble.fault = 1.0;
-    let (seen, _) =
-        Person::new(&sensor, &[(20, Key::Quit)]).slitrange(&["monitor", "--port", &sensor.port()]);
-    assert!(seen[0].contains("fault: too dim: 35.0 counts, needs 60.0"));
+    let (seen, _) = Person::new(&sensor, &[(20, Key::Quit)]).types("monitor --port PORT");
+    says(&seen[0], ["fault: too dim: 35.0 counts, needs 60.0"]);
 
     // Without power, an old reading does not stay on the screen.
     sensor.state().trouble.fault = 0.0;
@@ -191,13 +168,9 @@ fn the_live_view_shows_readings_faults_and_that_the_sensor_is_away() {
         }
     });
     let keys = [(25, Key::Char(' ')), (15, Key::Char(' ')), (30, Key::Quit)];
-    let (seen, _) = Person::new(&sensor, &keys).slitrange(&["monitor", "--port", &sensor.port()]);
-    for (picture, words) in seen.iter().zip([
-        "no reading for 2 s",
-        "no sensor answers `stream` at ",
-        "there is no serial port ",
-    ]) {
-        assert!(picture.contains(words), "{picture}");
-    }
+    let (seen, _) = Person::new(&sensor, &keys).types("monitor --port PORT");
+    says(&seen[0], ["no reading for 2 s"]);
+    says(&seen[1], ["no sensor answers `stream` at "]);
+    says(&seen[2], ["there is no serial port "]);
     assert_eq!(seen.len(), 3);
 }

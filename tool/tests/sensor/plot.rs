@@ -3,6 +3,8 @@
 use slitrange_tool::plot::Series;
 use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
 
+use crate::command::{ends, says};
+
 use super::stand_in::{NOISE_PX, StandIn, Trouble};
 
 #[test]
@@ -12,62 +14,32 @@ fn a_recording_is_drawn() {
         ..Trouble::default()
     };
     let sensor = StandIn::new(1, trouble);
-    let (csv, svg) = (sensor.path("run.csv"), sensor.path("run.svg"));
-    let csv = csv.to_str().expect("text");
-    let arguments = ["--port", &sensor.port(), "--csv", csv, "--count", "3000"];
-    sensor
-        .command("monitor", &arguments, "")
-        .0
-        .expect("a recording");
-    let (result, output) = sensor.command("plot", &[csv], "");
-    result.expect("a figure");
-    assert!(
-        output.ends_with(&format!("drawn: {}\n", svg.display())),
-        "{output}"
-    );
-    let svg = std::fs::read_to_string(svg).expect("a figure");
-    for words in [
+    sensor.done("monitor --port PORT --csv @run.csv --count 3000");
+    let output = sensor.done("plot @run.csv");
+    ends(&output, &format!("drawn: {}\n", sensor.file("run.svg")));
+    let words = [
         "mm from the mean",
         "distance in mm",
         "histogram",
         "Allan deviation",
         "spectrum",
-    ] {
-        assert!(svg.contains(words), "{words}");
-    }
+    ];
+    says(&sensor.text("run.svg"), words);
     // The stand-in's noise is white: 0.002 px of some 0.39 mm each at 800 mm.
-    let of_one = output
-        .split("Allan deviation ")
-        .nth(1)
-        .expect("a deviation");
-    let of_one: f64 = of_one
-        .split(' ')
-        .next()
-        .expect("a number")
-        .parse()
-        .expect("a number");
+    let (_, of_one) = output.split_once("Allan deviation ").expect("a deviation");
+    let (of_one, _) = of_one.split_once(' ').expect("a unit");
+    let of_one: f64 = of_one.parse().expect("a number");
     println!("{of_one} mm of {NOISE_PX} px");
     assert!((of_one - 0.0008).abs() < 0.0001, "{of_one}");
 }
 
 fn line(time_s: f64, kind: Kind) -> Recorded {
+    let distance_mm = (kind == Kind::Reading).then_some(time_s);
     Recorded {
         time_s,
         kind,
-        number: None,
-        sensor_us: None,
-        distance_mm: (kind == Kind::Reading).then_some(time_s),
-        u_mm: None,
-        r_mm: None,
-        centre_px: None,
-        height_counts: None,
-        width_px: None,
-        rows_used: None,
-        rows: None,
-        exposure_us: None,
-        slits: None,
-        flags: String::new(),
-        fault: String::new(),
+        distance_mm,
+        ..Recorded::default()
     }
 }
 
@@ -93,27 +65,14 @@ fn a_run_ends_at_a_fault_and_at_a_pause() {
     // Too short.
     let lines = lines(Kind::Fault);
     let error = Series::of(&lines[60..70]).expect_err("ten readings");
-    assert!(
-        error
-            .to_string()
-            .contains("has 10 readings, and 16 are needed"),
-        "{error}"
-    );
+    says(&error.to_string(), ["has 10 readings, and 16 are needed"]);
     assert!(Series::of(&[]).is_err());
 }
 
 #[test]
 fn another_file_is_an_error() {
     let sensor = StandIn::new(2, Trouble::default());
-    let path = sensor.path("points.csv");
-    std::fs::write(&path, "distance_mm,x\n1,2\n").expect("written");
-    let path = path.to_str().expect("text");
-    let error = sensor
-        .command("plot", &[path], "")
-        .0
-        .expect_err("no recording");
-    assert!(
-        error.contains("is no recording of `slitrange monitor --csv`"),
-        "{error}"
-    );
+    sensor.write("points.csv", "distance_mm,x\n1,2\n");
+    let error = sensor.refused("plot @points.csv");
+    says(&error, ["is no recording of `slitrange monitor --csv`"]);
 }

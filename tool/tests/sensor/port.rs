@@ -5,6 +5,8 @@ use std::time::Duration;
 use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::sensor::port::PortOption;
 
+use crate::command::{begins, says};
+
 use super::stand_in::{StandIn, Trouble};
 
 /// A PC with a sensor at each of its ports.
@@ -31,14 +33,9 @@ impl Pc for Ports {
 
 /// What hears nothing.
 fn silent(seed: u64) -> StandIn {
-    let lost = 1.0;
-    StandIn::new(
-        seed,
-        Trouble {
-            lost,
-            ..Trouble::default()
-        },
-    )
+    let sensor = sensor(seed);
+    sensor.state().trouble.lost = 1.0;
+    sensor
 }
 
 fn sensor(seed: u64) -> StandIn {
@@ -69,26 +66,22 @@ fn the_only_sensor_is_found() {
 #[test]
 fn no_sensor_and_several_are_errors_that_name_the_ports() {
     let none = found(&Ports(vec![])).expect_err("no port");
-    assert!(none.starts_with("this PC has no serial port: "), "{none}");
+    begins(&none, "this PC has no serial port: ");
 
     let pc = Ports(vec![silent(1), silent(2)]);
     let silent = found(&pc).expect_err("no sensor");
-    assert!(silent.starts_with("no sensor is found: check "), "{silent}");
-    for sensor in &pc.0 {
-        let line = format!("\nno sensor answers at {}", sensor.port());
-        assert!(silent.contains(&line), "{silent}");
-    }
+    begins(&silent, "no sensor is found: check ");
+    let ports = pc.ports().into_iter();
+    says(
+        &silent,
+        ports.map(|port| format!("\nno sensor answers at {port}")),
+    );
 
     let pc = Ports(vec![sensor(1), sensor(2)]);
     let several = found(&pc).expect_err("two sensors");
-    assert_eq!(
-        several,
-        format!(
-            "sensors answer at {} and at {}: name one of them with --port",
-            pc.0[0].port(),
-            pc.0[1].port()
-        )
-    );
+    let ports = pc.ports().join(" and at ");
+    let error = format!("sensors answer at {ports}: name one of them with --port");
+    assert_eq!(several, error);
 }
 
 #[test]

@@ -1,49 +1,33 @@
 //! `slitrange row` shows a row as the sensor sees it.
 
-use std::fs;
-
 use slitrange::base::exposure::Exposure;
 use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowPart};
 use slitrange_tool::sensor::line::TRIES;
 use slitrange_tool::sensor::row::RowAnswer;
 
-use super::stand_in::{StandIn, Trouble};
+use crate::command::says;
 
-/// Runs `slitrange row` with further options.
-fn row(sensor: &StandIn, options: &[&str]) -> (Result<(), String>, String) {
-    let port = sensor.port();
-    let arguments: Vec<&str> = ["--port", &port].iter().chain(options).copied().collect();
-    let (result, output) = sensor.command("row", &arguments, "");
-    (result.map(|_| ()), output)
-}
+use super::stand_in::{StandIn, Trouble};
 
 #[test]
 fn a_row_is_summarised_tabulated_and_drawn() {
     let sensor = StandIn::new(1, Trouble::default());
-    let (csv, figure) = (sensor.path("row.csv"), sensor.path("row.svg"));
-    let path = |path: &std::path::Path| path.to_str().expect("text").to_owned();
-    let (csv_path, figure_path) = (path(&csv), path(&figure));
-    let (result, output) = row(&sensor, &["--csv", &csv_path, "--figure", &figure_path]);
-    result.expect("a row");
-    println!("{output}");
-    for part in [
+    let output = sensor.done("row --port PORT --csv @row.csv --figure @row.svg");
+    let parts = [
         "sensor TCD1304DG at ",
         "centre 1800.2",
         "exposure 5600 us, black level 300.00 counts",
         "pixels 0 to 3647 of 3648: median 300 counts",
-    ] {
-        assert!(output.contains(part), "{part}");
-    }
-    let table = fs::read_to_string(csv).expect("a table");
+    ];
+    says(&output, parts);
+    let table = sensor.text("row.csv");
     let mut lines = table.lines();
     assert_eq!(lines.next(), Some("pixel,counts,fit_counts"));
     let mut worst = 0.0f64;
     let mut count = 0;
     for (place, line) in lines.enumerate() {
-        let fields: Vec<f64> = line
-            .split(',')
-            .map(|it| it.parse().expect("a number"))
-            .collect();
+        let fields = line.split(',').map(|it| it.parse().expect("a number"));
+        let fields: Vec<f64> = fields.collect();
         assert_eq!(fields[0], place as f64);
         worst = worst.max((fields[1] - fields[2]).abs());
         count += 1;
@@ -53,79 +37,64 @@ fn a_row_is_summarised_tabulated_and_drawn() {
     println!("the fit leaves at most {worst:.1} counts");
     assert_eq!(count, 3648);
     assert!(worst < 8.0);
-    let drawn = fs::read_to_string(figure).expect("a figure");
-    for title in [
+    let titles = [
         "the row: centre 1800.2",
         "pixels (blue) and fit (red)",
         "what the fit leaves",
         "saturated",
         "level beside the spot",
         "black level",
-    ] {
-        assert!(drawn.contains(title), "{title}");
-    }
+    ];
+    says(&sensor.text("row.svg"), titles);
     assert!(sensor.state().settings().stream, "the stream is put back");
 }
 
 #[test]
 fn a_window_is_a_hundred_pixels() {
     let sensor = StandIn::new(2, Trouble::default());
-    let (result, output) = row(&sensor, &["--window"]);
-    result.expect("a row");
-    assert!(output.contains("pixels 1752 to 1848 of 3648"), "{output}");
+    let output = sensor.done("row --port PORT --window");
+    says(&output, ["pixels 1752 to 1848 of 3648"]);
 }
 
 #[test]
 fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
     let sensor = StandIn::new(4, Trouble::default());
-    let figure = sensor.path("row.svg");
-    let options = ["--pixels", "1700", "1839", "--figure"];
-    let options = [&options[..], &[figure.to_str().expect("text")]].concat();
-    let (result, output) = row(&sensor, &options);
-    result.expect("a row");
-    println!("{output}");
-    assert!(output.contains("centre 1800.2"));
-    assert!(output.contains("pixels 1700 to 1839 of 3648: median 300 counts"));
+    let range = "row --port PORT --pixels 1700 1839 --figure @row.svg";
+    let median = "pixels 1700 to 1839 of 3648: median 300 counts";
+    says(&sensor.done(range), ["centre 1800.2", median]);
 
     // The spot's flank, without the centre.
-    let (result, output) = row(&sensor, &["--pixels", "1804", "1860"]);
-    result.expect("a row");
-    assert!(output.contains("pixels 1804 to 1860 of 3648: median 300 counts"));
-    let (result, _) = row(
-        &sensor,
-        &[&["--pixels", "1804", "1860"], &options[3..]].concat(),
-    );
-    result.expect("a figure");
+    let flank = "row --port PORT --pixels 1804 1860";
+    let of_flank = "pixels 1804 to 1860 of 3648: median 300 counts";
+    says(&sensor.done(flank), [of_flank]);
+    sensor.done(&format!("{flank} --figure @row.svg"));
 
     sensor.state().type_line("laser off");
-    let (result, output) = row(&sensor, &options);
-    result.expect("a row");
-    println!("{output}");
-    assert!(output.contains("no centre: laser off\n"));
-    assert!(output.contains("laser off, black level 300.00 counts"));
-    assert!(output.contains("pixels 1700 to 1839 of 3648: median 300 counts"));
+    let dark = "laser off, black level 300.00 counts";
+    says(
+        &sensor.done(range),
+        ["no centre: laser off\n", dark, median],
+    );
 
     sensor.state().type_line("laser on");
     sensor.state().type_line("exposure 187");
     sensor.state().spot_height = 9000.0;
-    let (result, output) = row(&sensor, &options);
-    result.expect("a row");
-    println!("{output}");
-    assert!(output.contains("no centre: saturated"));
-    assert!(output.contains("exposure 187 us"));
-    assert!(output.contains("pixels 1700 to 1839 of 3648"));
-    assert!(output.contains(" pixels are saturated, with 4095 counts or more"));
+    let parts = [
+        "no centre: saturated",
+        "exposure 187 us",
+        "pixels 1700 to 1839 of 3648",
+        " pixels are saturated, with 4095 counts or more",
+    ];
+    says(&sensor.done(range), parts);
 }
 
 #[test]
 fn a_range_off_the_row_is_cut_and_a_reversed_one_is_refused() {
     let sensor = StandIn::new(5, Trouble::default());
-    let (result, output) = row(&sensor, &["--pixels", "3600", "9999"]);
-    result.expect("a row");
-    assert!(output.contains("pixels 3600 to 3647 of 3648"), "{output}");
-    let error = row(&sensor, &["--pixels", "1839", "1700"]).0;
-    let error = error.expect_err("no range");
-    assert!(error.contains("the first pixel lies beyond the last one"));
+    let output = sensor.done("row --port PORT --pixels 3600 9999");
+    says(&output, ["pixels 3600 to 3647 of 3648"]);
+    let error = sensor.refused("row --port PORT --pixels 1839 1700");
+    says(&error, ["the first pixel lies beyond the last one"]);
 }
 
 /// The first thing that the tool's reader makes of lines which arrive one after the other. `None` if it waits
@@ -134,9 +103,8 @@ fn read(bytes: &[u8]) -> Option<Option<RowAnswer>> {
     // As the line does: CR or LF ends a line, and empty lines do not count.
     let lines = bytes.split(|byte| b"\r\n".contains(byte));
     let lines = lines.filter(|line| !line.is_empty());
-    let lines: Vec<String> = lines
-        .map(|line| String::from_utf8_lossy(line).into_owned())
-        .collect();
+    let lines = lines.map(|line| String::from_utf8_lossy(line).into_owned());
+    let lines: Vec<String> = lines.collect();
     (1..=lines.len()).find_map(|count| RowAnswer::read(&lines[..count]))
 }
 
@@ -171,17 +139,10 @@ fn any_changed_character_of_an_answer_is_noticed() {
         for place in 0..answer.len() {
             let was = answer[place];
             let flipped = (0..8).map(|bit| was ^ (1 << bit));
-            let mut changed: Vec<Vec<u8>> = flipped
-                .chain(*b"\r\n\t 0179afExz-.()")
-                .filter(|&byte| byte != was)
-                .map(|byte| {
-                    let mut changed = answer.clone();
-                    changed[place] = byte;
-                    changed
-                })
-                .collect();
-            changed.push([&answer[..place], &answer[place + 1..]].concat());
-            for changed in changed {
+            let others = flipped.chain(*b"\r\n\t 0179afExz-.()");
+            let others = others.filter(|&byte| byte != was).map(|byte| vec![byte]);
+            for other in others.chain([vec![]]) {
+                let changed = [&answer[..place], &other, &answer[place + 1..]].concat();
                 let Some(Some(found)) = read(&changed) else {
                     continue;
                 };
@@ -232,15 +193,17 @@ fn spoilt_lines_are_never_shown() {
     let mut shown = 0;
     for seed in 0..20 {
         let sensor = StandIn::new(seed, trouble);
-        let csv = sensor.path("row.csv");
-        let (result, _) = row(&sensor, &["--window", "--csv", csv.to_str().expect("text")]);
-        if result.is_ok() {
-            let table = fs::read_to_string(csv).expect("a table");
-            let highest = table
+        if sensor
+            .run("row --port PORT --window --csv @row.csv")
+            .0
+            .is_ok()
+        {
+            let table = sensor.text("row.csv");
+            let counts = table
                 .lines()
                 .skip(1)
                 .filter_map(|line| line.split(',').nth(1));
-            let highest = highest.filter_map(|count| count.parse::<u16>().ok()).max();
+            let highest = counts.filter_map(|count| count.parse::<u16>().ok()).max();
             assert!(highest.is_some_and(|highest| (2290..=2303).contains(&highest)));
             shown += 1;
         }
@@ -252,7 +215,6 @@ fn spoilt_lines_are_never_shown() {
         lost: 0.2,
         ..Trouble::default()
     };
-    let error = row(&StandIn::new(3, lossy), &[]).0.expect_err("no row");
-    println!("{error}");
+    let error = StandIn::new(3, lossy).refused("row --port PORT");
     assert!(error.contains(&format!("{TRIES} tries")) || error.contains("no answer"));
 }

@@ -2,10 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::ExitCode;
 use std::time::Duration;
 
-use calibration::points::Points;
+use calibration::points::{Point, Points};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slitrange::base::units::Pixels;
@@ -17,79 +16,70 @@ use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::sensor::line::RECONNECT;
 
+use crate::command::{Ended, begins, done, ends, refused, says, slitrange};
+
 use super::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};
 
 /// `slitrange calibrate run` with further arguments, and what a person types.
-fn run(sensor: &StandIn, arguments: &[&str], typed: &str) -> (Result<ExitCode, String>, String) {
-    let (port, file) = (sensor.port(), points(sensor));
-    sensor.slitrange(
-        &[&["run", "--port", &port, &file], arguments].concat(),
+fn run(sensor: &StandIn, more: &str, typed: &str) -> Ended {
+    sensor.type_in(
+        &format!("calibrate run --port PORT @points.csv {more}"),
         typed,
     )
 }
 
 /// The same with a stage that goes to these positions.
-fn run_stage(
-    sensor: &StandIn,
-    positions: &[f64],
-    more: &[&str],
-) -> (Result<ExitCode, String>, String) {
-    let (positions, stage) = (list(sensor, positions), sensor.stage_command());
-    let arguments = ["--positions", &positions, "--stage-command", &stage];
-    run(sensor, &[&arguments, more].concat(), "")
+fn run_stage(sensor: &StandIn, positions: &[f64], more: &str) -> Ended {
+    list(sensor, positions);
+    run(
+        sensor,
+        &format!("--positions @list.txt --stage-command STAGE {more}"),
+        "",
+    )
 }
 
 /// The same with ten positions and three frames each, killed a number of uses of the port after the file has
 /// `count` points. Gives whether the run ended before that.
 fn run_killed(sensor: &StandIn, count: usize, uses: usize) -> bool {
     once_there_are(sensor, count, move |state| state.kill_after = Some(uses));
-    sensor.ends_before_it_is_killed(|| run_stage(sensor, &TEN, &["--frames", "3"]).0.is_ok())
+    sensor.ends_before_it_is_killed(|| run_stage(sensor, &TEN, "--frames 3").0.is_ok())
 }
 
 /// Does something to the sensor as soon as the file has `count` points.
 fn once_there_are(sensor: &StandIn, count: usize, then: impl FnOnce(&mut State) + 'static) {
-    let (file, mut then) = (points(sensor), Some(then));
+    let (file, mut then) = (sensor.path("points.csv"), Some(then));
     sensor.each_step(move |state| {
-        if then.is_some()
-            && lines_of(&file).len() >= count
-            && let Some(then) = then.take()
-        {
+        if let Some(then) = then.take_if(|_| lines_of(&file).len() >= count) {
             then(state);
         }
     });
 }
 
-fn points(sensor: &StandIn) -> String {
-    sensor.path("points.csv").to_str().expect("text").to_owned()
+/// The file of points.
+fn points(sensor: &StandIn) -> Points {
+    Points::read(&sensor.path("points.csv")).expect("points")
 }
 
 /// The lines that are points.
 fn lines(sensor: &StandIn) -> Vec<String> {
-    lines_of(&points(sensor))
+    lines_of(&sensor.path("points.csv"))
 }
 
-fn lines_of(file: &str) -> Vec<String> {
+fn lines_of(file: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(file).unwrap_or_default();
-    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
-    whole
-        .lines()
-        .filter(|line| line.starts_with(|first: char| first.is_ascii_digit()))
-        .map(str::to_owned)
-        .collect()
+    let whole = text.rfind('\n').map_or("", |end| &text[..end]).lines();
+    let points = whole.filter(|line| line.starts_with(|first: char| first.is_ascii_digit()));
+    points.map(str::to_owned).collect()
 }
 
 /// Holds that a file has those points, in order, where the target was; a centre is off by at most so much.
 fn check(sensor: &StandIn, distances: &[f64], off_px: f64) {
-    let taken = Points::read(Path::new(&points(sensor)))
-        .expect("points")
-        .points;
+    let taken = points(sensor).points;
     assert!(taken.is_sorted_by(|a, b| a.d_mm < b.d_mm), "{taken:#?}");
     let there: Vec<f64> = taken.iter().map(|point| point.d_mm).collect();
     assert_eq!(there, distances);
-    let most = taken
-        .iter()
-        .map(|point| (point.x_px - centre_px(point.d_mm)).abs())
-        .fold(0.0, f64::max);
+    let off = |point: &Point| (point.x_px - centre_px(point.d_mm)).abs();
+    let most = taken.iter().map(off).fold(0.0, f64::max);
     println!("centres are off by {most:.5} px at most, {off_px:.5} expected");
     assert!(most <= off_px, "{taken:#?}");
 }
@@ -103,30 +93,18 @@ const TEN: [f64; 10] = [
     600.0, 630.0, 660.0, 700.0, 740.0, 790.0, 840.0, 900.0, 960.0, 1020.0,
 ];
 
-/// A list of those positions.
-fn list(sensor: &StandIn, positions: &[f64]) -> String {
-    let path = sensor.path("list.txt");
+/// Writes the list of those positions.
+fn list(sensor: &StandIn, positions: &[f64]) {
     let text: Vec<String> = positions.iter().map(f64::to_string).collect();
-    std::fs::write(&path, text.join("\n")).expect("written");
-    path.to_str().expect("text").to_owned()
+    sensor.write("list.txt", text.join("\n"));
 }
 
 #[test]
 fn a_stage_goes_through_all_positions() {
     let sensor = StandIn::new(10, Trouble::default());
-    let stage = sensor.stage_command();
-    let arguments = [
-        "--from",
-        "600",
-        "--to",
-        "1020",
-        "--points",
-        "12",
-        "--stage-command",
-        &stage,
-    ];
-    run(&sensor, &arguments, "").0.expect("taken");
-    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    let arguments = "--from 600 --to 1020 --points 12 --stage-command STAGE";
+    done(run(&sensor, arguments, ""));
+    let text = sensor.text("points.csv");
     println!("{text}");
     for line in [
         "# head TCD1304DG",
@@ -136,97 +114,65 @@ fn a_stage_goes_through_all_positions() {
     ] {
         assert!(text.lines().any(|there| there == line), "{line}");
     }
-    let taken = Points::read(Path::new(&points(&sensor))).expect("points");
+    let taken = points(&sensor);
     assert_eq!(taken.setup.estimator, Some(Estimator::Adaptive));
-    let distances: Vec<f64> = {
-        let mut distances: Vec<f64> = taken.points.iter().map(|point| point.d_mm).collect();
-        distances.sort_by(f64::total_cmp);
-        distances
-    };
-    assert_eq!(
-        (distances.len(), distances[0], distances[11]),
-        (12, 600.0, 1020.0)
-    );
+    let mut distances: Vec<f64> = taken.points.iter().map(|point| point.d_mm).collect();
+    distances.sort_by(f64::total_cmp);
+    let ends = (distances.len(), distances[0], distances[11]);
+    assert_eq!(ends, (12, 600.0, 1020.0));
     check(&sensor, &distances, noise(8));
-    assert!(taken.points.iter().all(|point| {
+    // The sigma of eight frames that scatter as they claim to, give or take: 0.71 of it is the claim's own.
+    let least = NOISE_PX / 8f64.sqrt();
+    for point in &taken.points {
         let shape = point.shape.expect("a shape").shape;
         let same = |px: f64, pixels: Pixels| (px - pixels.to_f64()).abs() < 1e-5;
         let mut components = shape.components_px.into_iter().zip(SHAPE.components);
-        same(shape.width_px, SHAPE.width) && components.all(|(px, pixels)| same(px, pixels))
-    }));
-    // The sigma of eight frames that scatter as they claim to, give or take: 0.71 of it is the claim's own.
-    let least = NOISE_PX / 8f64.sqrt();
-    assert!(taken.points.iter().all(|point| {
+        assert!(same(shape.width_px, SHAPE.width) && components.all(|(px, it)| same(px, it)));
         let sigma = point.sigma_px.expect("a sigma");
-        (0.99 * least..3.0 * least).contains(&sigma)
-    }));
-    let state = sensor.state();
-    assert!(
-        state.settings().stream && state.settings().rows == 16,
-        "put back"
-    );
-    drop(state);
+        assert!((0.99 * least..3.0 * least).contains(&sigma));
+    }
+    let set = sensor.state().settings();
+    assert!(set.stream && set.rows == 16, "put back");
     // Once more: nothing is missing, nothing changes.
-    let (result, output) = run(&sensor, &arguments, "");
-    result.expect("nothing to do");
-    assert!(output.contains("0 of 12 positions to go"), "{output}");
-    assert_eq!(
-        std::fs::read_to_string(points(&sensor)).expect("a file"),
-        text
+    says(
+        &done(run(&sensor, arguments, "")),
+        ["0 of 12 positions to go"],
     );
+    assert_eq!(sensor.text("points.csv"), text);
 }
 
 #[test]
 fn a_person_is_asked_and_asked_again() {
     let sensor = StandIn::new(11, Trouble::default());
-    let positions = list(&sensor, &[600.0, 700.0, 800.0]);
-    let stand = sensor.path("stage");
-    std::fs::write(&stand, "800").expect("written");
+    list(&sensor, &[600.0, 700.0, 800.0]);
+    sensor.write("stage", "800");
     // The target stays at 800 mm. The first is skipped, the second said to be where it is, and the third left
     // for later.
-    let typed = "s\n799.5\nq\n";
-    let (result, output) = run(
-        &sensor,
-        &["--positions", &positions, "--frames", "2"],
-        typed,
-    );
-    result.expect("stopped by the person");
-    assert!(
-        output.contains("move the target to 600 mm, then Enter;"),
-        "{output}"
-    );
+    let arguments = "--positions @list.txt --frames 2";
+    let output = done(run(&sensor, arguments, "s\n799.5\nq\n"));
+    says(&output, ["move the target to 600 mm, then Enter;"]);
     assert_eq!(lines(&sensor).len(), 1);
-    assert!(
-        lines(&sensor)[0].contains(",799.500,"),
-        "{:?}",
-        lines(&sensor)
-    );
+    says(&lines(&sensor)[0], [",799.500,"]);
     // On going on, that point stands for the position that it was typed for, and for the one that it is near.
     sensor.state().trouble.fault = 1.0;
-    let (result, output) = run(
-        &sensor,
-        &["--positions", &positions, "--frames", "2"],
-        "799.5\n\n\ns\n",
+    let output = done(run(&sensor, arguments, "799.5\n\n\ns\n"));
+    says(
+        &output,
+        [
+            "1 of 3 positions to go",
+            "there is a point at 799.5 mm already\n",
+        ],
     );
-    result.expect("skipped");
-    assert!(output.contains("1 of 3 positions to go"), "{output}");
-    assert!(
-        output.ends_with("; 1 of 3 positions are left: 600 mm\n"),
-        "{output}"
-    );
+    ends(&output, "; 1 of 3 positions are left: 600 mm\n");
     let fault = "600 mm  too dim: 35.0 counts, needs 60.0 (a longer exposure, more laser power, a \
                  brighter target or less ambient light)";
     assert_eq!(output.matches(fault).count(), 2, "{output}");
-    assert!(
-        output.contains("there is a point at 799.5 mm already\n"),
-        "{output}"
-    );
     assert_eq!(lines(&sensor).len(), 1);
 }
 
 /// Moves the target as a person does: to the next of these distances when the file has a point more.
 fn move_by_hand(sensor: &StandIn, distances: &'static [f64]) {
-    let (file, stage) = (points(sensor), sensor.path("stage"));
+    let (file, stage) = (sensor.path("points.csv"), sensor.path("stage"));
     let mut at = None;
     let mut go = move || {
         let next = lines_of(&file).len().min(distances.len() - 1);
@@ -239,76 +185,65 @@ fn move_by_hand(sensor: &StandIn, distances: &'static [f64]) {
     sensor.each_step(move |_| go());
 }
 
+/// A list of the first of ten positions, and a person who moves the target to these distances.
+fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, &'static str) {
+    let sensor = StandIn::new(seed, Trouble::default());
+    move_by_hand(&sensor, distances);
+    list(&sensor, &TEN[..positions]);
+    (sensor, "--positions @list.txt --frames 2")
+}
+
 /// The input of a run that nobody watches ends. The error names the positions that are left, and the points
 /// are kept.
 #[test]
 fn the_end_of_the_input_is_an_error_while_positions_are_left() {
-    let sensor = StandIn::new(30, Trouble::default());
-    move_by_hand(&sensor, &TEN);
-    let arguments = ["--positions", &list(&sensor, &TEN[..4]), "--frames", "2"];
-    let (result, output) = run(&sensor, &arguments, "\n\n");
-    let error = result.expect_err("positions are left");
-    assert_eq!(
-        error,
-        "stopped; run the same command again to go on: the input ended, with 660, 700 mm left"
-    );
-    assert!(
-        output.ends_with("; 2 of 4 positions are left: 660, 700 mm\n"),
-        "{output}"
-    );
+    let (sensor, arguments) = by_hand(30, &TEN, 4);
+    let (result, output) = run(&sensor, arguments, "\n\n");
+    let error =
+        "stopped; run the same command again to go on: the input ended, with 660, 700 mm left";
+    assert_eq!(result.expect_err("positions are left"), error);
+    ends(&output, "; 2 of 4 positions are left: 660, 700 mm\n");
     // After the last position, the end of the input is the end.
-    run(&sensor, &arguments, "\n\n").0.expect("taken");
+    done(run(&sensor, arguments, "\n\n"));
     check(&sensor, &TEN[..4], noise(2));
 }
 
 #[test]
 fn a_target_that_nobody_moved_gives_no_second_point() {
-    let sensor = StandIn::new(31, Trouble::default());
-    move_by_hand(&sensor, &[600.0]);
-    let arguments = ["--positions", &list(&sensor, &TEN[..3]), "--frames", "2"];
-    let (result, output) = run(&sensor, &arguments, "t\n\n\n\nq\n");
-    result.expect("stopped by the person");
-    let says =
+    let (sensor, arguments) = by_hand(31, &[600.0], 3);
+    let output = done(run(&sensor, arguments, "t\n\n\n\nq\n"));
+    let unmoved =
         " px, is that of the point at 600 mm: the target did not move (move it; or type t to take";
-    assert_eq!(output.matches(says).count(), 2, "{output}");
-    assert!(output.contains("there is no point to take\n"), "{output}");
+    assert_eq!(output.matches(unmoved).count(), 2, "{output}");
+    says(&output, ["there is no point to take\n"]);
     assert_eq!(lines(&sensor).len(), 1);
     // A person may know better. A stage cannot be asked.
-    run(&sensor, &arguments, "\nt\nq\n").0.expect("stopped");
+    done(run(&sensor, arguments, "\nt\nq\n"));
     assert_eq!(lines(&sensor).len(), 2);
-    let stage = ["--stage-command", "true {}"];
-    let error = run(&sensor, &[&arguments[..], &stage].concat(), "")
-        .0
-        .expect_err("stuck");
-    assert!(
-        error.starts_with("there is no point at 660 mm: "),
-        "{error}"
+    let mut words = sensor.words("calibrate run --port PORT @points.csv --positions @list.txt");
+    words.extend(["--frames", "2", "--stage-command", "true {}"].map(str::to_owned));
+    begins(
+        &refused(slitrange(&sensor, &words, "")),
+        "there is no point at 660 mm: ",
     );
-    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
-    assert!(
-        text.contains("\n# failed at 660.000 mm: the centre, "),
-        "{text}"
+    says(
+        &sensor.text("points.csv"),
+        ["\n# failed at 660.000 mm: the centre, "],
     );
 }
 
 #[test]
 fn a_person_takes_points_back() {
-    let sensor = StandIn::new(32, Trouble::default());
-    move_by_hand(&sensor, &TEN);
-    let arguments = ["--positions", &list(&sensor, &TEN[..3]), "--frames", "2"];
+    let (sensor, arguments) = by_hand(32, &TEN, 3);
     // Two points; the second again; all three; the last again, after the last position.
-    let (result, output) = run(&sensor, &arguments, "u\n\n\nu\n\n\nu\n\n\n");
-    result.expect("taken");
-    assert!(
-        output.contains("this run has no point to take back\n"),
-        "{output}"
-    );
+    let output = done(run(&sensor, arguments, "u\n\n\nu\n\n\nu\n\n\n"));
+    says(&output, ["this run has no point to take back\n"]);
     for mm in [630, 660] {
         let says = format!("the point at {mm} mm is taken back\n");
         assert_eq!(output.matches(&says).count(), 1, "{output}");
     }
     check(&sensor, &TEN[..3], noise(2));
-    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    let text = sensor.text("points.csv");
     assert_eq!(text.matches("\n# taken back: ").count(), 2, "{text}");
 }
 
@@ -317,16 +252,10 @@ fn a_person_takes_points_back() {
 fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
     let sensor = StandIn::new(33, Trouble::default());
     move_by_hand(&sensor, &[612.0, 688.0, 812.0]);
-    let arguments = [
-        "--from", "600", "--to", "800", "--points", "3", "--frames", "2",
-    ];
-    let (result, output) = run(&sensor, &arguments, "612\n688\n812 mm\n");
-    result.expect("taken");
-    assert!(
-        output.contains("move the target to 688 mm, then Enter"),
-        "{output}"
-    );
-    assert!(output.ends_with(", and no position is left\n"), "{output}");
+    let arguments = "--from 600 --to 800 --points 3 --frames 2";
+    let output = done(run(&sensor, arguments, "612\n688\n812 mm\n"));
+    says(&output, ["move the target to 688 mm, then Enter"]);
+    ends(&output, ", and no position is left\n");
 }
 
 /// Ctrl-C in the middle of a point: the points so far are in order, and the sensor is as it was.
@@ -334,90 +263,78 @@ fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
 fn an_interrupted_run_keeps_its_points_and_puts_the_sensor_back() {
     let sensor = StandIn::new(34, Trouble::default());
     once_there_are(&sensor, 4, |state| state.interrupted = true);
-    let (result, output) = run_stage(&sensor, &TEN, &["--frames", "3"]);
-    assert_eq!(
-        result.expect_err("interrupted"),
-        "stopped; run the same command again to go on: stopped by Ctrl-C"
-    );
-    assert!(output.contains("4 points are in "), "{output}");
+    let (result, output) = run_stage(&sensor, &TEN, "--frames 3");
+    let error = "stopped; run the same command again to go on: stopped by Ctrl-C";
+    assert_eq!(result.expect_err("interrupted"), error);
+    says(&output, ["4 points are in "]);
     let set = sensor.state().settings();
     assert_eq!((set.rows, set.stream), (16, true));
     check(&sensor, &TEN[..4], noise(3));
     sensor.state().interrupted = false;
-    run_stage(&sensor, &TEN, &["--frames", "3"])
-        .0
-        .expect("taken");
+    done(run_stage(&sensor, &TEN, "--frames 3"));
     check(&sensor, &TEN, noise(3));
 }
 
 #[test]
 fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
     let sensor = StandIn::new(12, Trouble::default());
-    let positions = list(&sensor, &TEN);
+    list(&sensor, &TEN);
+    let mut words = sensor.words("calibrate run --port PORT @points.csv --positions @list.txt");
     let fails = format!("test {{}} != 660.000 && {}", sensor.stage_command());
-    let (result, _) = run(
-        &sensor,
-        &["--positions", &positions, "--stage-command", &fails],
-        "",
+    words.extend(["--stage-command".to_owned(), fails]);
+    let error = refused(slitrange(&sensor, &words, ""));
+    begins(
+        &error,
+        "stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && ",
     );
-    let error = result.expect_err("the stage fails");
-    assert!(
-        error.starts_with(
-            "stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && "
-        ),
-        "{error}"
-    );
-    assert!(error.ends_with("failed: exit status: 1"), "{error}");
+    ends(&error, "failed: exit status: 1");
     let before = lines(&sensor);
     assert_eq!(before.len(), 2);
-    run_stage(&sensor, &TEN, &[]).0.expect("taken");
+    done(run_stage(&sensor, &TEN, ""));
     check(&sensor, &TEN, noise(8));
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
 
 #[test]
 fn a_position_without_a_centre_is_remarked_and_taken_later() {
+    let fault = 1.0;
     let sensor = StandIn::new(
         13,
         Trouble {
-            fault: 1.0,
+            fault,
             ..Trouble::default()
         },
     );
-    let (result, output) = run_stage(&sensor, &[600.0, 700.0], &[]);
+    let (result, output) = run_stage(&sensor, &[600.0, 700.0], "");
     let error = result.expect_err("no point");
-    assert!(
-        error.starts_with("there is no point at 600, 700 mm: run the same command again"),
-        "{error}"
+    begins(
+        &error,
+        "there is no point at 600, 700 mm: run the same command again",
     );
     assert_eq!(output.matches("600 mm  too dim: ").count(), 3, "{output}");
-    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
-    assert!(
-        text.contains("\n# failed at 600.000 mm: too dim: 35.0 counts, needs 60.0 ("),
-        "{text}"
-    );
+    let remark = "\n# failed at 600.000 mm: too dim: 35.0 counts, needs 60.0 (";
+    says(&sensor.text("points.csv"), [remark]);
     assert!(lines(&sensor).is_empty());
     sensor.state().trouble.fault = 0.0;
-    run_stage(&sensor, &[600.0, 700.0], &[]).0.expect("taken");
+    done(run_stage(&sensor, &[600.0, 700.0], ""));
     check(&sensor, &[600.0, 700.0], noise(8));
 }
 
 #[test]
 fn another_sensor_another_setting_or_another_file_is_refused() {
     let sensor = StandIn::new(14, Trouble::default());
-    let run = || run_stage(&sensor, &[600.0, 700.0], &["--frames", "1"]).0;
-    run().expect("taken");
-    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    let run = || run_stage(&sensor, &[600.0, 700.0], "--frames 1");
+    done(run());
+    let text = sensor.text("points.csv");
     let refused = |text: &str| {
-        std::fs::write(points(&sensor), text).expect("written");
-        let error = run().expect_err("refused");
-        assert_eq!(
-            std::fs::read_to_string(points(&sensor)).expect("a file"),
-            text
-        );
+        sensor.write("points.csv", text);
+        let error = refused(run());
+        assert_eq!(sensor.text("points.csv"), text);
         error
     };
-    for (from, to, says) in [
+    let estimator = "# estimator adaptive\n";
+    let foreign = "it was not made by `calibrate run`";
+    for (from, to, reason) in [
         (
             "# serial 0",
             "# serial 7",
@@ -440,50 +357,41 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
              that, or take another file",
         ),
         (
-            "# estimator adaptive\n",
+            estimator,
             "# estimator adaptive\n# region 1000 2000\n",
             "taken with `region 1000 2000`, and the sensor is set to `region all`: set it to that, or take \
              another file",
         ),
         (
-            "# estimator adaptive\n",
+            estimator,
             "# estimator adaptive\n# peak first\n",
             "taken with `peak first`, and the sensor is set to `peak strongest`: set it to that, or take \
              another file",
         ),
+        ("# points of", "# Points of", foreign),
+        (&*text, "x_px,d_mm\n1800,700\n", foreign),
         (
-            "# points of",
-            "# Points of",
-            "it was not made by `calibrate run`",
+            ",700.000,",
+            ",seven,",
+            ", is no point: expected x_px,d_mm,sigma_px,",
         ),
     ] {
-        let error = refused(&text.replace(from, to));
-        assert!(error.contains(says), "{error}");
+        says(&refused(&text.replace(from, to)), [reason]);
     }
-    let error = refused("x_px,d_mm\n1800,700\n");
-    assert!(
-        error.contains("it was not made by `calibrate run`"),
-        "{error}"
-    );
-    let error = refused(&text.replace(",700.000,", ",seven,"));
-    assert!(
-        error.contains(", is no point: expected x_px,d_mm,sigma_px,"),
-        "{error}"
-    );
-    std::fs::write(points(&sensor), &text).expect("written");
-    run().expect("nothing to do");
+    sensor.write("points.csv", &text);
+    done(run());
 }
 
 /// The first record gave the sensor its serial number. Points can be added after that.
 #[test]
 fn points_are_added_once_the_sensor_has_a_number() {
     let sensor = StandIn::new(18, Trouble::default());
-    let more = |positions: &[f64]| run_stage(&sensor, positions, &[]).0;
-    more(&[600.0, 700.0]).expect("taken");
+    let more = |positions: &[f64]| done(run_stage(&sensor, positions, ""));
+    more(&[600.0, 700.0]);
     let mut record = EncodedRecord::nominal().expect("a record").record().clone();
     record.serial_number = 42;
     sensor.state().start_with(EncodedRecord::new(record).ok());
-    more(&[600.0, 650.0, 700.0]).expect("taken");
+    more(&[600.0, 650.0, 700.0]);
     check(&sensor, &[600.0, 650.0, 700.0], noise(8));
 }
 
@@ -493,7 +401,7 @@ fn a_run_waits_for_an_unplugged_cable_and_for_power() {
     let sensor = StandIn::new(15, Trouble::default());
     // What was set, and not saved, is set again.
     sensor.state().type_line("estimator adaptive");
-    let file = points(&sensor);
+    let file = sensor.path("points.csv");
     let mut next = 2;
     sensor.each_step(move |state| {
         if lines_of(&file).len() >= next {
@@ -506,13 +414,11 @@ fn a_run_waits_for_an_unplugged_cable_and_for_power() {
             next = if next < 6 { next + 2 } else { usize::MAX };
         }
     });
-    let (result, output) = run_stage(&sensor, &TEN, &["--settle", "0.01"]);
-    result.expect("taken");
+    let output = done(run_stage(&sensor, &TEN, "--settle 0.01"));
     let back = output.matches("the sensor is back, and set as it was");
     assert_eq!(back.count(), 3, "{output}");
     check(&sensor, &TEN, noise(8));
-    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
-    assert!(text.contains("\n# estimator adaptive\n"), "{text}");
+    says(&sensor.text("points.csv"), ["\n# estimator adaptive\n"]);
     assert_eq!(sensor.state().settings().estimator, Estimator::Adaptive);
 }
 
@@ -520,15 +426,14 @@ fn a_run_waits_for_an_unplugged_cable_and_for_power() {
 fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
     let sensor = StandIn::new(16, Trouble::default());
     once_there_are(&sensor, 3, |state| state.unplug(2 * RECONNECT));
-    let error = run_stage(&sensor, &TEN, &[]).0.expect_err("away");
-    assert!(
-        error.starts_with("stopped; run the same command again to go on: there is no serial port"),
-        "{error}"
+    begins(
+        &refused(run_stage(&sensor, &TEN, "")),
+        "stopped; run the same command again to go on: there is no serial port",
     );
     let before = lines(&sensor);
     assert!(before.len() >= 3);
     sensor.sleep(RECONNECT);
-    run_stage(&sensor, &TEN, &[]).0.expect("taken");
+    done(run_stage(&sensor, &TEN, ""));
     check(&sensor, &TEN, noise(8));
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
@@ -546,11 +451,10 @@ fn a_bad_line_loses_no_point() {
             fault: 0.01,
         };
         let sensor = StandIn::new(seed, trouble);
-        let frames = FRAMES.to_string();
         let mut before = BTreeSet::new();
         let mut runs = 0;
         while before.len() < TEN.len() {
-            let result = run_stage(&sensor, &TEN, &["--frames", &frames]).0;
+            let result = run_stage(&sensor, &TEN, &format!("--frames {FRAMES}")).0;
             let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
             assert!(there.is_superset(&before));
             before = there;
@@ -561,11 +465,8 @@ fn a_bad_line_loses_no_point() {
         // A digit that noise changed counts if that moves the centre by less than ten times its scatter,
         // which the median of four deviations may put at twice the noise: by 20 of 0.002 px, over four
         // frames.
-        check(
-            &sensor,
-            &TEN,
-            noise(FRAMES) + 20.0 * NOISE_PX / f64::from(FRAMES),
-        );
+        let off_px = noise(FRAMES) + 20.0 * NOISE_PX / f64::from(FRAMES);
+        check(&sensor, &TEN, off_px);
     }
 }
 
@@ -579,11 +480,11 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
         (settings.rows, settings.stream)
     };
     assert_eq!(set(), (64, false));
-    run_stage(&sensor, &TEN, &[]).0.expect("taken");
+    done(run_stage(&sensor, &TEN, ""));
     assert_eq!(set(), (16, true));
     // What somebody set after that is not of a run that was killed.
     sensor.state().type_line("rows 32");
-    run_stage(&sensor, &TEN, &[]).0.expect("nothing to do");
+    done(run_stage(&sensor, &TEN, ""));
     assert_eq!(set(), (32, true));
 }
 
@@ -605,9 +506,7 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
         );
         before = there;
     }
-    run_stage(&sensor, &TEN, &["--frames", "3"])
-        .0
-        .expect("taken");
+    done(run_stage(&sensor, &TEN, "--frames 3"));
     check(&sensor, &TEN, noise(3));
     let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
     assert_eq!(there, before);
@@ -621,7 +520,7 @@ fn a_run_with_a_region_goes_on_with_this_region() {
     for line in ["region 1000 3000", "peak last"] {
         sensor.state().type_line(line);
     }
-    let run = |wanted: &[f64]| run_stage(&sensor, wanted, &["--frames", "1"]);
+    let run = |wanted: &[f64]| run_stage(&sensor, wanted, "--frames 1");
     let mut steps = 0;
     sensor.each_step(move |state| {
         // The run takes frames of 64 rows.
@@ -630,28 +529,23 @@ fn a_run_with_a_region_goes_on_with_this_region() {
             state.cut_power(Duration::from_millis(100));
         }
     });
-    let (result, output) = run(&[600.0, 700.0, 800.0]);
-    result.expect("taken");
-    assert!(
-        output.contains(", region 1000 3000, peak last: "),
-        "{output}"
+    let output = done(run(&[600.0, 700.0, 800.0]));
+    says(
+        &output,
+        [
+            ", region 1000 3000, peak last: ",
+            "the sensor is back, and set as it was",
+        ],
     );
-    assert!(
-        output.contains("the sensor is back, and set as it was"),
-        "{output}"
-    );
-    let read = Points::read(Path::new(&points(&sensor))).expect("points");
+    let read = points(&sensor);
     assert_eq!(read.points.len(), 3);
     assert_eq!(Some(read.setup.region), Region::new(1000, 3000));
     assert_eq!(read.setup.peak, SpotChoice::Last);
     let now = sensor.state().settings();
     assert_eq!((now.region, now.peak), (read.setup.region, read.setup.peak));
     sensor.state().type_line("region all");
-    let error = run(&[600.0, 700.0, 900.0]).0.expect_err("another region");
-    assert!(
-        error.contains("taken with `region 1000 3000`, and the sensor is set to `region all`"),
-        "{error}"
-    );
+    let other = "taken with `region 1000 3000`, and the sensor is set to `region all`";
+    says(&refused(run(&[600.0, 700.0, 900.0])), [other]);
 }
 
 /// A sensor with a comb: the file has the images of all slits, and the record that `fit` makes of them sets
@@ -669,18 +563,17 @@ fn a_comb_is_calibrated_from_the_images_of_its_slits() {
         let sensor = StandIn::new(seed, Trouble::default());
         sensor.state().type_line("slits comb");
         sensor.state().trouble = trouble;
-        let (mut result, mut output) = run_stage(&sensor, &positions, &["--frames", "3"]);
+        let (mut result, mut output) = run_stage(&sensor, &positions, "--frames 3");
         while result.is_err() {
             println!("{output}");
             sensor.state().type_line("slits comb");
-            (result, output) = run_stage(&sensor, &positions, &["--frames", "3"]);
+            (result, output) = run_stage(&sensor, &positions, "--frames 3");
         }
         // A run that fails early says nothing.
-        assert!(output.contains(", slits comb: "), "{output}");
+        says(&output, [", slits comb: "]);
         sensor.state().trouble = Trouble::default();
         check(&sensor, &positions, noise(3));
-        let file = points(&sensor);
-        let taken = Points::read(Path::new(&file)).expect("points");
+        let taken = points(&sensor);
         assert_eq!(taken.setup.slits, Slits::Comb);
         for point in &taken.points {
             let images = point.slits.expect("images");
@@ -691,34 +584,28 @@ fn a_comb_is_calibrated_from_the_images_of_its_slits() {
                 assert!(off.abs() < noise(1) + 1e-3, "{off} px");
             }
         }
-        let record = sensor.path("sensor.record");
-        let record = record.to_str().expect("text");
-        let fit = ["fit", &file, "--serial", "7", "-o", record];
-        let (result, output) = sensor.slitrange(&fit, "");
-        assert!(result.is_ok(), "{result:?}");
-        assert!(
-            output.contains("The comb: 16 slits, 450 images"),
-            "{output}"
-        );
+        let fit = "calibrate fit @points.csv --serial 7 -o @sensor.record";
+        says(&sensor.done(fit), ["The comb: 16 slits, 450 images"]);
         sensor.state().type_line("slits one");
-        let port = sensor.port();
-        let (result, output) = sensor.slitrange(&["write", "--port", &port, record], "");
-        assert!(result.is_ok(), "{result:?}");
-        assert!(output.contains("black shielded, slits comb\n"), "{output}");
+        let output = sensor.done("calibrate write --port PORT @sensor.record");
+        says(&output, ["black shielded, slits comb\n"]);
         assert_eq!(sensor.state().settings().slits, Slits::Comb);
-        let (_, output) = sensor.slitrange(&["show", "--port", &port], "");
-        assert!(
-            output.contains("slits         16, from -7900 to 6800 um; corrections"),
-            "{output}"
+        let output = sensor.done("calibrate show --port PORT");
+        let first = "\n   1     -7900    +0.0000";
+        says(
+            &output,
+            [
+                "slits         16, from -7900 to 6800 um; corrections",
+                first,
+            ],
         );
-        assert!(output.contains("\n   1     -7900    +0.0000"), "{output}");
         // A record without a comb sets one slit.
-        let one = EncodedRecord::nominal().expect("a record");
-        let path = sensor.path("one.record");
-        std::fs::write(&path, one.bytes()).expect("written");
-        let path = path.to_str().expect("text");
-        let (result, output) = sensor.slitrange(&["write", "--no-save", "--port", &port, path], "");
-        assert!(result.is_ok() && !output.contains("slits"), "{output}");
+        sensor.write(
+            "one.record",
+            EncodedRecord::nominal().expect("a record").bytes(),
+        );
+        let output = sensor.done("calibrate write --no-save --port PORT @one.record");
+        assert!(!output.contains("slits"), "{output}");
         assert_eq!(sensor.state().settings().slits, Slits::One);
     }
 }

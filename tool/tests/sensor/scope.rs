@@ -5,13 +5,14 @@ use slitrange::centre::Estimator;
 use slitrange::spot::region::Region;
 use slitrange_tool::screen::Key;
 
+use crate::command::says;
+
 use super::screen::Person;
 use super::stand_in::{StandIn, Trouble};
 
 /// What is seen at each key, without the port's name.
 fn scope(sensor: &StandIn, keys: &[(usize, Key)]) -> (Vec<String>, String) {
-    let (mut seen, output) =
-        Person::new(sensor, keys).slitrange(&["scope", "--port", &sensor.port()]);
+    let (mut seen, output) = Person::new(sensor, keys).types("scope --port PORT");
     for picture in &mut seen {
         let lines: Vec<&str> = picture.lines().skip(1).collect();
         *picture = lines.join("\n");
@@ -34,23 +35,22 @@ fn keys_change_exposure_and_estimator() {
     let sensor = StandIn::new(2, Trouble::default());
     let keys = [Key::Down, Key::Down, Key::Up, Key::Char('e'), Key::Quit].map(|key| (2, key));
     let (seen, output) = scope(&sensor, &keys);
-    assert!(seen[0].contains("exposure 5600 us (auto)"), "{}", seen[0]);
+    says(&seen[0], ["exposure 5600 us (auto)"]);
     // 5600 / 1.25, and once more, and back.
     for (picture, us) in [(1, 4480), (2, 3584), (3, 4480)] {
-        let words = format!("exposure {us} us, black level");
-        assert!(seen[picture].contains(&words), "{}", seen[picture]);
+        says(&seen[picture], [format!("exposure {us} us, black level")]);
     }
-    assert!(seen[3].contains("estimator adaptive"));
-    assert!(seen[4].contains("estimator gauss-newton"));
+    says(&seen[3], ["estimator adaptive"]);
+    says(&seen[4], ["estimator gauss-newton"]);
     let now = sensor.state().settings();
     let exposure = Exposure::from_us(4480).expect("an exposure");
     assert_eq!(now.exposure, ExposureMode::Fixed(exposure));
     assert_eq!(now.estimator, Estimator::GaussNewton);
-    assert!(
-        output.contains("now exposure 4480 (it was exposure auto), "),
-        "{output}"
+    let estimator = "now estimator gauss-newton (it was estimator adaptive), ";
+    says(
+        &output,
+        ["now exposure 4480 (it was exposure auto), ", estimator],
     );
-    assert!(output.contains("now estimator gauss-newton (it was estimator adaptive), "));
     // Back to auto.
     scope(&sensor, &[(2, Key::Char('a')), (2, Key::Quit)]);
     assert_eq!(sensor.state().settings().exposure, ExposureMode::Auto);
@@ -69,30 +69,19 @@ fn a_key_sets_the_region_around_the_spot_and_widens_it() {
         (5, "1703 1896"),
     ] {
         let words = format!("estimator adaptive, region {region}, ");
-        assert!(seen[picture].contains(&words), "{}", seen[picture]);
         // The whole spot is in it.
-        assert!(
-            seen[picture].contains("px, u 0.014 px"),
-            "{}",
-            seen[picture]
-        );
+        says(&seen[picture], [&*words, "px, u 0.014 px"]);
     }
     for picture in [0, 4] {
         assert!(!seen[picture].contains(", region"), "{}", seen[picture]);
     }
     let region = sensor.state().settings().region;
     assert_eq!(Some(region), Region::new(1703, 1896));
-    assert!(
-        output.contains("now region 1703 1896 (it was region all), "),
-        "{output}"
-    );
+    says(&output, ["now region 1703 1896 (it was region all), "]);
     // Wider than the row, it is all pixels again.
     let keys = [(2, Key::Char('r')); 5];
     let (_, output) = scope(&sensor, &[&keys[..], &[(2, Key::Quit)]].concat());
-    assert!(
-        output.contains("now region all (it was region 1703 1896), "),
-        "{output}"
-    );
+    says(&output, ["now region all (it was region 1703 1896), "]);
 }
 
 #[test]
@@ -100,8 +89,7 @@ fn without_a_spot_the_whole_row_is_shown_with_the_fault() {
     let sensor = StandIn::new(3, Trouble::default());
     sensor.state().spot_height = 0.0;
     let (seen, _) = scope(&sensor, &[(3, Key::Quit)]);
-    assert!(seen[0].contains("no spot: "), "{}", seen[0]);
-    assert!(seen[0].contains("3648"), "{}", seen[0]);
+    says(&seen[0], ["no spot: ", "3648"]);
 }
 
 #[test]
@@ -115,13 +103,12 @@ fn it_goes_on_after_the_cable_was_out() {
         }
     });
     let (seen, _) = scope(&sensor, &[(600, Key::Quit)]);
-    assert!(seen[0].contains("centre 1800.2"), "{}", seen[0]);
+    says(&seen[0], ["centre 1800.2"]);
 }
 
 #[test]
 fn without_a_terminal_there_is_another_way() {
     let sensor = StandIn::new(5, Trouble::default());
-    let (result, _) = sensor.command("scope", &["--port", &sensor.port()], "");
-    let error = result.expect_err("no terminal");
-    assert!(error.contains("`slitrange row --figure FILE`"), "{error}");
+    let error = sensor.refused("scope --port PORT");
+    says(&error, ["`slitrange row --figure FILE`"]);
 }

@@ -5,12 +5,12 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
-use clap::Parser;
 use ratatui::backend::TestBackend;
 use ratatui::{Frame, Terminal};
-use slitrange_tool::Command;
 use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::screen::{Key, Screen};
+
+use crate::command::{done, slitrange};
 
 use super::stand_in::StandIn;
 
@@ -32,14 +32,10 @@ impl<'a> Person<'a> {
         }
     }
 
-    /// A command with these arguments: what the screen showed at each key, and the output.
-    pub fn slitrange(&self, arguments: &[&str]) -> (Vec<String>, String) {
-        let all = ["slitrange"].iter().chain(arguments);
-        let command = Command::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
-        let mut output = Vec::new();
-        let result = command.run(self, &mut io::empty(), &mut output);
-        result.unwrap_or_else(|error| panic!("{error:#}"));
-        (self.seen.take(), String::from_utf8(output).expect("text"))
+    /// The words of a command line: what the screen showed at each key, and the output.
+    pub fn types(&self, line: &str) -> (Vec<String>, String) {
+        let output = done(slitrange(self, &self.sensor.words(line), ""));
+        (self.seen.take(), output)
     }
 }
 

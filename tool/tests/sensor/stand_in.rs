@@ -9,10 +9,8 @@ use std::io;
 use std::num::NonZeroU16;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::Parser;
 use judges::frames::{self, at_centre};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -46,9 +44,10 @@ use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::Configuration;
 use slitrange_device::store::pixel_map::StoredMap;
 use slitrange_device::store::{StoreError, Stored};
-use slitrange_tool::Command as Slitrange;
 use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::sensor::line::FRAME;
+
+use crate::command::{Ended, done, refused, slitrange};
 
 const HARDWARE: Hardware = Hardware {
     board: "stand-in",
@@ -334,19 +333,13 @@ impl State {
 
     /// Does a job with the map of the pixels.
     fn do_flat(&mut self, job: Job) -> Option<Outcome> {
-        let result = if self.flash_works {
-            Ok(())
-        } else {
-            Err(StoreError::Flash)
-        };
+        let result = self.flash_works.then_some(()).ok_or(StoreError::Flash);
         Some(match job {
             Job::Take(kind) if self.wrong_light > 0 => {
                 self.wrong_light -= 1;
+                let (pixel, above) = (1760, 900);
                 let error = match kind {
-                    Kind::Dark => TakeError::SpotInTheDark {
-                        pixel: 1760,
-                        above: 900,
-                    },
+                    Kind::Dark => TakeError::SpotInTheDark { pixel, above },
                     Kind::Lit => TakeError::Saturated { pixels: 3648 },
                 };
                 Outcome::Taken(kind, Err(error))
@@ -448,7 +441,7 @@ impl StandIn {
 
     /// The serial port's name.
     pub fn port(&self) -> String {
-        self.path("port").to_str().expect("text").to_owned()
+        self.file("port")
     }
 
     /// A file's path in the directory.
@@ -456,37 +449,58 @@ impl StandIn {
         self.directory.path().join(name)
     }
 
+    /// The same as text.
+    pub fn file(&self, name: &str) -> String {
+        self.path(name).to_str().expect("text").to_owned()
+    }
+
+    /// The text of a file in the directory.
+    pub fn text(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).expect("a file")
+    }
+
+    /// Writes a file in the directory.
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), bytes).expect("written");
+    }
+
     /// What moves the target.
     pub fn stage_command(&self) -> String {
-        format!("echo {{}} > '{}'", self.path("stage").display())
+        format!("echo {{}} > '{}'", self.file("stage"))
     }
 
-    /// `slitrange calibrate` with these arguments and what a person types: the exit code or error, and the
-    /// output.
-    pub fn slitrange(&self, arguments: &[&str], typed: &str) -> (Result<ExitCode, String>, String) {
-        self.command("calibrate", arguments, typed)
+    /// The words of a command line. `PORT` stands for the sensor's port, `STAGE` for what moves the target,
+    /// and `@name` for a file in the directory.
+    pub fn words(&self, line: &str) -> Vec<String> {
+        let word = |word: &str| match (word, word.strip_prefix('@')) {
+            ("PORT", _) => self.port(),
+            ("STAGE", _) => self.stage_command(),
+            (_, Some(name)) => self.file(name),
+            _ => word.to_owned(),
+        };
+        line.split_whitespace().map(word).collect()
     }
 
-    /// The same of another command than `calibrate`.
-    pub fn command(
-        &self,
-        command: &str,
-        arguments: &[&str],
-        typed: &str,
-    ) -> (Result<ExitCode, String>, String) {
-        let all = ["slitrange", command]
-            .into_iter()
-            .chain(arguments.iter().copied());
-        let command = Slitrange::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
-        let mut output = Vec::new();
-        let result = command.run(self, &mut typed.as_bytes(), &mut output);
-        let output = String::from_utf8(output).expect("text");
-        println!("{output}");
-        let result = result.map_err(|error| {
-            println!("slitrange: {error:#}");
-            format!("{error:#}")
-        });
-        (result, output)
+    /// Runs `slitrange` with the [`Self::words`] of a line and with what a person types.
+    pub fn type_in(&self, line: &str, typed: &str) -> Ended {
+        slitrange(self, &self.words(line), typed)
+    }
+
+    /// The same where nobody types anything.
+    pub fn run(&self, line: &str) -> Ended {
+        self.type_in(line, "")
+    }
+
+    /// The output of a command that succeeds.
+    #[track_caller]
+    pub fn done(&self, line: &str) -> String {
+        done(self.run(line))
+    }
+
+    /// The error of a command that fails.
+    #[track_caller]
+    pub fn refused(&self, line: &str) -> String {
+        refused(self.run(line))
     }
 
     /// Does something that may be killed by [`State::kill_after`]. Gives what it gives, or false if killed.
@@ -650,18 +664,16 @@ impl Sensor {
             }
             self.start();
         }
+        let next = self.streamed + Duration::from_millis(6);
         let is_due = match self.centre_due {
             Some(due) => now >= due,
-            None => {
-                let streams = self.state.settings().stream;
-                streams && now >= self.streamed + Duration::from_millis(6)
-            }
+            None => self.state.settings().stream && now >= next,
         };
         if is_due {
             self.centre_due = None;
             self.streamed = now;
-            let frame = self.frame();
-            let text = self.state.take(Event::Frame(frame));
+            let frame = Event::Frame(self.frame());
+            let text = self.state.take(frame);
             self.say(&text);
         }
     }
@@ -700,15 +712,12 @@ impl Sensor {
             return;
         };
         for byte in line {
+            let mut echo = Echo::default();
             let command = match self.state.settings().echo {
-                true => {
-                    let mut echo = Echo::default();
-                    let command = self.input.type_in(byte, &mut echo);
-                    self.sent.extend(echo.as_str().bytes());
-                    command
-                }
+                true => self.input.type_in(byte, &mut echo),
                 false => self.input.take(byte),
             };
+            self.sent.extend(echo.as_str().bytes());
             let Some(command) = command else {
                 continue;
             };
@@ -800,13 +809,8 @@ impl Sensor {
 
     /// What arrives of a line.
     fn noisy(&mut self, line: &[u8]) -> Option<Vec<u8>> {
-        let of_upload = [
-            &b"calibration begin"[..],
-            b"calibration data",
-            b"calibration commit",
-        ]
-        .iter()
-        .any(|start| line.starts_with(start));
+        let begins = |step: &str| line.starts_with(format!("calibration {step}").as_bytes());
+        let of_upload = ["begin", "data", "commit"].into_iter().any(begins);
         let spoilt = match &mut self.state.spoil {
             Some((0, lost)) if of_upload => Some(*lost),
             Some((before, _)) if of_upload => {

@@ -1,6 +1,5 @@
 //! Writes, reads and compares records. The sensor always has the old record or the new one, never a mixture.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -23,6 +22,8 @@ use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::record_file;
+
+use crate::command::{begins, ends, says};
 
 use super::stand_in::{StandIn, Trouble};
 
@@ -91,35 +92,25 @@ fn kinds() -> Vec<EncodedRecord> {
         .collect()
 }
 
-/// A file of a record beside the sensor's port.
-fn file(sensor: &StandIn, name: &str, written: &EncodedRecord) -> PathBuf {
-    let path = sensor.path(name);
-    record_file::write(&path, written, true).expect("written");
-    path
+/// Writes a record into the file `record` beside the sensor's port.
+fn file(sensor: &StandIn, written: &EncodedRecord) {
+    record_file::write(&sensor.path("record"), written, true).expect("written");
 }
 
-/// `slitrange calibrate` with these arguments: its exit code or error, and what it says.
-fn run(sensor: &StandIn, arguments: &[&str]) -> (Result<ExitCode, String>, String) {
-    sensor.slitrange(arguments, "")
-}
-
-fn text(path: &std::path::Path) -> &str {
-    path.to_str().expect("text")
-}
+const WRITE: &str = "calibrate write @record --port PORT";
+const NO_SAVE: &str = "calibrate write @record --port PORT --no-save";
 
 #[test]
 fn every_kind_of_record_is_written_and_read_back_unchanged() {
     let sensor = StandIn::new(30, Trouble::default());
-    let port = sensor.port();
     for written in kinds() {
         println!("{} bytes", written.bytes().len());
-        let path = file(&sensor, "record", &written);
-        assert_eq!(record_file::read(&path).expect("a record"), written);
-        let (result, output) = run(&sensor, &["write", text(&path), "--port", &port]);
-        result.expect("written");
-        assert!(
-            output.ends_with("saved: it is kept over a power cycle\n"),
-            "{output}"
+        file(&sensor, &written);
+        let read = record_file::read(&sensor.path("record"));
+        assert_eq!(read.expect("a record"), written);
+        ends(
+            &sensor.done(WRITE),
+            "saved: it is kept over a power cycle\n",
         );
         let state = sensor.state();
         assert_eq!(state.record().as_ref(), Some(&written));
@@ -127,20 +118,12 @@ fn every_kind_of_record_is_written_and_read_back_unchanged() {
         assert_eq!(state.settings().estimator, Estimator::Adaptive);
         assert!(state.settings().stream, "put back");
         drop(state);
-        let back = sensor.path("back");
-        run(
-            &sensor,
-            &["read", "--port", &port, "-o", text(&back), "--force"],
-        )
-        .0
-        .expect("read");
-        assert_eq!(
-            std::fs::read(&back).expect("bytes"),
-            std::fs::read(&path).expect("bytes")
-        );
-        let same = run(&sensor, &["show", text(&path), "--port", &port]);
-        assert_eq!(same.0, Ok(ExitCode::SUCCESS));
-        assert_eq!(same.1, "the same, bit for bit\n");
+        sensor.done("calibrate read --port PORT -o @back --force");
+        let [back, sent] = ["back", "record"].map(|name| std::fs::read(sensor.path(name)));
+        assert_eq!(back.expect("bytes"), sent.expect("bytes"));
+        let (code, output) = sensor.run("calibrate show @record --port PORT");
+        assert_eq!(code, Ok(ExitCode::SUCCESS));
+        assert_eq!(output, "the same, bit for bit\n");
     }
 }
 
@@ -150,36 +133,20 @@ fn without_saving_the_flash_stays_as_it_is() {
     let [first, second, ..] = &kinds()[..] else {
         panic!("two records")
     };
-    let path = file(&sensor, "first", first);
-    run(&sensor, &["write", text(&path), "--port", &sensor.port()])
-        .0
-        .expect("written");
-    let path = file(&sensor, "second", second);
-    let (result, output) = run(
-        &sensor,
-        &["write", text(&path), "--port", &sensor.port(), "--no-save"],
+    file(&sensor, first);
+    sensor.done(WRITE);
+    file(&sensor, second);
+    let output = sensor.done(NO_SAVE);
+    says(
+        &output,
+        ["mind: the sensor's calibration until now was that of sensor 17"],
     );
-    result.expect("written");
-    assert!(
-        output.contains("mind: the sensor's calibration until now was that of sensor 17"),
-        "{output}"
-    );
-    assert!(
-        output.ends_with("not saved: it is used until the power goes\n"),
-        "{output}"
-    );
+    ends(&output, "not saved: it is used until the power goes\n");
     assert_eq!(sensor.state().record().as_ref(), Some(second));
     assert_eq!(sensor.state().saved_record().as_ref(), Some(first));
     sensor.state().flash_works = false;
-    let error = run(&sensor, &["write", text(&path), "--port", &sensor.port()])
-        .0
-        .expect_err("no flash");
-    assert!(
-        error.starts_with(
-            "it is in use, but not saved: the sensor answers `save` with `E16 not saved"
-        ),
-        "{error}"
-    );
+    let unsaved = "it is in use, but not saved: the sensor answers `save` with `E16 not saved";
+    begins(&sensor.refused(WRITE), unsaved);
 }
 
 /// A sensor that starts again uses the old record. So the tool must upload the new record again; another save
@@ -187,33 +154,24 @@ fn without_saving_the_flash_stays_as_it_is() {
 #[test]
 fn a_record_is_written_again_after_power_fails_during_a_save() {
     let sensor = StandIn::new(36, Trouble::default());
-    let port = sensor.port();
     let [first, second, third, ..] = &kinds()[..] else {
         panic!("three records")
     };
     for written in [first, second] {
-        let path = file(&sensor, "record", written);
+        file(&sensor, written);
         sensor.state().restarts_on_save = 2;
-        let (result, output) = run(&sensor, &["write", text(&path), "--port", &port]);
-        result.expect("written");
-        assert!(
-            output.ends_with("saved: it is kept over a power cycle\n"),
-            "{output}"
+        ends(
+            &sensor.done(WRITE),
+            "saved: it is kept over a power cycle\n",
         );
         assert_eq!(sensor.state().saved_record().as_ref(), Some(written));
         assert_eq!(sensor.state().restarts_on_save, 0);
     }
-    let path = file(&sensor, "record", third);
+    file(&sensor, third);
     sensor.state().restarts_on_save = 3;
-    let error = run(&sensor, &["write", text(&path), "--port", &port])
-        .0
-        .expect_err("no power");
-    assert!(
-        error.starts_with(
-            "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started \
-             anew: `"
-        ),
-        "{error}"
+    begins(
+        &sensor.refused(WRITE),
+        "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `",
     );
     assert_eq!(sensor.state().saved_record().as_ref(), Some(second));
 }
@@ -221,27 +179,22 @@ fn a_record_is_written_again_after_power_fails_during_a_save() {
 #[test]
 fn another_record_is_not_replaced_unless_forced() {
     let sensor = StandIn::new(37, Trouble::default());
-    let port = sensor.port();
-    let path = file(&sensor, "record", &kinds()[2]);
-    let before = std::fs::read(&path).expect("bytes");
-    let read = ["read", "--port", &port, "-o", text(&path)];
-    let error = run(&sensor, &read).0.expect_err("another record");
-    assert_eq!(
-        error,
-        format!(
-            "{} stays as it is, it holds something else than this record: name another file with --output, \
-             or replace it with --force",
-            path.display()
-        )
+    let bytes = || std::fs::read(sensor.path("record")).expect("bytes");
+    file(&sensor, &kinds()[2]);
+    let before = bytes();
+    let read = "calibrate read --port PORT -o @record";
+    let error = format!(
+        "{} stays as it is, it holds something else than this record: name another file with --output, or \
+         replace it with --force",
+        sensor.file("record")
     );
-    assert_eq!(std::fs::read(&path).expect("bytes"), before);
-    run(&sensor, &[&read[..], &["--force"]].concat())
-        .0
-        .expect("read");
+    assert_eq!(sensor.refused(read), error);
+    assert_eq!(bytes(), before);
+    sensor.done(&format!("{read} --force"));
     let nominal = EncodedRecord::nominal().expect("a record");
-    assert_eq!(std::fs::read(&path).expect("bytes"), nominal.bytes());
+    assert_eq!(bytes(), nominal.bytes());
     // The same once more replaces nothing.
-    run(&sensor, &read).0.expect("read");
+    sensor.done(read);
 }
 
 #[test]
@@ -271,68 +224,51 @@ fn the_exit_code_tells_a_difference_from_an_error() {
 #[test]
 fn damaged_and_foreign_records_are_refused() {
     let sensor = StandIn::new(32, Trouble::default());
-    let port = sensor.port();
     let written = kinds().remove(0);
-    let path = file(&sensor, "record", &written);
     let mut bytes = written.bytes().to_vec();
     bytes[9] ^= 4;
-    std::fs::write(&path, &bytes).expect("written");
-    let error = run(&sensor, &["write", text(&path), "--port", &port])
-        .0
-        .expect_err("damaged");
-    assert!(
-        error.contains("/record: the record is damaged, its CRC is "),
-        "{error}"
+    sensor.write("record", &bytes);
+    says(
+        &sensor.refused(WRITE),
+        ["/record: the record is damaged, its CRC is "],
     );
     // A version, and the CRC-32 of that byte.
     let later = [&[2], &0x3c0c_8ea1_u32.to_le_bytes()[..]].concat();
-    std::fs::write(&path, later).expect("written");
-    let error = run(&sensor, &["show", text(&path)]).0.expect_err("later");
-    assert!(
-        error.contains("the record has version 2, this firmware or tool reads 1: update both, "),
-        "{error}"
-    );
-    std::fs::write(&path, "# points of a sensor\nx_px,d_mm\n1800,700\n").expect("written");
-    let error = run(&sensor, &["show", text(&path)]).0.expect_err("points");
-    assert!(
-        error.contains("is a CSV file of points, and no record: `slitrange calibrate fit /"),
-        "{error}"
-    );
-    let error = run(&sensor, &["show", "/nowhere/record"])
-        .0
-        .expect_err("none");
-    assert!(
-        error.starts_with("/nowhere/record cannot be read: "),
-        "{error}"
-    );
-
-    let other = EncodedRecord::new(Record {
-        geometry: Geometry {
-            bits: 10,
-            ..tcd1304dg()
-        },
-        ..written.record().clone()
-    })
-    .expect("a record");
-    let path = file(&sensor, "other", &other);
-    let error = run(&sensor, &["write", text(&path), "--port", &port])
-        .0
-        .expect_err("another head");
-    assert!(
-        error.starts_with(
-            "nothing has changed, the sensor uses the calibration that it had: the sensor answers \
-             `calibration commit` with `E13 the record is of another sensor head"
+    for (bytes, reason) in [
+        (
+            &later[..],
+            "the record has version 2, this firmware or tool reads 1: update both, ",
         ),
-        "{error}"
+        (
+            b"# points of a sensor\nx_px,d_mm\n1800,700\n",
+            "is a CSV file of points, and no record: `slitrange calibrate fit /",
+        ),
+    ] {
+        sensor.write("record", bytes);
+        says(&sensor.refused("calibrate show @record"), [reason]);
+    }
+    let error = sensor.refused("calibrate show /nowhere/record");
+    begins(&error, "/nowhere/record cannot be read: ");
+
+    let geometry = Geometry {
+        bits: 10,
+        ..tcd1304dg()
+    };
+    let other = Record {
+        geometry,
+        ..written.record().clone()
+    };
+    file(&sensor, &EncodedRecord::new(other).expect("a record"));
+    begins(
+        &sensor.refused(WRITE),
+        "nothing has changed, the sensor uses the calibration that it had: the sensor answers `calibration \
+         commit` with `E13 the record is of another sensor head",
     );
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().start_with(None);
-    let error = run(&sensor, &["read", "--port", &port])
-        .0
-        .expect_err("none");
-    assert!(
-        error.starts_with("the sensor has no calibration (what it saved is unusable): write one"),
-        "{error}"
+    begins(
+        &sensor.refused("calibrate read --port PORT"),
+        "the sensor has no calibration (what it saved is unusable): write one",
     );
 }
 
@@ -341,18 +277,13 @@ fn damaged_and_foreign_records_are_refused() {
 fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     let sensor = StandIn::new(33, Trouble::default());
     let written = kinds().remove(2);
-    let path = file(&sensor, "record", &written);
+    file(&sensor, &written);
     let steps = written.bytes().len().div_ceil(PIECE) + 2;
     for step in 0..2 * steps {
         for lost in [false, true] {
             sensor.state().type_line("defaults");
             sensor.state().spoil = Some((step, lost));
-            run(
-                &sensor,
-                &["write", text(&path), "--port", &sensor.port(), "--no-save"],
-            )
-            .0
-            .expect("written");
+            sensor.done(NO_SAVE);
             assert_eq!(sensor.state().record().as_ref(), Some(&written));
             assert_eq!(sensor.state().spoil, None, "step {step}");
         }
@@ -375,8 +306,8 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
         let sensor = StandIn::new(seed, trouble);
         let (mut used, mut saved) = (EncodedRecord::nominal(), None);
         for written in &kinds[..5] {
-            let path = file(&sensor, "record", written);
-            let result = run(&sensor, &["write", text(&path), "--port", &sensor.port()]).0;
+            file(&sensor, written);
+            let (result, _) = sensor.run(WRITE);
             // A restart may be under way.
             sensor.sleep(Duration::from_millis(100));
             let state = sensor.state();
@@ -413,58 +344,43 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
 #[test]
 fn an_upload_that_is_interrupted_is_dropped() {
     let sensor = StandIn::new(34, Trouble::default());
-    let path = file(&sensor, "record", &kinds().remove(2));
-    let port = sensor.port();
+    file(&sensor, &kinds()[2]);
     // Deaf from then on: it does not even hear that the upload is over.
     sensor.state().deaf_after_piece = true;
-    let error = run(&sensor, &["write", text(&path), "--port", &port]).0;
-    let error = error.expect_err("deaf");
-    assert!(
-        error.starts_with(
-            "nothing has changed, the sensor uses the calibration that it had: no sensor answers `stream` at "
-        ),
-        "{error}"
+    begins(
+        &sensor.refused(WRITE),
+        "nothing has changed, the sensor uses the calibration that it had: no sensor answers `stream` at ",
     );
     sensor.state().deaf_after_piece = false;
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().trouble.lost = 0.0;
     // Another record goes through all the same.
-    run(&sensor, &["write", text(&path), "--port", &port])
-        .0
-        .expect("written");
+    sensor.done(WRITE);
     sensor.state().cut_power(Duration::ZERO);
-    let shown = run(&sensor, &["show", text(&path), "--port", &port]);
-    assert_eq!(shown.0, Ok(ExitCode::SUCCESS));
+    let (code, _) = sensor.run("calibrate show @record --port PORT");
+    assert_eq!(code, Ok(ExitCode::SUCCESS));
 }
 
 #[test]
 fn records_are_shown_and_compared() {
     let sensor = StandIn::new(35, Trouble::default());
     let kinds = kinds();
-    let paths: Vec<PathBuf> = [0, 2, 3]
-        .into_iter()
-        .map(|index| file(&sensor, &index.to_string(), &kinds[index]))
-        .collect();
-    let [eq1, corrected, table] = [0, 1, 2].map(|index| text(&paths[index]));
-    insta::assert_snapshot!("eq1", run(&sensor, &["show", eq1]).1);
-    insta::assert_snapshot!("corrected", run(&sensor, &["show", corrected]).1);
-    let (code, differ) = run(&sensor, &["show", eq1, corrected]);
-    assert_eq!(code, Ok(ExitCode::FAILURE));
-    insta::assert_snapshot!("eq1_and_corrected", differ);
-    insta::assert_snapshot!(
-        "table_and_corrected",
-        run(&sensor, &["show", table, corrected]).1
-    );
-    insta::assert_snapshot!("json", run(&sensor, &["show", corrected, "--json"]).1);
-    let (code, json) = run(&sensor, &["show", eq1, "--port", &sensor.port(), "--json"]);
-    assert_eq!(code, Ok(ExitCode::FAILURE));
-    insta::assert_snapshot!("json_of_two", json);
-    insta::assert_snapshot!(
-        "default",
-        run(&sensor, &["show", "--port", &sensor.port()]).1
-    );
-    let error = run(&sensor, &["show", eq1, corrected, "--port", &sensor.port()])
-        .0
-        .expect_err("three");
+    for (name, kind) in [("eq1", 0), ("corrected", 2), ("table", 3)] {
+        record_file::write(&sensor.path(name), &kinds[kind], true).expect("written");
+    }
+    for (name, shown, are_same) in [
+        ("eq1", "@eq1", true),
+        ("corrected", "@corrected", true),
+        ("eq1_and_corrected", "@eq1 @corrected", false),
+        ("table_and_corrected", "@table @corrected", false),
+        ("json", "@corrected --json", true),
+        ("json_of_two", "@eq1 --port PORT --json", false),
+        ("default", "--port PORT", true),
+    ] {
+        let (code, output) = sensor.run(&format!("calibrate show {shown}"));
+        assert_eq!(code, Ok(ExitCode::from(u8::from(!are_same))), "{name}");
+        insta::assert_snapshot!(name, output);
+    }
+    let error = sensor.refused("calibrate show @eq1 @corrected --port PORT");
     assert_eq!(error, "there are 3 records: show one, or compare two");
 }

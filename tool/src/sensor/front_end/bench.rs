@@ -167,11 +167,8 @@ impl<'a, 'b> Bench<'a, 'b> {
         let dark = self.rows(RowPart::Whole, RowExposure::Off, DARK_ROWS)?;
         let mut dark_rows = self.counts(&dark);
         let level = |rows: &[Vec<f64>]| mean(mean_row(rows).unwrap_or_default());
-        writeln!(
-            output,
-            "laser off: {DARK_ROWS} rows, {:.1} counts",
-            level(&dark_rows)
-        )?;
+        let counts = level(&dark_rows);
+        writeln!(output, "laser off: {DARK_ROWS} rows, {counts:.1} counts")?;
         self.set(Value::Laser(true))?;
         let spot = self.find_spot(&dark_rows)?;
         if self.is_inverted {
@@ -192,11 +189,10 @@ impl<'a, 'b> Bench<'a, 'b> {
 
         let (steps, saturation) = self.raise(&spot, &dark, output)?;
         let longest = longest_for_noise(&steps, saturation, dark_level);
-        let mut times: Vec<u16> = (1..=EXPOSURES)
-            .map(|part| f64::from(part) / f64::from(EXPOSURES))
-            .map(|part| longest * (LEAST_PART + (1.0 - LEAST_PART) * part))
-            .map(|us| (us.round() as u16).max(Exposure::SHORTEST.us()))
-            .collect();
+        let part = |step| f64::from(step) / f64::from(EXPOSURES);
+        let us = |step| longest * (LEAST_PART + (1.0 - LEAST_PART) * part(step));
+        let time = |step| (us(step).round() as u16).max(Exposure::SHORTEST.us());
+        let mut times: Vec<u16> = (1..=EXPOSURES).map(time).collect();
         times.dedup();
         ensure!(
             times.len() >= FEWEST_EXPOSURES,
@@ -204,8 +200,8 @@ impl<'a, 'b> Bench<'a, 'b> {
              paper, before the sensor, or raise `exposure limit`",
             Exposure::SHORTEST.us()
         );
-        let mut heights: Vec<(u16, f64)> =
-            steps.iter().map(|it| (it.exposure, it.height)).collect();
+        let heights = steps.iter().map(|it| (it.exposure, it.height));
+        let mut heights: Vec<(u16, f64)> = heights.collect();
         // Rows of one exposure and pass, each with a mean of its own: a slow change of the target or the
         // laser from pass to pass is no noise.
         let mut series = vec![];
@@ -284,25 +280,30 @@ impl<'a, 'b> Bench<'a, 'b> {
                 continue;
             }
             others += 1;
+            let why = match &row.centre {
+                Err(NoCentre { fault, .. }) if row.exposure == RowExposure::Unknown => fault,
+                _ => "has somebody else typed a command?",
+            };
             ensure!(
                 others < ROWS_UNDER_WAY,
-                "the rows have an exposure of {} us, and {exposure} us was set ({})",
-                row.exposure,
-                match &row.centre {
-                    Err(NoCentre { fault, .. }) if row.exposure == RowExposure::Unknown => fault,
-                    _ => "has somebody else typed a command?",
-                }
+                "the rows have an exposure of {} us, and {exposure} us was set ({why})",
+                row.exposure
             );
         }
         Ok(rows)
     }
 
+    /// A count that rises with light.
+    fn rising(&self, count: f64) -> f64 {
+        match self.is_inverted {
+            false => count,
+            true => self.full_scale - count,
+        }
+    }
+
     /// Counts that rise with light.
     fn counts(&self, rows: &[RowAnswer]) -> Vec<Vec<f64>> {
-        let count = |&count: &u16| match self.is_inverted {
-            false => f64::from(count),
-            true => self.full_scale - f64::from(count),
-        };
+        let count = |&count: &u16| self.rising(count.into());
         let row = |row: &RowAnswer| row.counts.iter().map(count).collect();
         rows.iter().map(row).collect()
     }
@@ -329,11 +330,8 @@ impl<'a, 'b> Bench<'a, 'b> {
         if levels.len() < 2 {
             return [dark_level, 0.0];
         }
-        let level = match self.is_inverted {
-            false => mean(levels),
-            true => self.full_scale - mean(levels),
-        };
-        [level, (variance(levels) / levels.len() as f64).sqrt()]
+        let u = (variance(levels) / levels.len() as f64).sqrt();
+        [self.rising(mean(levels)), u]
     }
 
     /// Finds the spot, and whether light raises the counts.
@@ -341,26 +339,20 @@ impl<'a, 'b> Bench<'a, 'b> {
         let dark = mean_row(dark).unwrap_or_default();
         let mut brightest = 0.0f64;
         let limit = self.limit.us();
-        for us in SEARCH_US
-            .into_iter()
-            .filter(|&us| us < limit)
-            .chain([limit])
-        {
+        let below = SEARCH_US.into_iter().filter(|&us| us < limit);
+        for us in below.chain([limit]) {
             let whole = 0..dark.len();
             let rows = self.exposed(&whole, us, 1)?;
             let signal = Step::new(us, &rows, &dark).signal;
             // Lamps that flicker lift or lower the whole row.
             let level = median(&signal);
-            let smooth: Vec<f64> = (signal.windows(SMOOTHED))
-                .map(|near| mean(near) - level)
-                .collect();
-            let highest = smooth
-                .iter()
-                .enumerate()
-                .max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
-            let Some((place, &height)) = highest else {
+            let smooth = signal.windows(SMOOTHED).map(|near| mean(near) - level);
+            let smooth: Vec<f64> = smooth.collect();
+            let by_size = |a: &usize, b: &usize| smooth[*a].abs().total_cmp(&smooth[*b].abs());
+            let Some(place) = (0..smooth.len()).max_by(by_size) else {
                 bail!("the sensor's rows have {} pixels only", dark.len());
             };
+            let height = smooth[place];
             brightest = brightest.max(height.abs());
             if height.abs() < if us == limit { LEAST_HIGH } else { HIGH } {
                 continue;
@@ -425,10 +417,10 @@ impl<'a, 'b> Bench<'a, 'b> {
         let straight = straight(steps)?;
         let factor = f64::from(us) / f64::from(straight.exposure);
         let mean = mean_row(rows)?;
-        let levels: Vec<f64> = (mean.iter().zip(&straight.signal))
-            .filter(|(_, signal)| *signal * factor > BEYOND * highest)
-            .map(|(&level, _)| level)
-            .collect();
+        let is_full = |signal: &f64| *signal * factor > BEYOND * highest;
+        let pixels = mean.iter().zip(&straight.signal);
+        let levels = pixels.filter_map(|(&level, signal)| is_full(signal).then_some(level));
+        let levels: Vec<f64> = levels.collect();
         if levels.len() < FEWEST_SATURATED {
             return None;
         }
@@ -446,11 +438,8 @@ impl<'a, 'b> Bench<'a, 'b> {
 impl Step {
     fn new(exposure: u16, rows: &[Vec<f64>], dark: &[f64]) -> Self {
         let mean = mean_row(rows).unwrap_or_default();
-        let signal: Vec<f64> = mean
-            .iter()
-            .zip(dark)
-            .map(|(lit, dark)| lit - dark)
-            .collect();
+        let above_dark = mean.iter().zip(dark).map(|(lit, dark)| lit - dark);
+        let signal: Vec<f64> = above_dark.collect();
         let mut sorted = signal.clone();
         sorted.sort_by(f64::total_cmp);
         // Three pixels have less noise than the highest one alone.

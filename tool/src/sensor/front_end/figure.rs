@@ -38,38 +38,24 @@ pub fn draw(taken: &Taken, front_end: &FrontEnd, path: &Path) -> Result<()> {
 fn draw_noise(area: &Area<'_>, transfer: &Transfer, front_end: &FrontEnd) -> Result<()> {
     let points = together(&transfer.points);
     let line = &transfer.line;
-    let highest = points
-        .iter()
-        .map(|it| it.signal)
-        .fold(2.0 * LEAST, f64::max)
-        * 1.2;
+    let signals = points.iter().map(|it| it.signal);
+    let highest = 1.2 * signals.fold(2.0 * LEAST, f64::max);
     let lowest = 0.7 * line.at(LEAST).min(line.dark);
-    let top = 1.4
-        * points
-            .iter()
-            .map(|it| it.variance)
-            .fold(line.at(highest), f64::max);
-    let ticks: Vec<f64> = (-1..5)
-        .flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)))
-        .collect();
+    let variances = points.iter().map(|it| it.variance);
+    let top = 1.4 * variances.fold(line.at(highest), f64::max);
+    let decade = |power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power));
+    let ticks: Vec<f64> = (-1..5).flat_map(decade).collect();
     let tick = |value: f64| format!("{value}");
     let [gain, u] = ShownFrontEnd::of(front_end).gain_electrons;
     let title = format!("noise over light: {gain:.2} electrons a count, u {u:.2}");
-    let x = Axis::new(
-        Scale::Log,
-        (LEAST, highest),
-        "light above the dark, counts",
-        &ticks,
-        tick,
-    );
+    let name = "light above the dark, counts";
+    let x = Axis::new(Scale::Log, (LEAST, highest), name, &ticks, tick);
     let y = Axis::new(Scale::Log, (lowest, top), "variance, counts²", &ticks, tick);
     let mut panel = axes::panel(area, &title, 30, &x, &y)?;
     let dark = vec![(LEAST, line.dark), (highest, line.dark)];
     axes::draw_line(&mut panel, dark, LEVEL.stroke_width(1))?;
-    let curve: Vec<(f64, f64)> = (0..=100)
-        .map(|part| LEAST * (highest / LEAST).powf(f64::from(part) / 100.0))
-        .map(|signal| (signal, line.at(signal)))
-        .collect();
+    let signal = |part| LEAST * (highest / LEAST).powf(f64::from(part) / 100.0);
+    let curve = (0..=100).map(signal).map(|it| (it, line.at(it)));
     axes::draw_line(&mut panel, curve, FIT.stroke_width(2))?;
     panel.draw_series(points.iter().map(|point| {
         // Two standard deviations to both sides.
@@ -93,11 +79,8 @@ fn draw_light(area: &Area<'_>, taken: &Taken) -> Result<()> {
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let longest = heights.last().map_or(1.0, |it| it.0) * 1.05;
     let saturated = taken.saturation.map(|[level, _]| level - taken.dark_level);
-    let top = heights
-        .iter()
-        .map(|it| it.1)
-        .fold(saturated.unwrap_or(0.0), f64::max)
-        * 1.12;
+    let highest = heights.iter().map(|it| it.1);
+    let top = 1.12 * highest.fold(saturated.unwrap_or(0.0), f64::max);
     let x = Axis::linear((0.0, longest), "exposure, us", 8, 0);
     let y = Axis::linear((0.0, top), "counts above the dark", 6, 0);
     let mut panel = axes::panel(area, "top of the spot", 30, &x, &y)?;
@@ -107,11 +90,8 @@ fn draw_light(area: &Area<'_>, taken: &Taken) -> Result<()> {
         let (x, y) = panel.backend_coord(&(0.0, level));
         // The panel's coordinates are those of the whole figure, and the text's are those of the area.
         let y = y - area.get_pixel_range().1.start;
-        area.draw(&Text::new(
-            "saturated",
-            (x + 8, y - 22),
-            text(TEXT - 3, LEVEL),
-        ))?;
+        let style = text(TEXT - 3, LEVEL);
+        area.draw(&Text::new("saturated", (x + 8, y - 22), style))?;
     }
     axes::draw_line(&mut panel, heights.clone(), MEASURED.stroke_width(1))?;
     axes::draw_dots(&mut panel, heights, 3, MEASURED.filled())
@@ -123,12 +103,7 @@ fn together(points: &[Point]) -> Vec<Point> {
     for point in points.iter().filter(|point| point.signal >= LEAST) {
         let bin = ((point.signal / LEAST).log10() * A_DECADE) as usize;
         if bins.len() <= bin {
-            let empty = Point {
-                signal: 0.0,
-                variance: 0.0,
-                freedom: 0.0,
-            };
-            bins.resize(bin + 1, empty);
+            bins.resize(bin + 1, Point::default());
         }
         let all = &mut bins[bin];
         all.signal += point.freedom * point.signal;
@@ -140,8 +115,6 @@ fn together(points: &[Point]) -> Vec<Point> {
         variance: bin.variance / bin.freedom,
         ..bin
     };
-    (bins.into_iter())
-        .filter(|bin| bin.freedom > 0.0)
-        .map(mean)
-        .collect()
+    bins.retain(|bin| bin.freedom > 0.0);
+    bins.into_iter().map(mean).collect()
 }

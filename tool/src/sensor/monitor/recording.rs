@@ -7,13 +7,14 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::sensor::stream::FrameResult;
+use crate::sensor::stream::{FrameResult, Reading};
 
 /// What a line of the file is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// A distance from the laser.
+    #[default]
     Reading,
     /// A distance relative to `zero`.
     Difference,
@@ -26,7 +27,7 @@ pub enum Kind {
 }
 
 /// A line of the file. An empty column is one that the sensor did not send.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recorded {
     /// Seconds since `monitor` began, by the PC's clock.
     pub time_s: f64,
@@ -98,31 +99,27 @@ impl Recording {
     /// The file cannot be written.
     pub fn add(&mut self, at: Duration, result: &FrameResult) -> Result<()> {
         let (reading, kind, fault) = match &result.what {
-            Ok(reading) if reading.is_held() => (Some(reading), Kind::Held, ""),
-            Ok(reading) if reading.is_difference => (Some(reading), Kind::Difference, ""),
-            Ok(reading) => (Some(reading), Kind::Reading, ""),
-            Err(fault) => (None, Kind::Fault, fault.as_str()),
+            Ok(reading) if reading.is_held() => (reading, Kind::Held, ""),
+            Ok(reading) if reading.is_difference => (reading, Kind::Difference, ""),
+            Ok(reading) => (reading, Kind::Reading, ""),
+            Err(fault) => (&Reading::default(), Kind::Fault, fault.as_str()),
         };
-        let of =
-            |value: fn(&crate::sensor::stream::Reading) -> Option<f64>| reading.and_then(value);
         self.write(&Recorded {
             time_s: seconds(at),
             kind,
             number: result.number,
             sensor_us: result.time_us,
-            distance_mm: reading.map(|reading| reading.distance_mm),
-            u_mm: of(|reading| reading.u_mm),
-            r_mm: of(|reading| reading.r_mm),
-            centre_px: of(|reading| reading.centre_px),
-            height_counts: of(|reading| reading.height_counts),
-            width_px: of(|reading| reading.width_px),
-            rows_used: reading.and_then(|reading| Some(reading.rows?.0)),
-            rows: reading.and_then(|reading| Some(reading.rows?.1)),
-            exposure_us: reading.and_then(|reading| reading.exposure_us),
-            slits: reading.and_then(|reading| reading.slits),
-            flags: reading
-                .map(|reading| reading.flags.clone())
-                .unwrap_or_default(),
+            distance_mm: result.what.is_ok().then_some(reading.distance_mm),
+            u_mm: reading.u_mm,
+            r_mm: reading.r_mm,
+            centre_px: reading.centre_px,
+            height_counts: reading.height_counts,
+            width_px: reading.width_px,
+            rows_used: reading.rows.map(|(used, _)| used),
+            rows: reading.rows.map(|(_, all)| all),
+            exposure_us: reading.exposure_us,
+            slits: reading.slits,
+            flags: reading.flags.clone(),
             fault: fault.to_owned(),
         })
     }
@@ -135,20 +132,8 @@ impl Recording {
         self.write(&Recorded {
             time_s: seconds(at),
             kind: Kind::Gap,
-            number: None,
-            sensor_us: None,
-            distance_mm: None,
-            u_mm: None,
-            r_mm: None,
-            centre_px: None,
-            height_counts: None,
-            width_px: None,
-            rows_used: None,
-            rows: None,
-            exposure_us: None,
-            slits: None,
-            flags: String::new(),
             fault: why.to_owned(),
+            ..Recorded::default()
         })
     }
 

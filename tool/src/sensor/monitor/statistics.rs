@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
+use statistics::Moments;
+
 use crate::sensor::stream::{FrameResult, fault_kind};
 
 /// So many of the latest readings are shown as a line.
@@ -17,11 +19,8 @@ pub const HELD: &str = "held";
 /// The statistics of all readings since the start.
 #[derive(Clone, Debug, Default)]
 pub struct Statistics {
-    /// The number of readings.
-    pub readings: u64,
-    mean_mm: f64,
-    /// The sum of the squared deviations from the mean, in square millimetres.
-    squares: f64,
+    /// The distances of all readings in millimetres.
+    pub readings: Moments,
     /// The smallest and the largest distance in millimetres.
     pub extremes_mm: Option<(f64, f64)>,
     /// The number of faults of each kind. A held reading counts as a fault of the kind [`HELD`].
@@ -52,21 +51,19 @@ impl Statistics {
             self.number = Some(number);
         }
         self.came.push_back(at);
-        while self
-            .came
-            .front()
-            .is_some_and(|&first| first + RATE_OVER < at)
-        {
-            self.came.pop_front();
-        }
+        let is_old = |first: &mut Duration| *first + RATE_OVER < at;
+        while self.came.pop_front_if(is_old).is_some() {}
         let distance = match &result.what {
             Ok(reading) if reading.is_held() => {
                 *self.faults.entry(HELD.to_owned()).or_default() += 1;
                 None
             }
             Ok(reading) => {
-                self.add(reading.distance_mm);
-                Some(reading.distance_mm)
+                let mm = reading.distance_mm;
+                self.readings.add(mm);
+                let (least, most) = self.extremes_mm.unwrap_or((mm, mm));
+                self.extremes_mm = Some((least.min(mm), most.max(mm)));
+                Some(mm)
             }
             Err(fault) => {
                 *self.faults.entry(fault_kind(fault).to_owned()).or_default() += 1;
@@ -77,26 +74,6 @@ impl Statistics {
         if self.latest.len() > SHOWN {
             self.latest.pop_front();
         }
-    }
-
-    /// Adds a distance (Welford's algorithm, which does not cancel).
-    fn add(&mut self, mm: f64) {
-        self.readings += 1;
-        let off = mm - self.mean_mm;
-        self.mean_mm += off / self.readings as f64;
-        self.squares += off * (mm - self.mean_mm);
-        let (least, most) = self.extremes_mm.unwrap_or((mm, mm));
-        self.extremes_mm = Some((least.min(mm), most.max(mm)));
-    }
-
-    /// The mean in millimetres, if there is a reading.
-    pub fn mean_mm(&self) -> Option<f64> {
-        (self.readings > 0).then_some(self.mean_mm)
-    }
-
-    /// The standard deviation of a reading in millimetres, if there are two readings.
-    pub fn deviation_mm(&self) -> Option<f64> {
-        (self.readings > 1).then(|| (self.squares / (self.readings - 1) as f64).sqrt())
     }
 
     /// Results a second over the last five seconds, if there are two.
@@ -117,14 +94,14 @@ impl Statistics {
 
     /// One line: how many, the rate, the mean and the scatter.
     pub fn line(&self) -> String {
-        let mut line = format!("{} readings", self.readings);
+        let mut line = format!("{} readings", self.readings.count);
         if let Some(rate) = self.rate() {
             line += &format!(", {rate:.1} a second");
         }
-        if let Some(mean) = self.mean_mm() {
+        if let Some(mean) = self.readings.mean() {
             line += &format!(", mean {mean:.4} mm");
         }
-        if let Some(deviation) = self.deviation_mm() {
+        if let Some(deviation) = self.readings.deviation() {
             line += &format!(", standard deviation {deviation:.4} mm");
         }
         if let Some((least, most)) = self.extremes_mm {
@@ -169,17 +146,17 @@ mod tests {
             "d 3.0 mm",
             "d 6.0 mm",
         ]);
-        assert_eq!(statistics.readings, 4);
-        assert_eq!(statistics.mean_mm(), Some(3.0));
+        assert_eq!(statistics.readings.count, 4);
+        assert_eq!(statistics.readings.mean(), Some(3.0));
         // 4 + 1 + 0 + 9 over 3.
-        let deviation = statistics.deviation_mm().expect("two readings");
+        let deviation = statistics.readings.deviation().expect("two readings");
         assert!((deviation - (14.0_f64 / 3.0).sqrt()).abs() < 1e-12);
         assert_eq!(statistics.extremes_mm, Some((1.0, 6.0)));
         // Four steps of 0.1 s.
         let rate = statistics.rate().expect("two results");
         assert!((rate - 10.0).abs() < 1e-9, "{rate}");
         assert_eq!(statistics.faults_line(), "faults: 1 laser off");
-        assert_eq!(taken(&["d 5.0 mm"]).deviation_mm(), None);
+        assert_eq!(taken(&["d 5.0 mm"]).readings.deviation(), None);
     }
 
     #[test]
@@ -191,9 +168,9 @@ mod tests {
             "f laser off",
             "d 3.0 mm g",
         ]);
-        assert_eq!(statistics.readings, 2);
+        assert_eq!(statistics.readings.count, 2);
         // 1 + 1 over 1.
-        assert_eq!(statistics.deviation_mm(), Some(2.0_f64.sqrt()));
+        assert_eq!(statistics.readings.deviation(), Some(2.0_f64.sqrt()));
         assert_eq!(statistics.faults_line(), "faults: 2 held, 1 laser off");
         let shown: Vec<_> = statistics.latest().map(|(_, mm)| mm).collect();
         assert_eq!(shown, [Some(1.0), None, None, None, Some(3.0)]);

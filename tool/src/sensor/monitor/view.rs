@@ -8,6 +8,7 @@ use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Wrap};
+use statistics::least_and_most;
 use tui_big_text::{BigText, PixelSize};
 
 use super::statistics::Statistics;
@@ -40,12 +41,12 @@ impl View<'_> {
         let block = Block::bordered().title(format!(" {} ", self.title));
         let area = block.inner(frame.area());
         frame.render_widget(block.title_bottom(" q quits "), frame.area());
-        let [value, details, below] = Layout::vertical([
+        let heights = [
             Constraint::Length(5),
             Constraint::Length(2),
             Constraint::Min(3),
-        ])
-        .areas(area);
+        ];
+        let [value, details, below] = Layout::vertical(heights).areas(area);
         self.draw_value(frame, value);
         let words = Paragraph::new(self.details()).wrap(Wrap { trim: true });
         frame.render_widget(words, details);
@@ -64,9 +65,7 @@ impl View<'_> {
         };
         match (self.away, self.latest.map(|latest| &latest.what)) {
             (Some(away), _) => frame.render_widget(fault(away), area),
-            (None, Some(Err(words))) => {
-                frame.render_widget(fault(&format!("fault: {words}")), area)
-            }
+            (_, Some(Err(it))) => frame.render_widget(fault(&format!("fault: {it}")), area),
             (None, Some(Ok(reading))) => {
                 let text = BigText::builder()
                     .pixel_size(PixelSize::Quadrant)
@@ -94,17 +93,17 @@ impl View<'_> {
         let (Some(first), Some(last)) = (points.first(), points.last()) else {
             return;
         };
-        let (least, most) = points
-            .iter()
-            .fold((f64::MAX, f64::MIN), |(least, most), (_, mm)| {
-                (least.min(*mm), most.max(*mm))
-            });
+        let (least, most) = least_and_most(points.iter().map(|(_, mm)| mm));
         // A distance that does not change is in the middle.
         let room = (0.05 * (most - least)).max(1e-4);
         let (least, most) = (least - room, most + room);
         let times = (first.0, last.0.max(first.0 + 1e-3));
-        let names = |(from, to): (f64, f64), digits: usize| {
-            [from, to].map(|value| Line::from(format!("{value:.digits$}")))
+        let axis = |title: &'static str, (from, to): (f64, f64), digits: usize| {
+            let names = [from, to].map(|value| Line::from(format!("{value:.digits$}")));
+            Axis::default()
+                .title(title)
+                .bounds([from, to])
+                .labels(names)
         };
         let dataset = Dataset::default()
             .marker(Marker::Braille)
@@ -112,18 +111,8 @@ impl View<'_> {
             .style(Style::new().fg(Color::Cyan))
             .data(&points);
         let chart = Chart::new(vec![dataset])
-            .x_axis(
-                Axis::default()
-                    .title("s")
-                    .bounds([times.0, times.1])
-                    .labels(names(times, 1)),
-            )
-            .y_axis(
-                Axis::default()
-                    .title("mm")
-                    .bounds([least, most])
-                    .labels(names((least, most), 4)),
-            );
+            .x_axis(axis("s", times, 1))
+            .y_axis(axis("mm", (least, most), 4));
         frame.render_widget(chart, area);
     }
 
@@ -133,17 +122,14 @@ impl View<'_> {
             value.map_or("-".to_owned(), |value| format!("{value:.digits$} {unit}"))
         };
         let line = |name: &str, value: String| Line::from(format!(" {name:<19}{value}"));
-        let extremes = statistics.extremes_mm;
+        let (extremes, deviation) = (statistics.extremes_mm, statistics.readings.deviation());
         let mut lines = vec![
-            line("mean", number(statistics.mean_mm(), 4, "mm")),
-            line(
-                "standard deviation",
-                number(statistics.deviation_mm(), 4, "mm"),
-            ),
+            line("mean", number(statistics.readings.mean(), 4, "mm")),
+            line("standard deviation", number(deviation, 4, "mm")),
             line("smallest", number(extremes.map(|it| it.0), 4, "mm")),
             line("largest", number(extremes.map(|it| it.1), 4, "mm")),
             line("results a second", number(statistics.rate(), 1, "")),
-            line("readings", statistics.readings.to_string()),
+            line("readings", statistics.readings.count.to_string()),
             line("faults", statistics.all_faults().to_string()),
         ];
         for (kind, count) in &statistics.faults {
@@ -167,35 +153,31 @@ impl View<'_> {
 
 /// What else a reading says. Flags are explained.
 pub fn details(reading: &Reading) -> String {
+    let four = |value: Option<f64>| value.map(|it| format!("{it:.4}"));
     let mut text = String::new();
-    let mut add = |name: &str, value: Option<String>, unit: &str| {
-        if let Some(value) = value {
-            text += &format!("{name} {value}{unit}  ");
-        }
-    };
-    add("u", reading.u_mm.map(|it| format!("{it:.4}")), " mm");
-    add("r", reading.r_mm.map(|it| format!("{it:.4}")), " mm");
-    add(
-        "centre",
-        reading.centre_px.map(|it| format!("{it:.4}")),
-        " px",
-    );
-    add(
-        "height",
-        reading.height_counts.map(|it| format!("{it:.0}")),
-        " counts",
-    );
-    add(
-        "rows",
-        reading.rows.map(|(used, all)| format!("{used}/{all}")),
-        "",
-    );
-    add(
-        "exposure",
-        reading.exposure_us.map(|it| it.to_string()),
-        " us",
-    );
-    add("slits", reading.slits.map(|it| it.to_string()), "");
+    for (name, value, unit) in [
+        ("u", four(reading.u_mm), " mm"),
+        ("r", four(reading.r_mm), " mm"),
+        ("centre", four(reading.centre_px), " px"),
+        (
+            "height",
+            reading.height_counts.map(|it| format!("{it:.0}")),
+            " counts",
+        ),
+        (
+            "rows",
+            reading.rows.map(|(used, all)| format!("{used}/{all}")),
+            "",
+        ),
+        (
+            "exposure",
+            reading.exposure_us.map(|it| it.to_string()),
+            " us",
+        ),
+        ("slits", reading.slits.map(|it| it.to_string()), ""),
+    ] {
+        text += &value.map_or(String::new(), |value| format!("{name} {value}{unit}  "));
+    }
     if reading.is_difference {
         text += "relative to `zero`  ";
     }

@@ -56,11 +56,10 @@ Keys:
 Exposure, estimator and region stay as they were set, in RAM only.")]
 pub struct ScopeOptions {
     #[command(flatten)]
-    #[expect(missing_docs, reason = "its help is that of its options")]
-    pub port: PortOption,
+    port: PortOption,
     /// Begin with the whole row
     #[arg(long)]
-    pub whole: bool,
+    whole: bool,
 }
 
 /// The settings that keys change.
