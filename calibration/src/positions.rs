@@ -17,9 +17,6 @@ const SENSIBLE_MM: RangeInclusive<f64> = -8380.0..=8380.0;
 pub const STAGE_MM: f64 = 0.001;
 
 /// Checks that a record can hold a distance in millimetres, which the error shows as `shown`.
-///
-/// # Errors
-/// It cannot.
 pub fn check(mm: f64, shown: impl Display) -> Result<()> {
     ensure!(
         SENSIBLE_MM.contains(&mm),

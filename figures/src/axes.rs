@@ -1,5 +1,5 @@
 //! A figure's panel with two axes: how every figure of this project looks. Sizes are in pixels of a figure
-//! that is 1000 wide.
+//! that is 1000 wide. What draws fails if the file cannot be written.
 
 mod figure;
 
@@ -24,9 +24,6 @@ pub fn text(size: i32, colour: RGBColor) -> TextStyle<'static> {
 }
 
 /// Writes lines below each other, from the upper left corner `at` of the first one.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_lines(area: &Area<'_>, at: (i32, i32), lines: &[&str]) -> anyhow::Result<()> {
     for (line, number) in lines.iter().zip(0..) {
         let place = (at.0, at.1 + 26 * number);
@@ -155,9 +152,6 @@ impl Ranged for Ticked {
 }
 
 /// Draws the axes of a panel, with `right` pixels beside it. Without a name the x axis has no ticks' texts.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn panel<'a, 'b>(
     area: &'b Area<'a>,
     title: &str,

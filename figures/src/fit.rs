@@ -18,20 +18,14 @@ const LOWER: u32 = 330;
 
 /// Draws the points and the curve above, what eq. (1) leaves below, and where it is corrected what that
 /// leaves, too. Below that, the corrections of a comb's slits.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw(
     solved: &Solved,
     form: Form,
     comb: Option<&FittedComb>,
     path: &Path,
 ) -> anyhow::Result<()> {
-    let corrected = solved
-        .corrected
-        .as_ref()
-        .map(|(curve, _)| curve)
-        .filter(|_| form != Form::Eq1);
+    let corrected = solved.corrected.as_ref().map(|(curve, _)| curve);
+    let corrected = corrected.filter(|_| form != Form::Eq1);
     let of_curve = UPPER + LOWER * if corrected.is_some() { 2 } else { 1 };
     let height = of_curve + LOWER * if comb.is_some() { 1 } else { 0 };
     let root = axes::figure(path, height)?;
@@ -72,29 +66,16 @@ fn draw_curve(
     curve: &Curve,
     centres: Range<f64>,
 ) -> anyhow::Result<()> {
-    let (near, far) = around(
-        curve
-            .even_steps(1)
-            .map(|centre| 1e3 * curve.distance(centre)),
-        0.06,
-    );
-    let rejected = solved
-        .verdicts
-        .iter()
-        .filter(|verdict| !verdict.kept)
-        .count();
-    let title = match rejected {
-        0 => format!("{} points and their fit", solved.points.len()),
-        _ => format!(
-            "{} points and their fit ({rejected} rejected, red)",
-            solved.points.len()
-        ),
+    let mm = |centre| 1e3 * curve.distance(centre);
+    let (near, far) = around(curve.even_steps(1).map(mm), 0.06);
+    let rejected = solved.verdicts.iter().filter(|verdict| !verdict.kept);
+    let title = format!("{} points and their fit", solved.points.len());
+    let title = match rejected.count() {
+        0 => title,
+        rejected => format!("{title} ({rejected} rejected, red)"),
     };
     let mut panel = panel(area, &title, centres, near..far, "distance, mm")?;
-    let line: Vec<(f64, f64)> = curve
-        .even_steps(200)
-        .map(|centre| (centre, 1e3 * curve.distance(centre)))
-        .collect();
+    let line = curve.even_steps(200).map(|centre| (centre, mm(centre)));
     axes::draw_line(&mut panel, line, BLACK.stroke_width(2))?;
     draw_points(&mut panel, solved, near..far, |point| point.d_mm)?;
 
@@ -130,15 +111,8 @@ fn draw_residuals(
     let zero = [(centres.start, 0.0), (centres.end, 0.0)];
     axes::draw_line(&mut panel, zero, BLACK.stroke_width(1))?;
     if let Some(other) = line {
-        let line: Vec<(f64, f64)> = other
-            .even_steps(400)
-            .map(|centre| {
-                (
-                    centre,
-                    1e6 * (other.distance(centre) - curve.distance(centre)),
-                )
-            })
-            .collect();
+        let um = |centre| 1e6 * (other.distance(centre) - curve.distance(centre));
+        let line = other.even_steps(400).map(|centre| (centre, um(centre)));
         axes::draw_line(&mut panel, line, BLACK.stroke_width(2))?;
     }
     draw_points(&mut panel, solved, low..high, residual)
@@ -147,12 +121,7 @@ fn draw_residuals(
 /// Each slit's correction in the middle of the points, with its residual to both sides.
 fn draw_comb(area: &Area<'_>, comb: &FittedComb) -> anyhow::Result<()> {
     let slits = || comb.slits.iter().filter(|slit| slit.points > 0);
-    let ends = |slit: &FittedSlit| {
-        [
-            slit.correction_px - slit.residual_px,
-            slit.correction_px + slit.residual_px,
-        ]
-    };
+    let ends = |it: &FittedSlit| [-1.0, 1.0].map(|sign| it.correction_px + sign * it.residual_px);
     let (low, high) = around(slits().flat_map(ends).chain([0.0]), 0.15);
     let (left, right) = around(slits().map(|slit| 1e-3 * slit.place_um), 0.04);
     let digits = (2.0 - (high - low).log10()).clamp(0.0, 4.0) as usize;
@@ -163,11 +132,8 @@ fn draw_comb(area: &Area<'_>, comb: &FittedComb) -> anyhow::Result<()> {
     let x = Axis::linear((left, right), "place on the mask, mm", 10, 0);
     let y = Axis::linear((low, high), "correction, px", 6, digits);
     let mut panel = axes::panel(area, &title, 30, &x, &y)?;
-    axes::draw_line(
-        &mut panel,
-        [(left, 0.0), (right, 0.0)],
-        BLACK.stroke_width(1),
-    )?;
+    let zero = [(left, 0.0), (right, 0.0)];
+    axes::draw_line(&mut panel, zero, BLACK.stroke_width(1))?;
     panel.draw_series(slits().map(|slit| {
         let line = ends(slit).map(|y| (1e-3 * slit.place_um, y)).to_vec();
         PathElement::new(line, USED.stroke_width(2))
@@ -190,16 +156,11 @@ fn draw_points(
     let at = |point: &Point| (point.x_px, height(point).max(low).min(high));
     let all = || solved.points.iter().zip(&solved.verdicts);
     let kept = all().filter(|(_, verdict)| verdict.kept);
-    axes::draw_dots(
-        panel,
-        kept.map(|(point, _)| at(point)),
-        radius,
-        USED.filled(),
-    )?;
+    let dots = kept.map(|(point, _)| at(point));
+    axes::draw_dots(panel, dots, radius, USED.filled())?;
     let rejected = all().filter(|(_, verdict)| !verdict.kept);
-    panel.draw_series(
-        rejected.map(|(point, _)| Cross::new(at(point), radius + 2, REJECTED.stroke_width(2))),
-    )?;
+    let cross = |point| Cross::new(at(point), radius + 2, REJECTED.stroke_width(2));
+    panel.draw_series(rejected.map(|(point, _)| cross(point)))?;
     Ok(())
 }
 

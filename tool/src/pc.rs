@@ -1,5 +1,5 @@
 //! What the tool needs of the PC: serial ports and a clock. Tests put a simulated sensor with its own clock
-//! here.
+//! here. Errors are the system's.
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
@@ -15,9 +15,6 @@ const BAUD: u32 = 115_200;
 /// Serial ports, a clock and a terminal.
 pub trait Pc {
     /// Opens a serial port for this program alone, and drops the bytes that came before.
-    ///
-    /// # Errors
-    /// The system's.
     fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>>;
 
     /// The names of the serial ports. Pseudo-terminals are not among them.
@@ -26,9 +23,6 @@ pub trait Pc {
     }
 
     /// The terminal, if standard output is one.
-    ///
-    /// # Errors
-    /// The terminal's.
     fn screen(&self) -> io::Result<Option<Box<dyn Screen + '_>>> {
         Ok(None)
     }
@@ -55,15 +49,9 @@ pub trait Port {
     fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize>;
 
     /// Writes all bytes.
-    ///
-    /// # Errors
-    /// The system's.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Changes the rate, in bits a second. A port that has no rate, as in a test, ignores it.
-    ///
-    /// # Errors
-    /// The system's.
     fn set_baud(&mut self, baud: u32) -> io::Result<()> {
         let _ = baud;
         Ok(())

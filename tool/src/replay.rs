@@ -125,9 +125,6 @@ impl Core {
 }
 
 /// `replay`. The exit code tells whether all rows gave the sensor's bits, unless settings were changed.
-///
-/// # Errors
-/// In sentences.
 pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCode> {
     let mut recording = recording::open(&options.file)?;
     let mut core = Core::new(recording.sensor(), &options.set)?;

@@ -1,4 +1,5 @@
-//! The terminal as a screen that is drawn again and again, and its keys. Tests draw into memory.
+//! The terminal as a screen that is drawn again and again, and its keys. Tests draw into memory. Errors are
+//! those of the terminal.
 
 use std::io;
 use std::time::Duration;
@@ -26,15 +27,9 @@ pub enum Key {
 /// A screen with a keyboard.
 pub trait Screen {
     /// Draws the screen.
-    ///
-    /// # Errors
-    /// The terminal's.
     fn draw(&mut self, view: &mut dyn FnMut(&mut Frame<'_>)) -> io::Result<()>;
 
     /// The next key that was pressed. Does not wait.
-    ///
-    /// # Errors
-    /// The terminal's.
     fn key(&mut self) -> io::Result<Option<Key>>;
 }
 
@@ -43,9 +38,6 @@ pub struct RealScreen(DefaultTerminal);
 
 impl RealScreen {
     /// Takes the terminal.
-    ///
-    /// # Errors
-    /// The terminal's.
     pub fn new() -> io::Result<Self> {
         ratatui::try_init().map(Self)
     }

@@ -26,7 +26,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use slitrange::base::drawing::DRAWING;
 use slitrange::frame::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, NEIGHBOURS, SlitMap, UNIT};
-use statistics::median;
+use statistics::{least_and_most, median, rms};
 
 use crate::fixed::pixels;
 use crate::points::{Point, SlitImages};
@@ -164,12 +164,9 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
         trust(&mut images, &corrections, &x0s, round >= SOFT_ROUNDS);
     }
     // As the sensor holds them.
-    let slits: Vec<SlitMap> = nominal
-        .slits()
-        .iter()
-        .zip(&corrections)
-        .map(|(slit, terms)| slit.corrected(terms.map(pixels)))
-        .collect();
+    let slits = nominal.slits().iter().zip(&corrections);
+    let slits = slits.map(|(slit, terms)| slit.corrected(terms.map(pixels)));
+    let slits: Vec<SlitMap> = slits.collect();
     let comb = Comb::new(&slits).context("the mask's drawing has no slits")?;
     comb.check()?;
     let rounded: Corrections = std::array::from_fn(|slit| {
@@ -185,7 +182,6 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
     let slits = all
         .map(|(number, slit)| fitted_slit(number, slit, &images, &rounded, &x0s, degrees[number]))
         .collect();
-    let scatter = sigmas.iter().map(|sigma| sigma * sigma).sum::<f64>() / sigmas.len() as f64;
     Ok(Some(FittedComb {
         comb,
         slits,
@@ -193,16 +189,11 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
             .map(|((point, &x_px), &sigma)| Point {
                 x_px,
                 // The scatter of the slits holds their noise.
-                sigma_px: Some(
-                    point
-                        .sigma_px
-                        .map_or(sigma, |noise| noise.max(sigma))
-                        .max(LEAST_PX),
-                ),
+                sigma_px: Some(sigma.max(point.sigma_px.unwrap_or(sigma)).max(LEAST_PX)),
                 ..*point
             })
             .collect(),
-        scatter_px: scatter.sqrt(),
+        scatter_px: rms(&sigmas),
         images: images.iter().filter(|image| image.trust > 0.0).count(),
         rejected: images.iter().filter(|image| image.trust <= 0.0).count(),
     }))
@@ -271,9 +262,7 @@ fn common_degree(degrees: &[Option<usize>; MAX_SLITS]) -> Option<usize> {
 /// The degree of each slit's correction.
 fn degrees(images: &[Image]) -> [Option<usize>; MAX_SLITS] {
     let span = |images: &mut dyn Iterator<Item = &Image>| {
-        let (least, most) = images.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), it| {
-            (least.min(it.t), most.max(it.t))
-        });
+        let (least, most) = least_and_most(images.map(|image| image.t));
         most - least
     };
     let whole = span(&mut images.iter());
@@ -477,20 +466,15 @@ fn fitted_slit(
     x0s: &[f64],
     degree: Option<usize>,
 ) -> FittedSlit {
-    let (least, most) = x0s
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), &x| {
-            (least.min(x), most.max(x))
-        });
+    let (least, most) = least_and_most(x0s);
     let t = (0.5 * (least + most) - f64::from(DRAWING.axis_px)) / f64::from(UNIT);
-    let correction_px = corrections[number]
+    let terms = corrections[number].iter().rev();
+    let correction_px = terms.fold(0.0, |sum, term| sum * t + term);
+    let of_slit = images
         .iter()
-        .rev()
-        .fold(0.0, |sum, term| sum * t + term);
-    let offs: Vec<f64> = (images.iter())
-        .filter(|image| image.slit == number && image.trust > 0.0)
-        .map(|image| image.corrected(corrections) - x0s[image.point])
-        .collect();
+        .filter(|it| it.slit == number && it.trust > 0.0);
+    let offs = of_slit.map(|image| image.corrected(corrections) - x0s[image.point]);
+    let offs: Vec<f64> = offs.collect();
     let squares = offs.iter().map(|off| off * off).sum::<f64>();
     FittedSlit {
         place_um: slit.place().to_f64(),

@@ -1,5 +1,7 @@
 //! What the fit gives: eq. (1) alone, or with the smooth curve of what it leaves.
 
+use statistics::{least_and_most, mean, rms};
+
 use super::eq1;
 use super::observed::Observed;
 use super::spline::Spline;
@@ -27,9 +29,8 @@ impl Curve {
     /// What is added to eq. (1) at a centre.
     pub fn residual(&self, centre: f64) -> f64 {
         let distance = self.eq1.curve.distance(centre);
-        self.correction
-            .as_ref()
-            .map_or(0.0, |correction| correction.at(distance))
+        let correction = self.correction.as_ref();
+        correction.map_or(0.0, |correction| correction.at(distance))
     }
 
     /// Metres a pixel.
@@ -42,9 +43,8 @@ impl Curve {
 
     /// How many parameters the curve is worth.
     pub fn freedoms(&self) -> f64 {
-        self.correction
-            .as_ref()
-            .map_or(3.0, |correction| correction.freedoms)
+        let correction = self.correction.as_ref();
+        correction.map_or(3.0, |correction| correction.freedoms)
     }
 
     /// The variance of the curve's distance at a centre, as the variances of the points tell it. The spline's
@@ -122,42 +122,31 @@ impl Quality {
     /// That of a curve. `known` says whether the points' uncertainties were: then they stand in where
     /// residuals tell nothing.
     pub fn of(curve: &Curve, points: &[Observed], known: bool) -> Self {
-        let count = points.len() as f64;
-        let residuals = || {
-            points
-                .iter()
-                .map(|point| point.distance - curve.distance(point.centre))
-        };
-        let squares: f64 = points
-            .iter()
-            .zip(residuals())
-            .map(|(point, residual)| (residual / point.sigma(&curve.eq1.curve)).powi(2))
-            .sum();
-        let freedom = count - curve.freedoms();
+        let residual = |point: &Observed| point.distance - curve.distance(point.centre);
+        let residuals = || points.iter().map(residual);
+        let over_sigma = |point: &Observed| residual(point) / point.sigma(&curve.eq1.curve);
+        let squares: f64 = points.iter().map(|point| over_sigma(point).powi(2)).sum();
+        let freedom = points.len() as f64 - curve.freedoms();
         let scatter = (freedom > 0.5).then(|| (squares / freedom).sqrt());
-        let without = without_each(curve, points);
-        let rms = |squares: f64, count: f64| (squares / count).sqrt();
         let factor = match scatter {
             Some(scatter) if known && freedom < FEW_FREEDOMS => Some(scatter.max(1.0)),
             None if known => Some(1.0),
             scatter => scatter,
         };
         const STEPS: usize = 200;
-        let variances: Vec<f64> = curve
-            .even_steps(STEPS)
+        let centres = curve.even_steps(STEPS);
+        let variances: Vec<f64> = centres
             .map(|centre| curve.unit_variance_at(centre))
             .collect();
-        let mean = variances.iter().sum::<f64>() / variances.len() as f64;
-        let most = variances.iter().copied().fold(0.0, f64::max);
+        let (mean, (_, most)) = (mean(&variances), least_and_most(&variances));
         let ends = |better: fn(&f64, &f64) -> std::cmp::Ordering| {
             let end = points.iter().min_by(|a, b| better(&a.centre, &b.centre));
             end.map_or(1.0, |point| curve.leverage(point))
         };
         Self {
-            rms: rms(residuals().map(|r| r * r).sum(), count),
+            rms: rms(residuals()),
             largest: residuals().map(f64::abs).fold(0.0, f64::max),
-            cross_validated: without
-                .map(|errors| rms(errors.iter().map(|error| error * error).sum(), count)),
+            cross_validated: without_each(curve, points).map(|errors| rms(&errors)),
             scatter,
             factor,
             uncertainty: factor.map(|factor| factor * mean.sqrt()),
@@ -170,12 +159,10 @@ impl Quality {
 /// How far each point is, in metres, from the curve that would be fitted without it. `None` where a point
 /// alone holds the curve.
 pub fn without_each(curve: &Curve, points: &[Observed]) -> Option<Vec<f64>> {
-    points
-        .iter()
-        .map(|point| {
-            let leverage = curve.leverage(point);
-            let residual = point.distance - curve.distance(point.centre);
-            (leverage < ALONE).then(|| residual / (1.0 - leverage))
-        })
-        .collect()
+    let without = |point: &Observed| {
+        let leverage = curve.leverage(point);
+        let residual = point.distance - curve.distance(point.centre);
+        (leverage < ALONE).then(|| residual / (1.0 - leverage))
+    };
+    points.iter().map(without).collect()
 }

@@ -13,6 +13,7 @@
 
 use anyhow::{Context as _, ensure};
 use nalgebra::{Matrix3, RowVector3, Vector3};
+use statistics::least_and_most;
 
 /// Eq. (1) as d = D + K/(x - xp), in metres and pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,9 +131,6 @@ const MAX_STEPS: usize = 50;
 const STRAIGHT: f64 = 1e-9;
 
 /// Fits the curve to centres in pixels and their distances in metres, all with the same variance.
-///
-/// # Errors
-/// As [`fit_weighted`].
 pub fn fit(points: &[(f64, f64)]) -> anyhow::Result<Fit> {
     let points: Vec<Observation> = points.iter().copied().map(Observation::from).collect();
     fit_weighted(&points)
@@ -149,12 +147,9 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
         "{} points: eq. (1) has three parameters and needs three at least",
         points.len()
     );
-    ensure!(
-        points
-            .iter()
-            .all(|point| point.centre.is_finite() && point.distance.is_finite()),
-        "a centre or a distance is not a finite number"
-    );
+    let is_finite = |point: &Observation| point.centre.is_finite() && point.distance.is_finite();
+    let not_finite = "a centre or a distance is not a finite number";
+    ensure!(points.iter().all(is_finite), not_finite);
     let scale = Scale::of(points)?;
 
     let mut scaled = scale.start(points)?;
@@ -193,14 +188,12 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     let by_scaled = scale.derivatives_of_eq1(&scaled);
     let inverse = normal.cholesky().context(UNDETERMINED)?.inverse();
     let curve = scale.eq1(&scaled);
-    let residuals = points
-        .iter()
-        .map(|point| (curve.distance(point.centre) - point.distance).abs());
+    let residual = |point: &Observation| (curve.distance(point.centre) - point.distance).abs();
     Ok(Fit {
         curve,
         squares,
         freedom: points.len() - 3,
-        largest: residuals.fold(0.0, f64::max),
+        largest: points.iter().map(residual).fold(0.0, f64::max),
         valid: (scale.first, scale.last),
         unit_covariance: by_scaled * inverse * by_scaled.transpose(),
         scale,
@@ -223,8 +216,7 @@ struct Scale {
 impl Scale {
     fn of(points: &[Observation]) -> anyhow::Result<Self> {
         let centres = || points.iter().map(|point| point.centre);
-        let first = centres().fold(f64::INFINITY, f64::min);
-        let last = centres().fold(f64::NEG_INFINITY, f64::max);
+        let (first, last) = least_and_most(centres());
         ensure!(
             centres().any(|x| x != first && x != last),
             "all centres are the same, or one of two: three parameters need three at least"
@@ -259,10 +251,8 @@ impl Scale {
         let z = self.z(centre);
         let below = 1.0 / (1.0 + scaled[2] * z);
         let distance = (scaled[0] + scaled[1] * z) * below;
-        (
-            distance,
-            RowVector3::new(below, z * below, -z * distance * below),
-        )
+        let gradient = RowVector3::new(below, z * below, -z * distance * below);
+        (distance, gradient)
     }
 
     /// The sum of the residuals' squares over their variances; infinite where the pole is among the centres.
@@ -274,10 +264,8 @@ impl Scale {
             let z = self.z(point.centre);
             (scaled[0] + scaled[1] * z) / (1.0 + scaled[2] * z) - point.distance
         };
-        points
-            .iter()
-            .map(|point| residual(point).powi(2) / point.variance)
-            .sum()
+        let squares = points.iter().map(|it| residual(it).powi(2) / it.variance);
+        squares.sum()
     }
 
     /// Of a Gauss-Newton step.
@@ -340,10 +328,8 @@ mod tests {
             axis: 959.5,
             ..Optics::nominal()
         };
-        (0..count)
-            .map(|i| 0.60 + 0.42 * i as f64 / (count - 1) as f64)
-            .map(|distance| (optics.centre(distance), distance))
-            .collect()
+        let distances = (0..count).map(|i| 0.60 + 0.42 * i as f64 / (count - 1) as f64);
+        distances.map(|it| (optics.centre(it), it)).collect()
     }
 
     /// D = d0 - b/t, xp = axis - f/t, K = b f (1 + t^2)/t^2, with t = tan u = 2.6.
@@ -401,10 +387,8 @@ mod tests {
             (eigenvalues.max() / eigenvalues.min()).sqrt()
         };
         let (normal, _) = scale.normal_equations(&points, &scaled);
-        let to_eq1 = scale
-            .derivatives_of_eq1(&scaled)
-            .try_inverse()
-            .expect("independent");
+        let to_eq1 = scale.derivatives_of_eq1(&scaled).try_inverse();
+        let to_eq1 = to_eq1.expect("independent");
         let [fitted, physical] = [normal, to_eq1.transpose() * normal * to_eq1].map(condition);
         println!("condition {fitted:.1}, in (D, K, xp) {physical:.0}");
         assert!(fitted < 20.0 && physical > 10.0 * fitted);
@@ -416,33 +400,22 @@ mod tests {
         const FITS: usize = 2000;
         let points = exact(40);
         let mut random = ChaCha8Rng::seed_from_u64(11);
-        let fits: Vec<Fit> = (0..FITS)
-            .map(|_| {
-                let noisy: Vec<(f64, f64)> = points
-                    .iter()
-                    .map(|&(x, d)| {
-                        let normal: f64 = StandardNormal.sample(&mut random);
-                        (x, d + 20e-6 * normal)
-                    })
-                    .collect();
-                fit(&noisy).expect("a fit")
-            })
-            .collect();
-        let parameters: Vec<Vector3<f64>> = fits
-            .iter()
-            .map(|fit| Vector3::new(fit.curve.d, fit.curve.k, fit.curve.pole))
-            .collect();
-        let mean: Vector3<f64> = parameters.iter().sum::<Vector3<f64>>() / FITS as f64;
-        let scatter: Matrix3<f64> = parameters
-            .iter()
-            .map(|found| (found - mean) * (found - mean).transpose())
-            .sum::<Matrix3<f64>>()
-            / (FITS - 1) as f64;
-        let claimed: Matrix3<f64> = fits
-            .iter()
-            .filter_map(Fit::covariance)
-            .sum::<Matrix3<f64>>()
-            / FITS as f64;
+        let mut one_fit = || {
+            let noise: [f64; 40] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
+            let noisy = points
+                .iter()
+                .zip(noise)
+                .map(|(&(x, d), it)| (x, d + 20e-6 * it));
+            fit(&noisy.collect::<Vec<_>>()).expect("a fit")
+        };
+        let fits: Vec<Fit> = (0..FITS).map(|_| one_fit()).collect();
+        let parameters = |fit: &Fit| Vector3::new(fit.curve.d, fit.curve.k, fit.curve.pole);
+        let sum: Vector3<f64> = fits.iter().map(parameters).sum();
+        let mean = sum / FITS as f64;
+        let square = |fit: &Fit| (parameters(fit) - mean) * (parameters(fit) - mean).transpose();
+        let scatter = fits.iter().map(square).sum::<Matrix3<f64>>() / (FITS - 1) as f64;
+        let claimed = fits.iter().filter_map(Fit::covariance);
+        let claimed = claimed.sum::<Matrix3<f64>>() / FITS as f64;
         for i in 0..3 {
             let ratio = (claimed[(i, i)] / scatter[(i, i)]).sqrt();
             println!(
@@ -468,22 +441,22 @@ mod tests {
     #[test]
     fn points_without_a_curve_are_refused_with_a_reason() {
         let error = |points: &[(f64, f64)]| fit(points).expect_err("no curve").to_string();
-        assert!(error(&[(1.0, 2.0); 2]).contains("2 points"));
-        assert!(error(&[(1.0, 2.0); 9]).contains("the same"));
-        assert!(error(&[(1.0, f64::NAN); 9]).contains("finite"));
+        let points = |distance: fn(f64) -> f64| {
+            (0..10)
+                .map(f64::from)
+                .map(|x| (x, distance(x)))
+                .collect::<Vec<_>>()
+        };
         let two: Vec<(f64, f64)> = (0..10).map(|i| (f64::from(i % 2), f64::from(i))).collect();
-        assert!(error(&two).contains("one of two"), "{}", error(&two));
-        let straight: Vec<(f64, f64)> = (0..10)
-            .map(|i| (f64::from(i), 1.0 + f64::from(i)))
-            .collect();
-        assert!(
-            error(&straight).contains("straight"),
-            "{}",
-            error(&straight)
-        );
-        let hyperbola: Vec<(f64, f64)> = (0..10)
-            .map(|i| (f64::from(i), 1.0 + 1.0 / (f64::from(i) - 4.3)))
-            .collect();
-        assert!(error(&hyperbola).contains("pole"), "{}", error(&hyperbola));
+        for (points, reason) in [
+            (&[(1.0, 2.0); 2][..], "2 points"),
+            (&[(1.0, 2.0); 9], "the same"),
+            (&[(1.0, f64::NAN); 9], "finite"),
+            (&two, "one of two"),
+            (&points(|x| 1.0 + x), "straight"),
+            (&points(|x| 1.0 + 1.0 / (x - 4.3)), "pole"),
+        ] {
+            assert!(error(points).contains(reason), "{}", error(points));
+        }
     }
 }

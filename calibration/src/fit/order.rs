@@ -36,9 +36,6 @@ const FOLD: usize = 4;
 const NOISE: f64 = 6.0;
 
 /// Looks at the points before any fit. Gives the lines that are out of order, which only outliers may be.
-///
-/// # Errors
-/// Says which line and why.
 pub fn before(points: &[Point]) -> anyhow::Result<Vec<OutOfOrder>> {
     ensure!(
         points.len() >= 3,
@@ -68,9 +65,6 @@ pub fn before(points: &[Point]) -> anyhow::Result<Vec<OutOfOrder>> {
 }
 
 /// Looks at them when it is known which are kept, and how far centres scatter, in pixels.
-///
-/// # Errors
-/// Says which line and why.
 pub fn after(
     points: &[Point],
     out_of_order: &[OutOfOrder],

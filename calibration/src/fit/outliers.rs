@@ -11,7 +11,7 @@
 //! count in full in the fit that follows, which loses nothing against a fit that knew beforehand which points
 //! are good.
 
-use statistics::median;
+use statistics::{least_and_most, median};
 
 use super::eq1::Eq1;
 use super::observed::{Observed, Weights};
@@ -56,10 +56,7 @@ pub fn judge(points: &[Observed], weights: Weights, start: &Eq1) -> Option<Vec<V
         Weights::Known => 1.0,
         Weights::Alike => 0.0,
     };
-    let residuals: Vec<Judged> = points
-        .iter()
-        .map(|point| Judged::of(point, start))
-        .collect();
+    let residuals: Vec<Judged> = points.iter().map(|it| Judged::of(it, start)).collect();
     let grid = grid(&residuals)?;
     let (weights, spline) = stiffest(grid, &residuals)?;
     let first = judge_by(&residuals, &weights, &spline, least_scatter);
@@ -75,10 +72,8 @@ fn biweight(
 ) -> Option<Vec<Verdict>> {
     let mut verdicts = first;
     for _ in 0..ROUNDS {
-        let weights: Vec<f64> = verdicts
-            .iter()
-            .map(|verdict| (1.0 - (verdict.off / REACH).powi(2)).max(0.0).powi(2))
-            .collect();
+        let weight = |it: &Verdict| (1.0 - (it.off / REACH).powi(2)).max(0.0).powi(2);
+        let weights: Vec<f64> = verdicts.iter().map(weight).collect();
         let next = judge_with(grid, residuals, &weights, least_scatter)?;
         let same = |(a, b): (&Verdict, &Verdict)| {
             a.kept == b.kept && (!a.kept || (a.off - b.off).abs() < 1e-3)
@@ -113,23 +108,16 @@ fn stiffest(grid: Grid, residuals: &[Judged]) -> Option<(Vec<f64>, Spline)> {
         .take_while(|(_, spline)| spline.freedoms <= most_freedoms(residuals.len() as f64))
         .map(|(weights, spline)| (off_others(residuals, &weights, &spline), weights, spline))
         .collect();
-    let scatter = curves
-        .iter()
-        .map(|(off, ..)| BY_MEDIAN * median(off))
-        .fold(f64::INFINITY, f64::min);
+    let scatters = curves.iter().map(|(off, ..)| BY_MEDIAN * median(off));
+    let (scatter, _) = least_and_most(scatters);
     let error = |off: &[f64]| -> f64 {
-        off.iter()
-            .map(|off| (off / scatter).min(REACH).powi(2))
-            .sum()
+        let squares = off.iter().map(|off| (off / scatter).min(REACH).powi(2));
+        squares.sum()
     };
-    let least = curves
-        .iter()
-        .map(|(off, ..)| error(off))
-        .fold(f64::INFINITY, f64::min);
-    curves
-        .into_iter()
-        .find(|(off, ..)| error(off) <= least + 0.5 * REACH.powi(2))
-        .map(|(_, weights, spline)| (weights, spline))
+    let (least, _) = least_and_most(curves.iter().map(|(off, ..)| error(off)));
+    let is_near = |off: &[f64]| error(off) <= least + 0.5 * REACH.powi(2);
+    let stiffest = curves.into_iter().find(|(off, ..)| is_near(off));
+    stiffest.map(|(_, weights, spline)| (weights, spline))
 }
 
 /// How far each point is from the curve that the others make, over its own uncertainty.
@@ -209,11 +197,8 @@ impl Judged {
 /// Over the distances of the points: those far beyond the others, which only an outlier makes, must not
 /// stretch it.
 fn grid(residuals: &[Judged]) -> Option<Grid> {
-    let mut places: Vec<f64> = residuals
-        .iter()
-        .filter(|residual| residual.is_finite())
-        .map(|residual| residual.at)
-        .collect();
+    let finite = residuals.iter().filter(|residual| residual.is_finite());
+    let mut places: Vec<f64> = finite.map(|residual| residual.at).collect();
     places.sort_by(f64::total_cmp);
     let tenth = places.len() / 10;
     let (low, high) = (*places.get(tenth)?, *places.get(places.len() - 1 - tenth)?);
@@ -240,18 +225,13 @@ fn equations(grid: Grid, residuals: &[Judged], weights: &[f64]) -> Equations {
 /// How far each point is from the curve without it, and that curve's variance there: the point's share in its
 /// own value goes.
 fn without_each(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<(f64, f64)> {
-    residuals
-        .iter()
-        .zip(weights)
-        .map(|(residual, weight)| {
-            let variance = spline.unit_variance_at(residual.at);
-            let share = (weight * variance / residual.sigma.powi(2)).min(1.0 - 1e-9);
-            (
-                residual.from(spline) / (1.0 - share),
-                variance / (1.0 - share),
-            )
-        })
-        .collect()
+    let without = |(residual, weight): (&Judged, &f64)| {
+        let variance = spline.unit_variance_at(residual.at);
+        let share = (weight * variance / residual.sigma.powi(2)).min(1.0 - 1e-9);
+        let left = 1.0 - share;
+        (residual.from(spline) / left, variance / left)
+    };
+    residuals.iter().zip(weights).map(without).collect()
 }
 
 /// How far each point is from the curve through the others, over its own scatter and that curve's uncertainty

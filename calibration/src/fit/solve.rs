@@ -2,9 +2,10 @@
 //! to take.
 
 use anyhow::{Context as _, bail, ensure};
+use statistics::{mean, variance};
 
 use super::curve::{Curve, LESS_SMOOTH, Quality, without_each};
-use super::eq1::{self, Observation};
+use super::eq1;
 use super::observed::{Observed, Weights};
 use super::order::{self, FEWEST_TO_REJECT};
 use super::outliers::{self, Verdict};
@@ -62,40 +63,26 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
     let out_of_order = order::before(points)?;
     let (all, weights) = Observed::all(points, position);
     let verdicts = verdicts(&all, weights)?;
-    let kept: Vec<Observed> = all
-        .iter()
-        .zip(&verdicts)
-        .filter(|(_, verdict)| verdict.kept)
-        .map(|(point, _)| *point)
-        .collect();
-    let rejected = || {
-        verdicts
-            .iter()
-            .zip(points)
-            .filter(|(verdict, _)| !verdict.kept)
-    };
-    if all.len() - kept.len() > order::most_rejected(all.len()) {
-        let lines: Vec<String> = rejected()
-            .take(6)
-            .map(|(_, point)| point.line.to_string())
-            .collect();
+    let is_kept: Vec<bool> = verdicts.iter().map(|verdict| verdict.kept).collect();
+    let kept = all.iter().zip(&is_kept).filter(|(_, kept)| **kept);
+    let kept: Vec<Observed> = kept.map(|(point, _)| *point).collect();
+    let (count, off) = (all.len(), all.len() - kept.len());
+    if off > order::most_rejected(count) {
+        let rejected = points.iter().zip(&is_kept).filter(|(_, kept)| !**kept);
+        let lines: Vec<String> = rejected.map(|(point, _)| point.line.to_string()).collect();
+        let more = if off > 6 { ", ..." } else { "" };
         bail!(
-            "{} of {} points lie off the curve that the others make (lines {}{}), more than a fifth: look at \
-             what is wrong with them, or take a range over which the centre follows the distance smoothly",
-            all.len() - kept.len(),
-            all.len(),
-            lines.join(", "),
-            if rejected().count() > 6 { ", ..." } else { "" }
+            "{off} of {count} points lie off the curve that the others make (lines {}{more}), more than a \
+             fifth: look at what is wrong with them, or take a range over which the centre follows the \
+             distance smoothly",
+            lines[..off.min(6)].join(", ")
         );
     }
 
     let lines = || {
-        let line = |better: fn(u64, u64) -> u64| kept.iter().map(|point| point.line).reduce(better);
-        format!(
-            "lines {} to {}",
-            line(u64::min).unwrap_or(0),
-            line(u64::max).unwrap_or(0)
-        )
+        let lines = || kept.iter().map(|point| point.line);
+        let (first, last) = (lines().min().unwrap_or(0), lines().max().unwrap_or(0));
+        format!("lines {first} to {last}")
     };
     let eq1 = weighted(&kept).with_context(lines)?;
     let plain = Curve {
@@ -109,24 +96,17 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
         let quality = Quality::of(&curve, &kept, known);
         (curve, quality)
     });
-    let scatter = corrected
-        .as_ref()
-        .and_then(|(_, quality)| quality.factor)
-        .or(plain_quality.factor)
-        .unwrap_or(1.0);
+    let factor = corrected.as_ref().and_then(|(_, quality)| quality.factor);
+    let scatter = factor.or(plain_quality.factor).unwrap_or(1.0);
     ensure!(
         plain.eq1.unit_bend() > BENT * scatter,
         "{}: a straight line goes through the points as well as eq. (1), whose xp would be at infinity: take \
          a wider range of distances, or points that scatter less",
         lines()
     );
-    let scatter_px: Vec<f64> = all
-        .iter()
-        .map(|point| {
-            scatter * (point.sigma(&plain.eq1.curve) / plain.eq1.curve.slope(point.centre)).abs()
-        })
-        .collect();
-    let is_kept: Vec<bool> = verdicts.iter().map(|verdict| verdict.kept).collect();
+    let curve = &plain.eq1.curve;
+    let sigma_px = |point: &Observed| (point.sigma(curve) / curve.slope(point.centre)).abs();
+    let scatter_px: Vec<f64> = all.iter().map(|point| scatter * sigma_px(point)).collect();
     order::after(points, &out_of_order, &is_kept, &scatter_px)?;
     let gain = corrected
         .as_ref()
@@ -146,11 +126,8 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
 /// All are kept where there are too few to reject any.
 fn verdicts(points: &[Observed], weights: Weights) -> anyhow::Result<Vec<Verdict>> {
     if points.len() < FEWEST_TO_REJECT {
-        let kept = Verdict {
-            off: 0.0,
-            kept: true,
-        };
-        return Ok(vec![kept; points.len()]);
+        let (off, kept) = (0.0, true);
+        return Ok(vec![Verdict { off, kept }; points.len()]);
     }
     start::robust(points)
         .and_then(|start| outliers::judge(points, weights, &start))
@@ -159,17 +136,11 @@ fn verdicts(points: &[Observed], weights: Weights) -> anyhow::Result<Vec<Verdict
 
 /// Eq. (1) with each point's weight from the curve's slope there.
 fn weighted(points: &[Observed]) -> anyhow::Result<eq1::Fit> {
-    let alike: Vec<Observation> = points
-        .iter()
-        .map(|point| Observation::from((point.centre, point.distance)))
-        .collect();
-    let mut fit = eq1::fit_weighted(&alike)?;
+    let alike: Vec<(f64, f64)> = points.iter().map(|it| (it.centre, it.distance)).collect();
+    let mut fit = eq1::fit(&alike)?;
     for _ in 0..WEIGHT_ROUNDS {
-        let weighted: Vec<Observation> = points
-            .iter()
-            .map(|point| point.observation(&fit.curve))
-            .collect();
-        fit = eq1::fit_weighted(&weighted)?;
+        let weighted = points.iter().map(|point| point.observation(&fit.curve));
+        fit = eq1::fit_weighted(&weighted.collect::<Vec<_>>())?;
     }
     Ok(fit)
 }
@@ -200,20 +171,14 @@ fn correct(plain: &Curve, points: &[Observed]) -> Option<Curve> {
 /// By how many of its standard errors the corrected curve's cross-validated error lies below that of eq. (1)
 /// alone. `None` where a point alone holds one of the curves, or both are the same.
 fn gain(plain: &Curve, corrected: &Curve, points: &[Observed]) -> Option<f64> {
-    let (before, after) = (
-        without_each(plain, points)?,
-        without_each(corrected, points)?,
-    );
-    let gains: Vec<f64> = points
-        .iter()
-        .zip(before.iter().zip(&after))
-        .map(|(point, (before, after))| {
-            (before.powi(2) - after.powi(2)) / point.sigma(&plain.eq1.curve).powi(2)
-        })
-        .collect();
-    let count = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / count;
-    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let [before, after] = [plain, corrected].map(|curve| without_each(curve, points));
+    let (before, after) = (before?, after?);
+    let all = points.iter().zip(before.iter().zip(&after));
+    let gains = all.map(|(point, (before, after))| {
+        (before.powi(2) - after.powi(2)) / point.sigma(&plain.eq1.curve).powi(2)
+    });
+    let gains: Vec<f64> = gains.collect();
+    let (count, mean, variance) = (gains.len() as f64, mean(&gains), variance(&gains));
     (variance > 0.0).then(|| mean / (variance / count).sqrt())
 }
 

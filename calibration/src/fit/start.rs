@@ -24,14 +24,12 @@ pub fn robust(points: &[Observed]) -> Option<Eq1> {
         let point = part.get((random >> 8) as usize % part.len().max(1))?;
         Some((point.centre, point.distance))
     };
-    (0..TRIES)
-        .filter_map(|_| Eq1::through([one_of(near)?, one_of(middle)?, one_of(far)?]))
-        .map(|curve| {
-            let residuals = points
-                .iter()
-                .map(|point| (point.residual(&curve) / point.sigma(&curve)).abs());
-            (median(residuals), curve)
-        })
-        .min_by(|(a, _), (b, _)| a.total_cmp(b))
-        .map(|(_, curve)| curve)
+    let curves =
+        (0..TRIES).filter_map(|_| Eq1::through([one_of(near)?, one_of(middle)?, one_of(far)?]));
+    let judged = curves.map(|curve| {
+        let over_sigma = |point: &Observed| (point.residual(&curve) / point.sigma(&curve)).abs();
+        (median(points.iter().map(over_sigma)), curve)
+    });
+    let best = judged.min_by(|(a, _), (b, _)| a.total_cmp(b));
+    best.map(|(_, curve)| curve)
 }

@@ -10,6 +10,7 @@ use slitrange::base::units::Pixels;
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
+use statistics::{least_and_most, mean};
 
 use crate::fit::solve::Solved;
 use crate::fixed::pixels;
@@ -32,9 +33,9 @@ const SCATTERING: f64 = COMPONENTS as f64 - 1.0;
 /// the points have no shapes.
 pub fn of(solved: &Solved, calibration: &Calibration) -> Option<Profile> {
     let (first, last) = calibration.valid();
-    let points: Vec<(f64, KnownShape)> = (solved.observed.iter())
-        .filter_map(|point| Some((point.centre, point.shape?)))
-        .collect();
+    let points = solved.observed.iter();
+    let points = points.filter_map(|point| Some((point.centre, point.shape?)));
+    let points: Vec<(f64, KnownShape)> = points.collect();
     if points.len() < FEWEST {
         return None;
     }
@@ -46,12 +47,8 @@ pub fn of(solved: &Solved, calibration: &Calibration) -> Option<Profile> {
         powers: HIGHEST_DEGREE.min((points.len() - 1) / 3) + 1,
         along: points.iter().map(|(centre, _)| along(*centre)).collect(),
     };
-    let values = |of: &dyn Fn(&KnownShape) -> f64| -> DVector<f64> {
-        points
-            .iter()
-            .map(|(_, shape)| of(shape))
-            .collect::<Vec<_>>()
-            .into()
+    let values = |of: &dyn Fn(&KnownShape) -> f64| {
+        DVector::from_fn(points.len(), |point, _| of(&points[point].1))
     };
     let width = places.fit(&values(&|it| it.shape.width_px))?;
     let mut components = [[0.0; PLACES]; COMPONENTS];
@@ -61,15 +58,11 @@ pub fn of(solved: &Solved, calibration: &Calibration) -> Option<Profile> {
         *component = fitted.at_places;
         squares += fitted.variance;
     }
-    let noise = points
-        .iter()
-        .map(|(_, shape)| shape.noise_px.powi(2))
-        .sum::<f64>()
-        / points.len() as f64;
+    let noise = mean(points.iter().map(|(_, shape)| shape.noise_px.powi(2)));
     // A curve's own variance is that of a residual times parameters over points, on average.
     let own = places.powers as f64 / points.len() as f64;
     let deviation = |variance: f64| ((variance - noise).max(0.0) + variance * own).sqrt();
-    let mean_width = width.at_places.iter().sum::<f64>() / PLACES as f64;
+    let mean_width = mean(&width.at_places);
     let profile = Profile {
         first,
         last,
@@ -110,10 +103,8 @@ impl Places {
         Some(Fitted {
             at_places: std::array::from_fn(|place| {
                 let along = 2.0 * place as f64 / (PLACES - 1) as f64 - 1.0;
-                parameters
-                    .iter()
-                    .rev()
-                    .fold(0.0, |sum, factor| sum * along + factor)
+                let add = |sum, factor| sum * along + factor;
+                parameters.iter().rev().fold(0.0, add)
             }),
             variance: residuals.norm_squared() / freedom as f64,
         })
@@ -122,22 +113,15 @@ impl Places {
 
 /// The least and the largest width of a spot, in pixels.
 pub fn widths(profile: &Profile) -> [f64; 2] {
-    ends(&profile.width.map(Pixels::to_f64))
+    least_and_most(profile.width.map(Pixels::to_f64)).into()
 }
 
 /// How lopsided the sensor's own spot is, least and most, in pixels: the root of the sum of the components'
 /// squares.
 pub fn lopsided(profile: &Profile) -> [f64; 2] {
-    let sums: [f64; PLACES] = std::array::from_fn(|place| {
+    let sum = |place: usize| {
         let squares = (profile.components.iter()).map(|values| values[place].to_f64().powi(2));
         squares.sum::<f64>().sqrt()
-    });
-    ends(&sums)
-}
-
-fn ends(values: &[f64]) -> [f64; 2] {
-    [
-        values.iter().copied().fold(f64::INFINITY, f64::min),
-        values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-    ]
+    };
+    least_and_most((0..PLACES).map(sum)).into()
 }

@@ -9,6 +9,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
+use statistics::mean;
 
 use crate::fit::curve::Curve;
 use crate::fit::observed::Observed;
@@ -44,11 +45,9 @@ impl Surface {
             return None;
         }
         let from_pole = |point: &Observed| (point.distance - curve.eq1.curve.d).abs();
-        let logs: Vec<f64> = points
-            .iter()
-            .map(|(point, _)| from_pole(point).ln())
-            .collect();
-        let middle = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
+        let logs = points.iter().map(|(point, _)| from_pole(point).ln());
+        let logs: Vec<f64> = logs.collect();
+        let middle = mean(&logs).exp();
         let heights: Vec<(f64, f64)> = (points.iter().zip(&logs))
             .map(|((_, height), log)| (log - middle.ln(), *height))
             .collect();
@@ -75,7 +74,7 @@ impl Surface {
                 (residual.powi(2) * points.len() as f64 / freedom - own) / unit
             })
             .collect();
-        let square = squares.iter().sum::<f64>() / squares.len() as f64;
+        let square = mean(&squares);
         // With few points the estimate scatters, and one that is too small loses more coverage than one that
         // is too large gains. With this factor 95 % of the errors are within twice the value (Student's t,
         // first order in 1 / freedom).
@@ -103,7 +102,7 @@ const POWER_DEVIATION: f64 = 1.5;
 /// so this is the regression of a gamma distribution (P. McCullagh and J. A. Nelder, Generalized Linear
 /// Models, 2nd ed., section 8), with [`POWER`] before it.
 fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
-    let mean = heights.iter().map(|(_, height)| height).sum::<f64>() / heights.len() as f64;
+    let mean = mean(heights.iter().map(|(_, height)| height));
     let (mut log_height, mut power) = (mean.ln(), 0.0);
     for _ in 0..20 {
         let prior = POWER_DEVIATION.powi(-2);
@@ -118,12 +117,7 @@ fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
             break;
         };
         // At most 0.5: Newton's steps on an exponential may diverge.
-        let length = step.amax();
-        let step = if length > 0.5 {
-            step * (0.5 / length)
-        } else {
-            step
-        };
+        let step = step * (0.5 / step.amax()).min(1.0);
         (log_height, power) = (log_height + step[0], power + step[1]);
     }
     (log_height.exp(), power)

@@ -19,21 +19,14 @@ fn with_shapes(count: usize, noise: f64, scatter: f64, seed: u64) -> Vec<Point> 
             let normal: f64 = StandardNormal.sample(&mut random);
             noise.hypot(scatter) * normal
         };
-        let Shape {
-            width_px,
-            components_px,
-        } = shape_at(point.x_px);
-        point.shape = Some(KnownShape {
-            shape: Shape {
-                width_px: width_px + off(),
-                // The estimator makes the first one zero.
-                components_px: [0, 1, 2, 3, 4].map(|index| match index {
-                    0 => 0.0,
-                    index => components_px[index] + off(),
-                }),
-            },
-            noise_px: noise,
-        });
+        let mut shape = shape_at(point.x_px);
+        shape.width_px += off();
+        // The estimator makes the first one zero.
+        for component in &mut shape.components_px[1..] {
+            *component += off();
+        }
+        let noise_px = noise;
+        point.shape = Some(KnownShape { shape, noise_px });
     }
     points
 }

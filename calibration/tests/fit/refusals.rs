@@ -68,17 +68,12 @@ fn unusable_points_are_refused_with_a_reason() {
     for count in [6, 40] {
         let mut swapped = exact(count);
         swapped.swap(2, 3);
-        say(
-            &format!("two of {count} lines swapped"),
-            renumbered(swapped),
-        );
+        let name = format!("two of {count} lines swapped");
+        say(&name, renumbered(swapped));
         let mut moved = exact(count);
-        let first = moved.remove(0);
-        moved.push(first);
-        say(
-            &format!("the first of {count} lines at the end"),
-            renumbered(moved),
-        );
+        moved.rotate_left(1);
+        let name = format!("the first of {count} lines at the end");
+        say(&name, renumbered(moved));
     }
     let mut shuffled = exact(40);
     for i in 0..40 {
@@ -117,20 +112,14 @@ fn one_wrong_point_among_many_is_an_outlier() {
         let mut points = Truth::nominal().points(40, 0.01, &mut seeded(1));
         change(&mut points);
         let solved = solve(&points, None).expect("a fit");
-        let rejected = solved
-            .verdicts
-            .iter()
-            .filter(|verdict| !verdict.kept)
-            .count();
-        assert_eq!(rejected, 1);
+        let rejected = solved.verdicts.iter().filter(|verdict| !verdict.kept);
+        assert_eq!(rejected.count(), 1);
     }
     // Rising or falling, either way.
     let mut points = Truth::nominal().points(40, 0.01, &mut seeded(1));
     points.reverse();
     solve(&renumbered(points.clone()), None).expect("a fit");
-    points
-        .iter_mut()
-        .for_each(|point| point.x_px = 3647.0 - point.x_px);
+    points.iter_mut().for_each(|it| it.x_px = 3647.0 - it.x_px);
     solve(&renumbered(points), None).expect("a fit");
     // Noise that is larger than the steps.
     let noisy = Truth::nominal().points(1200, 3.0, &mut seeded(2));
@@ -145,9 +134,7 @@ fn three_points_give_a_calibration() {
     assert_eq!(solved.plain_quality.uncertainty, None);
     assert_eq!(solved.plain_quality.cross_validated, None);
     let mut points = points;
-    points
-        .iter_mut()
-        .for_each(|point| point.sigma_px = Some(0.02));
+    points.iter_mut().for_each(|it| it.sigma_px = Some(0.02));
     let solved = solve(&points, None).expect("a fit");
     let uncertainty = 1e6 * solved.plain_quality.uncertainty.expect("by sigma_px");
     println!("three points of 0.02 px: {uncertainty:.2} um");

@@ -88,18 +88,17 @@ impl Truth {
 
     /// Points at even steps, with gaussian noise of the centre in pixels.
     pub fn points(&self, count: usize, noise: f64, random: &mut ChaCha8Rng) -> Vec<Point> {
-        (0..count)
-            .map(|i| {
-                let distance = NEAR + (FAR - NEAR) * i as f64 / (count - 1) as f64;
-                let normal: f64 = StandardNormal.sample(random);
-                Point {
-                    line: i as u64 + 2,
-                    x_px: self.centre(distance) + noise * normal,
-                    d_mm: distance * 1e3,
-                    ..Point::default()
-                }
-            })
-            .collect()
+        let mut point = |i| {
+            let distance = NEAR + (FAR - NEAR) * i as f64 / (count - 1) as f64;
+            let normal: f64 = StandardNormal.sample(random);
+            Point {
+                line: i as u64 + 2,
+                x_px: self.centre(distance) + noise * normal,
+                d_mm: distance * 1e3,
+                ..Point::default()
+            }
+        };
+        (0..count).map(&mut point).collect()
     }
 
     /// Error of a curve in micrometres: root mean square and largest over even steps of the distance.
@@ -111,14 +110,11 @@ impl Truth {
     pub fn error_over_centres(&self, curve: impl Fn(f64) -> f64) -> f64 {
         const STEPS: usize = 400;
         let (from, to) = (self.optics.centre(NEAR), self.optics.centre(FAR));
-        let errors: Vec<f64> = (0..=STEPS)
-            .map(|i| from + (to - from) * i as f64 / STEPS as f64)
-            .map(|undistorted| {
-                let distance = self.optics.distance(undistorted);
-                1e6 * (curve(self.centre(distance)) - distance)
-            })
-            .collect();
-        rms(&errors)
+        rms((0..=STEPS).map(|i| {
+            let undistorted = from + (to - from) * i as f64 / STEPS as f64;
+            let distance = self.optics.distance(undistorted);
+            1e6 * (curve(self.centre(distance)) - distance)
+        }))
     }
 
     /// The same over those distances for whose centres something holds.
@@ -128,11 +124,10 @@ impl Truth {
         curve: impl Fn(f64) -> f64,
     ) -> (f64, f64) {
         const STEPS: usize = 400;
-        let errors: Vec<f64> = (0..=STEPS)
-            .map(|i| NEAR + (FAR - NEAR) * i as f64 / STEPS as f64)
-            .filter(|&distance| holds(self.centre(distance)))
-            .map(|distance| 1e6 * (curve(self.centre(distance)) - distance))
-            .collect();
+        let distances = (0..=STEPS).map(|i| NEAR + (FAR - NEAR) * i as f64 / STEPS as f64);
+        let distances = distances.filter(|&distance| holds(self.centre(distance)));
+        let errors = distances.map(|at| 1e6 * (curve(self.centre(at)) - at));
+        let errors: Vec<f64> = errors.collect();
         let largest = errors.iter().map(|error| error.abs()).fold(0.0, f64::max);
         (rms(&errors), largest)
     }
@@ -158,11 +153,8 @@ pub fn throw_off(
         if lines.contains(&point.line) {
             continue;
         }
-        let sign = if one_sided || random.random() {
-            1.0
-        } else {
-            -1.0
-        };
+        let is_up = one_sided || random.random();
+        let sign = if is_up { 1.0 } else { -1.0 };
         point.x_px += sign * size * random.random_range(0.5..1.0);
         lines.push(point.line);
     }

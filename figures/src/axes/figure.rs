@@ -25,9 +25,6 @@ const WIDTH: u32 = 1000;
 type Drawn = Result<(), DrawingErrorKind<io::Error>>;
 
 /// Begins a figure that is `height` pixels high.
-///
-/// # Errors
-/// None that plotters has for a file that is not written yet.
 pub fn figure(path: &Path, height: u32) -> anyhow::Result<DrawingArea<Figure<'_>, Shift>> {
     let fine = FINE.unsigned_abs();
     let svg = SVGBackend::new(path, (WIDTH * fine, height * fine));
@@ -42,9 +39,6 @@ pub fn figure(path: &Path, height: u32) -> anyhow::Result<DrawingArea<Figure<'_>
 }
 
 /// Draws a curve.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw_line(
     panel: &mut Panel<'_, '_>,
     points: impl IntoIterator<Item = (f64, f64)>,
@@ -54,9 +48,6 @@ pub fn draw_line(
 }
 
 /// Draws a curve in pieces, with gaps between them: the lengths of both, in pixels.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw_broken_line(
     panel: &mut Panel<'_, '_>,
     points: impl IntoIterator<Item = (f64, f64)>,
@@ -115,9 +106,6 @@ fn pieces(line: &[BackendCoord], ends: [f64; 2]) -> Vec<Vec<BackendCoord>> {
 }
 
 /// Draws points as circles.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw_dots(
     panel: &mut Panel<'_, '_>,
     points: impl IntoIterator<Item = (f64, f64)>,

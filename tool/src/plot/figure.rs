@@ -17,9 +17,6 @@ const HEIGHT: u32 = 340;
 const BINS: (f64, f64) = (5.0, 60.0);
 
 /// Draws a recording.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw(series: &Series, allan: &[(f64, f64)], path: &Path) -> Result<()> {
     let root = axes::figure(path, 4 * HEIGHT)?;
     let areas = root.split_evenly((4, 1));

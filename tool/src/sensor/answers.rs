@@ -2,6 +2,7 @@
 
 use calibration::points::{Shape, SlitImage, SlitImages};
 use slitrange::base::exposure::Exposure;
+use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::frame::comb::MAX_SLITS;
 
 /// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62131
@@ -45,10 +46,8 @@ pub struct NoCentre {
 /// What the lines that came since `centre` was asked say, once they say it.
 pub fn centre(lines: &[String]) -> Option<Result<Centre, NoCentre>> {
     let (last, before) = lines.split_last()?;
-    if let Some(advice) = last
-        .strip_prefix('(')
-        .and_then(|text| text.strip_suffix(')'))
-    {
+    let advice = last.strip_prefix('(').and_then(|it| it.strip_suffix(')'));
+    if let Some(advice) = advice {
         return Some(Err(NoCentre {
             fault: before.last()?.strip_prefix("f ")?.to_owned(),
             advice: advice.to_owned(),
@@ -88,41 +87,17 @@ fn slit_images(words: &str) -> Option<SlitImages> {
 fn reading(line: &str) -> Option<(Centre, bool)> {
     let words: Vec<&str> = line.split(' ').collect();
     let (measured, flags) = words.split_at_checked(20)?;
-    let &[
-        "x",
-        x,
-        "u",
-        u,
-        "a",
-        amplitude,
-        "n",
-        rows,
-        "b",
-        black,
-        "e",
-        letter,
-        "w",
-        width,
-        "o",
-        o0,
-        o1,
-        o2,
-        o3,
-        o4,
-    ] = measured
-    else {
+    let (of_frame, shape) = measured.split_at_checked(14)?;
+    let [x, u, height, rows, black, letter, width] =
+        keyed(of_frame, ["x", "u", "a", "n", "b", "e", "w"])?;
+    let (&"o", components) = shape.split_first()? else {
         return None;
     };
-    let shape = Shape {
-        width_px: five_decimals(width)?,
-        components_px: [
-            five_decimals(o0)?,
-            five_decimals(o1)?,
-            five_decimals(o2)?,
-            five_decimals(o3)?,
-            five_decimals(o4)?,
-        ],
-    };
+    let mut components_px = [0.0; COMPONENTS];
+    for (component, word) in components_px.iter_mut().zip(components) {
+        *component = five_decimals(word)?;
+    }
+    let width_px = five_decimals(width)?;
     let (exposure, flags) = match *flags {
         ["t", us, ref flags @ ..] => (Exposure::from_us(us.parse().ok()?)?, flags),
         _ => (Exposure::LONGEST, flags),
@@ -135,16 +110,16 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         _ => (false, flags),
     };
     let (misfits, correlated) = match *flags {
-        [] => (None, None),
-        ["m", misfits] => (Some(misfits), None),
-        ["c", correlated] => (None, Some(correlated)),
-        ["m", misfits, "c", correlated] => (Some(misfits), Some(correlated)),
+        [] => ("0", None),
+        ["m", misfits] => (misfits, None),
+        ["c", correlated] => ("0", Some(correlated)),
+        ["m", misfits, "c", correlated] => (misfits, Some(correlated)),
         _ => return None,
     };
     let (used, of) = rows.split_once('/')?;
     let used: u16 = used.parse().ok()?;
     let rows = of.parse().ok()?;
-    let height: i32 = amplitude.parse().ok()?;
+    let height: i32 = height.parse().ok()?;
     // It is of no interest here, but where noise made something else of it, it may have of the rest.
     let _: i32 = black.parse().ok()?;
     let mut letters = letter.chars();
@@ -156,8 +131,11 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         rows: Some(rows).filter(|&rows| used <= rows)?,
         estimator: letters.next().filter(|_| letters.next().is_none())?,
         // All are zero if the sensor could not measure the shape.
-        shape: Some(shape).filter(|shape| shape.width_px > 0.0),
-        misfits: misfits.map_or(Some(0), |count| count.parse().ok())?,
+        shape: (width_px > 0.0).then_some(Shape {
+            width_px,
+            components_px,
+        }),
+        misfits: misfits.parse().ok()?,
         correlated: match correlated {
             Some(rows) => Some(rows.parse().ok()?),
             None => None,
@@ -165,6 +143,19 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         slits: None,
     };
     Some((centre, has_comb))
+}
+
+/// The values of words that are a key and a value in turn: these keys, in this order.
+pub(super) fn keyed<'a, const N: usize>(
+    words: &[&'a str],
+    keys: [&str; N],
+) -> Option<[&'a str; N]> {
+    let mut values = [""; N];
+    for ((value, key), pair) in values.iter_mut().zip(keys).zip(words.chunks(2)) {
+        let &[name, word] = pair else { return None };
+        *value = Some(word).filter(|_| name == key)?;
+    }
+    (words.len() == 2 * N).then_some(values)
 }
 
 /// A number with as many decimals as the sensor sends: one more or one less is a line with a byte too many or
@@ -202,18 +193,16 @@ pub struct RecordInUse {
 /// What the lines that came since `calibration` was asked say, once they say it.
 pub fn in_use(lines: &[String]) -> Option<InUse> {
     let of = |key: &str| {
-        lines.iter().find_map(|line| {
-            line.strip_prefix("calibration ")?
-                .strip_prefix(key)?
-                .strip_prefix(' ')
-        })
+        let answers = lines
+            .iter()
+            .filter_map(|line| line.strip_prefix("calibration "));
+        let mut values = answers.filter_map(|line| line.strip_prefix(key)?.strip_prefix(' '));
+        values.next()
     };
     let stored = of("stored")?.to_owned();
     if lines.iter().any(|line| line == "calibration none") {
-        return Some(InUse {
-            record: None,
-            stored,
-        });
+        let record = None;
+        return Some(InUse { record, stored });
     }
     let (bytes, crc) = of("record")?.split_once(' ')?;
     Some(InUse {
@@ -230,10 +219,8 @@ pub fn in_use(lines: &[String]) -> Option<InUse> {
 /// The answer to a command that takes rows for a map of the pixels: `flat dark 300.1 counts`.
 pub fn taken(lines: &[String], command: &str) -> Option<String> {
     let line = lines.last()?;
-    let (counts, rest) = line
-        .strip_prefix(command)?
-        .strip_prefix(' ')?
-        .split_once(' ')?;
+    let words = line.strip_prefix(command)?.strip_prefix(' ')?;
+    let (counts, rest) = words.split_once(' ')?;
     let is_whole = counts.parse::<f64>().is_ok() && rest.starts_with("counts");
     is_whole.then(|| line.clone())
 }
@@ -251,18 +238,16 @@ pub fn losses(lines: &[String]) -> Option<(u32, u32)> {
         let mut values = lines.iter().filter_map(|line| line.strip_prefix(name));
         values.next()?.parse().ok()
     };
-    Some((
-        number("status rows lost ")?,
-        number("status lines dropped ")?,
-    ))
+    let (rows, dropped) = ("status rows lost ", "status lines dropped ");
+    Some((number(rows)?, number(dropped)?))
 }
 
 /// The sensor head's name, once a line of the answer to `info` says it.
 pub fn head(lines: &[String]) -> Option<String> {
-    lines
+    let mut heads = lines
         .iter()
-        .find_map(|line| line.strip_prefix("info sensor head "))
-        .map(str::to_owned)
+        .filter_map(|line| line.strip_prefix("info sensor head "));
+    heads.next().map(str::to_owned)
 }
 
 #[cfg(test)]
@@ -303,22 +288,24 @@ mod tests {
         };
         assert_eq!(centre(&lines(plain)), Some(Ok(unflagged)));
         // A byte lost anywhere leaves no centre, but for the digits of whole numbers.
-        let lost: Vec<String> = (0..plain.len())
-            .map(|at| [&plain[..at], &plain[at + 1..]].concat())
-            .filter(|line| reading(line).is_some_and(|(read, _)| read != unflagged))
-            .collect();
-        println!("{lost:#?}");
-        assert!(lost.iter().all(|line| {
-            let (read, _) = reading(line).expect("filtered");
+        for at in 0..plain.len() {
+            let lost = [&plain[..at], &plain[at + 1..]].concat();
+            let Some((read, _)) = reading(&lost).filter(|(read, _)| *read != unflagged) else {
+                continue;
+            };
             let is_of_height = read.height_counts < 1000.0;
             let is_of_shape = read.x_px == unflagged.x_px && read.shape != unflagged.shape;
             let is_of_centre = read.x_px < 1000.0 && read.claimed_px == 0.00195;
-            read.rows != 16 || is_of_height || is_of_centre || is_of_shape
-        }));
+            assert!(
+                read.rows != 16 || is_of_height || is_of_centre || is_of_shape,
+                "{lost}"
+            );
+        }
         // A shorter exposure is a word and a number more.
         let exposed = |us: &str| centre(&lines(&format!("{plain} t {us} m 3 c 2")));
+        let exposure_us = 187;
         let short = Centre {
-            exposure_us: 187,
+            exposure_us,
             ..read
         };
         assert_eq!(exposed("187"), Some(Ok(short)));
@@ -362,11 +349,8 @@ mod tests {
             let lost = [&both[..at], &both[at + 1..]].concat();
             if let Some(Ok(found)) = centre(&lines(&lost)) {
                 let found = at_px(&found.slits.expect("images"));
-                let changed = found
-                    .iter()
-                    .zip(&at_px(&images))
-                    .filter(|(a, b)| a != b)
-                    .count();
+                let images = at_px(&images);
+                let changed = found.iter().zip(&images).filter(|(a, b)| a != b).count();
                 let is_whole = found.iter().flatten().all(|px| px.fract() > 0.0);
                 assert!(changed <= 1 && is_whole, "{lost}");
             }
@@ -376,13 +360,10 @@ mod tests {
     #[test]
     fn a_fault_comes_with_advice() {
         let said = "f too dim: 35.2 counts, needs 60.1\n(more laser power)";
-        assert_eq!(
-            centre(&lines(said)),
-            Some(Err(NoCentre {
-                fault: "too dim: 35.2 counts, needs 60.1".to_owned(),
-                advice: "more laser power".to_owned(),
-            }))
-        );
+        let fault = "too dim: 35.2 counts, needs 60.1".to_owned();
+        let advice = "more laser power".to_owned();
+        let none = NoCentre { fault, advice };
+        assert_eq!(centre(&lines(said)), Some(Err(none)));
         assert_eq!(centre(&lines("f too dim: 35.2 counts, needs 60.1")), None);
         assert_eq!(centre(&lines("d 799.9966 mm u 0.0016 x 1770.9878")), None);
     }
@@ -414,12 +395,8 @@ mod tests {
             stored: FlashStatus::Damaged,
             ..shown
         };
-        assert_eq!(
-            super::in_use(&lines(&none.to_string())),
-            Some(InUse {
-                record: None,
-                stored: "unusable".to_owned(),
-            })
-        );
+        let (record, stored) = (None, "unusable".to_owned());
+        let none = super::in_use(&lines(&none.to_string()));
+        assert_eq!(none, Some(InUse { record, stored }));
     }
 }

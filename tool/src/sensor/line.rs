@@ -47,7 +47,8 @@ const WAKE: Duration = Duration::from_millis(50);
 /// How long to wait for a sensor to come back that does not answer any more.
 pub const RECONNECT: Duration = Duration::from_secs(20);
 
-/// A sensor's serial line, held for this program alone.
+/// A sensor's serial line, held for this program alone. Whatever is asked fails if nobody answers, if the
+/// answer is an error, or if the port stops working.
 pub struct Line<'a> {
     pc: &'a dyn Pc,
     port: Box<dyn Port + 'a>,
@@ -208,9 +209,6 @@ impl<'a> Line<'a> {
     }
 
     /// Says a command until `answer` makes something of the lines that came since.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn ask<T>(
         &mut self,
         command: &str,
@@ -235,9 +233,6 @@ impl<'a> Line<'a> {
     }
 
     /// The same, said once: for what must not be done twice.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn ask_once<T>(
         &mut self,
         command: &str,
@@ -272,17 +267,11 @@ impl<'a> Line<'a> {
     }
 
     /// Says a command whose answer is not waited for.
-    ///
-    /// # Errors
-    /// The port stopped working.
     pub fn tell(&mut self, command: &str) -> Result<(), LineError> {
         self.say(format!("{command}\r").as_bytes(), command)
     }
 
     /// The bytes that come next, whatever they are: none if none come in time.
-    ///
-    /// # Errors
-    /// The port stopped working.
     pub fn bytes(&mut self, bytes: &mut [u8], wait: Duration) -> Result<usize, LineError> {
         match self.port.read(bytes, wait) {
             Ok(0) => Err(self.gone(io::ErrorKind::UnexpectedEof.into())),
@@ -294,9 +283,6 @@ impl<'a> Line<'a> {
     }
 
     /// Changes the port's rate.
-    ///
-    /// # Errors
-    /// The port stopped working.
     pub fn set_baud(&mut self, baud: Baud) -> Result<(), LineError> {
         let set = self.port.set_baud(baud.bits_a_second());
         set.map_err(|error| self.gone(error))
@@ -304,9 +290,6 @@ impl<'a> Line<'a> {
 
     /// Brings a sensor back to text at the rate of every start, whichever rate and format it has, and gives
     /// whether readings stream. The port has that rate afterwards.
-    ///
-    /// # Errors
-    /// Nobody answers.
     pub fn wake(&mut self) -> Result<bool, LineError> {
         let text = Command::Set(Value::Format(Format::Text));
         let slow = Command::Set(Value::Baud(Baud::default()));
@@ -331,25 +314,16 @@ impl<'a> Line<'a> {
     }
 
     /// Leaves behind whatever was said before, and gives whether readings stream.
-    ///
-    /// # Errors
-    /// Nobody answers.
     pub fn synchronise(&mut self) -> Result<bool, LineError> {
         self.ask_stream(TRIES, ANSWER)
     }
 
     /// The same in a second at most: whether a sensor is there.
-    ///
-    /// # Errors
-    /// Nobody answers.
     pub fn answers(&mut self) -> Result<bool, LineError> {
         self.ask_stream(2, GLANCE / 2)
     }
 
     /// As [`Line::synchronise`], with one try only.
-    ///
-    /// # Errors
-    /// Nobody answers.
     pub fn synchronise_once(&mut self) -> Result<bool, LineError> {
         self.ask_stream(1, ANSWER)
     }

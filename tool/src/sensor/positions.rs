@@ -7,6 +7,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use calibration::positions::{STAGE_MM, check, even_distances, even_pixels};
+use statistics::least_and_most;
 
 use super::taken::Millimetres;
 
@@ -71,9 +72,8 @@ impl Which {
     /// The file cannot be read, or what it says is no list of distances; likewise the ends. Or the distances
     /// look like metres.
     pub fn list(&self, by_hand: bool) -> Result<Vec<f64>> {
-        let round = self
-            .round
-            .unwrap_or(if by_hand { RULER_MM } else { STAGE_MM });
+        let usual = if by_hand { RULER_MM } else { STAGE_MM };
+        let round = self.round.unwrap_or(usual);
         let positions = self.positions(round)?;
         let from_laser = self.positions.is_none() && self.spacing == Spacing::Pixels;
         // A stage may have its zero in the middle of a few millimetres.
@@ -87,10 +87,10 @@ impl Which {
     fn positions(&self, round: f64) -> Result<Vec<f64>> {
         match (&self.positions, self.from, self.to) {
             (Some(path), ..) => {
-                let text = std::fs::read_to_string(path).with_context(|| {
-                    format!("the positions in {} cannot be read", path.display())
-                })?;
-                listed(&text).with_context(|| format!("the positions in {}", path.display()))
+                let shown = format!("the positions in {}", path.display());
+                let text = std::fs::read_to_string(path);
+                let text = text.with_context(|| format!("{shown} cannot be read"))?;
+                listed(&text).context(shown)
             }
             (None, Some(from), Some(to)) => match self.spacing {
                 Spacing::Pixels => even_pixels(from, to, self.points, round),
@@ -130,10 +130,11 @@ fn listed(text: &str) -> Result<Vec<f64>> {
 
 /// A step in millimetres, as a person types it.
 fn step(text: &str) -> Result<f64, String> {
-    text.parse()
+    let mm = text
+        .parse()
         .ok()
-        .filter(|mm| (STAGE_MM..=100.0).contains(mm))
-        .ok_or_else(|| format!("it must be {STAGE_MM} to 100 mm"))
+        .filter(|mm| (STAGE_MM..=100.0).contains(mm));
+    mm.ok_or_else(|| format!("it must be {STAGE_MM} to 100 mm"))
 }
 
 /// A distance in millimetres that a person wrote.
@@ -179,10 +180,7 @@ pub enum Moved {
 impl<'a> Mover<'a> {
     /// A person, who goes through these positions in millimetres.
     pub fn person(input: &'a mut dyn BufRead, wanted: &[f64]) -> Self {
-        let (least, most) = (wanted.iter())
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |ends, &mm| {
-                (ends.0.min(mm), ends.1.max(mm))
-            });
+        let (least, most) = least_and_most(wanted);
         let beyond = BEYOND_MM.max(0.1 * (most - least));
         Self::Person {
             input,
@@ -205,9 +203,6 @@ impl<'a> Mover<'a> {
     }
 
     /// After the last position: a person may take the last point back.
-    ///
-    /// # Errors
-    /// The system's.
     pub fn finish(&mut self, output: &mut dyn Write) -> Result<Moved> {
         let Self::Person { input, .. } = self else {
             return Ok(Moved::Quit);
@@ -216,11 +211,8 @@ impl<'a> Mover<'a> {
             output,
             "that was the last position: Enter ends, u takes the last point back: "
         )?;
-        let typed = read(*input, output)?;
-        Ok(match typed.as_deref() {
-            Some("u") => Moved::Back,
-            _ => Moved::Quit,
-        })
+        let is_back = read(*input, output)?.as_deref() == Some("u");
+        Ok(if is_back { Moved::Back } else { Moved::Quit })
     }
 }
 
@@ -287,24 +279,18 @@ fn move_stage(command: &str, mm: f64) -> Result<()> {
     Ok(())
 }
 
-#[cfg(unix)]
 fn shell(line: &str) -> Command {
-    let mut shell = Command::new("sh");
-    shell.arg("-c").arg(line);
-    shell
-}
-
-#[cfg(windows)]
-fn shell(line: &str) -> Command {
-    let mut shell = Command::new("cmd");
-    shell.arg("/C").arg(line);
+    let (name, option) = if cfg!(windows) {
+        ("cmd", "/C")
+    } else {
+        ("sh", "-c")
+    };
+    let mut shell = Command::new(name);
+    shell.args([option, line]);
     shell
 }
 
 /// Whether a stage's command says where the distance goes.
-///
-/// # Errors
-/// It does not.
 pub fn check_command(command: &str) -> Result<()> {
     ensure!(
         command.contains("{}"),
@@ -324,36 +310,40 @@ const MISSED_MM: f64 = 5.0;
 /// less than half of the way to that one's neighbour from it, and no further than a person may have missed
 /// it.
 pub fn missing(wanted: &[f64], taken: &[f64]) -> Vec<f64> {
-    wanted
-        .iter()
-        .enumerate()
-        .filter(|&(index, &position)| {
-            let neighbours = [index.checked_sub(1), index.checked_add(1)];
-            let half_way = neighbours
-                .into_iter()
-                .filter_map(|index| wanted.get(index?))
-                .map(|neighbour| (neighbour - position).abs() / 2.0)
-                .fold(MISSED_MM, f64::min);
-            !taken.iter().any(|mm| (mm - position).abs() < half_way)
-        })
-        .map(|(_, &position)| position)
-        .collect()
+    let is_missing = |index: usize| {
+        let position = wanted[index];
+        let neighbours = [index.checked_sub(1), index.checked_add(1)].into_iter();
+        let neighbours = neighbours.filter_map(|index| wanted.get(index?));
+        let half_ways = neighbours.map(|neighbour| (neighbour - position).abs() / 2.0);
+        let half_way = half_ways.fold(MISSED_MM, f64::min);
+        !taken.iter().any(|mm| (mm - position).abs() < half_way)
+    };
+    let missing = (0..wanted.len()).filter(|&index| is_missing(index));
+    missing.map(|index| wanted[index]).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A person reads whole millimetres off a ruler. The ends are as they were typed.
-    #[test]
-    fn positions_are_rounded_for_a_person() {
-        let which = |from, to, points, round| Which {
+    /// Positions at even steps of the centre.
+    fn between(from: f64, to: f64, points: usize) -> Which {
+        Which {
             positions: None,
             from: Some(from),
             to: Some(to),
             points,
             spacing: Spacing::Pixels,
+            round: None,
+        }
+    }
+
+    /// A person reads whole millimetres off a ruler. The ends are as they were typed.
+    #[test]
+    fn positions_are_rounded_for_a_person() {
+        let which = |from, to, points, round| Which {
             round,
+            ..between(from, to, points)
         };
         let list = |round, by_hand| which(590.5, 1030.0, 5, round).list(by_hand);
         let by_hand = list(None, true).expect("positions");
@@ -362,18 +352,12 @@ mod tests {
         assert_eq!(coarse, [590.5, 665.0, 760.0, 875.0, 1030.0]);
         let stage = list(None, false).expect("positions");
         let off = by_hand.iter().zip(&stage).map(|(a, b)| (a - b).abs());
-        assert!(
-            off.fold(0.0, f64::max) <= 0.5 && stage != by_hand,
-            "{stage:?}"
-        );
+        assert!(off.fold(0.0, f64::max) <= 0.5 && stage != by_hand);
         let error = which(600.0, 610.0, 12, None)
             .list(true)
             .expect_err("too close");
-        assert!(
-            error
-                .to_string()
-                .ends_with("take fewer --points, or a finer --round")
-        );
+        let advice = "take fewer --points, or a finer --round";
+        assert!(error.to_string().ends_with(advice));
     }
 
     #[test]
@@ -383,11 +367,8 @@ mod tests {
         std::fs::write(&path, "0.59\n0.7\n1.03\n").expect("written");
         let which = |positions, spacing| Which {
             positions,
-            from: Some(0.59),
-            to: Some(1.03),
-            points: 3,
             spacing,
-            round: None,
+            ..between(0.59, 1.03, 3)
         };
         for (refused, by_hand) in [
             (which(None, Spacing::Pixels), false),
@@ -397,41 +378,42 @@ mod tests {
             assert!(error.ends_with("in millimetres (590, not 0.59)"), "{error}");
         }
         // A stage with its zero in the middle of its travel.
-        which(None, Spacing::Distance)
-            .list(false)
-            .expect("positions");
-        which(Some(path), Spacing::Pixels)
-            .list(false)
-            .expect("positions");
+        for taken in [
+            which(None, Spacing::Distance),
+            which(Some(path), Spacing::Pixels),
+        ] {
+            taken.list(false).expect("positions");
+        }
     }
 
     #[test]
     fn malformed_lists_are_refused() {
+        let sensible = "it is -8380 to 8380 mm";
         for (text, says) in [
             (
                 "600\n610,5\n",
-                "line 2: `610,5` is no distance in millimetres",
+                "line 2: `610,5` is no distance in millimetres".to_owned(),
             ),
             (
                 "600\nnan\n",
-                "line 2: nan is no distance of a target: it is -8380 to 8380 mm",
+                format!("line 2: nan is no distance of a target: {sensible}"),
             ),
             (
                 "600\n# far\n8381\n",
-                "line 3: 8381 is no distance of a target: it is -8380 to 8380 mm",
+                format!("line 3: 8381 is no distance of a target: {sensible}"),
             ),
             (
                 "\n# none\n",
-                "there are none: write one distance in millimetres a line",
+                "there are none: write one distance in millimetres a line".to_owned(),
             ),
         ] {
             assert_eq!(format!("{:#}", listed(text).expect_err("refused")), says);
         }
-        let twice = listed("600\n610\n600.0 # again\n").expect_err("refused");
+        let twice = listed("600\n610\n600.0 # again\n")
+            .expect_err("refused")
+            .to_string();
         assert!(
-            twice
-                .to_string()
-                .starts_with("line 3: 600.0 is there already"),
+            twice.starts_with("line 3: 600.0 is there already"),
             "{twice}"
         );
     }
@@ -465,25 +447,24 @@ mod tests {
         let mut answers = b"\n 612.5 mm\nsixhundred\ns\nt\nu\n61\n61\nq\n".as_slice();
         let mut mover = Mover::person(&mut answers, &[600.0, 700.0]);
         let mut next = || mover.to(610.0, &mut output).expect("an answer");
-        assert_eq!(next(), Moved::To(610.0));
-        assert_eq!(next(), Moved::To(612.5));
-        assert_eq!(next(), Moved::Skip);
-        assert_eq!(next(), Moved::Stayed);
-        assert_eq!(next(), Moved::Back);
-        // Centimetres, by a slip: only typed twice.
-        assert_eq!(next(), Moved::To(61.0));
-        assert_eq!(next(), Moved::Quit);
-        assert_eq!(next(), Moved::End);
+        for expected in [
+            Moved::To(610.0),
+            Moved::To(612.5),
+            Moved::Skip,
+            Moved::Stayed,
+            Moved::Back,
+            // Centimetres, by a slip: only typed twice.
+            Moved::To(61.0),
+            Moved::Quit,
+            Moved::End,
+        ] {
+            assert_eq!(next(), expected);
+        }
         let output = String::from_utf8(output).expect("text");
-        assert!(
-            output.starts_with("move the target to 610 mm, then Enter;"),
-            "{output}"
-        );
+        println!("{output}");
+        assert!(output.starts_with("move the target to 610 mm, then Enter;"));
         assert_eq!(output.matches("61 mm is far from the positions").count(), 1);
-        assert!(
-            output.contains("`sixhundred` is no distance in millimetres\n"),
-            "{output}"
-        );
+        assert!(output.contains("`sixhundred` is no distance in millimetres\n"));
     }
 
     #[test]
@@ -495,17 +476,11 @@ mod tests {
         let command = format!("echo {{}} > '{}'", at.display());
         let mut mover = Mover::Stage(&command);
         let mut output = Vec::new();
-        assert_eq!(
-            mover.to(610.0, &mut output).expect("moved"),
-            Moved::To(610.0)
-        );
+        let moved = mover.to(610.0, &mut output).expect("moved");
+        assert_eq!(moved, Moved::To(610.0));
         assert_eq!(std::fs::read_to_string(at).expect("written"), "610.000\n");
-        let error = Mover::Stage("exit 3 # {}")
-            .to(610.0, &mut output)
-            .expect_err("fails");
-        assert_eq!(
-            error.to_string(),
-            "the stage's command `exit 3 # 610.000` failed: exit status: 3"
-        );
+        let fails = Mover::Stage("exit 3 # {}").to(610.0, &mut output);
+        let error = "the stage's command `exit 3 # 610.000` failed: exit status: 3";
+        assert_eq!(fails.expect_err("fails").to_string(), error);
     }
 }

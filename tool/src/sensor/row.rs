@@ -53,10 +53,8 @@ impl RowOptions {
     fn part(&self) -> Result<RowPart> {
         match self.pixels.as_deref() {
             Some(&[first, last]) => {
-                ensure!(
-                    first <= last,
-                    "--pixels {first} {last}: the first pixel lies beyond the last one"
-                );
+                let wrong = "the first pixel lies beyond the last one";
+                ensure!(first <= last, "--pixels {first} {last}: {wrong}");
                 Ok(RowPart::Range { first, last })
             }
             _ if self.window => Ok(RowPart::Window),
@@ -125,13 +123,12 @@ impl Image {
             let weight = self.gaussian(pixel);
             (light + weight * (count - level), squares + weight * weight)
         });
-        match squares > 0.0 {
-            true => Self {
-                height: light / squares,
-                ..*self
-            },
-            false => *self,
-        }
+        let height = if squares > 0.0 {
+            light / squares
+        } else {
+            self.height
+        };
+        Self { height, ..*self }
     }
 }
 
@@ -163,43 +160,21 @@ impl RowAnswer {
 
     /// Reads the answer without its last line. `None` if a line is missing, or if its checksum is wrong.
     fn of(lines: &[String]) -> Option<Self> {
-        let begin = lines
-            .iter()
-            .position(|line| line.starts_with("row pixels "))?;
-        let lines = lines.get(begin..)?;
-        let check = lines
-            .iter()
-            .position(|line| line.starts_with(HeadCheck::START))?;
+        let place = |start: &str| lines.iter().position(|line| line.starts_with(start));
+        let lines = lines.get(place("row pixels ")?..)?;
+        let is_check = |line: &String| line.starts_with(HeadCheck::START);
+        let check = lines.iter().position(is_check)?;
         let (head, rest) = lines.split_at(check);
         let (check, of_pixels) = rest.split_first()?;
         if HeadCheck::parse(check)? != HeadCheck::of(head.iter().map(String::as_str)) {
             return None;
         }
         let (first_line, found) = head.split_first()?;
-        let words: Vec<&str> = first_line.split(' ').collect();
-        let &[
-            "row",
-            "pixels",
-            pixels,
-            "first",
-            first,
-            "count",
-            count,
-            "exposure",
-            exposure,
-            "black",
-            black,
-            "saturated",
-            saturated,
-        ] = words.as_slice()
-        else {
-            return None;
-        };
-        let (pixels, first, count): (usize, usize, usize) = (
-            pixels.parse().ok()?,
-            first.parse().ok()?,
-            count.parse().ok()?,
-        );
+        let words: Vec<&str> = first_line.strip_prefix("row ")?.split(' ').collect();
+        let keys = ["pixels", "first", "count", "exposure", "black", "saturated"];
+        let [pixels, first, count, exposure, black, saturated] = answers::keyed(&words, keys)?;
+        let (pixels, first) = (pixels.parse().ok()?, first.parse().ok()?);
+        let count: usize = count.parse().ok()?;
         let mut counts = Vec::new();
         for line in of_pixels {
             let line = RowPixels::parse(line)?;
@@ -243,22 +218,18 @@ impl RowAnswer {
         let found = self.found();
         let shape = self.centre.as_ref().ok().and_then(|centre| centre.shape);
         // A comb, and a spot of too few pixels, come without a shape. All images of a comb are as wide.
-        let width_px = shape.map_or_else(
-            || {
-                // Without the pixels of an image, the width of none is known.
-                let images = found.iter().filter(|(x_px, _)| self.has(*x_px));
-                let widths = images.map(|&(x_px, height)| self.width_at_half(x_px, height));
-                median(widths).max(LEAST_WIDTH)
-            },
-            |shape| shape.width_px,
-        );
-        let rough: Vec<Image> = (found.iter())
-            .map(|&(x_px, height)| Image {
-                x_px,
-                height,
-                width_px,
-            })
-            .collect();
+        let width_px = shape.map(|shape| shape.width_px).unwrap_or_else(|| {
+            // Without the pixels of an image, the width of none is known.
+            let images = found.iter().filter(|(x_px, _)| self.has(*x_px));
+            let widths = images.map(|&(x_px, height)| self.width_at_half(x_px, height));
+            median(widths).max(LEAST_WIDTH)
+        });
+        let image = |&(x_px, height): &(f64, f64)| Image {
+            x_px,
+            height,
+            width_px,
+        };
+        let rough: Vec<Image> = found.iter().map(image).collect();
         let level = self.level(&rough).unwrap_or_default();
         let fitted = rough.iter().map(|image| image.fitted(self, level));
         fitted.collect()
@@ -296,10 +267,8 @@ impl RowAnswer {
             let reaches = |image: &Image| (pixel - image.x_px).abs() <= BESIDE * image.width_px;
             !images.iter().any(reaches)
         };
-        let beside: Vec<f64> = (self.pixels())
-            .filter(|&(pixel, _)| is_beside(pixel as f64))
-            .map(|(_, count)| count)
-            .collect();
+        let beside = self.pixels().filter(|&(pixel, _)| is_beside(pixel as f64));
+        let beside: Vec<f64> = beside.map(|(_, count)| count).collect();
         (!beside.is_empty()).then(|| median(&beside))
     }
 
@@ -308,9 +277,7 @@ impl RowAnswer {
         let images = self.images();
         let level = self.level(&images)?;
         (!images.is_empty()).then_some(move |pixel: f64| {
-            let light = images
-                .iter()
-                .map(|image| image.height * image.gaussian(pixel));
+            let light = images.iter().map(|it| it.height * it.gaussian(pixel));
             level + light.sum::<f64>()
         })
     }
@@ -326,12 +293,31 @@ impl RowAnswer {
         text
     }
 
+    fn exposure_words(&self) -> String {
+        match self.exposure {
+            RowExposure::On(exposure) => format!("exposure {} us", exposure.us()),
+            RowExposure::Off => "laser off".to_owned(),
+            RowExposure::Unknown => "exposure unknown".to_owned(),
+        }
+    }
+
+    /// How many pixels are saturated.
+    fn full(&self) -> usize {
+        let is_full = |count: &&u16| **count >= self.saturated;
+        self.counts.iter().filter(is_full).count()
+    }
+
+    /// The first image's width in pixels, and 0 without an image.
+    fn width_px(&self) -> f64 {
+        self.images().first().map_or(0.0, |image| image.width_px)
+    }
+
     /// What a person wants to know first.
     fn summary(&self) -> String {
         let mut text = String::new();
         match &self.centre {
             Ok(centre) => {
-                let width_px = self.images().first().map_or(0.0, |image| image.width_px);
+                let width_px = self.width_px();
                 let _ = writeln!(
                     text,
                     "centre {:.3} px with u {:.3} px, height {:.0} counts, width {width_px:.2} px",
@@ -349,13 +335,7 @@ impl RowAnswer {
                 let _ = writeln!(text, "no centre: {fault}\n{advice}");
             }
         }
-        match self.exposure {
-            RowExposure::On(exposure) => {
-                let _ = write!(text, "exposure {} us", exposure.us());
-            }
-            RowExposure::Off => text.push_str("laser off"),
-            RowExposure::Unknown => text.push_str("exposure unknown"),
-        }
+        text += &self.exposure_words();
         let _ = match self.black {
             Some(black) => writeln!(text, ", black level {black:.2} counts"),
             None => writeln!(text, ", no shielded pixels"),
@@ -364,17 +344,13 @@ impl RowAnswer {
             let last = self.first + self.counts.len() - 1;
             let _ = write!(text, "pixels {} to {last} of {}: ", self.first, self.pixels);
             if let Some(level) = self.level(&self.images()) {
-                let beside = if self.centre.is_ok() {
-                    " beside the spot"
-                } else {
-                    ""
-                };
+                let is_spot = self.centre.is_ok();
+                let beside = if is_spot { " beside the spot" } else { "" };
                 let _ = write!(text, "median {level:.0} counts{beside}, ");
             }
             let _ = writeln!(text, "{highest} at most");
         }
-        let full = self.counts.iter().filter(|&&count| count >= self.saturated);
-        let full = full.count();
+        let full = self.full();
         if full > 0 {
             let _ = writeln!(
                 text,

@@ -15,6 +15,7 @@ use crate::pc::Pc;
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// A sensor that answers and does not stream. What was set for the session alone is put back at its end.
+/// Each question and each setting fails if no answer comes, or an error.
 #[derive(Debug)]
 pub struct Session<'a> {
     line: Line<'a>,
@@ -60,6 +61,16 @@ pub enum Link<'a> {
     There(Session<'a>),
     /// It does not.
     Gone(Away<'a>, String),
+}
+
+impl Link<'_> {
+    /// Why the sensor went away. `None` if it answers.
+    pub fn why_gone(&self) -> Option<&str> {
+        match self {
+            Self::There(_) => None,
+            Self::Gone(_, why) => Some(why),
+        }
+    }
 }
 
 /// Rows and stream, as they are put back.
@@ -172,18 +183,12 @@ impl<'a> Session<'a> {
     }
 
     /// Has readings stream for as long as the session lasts.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn stream(&mut self) -> Result<(), LineError> {
         self.streams = true;
         self.set(Command::Set(Value::Stream(true)))
     }
 
     /// The rows that the sensor lost, and the lines that it dropped, since its start.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn losses(&mut self) -> Result<(u32, u32), LineError> {
         self.line
             .ask(&Command::Status.to_string(), ANSWER, answers::losses)
@@ -205,9 +210,6 @@ impl<'a> Session<'a> {
     }
 
     /// Asks for the value of a setting. The answer is the line that sets it.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn value(&mut self, of: Setting) -> Result<Value, LineError> {
         self.line.ask(of.name(), ANSWER, |lines| {
             match parse(lines.last()?.as_bytes()) {
@@ -218,9 +220,6 @@ impl<'a> Session<'a> {
     }
 
     /// Sets a value.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn set(&mut self, command: Command) -> Result<(), LineError> {
         self.line.ask(&command.to_string(), ANSWER, |lines| {
             (parse(lines.last()?.as_bytes()) == Ok(command)).then_some(())
@@ -237,9 +236,6 @@ impl<'a> Session<'a> {
     }
 
     /// Sets a value that stays after the session.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn set_for_good(&mut self, value: Value) -> Result<(), LineError> {
         match value {
             // The end of the session sets them.
@@ -254,9 +250,6 @@ impl<'a> Session<'a> {
     }
 
     /// Sets a value for as long as the session lasts.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn borrow(&mut self, value: Value) -> Result<(), LineError> {
         if self.found(value.setting()).is_some() {
             return self.set(Command::Set(value));
@@ -270,9 +263,6 @@ impl<'a> Session<'a> {
     }
 
     /// Has rows stay as they are read, without the map of the pixels, for as long as the session lasts.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn borrow_without_map(&mut self) -> Result<(), LineError> {
         let answer = self.line.ask("flat", ANSWER, answers::flat)?;
         if answer.first().is_some_and(|line| line == "flat on") {
@@ -283,9 +273,6 @@ impl<'a> Session<'a> {
     }
 
     /// Puts back the map and the values of some settings before the session ends.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn give_back(&mut self, settings: &[Setting]) -> Result<(), LineError> {
         for &setting in settings {
             if let Some(found) = self.found(setting) {
@@ -307,9 +294,6 @@ impl<'a> Session<'a> {
     /// Has the sensor send packets at a rate until the session ends. The packets come from [`Session::line`].
     /// Above 115200 baud the sensor may lose the command: if no packet comes, call
     /// [`Session::ask_for_packets`] again.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn send_packets(&mut self, baud: Baud) -> Result<(), LineError> {
         self.is_binary = true;
         self.set(Command::Set(Value::Baud(baud)))?;
@@ -318,9 +302,6 @@ impl<'a> Session<'a> {
     }
 
     /// Sends `format binary`, and does not wait for an answer.
-    ///
-    /// # Errors
-    /// The port stopped working.
     pub fn ask_for_packets(&mut self) -> Result<(), LineError> {
         // Ctrl-U and the CR end a line that lost a byte before.
         let binary = Command::Set(Value::Format(Format::Binary));
@@ -328,18 +309,12 @@ impl<'a> Session<'a> {
     }
 
     /// Sets the rows in a frame for as long as the session lasts.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn borrow_rows(&mut self, rows: u16) -> Result<(), LineError> {
         self.before()?;
         self.set(Command::Set(Value::Rows(rows)))
     }
 
     /// What is put back at the end, with the rows.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn before(&mut self) -> Result<Before, LineError> {
         if self.before.rows.is_none()
             && let Value::Rows(rows) = self.value(Setting::Rows)?
@@ -355,18 +330,12 @@ impl<'a> Session<'a> {
     }
 
     /// What the sensor's centres mean at present.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn calibration(&mut self) -> Result<InUse, LineError> {
         let question = Command::Calibration(None).to_string();
         self.line.ask(&question, ANSWER, answers::in_use)
     }
 
     /// The centre of the next frame that is complete.
-    ///
-    /// # Errors
-    /// No answer came, or an error.
     pub fn centre(&mut self) -> Result<Result<Centre, NoCentre>, LineError> {
         let question = Command::Centre.to_string();
         let mut tries = 0;

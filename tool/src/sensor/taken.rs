@@ -237,9 +237,6 @@ impl PointsFile {
     }
 
     /// Adds a point. It is on the disk when this returns.
-    ///
-    /// # Errors
-    /// It could not be written.
     pub fn add(&mut self, point: Taken) -> Result<()> {
         let line = PointLine::from(&point);
         self.append(&line.text)?;
@@ -248,9 +245,6 @@ impl PointsFile {
     }
 
     /// Adds a point that stands for the position in millimetres that was asked for.
-    ///
-    /// # Errors
-    /// It could not be written.
     pub fn add_for(&mut self, asked: f64, point: Taken) -> Result<()> {
         self.add(point)?;
         if point.d_mm != asked {
@@ -280,9 +274,6 @@ impl PointsFile {
     }
 
     /// Adds a remark.
-    ///
-    /// # Errors
-    /// It could not be written.
     pub fn remark(&mut self, text: &str) -> Result<()> {
         self.append(&format!("# {}", text.escape_debug()))
     }

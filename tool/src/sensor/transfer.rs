@@ -289,9 +289,6 @@ fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
 }
 
 /// `calibrate read`.
-///
-/// # Errors
-/// In sentences.
 pub fn read(options: &ReadOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let mut session = options.port.open(pc)?;
     let written = record_in_use(&mut session)?;
@@ -340,9 +337,6 @@ pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> 
 }
 
 /// `calibrate show`. The exit code tells whether two records are the same.
-///
-/// # Errors
-/// In sentences.
 pub fn show(options: &ShowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<ExitCode> {
     let mut records = Vec::new();
     for path in &options.files {

@@ -22,9 +22,6 @@ const A_DECADE: f64 = 12.0;
 const LEAST: f64 = 10.0;
 
 /// Draws both panels.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn draw(taken: &Taken, front_end: &FrontEnd, path: &Path) -> Result<()> {
     let root = axes::figure(path, HEIGHTS[0] + HEIGHTS[1])?;
     let (above, below) = root.split_vertically(HEIGHTS[0]);

@@ -94,9 +94,6 @@ impl Recording {
     }
 
     /// Writes what a frame gave.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn add(&mut self, at: Duration, result: &FrameResult) -> Result<()> {
         let (reading, kind, fault) = match &result.what {
             Ok(reading) if reading.is_held() => (reading, Kind::Held, ""),
@@ -125,9 +122,6 @@ impl Recording {
     }
 
     /// Writes that the sensor is away.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn add_gap(&mut self, at: Duration, why: &str) -> Result<()> {
         self.write(&Recorded {
             time_s: seconds(at),

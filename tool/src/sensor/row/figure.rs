@@ -7,6 +7,7 @@ use anyhow::{Context as _, Result};
 use figures::axes::{self, Area, Axis, Panel, TEXT, text};
 use figures::dark::{BLUE as PIXELS, GREY as LEVEL, RED as FIT};
 use plotters::prelude::*;
+use statistics::least_and_most;
 
 use super::{Image, RowAnswer};
 
@@ -27,12 +28,10 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
         .context("no pixels beside a spot came: ask for the whole row, or for more pixels")?;
     let window = window(answer, &images);
     let fit = answer.fit().filter(|_| !window.is_empty());
-    let height = HEIGHTS[0]
-        + if fit.is_some() {
-            HEIGHTS[1] + HEIGHTS[2]
-        } else {
-            0
-        };
+    let height = match fit {
+        Some(_) => HEIGHTS.iter().sum(),
+        None => HEIGHTS[0],
+    };
     let root = axes::figure(path, height)?;
     let (above, below) = root.split_vertically(HEIGHTS[0]);
     let saturated = f64::from(answer.saturated);
@@ -84,11 +83,9 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
 pub(super) fn window(answer: &RowAnswer, images: &[Image]) -> Range<usize> {
     let ends = images.iter().map(|image| {
         let reach = image.reach_px();
-        (image.x_px - reach, image.x_px + reach)
+        [image.x_px - reach, image.x_px + reach]
     });
-    let (first, last) = ends.fold((f64::MAX, f64::MIN), |(first, last), (from, to)| {
-        (first.min(from), last.max(to))
-    });
+    let (first, last) = least_and_most(ends.flatten());
     let came = answer.first..answer.first + answer.counts.len();
     (first.max(0.0) as usize).max(came.start)..(last as usize + 1).min(came.end)
 }
@@ -105,13 +102,8 @@ fn draw_fit(
 ) -> Result<()> {
     let highest = images.iter().map(|image| image.height).fold(0.0, f64::max);
     let range = (level - 0.08 * highest, level + 1.25 * highest);
-    let mut panel = panel(
-        middle,
-        "pixels (blue) and fit (red)",
-        window,
-        range,
-        "counts",
-    )?;
+    let title = "pixels (blue) and fit (red)";
+    let mut panel = panel(middle, title, window, range, "counts")?;
     for at in [Some(level), answer.black, Some(answer.saturated.into())] {
         if let Some(at) = at.filter(|at| (range.0..range.1).contains(at)) {
             draw_level(&mut panel, window, at)?;
@@ -122,11 +114,10 @@ fn draw_fit(
     axes::draw_line(&mut panel, line, FIT.stroke_width(2))?;
     draw_pixels(&mut panel, answer, window, |_, count| count)?;
     let left = |pixel: usize, count: f64| count - fit(pixel as f64);
-    let most = (answer.first..)
-        .zip(&answer.counts)
-        .filter(|(pixel, _)| window.contains(pixel))
-        .map(|(pixel, &count)| left(pixel, count.into()).abs())
-        .fold(1.0, f64::max);
+    let shown = answer.pixels().filter(|(pixel, _)| window.contains(pixel));
+    let most = shown.fold(1.0, |most: f64, (pixel, count)| {
+        left(pixel, count).abs().max(most)
+    });
     let title = "what the fit leaves";
     let mut panel = self::panel(lowest, title, window, (-1.1 * most, 1.1 * most), "counts")?;
     draw_pixels(&mut panel, answer, window, left)
@@ -158,11 +149,9 @@ fn draw_pixels(
     pixels: &Range<usize>,
     of: impl Fn(usize, f64) -> f64,
 ) -> Result<()> {
-    let points: Vec<(f64, f64)> = (answer.first..)
-        .zip(&answer.counts)
-        .filter(|(pixel, _)| pixels.contains(pixel))
-        .map(|(pixel, &count)| (pixel as f64, of(pixel, count.into())))
-        .collect();
+    let shown = answer.pixels().filter(|(pixel, _)| pixels.contains(pixel));
+    let points = shown.map(|(pixel, count)| (pixel as f64, of(pixel, count)));
+    let points: Vec<(f64, f64)> = points.collect();
     if points.len() > 300 {
         axes::draw_line(panel, points, PIXELS.stroke_width(1))?;
     } else {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::io::Write;
 use std::time::Duration;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Style};
@@ -105,16 +105,13 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
     let mut silent = 0;
     loop {
         while let Some(key) = screen.key()? {
-            match (&mut link, key) {
-                (_, Key::Quit) => {
-                    drop((link, screen));
-                    return scope.sum_up(before, output);
-                }
-                (Link::There(session), key) => {
-                    // An error shows at the next row.
-                    let _ = scope.press(key, session);
-                }
-                (Link::Gone(..), _) => {}
+            if key == Key::Quit {
+                drop((link, screen));
+                return scope.sum_up(before, output);
+            }
+            if let Link::There(session) = &mut link {
+                // An error shows at the next row.
+                let _ = scope.press(key, session);
             }
         }
         link = match link {
@@ -145,30 +142,28 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
                 Err(error) => Link::Gone(session.leave(), error.to_string()),
             },
         };
-        let away = match &link {
-            Link::There(_) => None,
-            Link::Gone(_, why) => Some(why.as_str()),
-        };
-        screen.draw(&mut |frame| scope.draw(frame, away))?;
+        screen.draw(&mut |frame| scope.draw(frame, link.why_gone()))?;
     }
 }
 
 impl InUse {
     /// Those that the sensor uses.
     fn of(session: &mut Session<'_>) -> Result<Self> {
-        let exposure = session.value(Setting::Exposure)?;
-        let estimator = session.value(Setting::Estimator)?;
-        let region = session.value(Setting::Region)?;
-        match (exposure, estimator, region) {
-            (Value::Exposure(exposure), Value::Estimator(estimator), Value::Region(region)) => {
-                Ok(Self {
-                    exposure,
-                    estimator,
-                    region,
-                })
-            }
-            _ => bail!("the sensor's answers do not belong to the questions: try again"),
-        }
+        let mut ask = |setting| session.value(setting);
+        let asked = (
+            ask(Setting::Exposure)?,
+            ask(Setting::Estimator)?,
+            ask(Setting::Region)?,
+        );
+        let (Value::Exposure(exposure), Value::Estimator(estimator), Value::Region(region)) = asked
+        else {
+            bail!("the sensor's answers do not belong to the questions: try again");
+        };
+        Ok(Self {
+            exposure,
+            estimator,
+            region,
+        })
     }
 
     fn values(self) -> [Value; 3] {
@@ -301,11 +296,8 @@ impl Scope {
     fn sum_up(&self, before: InUse, output: &mut dyn Write) -> Result<()> {
         for (before, now) in before.values().into_iter().zip(self.settings.values()) {
             if before != now {
-                writeln!(
-                    output,
-                    "now {now} (it was {before}), until the power goes or `save`"
-                )
-                .context("writing to standard output")?;
+                let how_long = "until the power goes or `save`";
+                writeln!(output, "now {now} (it was {before}), {how_long}")?;
             }
         }
         Ok(())
@@ -337,11 +329,10 @@ impl Scope {
         };
         let found = match &row.centre {
             Ok(centre) => {
-                let width_px = row.images().first().map_or(0.0, |image| image.width_px);
-                let misfit = if centre.misfits > 0 {
-                    ", does not look like a spot"
-                } else {
-                    ""
+                let width_px = row.width_px();
+                let misfit = match centre.misfits {
+                    0 => "",
+                    _ => ", does not look like a spot",
                 };
                 Line::from(format!(
                     "centre {:.3} px, u {:.3} px, height {:.0} counts, width {width_px:.2} px{misfit}",
@@ -350,32 +341,20 @@ impl Scope {
             }
             Err(none) => Line::styled(format!("{} ({})", none.fault, none.advice), red),
         };
-        let exposure = match row.exposure {
-            RowExposure::On(exposure) => format!("exposure {} us", exposure.us()),
-            RowExposure::Off => "laser off".to_owned(),
-            RowExposure::Unknown => "exposure unknown".to_owned(),
-        };
-        let auto = if self.settings.exposure == ExposureMode::Auto {
-            " (auto)"
-        } else {
-            ""
-        };
+        let exposure = row.exposure_words();
+        let is_auto = self.settings.exposure == ExposureMode::Auto;
+        let auto = if is_auto { " (auto)" } else { "" };
         let black = row.black.map_or("no shielded pixels".to_owned(), |black| {
             format!("black level {black:.1} counts")
         });
-        let full = row
-            .counts
-            .iter()
-            .filter(|&&count| count >= row.saturated)
-            .count();
+        let full = row.full();
         let light = format!("{exposure}{auto}, {black}, {full} pixels saturated");
         let light = match full {
             0 => Line::from(light),
             _ => Line::styled(light, red),
         };
-        let rate = self
-            .rate()
-            .map_or(String::new(), |rate| format!(", {rate:.1} rows a second"));
+        let rate = self.rate().map(|rate| format!(", {rate:.1} rows a second"));
+        let rate = rate.unwrap_or_default();
         let spoilt = match self.spoilt {
             0 => String::new(),
             count => format!(", {count} rows arrived spoilt"),
@@ -403,10 +382,9 @@ impl Scope {
         let is_window = !self.whole && !spot.is_empty();
         let shown = if is_window { spot.clone() } else { came };
         let (least, most) = (shown.start as f64, shown.end as f64);
-        let pixels: Vec<(f64, f64)> = (row.pixels())
-            .filter(|(pixel, _)| shown.contains(pixel))
-            .map(|(pixel, count)| (pixel as f64, count))
-            .collect();
+        let pixels = row.pixels().filter(|(pixel, _)| shown.contains(pixel));
+        let pixels = pixels.map(|(pixel, count)| (pixel as f64, count));
+        let pixels: Vec<(f64, f64)> = pixels.collect();
         let counts = match is_window {
             true => {
                 let height = images.iter().map(|image| image.height).fold(1.0, f64::max);
@@ -416,9 +394,10 @@ impl Scope {
         };
         let fit = row.fit();
         let steps = || (0..=400).map(|step| least + (most - least) * f64::from(step) / 400.0);
-        let fitted: Vec<(f64, f64)> = (fit.iter())
-            .flat_map(|fit| steps().map(|pixel| (pixel, fit(pixel))))
-            .collect();
+        let fitted = fit
+            .iter()
+            .flat_map(|fit| steps().map(|pixel| (pixel, fit(pixel))));
+        let fitted: Vec<(f64, f64)> = fitted.collect();
         let across = |at: f64| [(least, at), (most, at)];
         let up = |at: usize| [(at as f64, counts.0), (at as f64, counts.1)];
         let black = row.black.map(across);
@@ -446,19 +425,16 @@ impl Scope {
             }
             _ => vec![],
         };
-        let below = if residuals.is_empty() {
-            0
-        } else {
-            (area.height / 3).max(5)
+        let below = match residuals.is_empty() {
+            true => 0,
+            false => (area.height / 3).max(5),
         };
-        let [above, below] =
-            Layout::vertical([Constraint::Min(3), Constraint::Length(below)]).areas(area);
+        let heights = [Constraint::Min(3), Constraint::Length(below)];
+        let [above, below] = Layout::vertical(heights).areas(area);
         frame.render_widget(chart(sets, (least, most), counts, "counts"), above);
         if !residuals.is_empty() {
-            let largest = residuals
-                .iter()
-                .map(|(_, left)| left.abs())
-                .fold(1.0, f64::max);
+            let sizes = residuals.iter().map(|(_, left)| left.abs());
+            let largest = sizes.fold(1.0, f64::max);
             let zero = across(0.0);
             let sets = vec![line(&zero, Color::Red), dots(&residuals)];
             let range = (-1.1 * largest, 1.1 * largest);
@@ -493,9 +469,8 @@ fn chart<'a>(
         [from, (from + to) / 2.0, to].map(|value| Line::from(format!("{value:>6.0}")))
     };
     let axis = |range: (f64, f64)| {
-        Axis::default()
-            .bounds([range.0, range.1])
-            .labels(names(range))
+        let axis = Axis::default().bounds([range.0, range.1]);
+        axis.labels(names(range))
     };
     Chart::new(sets)
         .x_axis(axis(pixels).title("pixel"))
