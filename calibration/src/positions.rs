@@ -72,22 +72,19 @@ fn spread(
              apart; take fewer --points, or a finer --round"
         )
     };
-    ensure!(
-        (2..=most.max(2)).contains(&points) && from != to,
-        too_close()
-    );
+    let is_count = (2..=most.max(2)).contains(&points);
+    ensure!(is_count && from != to, too_close());
     let last = (points - 1) as f64;
-    let positions: Vec<f64> = (0..points)
-        .map(|index| {
-            let mm = at(index as f64 / last);
-            let mm = match index {
-                _ if index == 0 || index == points - 1 => mm,
-                _ => (mm / round).round() * round,
-            };
-            // No digits that rounding made, and no -0.
-            (mm / STAGE_MM).round() / (1.0 / STAGE_MM) + 0.0
-        })
-        .collect();
+    let position = |index| {
+        let mm = at(index as f64 / last);
+        let mm = match index {
+            _ if index == 0 || index == points - 1 => mm,
+            _ => (mm / round).round() * round,
+        };
+        // No digits that rounding made, and no -0.
+        (mm / STAGE_MM).round() / (1.0 / STAGE_MM) + 0.0
+    };
+    let positions: Vec<f64> = (0..points).map(position).collect();
     let in_order = |pair: &[f64]| (pair[1] - pair[0]) * (to - from) > 0.0;
     ensure!(positions.windows(2).all(in_order), too_close());
     Ok(positions)
@@ -103,24 +100,16 @@ mod tests {
         println!("{even:?}");
         assert_eq!((even[0], even[7]), (600.0, 1020.0));
         let nominal = slitrange::distance::eq1::NOMINAL.expect("a curve");
-        let (d, k) = (
-            nominal.d().to_f64() / 1e3,
-            nominal.k() as f64 / 65536.0 / 1e3,
-        );
+        let (d, k) = (nominal.d().to_f64() / 1e3, nominal.k() as f64 / 65_536e3);
         let pixels: Vec<f64> = even.iter().map(|mm| k / (mm - d)).collect();
         let steps: Vec<f64> = pixels.windows(2).map(|pair| pair[0] - pair[1]).collect();
         println!("{steps:?}");
         // 1519 px over seven steps; rounding to a micrometre is up to 0.006 px, twice.
-        assert!(
-            steps.iter().all(|step| (step - steps[0]).abs() < 0.05),
-            "{steps:?}"
-        );
+        assert!(steps.iter().all(|step| (step - steps[0]).abs() < 0.05));
         let falling = even_pixels(1020.0, 600.0, 8, STAGE_MM).expect("positions");
         assert!(even.iter().eq(falling.iter().rev()));
-        assert_eq!(
-            even_distances(600.0, 1020.0, 3, STAGE_MM).expect("positions"),
-            [600.0, 810.0, 1020.0]
-        );
+        let even = even_distances(600.0, 1020.0, 3, STAGE_MM).expect("positions");
+        assert_eq!(even, [600.0, 810.0, 1020.0]);
     }
 
     #[test]
@@ -145,9 +134,6 @@ mod tests {
         assert_eq!(even, [210.0, 0.0, -210.0]);
         assert!(even[1].is_sign_positive());
         let error = even_pixels(-210.0, 210.0, 3, STAGE_MM).expect_err("refused");
-        assert!(
-            error.to_string().ends_with("give --spacing distance"),
-            "{error}"
-        );
+        assert!(error.to_string().ends_with("give --spacing distance"));
     }
 }

@@ -113,34 +113,32 @@ fn repeated(points: &[Point]) -> anyhow::Result<()> {
     let twice = |value: fn(&Point) -> f64| {
         let mut sorted: Vec<&Point> = points.iter().collect();
         sorted.sort_by(|a, b| value(a).total_cmp(&value(b)).then(a.line.cmp(&b.line)));
-        let pairs = sorted
-            .windows(2)
-            .filter(|pair| value(pair[0]) == value(pair[1]))
-            .map(|pair| (*pair[0], *pair[1]));
-        pairs.min_by_key(|(_, later)| later.line)
+        let pairs = sorted.windows(2).map(|pair| (*pair[0], *pair[1]));
+        let same = pairs.filter(|(first, later)| value(first) == value(later));
+        same.min_by_key(|(_, later)| later.line)
     };
-    if let Some((first, later)) = twice(|point| point.d_mm) {
+    if let Some((
+        Point {
+            line, x_px, d_mm, ..
+        },
+        later,
+    )) = twice(|point| point.d_mm)
+    {
+        let again = later.line;
         ensure!(
-            first.x_px != later.x_px,
-            "line {} repeats line {}: remove one of them",
-            later.line,
-            first.line
+            x_px != later.x_px,
+            "line {again} repeats line {line}: remove one of them"
         );
         bail!(
-            "line {} has the distance of line {}, {} mm, with another centre: keep one of them, or their \
-             mean",
-            later.line,
-            first.line,
-            first.d_mm
+            "line {again} has the distance of line {line}, {d_mm} mm, with another centre: keep one of them, \
+             or their mean"
         );
     }
-    if let Some((first, later)) = twice(|point| point.x_px) {
+    if let Some((Point { line, x_px, .. }, later)) = twice(|point| point.x_px) {
         bail!(
-            "line {} has the centre of line {}, {} px, at another distance: no calibration can tell the two \
-             apart; take one of them again, or remove it",
-            later.line,
-            first.line,
-            first.x_px
+            "line {} has the centre of line {line}, {x_px} px, at another distance: no calibration can tell \
+             the two apart; take one of them again, or remove it",
+            later.line
         );
     }
     Ok(())
@@ -148,35 +146,36 @@ fn repeated(points: &[Point]) -> anyhow::Result<()> {
 
 /// The lines outside of the longest run of distances that rise, or fall, whichever is longer.
 fn out_of_order(points: &[Point]) -> Vec<OutOfOrder> {
-    let distances = |sign: f64| -> Vec<f64> { points.iter().map(|p| sign * p.d_mm).collect() };
-    let (rising, falling) = (
-        longest_rise(&distances(1.0)),
-        longest_rise(&distances(-1.0)),
-    );
-    let rise = rising.len() >= falling.len();
-    let run = if rise { rising } else { falling };
-    let sign = if rise { 1.0 } else { -1.0 };
-    (0..points.len())
-        .filter(|index| run.binary_search(index).is_err())
-        .map(|index| {
-            let after = run.partition_point(|&member| member < index);
-            // It lies above the next of the run, or below the last.
-            let neighbours = [after.checked_sub(1), Some(after)];
-            let not_in_order = neighbours
-                .into_iter()
-                .flatten()
-                .filter_map(|place| run.get(place).copied())
-                .find(|&member| {
-                    (sign * points[member].d_mm < sign * points[index].d_mm) != (member < index)
-                });
-            OutOfOrder {
-                index,
-                point: points[index],
-                other: points[not_in_order.unwrap_or(index)],
-                rise,
-            }
-        })
-        .collect()
+    let (run, sign) = longest_run(points.iter().map(|point| point.d_mm));
+    let rise = sign > 0.0;
+    let left_out = (0..points.len()).filter(|index| run.binary_search(index).is_err());
+    let line = |index| {
+        let after = run.partition_point(|&member| member < index);
+        // It lies above the next of the run, or below the last.
+        let neighbours = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let mut members = neighbours.filter_map(|place| run.get(place).copied());
+        let is_less = |a: usize, b: usize| sign * points[a].d_mm < sign * points[b].d_mm;
+        let other = members.find(|&member| is_less(member, index) != (member < index));
+        OutOfOrder {
+            index,
+            point: points[index],
+            other: points[other.unwrap_or(index)],
+            rise,
+        }
+    };
+    left_out.map(line).collect()
+}
+
+/// The places of the longest run of numbers that rise, and 1, or of those that fall, and -1.
+fn longest_run(numbers: impl Iterator<Item = f64> + Clone) -> (Vec<usize>, f64) {
+    let [rising, falling] = [1.0, -1.0].map(|sign| {
+        let numbers: Vec<f64> = numbers.clone().map(|number| sign * number).collect();
+        longest_rise(&numbers)
+    });
+    match rising.len() >= falling.len() {
+        true => (rising, 1.0),
+        false => (falling, -1.0),
+    }
 }
 
 /// The places of the longest run of numbers that rise; of several the one that takes the earliest.
@@ -213,18 +212,12 @@ fn by_distance(points: &[Point]) -> Vec<&Point> {
 /// Few points: each goes on from the one before.
 fn steps_back(points: &[Point]) -> anyhow::Result<()> {
     let sorted = by_distance(points);
-    let centres = |sign: f64| -> Vec<f64> { sorted.iter().map(|p| sign * p.x_px).collect() };
-    let (rising, falling) = (longest_rise(&centres(1.0)), longest_rise(&centres(-1.0)));
-    let (run, sign) = match rising.len() >= falling.len() {
-        true => (rising, 1.0),
-        false => (falling, -1.0),
-    };
+    let (run, sign) = longest_run(sorted.iter().map(|point| point.x_px));
     if run.len() == sorted.len() {
         return Ok(());
     }
-    let pair = sorted
-        .windows(2)
-        .find(|pair| sign * pair[1].x_px < sign * pair[0].x_px);
+    let goes_back = |pair: &&[&Point]| sign * pair[1].x_px < sign * pair[0].x_px;
+    let pair = sorted.windows(2).find(goes_back);
     if let Some([near, far]) = pair {
         bail!(
             "line {}: its centre, {} px, goes back from the {} px of line {} while the distance goes on from \
@@ -245,13 +238,10 @@ fn steps_back(points: &[Point]) -> anyhow::Result<()> {
 fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
     let sorted = by_distance(points);
     let count = (sorted.len() / 10).clamp(3, 6);
-    let groups: Vec<&[&Point]> = (0..count)
-        .map(|i| &sorted[i * sorted.len() / count..(i + 1) * sorted.len() / count])
-        .collect();
-    let medians: Vec<f64> = groups
-        .iter()
-        .map(|group| median(group.iter().map(|point| point.x_px)))
-        .collect();
+    let group = |i| &sorted[i * sorted.len() / count..(i + 1) * sorted.len() / count];
+    let groups: Vec<&[&Point]> = (0..count).map(group).collect();
+    let middle = |group: &&[&Point]| median(group.iter().map(|point| point.x_px));
+    let medians: Vec<f64> = groups.iter().map(middle).collect();
     let ends = medians[count - 1] - medians[0];
     let steps: Vec<f64> = medians.windows(2).map(|pair| pair[1] - pair[0]).collect();
     // The way that most steps go; where as many go either way, that from the first to the last.
@@ -263,14 +253,16 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
     };
     let back = steps.iter().position(|step| sign * step <= 0.0);
     if let Some(i) = back {
+        let (first, next) = (groups[i], groups[i + 1]);
+        let last = next[next.len() - 1];
         bail!(
             "lines {} to {}: from {} to {} mm the centres go back, from about {:.1} to {:.1} px, where the \
              others go on: two distances would have one centre; take a range in which the centre only rises \
              or only falls",
-            groups[i + 1][0].line,
-            groups[i + 1][groups[i + 1].len() - 1].line,
-            groups[i][0].d_mm,
-            groups[i + 1][groups[i + 1].len() - 1].d_mm,
+            next[0].line,
+            last.line,
+            first[0].d_mm,
+            last.d_mm,
             medians[i],
             medians[i + 1]
         );
@@ -282,17 +274,14 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
 fn folds(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
     let mut sorted: Vec<(&Point, f64)> = points.iter().zip(scatter.iter().copied()).collect();
     sorted.sort_by(|(a, _), (b, _)| a.d_mm.total_cmp(&b.d_mm));
-    let steps = sorted
-        .windows(2)
-        .map(|pair| pair[1].0.x_px - pair[0].0.x_px);
+    let steps = sorted.windows(2).map(|it| it[1].0.x_px - it[0].0.x_px);
     let sign = median(steps).signum();
     let goes_back = |pair: &[(&Point, f64)]| {
         let noise = NOISE * pair[0].1.hypot(pair[1].1);
         sign * (pair[1].0.x_px - pair[0].0.x_px) < -noise
     };
-    let fold = sorted
-        .windows(FOLD + 1)
-        .find(|run| run.windows(2).all(goes_back));
+    let mut runs = sorted.windows(FOLD + 1);
+    let fold = runs.find(|run| run.windows(2).all(goes_back));
     if let Some([(first, _), .., (last, _)]) = fold {
         bail!(
             "lines {} to {}: the centre goes back from {} to {} px while the distance goes on from {} to {} \

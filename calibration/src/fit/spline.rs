@@ -215,9 +215,8 @@ impl Spline {
     /// How much it changes with the distance.
     pub fn slope_at(&self, distance: f64) -> f64 {
         let (start, _, slopes) = self.grid.at(distance);
-        (0..4)
-            .map(|i| slopes[i] * self.coefficients[start + i])
-            .sum()
+        let slope = |i| slopes[i] * self.coefficients[start + i];
+        (0..4).map(slope).sum()
     }
 
     /// Its variance there, where the variance of a residual of weight 1 is 1.
@@ -238,14 +237,13 @@ mod tests {
     use super::*;
 
     fn residuals(count: usize, value: impl Fn(f64) -> f64) -> Vec<Residual> {
-        (0..count)
-            .map(|i| 0.6 + 0.42 * i as f64 / (count - 1) as f64)
-            .map(|at| Residual {
-                at,
-                value: value(at),
-                weight: 1.0,
-            })
-            .collect()
+        let distances = (0..count).map(|i| 0.6 + 0.42 * i as f64 / (count - 1) as f64);
+        let residual = |at| Residual {
+            at,
+            value: value(at),
+            weight: 1.0,
+        };
+        distances.map(residual).collect()
     }
 
     fn equations(count: usize, value: impl Fn(f64) -> f64) -> Equations {
@@ -273,22 +271,15 @@ mod tests {
         use rand_distr::{Distribution as _, StandardNormal};
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let wave = |d: f64| 300e-6 * (12.0 * d).sin();
-        let noise: Vec<f64> = (0..60)
-            .map(|_| {
-                let normal: f64 = StandardNormal.sample(&mut random);
-                2e-6 * normal
-            })
-            .collect();
+        let normal = StandardNormal.sample_iter(&mut random);
+        let noise: Vec<f64> = normal.take(60).map(|it: f64| 2e-6 * it).collect();
         let noise_at = |d: f64| noise[((d - 0.6) / 0.42 * 59.0).round() as usize];
         let equations = equations(60, |d| wave(d) + noise_at(d));
-        let spline = equations
-            .best_penalty()
-            .and_then(|penalty| equations.solve(penalty))
-            .expect("a curve");
+        let penalty = equations.best_penalty().expect("a penalty");
+        let spline = equations.solve(penalty).expect("a curve");
         let rms = |error: &dyn Fn(f64) -> f64| {
             let all = residuals(400, error);
-            let squares = all.iter().map(|residual| residual.value.powi(2));
-            (squares.sum::<f64>() / 400.0).sqrt() * 1e6
+            1e6 * statistics::rms(all.iter().map(|residual| residual.value))
         };
         let error = rms(&|d| spline.at(d) - wave(d));
         let claimed = rms(&|d| 2e-6 * spline.unit_variance_at(d).sqrt());

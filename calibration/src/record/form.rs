@@ -62,12 +62,10 @@ pub fn make(solved: &Solved, wanted: Option<Form>) -> anyhow::Result<Made<'_>> {
 }
 
 fn held(solved: &Solved, form: Form, because: String) -> anyhow::Result<Made<'_>> {
-    let smooth =
-        || {
-            solved.corrected.as_ref().map(|(curve, _)| curve).context(
-                "this form needs ten points at least: with fewer, take eq. (1) (--form eq1)",
-            )
-        };
+    let smooth = || {
+        let curve = solved.corrected.as_ref().map(|(curve, _)| curve);
+        curve.context("this form needs ten points at least: with fewer, take eq. (1) (--form eq1)")
+    };
     let (calibration, knots, curve) = match form {
         Form::Eq1 => (Calibration::Eq1(eq1(&solved.plain)?), None, &solved.plain),
         Form::Corrected => {
@@ -117,23 +115,17 @@ fn eq1(curve: &Curve) -> anyhow::Result<Eq1> {
     );
     // From metre pixels to um px in Q48.16. What is too large saturates, and is refused.
     let k = (1e6 * found.k * 65536.0).round() as i64;
-    Ok(Eq1::new(
-        micrometres(1e6 * found.d),
-        k,
-        pixels(found.pole),
-        first..=last,
-    )?)
+    let (d, pole) = (micrometres(1e6 * found.d), pixels(found.pole));
+    Ok(Eq1::new(d, k, pole, first..=last)?)
 }
 
 /// The largest difference of a calibration's distances from its curve, in micrometres, at even steps.
 fn furthest(calibration: &Calibration, curve: &Curve) -> f64 {
     const STEPS: usize = 2000;
-    curve
-        .even_steps(STEPS)
-        .filter_map(|centre| {
-            let centre = pixels(centre);
-            let (distance, _) = calibration.distance_at(centre).ok()?;
-            Some((distance.to_f64() - 1e6 * curve.distance(centre.to_f64())).abs())
-        })
-        .fold(0.0, f64::max)
+    let off = |centre| {
+        let centre = pixels(centre);
+        let (distance, _) = calibration.distance_at(centre).ok()?;
+        Some((distance.to_f64() - 1e6 * curve.distance(centre.to_f64())).abs())
+    };
+    curve.even_steps(STEPS).filter_map(off).fold(0.0, f64::max)
 }

@@ -62,7 +62,7 @@ pub fn of(solved: &Solved, calibration: &Calibration) -> Option<Profile> {
     // A curve's own variance is that of a residual times parameters over points, on average.
     let own = places.powers as f64 / points.len() as f64;
     let deviation = |variance: f64| ((variance - noise).max(0.0) + variance * own).sqrt();
-    let mean_width = mean(&width.at_places);
+    let mean_width = mean(width.at_places);
     let profile = Profile {
         first,
         last,

@@ -45,14 +45,12 @@ pub fn tabulate(
     loop {
         let knots: Vec<Knot> = centres.iter().copied().map(knot).collect();
         let made = Knots::new(&knots)?;
-        let errors: Vec<f64> = centres
-            .windows(2)
-            .map(|ends| error(&curve, &made, ends[0], ends[1]))
-            .collect();
-        let mut divided: Vec<usize> = (0..errors.len())
-            .filter(|&i| errors[i] > LIMIT)
-            .filter(|&i| centres[i + 1].to_f64() - centres[i].to_f64() > NARROWEST)
-            .collect();
+        let intervals = centres.windows(2);
+        let errors = intervals.map(|ends| error(&curve, &made, ends[0], ends[1]));
+        let errors: Vec<f64> = errors.collect();
+        let is_wide = |i: usize| centres[i + 1].to_f64() - centres[i].to_f64() > NARROWEST;
+        let is_off = |i: &usize| errors[*i] > LIMIT && is_wide(*i);
+        let mut divided: Vec<usize> = (0..errors.len()).filter(is_off).collect();
         divided.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]));
         divided.truncate(MAX_KNOTS.saturating_sub(centres.len()));
         if divided.is_empty() {
@@ -61,10 +59,8 @@ pub fn tabulate(
                 error_um: errors.into_iter().fold(0.0, f64::max),
             });
         }
-        let middles: Vec<Pixels> = divided
-            .into_iter()
-            .map(|i| part_of_way(centres[i], centres[i + 1], 1, 2))
-            .collect();
+        let middle = |i| part_of_way(centres[i], centres[i + 1], 1, 2);
+        let middles: Vec<Pixels> = divided.into_iter().map(middle).collect();
         centres.extend(middles);
         centres.sort_unstable();
     }
@@ -131,12 +127,9 @@ mod tests {
 
     #[test]
     fn a_jump_leaves_an_error_above_the_limit() {
-        let made = tabulate(
-            |x| if x < 2000.5 { 0.0 } else { 1000.0 },
-            Pixels::from_int(1000),
-            Pixels::from_int(3000),
-        )
-        .expect("knots");
+        let (first, last) = (Pixels::from_int(1000), Pixels::from_int(3000));
+        let jump = |x| if x < 2000.5 { 0.0 } else { 1000.0 };
+        let made = tabulate(jump, first, last).expect("knots");
         println!("{} knots, {:.1} um", made.knots.len(), made.error_um);
         assert!(made.knots.len() <= MAX_KNOTS && made.error_um > LIMIT);
     }

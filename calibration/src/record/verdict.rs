@@ -64,11 +64,11 @@ impl Verdict {
         let largest_uncertainty = solved.quality(made.form).largest_uncertainty;
         let largest_uncertainty_um = largest_uncertainty.map(|metres| 1e6 * metres);
         let Some(um) = largest_uncertainty_um else {
+            let because = "three points do not tell how uncertain the curve is; take more points";
             return Self {
                 calibration: Grade::NotUsable,
                 largest_uncertainty_um,
-                because: "three points do not tell how uncertain the curve is; take more points"
-                    .into(),
+                because: because.into(),
             };
         };
         let share = um / (1e3 * (last_mm - first_mm).abs());
@@ -106,14 +106,12 @@ fn doubt(solved: &Solved, made: &Made<'_>, share: f64) -> Option<String> {
         return Some(more_than(USABLE));
     }
     if points < FEWEST_TO_REJECT {
-        return Some(format!(
-            "with fewer than {FEWEST_TO_REJECT} points, none could be rejected"
-        ));
+        let doubt = format!("with fewer than {FEWEST_TO_REJECT} points, none could be rejected");
+        return Some(doubt);
     }
     if rejected as f64 > REJECTED * points as f64 {
-        return Some(format!(
-            "{rejected} of {points} points are rejected: take them again"
-        ));
+        let doubt = format!("{rejected} of {points} points are rejected: take them again");
+        return Some(doubt);
     }
     if let Some(scatter) = solved.quality(made.form).scatter
         && scatter > SCATTERED

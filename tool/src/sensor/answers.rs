@@ -153,7 +153,7 @@ pub(super) fn keyed<'a, const N: usize>(
     let mut values = [""; N];
     for ((value, key), pair) in values.iter_mut().zip(keys).zip(words.chunks(2)) {
         let &[name, word] = pair else { return None };
-        *value = Some(word).filter(|_| name == key)?;
+        *value = (name == key).then_some(word)?;
     }
     (words.len() == 2 * N).then_some(values)
 }
