@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use statistics::median;
 
-use crate::sensor::monitor::recording::{Kind, Recorded};
+use crate::sensor::stream::{FrameResult, Kind};
 
 /// A run of readings ends where the next one comes after so many times the usual interval.
 const PAUSE: f64 = 3.0;
@@ -89,7 +89,7 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
-fn read(path: &Path) -> Result<Vec<Recorded>> {
+fn read(path: &Path) -> Result<Vec<FrameResult>> {
     let name = path.display();
     let file = File::open(path).with_context(|| format!("{name} cannot be opened"))?;
     let lines = csv::Reader::from_reader(file).into_deserialize();
@@ -102,16 +102,16 @@ impl Series {
     ///
     /// # Errors
     /// The longest run is too short.
-    pub fn of(lines: &[Recorded]) -> Result<Self> {
+    pub fn of(lines: &[FrameResult]) -> Result<Self> {
         let has_readings = lines.iter().any(|line| line.kind == Kind::Reading);
         let kind = match has_readings {
             true => Kind::Reading,
             false => Kind::Difference,
         };
         // The sensor's own clock is better than the PC's, if the lines have it.
-        let has_clock = |line: &Recorded| line.kind == Kind::Gap || line.sensor_us.is_some();
+        let has_clock = |line: &FrameResult| line.kind == Kind::Gap || line.sensor_us.is_some();
         let is_timed = lines.iter().all(has_clock) && !lines.iter().any(|it| it.kind == Kind::Gap);
-        let time = |line: &Recorded| match line.sensor_us {
+        let time = |line: &FrameResult| match line.sensor_us {
             Some(us) if is_timed => us as f64 * 1e-6,
             _ => line.time_s,
         };

@@ -18,7 +18,7 @@ use self::view::{View, details};
 use super::line::LineError;
 use super::port::PortOption;
 use super::session::{Link, Session};
-use super::stream::{FrameResult, frame_result};
+use super::stream::{FrameResult, Kind, frame_result};
 use crate::pc::Pc;
 use crate::screen::{Key, Screen};
 
@@ -132,6 +132,11 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         Err(error) => Err(error),
         Ok(()) => monitor.sum_up(output),
     }
+}
+
+/// Seconds to the millisecond.
+fn seconds(at: Duration) -> f64 {
+    at.as_millis() as f64 / 1e3
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
@@ -267,7 +272,12 @@ impl<'a> Monitor<'a> {
     ) -> Result<Link<'a>> {
         let (why, at) = (error.to_string(), self.time());
         if let Some(recording) = &mut self.recording {
-            recording.add_gap(at, &why)?;
+            recording.add(&FrameResult {
+                time_s: seconds(at),
+                kind: Kind::Gap,
+                fault: why.clone(),
+                ..FrameResult::default()
+            })?;
         }
         if as_lines {
             writeln!(output, "{:>9.3} s   {why}", at.as_secs_f64())?;
@@ -277,7 +287,7 @@ impl<'a> Monitor<'a> {
 
     fn take(&mut self, line: &str, as_lines: bool, output: &mut dyn Write) -> Result<()> {
         let at = self.time();
-        let Some(result) = frame_result(line) else {
+        let Some(mut result) = frame_result(line) else {
             match line.strip_prefix("status ") {
                 Some(status) => self.take_status(status),
                 // The answer to `stream on` may come twice.
@@ -289,16 +299,14 @@ impl<'a> Monitor<'a> {
         self.results += 1;
         self.reading_came = self.pc.now();
         self.statistics.take(at, &result);
+        result.time_s = seconds(at);
         if let Some(recording) = &mut self.recording {
-            recording.add(at, &result)?;
+            recording.add(&result)?;
         } else if as_lines {
-            let seconds = at.as_secs_f64();
-            match &result.what {
-                Ok(reading) => {
-                    let (mm, details) = (reading.distance_mm, details(reading));
-                    writeln!(output, "{seconds:>9.3} s   {mm:>10.4} mm   {details}")?;
-                }
-                Err(fault) => writeln!(output, "{seconds:>9.3} s   fault: {fault}")?,
+            write!(output, "{:>9.3} s   ", at.as_secs_f64())?;
+            match result.distance_mm {
+                Some(mm) => writeln!(output, "{mm:>10.4} mm   {}", details(&result))?,
+                None => writeln!(output, "fault: {}", result.fault)?,
             }
         }
         self.latest = Some(result);

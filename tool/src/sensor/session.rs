@@ -20,7 +20,6 @@ const PAUSE: Duration = Duration::from_millis(200);
 pub struct Session<'a> {
     line: Line<'a>,
     head: String,
-    before: Before,
     borrowed: Borrowed,
     /// Whether readings stream in the session.
     streams: bool,
@@ -32,7 +31,6 @@ pub struct Session<'a> {
 pub struct Away<'a> {
     pc: &'a dyn Pc,
     port: String,
-    before: Before,
     borrowed: Borrowed,
 }
 
@@ -46,7 +44,7 @@ impl<'a> Away<'a> {
         };
         match opened {
             Ok(mut session) => {
-                (session.before, session.borrowed) = (self.before, self.borrowed);
+                session.borrowed = self.borrowed;
                 Link::There(session)
             }
             Err(error) => Link::Gone(self, error.to_string()),
@@ -74,7 +72,7 @@ impl Link<'_> {
 }
 
 /// Rows and stream, as they are put back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Before {
     /// Whether readings streamed.
     pub streamed: bool,
@@ -82,9 +80,10 @@ pub struct Before {
     pub rows: Option<u16>,
 }
 
-/// What else is put back.
+/// What is put back.
 #[derive(Clone, Debug, Default)]
 struct Borrowed {
+    before: Before,
     /// The sensor echoed what is typed. An echoed command looks like its answer.
     echo: bool,
     /// Rows were corrected with the map of the pixels.
@@ -113,14 +112,11 @@ impl<'a> Session<'a> {
         let mut session = Self {
             line,
             head: String::new(),
-            before: Before {
-                streamed,
-                rows: None,
-            },
             borrowed: Borrowed::default(),
             streams: streamed,
             is_binary: false,
         };
+        session.borrowed.before.streamed = streamed;
         session.stop_echo()?;
         session.borrow(Value::Format(Format::Text))?;
         session.set(Command::Set(Value::Stream(false)))?;
@@ -146,17 +142,12 @@ impl<'a> Session<'a> {
     /// # Errors
     /// It does not come back within [`RECONNECT`].
     pub fn reopen(self) -> Result<Self, LineError> {
-        let Away {
-            pc,
-            port,
-            before,
-            borrowed,
-        } = self.leave();
+        let Away { pc, port, borrowed } = self.leave();
         let until = pc.now() + RECONNECT;
         loop {
             match Self::open(pc, &port) {
                 Ok(mut session) => {
-                    (session.before, session.borrowed) = (before, borrowed);
+                    session.borrowed = borrowed;
                     return Ok(session);
                 }
                 Err(error) if pc.now() >= until => return Err(error),
@@ -170,15 +161,10 @@ impl<'a> Session<'a> {
         let away = Away {
             pc: self.line.pc(),
             port: self.port().to_owned(),
-            before: self.before,
             borrowed: std::mem::take(&mut self.borrowed),
         };
         // Nothing is left to put back.
         (self.streams, self.is_binary) = (false, false);
-        self.before = Before {
-            streamed: false,
-            rows: None,
-        };
         away
     }
 
@@ -229,7 +215,7 @@ impl<'a> Session<'a> {
     /// The value that a setting had before the session, if the session changes it.
     pub fn found(&self, setting: Setting) -> Option<Value> {
         match setting {
-            Setting::Stream => Some(Value::Stream(self.before.streamed)),
+            Setting::Stream => Some(Value::Stream(self.borrowed.before.streamed)),
             Setting::Echo => Some(Value::Echo(self.borrowed.echo)),
             _ => (self.borrowed.values.iter().copied()).find(|value| value.setting() == setting),
         }
@@ -239,7 +225,7 @@ impl<'a> Session<'a> {
     pub fn set_for_good(&mut self, value: Value) -> Result<(), LineError> {
         match value {
             // The end of the session sets them.
-            Value::Stream(on) => self.before.streamed = on,
+            Value::Stream(on) => self.borrowed.before.streamed = on,
             Value::Echo(on) => self.borrowed.echo = on,
             _ => {
                 self.set(Command::Set(value))?;
@@ -316,17 +302,17 @@ impl<'a> Session<'a> {
 
     /// What is put back at the end, with the rows.
     pub fn before(&mut self) -> Result<Before, LineError> {
-        if self.before.rows.is_none()
+        if self.borrowed.before.rows.is_none()
             && let Value::Rows(rows) = self.value(Setting::Rows)?
         {
-            self.before.rows = Some(rows);
+            self.borrowed.before.rows = Some(rows);
         }
-        Ok(self.before)
+        Ok(self.borrowed.before)
     }
 
     /// Puts back something else at the end than what was found.
     pub fn put_back_instead(&mut self, before: Before) {
-        self.before = before;
+        self.borrowed.before = before;
     }
 
     /// What the sensor's centres mean at present.
@@ -355,8 +341,12 @@ impl<'a> Session<'a> {
 
     /// Puts back what was set for the session.
     fn put_back(&mut self) -> Result<(), LineError> {
-        let Before { streamed, rows } = self.before;
-        let Borrowed { echo, map, values } = std::mem::take(&mut self.borrowed);
+        let Borrowed {
+            before: Before { streamed, rows },
+            echo,
+            map,
+            values,
+        } = std::mem::take(&mut self.borrowed);
         let is_changed = echo || map || !values.is_empty() || rows.is_some();
         if !is_changed && !streamed && !self.streams && !self.is_binary {
             return Ok(());

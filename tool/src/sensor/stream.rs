@@ -1,23 +1,37 @@
 //! The lines that a sensor sends on its own: readings and faults.
 
+use serde::{Deserialize, Serialize};
+
 /// What a frame gave.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrameResult {
-    /// The number of the result since the sensor started, if the line has it.
-    pub number: Option<u32>,
-    /// The time of the result since the sensor started, in microseconds, if the line has it.
-    pub time_us: Option<u64>,
-    /// The reading, or the fault in the sensor's own words: `too dim: 35.2 counts, needs 60.1`.
-    pub what: Result<Reading, String>,
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// A distance from the laser.
+    #[default]
+    Reading,
+    /// A distance relative to `zero`.
+    Difference,
+    /// A fault, and the distance of an earlier reading in its place: the setting `hold`.
+    Held,
+    /// No distance.
+    Fault,
+    /// From here on the sensor was away.
+    Gap,
 }
 
-/// A reading. Only the distance comes always.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Reading {
-    /// Whether the distance is relative to that of `zero`.
-    pub is_difference: bool,
+/// What a frame gave, and a line of the file of `monitor --csv`. What the sensor did not send is empty.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameResult {
+    /// Seconds since `monitor` began, by the PC's clock.
+    pub time_s: f64,
+    /// What the result is.
+    pub kind: Kind,
+    /// The number of the result since the sensor started.
+    pub number: Option<u32>,
+    /// The time of the result since the sensor started, in microseconds.
+    pub sensor_us: Option<u64>,
     /// The distance in millimetres.
-    pub distance_mm: f64,
+    pub distance_mm: Option<f64>,
     /// Its combined standard uncertainty in millimetres.
     pub u_mm: Option<f64>,
     /// Its repeatability in millimetres.
@@ -28,26 +42,21 @@ pub struct Reading {
     pub height_counts: Option<f64>,
     /// The spot's width in pixels.
     pub width_px: Option<f64>,
-    /// The rows used, and the rows in the frame.
-    pub rows: Option<(u16, u16)>,
+    /// The rows used.
+    pub rows_used: Option<u16>,
+    /// The rows in the frame.
+    pub rows: Option<u16>,
     /// The mean exposure of the rows used, in microseconds. The sensor does not send the longest one.
     pub exposure_us: Option<u16>,
     /// The slits used of a comb.
     pub slits: Option<u8>,
     /// The flags, as the line has them: `m 3 g`.
     pub flags: String,
-}
-
-impl Reading {
-    /// Whether the frame gave a fault, and this is the reading of an earlier frame: the setting `hold`.
-    pub fn is_held(&self) -> bool {
-        is_held(&self.flags)
-    }
-}
-
-/// Whether the flags of a reading, as the line has them, say that it is held.
-pub fn is_held(flags: &str) -> bool {
-    flags.split(' ').any(|flag| flag == "h")
+    /// The fault in the sensor's own words, `too dim: 35.2 counts, needs 60.1`, or why the sensor was away.
+    pub fault: String,
+    /// Whether the distance is relative to that of `zero`, also if it is held.
+    #[serde(skip)]
+    pub is_difference: bool,
 }
 
 /// The letters that are no flags, and are followed by a value.
@@ -58,21 +67,22 @@ const VALUES: &[&str] = &["u", "r", "x", "a", "n", "w", "t", "k"];
 pub fn frame_result(line: &str) -> Option<FrameResult> {
     let mut words: Vec<&str> = line.split(' ').collect();
     let number = prefix(&mut words, "#")?;
-    let time_us = prefix(&mut words, "@")?;
-    let what = match words.split_first()? {
-        (&"f", fault) if !fault.is_empty() => Err(fault.join(" ")),
-        (&letter @ ("d" | "z"), rest) => Ok(reading(letter == "z", rest)?),
+    let mut result = FrameResult {
+        number: number.map(u32::try_from).transpose().ok()?,
+        sensor_us: prefix(&mut words, "@")?,
+        ..FrameResult::default()
+    };
+    match words.split_first()? {
+        (&"f", fault) if !fault.is_empty() => {
+            (result.kind, result.fault) = (Kind::Fault, fault.join(" "));
+        }
+        (&letter @ ("d" | "z"), rest) => {
+            result.is_difference = letter == "z";
+            result.read(rest)?;
+        }
         _ => return None,
-    };
-    let number = match number {
-        Some(number) => Some(number.try_into().ok()?),
-        None => None,
-    };
-    Some(FrameResult {
-        number,
-        time_us,
-        what,
-    })
+    }
+    Some(result)
 }
 
 /// Takes a mark and its number off the front of a line. `None` if what follows the mark is no number.
@@ -85,47 +95,50 @@ fn prefix(words: &mut Vec<&str>, mark: &str) -> Option<Option<u64>> {
     Some(Some(number))
 }
 
-/// Reads the words after `d` or `z`.
-fn reading(is_difference: bool, words: &[&str]) -> Option<Reading> {
-    let &[distance, unit, ref columns @ ..] = words else {
-        return None;
-    };
-    let per_mm = match unit {
-        "mm" => 1.0,
-        "um" => 1e3,
-        _ => return None,
-    };
-    let mut reading = Reading {
-        is_difference,
-        distance_mm: number(distance)? / per_mm,
-        ..Reading::default()
-    };
-    let mut columns = columns.iter().copied();
-    while let Some(letter) = columns.next() {
-        if !VALUES.contains(&letter) {
-            // A flag, or the number that belongs to one.
-            if !reading.flags.is_empty() {
-                reading.flags.push(' ');
+impl FrameResult {
+    /// Reads the words after `d` or `z`.
+    fn read(&mut self, words: &[&str]) -> Option<()> {
+        let &[distance, unit, ref columns @ ..] = words else {
+            return None;
+        };
+        let per_mm = match unit {
+            "mm" => 1.0,
+            "um" => 1e3,
+            _ => return None,
+        };
+        self.distance_mm = Some(number(distance)? / per_mm);
+        let mut flags = vec![];
+        let mut columns = columns.iter().copied();
+        while let Some(letter) = columns.next() {
+            if !VALUES.contains(&letter) {
+                // A flag, or the number that belongs to one.
+                flags.push(letter);
+                continue;
             }
-            reading.flags.push_str(letter);
-            continue;
-        }
-        let value = columns.next()?;
-        match letter {
-            "u" => reading.u_mm = Some(number(value)? / per_mm),
-            "r" => reading.r_mm = Some(number(value)? / per_mm),
-            "x" => reading.centre_px = Some(number(value)?),
-            "a" => reading.height_counts = Some(number(value)?),
-            "w" => reading.width_px = Some(number(value)?),
-            "t" => reading.exposure_us = Some(value.parse().ok()?),
-            "k" => reading.slits = Some(value.parse().ok()?),
-            _ => {
-                let (used, all) = value.split_once('/')?;
-                reading.rows = Some((used.parse().ok()?, all.parse().ok()?));
+            let value = columns.next()?;
+            match letter {
+                "u" => self.u_mm = Some(number(value)? / per_mm),
+                "r" => self.r_mm = Some(number(value)? / per_mm),
+                "x" => self.centre_px = Some(number(value)?),
+                "a" => self.height_counts = Some(number(value)?),
+                "w" => self.width_px = Some(number(value)?),
+                "t" => self.exposure_us = Some(value.parse().ok()?),
+                "k" => self.slits = Some(value.parse().ok()?),
+                _ => {
+                    let (used, all) = value.split_once('/')?;
+                    self.rows_used = Some(used.parse().ok()?);
+                    self.rows = Some(all.parse().ok()?);
+                }
             }
         }
+        self.kind = match self.is_difference {
+            _ if flags.contains(&"h") => Kind::Held,
+            true => Kind::Difference,
+            false => Kind::Reading,
+        };
+        self.flags = flags.join(" ");
+        Some(())
     }
-    Some(reading)
 }
 
 /// A decimal number, as the sensor sends it: digits, one point at most, a minus in front at most.
@@ -151,47 +164,45 @@ mod tests {
     fn a_reading_has_all_its_columns() {
         let line = "# 1234 @ 12345678 d 800.1234 mm u 0.4372 r 0.0035 x 1770.1234 a 1011 n 15/16 w 7.62131 \
                     t 187 k 16 m 3 c 2 h 2 g s";
-        let reading = Reading {
-            is_difference: false,
-            distance_mm: 800.1234,
+        let reading = FrameResult {
+            kind: Kind::Held,
+            number: Some(1234),
+            sensor_us: Some(12_345_678),
+            distance_mm: Some(800.1234),
             u_mm: Some(0.4372),
             r_mm: Some(0.0035),
             centre_px: Some(1770.1234),
             height_counts: Some(1011.0),
             width_px: Some(7.62131),
-            rows: Some((15, 16)),
+            rows_used: Some(15),
+            rows: Some(16),
             exposure_us: Some(187),
             slits: Some(16),
             flags: "m 3 c 2 h 2 g s".to_owned(),
+            ..FrameResult::default()
         };
-        let read = frame_result(line).expect("a reading");
-        assert_eq!((read.number, read.time_us), (Some(1234), Some(12_345_678)));
-        assert_eq!(read.what, Ok(reading));
+        assert_eq!(frame_result(line), Some(reading));
     }
 
     #[test]
     fn columns_may_be_missing_and_the_unit_may_be_um() {
         let read = |line| frame_result(line).expect("a result");
-        let short = read("z -0.0010 mm").what.expect("a reading");
-        assert!(short.is_difference);
-        assert_eq!((short.distance_mm, short.u_mm), (-0.001, None));
-        let um = read("d 800123.4 um u 437.2 r 3.5 q 7")
-            .what
-            .expect("a reading");
+        let short = read("z -0.0010 mm");
+        assert_eq!(short.kind, Kind::Difference);
+        assert_eq!((short.distance_mm, short.u_mm), (Some(-0.001), None));
+        let um = read("d 800123.4 um u 437.2 r 3.5 q 7");
         for (found, expected) in [
             (um.distance_mm, 800.1234),
-            (um.u_mm.expect("u"), 0.4372),
-            (um.r_mm.expect("r"), 0.0035),
+            (um.u_mm, 0.4372),
+            (um.r_mm, 0.0035),
         ] {
+            let found = found.expect("a number");
             assert!((found - expected).abs() < 1e-9, "{found}");
         }
         assert_eq!(um.flags, "q 7");
         let fault = read("# 7 f too dim: 35.2 counts, needs 60.1");
-        assert_eq!(fault.number, Some(7));
-        assert_eq!(
-            fault.what,
-            Err("too dim: 35.2 counts, needs 60.1".to_owned())
-        );
+        assert_eq!((fault.number, fault.kind), (Some(7), Kind::Fault));
+        assert_eq!(fault.fault, "too dim: 35.2 counts, needs 60.1");
         assert_eq!(fault_kind("too dim: 35.2 counts, needs 60.1"), "too dim");
         assert_eq!(fault_kind("laser off"), "laser off");
     }
@@ -223,8 +234,8 @@ mod tests {
         fn a_distance_is_finite(
             line in "(# [0-9]{1,9} )?[dz] [-0-9.eInaf]{1,12} mm( [a-z] [0-9./]{1,8}){0,4}",
         ) {
-            if let Some(FrameResult { what: Ok(reading), .. }) = frame_result(&line) {
-                prop_assert!(reading.distance_mm.is_finite());
+            if let Some(mm) = frame_result(&line).and_then(|result| result.distance_mm) {
+                prop_assert!(mm.is_finite());
             }
         }
     }

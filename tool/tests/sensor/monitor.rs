@@ -4,14 +4,14 @@ use std::time::Duration;
 
 use slitrange_tool::pc::Pc;
 use slitrange_tool::screen::Key;
-use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
+use slitrange_tool::sensor::stream::{FrameResult, Kind};
 
 use crate::command::says;
 
 use super::screen::Person;
 use super::stand_in::{StandIn, Trouble};
 
-fn recorded(sensor: &StandIn, name: &str) -> Vec<Recorded> {
+fn recorded(sensor: &StandIn, name: &str) -> Vec<FrameResult> {
     let file = csv::Reader::from_path(sensor.path(name)).expect("the file");
     let lines = file.into_deserialize().collect::<Result<Vec<_>, _>>();
     lines.expect("the documented columns")

@@ -1,7 +1,7 @@
 //! A recording becomes a figure.
 
 use slitrange_tool::plot::Series;
-use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
+use slitrange_tool::sensor::stream::{FrameResult, Kind};
 
 use crate::command::{ends, says};
 
@@ -33,20 +33,20 @@ fn a_recording_is_drawn() {
     assert!((of_one - 0.0008).abs() < 0.0001, "{of_one}");
 }
 
-fn line(time_s: f64, kind: Kind) -> Recorded {
+fn line(time_s: f64, kind: Kind) -> FrameResult {
     let distance_mm = (kind == Kind::Reading).then_some(time_s);
-    Recorded {
+    FrameResult {
         time_s,
         kind,
         distance_mm,
-        ..Recorded::default()
+        ..FrameResult::default()
     }
 }
 
 #[test]
 fn a_run_ends_at_a_fault_and_at_a_pause() {
     // 20 readings, a fault, 30 readings, a pause of a second, 25 readings.
-    let lines = |fault| -> Vec<Recorded> {
+    let lines = |fault| -> Vec<FrameResult> {
         let lines = (0..76).map(|at| {
             let pause = if at > 50 { 1.0 } else { 0.0 };
             let kind = if at == 20 { fault } else { Kind::Reading };

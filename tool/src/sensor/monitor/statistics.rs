@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use statistics::Moments;
 
-use crate::sensor::stream::{FrameResult, fault_kind};
+use crate::sensor::stream::{FrameResult, Kind, fault_kind};
 
 /// So many of the latest readings are shown as a line.
 pub const SHOWN: usize = 400;
@@ -53,20 +53,21 @@ impl Statistics {
         self.came.push_back(at);
         let is_old = |first: &mut Duration| *first + RATE_OVER < at;
         while self.came.pop_front_if(is_old).is_some() {}
-        let distance = match &result.what {
-            Ok(reading) if reading.is_held() => {
-                *self.faults.entry(HELD.to_owned()).or_default() += 1;
-                None
-            }
-            Ok(reading) => {
-                let mm = reading.distance_mm;
+        let distance = match (result.kind, result.distance_mm) {
+            (Kind::Reading | Kind::Difference, Some(mm)) => {
                 self.readings.add(mm);
                 let (least, most) = self.extremes_mm.unwrap_or((mm, mm));
                 self.extremes_mm = Some((least.min(mm), most.max(mm)));
                 Some(mm)
             }
-            Err(fault) => {
-                *self.faults.entry(fault_kind(fault).to_owned()).or_default() += 1;
+            (kind, _) => {
+                let is_held = kind == Kind::Held;
+                let fault = if is_held {
+                    HELD
+                } else {
+                    fault_kind(&result.fault)
+                };
+                *self.faults.entry(fault.to_owned()).or_default() += 1;
                 None
             }
         };

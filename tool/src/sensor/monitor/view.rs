@@ -12,7 +12,7 @@ use statistics::least_and_most;
 use tui_big_text::{BigText, PixelSize};
 
 use super::statistics::Statistics;
-use crate::sensor::stream::{FrameResult, Reading};
+use crate::sensor::stream::FrameResult;
 
 /// What the view shows.
 pub struct View<'a> {
@@ -63,14 +63,16 @@ impl View<'_> {
             Paragraph::new(vec![Line::default(), Line::from(words)])
                 .style(Style::new().fg(Color::Red).bold())
         };
-        match (self.away, self.latest.map(|latest| &latest.what)) {
+        match (self.away, self.latest.map(|it| (it, it.distance_mm))) {
             (Some(away), _) => frame.render_widget(fault(away), area),
-            (_, Some(Err(it))) => frame.render_widget(fault(&format!("fault: {it}")), area),
-            (None, Some(Ok(reading))) => {
+            (_, Some((result, None))) => {
+                frame.render_widget(fault(&format!("fault: {}", result.fault)), area);
+            }
+            (_, Some((_, Some(mm)))) => {
                 let text = BigText::builder()
                     .pixel_size(PixelSize::Quadrant)
                     .style(Style::new().fg(Color::Green))
-                    .lines(vec![Line::from(format!("{:.4} mm", reading.distance_mm))])
+                    .lines(vec![Line::from(format!("{mm:.4} mm"))])
                     .build();
                 frame.render_widget(text, area);
             }
@@ -79,8 +81,9 @@ impl View<'_> {
     }
 
     fn details(&self) -> String {
-        match (self.away, self.latest.map(|latest| &latest.what)) {
-            (None, Some(Ok(reading))) => details(reading),
+        let latest = self.latest.filter(|latest| latest.distance_mm.is_some());
+        match (self.away, latest) {
+            (None, Some(reading)) => details(reading),
             _ => String::new(),
         }
     }
@@ -152,7 +155,8 @@ impl View<'_> {
 }
 
 /// What else a reading says. Flags are explained.
-pub fn details(reading: &Reading) -> String {
+pub fn details(reading: &FrameResult) -> String {
+    let rows = reading.rows_used.zip(reading.rows);
     let four = |value: Option<f64>| value.map(|it| format!("{it:.4}"));
     let mut text = String::new();
     for (name, value, unit) in [
@@ -164,11 +168,7 @@ pub fn details(reading: &Reading) -> String {
             reading.height_counts.map(|it| format!("{it:.0}")),
             " counts",
         ),
-        (
-            "rows",
-            reading.rows.map(|(used, all)| format!("{used}/{all}")),
-            "",
-        ),
+        ("rows", rows.map(|(used, all)| format!("{used}/{all}")), ""),
         (
             "exposure",
             reading.exposure_us.map(|it| it.to_string()),
