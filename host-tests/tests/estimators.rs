@@ -103,7 +103,9 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
             centre_of(geometry, light, Estimator::GaussNewton)
         });
         let ratio = outcome.ratio();
-        println!("sigma {width:>4}, {factor} of full scale: {ratio:.2} of the bound, {outcome:.4?}");
+        println!(
+            "sigma {width:>4}, {factor} of full scale: {ratio:.2} of the bound, {outcome:.4?}"
+        );
         assert!(outcome.rmse <= limit && (outcome.faults, outcome.gross) == (0, 0));
         assert!((outcome.pull - 1.0).abs() <= 0.06);
         let geometry = cell.scene_of(PIXELS).geometry();

@@ -219,8 +219,12 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
         }),
         ("a wide ghost at 3 sigma, to 0.2", &|s| ghost(0.2 * s)),
         ("a slope, to 20 counts a pixel", &|s| Flaw::Slope(20.0 * s)),
-        ("a step at 1 sigma, to 800 counts", &|s| Flaw::Step(800.0 * s, 1.0)),
-        ("a ripple of 30 px, to 400 counts", &|s| Flaw::Ripple(400.0 * s, 30.0)),
+        ("a step at 1 sigma, to 800 counts", &|s| {
+            Flaw::Step(800.0 * s, 1.0)
+        }),
+        ("a ripple of 30 px, to 400 counts", &|s| {
+            Flaw::Ripple(400.0 * s, 30.0)
+        }),
         ("responses that differ, to 0.2", &|s| {
             Flaw::Response(0.2 * s)
         }),

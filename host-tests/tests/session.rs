@@ -467,7 +467,7 @@ fn values_are_named_by_their_forms_and_come_back_from_flash() {
                 true => settings,
                 false => Settings::default(),
             };
-            assert_eq!(through_flash(&written).settings, expected, "{line}");
+            assert_eq!(through_flash(written.as_ref()).settings, expected, "{line}");
             let (name, value, form) = (
                 value.setting().name(),
                 value.to_string(),

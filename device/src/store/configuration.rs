@@ -239,7 +239,9 @@ mod tests {
             record: None,
         };
         let mut buffer = [0; MAX_ENCODED];
-        let [VERSION, low, high, lines @ ..] = encode(&written.as_ref(), &mut buffer).expect("room") else {
+        let [VERSION, low, high, lines @ ..] =
+            encode(&written.as_ref(), &mut buffer).expect("room")
+        else {
             panic!("another version");
         };
         assert_eq!(usize::from(u16::from_le_bytes([*low, *high])), lines.len());
