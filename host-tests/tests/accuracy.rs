@@ -8,40 +8,24 @@ use phase_tables::{LEAST_SQUARES, gaussian};
 use slitrange::centre::tables::TableSet;
 
 /// A noise: its name in a table, the spot's height, the noise, and a seed.
-struct Noise {
-    name: String,
-    amplitude: f64,
-    noise: support::Noise,
-    seed: u64,
-}
+type Noise = (String, f64, support::Noise, u64);
 
 fn white(snr: f64, seed: u64) -> Noise {
-    Noise {
-        name: snr.to_string(),
-        amplitude: 2400.0,
-        noise: (2400.0 / snr, None),
-        seed,
-    }
+    (snr.to_string(), 2400.0, (2400.0 / snr, None), seed)
 }
 
 fn shot(amplitude: f64, electrons: f64, read_noise: f64, seed: u64) -> Noise {
-    Noise {
-        name: format!("{amplitude}, {electrons}, {read_noise}"),
-        amplitude,
-        noise: (read_noise, Some(electrons)),
-        seed,
-    }
+    let name = format!("{amplitude}, {electrons}, {read_noise}");
+    (name, amplitude, (read_noise, Some(electrons)), seed)
 }
 
-impl Noise {
-    fn cell(&self, width: f64, rows: u64) -> Cell {
-        cell(width, self.amplitude, self.noise, rows, self.seed)
-    }
+fn cell_of((_, amplitude, noise, seed): &Noise, width: f64, rows: u64) -> Cell {
+    cell(width, *amplitude, *noise, rows, *seed)
 }
 
 /// What a table says of noises that are all of one kind: in its title, and over their names.
 fn kind(noises: &[Noise]) -> (&'static str, &'static str) {
-    match noises[0].noise.1 {
+    match noises[0].2.1 {
         None => ("white noise", "SNR"),
         Some(_) => ("shot and read noise", "counts, e/count, read"),
     }
@@ -107,13 +91,13 @@ fn of_the_default(noises: &[Noise], widths: &[f64]) -> Table {
     let mut table = Table::new(&title, &format!("{left:>22}"), widths);
     for noise in noises {
         let outcomes = widths.iter().map(|&width| {
-            let cell = noise.cell(width, ROWS);
+            let cell = cell_of(noise, width, ROWS);
             let outcome = cell.run(cell.pixels(), |geometry, light| {
                 centre_of(geometry, light, Estimator::PhaseTable)
             });
             (outcome, 1.11, 0.05)
         });
-        table.line(&format!("{:>22}", noise.name), outcomes);
+        table.line(&format!("{:>22}", noise.0), outcomes);
     }
     table
 }
@@ -164,14 +148,14 @@ fn of_adaptive(noises: &[Noise], widths: &[f64]) -> Table {
     let mut table = Table::new(&title, &format!("{left:>22}{:>11}", ""), widths);
     for noise in noises {
         let outcomes = widths.iter().map(|&width| {
-            let mut rows = Rows::of(noise.cell(width, ROWS));
+            let mut rows = Rows::of(cell_of(noise, width, ROWS));
             rows.pixels = rows.cell.pixels();
             rows.run_each(&WAYS)
         });
         let outcomes: Vec<_> = outcomes.collect();
         for (i, how) in ["in series", "alone"].into_iter().enumerate() {
             let outcomes = outcomes.iter().map(|outcomes| (outcomes[i], limit, 0.05));
-            table.line(&format!("{:>22}{how:>11}", noise.name), outcomes);
+            table.line(&format!("{:>22}{how:>11}", noise.0), outcomes);
         }
     }
     table
@@ -239,7 +223,7 @@ fn centroid_and_fit_stay_within_their_limits_and_their_claims() {
     ] {
         for (noise, limits) in noises.iter().zip(limits) {
             let outcomes = WIDTHS.into_iter().zip(limits).map(|(width, limit)| {
-                let cell = noise.cell(width, rows);
+                let cell = cell_of(noise, width, rows);
                 let outcome = cell.run(PIXELS, |geometry, light| {
                     centre_of(geometry, light, estimator)
                 });
@@ -250,7 +234,7 @@ fn centroid_and_fit_stay_within_their_limits_and_their_claims() {
                 };
                 (outcome, limit, tolerance)
             });
-            let name = format!("{:>14}{:>20}", estimator.name(), noise.name);
+            let name = format!("{:>14}{:>20}", estimator.name(), noise.0);
             table.line(&name, outcomes);
         }
     }
@@ -316,7 +300,7 @@ fn least_squares_weights_reach_the_bound_in_white_noise() {
     let tables = core_tables::borrow(&tables);
     let set = TableSet::new(&tables).expect("proven");
     for width in [1.2, 4.0, 10.5] {
-        let cell = white(100.0, 7).cell(width, 40_000);
+        let cell = cell_of(&white(100.0, 7), width, 40_000);
         let outcome = cell.run(cell.pixels(), |geometry, light| {
             centre_with(&set, None, geometry, light)
         });

@@ -13,6 +13,7 @@
 use std::f64::consts::TAU;
 
 use crate::support::*;
+use num_complex::Complex64 as Wave;
 use simulator::optics::Optics;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 use statistics::upper_median;
@@ -32,26 +33,9 @@ const SIGMA: f64 = 8.6;
 /// Numbers of the slits of the nominal mask: two gaps of 860 um.
 const SLITS: [usize; 3] = [0, 1, 2];
 
-#[derive(Clone, Copy, Default)]
-struct Wave {
-    re: f64,
-    im: f64,
-}
-
-impl Wave {
-    fn of_path(metres: f64, wavelength: f64) -> Self {
-        let (im, re) = (TAU * (metres / wavelength).fract()).sin_cos();
-        Self { re, im }
-    }
-
-    fn add_product(&mut self, a: Self, b: Self) {
-        self.re += a.re * b.re - a.im * b.im;
-        self.im += a.re * b.im + a.im * b.re;
-    }
-
-    fn light(self) -> f64 {
-        self.re * self.re + self.im * self.im
-    }
+/// What waves of these phasors, which come the same ways, add up to.
+fn sum(phasors: &[Wave], ways: &[Wave]) -> Wave {
+    phasors.iter().zip(ways).map(|(a, b)| a * b).sum()
 }
 
 /// The way of light from points of a target, through each of the slits, to the pixels of the middle slit's
@@ -89,20 +73,13 @@ impl Ways {
                 .map(|i| place(slit) + width * ((i as f64 + 0.5) / POINTS as f64 - 0.5))
                 .map(|s| [optics.baseline + s * sin, optics.offset + s * cos])
                 .collect();
-            let wave = |a, b| Wave::of_path(length(a, b), optics.wavelength);
+            let wave = |a, b| Wave::cis(TAU * (length(a, b) / optics.wavelength).fract());
             let ways = |from| apertures.iter().map(move |&it| wave(from, it));
             let from_point = |&x: &f64| ways([x, distance]).collect();
             let to_slit: Vec<Vec<Wave>> = points.iter().map(from_point).collect();
             let of_column = |column: &[f64; 2]| {
                 let to_row: Vec<Wave> = apertures.iter().map(|&it| wave(it, *column)).collect();
-                let sum = |from: &Vec<Wave>| {
-                    let mut sum = Wave::default();
-                    for (&a, &b) in from.iter().zip(&to_row) {
-                        sum.add_product(a, b);
-                    }
-                    sum
-                };
-                to_slit.iter().map(sum).collect()
+                to_slit.iter().map(|from| sum(from, &to_row)).collect()
             };
             columns.iter().map(of_column).collect()
         });
@@ -118,14 +95,11 @@ impl Ways {
         for part in 0..together.len() * PARTS {
             let (mut all, pixel) = (Wave::default(), part / PARTS);
             for slit in &self.slits {
-                let mut own = Wave::default();
-                for (&way, &amplitude) in slit[part].iter().zip(amplitudes) {
-                    own.add_product(way, amplitude);
-                }
-                apart[pixel] += own.light();
-                (all.re, all.im) = (all.re + own.re, all.im + own.im);
+                let own = sum(&slit[part], amplitudes);
+                apart[pixel] += own.norm_sqr();
+                all += own;
             }
-            together[pixel] += all.light();
+            together[pixel] += all.norm_sqr();
         }
     }
 
@@ -158,13 +132,11 @@ fn fit(light: &[f64], start: f64) -> f64 {
 /// What the firmware's core finds in a row of light, `scale` counts for a unit of light, with a black level
 /// of 300 counts, noise of 4 counts, and 10 electrons a count.
 fn core_finds(light: &[f64], scale: f64, seed: u64) -> Answer {
-    let mut random = random(seed);
-    let count = |light: &f64| {
-        let (x, noise): (f64, f64) = (light * scale, random.sample(StandardNormal));
-        (300.0 + x + noise * (16.0 + 0.1 * x).sqrt()).round() as u16
-    };
-    let counts: Vec<u16> = light.iter().map(count).collect();
-    checked(&geometry(light.len(), 6554), &counts, Estimator::default())
+    let pixels = light.len();
+    let counts = noisy_row(&mut random(seed), pixels as u16, |i| {
+        light[i as usize] * scale
+    });
+    checked(&geometry(pixels, 6554), &counts, Estimator::default())
 }
 
 /// Of the values without their signs.
@@ -241,7 +213,7 @@ fn fringes_of_a_point_do_not_move_its_image() {
     for step in 0..60 {
         let ways = Ways::new(0.8 + f64::from(step) * 17e-6, &[0.0]);
         let [mut together, mut apart] = ways.dark();
-        ways.add(&[Wave { re: 1.0, im: 0.0 }], &mut together, &mut apart);
+        ways.add(&[Wave::ONE], &mut together, &mut apart);
         moved.add(&together, &apart, ways.middle);
     }
     moved.print("point");
@@ -270,9 +242,7 @@ fn fringes_of_a_rough_surface_move_its_image_less_than_speckle_does() {
                     .map(|x| {
                         let size = (-(x / radius).powi(2)).exp();
                         let size = size * (-(1.0 - random.random::<f64>()).ln()).sqrt();
-                        let (im, re) = (TAU * random.random::<f64>()).sin_cos();
-                        let (re, im) = (size * re, size * im);
-                        Wave { re, im }
+                        size * Wave::cis(TAU * random.random::<f64>())
                     })
                     .collect();
                 ways.add(&amplitudes, &mut together, &mut apart);

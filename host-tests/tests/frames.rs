@@ -38,18 +38,13 @@ enum Outliers {
 impl Outliers {
     /// What a row is off by, where it is an outlier.
     fn draw(self, random: &mut ChaCha8Rng) -> Option<f64> {
-        match self {
-            Self::None => None,
-            Self::OneSided(share, by) => random.random_bool(share).then_some(by),
-            Self::TwoSided(share, by) => {
-                let sign = if random.random() { 1.0 } else { -1.0 };
-                random.random_bool(share).then_some(sign * by)
-            }
-            Self::Spread(share, by) => {
-                let place = random.random_range(-by..by);
-                random.random_bool(share).then_some(place)
-            }
-        }
+        let (share, off) = match self {
+            Self::None => return None,
+            Self::OneSided(share, by) => (share, by),
+            Self::TwoSided(share, by) => (share, if random.random() { by } else { -by }),
+            Self::Spread(share, by) => (share, random.random_range(-by..by)),
+        };
+        random.random_bool(share).then_some(off)
     }
 }
 
@@ -252,15 +247,7 @@ fn independent(count: usize, share: f64) -> f64 {
 
 /// The share by which rows hang together that are worth so many.
 fn share_for(count: usize, worth: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..50 {
-        let share = 0.5 * (low + high);
-        match independent(count, share) > worth {
-            true => low = share,
-            false => high = share,
-        }
-    }
-    low
+    bisect(0.0, 1.0, |share| independent(count, share) > worth)
 }
 
 /// Measures detections and false alarms in frames whose rows are correlated with the rows before. A frame of
@@ -506,8 +493,8 @@ fn the_spread_is_the_displacement_beyond_the_noise() {
                 let left = (variance - spread.powi(2)).max(0.0).sqrt();
                 let none = found.iter().filter(|it| it.spread.to_f64() == 0.0).count();
                 println!(
-                    "displaced by {displacement} px, {share} of the one before, {rows} rows, {speed} px a row, \
-                     {how:?}: spread {spread:.4} px, none in {none} of {FRAMES}, mean off by {off:.4} px, \
+                    "displaced by {displacement} px, {share} of the one before, {rows} rows, {speed} px a \
+                     row, {how:?}: spread {spread:.4} px, none in {none} of {FRAMES}, mean off by {off:.4} px, \
                      sqrt(V - E[spread^2]) {left:.4} px"
                 );
                 if rows < 16 {

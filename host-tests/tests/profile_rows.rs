@@ -1,9 +1,7 @@
-//! Seeded rows of a spot of any profile, and the bias of a centre over the sub-pixel phases.
+//! Seeded rows of a spot of any profile.
 
 use crate::support::*;
 use simulator::profiles::Curve;
-
-use judges::accuracy::Phases;
 
 /// Pixels of a row that is long enough for the spot and as much background: the noise is not known well on
 /// it, but the centre does not depend on that where the tables are given.
@@ -70,16 +68,4 @@ impl Rows<'_> {
             })
             .collect()
     }
-}
-
-/// The mean errors over the sub-pixel phases of a profile's spots: see [`Phases::bias`].
-///
-/// # Errors
-/// That of a row without a centre.
-pub fn bias(
-    curve: &Curve,
-    width: f64,
-    centre: impl Fn(&[u16], Option<&RowCentre>) -> Result<RowCentre, Fault> + Sync,
-) -> Result<[Vec<f64>; 2], Fault> {
-    Phases::of(pixels(width)).bias(|offset| curve.at(offset, width), centre)
 }

@@ -1,9 +1,9 @@
 //! Profiles other than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. The
 //! tests print every figure that they assert.
 
-use crate::profile_rows::{Rows, bias, pixels};
+use crate::profile_rows::{Rows, pixels};
 use crate::support::*;
-use judges::accuracy::{centre_after, centre_with, largest};
+use judges::accuracy::{Phases, centre_after, centre_with, largest};
 use judges::core_tables;
 use judges::measured_profile::MeasuredProfile;
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, set};
@@ -58,8 +58,8 @@ fn noise_name(amplitude: f64, (read_noise, electrons_per_count): Noise) -> Strin
     format!("{amplitude}, {electrons}, {read_noise}")
 }
 
-/// Measures the bias without noise (see [`bias`]). On the gaussian, the bias is at most 0.0005 px for widths
-/// from 1 px on. On the patterns of a slit, the bias is at most 0.001 px for widths from 1.5 px on.
+/// Measures the bias without noise (see [`Phases::bias`]). On the gaussian, the bias is at most 0.0005 px for
+/// widths from 1 px on. On the patterns of a slit, the bias is at most 0.001 px for widths from 1.5 px on.
 #[test]
 #[ignore = "takes 6 CPU s; run by .ci/run"]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
@@ -86,7 +86,8 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
         for width in WIDTHS {
             let of_mix = mixes.iter().map(|&shot| {
                 let geometry = geometry(pixels(width), shot);
-                let errors = bias(&curve, width, |light, before| {
+                let profile = |offset| curve.at(offset, width);
+                let errors = Phases::of(pixels(width)).bias(profile, |light, before| {
                     centre_after(before, &geometry, light, estimator)
                 });
                 largest(&errors.expect("centres").concat())
@@ -457,7 +458,8 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
                 let tables = set(profile, plan);
                 let tables = core_tables::borrow(&tables);
                 let set = TableSet::new(&tables).expect("proven");
-                let errors = bias(&curve, width, |light, before| {
+                let profile = |offset| curve.at(offset, width);
+                let errors = Phases::of(pixels(width)).bias(profile, |light, before| {
                     centre_with(&set, before, &geometry, light)
                 });
                 let errors = errors.expect("centres").concat();

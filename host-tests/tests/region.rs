@@ -2,52 +2,26 @@
 //! The tests print every figure that they assert.
 
 use crate::support::{self, *};
-use rand_distr::Normal;
-use slitrange::row::LARGEST_COUNT;
+use phase_tables::gaussian;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
 
 const PIXELS: usize = 3648;
-const ELECTRONS_PER_COUNT: f64 = 10.0;
-const READ_NOISE: f64 = 4.0;
-const BLACK_LEVEL: f64 = 300.0;
 
 fn geometry() -> Geometry {
     support::geometry(PIXELS, 6554)
 }
 
-/// A gaussian of light.
+/// A gaussian of light: its centre, width and height.
 #[derive(Clone, Copy, Debug)]
-struct Light {
-    centre: f64,
-    width: f64,
-    height: f64,
-}
-
-impl Light {
-    fn new(centre: f64, width: f64, height: f64) -> Self {
-        Self {
-            centre,
-            width,
-            height,
-        }
-    }
-}
+struct Light(f64, f64, f64);
 
 /// A row with these spots, in shot noise and read noise.
 fn row(random: &mut ChaCha8Rng, spots: &[Light]) -> Vec<u16> {
-    let count = |pixel| {
-        let of_spot = |spot: &Light| {
-            let from = (pixel as f64 - spot.centre) / spot.width;
-            spot.height * (-from * from / 2.0).exp()
-        };
-        let light: f64 = spots.iter().map(of_spot).sum();
-        let variance = READ_NOISE * READ_NOISE + light / ELECTRONS_PER_COUNT;
-        let noise = Normal::new(0.0, variance.sqrt()).expect("a deviation");
-        let count = BLACK_LEVEL + light + noise.sample(random);
-        count.round().clamp(0.0, LARGEST_COUNT.into()) as u16
-    };
-    (0..PIXELS).map(count).collect()
+    let of = |pixel: f64, it: &Light| it.2 * gaussian(pixel - it.0, it.1);
+    noisy_row(random, PIXELS as u16, |pixel| {
+        spots.iter().map(|it| of(pixel, it)).sum()
+    })
 }
 
 /// Measures rows as one frame.
@@ -74,7 +48,7 @@ fn a_region_is_measured_as_a_row_of_these_pixels() {
         let spot = |centre, random: &mut ChaCha8Rng| {
             let width = random.random_range(1.2..20.0);
             let height = 10.0 * f64::powf(400.0, random.random_range(0.0..1.0));
-            Light::new(centre, width, height)
+            Light(centre, width, height)
         };
         let mut spots = vec![spot(inside, &mut random)];
         if number % 3 == 0 {
@@ -129,12 +103,12 @@ fn peak_measures_the_first_or_the_last_spot() {
             let mut centre = random.random_range(300.0..800.0);
             let spots: Vec<_> = (0..random.random_range(2..=3))
                 .map(|_| {
-                    let spot = Light::new(centre, width, random.random_range(500.0..2500.0));
+                    let spot = Light(centre, width, random.random_range(500.0..2500.0));
                     centre += random.random_range(40.0..100.0) * width;
                     spot
                 })
                 .collect();
-            let spots: Vec<_> = spots.into_iter().filter(|it| it.centre < 3400.0).collect();
+            let spots: Vec<_> = spots.into_iter().filter(|it| it.0 < 3400.0).collect();
             let rows: Vec<_> = (0..2).map(|_| row(&mut random, &spots)).collect();
             let wanted = match peak {
                 SpotChoice::Last => spots.last(),
@@ -143,7 +117,7 @@ fn peak_measures_the_first_or_the_last_spot() {
             match measure(geometry(), with_peak(peak), &rows) {
                 Ok(found) if found.frame.misfits > 0 => flagged += 1,
                 Ok(found) => {
-                    let error = found.frame.centre.to_f64() - wanted.expect("a spot").centre;
+                    let error = found.frame.centre.to_f64() - wanted.expect("a spot").0;
                     let in_u = error / found.frame.uncertainty.to_f64();
                     assert!(in_u.abs() < 5.0, "{error} px, {in_u} u, {spots:?}");
                     squares += in_u * in_u;
@@ -166,7 +140,7 @@ fn one_spot_is_the_first_and_the_last() {
     for _ in 0..300 {
         let centre = random.random_range(0.0..PIXELS as f64);
         let width = random.random_range(1.2..25.0);
-        let spot = Light::new(centre, width, random.random_range(20.0..3500.0));
+        let spot = Light(centre, width, random.random_range(20.0..3500.0));
         let rows = [row(&mut random, &[spot]), row(&mut random, &[spot])];
         let strongest = measure(geometry(), Options::default(), &rows);
         for peak in [SpotChoice::First, SpotChoice::Last] {
@@ -186,16 +160,16 @@ fn close_spots_give_no_confident_error() {
     for _ in 0..2000 {
         let width = random.random_range(3.0..12.0);
         let centre = random.random_range(800.0..2500.0);
-        let first = Light::new(centre, width, random.random_range(300.0..2500.0));
+        let first = Light(centre, width, random.random_range(300.0..2500.0));
         let centre = centre + width * random.random_range(2.0..40.0);
-        let second = Light::new(centre, width, random.random_range(300.0..2500.0));
+        let second = Light(centre, width, random.random_range(300.0..2500.0));
         let rows = [row(&mut random, &[first, second])];
         let peak = [SpotChoice::First, SpotChoice::Last][centres % 2];
         match measure(geometry(), with_peak(peak), &rows) {
             Ok(found) if found.frame.misfits == 0 => {
                 centres += 1;
                 let u = found.frame.uncertainty.to_f64();
-                let error = |spot: &Light| (found.frame.centre.to_f64() - spot.centre).abs();
+                let error = |spot: &Light| (found.frame.centre.to_f64() - spot.0).abs();
                 if error(&first).min(error(&second)) > 5.0 * u {
                     wrong += 1;
                     // They look like one spot.

@@ -542,7 +542,7 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
             let bent = place(-0.5) + place(0.5) - 2.0 * place(0.0);
             assert!((mean - at_rest.1 - bent / 6.0).abs() < 1e-3);
             // Short exposures n leave out 1/n^2 of the variance.
-            assert!((more - expected).abs() < 0.01 + 0.06 * expected);
+            assert!((more - expected).abs() < 0.01 + 0.005 * expected);
 
             // Against the integral over the exposure of what pixels gather of the gaussian: 1e-4 of the peak,
             // and f32's rounding.

@@ -310,21 +310,13 @@ fn a_bloomed_spot_has_a_flat_top() {
     assert!((after / all - 1.0).abs() < 1e-6);
 
     let gathered = |h: f64| height * width * FRAC_PI_2.sqrt() * libm::erf(h / (SQRT_2 * width));
-    let (mut low, mut high) = (width, 100.0 * width);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if gathered(middle) > full_well * middle {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
+    let half = bisect(width, 100.0 * width, |h| gathered(h) > full_well * h);
     let is_full = |light: &&f32| f64::from(**light) > 0.999 * full_well;
     let top = light.iter().filter(is_full).count() as f64;
-    println!("a top of {top} pixels, {:.1} expected", 2.0 * low);
-    assert!((top - 2.0 * low).abs() <= 2.0);
+    println!("a top of {top} pixels, {:.1} expected", 2.0 * half);
+    assert!((top - 2.0 * half).abs() <= 2.0);
     // Beyond the top and the one pixel that is partly filled nothing has changed.
-    let end = 400 + (low + 2.0) as usize;
+    let end = 400 + (half + 2.0) as usize;
     assert_eq!(light[end..], before[end..]);
 }
 
@@ -775,20 +767,9 @@ fn after_darkness(scene: &Scene, row: u64) -> Vec<f32> {
 /// each with the random numbers that are its own by its name, the seed and the row - and by nothing else that
 /// the scene lists.
 fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
-    let of_the_sensor = [
-        Effect::Response,
-        Effect::HotPixels,
-        Effect::Lag,
-        Effect::ShotNoise,
-        Effect::Saturation,
-        Effect::BlackLevel,
-        Effect::FixedPattern,
-        Effect::Settling,
-        Effect::FrontEnd,
-        Effect::ReadNoise,
-        Effect::Quantisation,
-    ];
-    let light_alone = (of_the_sensor.into_iter()).fold(scene.clone(), Scene::without);
+    // The effects of the sensor are the last ones.
+    let of_the_sensor = (Effect::ALL.into_iter()).skip_while(|it| *it != Effect::Response);
+    let light_alone = of_the_sensor.fold(scene.clone(), Scene::without);
     let (seed, geometry) = (scene.seed, scene.sensor.geometry());
     let collected = |laser| {
         let mut counts = light_alone.row(row, scene.distance, exposure(laser, 0.0));

@@ -331,17 +331,6 @@ fn spots_are_found_with_few_bits_and_in_short_rows() {
     }
 }
 
-/// A row of the TCD1304DG with this light: a level of 300 counts, 4 counts of read noise and ten electrons a
-/// count.
-fn wide_light(random: &mut ChaCha8Rng, light: impl Fn(f64) -> f64) -> Vec<u16> {
-    let counts = (0..3648).map(|pixel| {
-        let light = light(f64::from(pixel));
-        let normal: f64 = random.sample(StandardNormal);
-        (300.0 + light + (16.0 + light / 10.0).sqrt() * normal) as f32
-    });
-    quantise(&counts.collect::<Vec<f32>>(), 4095)
-}
-
 /// What the default estimator does with a row with one spot: it loses the spot (a fault, or a centre that is
 /// off by more than the spot's width), has a flag, or misleads (without a flag, the centre is off by more
 /// than five times its uncertainty).
@@ -376,7 +365,7 @@ fn check_spots_beside_wide_light(rows: u64) {
                         break (middle, centre);
                     }
                 };
-                let light = wide_light(random, |x| {
+                let light = noisy_row(random, 3648, |x| {
                     wide * gaussian(x - middle, wide_width) + height * gaussian(x - centre, width)
                 });
                 lost_flagged_misled(&light, centre, width)
@@ -424,7 +413,7 @@ impl SlowLight {
         let softness = between(10.0, 100.0);
         let middle = random.random_range(0.0..3648.0);
         let edge = random.random_range(500.0..3148.0);
-        wide_light(random, |x| match self {
+        noisy_row(random, 3648, |x| match self {
             Self::None => 0.0,
             Self::Wide => height * gaussian(x - middle, width),
             Self::Rising => height * x / 3648.0,
@@ -496,7 +485,7 @@ fn a_spot_in_the_dark_part_of_a_row_is_found() {
         let found = tally(200, |seed| {
             let random = &mut random(seed);
             let centre = random.random_range(150.0..700.0);
-            let light = wide_light(random, |x| {
+            let light = noisy_row(random, 3648, |x| {
                 150.0 / (1.0 + ((1000.0 - x) / 30.0).exp()) + height * gaussian(x - centre, width)
             });
             lost_flagged_misled(&light, centre, width)
@@ -515,7 +504,7 @@ fn two_spots_and_hot_pixels_are_told_beside_wide_light() {
             let random = &mut random(seed);
             let middle = random.random_range(1000.0..2600.0);
             let apart = random.random_range(8.0 * width..500.0);
-            let light = wide_light(random, |x| {
+            let light = noisy_row(random, 3648, |x| {
                 100.0 * gaussian(x - middle, 300.0)
                     + 200.0 * gaussian(x - middle - 300.0, width)
                     + 200.0 * strength * gaussian(x - middle - 300.0 + apart, width)
@@ -547,7 +536,7 @@ fn a_spot_that_moves_past_wide_light_is_followed() {
         let mut furthest = 0.0f64;
         for number in 0..300 {
             let truth = 300.0 + 10.0 * f64::from(number);
-            let light = wide_light(random, |x| {
+            let light = noisy_row(random, 3648, |x| {
                 100.0 * gaussian(x - 1800.0, 300.0) + height * gaussian(x - truth, width)
             });
             let row = row(&light);

@@ -74,12 +74,11 @@ pub fn geometry(pixels: usize, shot_variance_per_count_q16: u16) -> Geometry {
 }
 
 /// A row's centre and its uncertainty, in pixels.
+#[inline]
 pub fn row_centre(centre: f64, uncertainty: f64) -> RowCentre {
-    let [centre, uncertainty] =
-        [centre, uncertainty].map(|it| Pixels::from_bits((it * 65536.0).round() as i32));
     RowCentre {
-        centre,
-        uncertainty,
+        centre: Pixels::from_bits((centre * 65536.0).round() as i32),
+        uncertainty: Pixels::from_bits((uncertainty * 65536.0).round() as i32),
         amplitude: Counts::from_int(1000),
         width: Pixels::from_int(9),
         class: Default::default(),
@@ -112,6 +111,28 @@ pub fn pairs<A: Clone, B>(
 ) -> impl Iterator<Item = (A, B)> {
     let of = move |a: A| b.clone().into_iter().map(move |b| (a.clone(), b));
     a.into_iter().flat_map(of)
+}
+
+/// A row of a sensor with a level of 300 counts, 4 counts of read noise and ten electrons a count.
+pub fn noisy_row(random: &mut ChaCha8Rng, pixels: u16, light: impl Fn(f64) -> f64) -> Vec<u16> {
+    let counts = (0..pixels).map(|pixel| {
+        let light = light(f64::from(pixel));
+        let normal: f64 = random.sample(StandardNormal);
+        (300.0 + light + (16.0 + light / 10.0).sqrt() * normal) as f32
+    });
+    quantise(&counts.collect::<Vec<f32>>(), 4095)
+}
+
+/// Where a condition that holds from `low` on ceases to hold, up to `high`.
+pub fn bisect(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        match holds(middle) {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    low
 }
 
 /// The row from its last pixel to its first.

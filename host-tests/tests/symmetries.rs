@@ -170,46 +170,22 @@ fn find(light: &[u16]) -> Result<(Spot, WorkBudget), Fault> {
     spot::find(&Row::new(light, &[], 4095).expect("12 bits"))
 }
 
-/// How far figures are from zero.
-#[derive(Clone, Copy, Debug, Default)]
-struct Spread {
-    squares: f64,
-    worst: f64,
-    count: u32,
-}
-
-impl Spread {
-    fn add(&mut self, value: f64) {
-        self.squares += value * value;
-        self.worst = self.worst.max(value.abs());
-        self.count += 1;
-    }
-
-    fn rms(&self) -> f64 {
-        (self.squares / f64::from(self.count)).sqrt()
-    }
-}
-
-/// A spread for each estimator.
+/// Figures of each estimator.
 #[derive(Default)]
-struct Spreads(RefCell<[Spread; Estimator::ALL.len()]>);
+struct Spreads(RefCell<[Vec<f64>; Estimator::ALL.len()]>);
 
 impl Spreads {
     fn add(&self, estimator: Estimator, value: f64) {
-        self.0.borrow_mut()[estimator as usize].add(value);
-    }
-
-    fn of(&self, estimator: Estimator) -> Spread {
-        self.0.borrow()[estimator as usize]
+        self.0.borrow_mut()[estimator as usize].push(value);
     }
 
     /// More values than this are added, and their root mean square and the largest are at most that.
     #[track_caller]
-    fn assert(&self, estimator: Estimator, what: &str, (count, rms, worst): (u32, f64, f64)) {
-        let off = self.of(estimator);
-        println!("{estimator:?}: {what} {:.4} rms, {off:.4?}", off.rms());
-        let is_good = off.count > count && off.rms() <= rms && off.worst <= worst;
-        assert!(is_good, "{estimator:?}: {off:?}");
+    fn assert(&self, by: Estimator, what: &str, (count, most, worst): (usize, f64, f64)) {
+        let off = &self.0.borrow()[by as usize];
+        let (n, rms, largest) = (off.len(), rms(off), judges::accuracy::largest(off));
+        println!("{by:?}: {what} {rms:.4} rms, {largest:.4} at most, of {n}");
+        assert!(n > count && rms <= most && largest <= worst, "{by:?}");
     }
 }
 
