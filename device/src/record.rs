@@ -105,8 +105,8 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     buffer.get(..summed.saturating_add(SUM)).ok_or(no_room)
 }
 
-/// Shows a record's bytes to a function: none if [`encode`] refuses the record. Not inlined, so that the bytes
-/// are on the stack only meanwhile.
+/// Shows a record's bytes to a function: none if [`encode`] refuses the record. Not inlined, so that the
+/// bytes are on the stack only meanwhile.
 #[inline(never)]
 pub fn with_bytes<T>(record: &Record, show: impl FnOnce(&[u8]) -> T) -> T {
     show(encode(record, &mut [0; MAX_ENCODED]).unwrap_or_default())

@@ -121,8 +121,8 @@ impl<F: NorFlash> Store<F> {
         self.stored(found)
     }
 
-    /// Finds what [`read`](Self::read) reads, for [`stored`](Self::stored). A task that waits for flash so needs
-    /// no memory for a configuration, which has 3 KB.
+    /// Finds what [`read`](Self::read) reads, for [`stored`](Self::stored). A task that waits for flash so
+    /// needs no memory for a configuration, which has 3 KB.
     pub async fn find(&mut self) -> Found {
         match self.items().await {
             Ok(Items {

@@ -133,8 +133,8 @@ struct Found {
 const FRAMES: u64 = 20_000;
 
 /// Wrong rows cost no more than their number. Of five rows, two are wrong in 8 frames of 100, and then no
-/// method can tell which rows are right. Of 64 rows, most are right. Without wrong rows, the error agrees with
-/// its claim.
+/// method can tell which rows are right. Of 64 rows, most are right. Without wrong rows, the error agrees
+/// with its claim.
 #[test]
 fn the_mean_is_at_the_bound_of_the_good_rows() {
     use Outliers::{OneSided, TwoSided};

@@ -299,8 +299,8 @@ fn map_with(entries: &[Entry]) -> Box<PixelMap> {
     map
 }
 
-/// Measures a row of quiet paper, and the same row with pixels that make 0.8 of their light, without a map and
-/// with the map of these pixels, whose centre is that of the even row.
+/// Measures a row of quiet paper, and the same row with pixels that make 0.8 of their light, without a map
+/// and with the map of these pixels, whose centre is that of the even row.
 fn with_darker_pixels(
     scene: Scene,
     options: Options,

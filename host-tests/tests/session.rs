@@ -13,8 +13,8 @@
 //! | `! apply` | what else the owner of the session must do |
 //! | `= limits` | what holds from now on: see [`Sensor::note`] |
 //!
-//! The test takes lines of the first three kinds from the script, and compares the others. To change a script,
-//! edit those three, run the test with `INSTA_UPDATE=always`, and read what else has changed.
+//! The test takes lines of the first three kinds from the script, and compares the others. To change a
+//! script, edit those three, run the test with `INSTA_UPDATE=always`, and read what else has changed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -90,8 +90,8 @@ impl Sensor {
         self.note();
     }
 
-    /// Notes what an event brought, and what holds since: the output of `limits` is on, rows are corrected with
-    /// the map, rows or windows are sent, results are packets, the line speaks Modbus.
+    /// Notes what an event brought, and what holds since: the output of `limits` is on, rows are corrected
+    /// with the map, rows or windows are sent, results are packets, the line speaks Modbus.
     fn note(&mut self) {
         let Actions {
             text,
@@ -242,7 +242,8 @@ impl Sensor {
         self.log = log;
     }
 
-    /// Starts again: with the latest save or something else in flash, with another head, or for another reason.
+    /// Starts again: with the latest save or something else in flash, with another head, or for another
+    /// reason.
     fn start(&mut self, words: &[&str]) {
         let saved = || self.saved.clone().expect("a save");
         let (mut geometry, mut stored) = (tcd1304dg(), Stored::Nothing);

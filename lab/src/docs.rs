@@ -33,7 +33,8 @@ pub fn write_block(page: &str, tool: &str, block: &str) -> anyhow::Result<()> {
     std::fs::write(path(page), with_block(&text, tool, block)?).with_context(|| page.to_owned())
 }
 
-/// Prints blocks, each with its mark, and rewrites them in a page. Without `--write` it says that it does not.
+/// Prints blocks, each with its mark, and rewrites them in a page. Without `--write` it says that it does
+/// not.
 pub fn print_or_write(
     command: &str,
     is_write: bool,

@@ -15,7 +15,7 @@
 //! fM      ‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_
 //! ICG     ‾‾‾‾|______________________________________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾
 //! SH      ______|‾‾‾‾‾‾‾‾‾‾|____________________________________________________
-//! CS      ‾‾‾‾‾‾‾‾|_____________________________________________________________
+//! CS      ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾|__________________________________________________
 //! word                    |  0    |  1    |  2    |  3    |  4    |  5    |  ...
 //! output                                             |  D0   |  D1   |  D2   |
 //! sampled                   ^       ^       ^       ^       ^       ^       ^
@@ -27,8 +27,8 @@
 //! when the output has settled, and word 4 is D0 ([`TCD1304DG_LEAD_IN`]). A slow core may miss the first
 //! words: it waits for the end of the next one, and subtracts those before it. The two fM edges at which ICG
 //! falls and the transfer starts are fixed too, so that pixel and conversion keep their phase from row to
-//! row. All three come a little after fM's edge, because ICG has to rise while fM is high. The transfer
-//! starts while SH is high, so that SH costs no time of its own.
+//! row. ICG moves a little after fM's edge, because it has to rise while fM is high. The transfer starts
+//! after SH fell and the laser began, so that little is left to do before ICG rises.
 //!
 //! The pulses are given in a critical section: an interrupt would stretch them.
 //!
@@ -94,9 +94,9 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 /// SH stays high for at least 1000 ns (data sheet, t3).
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell and the laser began. So a slow
-/// core has little to do between the transfer's start and the rise of ICG. With seven eighths of a period,
-/// wanted rise of ICG is near a rise of fM, and DMA's latency does not change the choice (virtual board).
+/// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell and the laser began. With
+/// seven eighths of a period, the wanted rise of ICG is near a rise of fM, and DMA's latency does not change
+/// the choice (virtual board).
 const TRANSFER_START: u32 = 8 * CYCLES_A_MASTER_CLOCK + 7 * CYCLES_A_MASTER_CLOCK / 8;
 
 /// From the fall of SH to the rise of ICG, at least (data sheet, t1).

@@ -177,8 +177,8 @@ mod tests {
     use super::*;
     use crate::frame::tests::row;
 
-    /// What eight rows show of which some count. Their places are a function of their numbers from the middle,
-    /// and each row claims an uncertainty of 0.02 pixels.
+    /// What eight rows show of which some count. Their places are a function of their numbers from the
+    /// middle, and each row claims an uncertainty of 0.02 pixels.
     fn of_eight<T>(
         counting: &[usize],
         place: impl Fn(f32) -> f32,

@@ -333,8 +333,8 @@ mod tests {
         }
     }
 
-    /// The lowest and the highest count in each place, with no other near them, in words of 12 and 10 bits. No
-    /// other count may borrow a hit from its neighbour.
+    /// The lowest and the highest count in each place, with no other near them, in words of 12 and 10 bits.
+    /// No other count may borrow a hit from its neighbour.
     #[test]
     fn extremes_are_seen_in_any_place() {
         for (inverted, full_scale) in [(0, 4095), (4095, 4095), (1023, 1023)] {

@@ -48,8 +48,8 @@ impl Upload {
         }
     }
 
-    /// Takes a step. If the step completes a record, that one replaces `record`, and the result is true. A record
-    /// has 3 KB, so it does not go through the result.
+    /// Takes a step. If the step completes a record, that one replaces `record`, and the result is true. A
+    /// record has 3 KB, so it does not go through the result.
     ///
     /// # Errors
     /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces, or got a wrong one, goes

@@ -15,8 +15,8 @@ use crate::record::{self, Record, RecordError};
 use crate::settings::{Setting, Settings, split_words};
 use crate::text::Text;
 
-/// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own. A record
-/// has 3 KB, so a configuration to be written borrows its record.
+/// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own. A
+/// record has 3 KB, so a configuration to be written borrows its record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Configuration<R = Record> {
     /// The settings. Those that affect the session only are not written.

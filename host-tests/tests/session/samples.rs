@@ -130,8 +130,8 @@ pub fn map_summary() -> MapSummary {
     }
 }
 
-/// A test of a row whose shielded pixels alternate between two counts, with a spot of a height: `299 301 2000`.
-/// None if the sensor is silent.
+/// A test of a row whose shielded pixels alternate between two counts, with a spot of a height: `299 301
+/// 2000`. None if the sensor is silent.
 pub fn row_test(words: &[&str]) -> Option<RowTest> {
     let &[dark, bright, spot] = words else {
         return None;

@@ -11,10 +11,11 @@ use crate::paper::slit_path::{self, COLUMNS, RowTables};
 use simulator::least_squares;
 use simulator::sinc_fit::{self, Sinc};
 
-/// Compares frames, the first capture at 16 positions of a data set. Gives root mean squares of the plain mean
-/// of rows, core less reference, in pixels: `gauss-newton` with equal weights less [`least_squares::fit_near`],
-/// and `fraunhofer` less [`sinc_fit::fit_from`]. The weights of `fraunhofer` are made for a mix of read and shot
-/// noise, the reference weighs all pixels alike: in noise they are both right, in speckle they differ.
+/// Compares frames, the first capture at 16 positions of a data set. Gives root mean squares of the plain
+/// mean of rows, core less reference, in pixels: `gauss-newton` with equal weights less
+/// [`least_squares::fit_near`], and `fraunhofer` less [`sinc_fit::fit_from`]. The weights of `fraunhofer` are
+/// made for a mix of read and shot noise, the reference weighs all pixels alike: in noise they are both
+/// right, in speckle they differ.
 pub fn compare(set: &DataSet, tables: &RowTables<'_>) -> anyhow::Result<[f64; 2]> {
     let target = Target::new(set)?;
     let positions = (0..set.distances.len()).step_by(set.distances.len().div_ceil(16));

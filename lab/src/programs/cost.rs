@@ -1,8 +1,9 @@
 //! `cargo cost`: what accuracy costs in time.
 //!
-//! Every estimator, and the check's repair, on the same seeded rows against the Cramér-Rao bound; its instructions
-//! on the emulated chip; its time on this computer; and on demand the programs that one would use instead. Prints
-//! the tables of README.md and docs/accuracy.md. With `--write` it also rewrites these and the figures.
+//! Every estimator, and the check's repair, on the same seeded rows against the Cramér-Rao bound; its
+//! instructions on the emulated chip; its time on this computer; and on demand the programs that one would
+//! use instead. Prints the tables of README.md and docs/accuracy.md. With `--write` it also rewrites these
+//! and the figures.
 
 mod accuracy;
 mod chip;

@@ -120,8 +120,8 @@ impl Simulation {
         counts
     }
 
-    /// Adds to an empty row what its pixels collect, without noise: light, and dark current. `time` is the middle
-    /// of its exposure.
+    /// Adds to an empty row what its pixels collect, without noise: light, and dark current. `time` is the
+    /// middle of its exposure.
     fn add_light(&self, light: &mut [f32], row: u64, time: f64, distance: f64, exposure: Exposure) {
         let scene = &self.scene;
         let line = (row % scene.sensor.rows()) as usize;

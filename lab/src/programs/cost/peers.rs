@@ -194,8 +194,8 @@ fn run() -> anyhow::Result<Vec<Fit>> {
     Ok(fits)
 }
 
-/// Nanoseconds a row of each method: the median over short turns that all take on the same few rows, so that a
-/// neighbour's load on the PC falls on all alike.
+/// Nanoseconds a row of each method: the median over short turns that all take on the same few rows, so that
+/// a neighbour's load on the PC falls on all alike.
 fn time(given: &Given<'_>) -> Vec<f64> {
     /// So few that they stay in the cache, where a row is that has just come in.
     const ROWS_OF_A_TURN: usize = 128;

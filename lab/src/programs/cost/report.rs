@@ -22,8 +22,8 @@ const CLOCK_MHZ: f64 = 168.0;
 
 /// Cycles that an instruction of a row takes on silicon: the fewest, a typical number, and the most. From the
 /// times in the manual of the Cortex-M4 (ARM DDI 0439, tables 3-1 and 7-1), and five cycles for each line of
-/// flash that neither cache nor prefetch holds (RM0090, section 3.5). Fewest: flash never waits. Most: prefetch
-/// never helps. The rows of `whole-rows.csv` lie within, followed instruction by instruction.
+/// flash that neither cache nor prefetch holds (RM0090, section 3.5). Fewest: flash never waits. Most:
+/// prefetch never helps. The rows of `whole-rows.csv` lie within, followed instruction by instruction.
 const CYCLES: [f64; 3] = [1.2, 1.6, 2.9];
 
 /// Estimated microseconds of so many instructions: the least, typical ones, and the most.

@@ -14,7 +14,8 @@ pub struct Cost {
 }
 
 /// Prints what several calls take: the median of their cycles, the upper one of two, the most cycles, and the
-/// most stack in bytes. `number` is how many items of a kind each of them goes over, or another number of them.
+/// most stack in bytes. `number` is how many items of a kind each of them goes over, or another number of
+/// them.
 pub fn print<const N: usize>(kind: &str, name: &str, number: (&str, f32), mut costs: [Cost; N]) {
     costs.sort_unstable_by_key(|cost| cost.cycles);
     defmt::println!(

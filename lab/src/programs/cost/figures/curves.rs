@@ -109,8 +109,8 @@ pub fn draw_curves<'a, 'b>(
     Ok(panel)
 }
 
-/// Writes the curves' names into a column that begins at a pixel and ends above another one, from top to bottom
-/// and apart, with a line to each from its curve's end.
+/// Writes the curves' names into a column that begins at a pixel and ends above another one, from top to
+/// bottom and apart, with a line to each from its curve's end.
 pub fn write_names(
     area: &Area<'_>,
     panel: &Panel<'_, '_>,

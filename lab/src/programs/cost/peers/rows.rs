@@ -29,8 +29,8 @@ pub struct Window {
     pub start: Parameters,
 }
 
-/// A spot of sigma 10.5 pixels and 2000 counts, the slit's on the paper's pixels, with shot noise and read noise
-/// as a laser spot has them.
+/// A spot of sigma 10.5 pixels and 2000 counts, the slit's on the paper's pixels, with shot noise and read
+/// noise as a laser spot has them.
 const SPOT: bound::Spot = bound::Spot {
     width: 10.5,
     amplitude: 2000.0,
@@ -62,8 +62,8 @@ pub fn geometry() -> Geometry {
     }
 }
 
-/// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to either
-/// side.
+/// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to
+/// either side.
 pub fn bound() -> f64 {
     SPOT.bound()
 }

@@ -73,8 +73,8 @@ impl WholeRows {
     }
 }
 
-/// The typical milliseconds of a reading. The mean was measured for a frame of the factory's settings. It goes
-/// over all rows, so it grows with them.
+/// The typical milliseconds of a reading. The mean was measured for a frame of the factory's settings. It
+/// goes over all rows, so it grows with them.
 fn of_reading(steps: [&Steps; 3], once: &OnceAFrame, rows: u64) -> f64 {
     let [first, following, last] = steps.map(Steps::total);
     let mean = last.saturating_sub(following) * rows / u64::from(FRAME);
@@ -87,8 +87,8 @@ impl Measured {
         self.methods.iter().filter_map(|method| method.estimator())
     }
 
-    /// Instructions of a following row by a method. The repair takes the place of the default estimator, among
-    /// its conversion, search and check.
+    /// Instructions of a following row by a method. The repair takes the place of the default estimator,
+    /// among its conversion, search and check.
     pub fn row_instructions(&self, method: Method, width: f64) -> Option<u64> {
         let at = |estimator| self.chip.whole_rows.at_width(estimator, width);
         if let Some(estimator) = method.estimator() {
