@@ -87,7 +87,11 @@ impl Line {
             assert!(refusal.to_string().starts_with('E'), "{refusal}");
         }
         let expected = self.expected(step);
-        assert_eq!(taken.as_ref().ok(), expected.as_ref(), "{step:?}: {taken:?}");
+        assert_eq!(
+            taken.as_ref().ok(),
+            expected.as_ref(),
+            "{step:?}: {taken:?}"
+        );
     }
 
     /// What the step gives, if it is taken.

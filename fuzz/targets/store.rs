@@ -142,7 +142,10 @@ fn check(flash: &mut Flash) {
 
 /// Saves over any contents, and reads the configuration back.
 fn save(flash: &mut Flash, saved: &Configuration) {
-    assert_eq!(block_on(Store::new(&mut *flash).save(&saved.as_ref())), Ok(()));
+    assert_eq!(
+        block_on(Store::new(&mut *flash).save(&saved.as_ref())),
+        Ok(())
+    );
     let stored = block_on(Store::new(&mut *flash).read());
     assert!(stored == Stored::Newest(saved.clone()), "{stored:?}");
 }

@@ -180,7 +180,7 @@ impl Pulses {
             &format!("t1: {sh_icg} ns or more"),
             "t1 to t3",
             "t4: while fM is high, 0.19 us",
-            "while SH is high",
+            "after SH",
             &format!("{PIXELS} words of 1.52 us"),
             "of its time: when it has settled",
             "after SH",
@@ -210,11 +210,11 @@ impl Pulses {
     fn draw_start(&self, svg: &mut Svg) {
         let panel = Panel {
             from: -1000.0,
-            to: 10_900.0,
+            to: 15_900.0,
             top: 50.0,
             bottom: 444.0,
         };
-        let ticks = (0..=10).map(|us| (1000.0 * f64::from(us), us));
+        let ticks = (0..=15).map(|us| (1000.0 * f64::from(us), us));
         panel.ticks(svg, ticks, "us");
         let fm: Vec<f64> = (-60..60)
             .map(|half| self.master_clock_rose + 0.5 * MASTER_CLOCK * f64::from(half))
