@@ -115,7 +115,7 @@ impl Session {
             flash: FlashStatus::Nothing,
             calibration_on: true,
             upload: Upload::none(),
-            flat: flat::FlatState::new(),
+            flat: flat::FlatState::default(),
             wanted: Wanted::default(),
             saves_silently: false,
             zero: None,

@@ -56,12 +56,23 @@ impl fmt::Display for CalibrationAnswer<'_> {
             None => f.write_str("calibration none")?,
             Some(record) => self.write_record(record, f)?,
         }
-        if let FlashStatus::Later(version) = self.stored {
-            let error = ConfigurationError::Version { version };
-            write!(f, "\r\ncalibration fault {error}")?;
-        }
-        if let Some(fault) = self.fault() {
-            write!(f, "\r\ncalibration fault {fault}")?;
+        match self.stored {
+            FlashStatus::Nothing | FlashStatus::Record(_) => {}
+            FlashStatus::Later(version) => {
+                let error = ConfigurationError::Version { version };
+                write!(f, "\r\ncalibration fault {error}")?;
+            }
+            FlashStatus::Damaged => f.write_str(
+                "\r\ncalibration fault what was saved cannot be used: upload it again, or defaults, then save",
+            )?,
+            FlashStatus::Older(_) => f.write_str(
+                "\r\ncalibration fault the last save is unusable, flash holds an earlier one: upload the \
+                 calibration again, or save",
+            )?,
+            FlashStatus::OtherSensor => f.write_str(
+                "\r\ncalibration fault what was saved is of another sensor head: upload this one's \
+                 calibration, then save",
+            )?,
         }
         write!(f, "\r\ncalibration stored {}", self.stored_word())
     }
@@ -108,23 +119,6 @@ impl CalibrationAnswer<'_> {
             "stored"
         } else {
             "uploaded"
-        }
-    }
-
-    /// What is wrong with the contents of the flash, but for a later version.
-    const fn fault(&self) -> Option<&'static str> {
-        match self.stored {
-            FlashStatus::Nothing | FlashStatus::Record(_) | FlashStatus::Later(_) => None,
-            FlashStatus::Damaged => {
-                Some("what was saved cannot be used: upload it again, or defaults, then save")
-            }
-            FlashStatus::Older(_) => Some(
-                "the last save is unusable, flash holds an earlier one: upload the calibration again, or \
-                save",
-            ),
-            FlashStatus::OtherSensor => Some(
-                "what was saved is of another sensor head: upload this one's calibration, then save",
-            ),
         }
     }
 

@@ -60,40 +60,28 @@ impl fmt::Display for FlatAnswer<'_> {
         if self.has_dark_rows {
             f.write_str("\r\nflat taking: light the sensor evenly, then flat lit")?;
         }
-        if let StoredMap::Later(version) = self.stored {
-            write!(
+        match self.stored {
+            StoredMap::Nothing | StoredMap::Newest => {}
+            StoredMap::Later(version) => write!(
                 f,
                 "\r\nflat fault the saved map has version {version}, this firmware reads {VERSION}: update \
                  the firmware, or take a map and flat save"
-            )?;
+            )?,
+            StoredMap::Older => f.write_str(
+                "\r\nflat fault the last save is unusable, flash holds an earlier map: take a map again, or \
+                 flat save",
+            )?,
+            StoredMap::Unusable => f.write_str(
+                "\r\nflat fault the saved map cannot be used: take a map again and flat save, or flat none",
+            )?,
         }
-        if let Some(fault) = self.fault() {
-            write!(f, "\r\nflat fault {fault}")?;
-        }
-        write!(f, "\r\nflat stored {}", self.stored_word())
-    }
-}
-
-impl FlatAnswer<'_> {
-    const fn fault(&self) -> Option<&'static str> {
-        match self.stored {
-            StoredMap::Nothing | StoredMap::Newest | StoredMap::Later(_) => None,
-            StoredMap::Older => Some(
-                "the last save is unusable, flash holds an earlier map: take a map again, or flat save",
-            ),
-            StoredMap::Unusable => {
-                Some("the saved map cannot be used: take a map again and flat save, or flat none")
-            }
-        }
-    }
-
-    const fn stored_word(&self) -> &'static str {
-        match self.stored {
+        let stored = match self.stored {
             StoredMap::Nothing => "none",
             StoredMap::Later(_) | StoredMap::Unusable => "unusable",
             StoredMap::Newest | StoredMap::Older if self.is_stored => "same",
             StoredMap::Newest | StoredMap::Older => "other",
-        }
+        };
+        write!(f, "\r\nflat stored {stored}")
     }
 }
 

@@ -65,28 +65,26 @@ impl RowPart {
     /// What may follow `row`.
     pub const FORM: &str = "row [window|FIRST LAST]";
 
-    /// Reads what follows `row`.
+    /// Reads the two places that may follow `row`.
     ///
     /// # Errors
     /// [`ValueError::Range`] where a place is above 65535 or the first place is above the last one,
     /// [`ValueError::Form`] for any other words.
     pub fn parse(values: &[&str]) -> Result<Self, ValueError> {
-        match *values {
-            [first, last] => {
-                let place = |word| read_number(word, 0, u16::MAX.into());
-                // A word that is no number counts more than a number that is too large.
-                let (first, last) = match (place(first), place(last)) {
-                    (Err(ValueError::Form), _) | (_, Err(ValueError::Form)) => {
-                        return Err(ValueError::Form);
-                    }
-                    (first, last) => (first?, last?),
-                };
-                match first <= last {
-                    true => Ok(Self::Range { first, last }),
-                    false => Err(ValueError::Range),
-                }
+        let &[first, last] = values else {
+            return Err(ValueError::Form);
+        };
+        let place = |word| read_number(word, 0, u16::MAX.into());
+        // A word that is no number counts more than a number that is too large.
+        let (first, last) = match (place(first), place(last)) {
+            (Err(ValueError::Form), _) | (_, Err(ValueError::Form)) => {
+                return Err(ValueError::Form);
             }
-            _ => Err(ValueError::Form),
+            (first, last) => (first?, last?),
+        };
+        match first <= last {
+            true => Ok(Self::Range { first, last }),
+            false => Err(ValueError::Range),
         }
     }
 }

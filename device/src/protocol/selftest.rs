@@ -80,9 +80,10 @@ const ROUNDING: f32 = 0.3;
 impl fmt::Display for Selftest<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut failed = 0u8;
-        let mut word = |passes: bool| {
+        let mut check = |name: &str, passes: bool, value: &dyn fmt::Display| {
             failed = failed.saturating_add(u8::from(!passes));
-            if passes { "pass" } else { "fail" }
+            let word = if passes { "pass" } else { "fail" };
+            write!(f, "selftest {name} {word} {value}\r\n")
         };
         let (is_readable, state) = match self.flash {
             FlashStatus::Nothing => (true, "nothing was saved"),
@@ -92,16 +93,11 @@ impl fmt::Display for Selftest<'_> {
             FlashStatus::Later(_) => (false, "of later firmware"),
             FlashStatus::OtherSensor => (false, "of another sensor head"),
         };
-        write!(f, "selftest flash {} {state}\r\n", word(is_readable))?;
-        let rows = word(self.row.is_some());
+        check("flash", is_readable, &state)?;
         let (hertz, tenth) = (self.row_rate_tenths / 10, self.row_rate_tenths % 10);
         match self.row {
-            Some(_) => write!(f, "selftest rows {rows} {hertz}.{tenth} Hz\r\n")?,
-            None => write!(
-                f,
-                "selftest rows {rows} {}\r\n",
-                FaultLine(&Fault::SensorSilent)
-            )?,
+            Some(_) => check("rows", true, &format_args!("{hertz}.{tenth} Hz"))?,
+            None => check("rows", false, &FaultLine(&Fault::SensorSilent))?,
         }
         if let Some(RowTest {
             black,
@@ -110,9 +106,9 @@ impl fmt::Display for Selftest<'_> {
         }) = self.row
         {
             if let Some(black) = black {
-                let black_word = word(BLACK.0 <= black && black <= BLACK.1);
+                let passes = BLACK.0 <= black && black <= BLACK.1;
                 let black = Counts::from_f32(black);
-                write!(f, "selftest black {black_word} {black:.1} counts\r\n")?;
+                check("black", passes, &format_args!("{black:.1} counts"))?;
             }
             if let Some(noise) = noise {
                 let (least, most) = match self.front_end {
@@ -122,24 +118,20 @@ impl fmt::Display for Selftest<'_> {
                     }
                     None => (0.0, LARGEST_NOISE),
                 };
-                let noise_word =
-                    word(noise > 0.0 && least <= noise + ROUNDING && noise <= most + ROUNDING);
+                let passes = noise > 0.0 && least <= noise + ROUNDING && noise <= most + ROUNDING;
                 let noise = Counts::from_f32(noise);
-                write!(f, "selftest noise {noise_word} {noise:.2} counts\r\n")?;
+                check("noise", passes, &format_args!("{noise:.2} counts"))?;
             }
             match light {
-                Ok(height) => write!(f, "selftest light {} {height:.0} counts\r\n", word(true))?,
-                Err(fault) => {
-                    let fault = FaultLine(&fault);
-                    write!(f, "selftest light {} {fault}\r\n", word(false))?;
-                }
+                Ok(height) => check("light", true, &format_args!("{height:.0} counts"))?,
+                Err(fault) => check("light", false, &FaultLine(&fault))?,
             }
         }
-        let start = word(match self.started_by {
+        let is_usual = match self.started_by {
             StartCause::PowerOn | StartCause::ResetPin | StartCause::Software => true,
             StartCause::SupplyDip | StartCause::Watchdog => false,
-        });
-        write!(f, "selftest start {start} {}\r\n", self.started_by)?;
+        };
+        check("start", is_usual, &self.started_by)?;
         match failed {
             0 => f.write_str("selftest pass"),
             failed => write!(f, "selftest fail {failed}"),

@@ -37,7 +37,7 @@ pub enum Outcome {
 }
 
 /// See the module.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct FlatState {
     map: Option<MapSummary>,
     is_on: bool,
@@ -49,17 +49,6 @@ pub(super) struct FlatState {
 }
 
 impl FlatState {
-    pub(super) const fn new() -> Self {
-        Self {
-            map: None,
-            is_on: false,
-            has_dark_rows: false,
-            stored: StoredMap::Nothing,
-            is_stored: false,
-            is_asked: false,
-        }
-    }
-
     /// Whether rows are to be corrected with the map.
     pub(super) const fn is_on(&self) -> bool {
         self.is_on

@@ -23,9 +23,10 @@ const PART: u32 = 64;
 const _: () = assert!(4 * MAX_WORDS <= BYTES as usize);
 
 /// What flash holds of a map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StoredMap {
     /// Nothing: both sectors are erased.
+    #[default]
     Nothing,
     /// The map of the last save.
     Newest,
