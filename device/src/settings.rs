@@ -368,7 +368,10 @@ impl Setting {
     pub fn of_words<'a, 'b>(words: &'a [&'b str]) -> Option<(Self, &'a [&'b str])> {
         let named = |length: usize| {
             let (name, values) = words.split_at_checked(length)?;
-            let is_name = |it: &Self| it.name().split(' ').eq(name.iter().copied());
+            let is_name = |it: &Self| {
+                (it.name().as_bytes().split(|&it| it == b' '))
+                    .eq(name.iter().map(|it| it.as_bytes()))
+            };
             let setting = Self::ALL.iter().copied().find(is_name)?;
             Some((setting, values))
         };

@@ -244,7 +244,9 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         };
     }
     let mut known = WITHOUT_NUMBERS.iter();
-    if let Some(&(_, command)) = known.find(|(line, _)| line.split(' ').eq(words.iter().copied())) {
+    if let Some(&(_, command)) = known.find(|(line, _)| {
+        (line.as_bytes().split(|&it| it == b' ')).eq(words.iter().map(|it| it.as_bytes()))
+    }) {
         return Ok(command);
     }
     match name {
