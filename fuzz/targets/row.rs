@@ -2,8 +2,8 @@
 //! true, or a fault.
 //!
 //! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte
-//! first. They paint a row of light and hand it over; see [`Bench::step`]. What is left over at the end does
-//! nothing.
+//! first. They paint a row of light and hand it over; see [`Bench::step`]. Bytes behind the last
+//! whole step have no effect.
 #![no_main]
 #![forbid(unsafe_code)]
 

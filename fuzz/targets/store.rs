@@ -2,7 +2,8 @@
 //! and reading never writes.
 //!
 //! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte
-//! first. They fill the flash and use the store; see [`step`]. What is left over at the end does nothing.
+//! first. They fill the flash and use the store; see [`step`]. Bytes behind the last whole step have
+//! no effect.
 #![no_main]
 #![forbid(unsafe_code)]
 

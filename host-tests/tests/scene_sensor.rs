@@ -687,7 +687,7 @@ const EFFECTS_IN_VAIN: [&str; 20] = [
     "black_level = { counts = 0.0 }",
     "fixed_pattern = { counts = 0.0 }",
     "hot_pixels = { share = 0.0, counts_per_second = 30_000.0 }",
-    // So short that nothing of a step is left.
+    // The output settles within a pixel, so this changes no count.
     "settling = { time_constant = 1e-9 }",
     "front_end = { gain = 1.0, offset = 0.0 }",
     "read_noise = { counts = 0.0 }",

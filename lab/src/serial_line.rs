@@ -1,5 +1,5 @@
-//! `cargo serial-line`: the reference in docs/serial-line.md: commands, settings, estimators and faults, from the core's own
-//! declarations. And a session, for that page and README.md.
+//! `cargo serial-line`: the reference in docs/serial-line.md: commands, settings, estimators and faults, from
+//! the core's own declarations. And a session, for that page and README.md.
 
 use anyhow::Context as _;
 use clap::Args;

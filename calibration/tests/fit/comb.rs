@@ -150,7 +150,7 @@ fn errors_of(record: &Record, mut images: impl FnMut(f64) -> SlitImages) -> Vec<
     between_points(400).filter_map(error).collect()
 }
 
-/// Distances that are none of the points'.
+/// Distances between those of the points.
 fn between_points(count: u32) -> impl Iterator<Item = f64> {
     let share = move |i| (f64::from(i) + 0.37) / f64::from(count);
     (0..count).map(move |i| NEAR + (FAR - NEAR) * share(i))

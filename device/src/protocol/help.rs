@@ -6,7 +6,7 @@ use crate::settings::{Setting, split_words};
 use crate::text::Text;
 use slitrange::centre::Estimator;
 
-/// The commands that `help` shows before the settings: what is typed, and what it does.
+/// The commands that `help` shows before the settings. Each has its form, a tab, and its effect.
 const BEFORE_SETTINGS: [&str; 13] = [
     "help [estimator]\tthis list, or what each estimator is for",
     "info\twhat this sensor is, its calibration and its range",
@@ -49,7 +49,7 @@ const LAST: [&str; 4] = [
 /// The width of what is typed. Longer forms move their explanation: padding costs bytes of the answer.
 const COLUMN: usize = 24;
 
-/// A command as `help` shows it: what is typed, and what it does.
+/// Splits such a command into its form and its effect.
 fn parts(line: &str) -> (&str, &str) {
     // As a list: the search for a single character has a panic that the compiler cannot exclude.
     line.split_once(['\t']).unwrap_or((line, ""))

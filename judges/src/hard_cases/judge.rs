@@ -168,7 +168,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Compares what was said with what is due. `nonsense` is an impossible answer.
+    /// Judges an answer: `said` beside what is `due`. An impossible answer is `nonsense`, and fails.
     pub fn of(due: Due, estimator: Estimator, said: Vec<Said>, nonsense: Option<String>) -> Self {
         Self {
             estimator,

@@ -16,7 +16,7 @@ pub struct Grey {
 }
 
 impl Grey {
-    /// Places the image where a figure of [`figures::axes::figure`] has these pixels, above what is there.
+    /// Adds the image to a figure of [`figures::axes::figure`], over these of its pixels.
     pub fn place(&self, svg: &mut String, (columns, rows): Place) -> Result<()> {
         let end = svg.rfind("</svg>").context("no end of the SVG file")?;
         // Some viewers blur what they enlarge, so that is done here.

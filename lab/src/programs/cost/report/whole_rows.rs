@@ -172,12 +172,12 @@ impl Measured {
         let more = adaptive as i64 - table as i64;
         Some([
             format!(
-                "An instruction takes {fewest} to {most_cycles} cycles at 168 MHz. So a following row of `{}` \
+                "An instruction takes {fewest} to {most_cycles} cycles at 168 MHz: a following row by `{}` \
                  takes {least:.0} to {most:.0} us.",
                 default.name(),
             ),
             format!(
-                "`adaptive` takes {more} instructions more than `phase-table`: {:.1} % of a following row.",
+                "That is {:.1} % more than by `phase-table`.",
                 100.0 * more as f64 / table as f64
             ),
             format!(
