@@ -163,9 +163,16 @@ impl fmt::Display for InUnits {
 
 /// Writes `bits` / 2^`fraction` with `decimals` (at most 6) digits after the point.
 fn decimal(f: &mut fmt::Formatter<'_>, bits: i32, fraction: u32, decimals: usize) -> fmt::Result {
-    const SCALES: [u64; 7] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000];
-    let decimals = decimals.min(6);
-    let scale = SCALES[decimals];
+    // Not a list: the compiler would not know how large the scale is.
+    let (decimals, scale) = match decimals {
+        0 => (0, 1),
+        1 => (1, 10),
+        2 => (2, 100),
+        3 => (3, 1000),
+        4 => (4, 10_000),
+        5 => (5, 100_000),
+        _ => (6, 1_000_000u64),
+    };
     // |bits| <= 2^31 and scale <= 10^6 < 2^20: the product is below 2^51.
     let scaled = u64::from(bits.unsigned_abs()) * scale;
     let rounded = (scaled + (1u64 << (fraction - 1))) >> fraction;
