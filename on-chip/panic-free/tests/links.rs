@@ -24,6 +24,8 @@ const OVERFLOW_CHECKED: Build = &[
     "--config=profile.release.package.heapless.overflow-checks=false",
     "--config=profile.release.package.libm.overflow-checks=false",
     "--config=profile.release.package.postcard.overflow-checks=false",
+    // For size, the optimiser finds fewer ranges. What cannot overflow does so at no level.
+    "--config=profile.release.package.slitrange-device.opt-level=3",
 ];
 
 /// All these programs are the same file: one at a time.
