@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use rayon::prelude::*;
 use simulator::scene::{Scene, Sensor, file};
+use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::record;
 use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::light::{Target, of_scene};
@@ -65,13 +66,18 @@ fn within_2u(errors: &[f64]) -> f64 {
     within as f64 / errors.len() as f64
 }
 
+#[test]
+fn the_demos_record_is_of_this_format_and_of_this_head() {
+    let record = record::decode(CALIBRATED_ON_PAPER).expect("a record");
+    assert!(record.geometry.is_compatible_with(&tcd1304dg()));
+}
+
 /// A sensor that was calibrated on white paper reads 20 surfaces of each scene. A scene that gives no
 /// distance shows its fault, which virtual-board/tests/firmware/scenes.rs tests.
 #[test]
 #[ignore = "20 surfaces of 17 scenes; takes 80 s; run by .ci/run"]
 fn u_holds_in_every_scene() {
     let firmware = Firmware::build().expect("the firmware");
-    assert!(record::decode(CALIBRATED_ON_PAPER).is_ok());
     // A board keeps one processor of the PC busy.
     let names = file::names().expect("the folder of scenes");
     let judged = names.into_par_iter().filter(|name| {
