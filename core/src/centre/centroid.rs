@@ -29,8 +29,7 @@
 
 use crate::base::numeric::{self, limited};
 use crate::base::{Counts, Fault, Pixels};
-use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
-use crate::centre::{RowCentre, half_width};
+use crate::centre::{RowCentre, check_saturation, check_uncertainty, half_width, position_on_row};
 use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
 use crate::spot::Spot;
 
