@@ -1,14 +1,14 @@
 //! Measures rows: takes the words of rows and gives the centres of frames. The whole pipeline up to the
 //! calibration, pure.
 //!
-//! Words of a read-out -> [`Row`](crate::row::Row) -> [`Spot`] -> centre of the row -> [`Measured`], the
+//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the
 //! centre of the frame. A [`Calibration`](crate::distance::Calibration) turns that into a distance:
 //! [`Measured::reading`].
 
 use core::ops::Range;
 
 use crate::base::{Counts, Exposure, ExposureMode, Fault, Pixels, WorkBudget, numeric};
-use crate::centre::{self, Estimator, RowCentre, estimate, estimate_image, estimate_robustly};
+use crate::centre::{self, Estimate, Estimator, RowCentre, estimate, estimate_robustly};
 use crate::check::own_spot::Profile;
 use crate::check::{self, judge, other_spot, repair};
 use crate::frame::comb::{Comb, CombMeasurement, Combined, Slits};
@@ -605,10 +605,11 @@ pub fn centre_of_spot(
 }
 
 /// Finds the centre of one of several images on a row. There is no repair: an image that fails the check has
-/// a flag, and the others take its place.
+/// a flag, and the others take its place. Fits of flat tops are at most as many as there are images, so they
+/// take nothing from the budget. An image at the sensor's edge has no centre.
 ///
 /// # Errors
-/// Those of [`estimate_image`].
+/// See [`centre::centre`]; [`Fault::Saturated`] also where the spot's top is flat.
 #[inline(never)]
 pub fn centre_of_image(
     estimator: Estimator,
@@ -618,7 +619,8 @@ pub fn centre_of_image(
     geometry: &Geometry,
     budget: &mut WorkBudget,
 ) -> Result<RowCentre, Fault> {
-    let estimate = estimate_image(estimator, row, spot, before, geometry, budget)?;
+    let found = centre::centre(estimator, row, spot, before, geometry)?;
+    let estimate = Estimate::of(estimator, found, false, row, spot, geometry, budget)?;
     let found = judge(&estimate, row, spot, geometry, None, budget).of(&estimate.found);
     Ok(RowCentre {
         misfit: found.misfit || check::may_be_bad_pixels(&found),

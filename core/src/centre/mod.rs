@@ -15,7 +15,6 @@
 
 mod centroid;
 mod flat_top;
-mod fraunhofer;
 pub mod gauss_newton;
 pub mod half_width;
 pub mod phase_table;
@@ -135,7 +134,7 @@ pub fn centre(
         Estimator::Centroid => centroid::centre(row, spot, before, geometry),
         Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
         Estimator::Adaptive => phase_table::adaptive(row, spot, before, geometry),
-        Estimator::Fraunhofer => fraunhofer::centre(row, spot, before, geometry),
+        Estimator::Fraunhofer => phase_table::fraunhofer(row, spot, before, geometry),
         Estimator::PhaseTable => phase_table::centre(
             row,
             spot,
@@ -205,7 +204,7 @@ impl<'a> Estimate<'a> {
 
     /// Measures a spot with a flat top again, by its flanks.
     #[inline(always)]
-    fn of(
+    pub(crate) fn of(
         estimator: Estimator,
         found: RowCentre,
         is_cut: bool,
@@ -265,24 +264,6 @@ pub fn estimate<'a>(
         }
         found => Estimate::of(estimator, found?, false, row, spot, geometry, budget),
     }
-}
-
-/// Estimates the centre of one of several images on a row. Fits are at most as many as there are images, so
-/// they take nothing from the budget. An image at the sensor's edge has no centre.
-///
-/// # Errors
-/// See [`centre`]; [`Fault::Saturated`] also where the spot's top is flat.
-#[inline(always)]
-pub fn estimate_image<'a>(
-    estimator: Estimator,
-    row: &Row<'a>,
-    spot: &Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-    budget: &mut WorkBudget,
-) -> Result<Estimate<'a>, Fault> {
-    let found = centre(estimator, row, spot, before, geometry)?;
-    Estimate::of(estimator, found, false, row, spot, geometry, budget)
 }
 
 /// Estimates the centre from which a repair starts: `adaptive`'s, or a fit's if pixels are saturated.

@@ -110,31 +110,17 @@ pub static SLIT: TableSet<'static> = proven(1, generated::SLIT);
 /// Tables for a background that rises or falls along the row.
 pub static TILTED: TableSet<'static> = proven(2, generated::TILTED);
 
-/// Tables for a mix of noise.
-#[derive(Clone, Copy, Debug)]
-pub struct Mix {
-    /// The least ratio for these tables: the read noise's variance over the shot noise's at the peak.
-    pub least: f32,
-    /// The tables.
-    pub tables: &'static TableSet<'static>,
-}
-
 /// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are
 /// designed for ratios of infinity, 0.23, 0.07, 0.02 and 0.006. Between these ratios they lose at most 2.1 %
-/// (at 0.9), and 3.4 % half a step from a table's width.
-pub static MIXES: [Mix; 5] = [
-    Mix::from(0.9, &READ_NOISE),
-    Mix::from(0.12, &GAUSSIAN),
-    Mix::from(0.037, &MOSTLY_SHOT_NOISE),
-    Mix::from(0.011, &SHOT_NOISE),
-    Mix::from(0.0, &PURE_SHOT_NOISE),
+/// (at 0.9), and 3.4 % half a step from a table's width. Each comes with the least ratio for it: the read
+/// noise's variance over the shot noise's at the peak.
+pub static MIXES: [(f32, &TableSet<'static>); 5] = [
+    (0.9, &READ_NOISE),
+    (0.12, &GAUSSIAN),
+    (0.037, &MOSTLY_SHOT_NOISE),
+    (0.011, &SHOT_NOISE),
+    (0.0, &PURE_SHOT_NOISE),
 ];
-
-impl Mix {
-    const fn from(least: f32, tables: &'static TableSet<'static>) -> Self {
-        Self { least, tables }
-    }
-}
 
 static READ_NOISE: TableSet<'static> = proven(3, generated::READ_NOISE);
 static MOSTLY_SHOT_NOISE: TableSet<'static> = proven(4, generated::MOSTLY_SHOT_NOISE);

@@ -31,9 +31,7 @@ use heapless::Vec;
 
 use crate::base::work_budget::{self, WorkBudget};
 use crate::base::{Counts, Fault, Pixels, numeric, order_statistic};
-use crate::row::{
-    BLOCK_LOG2, Background, Blocks, LARGEST_COUNT, Light, MAX_PIXELS, Row, level_bits,
-};
+use crate::row::{BLOCK_LOG2, Background, Blocks, LARGEST_COUNT, Light, MAX_PIXELS, Row};
 pub(crate) use crate::spot::sums::Coarse;
 use crate::spot::sums::{Fine, Groups, Sums, sum_of};
 use crate::spot::tilt::Tilt;
@@ -69,11 +67,6 @@ impl Spot {
             log2 @ 0..LARGEST_BLOCK_LOG2 => 1 << log2,
             _ => 1 << LARGEST_BLOCK_LOG2,
         }
-    }
-
-    /// The black level in the bits of [`Counts`], limited to what a row can hold.
-    pub fn black_level_bits(&self) -> i32 {
-        level_bits(self.black_level)
     }
 
     /// Converts a height above the background to a height above the black level.

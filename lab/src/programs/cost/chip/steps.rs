@@ -110,9 +110,7 @@ fn says(function: &str) -> Option<Says> {
         "centre" => match modules.next() {
             // Whether a centre is to be trusted.
             Some("flat_top" | "spot_shape") => Says::All(Step::Check),
-            Some("estimate" | "estimate_image" | "estimate_robustly" | "Estimate") => {
-                Says::Own(Step::Estimate)
-            }
+            Some("estimate" | "estimate_robustly" | "Estimate") => Says::Own(Step::Estimate),
             _ => Says::All(Step::Estimate),
         },
         "check" => Says::All(Step::Check),
