@@ -1,9 +1,8 @@
 //! Measures rows: takes the words of rows and gives the centres of frames. The whole pipeline up to the
 //! calibration, pure.
 //!
-//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the
-//! centre of the frame. A [`Calibration`](crate::distance::Calibration) turns that into a distance:
-//! [`Measured::reading`].
+//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
+//! A [`Calibration`](crate::distance::Calibration) turns that into a distance: [`Measured::reading`].
 
 use core::ops::Range;
 

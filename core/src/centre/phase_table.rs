@@ -13,10 +13,10 @@
 //! **`adaptive`**: the weights follow the row, by the width of its spot, its noise, and the background under
 //! the spot. Each set in [`MIXES`] is the best for one ratio r, the variance of the read noise over that of
 //! the shot noise at the peak. The row's own r chooses the set. The third product, smoothed over the rows,
-//! gives the width. If the background beside the spot is tilted, the set [`TILTED`] takes over: a tilt changes
-//! neither its score nor its slope. This set costs 5 % of accuracy in white noise. With the other sets, a tilt
-//! of one count a pixel would shift a centre by hundredths of a pixel (narrow spots) to whole ones (wide, dim
-//! ones). As long as the tilt lasts, each row takes two more measurements.
+//! gives the width. If the background beside the spot is tilted, the set [`TILTED`] takes over: a tilt
+//! changes neither its score nor its slope. This set costs 5 % of accuracy in white noise. With the other
+//! sets, a tilt of one count a pixel would shift a centre by hundredths of a pixel (narrow spots) to whole
+//! ones (wide, dim ones). As long as the tilt lasts, each row takes two more measurements.
 
 use dual_mac::square_root;
 

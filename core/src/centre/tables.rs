@@ -1,5 +1,5 @@
-//! The phase tables: their weights, the proof that they cannot overflow, the choice of a table for a spot, and
-//! a table's window on the row, which sums pixels into samples and weighs them by the nearest phase.
+//! The phase tables: their weights, the proof that they cannot overflow, the choice of a table for a spot,
+//! and a table's window on the row, which sums pixels into samples and weighs them by the nearest phase.
 //!
 //! The crate `phase-tables` designs the weights and explains them; `build.rs` writes those of the gaussian.
 

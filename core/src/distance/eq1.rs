@@ -7,8 +7,8 @@
 //! **Division.** K over x - xp is a constant of 63 bits over a variable of 32 bits, rounded right to the last
 //! bit. It takes 25 instructions; a division in software takes 250. This is long division with two digits.
 //! f32 estimates the first digit, and integers subtract it and leave an exact rest. From that rest f32
-//! estimates the second digit. No estimate is too large, because the reciprocal is made too small by more than
-//! the roundings can add. The second digit is right or one too small, and the last rest says which.
+//! estimates the second digit. No estimate is too large, because the reciprocal is made too small by more
+//! than the roundings can add. The second digit is right or one too small, and the last rest says which.
 
 use core::fmt;
 use core::ops::RangeInclusive;

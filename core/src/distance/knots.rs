@@ -1,11 +1,11 @@
-//! A curve over the centre, given by knots with monotone cubics between them (PCHIP; F. Fritsch and J. Butland,
-//! 1984).
+//! A curve over the centre, given by knots with monotone cubics between them (PCHIP; F. Fritsch and J.
+//! Butland, 1984).
 //!
 //! The value is a whole number of steps of Q24.8 micrometres, computed with integers by `between` alone. The
 //! result of `between` never falls where one of its arguments rises. A cubic is evaluated as straight lines
-//! between straight lines (P. de Casteljau, 1959). Its four control points are in order, so the points of each
-//! round are in order too, and the value rises or falls with the centre to the last bit. The fraction of the
-//! way and the control points have 24 bits: [`Knots`] states the error.
+//! between straight lines (P. de Casteljau, 1959). Its four control points are in order, so the points of
+//! each round are in order too, and the value rises or falls with the centre to the last bit. The fraction of
+//! the way and the control points have 24 bits: [`Knots`] states the error.
 
 use core::fmt;
 

@@ -255,8 +255,8 @@ const SIMILAR: f32 = 2.88;
 const SIMILAR_IN_EXCESS: f32 = 1.0;
 
 impl Correlated {
-    /// What the rows are worth, if neighbours have similar errors by more than chance. `None` otherwise, and for
-    /// too few rows. `fitted` as in [`Fluctuation`].
+    /// What the rows are worth, if neighbours have similar errors by more than chance. `None` otherwise, and
+    /// for too few rows. `fitted` as in [`Fluctuation`].
     fn of(members: &[Member<'_>], fitted: f32) -> Option<Self> {
         if members.len() < usize::from(FEWEST_INDEPENDENT) {
             return None;
@@ -273,8 +273,8 @@ impl Correlated {
             let products: f32 = (residuals.iter().zip(later)).map(|(a, b)| a * b).sum();
             products / squares
         };
-        // For independent rows, the autocorrelation of neighbours has a mean of -2/n, from the mean and the line,
-        // and a standard deviation of (1 - 2/n) / sqrt(n). Mean and line take a degree of freedom each.
+        // For independent rows, the autocorrelation of neighbours has a mean of -2/n, from the mean and the
+        // line, and a standard deviation of (1 - 2/n) / sqrt(n). Mean and line take a degree of freedom each.
         let significant = if is_more_than_chance(squares, n - 2.0) {
             SIMILAR_IN_EXCESS
         } else {

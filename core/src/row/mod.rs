@@ -1,5 +1,5 @@
-//! A row: one read-out of the sensor, in counts. The sensor's geometry says which word is which pixel, and how
-//! a word becomes a count.
+//! A row: one read-out of the sensor, in counts. The sensor's geometry says which word is which pixel, and
+//! how a word becomes a count.
 
 pub mod front_end;
 mod light_pixels;
@@ -317,8 +317,8 @@ const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
 /// The most blocks of a row.
 const MAX_BLOCKS: usize = MAX_PIXELS / BLOCK;
 
-/// The sums over the blocks of a row, light positive. Pixels that do not fill the last block are left out. The
-/// pass that tests a read-out's words sums them, and the search for the spot starts from them.
+/// The sums over the blocks of a row, light positive. Pixels that do not fill the last block are left out.
+/// The pass that tests a read-out's words sums them, and the search for the spot starts from them.
 #[derive(Clone, Debug)]
 pub(crate) struct Blocks {
     sums: [u16; MAX_BLOCKS],

@@ -12,8 +12,8 @@
 //! (`second_spot`).
 //!
 //! The row before tells the next row's place and width. [`find_again`] searches the peak of the kernel's
-//! responses near that place. Then its sweep over the rest of the row only tests whether any response there is
-//! similar to the peak.
+//! responses near that place. Then its sweep over the rest of the row only tests whether any response there
+//! is similar to the peak.
 //!
 //! All sums are integers, and all results come from differences of counts: adding a constant to a row changes
 //! nothing.
@@ -281,11 +281,11 @@ fn search_level(
     })
 }
 
-/// Finds the spot again in the next row, with a tenth of the work of [`find`]. Uses blocks of 8 pixels or more
-/// that fit the width of the spot before, and the background and the noise of the row before. Calls `find`
-/// instead if the spot is narrower than 4 pixels, has moved by more than its width and a block, or is on
-/// another background: a sudden change of light changes the noise too, and noise might then pass for a spot
-/// above the old background.
+/// Finds the spot again in the next row, with a tenth of the work of [`find`]. Uses blocks of 8 pixels or
+/// more that fit the width of the spot before, and the background and the noise of the row before. Calls
+/// `find` instead if the spot is narrower than 4 pixels, has moved by more than its width and a block, or is
+/// on another background: a sudden change of light changes the noise too, and noise might then pass for a
+/// spot above the old background.
 ///
 /// # Errors
 /// As [`find`].
