@@ -2,7 +2,7 @@
 //!
 //!     cargo run --package slitrange --example row_to_centre
 
-use slitrange::measurement::steps::centre_of_spot;
+use slitrange::measurement::centre_of_spot;
 use slitrange::{Estimator, Geometry, Polarity, Row, spot};
 
 /// Counts of 1000 pixels, light positive: black of 120, noise of a count or two, and a spot of 1500 counts

@@ -40,8 +40,7 @@ use core::fmt;
 use heapless::Vec;
 
 use crate::filters::average::Average;
-use crate::filters::limits::Limits;
-use crate::filters::spike::SpikeFilter;
+use crate::filters::{Limits, SpikeFilter};
 use crate::settings::columns::Columns;
 use crate::settings::serial_line::{Baud, Format, PixelStream};
 use crate::settings::trigger::Trigger;

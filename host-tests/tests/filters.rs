@@ -12,8 +12,7 @@ use slitrange::distance::Calibration;
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Parts, Surface};
 use slitrange_device::filters::average::{Average, Filter};
-use slitrange_device::filters::limits::Limits;
-use slitrange_device::filters::spike::{SpikeFilter, Spikes};
+use slitrange_device::filters::{Limits, SpikeFilter, Spikes};
 
 /// A reading at a distance, whose parts are all 3 um but for the noise.
 fn reading(distance: Micrometres, noise: Micrometres) -> Reading {

@@ -579,7 +579,7 @@ fn noise_ratio_of_mix(noise_ratio: f64) -> f64 {
     MIXES
         .iter()
         .zip(DESIGNED_FOR)
-        .find(|(mix, _)| noise_ratio >= f64::from(mix.least))
+        .find(|((least, _), _)| noise_ratio >= f64::from(*least))
         .map(|(_, designed_for)| designed_for)
         .expect("there is one for every mix")
 }

@@ -8,7 +8,7 @@ use slitrange::centre::tables::BLOCKS;
 use slitrange::centre::{self, WidthClass};
 use slitrange::frame::comb::{Comb, FEWEST, Slits};
 use slitrange::light::black_level::BlackLevel;
-use slitrange::row::background::Background;
+use slitrange::row::Background;
 use slitrange_device::protocol::command::{self, MAX_LINE};
 use slitrange_device::protocol::input::{Echo, Input};
 

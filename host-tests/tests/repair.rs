@@ -2,7 +2,7 @@
 //! and with the bound of clean rows.
 
 use crate::support::{self, *};
-use slitrange::measurement::steps::robust_centre;
+use slitrange::measurement::robust_centre;
 
 fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
     let row = support::row(light);

@@ -10,7 +10,7 @@ pub use slitrange::base::fault::Fault;
 pub use slitrange::base::units::{Counts, Micrometres, Pixels};
 pub use slitrange::centre::{Estimator, RowCentre};
 pub use slitrange::distance::Calibration;
-pub use slitrange::measurement::steps::centre_of_spot;
+pub use slitrange::measurement::centre_of_spot;
 pub use slitrange::measurement::{Measurement, Options};
 pub use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 pub use slitrange::reading::{Measured, Reading};

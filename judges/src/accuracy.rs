@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
-use slitrange::measurement::steps::centre_of_spot;
+use slitrange::measurement::centre_of_spot;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 

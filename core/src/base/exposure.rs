@@ -3,7 +3,6 @@
 //! Each row gathers light for the same time, the row period. The laser is on for a part of the row period.
 //! So a shorter exposure takes less of the laser's light and as much of all other light.
 
-use core::fmt;
 use core::num::NonZeroU16;
 
 use serde::{Deserialize, Serialize};
@@ -51,30 +50,11 @@ pub enum ExposureMode {
     Fixed(Exposure),
 }
 
-/// A number of microseconds is no [`Exposure`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NoExposure {
-    /// The microseconds.
-    pub us: u16,
-}
-
-impl fmt::Display for NoExposure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [us, shortest, longest] = [self.us, Exposure::SHORTEST.us(), Exposure::LONGEST.us()];
-        write!(
-            f,
-            "an exposure of {us} us: the range is {shortest} to {longest} us"
-        )
-    }
-}
-
-impl core::error::Error for NoExposure {}
-
 impl TryFrom<u16> for Exposure {
-    type Error = NoExposure;
+    type Error = &'static str;
 
-    fn try_from(us: u16) -> Result<Self, NoExposure> {
-        Self::from_us(us).ok_or(NoExposure { us })
+    fn try_from(us: u16) -> Result<Self, Self::Error> {
+        Self::from_us(us).ok_or("an exposure is 10 to 5600 us")
     }
 }
 

@@ -29,9 +29,8 @@
 
 use crate::base::numeric::{self, limited};
 use crate::base::{Counts, Fault, Pixels};
-use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
-use crate::centre::{RowCentre, half_width};
-use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
+use crate::centre::{RowCentre, check_saturation, check_uncertainty, half_width, position_on_row};
+use crate::row::{Geometry, LARGEST_COUNT, Light, Row, level_bits};
 use crate::spot::Spot;
 
 /// Half of the window over sigma.
@@ -56,7 +55,7 @@ pub fn centre(
     let mut at = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
     check_saturation(row, at, width)?;
-    let level = spot.black_level_bits();
+    let level = level_bits(spot.black_level);
     // At most 510 pixels, because a width is at most 170.
     let half_window = Pixels::from_f32(HALF_WINDOW * width);
     // The window's light besides the spot's, in the format of `Moments::light`: within 2^46.

@@ -157,7 +157,7 @@ mod tests {
     use super::*;
     use crate::base::fault::Fault;
     use crate::centre::Estimator;
-    use crate::measurement::steps::{centre_of_spot, robust_centre};
+    use crate::measurement::{centre_of_spot, robust_centre};
     use crate::row::LARGEST_COUNT;
     use crate::tests::{found_at, gaussian, normal, row, tcd1304dg};
 

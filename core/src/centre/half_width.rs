@@ -8,8 +8,7 @@
 
 use crate::base::numeric::{self, limited};
 use crate::base::{Counts, Fault, Pixels};
-use crate::centre::RowCentre;
-use crate::centre::plausible::position_on_row;
+use crate::centre::{RowCentre, position_on_row};
 use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::Spot;
 

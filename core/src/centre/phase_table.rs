@@ -9,14 +9,22 @@
 //! [`TableSet::new`] proves both. The division is of f32: 24 bits on a quotient of at most a few pixels is
 //! 1e-7 pixel. Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC
 //! agree bit for bit.
+//!
+//! **`adaptive`**: the weights follow the row, by the width of its spot, its noise, and the background under
+//! the spot. Each set in [`MIXES`] is the best for one ratio r, the variance of the read noise over that of
+//! the shot noise at the peak. The row's own r chooses the set. The third product, smoothed over the rows,
+//! gives the width. If the background beside the spot is tilted, the set [`TILTED`] takes over: a tilt
+//! changes neither its score nor its slope. This set costs 5 % of accuracy in white noise. With the other
+//! sets, a tilt of one count a pixel would shift a centre by hundredths of a pixel (narrow spots) to whole
+//! ones (wide, dim ones). As long as the tilt lasts, each row takes two more measurements.
 
 use dual_mac::square_root;
 
-use crate::base::{Counts, Fault, Pixels};
-use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
-use crate::centre::tables::{NARROWEST, Sampling, Table, TableSet, halvings, is_spot_width};
-use crate::centre::window::Window;
-use crate::centre::{RowCentre, WidthClass};
+use crate::base::{Counts, Fault, Pixels, numeric};
+use crate::centre::tables::{
+    MIXES, NARROWEST, SLIT, Sampling, TILTED, Table, TableSet, Window, halvings, is_spot_width,
+};
+use crate::centre::{RowCentre, WidthClass, check_saturation, check_uncertainty, position_on_row};
 use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
 
@@ -110,7 +118,7 @@ fn finish(
 
 /// Where the width comes from that chooses the table, if there is a row before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum WidthSource {
+enum WidthSource {
     /// From the row before, unchanged.
     Previous,
     /// From the third product, smoothed over the rows.
@@ -119,7 +127,7 @@ pub(super) enum WidthSource {
 
 /// Finds the table that fits, and the centre by it.
 #[inline(always)]
-pub(super) fn fit<'a>(
+fn fit<'a>(
     row: &Row<'_>,
     spot: &Spot,
     before: Option<&RowCentre>,
@@ -165,7 +173,7 @@ fn fit_in_full<'a>(
 
 /// A table that fits, and the measurement with it.
 #[derive(Clone, Copy)]
-pub(super) struct Fit<'a> {
+struct Fit<'a> {
     pub(super) centre: Pixels,
     /// Sigma in pixels.
     pub(super) width: f32,
@@ -265,7 +273,7 @@ const SMOOTHING: f32 = 0.25;
 /// Measures the same spot with the tables of another set, from its known place. `None` where that set's
 /// window reaches over the sensor's edge.
 #[inline(never)]
-pub(super) fn refit<'a>(light: Light<'_>, fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
+fn refit<'a>(light: Light<'_>, fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
     let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
     let mut score = Window::place(light, fit.centre, class, table)?.score()?;
     if !score.is_near {
@@ -288,7 +296,7 @@ const MAX_TRACKING: usize = 3;
 /// Whether the coarse search found the spot within a width of its place in the row before. The coarse search
 /// may be off by half a block.
 #[inline(always)]
-pub(super) fn is_near(spot: &Spot, before: &RowCentre) -> bool {
+fn is_near(spot: &Spot, before: &RowCentre) -> bool {
     // These wrap only for a spot off the row. The cost is time: the spot is looked for in vain, or from the
     // start.
     #[expect(clippy::cast_possible_truncation, reason = "wraps off the row")]
@@ -446,6 +454,140 @@ impl Fit<'_> {
             ..RowCentre::default()
         })
     }
+}
+
+/// The estimator `fraunhofer`: the diffraction pattern of a slit, eq. (6), sinc^2 in place of the gaussian.
+///
+/// This is the pattern of a point on the target, if the slit is narrow enough and far enough away for
+/// Fraunhofer's approximation. A laser spot of a millimetre or more blurs the side lobes away, and then the
+/// gaussian is as good: so the paper found. The width is that of the gaussian that fits best, 0.376 of the
+/// distance from the centre to the first zero.
+///
+/// The weights are close to those of an unweighted fit of eq. (6), the paper's, and so is the centre. It lies
+/// at most 0.7 times as far from that fit's as the centre of `phase-table` does, on patterns that a laser
+/// spot blurs by up to a width, in read noise, shot noise, on a slope, and with unequal pixels. The error on
+/// the pattern of a point is 0.97 of `phase-table`'s in white noise, and 1.04 in shot noise.
+pub fn fraunhofer(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    centre(row, spot, before, geometry, &SLIT, Sampling::Fine)
+}
+
+/// Finds the centre of a spot, in the set of tables that serves the row best.
+pub fn adaptive(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let noise = spot.background.noise;
+    let expected = before.map_or(spot.height, |before| before.amplitude);
+    let tables = for_mix(noise, expected.to_f32(), geometry);
+    let mut fit = fit(
+        row,
+        spot,
+        before,
+        geometry,
+        tables,
+        WidthSource::Measured,
+        Sampling::Fine,
+    )?;
+    if before.is_none() {
+        // The coarse search may know only half of the spot's height.
+        let better = for_mix(noise, fit.amplitude(), geometry);
+        fit = refit(row.light(), &fit, better).unwrap_or(fit);
+    }
+    if is_tilted(row.light(), &fit, noise) {
+        // Noise may look like a spot to one set of tables. It seldom does to two.
+        let uncertainty = LEAST_EVIDENCE * fit.uncertainty(noise, geometry);
+        check_uncertainty(fit.amplitude(), uncertainty, fit.width)?;
+        fit = refit(row.light(), &fit, &TILTED).unwrap_or(fit);
+    }
+    fit.with_uncertainty(noise, geometry)
+}
+
+/// The least evidence of a spot on a tilt, in the tables that do not know of the tilt: this part of what a
+/// spot without a tilt must have. Nearly all spots that [`TILTED`] shows have more. Where light rises along
+/// the row, noise that [`TILTED`] takes for a spot, or nearly, has 0.3 to 0.77.
+const LEAST_EVIDENCE: f32 = 0.8;
+
+/// The tables for the noise of a spot of this height in counts.
+fn for_mix(noise: Counts, height: f32, geometry: &Geometry) -> &'static TableSet<'static> {
+    let read = noise.to_f32() * noise.to_f32();
+    let shot = height * f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
+    let [white, ..] = &MIXES;
+    let found = MIXES.iter().find(|(least, _)| read >= least * shot);
+    found.unwrap_or(white).1
+}
+
+/// Pixels in a flank: the background on one side of the spot, which is tested for a tilt.
+const FLANK: usize = 16;
+/// The standard deviation of the flanks' difference, over that of a pixel: sqrt(2 * FLANK).
+const DEVIATION: f32 = 5.657;
+/// The least difference of the flanks that is a tilt, in standard deviations. Noise alone gets there in one
+/// row of 16,000.
+const TILT: f32 = 4.0;
+/// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 4.5 % of
+/// its peak at four widths, are 1 % there.
+const CLEAR: f32 = 6.0;
+
+/// Whether the background is higher on one side of the spot than on the other. `false` where a flank reaches
+/// over the sensor's edge.
+fn is_tilted(light: Light<'_>, fit: &Fit<'_>, noise: Counts) -> bool {
+    let Some((left, right)) = flanks(light, fit) else {
+        return false;
+    };
+    let difference = sum(right) as f32 - sum(left) as f32;
+    difference.abs() > TILT * DEVIATION * noise.to_f32()
+        && is_straight(left, right, difference, fit.width, noise)
+}
+
+/// Whether each flank rises as steeply as the difference between the two says. A second spot on one flank
+/// makes a difference too, but not that rise.
+#[cold]
+fn is_straight(
+    left: Light<'_>,
+    right: Light<'_>,
+    difference: f32,
+    width: f32,
+    noise: Counts,
+) -> bool {
+    // Counts a pixel: `tilt` from flank to flank, `within` from one half of a flank to the other.
+    let tilt = difference / FLANK as f32 / (2.0 * CLEAR * width + FLANK as f32);
+    const HALF: usize = FLANK / 2;
+    let within = |flank: Light<'_>| {
+        let (first, second) = flank.split(HALF);
+        (sum(second) as f32 - sum(first) as f32) / (HALF * HALF) as f32
+    };
+    // The standard deviation within a flank is sqrt(2 HALF) / HALF^2 = 1/16 of a pixel's.
+    let allowed = 0.5 * tilt.abs() + TILT / 16.0 * noise.to_f32();
+    (within(left) - tilt).abs() <= allowed && (within(right) - tilt).abs() <= allowed
+}
+
+/// The flanks to the left and to the right, equally far from the centre to half a pixel, so that the light of
+/// a symmetric spot does not look like a tilt.
+fn flanks<'a>(light: Light<'a>, fit: &Fit<'_>) -> Option<(Light<'a>, Light<'a>)> {
+    const HALF: i32 = 1 << (Pixels::FRACTION - 1);
+    // A centre is below 2^13 pixels, a width below 2^8.
+    let centre = fit.centre.to_bits();
+    let reach = Pixels::from_positive_f32(CLEAR * fit.width).to_bits();
+    let right = (numeric::add_i32(centre, reach) >> Pixels::FRACTION) + 1;
+    // The mirror image of the pixel before `right`: there the left flank ends.
+    let left =
+        (numeric::add_i32(numeric::mul_i32(2, centre), 3 * HALF) >> Pixels::FRACTION) - right;
+    let from = usize::try_from(left).ok()?.checked_sub(FLANK)?;
+    let to = usize::try_from(right).ok()? + FLANK;
+    let pixels = light.slice(from..to)?;
+    let end = pixels.len().checked_sub(FLANK)?;
+    Some((pixels.slice(..FLANK)?, pixels.slice(end..)?))
+}
+
+/// The sum of a flank, or of half of one: below 2^16.
+fn sum(flank: Light<'_>) -> u32 {
+    flank.iter().map(u32::from).fold(0, numeric::add_u32)
 }
 
 #[cfg(test)]

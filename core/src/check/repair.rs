@@ -1,7 +1,7 @@
 //! The robust fit: the adaptive phase-table score, and if the row fails the check about that centre, a fit of
 //! the pixels that belong to the spot.
 //!
-//! The first centre is `adaptive`'s. It stays if the row is its own mirror image about it (see `symmetry`),
+//! The first centre is `adaptive`'s. It stays if the row is its own mirror image about it (see `check`),
 //! as is usual. If not, samples that do not belong to the spot are searched in three ways. Each way is a
 //! series of fits ([`gauss_newton`]) with these samples masked:
 //!
@@ -21,12 +21,12 @@ use core::cell::Cell;
 
 use crate::base::{WorkBudget, numeric};
 use crate::centre::RowCentre;
+use crate::centre::check_uncertainty;
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start, Window};
 use crate::centre::half_width::WIDTHS;
-use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::TILTED;
+use crate::check::compare;
 use crate::check::own_spot::Profile;
-use crate::check::symmetry;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
@@ -260,7 +260,7 @@ impl Scene<'_> {
         let own = own.as_ref();
         let of_width = numeric::whole_usize(width).saturating_mul(WORK_OF_CHECKED_PIXEL);
         self.pay(WORK_OF_CHECK.saturating_add(of_width))?;
-        let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, own, &masked)?;
+        let verdict = compare(self.row, self.spot, &found, self.geometry, own, &masked)?;
         verdict.is_clean().then_some(RowCentre {
             shape: verdict.shape,
             ..found

@@ -1,9 +1,7 @@
 //! Converts the centre of the spot to the distance of the target.
 
 pub mod eq1;
-mod interpolation;
 pub mod knots;
-mod quotient;
 pub mod residuals;
 pub mod table;
 

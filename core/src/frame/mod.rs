@@ -1,34 +1,33 @@
 //! Combines the centres of a frame's rows into one.
 //!
 //! The frame's centre is the mean of its rows' centres. In the weighted mean a row counts more the more
-//! certain it is and the better it agrees with the others (`agreement`); the plain mean is that of the paper.
+//! certain it is and the better it agrees with the others (`mean`); the plain mean is that of the paper.
 //! The uncertainty is that of the rows, propagated. If the rows scatter more than their uncertainties
 //! explain, it grows by the ratio (R. T. Birge, Phys. Rev. 40, 207 (1932)). If neighbours have similar
-//! errors, it grows to that of fewer independent rows (`correlation`). If no majority of the rows agrees, or
+//! errors, it grows to that of fewer independent rows (`course`). If no majority of the rows agrees, or
 //! the rows scatter by more than the spot's width, they do not show one spot: the frame has no centre.
 //!
 //! If the target moves, both means hold at one time: half-way between the frame's first row and its last. The
-//! steady part of the motion is a line through the rows (`motion`). If the mean of the rows' times is not the
+//! steady part of the motion is a line through the rows (`course`). If the mean of the rows' times is not the
 //! middle of the frame, because rows are missing or count less, the line takes the centre to the middle.
 //! Frames of fewer than eight rows show no motion: there the motion is scatter, and widens the uncertainty.
 
-mod agreement;
 pub mod comb;
-mod correlation;
-mod motion;
+mod course;
+mod mean;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 pub use crate::base::MAX_ROWS;
-use crate::base::numeric::{self, at_least, square};
+use crate::base::numeric::{self, square};
 use crate::base::order_statistic::{self, from_ordered, ordered};
 use crate::base::{Counts, Exposure, Fault, Pixels, named};
 use crate::centre::RowCentre;
 use crate::centre::spot_shape::{COMPONENTS, SpotShape};
 
-use correlation::Correlated;
-use motion::Course;
+use course::{Correlated, Course, Fluctuation};
+use mean::{agreeing_mean, birge_ratio, plain_mean, scatter, spread};
 
 /// How the rows' centres are combined into one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -296,7 +295,7 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 /// is at most 2^16. A row that agrees has a weight of more than half of its 1/u^2, which is 2^-30 or more, so
 /// sums of weights are above zero.
 ///
-/// A parabola through the members (`motion`) has a shape below 2^14 rows^2. 64 weights, each times the square
+/// A parabola through the members (`course`) has a shape below 2^14 rows^2. 64 weights, each times the square
 /// of a shape, are below 2^66; each times a shape and an offset, below 2^76.
 ///
 /// The mean of the rows' shapes (`mean_shape`): all lengths are at most 2^15 px, so the square of a weight
@@ -325,118 +324,10 @@ impl Member<'_> {
     }
 }
 
-/// The plain mean in the middle of the frame, in pixels from the frame's origin, and the motion of the
-/// target. Subtracts the steady part of the motion from the members.
-///
-/// The motion comes from a copy of the rows with weights of 1/u^2. The speed and its error reach the mean
-/// only as far as the mean of the rows' numbers is from zero.
-fn plain_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
-    let mean = weighted_mean(members)?;
-    let mut certain = Members::new();
-    copy(members, &mut certain, |it| *it);
-    agreement::weigh_by_certainty(&mut certain);
-    let speed = match motion::of(&certain) {
-        Some(speed) if members.len() >= motion::ENOUGH => speed,
-        _ => 0.0,
-    };
-    for member in members.iter_mut().chain(certain.iter_mut()) {
-        member.offset -= speed * member.rows_from_middle;
-    }
-    // The new offsets have rounding errors; this mean of a full frame has none, because its mean number is
-    // zero.
-    let offset = mean - speed * mean_number(members);
-    Some((offset, Course::of(&certain, &certain, speed)))
-}
-
-/// The weighted mean of the rows that agree, and the motion, as [`plain_mean`].
-///
-/// An acceleration comes from a copy of these rows with weights of 1/u^2. The ends of a parabola look like
-/// rows that disagree: with the weights of the mean its curvature would be up to 8 % too small (measured on
-/// 64 rows, with a shift of ten uncertainties).
-fn agreeing_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
-    let speed = agreement::weigh(members)?;
-    let mut certain = Members::new();
-    copy(members, &mut certain, |it| Member {
-        weight: agreement::certainty(it),
-        ..*it
-    });
-    let mean = weighted_mean(members)?;
-    Some((mean, Course::of(members, &certain, speed)))
-}
-
-/// The weighted mean in pixels from the frame's origin. `None` if no row counts.
-fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
-    let (mut weights, mut sum) = (0.0, 0.0);
-    for member in members {
-        weights += member.weight;
-        sum += member.weight * member.offset;
-    }
-    (weights > 0.0).then(|| sum / weights)
-}
-
 /// The weighted mean of the rows' numbers, from the middle of the frame: the time at which a mean of the
 /// rows holds. Not a number if no row counts.
 fn mean_number(members: &[Member<'_>]) -> f32 {
     total(members, |it| it.weight * it.rows_from_middle) / total(members, |it| it.weight)
-}
-
-/// Copies the members into an empty list, each changed. Not `Vec::clone`: see `agreement::keep`.
-fn copy<'a>(
-    members: &[Member<'a>],
-    copies: &mut Members<'a>,
-    change: impl Fn(&Member<'a>) -> Member<'a>,
-) {
-    for member in members {
-        // There is room for as many as there were.
-        let _ = copies.push(change(member));
-    }
-}
-
-/// How the rows scatter about their motion.
-struct Fluctuation {
-    /// The number of parameters that come from the rows themselves: 1 for their mean, 2 with a speed, 3 with
-    /// an acceleration.
-    fitted: f32,
-    /// What the rows are worth, if neighbours have similar errors.
-    correlated: Option<Correlated>,
-    /// How far the mean of the positions lies off the position in the middle of the frame, because the target
-    /// accelerates. In pixels, not negative.
-    shift: f32,
-}
-
-impl Fluctuation {
-    /// Compares the rows with their line. If the target accelerates, compares the rows with their parabola,
-    /// and subtracts the parabola from the members without changing their mean.
-    ///
-    /// Speckle, a lamp that flickers or a target that swings make rows similar to their neighbours beside the
-    /// parabola too. If the curvature does not exceed what such errors cause, all of it counts as scatter.
-    fn about(members: &mut Members<'_>, course: &Course) -> Self {
-        if let Some(parabola) = &course.parabola {
-            let place = |it: &Member<'_>| parabola.at(it.rows_from_middle);
-            let mean = total(members, |it| it.weight * place(it)) / total(members, |it| it.weight);
-            let mut straight = Members::new();
-            copy(members, &mut straight, |it| Member {
-                offset: it.offset - (place(it) - mean),
-                ..*it
-            });
-            let fitted = 3.0;
-            let correlated = correlation::estimate(&straight, fitted);
-            if parabola.is_motion(correlated.map_or(1.0, |it| it.growth)) {
-                *members = straight;
-                return Self {
-                    fitted,
-                    correlated,
-                    shift: (mean - parabola.at(0.0)).abs(),
-                };
-            }
-        }
-        let fitted = if course.speed == 0.0 { 1.0 } else { 2.0 };
-        Self {
-            fitted,
-            correlated: correlation::estimate(members, fitted),
-            shift: 0.0,
-        }
-    }
 }
 
 /// The uncertainty of the mean in pixels, if the uncertainty of each row is true and all rows are
@@ -483,49 +374,6 @@ fn mean_shape(members: &[Member<'_>]) -> SpotShape {
         width: Pixels::from_f32(width * per_weight * step),
         rest: Pixels::from_f32(dual_mac::square_root(rest * per_weight) * step),
     }
-}
-
-/// See [`FrameCentre::spread`]. The members are without their motion.
-fn spread(members: &[Member<'_>], how: Mean) -> f32 {
-    // Not the members' weights: those of the weighted mean are smaller for rows further from it, so they show
-    // 83 % of a normal variance.
-    let share = |it: &Member<'_>| match how {
-        Mean::Plain => 1.0,
-        Mean::Weighted => 1.0 / square(it.uncertainty),
-    };
-    let shares = total(members, share);
-    let centre = total(members, |it| share(it) * it.offset) / shares;
-    let excess = total(members, |it| {
-        share(it) * (square(it.offset - centre) - square(it.uncertainty))
-    }) / shares;
-    dual_mac::square_root(at_least(excess, 0.0))
-}
-
-/// The rows' scatter over the scatter that their uncertainties explain, or 1 if chance explains it. `fitted`
-/// is the number of parameters that come from the rows themselves, as in [`Fluctuation`].
-fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
-    let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
-    let degrees = members.len() as f32 - fitted;
-    if is_more_than_chance(chi_square, degrees) {
-        dual_mac::square_root(chi_square / degrees)
-    } else {
-        1.0
-    }
-}
-
-/// Whether chi square exceeds its mean, the degrees of freedom, by more than three standard deviations. Its
-/// variance is twice the degrees of freedom.
-fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
-    degrees >= 1.0 && chi_square > degrees + 3.0 * dual_mac::square_root(2.0 * degrees)
-}
-
-/// Standard deviation of the rows' centres about their plain mean, in pixels, with a motion in pixels a row.
-fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
-    let offset = |member: &Member<'_>| member.offset + motion * member.rows_from_middle;
-    let n = members.len().max(1) as f32;
-    let mean = members.iter().map(offset).sum::<f32>() / n;
-    let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
-    dual_mac::square_root(squares / n)
 }
 
 fn total(members: &[Member<'_>], value: impl Fn(&Member<'_>) -> f32) -> f32 {
@@ -721,7 +569,7 @@ mod tests {
             (5.3, 1.0, true),
             (1e9, 0.0, false),
         ] {
-            let found = is_more_than_chance(chi_square, degrees);
+            let found = mean::is_more_than_chance(chi_square, degrees);
             assert_eq!(found, is_more, "{degrees}");
         }
     }

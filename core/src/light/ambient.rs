@@ -411,12 +411,4 @@ mod tests {
         println!("{:?} to {:?}", pixels.iter().min(), pixels.iter().max());
         assert!(pixels.iter().all(|&pixel| pixel.abs_diff(401 * ONE) <= 2));
     }
-
-    #[test]
-    fn modes_have_names() {
-        for mode in AmbientMode::ALL {
-            assert_eq!(AmbientMode::named(mode.name()), Some(mode));
-        }
-        assert_eq!(AmbientMode::named("on"), None);
-    }
 }

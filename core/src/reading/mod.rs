@@ -1,6 +1,5 @@
 //! The result of a frame: the centre as it was measured, and the distance that a calibration gives for it.
 
-mod by_pixels;
 pub mod relative;
 pub mod uncertainty;
 

@@ -29,7 +29,7 @@
 use core::f32::consts::FRAC_PI_2;
 
 use slitrange::base::fault::Fault;
-use slitrange::base::order_statistic;
+use slitrange::base::order_statistic::{from_ordered, ordered, ranked};
 use slitrange::base::units::Micrometres;
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::Parts;
@@ -252,15 +252,15 @@ impl Filter {
 
     /// The distance in the window that so many others are below.
     fn ranked(&self, rank: u8) -> Micrometres {
-        // As keys without a sign, in the same order.
-        const SIGN: u32 = 1 << 31;
         let mut keys = [0; LONGEST as usize];
         for (key, sample) in keys.iter_mut().zip(self.samples()) {
-            *key = sample.distance.to_bits().cast_unsigned() ^ SIGN;
+            *key = ordered(sample.distance.to_bits());
         }
         let keys = keys.get(..self.count().into()).unwrap_or_default();
-        let key = order_statistic::ranked(rank.into(), keys).unwrap_or(SIGN);
-        Micrometres::from_bits((key ^ SIGN) as i32)
+        let key = ranked(rank.into(), keys);
+        key.map_or(Micrometres::default(), |key| {
+            Micrometres::from_bits(from_ordered(key))
+        })
     }
 
     fn recursive_mean(&mut self, reading: &Reading, length: u8) -> Mean {

@@ -2,7 +2,7 @@
 
 use core::mem;
 
-use crate::filters::hold::Held;
+use crate::filters::Held;
 use crate::filters::zero::Zero;
 use crate::protocol::advice::advice;
 use crate::protocol::csv::CsvLine;

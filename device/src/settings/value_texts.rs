@@ -3,8 +3,7 @@
 use core::fmt;
 
 use crate::filters::average::{self, Average};
-use crate::filters::limits::Limits;
-use crate::filters::spike::SpikeFilter;
+use crate::filters::{Limits, SpikeFilter};
 use crate::settings::columns::{Column, Columns};
 use crate::settings::serial_line::{Baud, Format, PixelStream};
 use crate::settings::trigger::Trigger;

@@ -3,7 +3,7 @@
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Micrometres;
 use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::measurement::steps::{centre_of_spot, robust_centre};
+use slitrange::measurement::{centre_of_spot, robust_centre};
 use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;

@@ -11,7 +11,7 @@ use slitrange::frame::Mean;
 use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::measurement::steps::centre_of_spot;
+use slitrange::measurement::centre_of_spot;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity};

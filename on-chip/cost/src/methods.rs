@@ -3,7 +3,7 @@
 use slitrange::base::fault::Fault;
 use slitrange::base::work_budget::WorkBudget;
 use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::measurement::steps::robust_centre;
+use slitrange::measurement::robust_centre;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::Spot;
 

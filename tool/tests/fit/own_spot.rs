@@ -13,7 +13,7 @@ use slitrange::check::own_spot::Profile;
 use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::measurement::steps::centre_of_spot;
+use slitrange::measurement::centre_of_spot;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::pixels::PixelErrors;

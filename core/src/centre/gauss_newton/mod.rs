@@ -46,9 +46,8 @@ mod start;
 mod window;
 
 use crate::base::Fault;
-use crate::centre::RowCentre;
 use crate::centre::half_width::WIDTHS;
-use crate::centre::plausible::{check_uncertainty, count_saturated_pixels};
+use crate::centre::{RowCentre, check_uncertainty, count_saturated_pixels};
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use fit::{Until, fit_profile};

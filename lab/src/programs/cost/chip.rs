@@ -282,7 +282,7 @@ fn table_bytes(method: Method) -> u64 {
         Method::Estimator(Estimator::PhaseTable) => bytes_of(&tables::GAUSSIAN),
         Method::Estimator(Estimator::Fraunhofer) => bytes_of(&tables::SLIT),
         Method::Estimator(Estimator::Adaptive) | Method::Repair => {
-            let mixes = tables::MIXES.iter().map(|mix| bytes_of(mix.tables));
+            let mixes = tables::MIXES.iter().map(|(_, tables)| bytes_of(tables));
             mixes.sum::<u64>() + bytes_of(&tables::TILTED)
         }
     }

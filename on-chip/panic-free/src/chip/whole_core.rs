@@ -9,7 +9,7 @@ use slitrange::centre::{self, Estimator, phase_table};
 use slitrange::frame::Frame;
 use slitrange::light::black_level::{self, BlackPixels};
 use slitrange::measurement::Measurement;
-use slitrange::measurement::steps::{centre_of_spot, robust_centre};
+use slitrange::measurement::{centre_of_spot, robust_centre};
 use slitrange::row::Row;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::pixels::map::{Correction, Entry, PixelMap, window};

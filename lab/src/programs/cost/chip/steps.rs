@@ -110,16 +110,16 @@ fn says(function: &str) -> Option<Says> {
         "centre" => match modules.next() {
             // Whether a centre is to be trusted.
             Some("flat_top" | "spot_shape") => Says::All(Step::Check),
-            Some("estimate") => Says::Own(Step::Estimate),
+            Some("estimate" | "estimate_robustly" | "Estimate") => Says::Own(Step::Estimate),
             _ => Says::All(Step::Estimate),
         },
         "check" => Says::All(Step::Check),
-        "measurement" if modules.next() == Some("steps") => match modules.next() {
+        "measurement" => match modules.next() {
             // They call an estimator, for the repair.
             Some("repair_or_keep" | "robust_centre") => Says::All(Step::Check),
-            _ => Says::Own(Step::Check),
+            Some("centre_of_spot" | "centre_of_image") => Says::Own(Step::Check),
+            _ => Says::Own(Step::Frame),
         },
-        "measurement" => Says::Own(Step::Frame),
         "frame" if modules.next() == Some("comb") => match modules.next() {
             Some("images") => Says::Own(Step::Frame),
             Some("combination") => Says::All(Step::Frame),
@@ -232,27 +232,24 @@ mod tests {
             ),
             (
                 &[
-                    "slitrange::measurement::steps::centre_of_spot",
-                    "slitrange::centre::estimate::estimate",
+                    "slitrange::measurement::centre_of_spot",
+                    "slitrange::centre::estimate",
                     "slitrange::centre::phase_table::centre",
                 ],
                 Step::Estimate,
             ),
             (
                 &[
-                    "slitrange::measurement::steps::centre_of_spot",
-                    "slitrange::measurement::steps::repair_or_keep::{closure#0}",
-                    "slitrange::centre::estimate::estimate_robustly",
+                    "slitrange::measurement::centre_of_spot",
+                    "slitrange::measurement::repair_or_keep::{closure#0}",
+                    "slitrange::centre::estimate_robustly",
                     "slitrange::centre::gauss_newton::fit::fit",
                     "compiler_builtins::mem::memcpy",
                 ],
                 Step::Check,
             ),
             (
-                &[
-                    "slitrange::measurement::steps::centre_of_spot",
-                    "core::ptr::read",
-                ],
+                &["slitrange::measurement::centre_of_spot", "core::ptr::read"],
                 Step::Check,
             ),
             (
@@ -289,7 +286,7 @@ mod tests {
         let functions = |address| {
             let names: &[&str] = match address {
                 1 => &START[..1],
-                2 => &["slitrange::centre::adaptive::centre"],
+                2 => &["slitrange::centre::phase_table::adaptive"],
                 4 => &["<slitrange::row::Geometry>::row"],
                 _ => &["memcpy"],
             };

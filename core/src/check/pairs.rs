@@ -1,16 +1,24 @@
-//! Pairs of samples, one as far to the right of a spot's centre as the other to the left.
+//! Pairs of samples, one as far to the right of a spot's centre as the other to the left, and the sums over
+//! them.
+//!
+//! The pairs are most of the check's work, and the check is part of each row's. So [`Pairs::sums`] goes
+//! over the pixels once, for both parts, and leaves a short list for the products of the [`Odd`] part: the
+//! sums of both parts need more registers than the chip has. The norms of the [`Even`] part need no loop.
 
-use core::ops::Range;
+mod gaps;
 
 use heapless::Vec;
 
+pub(super) use self::gaps::Gaps;
 use super::REACH;
-use super::antisymmetric::Odd;
-use super::symmetric::{Even, FINE_PITCH, Norms};
 use crate::base::{Counts, Pixels, numeric};
-use crate::centre::gauss_newton::MaskedPixels;
+use crate::centre::spot_shape::COMPONENTS;
 use crate::row::Light;
 
+/// The least norm of u^4 e that is left without its parts along the other functions, over its full norm. With
+/// less, k4 is only rounding: three or four pairs have too few samples for the four functions of the even
+/// part.
+const LEAST_NORM: f32 = 1e-5;
 /// The most pairs. A sample has at least a sixth of the width, so the pitch is at least 0.166: s is below
 /// 6.01 samples.
 const MOST_PAIRS: usize = 37;
@@ -21,14 +29,14 @@ const MOST_EXACT: usize = 4;
 /// What the odd part needs of a pair: z is the difference of the samples, right less left, without the error
 /// of their interpolation.
 #[derive(Clone, Copy)]
-pub(super) struct Pair {
+struct Pair {
     /// One over the variance of z.
-    pub(super) weight: f32,
+    weight: f32,
     /// `weight` times z.
-    pub(super) weighted_z: f32,
+    weighted_z: f32,
     /// The distance from the centre in widths, and u e.
-    pub(super) u: f32,
-    pub(super) ue: f32,
+    u: f32,
+    ue: f32,
 }
 
 /// The pairs of a row, as far as its ends and [`REACH`] allow.
@@ -52,29 +60,6 @@ pub(super) struct Noise {
     pub(super) dark: f32,
     /// The variance of the shot noise for each unit of light.
     pub(super) shot: f32,
-}
-
-/// Which samples do not count.
-pub(super) struct Gaps<'a> {
-    /// If any pixel of the row is saturated: from which count on.
-    pub(super) saturation: Option<u16>,
-    pub(super) masked: &'a MaskedPixels,
-}
-
-impl Gaps<'_> {
-    fn exist(&self) -> bool {
-        self.saturation.is_some() || self.masked.samples != 0
-    }
-
-    /// Whether no pixel of a range is saturated or masked. `false` off the row.
-    fn leave(&self, light: Light<'_>, pixels: Range<usize>) -> bool {
-        let Some(counts) = light.slice(pixels.clone()) else {
-            return false;
-        };
-        let is_cut = |saturation| counts.iter().any(|count| count >= saturation);
-        let has_masked = || pixels.clone().any(|pixel| self.masked.has(pixel));
-        !(self.saturation.is_some_and(is_cut) || self.masked.samples != 0 && has_masked())
-    }
 }
 
 impl Pairs<'_> {
@@ -248,66 +233,6 @@ impl Pairs<'_> {
             return (Odd::without(odd.slope(), &mut pairs), even);
         }
         (odd, even)
-    }
-
-    /// A bit for each pair, the lowest for the first: whether the pair does not count.
-    #[cold]
-    #[inline(never)]
-    fn places_of_gaps(&self) -> u64 {
-        let pixels = self.pixels.max(1);
-        // Where the samples to the right start, and where those to the left end.
-        let from = self.mirror.right.saturating_sub(1);
-        let end = self.mirror.left;
-        let mut gaps = 0u64;
-        // The bits of the pairs before one.
-        let below = |pair: usize| {
-            1u64.wrapping_shl(numeric::to_u32(pair.min(MOST_PAIRS)))
-                .wrapping_sub(1)
-        };
-        // A sample takes its pixels, and one at either end. How far the nearest and the furthest pixel of a
-        // gap are from there tells the first and the last pair.
-        let mark = |gap: Range<usize>| {
-            let last = gap.end.saturating_sub(1);
-            let to_right = last.checked_sub(from);
-            let to_left = end.checked_sub(gap.start);
-            let sides = [
-                to_right.map(|furthest| (gap.start.saturating_sub(from), furthest)),
-                to_left.map(|furthest| (end.saturating_sub(last), furthest)),
-            ];
-            for (nearest, furthest) in sides.into_iter().flatten() {
-                let first = (nearest.saturating_sub(pixels.saturating_add(1))).div_ceil(pixels);
-                // The pairs up to the last, without those before the first.
-                let end = (furthest / pixels).saturating_add(1);
-                gaps |= below(end) & !below(first);
-            }
-        };
-        self.gaps.masked.runs().for_each(mark);
-        if let Some(saturation) = self.gaps.saturation {
-            let below = u32::from(saturation.saturating_sub(1));
-            let is_cut = |pixels: Range<usize>| {
-                let end = pixels.end.min(self.light.len());
-                let near = self.light.slice(pixels.start..end);
-                near.is_some_and(|near| near.exceeds(below))
-            };
-            // Whether some pairs side by side have a gap. A row has at most 2^12 pixels.
-            let have_gap = |pairs: Range<usize>| {
-                let nearest = pairs.start.wrapping_mul(pixels);
-                let furthest = pairs.end.wrapping_mul(pixels).wrapping_add(1);
-                let right = from.wrapping_add(nearest)..from.wrapping_add(furthest).wrapping_add(1);
-                let left = end.saturating_sub(furthest)..end.saturating_sub(nearest);
-                is_cut(right) || is_cut(left.start..left.end.saturating_add(1))
-            };
-            let number = self.number().1.min(MOST_PAIRS);
-            for first in (0..number).step_by(4) {
-                let four = first..first.saturating_add(4).min(number);
-                if have_gap(four.clone()) {
-                    for pair in four.filter(|&pair| have_gap(pair..pair.wrapping_add(1))) {
-                        gaps |= 1u64.wrapping_shl(numeric::to_u32(pair));
-                    }
-                }
-            }
-        }
-        gaps
     }
 }
 
@@ -485,9 +410,9 @@ impl Steps {
 #[derive(Clone, Copy)]
 pub(super) struct Place {
     /// The mirror's right side begins with this pixel. At least 1.
-    pub(super) right: usize,
+    right: usize,
     /// The mirror's left side has so many pixels.
-    pub(super) left: usize,
+    left: usize,
     /// From that place to pixel `right`: half a pixel or one.
     pub(super) to_right: f32,
     /// From that place to the centre: within a quarter of a pixel.
@@ -542,256 +467,281 @@ impl Correction {
     }
 
     #[inline(always)]
-    pub(super) fn at(&self, u: f32, e: f32) -> f32 {
+    fn at(&self, u: f32, e: f32) -> f32 {
         let uu = u * u;
         u * e * (self.c0 + uu * (self.c1 + uu * self.c2))
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::row::Polarity;
-    use crate::tests::{bare, gaussian, hash};
+/// Sums of the even part: those of the functions alone, and the products of 1, e, u^2 e and u^4 e with p.
+#[derive(Default)]
+pub(super) struct Even {
+    pub(super) norms: Norms,
+    pub(super) p: f32,
+    p0: f32,
+    p1: f32,
+    p2: f32,
+    squares: f32,
+}
 
-    #[test]
-    fn the_mirror_is_the_nearest_half_pixel() {
-        for (centre, right, left, to_right, offset) in [
-            (10.0, 11, 10, 1.0, 0.0),
-            (10.2, 11, 10, 1.0, 0.2),
-            (10.3, 11, 11, 0.5, -0.2),
-            (10.5, 11, 11, 0.5, 0.0),
-            (9.8, 11, 10, 1.0, -0.2),
-        ] {
-            let place = Place::of(Pixels::from_f32(centre));
-            let found = (place.right, place.left, place.to_right);
-            assert_eq!(found, (right, left, to_right), "{centre}");
-            assert!((place.offset - offset).abs() < 1e-4, "{centre}");
-        }
-        for end in [Pixels::MIN, Pixels::MAX] {
-            let place = Place::of(end);
-            assert!(place.right >= 1 && place.offset.abs() <= 0.5);
+/// The number of samples, and the sums of u^k e (`l`) and of u^k e^2 (`m`) over them, for even k. They depend
+/// on the distances of the samples alone.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Norms {
+    pub(super) samples: f32,
+    l0: f32,
+    l1: f32,
+    l2: f32,
+    pub(super) m0: f32,
+    m1: f32,
+    m2: f32,
+    m3: f32,
+    m4: f32,
+}
+
+/// Up to this distance between pairs, the sums over all pairs are integrals, to a few parts in a million.
+const FINE_PITCH: f32 = 0.5;
+
+impl Norms {
+    /// The sums over all `number` pairs up to [`REACH`] widths, the first at `u`, without a loop.
+    ///
+    /// The sum of a function over u, u + h, u + 2h ... follows from its integral, after Euler and Maclaurin.
+    /// If the function is even, the integral from zero is I, and f, f2, f4 ... are its value and derivatives
+    /// at zero, the sum is I/h - B1(x) f - B3(x)/3! h^2 f2 - B5(x)/5! h^4 f4 ..., with x = u/h and
+    /// Bernoulli's polynomials B. Less than a millionth of a sum lies beyond the reach.
+    fn of_all(u: f32, pitch: f32, number: usize) -> Self {
+        // Integrals from zero, without their common factor: of u^k e over sqrt(pi/2), of u^k e^2 over
+        // sqrt(pi)/2.
+        const GAUSSIAN: f32 = 1.253_314_1;
+        const SQUARED: f32 = 0.886_226_9;
+        let per_pitch = 1.0 / pitch;
+        let x = u * per_pitch;
+        // From the middle of the range, where the polynomials are zero.
+        let y = x - 0.5;
+        let (yy, hh) = (y * y, pitch * pitch);
+        // B1 = y, B3 = y (y^2 - 1/4), B5 = B3 (y^2 - 7/12), B7 = B3 (y^4 - 3/2 y^2 + 31/48).
+        let b3 = y * (yy - 0.25);
+        let h2 = hh * b3 * (1.0 / 6.0);
+        let h4 = hh * hh * b3 * (yy - 7.0 / 12.0) * (1.0 / 120.0);
+        let h6 = hh * hh * hh * b3 * (yy * (yy - 1.5) + 31.0 / 48.0) * (1.0 / 5040.0);
+        let (e, ee) = (GAUSSIAN * per_pitch, SQUARED * per_pitch);
+        Self {
+            samples: number as f32,
+            l0: e - y + h2 - 3.0 * h4 + 15.0 * h6,
+            l1: e - 2.0 * h2 + 12.0 * h4 - 90.0 * h6,
+            l2: 3.0 * e - 24.0 * h4 + 360.0 * h6,
+            m0: ee - y + 2.0 * h2 - 12.0 * h4 + 120.0 * h6,
+            m1: 0.5 * ee - 2.0 * h2 + 24.0 * h4 - 360.0 * h6,
+            m2: 0.75 * ee - 24.0 * h4 + 720.0 * h6,
+            m3: 1.875 * ee - 720.0 * h6,
+            m4: 6.5625 * ee,
         }
     }
 
-    /// Saturated pixels, masked ones, and both; samples of all sizes, and mirrors near the row's ends.
-    #[test]
-    fn a_pair_with_a_gap_is_one_whose_samples_take_one() {
-        let light: [u16; 300] = core::array::from_fn(|i| (hash(i) >> 24) as u16);
-        for (pixels, centre) in
-            (1..=7).flat_map(|pixels| [150.2, 150.7, 20.0].map(|at| (pixels, at)))
-        {
-            for (saturation, samples) in [
-                (Some(252), 0),
-                (None, 1 << 40 | 3),
-                (Some(252), 1 << 90 | 1 << 5),
-            ] {
-                let masked = MaskedPixels {
-                    first: 10,
-                    block: 3,
-                    samples,
-                };
-                let pairs = Pairs {
-                    light: (&light).into(),
-                    mirror: Place::of(Pixels::from_f32(centre)),
-                    pixels,
-                    u: 0.1,
-                    pitch: 0.2,
-                    level: 0,
-                    gaps: Gaps {
-                        saturation,
-                        masked: &masked,
-                    },
-                };
-                let found = pairs.places_of_gaps();
-                let (from, end) = (pairs.mirror.right - 1, pairs.mirror.left + 1);
-                for pair in 0..pairs.number().1 {
-                    let right = from + pair * pixels;
-                    let left = end - pair * pixels;
-                    let is_gap = !(pairs.gaps.leave(pairs.light, right..right + pixels + 2)
-                        && pairs.gaps.leave(pairs.light, left - pixels - 2..left));
-                    assert_eq!(found >> pair & 1 == 1, is_gap, "{pixels} {centre} {pair}");
-                }
-            }
-        }
-    }
-
-    /// A gaussian sampled at whole pixels, without noise. At a width of 0.85 pixels, interpolation makes an
-    /// error in z of 5 % of the height, and the correction leaves 0.2 %.
-    #[test]
-    fn interpolation_leaves_no_derivatives() {
-        for (width, limit) in [(0.85f32, 2.5e-3), (1.5, 5e-5), (4.0, 2e-7)] {
-            let (mut worst, mut without) = (0.0f32, 0.0f32);
-            for step in -25..=25 {
-                let offset = step as f32 / 100.0;
-                let y = |x: f32| libm::expf(-0.5 * (x - offset) * (x - offset) / (width * width));
-                let correction = Correction::of(offset, 1.0 / width, 1.0);
-                let next = if offset > 0.0 { 1.0 } else { -1.0 };
-                let moved = |x: f32| y(x) + offset.abs() * (y(x + next) - y(x));
-                for i in 1..8 {
-                    let x = i as f32 * 0.5;
-                    let z = moved(x) - moved(-x);
-                    let u = x / width;
-                    worst = worst.max((z + correction.at(u, libm::expf(-0.5 * u * u))).abs());
-                    without = without.max(z.abs());
-                }
-            }
-            println!("width {width}: {worst:.1e} of the height, {without:.1e} before");
-            assert!(worst < limit && without > 2.0 * worst, "{width}");
-        }
-    }
-
-    /// All sums in f64, from the definitions, with the sum of their terms' magnitudes. Counts, not
-    /// [`Pairs::units_a_count`].
-    fn reference(pairs: &Pairs<'_>, noise: &Noise) -> [(f64, f64); 33] {
-        let light = |pixel: usize| f64::from(pairs.light.get(pixel).expect("a pixel"));
-        let offset = f64::from(pairs.mirror.offset);
-        let level = f64::from(pairs.level) / 256.0;
-        let moved = |pixel: usize| {
-            let first = if offset > 0.0 { pixel } else { pixel - 1 };
-            light(pixel) + offset * (light(first + 1) - light(first)) - level
-        };
-        let counts = |pixels: Range<usize>| {
-            let saturation = pairs.gaps.saturation.unwrap_or(u16::MAX);
-            let mut pixels = pixels.start - 1..pixels.end + 1;
-            pixels.all(|pixel| {
-                pairs.light.get(pixel) < Some(saturation) && !pairs.gaps.masked.has(pixel)
-            })
-        };
-        let mut sums = [(0.0, 0.0); 33];
-        for i in 0.. {
-            let u = f64::from(pairs.u) + f64::from(pairs.pitch) * f64::from(i);
-            let from = pairs.mirror.right + i as usize * pairs.pixels;
-            let to = pairs.mirror.left as i64 - i64::from(i) * pairs.pixels as i64;
-            let start = to - pairs.pixels as i64;
-            let last = f64::from(pairs.u) + f64::from(REACH) - f64::from(pairs.pitch * 1e-4);
-            if u > last || start < 1 || from + pairs.pixels >= pairs.light.len() {
-                break;
-            }
-            let (right, left) = (from..from + pairs.pixels, start as usize..to as usize);
-            if !counts(right.clone()) || !counts(left.clone()) {
-                continue;
-            }
-            let (right, left): (f64, f64) = (right.map(moved).sum(), left.map(moved).sum());
-            let e = libm::exp(-0.5 * u * u);
-            let Correction { c0, c1, c2, .. } = noise.correction;
-            let [c0, c1, c2] = [c0, c1, c2].map(f64::from);
-            let z = right - left + u * e * (c0 + u * u * (c1 + u * u * c2));
-            let p = right + left;
-            let w = 1.0 / (f64::from(noise.dark) + f64::from(noise.shot) * p.max(0.0));
-            let f = |power: i32| libm::pow(u, power.into()) * e;
-            let mut terms = [0.0; 33];
-            for (k, term) in terms[..7].iter_mut().enumerate() {
-                *term = w * f(1) * f(1 + 2 * k as i32);
-            }
-            terms[7] = w * u * u;
-            for (k, power) in [1, 3, 5, 7].into_iter().enumerate() {
-                terms[8 + k] = w * u * f(power);
-                terms[12 + k] = w * z * f(power);
-            }
-            terms[16] = w * z * u;
-            terms[17] = w * z * z;
-            let [e0, e1, e2] = [f(0), f(2), f(4)];
-            let (alone, squares) = (
-                [1.0, e0, e1, e2],
-                [e0 * e0, e0 * e1, e0 * e2, e1 * e2, e2 * e2],
-            );
-            terms[19..23].copy_from_slice(&alone);
-            terms[23..28].copy_from_slice(&squares);
-            terms[28..].copy_from_slice(&[p, p * e0, p * e1, p * e2, p * p]);
-            // z is a small difference of samples.
-            let difference = (right.abs() + left.abs()) / z.abs().max(1e-9);
-            for (i, (sum, term)) in sums.iter_mut().zip(terms).enumerate() {
-                let of_z = (12..18).contains(&i);
-                let cancels = if of_z { difference } else { 1.0 };
-                *sum = (sum.0 + term, sum.1 + term.abs() * cancels);
-            }
-            sums[18].0 = sums[18].0.max(w * z * z);
-        }
-        // The worst pair is one of the squares.
-        sums[18].1 = sums[17].1;
-        sums
-    }
-
-    /// Rows with a spot, noise and a level that is no whole number: samples of all sizes, at all places about
-    /// the mirror, whole, near the row's ends, and with saturated and masked pixels.
-    #[test]
-    fn sums_agree_with_their_definitions() {
-        let (mut worst, mut whole, mut others) = (0.0f64, 0, 0);
-        let widths = [
-            0.9, 1.5, 2.5, 4.5, 7.0, 10.5, 14.0, 20.0, 25.0, 33.0, 40.0, 60.0f32,
-        ];
-        for (case, width) in (0..60).flat_map(|case| widths.map(|width| (case, width))) {
-            let is_near_the_end = case % 5 == 4;
-            let start = if is_near_the_end {
-                4.0 * width + 3.0
-            } else {
-                450.0
-            };
-            let centre = start + 0.173 * case as f32;
-            let mut light: [u16; 901] = core::array::from_fn(|i| {
-                let spot = (200.0 + 2000.0 * gaussian(i, centre, width)) as u16;
-                spot + (hash(i + 901 * case) >> 28) as u16
-            });
-            let has_saturated = case % 5 == 2;
-            if has_saturated {
-                light[centre as usize + 3] = 4095;
-            }
-            let polarity = [Polarity::Rising, Polarity::Falling][case % 2];
-            let geometry = bare(light.len(), polarity);
-            let words = light.map(|count| count ^ geometry.inverted());
-            let row = geometry.row(&words).expect("a row");
-            let masked = MaskedPixels {
-                first: 440,
-                block: 2,
-                samples: if case % 5 == 3 { 0b1001_1000_0000 } else { 0 },
-            };
-            let pixels = (width / 6.0) as usize + 1;
-            let block = pixels as f32;
-            let per_s = 1.0 / libm::sqrtf(width * width + block * block / 12.0);
-            let mirror = Place::of(Pixels::from_f32(centre));
-            let pairs = Pairs {
-                light: row.light(),
-                mirror,
-                pixels,
-                u: (mirror.to_right + 0.5 * (block - 1.0)) * per_s,
-                pitch: block * per_s,
-                level: 200 * 256 + 77,
-                gaps: Gaps {
-                    saturation: has_saturated.then_some(4095),
-                    masked: &masked,
-                },
-            };
-            let unit = pairs.units_a_count();
-            let noise = |unit: f32| Noise {
-                correction: Correction::of(mirror.offset, per_s, 2000.0 * block * unit),
-                dark: 2.0 * 16.0 * block * unit * unit,
-                shot: 0.1 * unit,
-            };
-            let number = if pairs.are_whole() {
-                &mut whole
-            } else {
-                &mut others
-            };
-            *number += 1;
-            let (odd, even) = pairs.sums(&noise(unit), false);
-            let (w, z) = (unit * unit, unit);
-            // Weights fall with the square of the unit.
-            let mut units = [w; 33];
-            units[12..17].fill(w / z);
-            units[17..28].fill(1.0);
-            units[28..32].fill(1.0 / unit);
-            units[32] = 1.0 / w;
-            let found = odd.all().into_iter().chain(even.all());
-            let sums = reference(&pairs, &noise(1.0)).into_iter().zip(units);
-            for (i, (found, ((sum, magnitude), unit))) in found.zip(sums).enumerate() {
-                let error = (f64::from(found) * f64::from(unit) - sum).abs();
-                worst = worst.max(error / magnitude);
-                let is_right = error <= 2e-5 * magnitude;
-                assert!(is_right, "{i} of {width} at {centre}: {found} {sum}");
-            }
-        }
-        println!("{worst:.1e} of {whole} whole and {others} others");
-        assert!(whole > 100 && others > 100);
+    #[inline(always)]
+    fn add(&mut self, e: f32, e1: f32, e2: f32) {
+        self.samples += 1.0;
+        self.l0 += e;
+        self.l1 += e1;
+        self.l2 += e2;
+        self.m0 += e * e;
+        self.m1 += e * e1;
+        self.m2 += e1 * e1;
+        self.m3 += e1 * e2;
+        self.m4 += e2 * e2;
     }
 }
+
+pub(super) struct Shape {
+    /// The coefficient of u^2 e over that of e: how much wider the light is than the spot.
+    pub(super) wider: f32,
+    /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if
+    /// rounding is all of it.
+    pub(super) k4: Option<(f32, f32)>,
+    /// The sum of squares that the fit without k4 leaves.
+    pub(super) rest: f32,
+}
+
+impl Even {
+    /// Adds a pair, and its norms unless [`Norms::of_all`] sums these.
+    #[inline(always)]
+    fn add<const WITH_NORMS: bool>(&mut self, p: f32, u: f32, e: f32) {
+        let uu = u * u;
+        let e1 = uu * e;
+        let e2 = uu * e1;
+        if WITH_NORMS {
+            self.norms.add(e, e1, e2);
+        }
+        self.p += p;
+        self.p0 += p * e;
+        self.p1 += p * e1;
+        self.p2 += p * e2;
+        self.squares += p * p;
+    }
+
+    pub(super) fn add_middle(&mut self, p: f32) {
+        self.add::<true>(p, 0.0, 1.0);
+    }
+
+    /// Subtracts from each function in turn its parts along those before.
+    pub(super) fn solve(&self) -> Shape {
+        let norms = &self.norms;
+        let samples = norms.samples;
+        let (l0, l1, l2, p) = (
+            norms.l0 / samples,
+            norms.l1 / samples,
+            norms.l2 / samples,
+            self.p / samples,
+        );
+        let c00 = norms.m0 - l0 * norms.l0;
+        let c01 = norms.m1 - l0 * norms.l1;
+        let c02 = norms.m2 - l0 * norms.l2;
+        let p0 = self.p0 - p * norms.l0;
+        let (f1, f2) = (c01 / c00, c02 / c00);
+        let c11 = norms.m2 - l1 * norms.l1 - f1 * c01;
+        let c12 = norms.m3 - l1 * norms.l2 - f1 * c02;
+        let p1 = self.p1 - p * norms.l1 - f1 * p0;
+        let f = c12 / c11;
+        let norm = norms.m4 - l2 * norms.l2 - f2 * c02 - f * c12;
+        let p2 = self.p2 - p * norms.l2 - f2 * p0 - f * p1;
+        let (second, first) = (p1 / c11, p0 / c00);
+        Shape {
+            // p0 has the part of u^2 e along e.
+            wider: second / (first - f1 * second),
+            k4: (norm > LEAST_NORM * norms.m4).then(|| (p2 / norm, norm)),
+            rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
+        }
+    }
+}
+
+/// Sums of the odd part, weighted: products of u e, u^3 e, u^5 e, u^7 e and u with each other and with z. The
+/// product of u^j e and u^k e depends on j + k alone: `m1` is that of u e with itself, `m7` of u^7 e with
+/// itself. `t1` is the product of u with u e.
+#[derive(Default)]
+pub(super) struct Odd {
+    pub(super) m1: f32,
+    m2: f32,
+    m3: f32,
+    m4: f32,
+    m5: f32,
+    m6: f32,
+    m7: f32,
+    tt: f32,
+    t1: f32,
+    t3: f32,
+    t5: f32,
+    t7: f32,
+    z1: f32,
+    z3: f32,
+    z5: f32,
+    z7: f32,
+    zt: f32,
+    pub(super) squares: f32,
+    pub(super) worst: f32,
+}
+
+impl Odd {
+    /// Adds a pair's w z^2.
+    #[inline(always)]
+    fn add_square(&mut self, square: f32) {
+        self.squares += square;
+        if square > self.worst {
+            self.worst = square;
+        }
+    }
+
+    #[inline(always)]
+    fn add_products(&mut self, pairs: &[Pair]) {
+        for pair in pairs {
+            self.add(*pair);
+        }
+    }
+
+    /// Subtracts a slope from z, and sums the pairs again.
+    #[cold]
+    #[inline(never)]
+    fn without(slope: f32, pairs: &mut [Pair]) -> Self {
+        let mut odd = Self::default();
+        for pair in &mut *pairs {
+            let z = pair.weighted_z / pair.weight - slope * pair.u;
+            pair.weighted_z = pair.weight * z;
+            odd.add_square(pair.weighted_z * z);
+        }
+        odd.add_products(pairs);
+        odd
+    }
+
+    /// The slope of the tilt, in units of z for each u.
+    fn slope(&self) -> f32 {
+        (self.zt - self.t1 / self.m1 * self.z1) / (self.tt - self.t1 * self.t1 / self.m1)
+    }
+
+    /// The product of u^j e and u^k e depends on j + k alone, so each sum takes the product of a function and
+    /// of another that has the weight already.
+    #[inline(always)]
+    fn add(&mut self, pair: Pair) {
+        let Pair {
+            weight,
+            weighted_z: wz,
+            u,
+            ue: f1,
+        } = pair;
+        let uu = u * u;
+        let f3 = f1 * uu;
+        let f5 = f3 * uu;
+        let f7 = f5 * uu;
+        let (w1, w7, wu) = (weight * f1, weight * f7, weight * u);
+        self.m1 += w1 * f1;
+        self.m2 += w1 * f3;
+        self.m3 += w1 * f5;
+        self.m4 += w1 * f7;
+        self.m5 += w7 * f3;
+        self.m6 += w7 * f5;
+        self.m7 += w7 * f7;
+        self.tt += wu * u;
+        self.t1 += wu * f1;
+        self.t3 += wu * f3;
+        self.t5 += wu * f5;
+        self.t7 += wu * f7;
+        self.z1 += wz * f1;
+        self.z3 += wz * f3;
+        self.z5 += wz * f5;
+        self.z7 += wz * f7;
+        self.zt += wz * u;
+    }
+
+    /// The components along u e, u, u^3 e, u^5 e and u^7 e, each less its parts along those before, in
+    /// standard deviations. By Cholesky's method: if A = L L^T are the functions' products, the components
+    /// are L^-1 z. Zero for a function that only rounding tells from those before.
+    pub(super) fn components(&self) -> [f32; COMPONENTS] {
+        let inverse_root = |pivot: f32, element: f32| {
+            if pivot > LEAST_NORM * element {
+                1.0 / dual_mac::square_root(pivot)
+            } else {
+                0.0
+            }
+        };
+        let p1 = inverse_root(self.m1, 0.0);
+        let (t1, l31, l51, l71) = (self.t1 * p1, self.m2 * p1, self.m3 * p1, self.m4 * p1);
+        let y1 = self.z1 * p1;
+        let pt = inverse_root(self.tt - t1 * t1, self.tt);
+        let l3t = (self.t3 - l31 * t1) * pt;
+        let l5t = (self.t5 - l51 * t1) * pt;
+        let l7t = (self.t7 - l71 * t1) * pt;
+        let yt = (self.zt - t1 * y1) * pt;
+        let p3 = inverse_root(self.m3 - l31 * l31 - l3t * l3t, self.m3);
+        let l53 = (self.m4 - l51 * l31 - l5t * l3t) * p3;
+        let l73 = (self.m5 - l71 * l31 - l7t * l3t) * p3;
+        let y3 = (self.z3 - l31 * y1 - l3t * yt) * p3;
+        let p5 = inverse_root(self.m5 - l51 * l51 - l5t * l5t - l53 * l53, self.m5);
+        let l75 = (self.m6 - l71 * l51 - l7t * l5t - l73 * l53) * p5;
+        let y5 = (self.z5 - l51 * y1 - l5t * yt - l53 * y3) * p5;
+        let rest = self.m7 - l71 * l71 - l7t * l7t - l73 * l73 - l75 * l75;
+        let p7 = inverse_root(rest, self.m7);
+        let y7 = (self.z7 - l71 * y1 - l7t * yt - l73 * y3 - l75 * y5) * p7;
+        [y1, yt, y3, y5, y7]
+    }
+}
+
+#[cfg(test)]
+mod tests;

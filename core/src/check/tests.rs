@@ -1,0 +1,287 @@
+use super::*;
+use crate::tests::{found_at, gaussian, hash, normal, row, spot_at, tcd1304dg};
+
+#[test]
+fn a_spot_is_whole_if_five_widths_fit_on_both_sides_and_nothing_is_saturated() {
+    let mut light = [300; 101];
+    for (centre, is_so) in [(49.5, false), (50.0, true), (50.5, false)] {
+        let found = is_whole(&row(&light), &found_at(centre, 10.0));
+        assert_eq!(found, is_so, "{centre}");
+    }
+    light[3] = 4095;
+    assert!(!is_whole(&row(&light), &found_at(50.0, 10.0)));
+}
+
+#[test]
+fn a_cut_spot_needs_a_small_uncertainty_and_a_row_of_eight_widths() {
+    // 32 * 0.25 = 8, and 8 * 12.625 = 101.
+    for (width, is_so) in [(7.9, false), (8.0, true), (12.625, true), (12.7, false)] {
+        let found = is_certain_cut(&row(&[300; 101]), &found_at(1.0, width));
+        assert_eq!(found, is_so, "{width}");
+    }
+}
+
+/// Compares light with its mirror image about a centre of a width, for a spot of a height on a background
+/// of a level and a noise.
+fn symmetry_of(
+    light: &[u16],
+    (centre, width, height): (f32, f32, f32),
+    background: (f32, f32),
+) -> (Symmetry, RowCentre) {
+    let spot = spot_at(centre as usize, 0, height, background);
+    let found = RowCentre {
+        uncertainty: Pixels::from_f32(0.005),
+        amplitude: spot.height,
+        ..found_at(centre, width)
+    };
+    let nothing = MaskedPixels::default();
+    let symmetry = Symmetry::of(&row(light), &spot, &found, &tcd1304dg(), &nothing, true);
+    (symmetry, found)
+}
+
+/// Sigma of samples of a gaussian that pixels integrate.
+fn with_pixel(width: f32) -> f32 {
+    libm::sqrtf(width * width + 1.0 / 12.0)
+}
+
+/// Compares a symmetric spot with its mirror image: the width is in pixels, the noise is a count.
+fn symmetry(width: f32, centre: f32, seed: usize) -> (Symmetry, RowCentre) {
+    let light: [u16; 64] = core::array::from_fn(|i| {
+        let spot = 200.5 + 2000.0 * gaussian(i, centre, with_pixel(width));
+        spot as u16 + (hash(i + 64 * seed) >> 30) as u16
+    });
+    symmetry_of(&light, (centre, width, 2000.0), (201.5, 1.1))
+}
+
+fn is_clean(symmetry: &Symmetry, found: &RowCentre) -> bool {
+    let trust = Trust::of(found, &MaskedPixels::default());
+    symmetry.is_spot(trust) && symmetry.is_symmetric(found, trust)
+}
+
+/// Compares spots with shot and read noise with their mirror images. The module gives the variance of
+/// each statistic. So the mean square of each component is 1. The squares of n pairs have a
+/// mean of n - 1, because the shift takes one. The mean of 4000 squares is known to 2.2 %; the test
+/// allows five times this.
+#[test]
+fn statistics_of_noise_have_the_variances_that_the_check_assumes() {
+    const ROWS: usize = 4000;
+    // That of the TCD1304DG, in counts^2 a count.
+    let shot = f32::from(tcd1304dg().shot_variance_per_count_q16) / 65536.0;
+    let (level, height, read_noise) = (300.0f32, 2000.0f32, 8.0f32);
+    // With the rounding of a word.
+    let noise = libm::sqrtf(read_noise * read_noise + 1.0 / 12.0);
+    let mut state = 1;
+    for width in [3.0f32, 4.3, 9.0] {
+        let mut sums = [0.0f64; 9];
+        for number in 0..ROWS {
+            // At all places within a pixel.
+            let centre = 63.0 + number as f32 / ROWS as f32;
+            let light: [u16; 128] = core::array::from_fn(|i| {
+                let spot = height * gaussian(i, centre, with_pixel(width));
+                let noise = libm::sqrtf(read_noise * read_noise + shot * spot);
+                (level + spot + noise * normal(&mut state) + 0.5) as u16
+            });
+            let (it, _) = symmetry_of(&light, (centre, width, height), (level, noise));
+            let (k4, deviation) = it.flatness.expect("many pairs");
+            let flatness = (k4 / deviation).powi(2);
+            let misfit = it.shape_misfit / it.shape_misfit_deviation;
+            let squares = it.squares / (it.pairs - 1.0);
+            let others = [squares, flatness, misfit, misfit * misfit];
+            let statistics = it.components.map(|it| it * it).into_iter().chain(others);
+            for (sum, statistic) in sums.iter_mut().zip(statistics) {
+                *sum += f64::from(statistic);
+            }
+        }
+        let means = sums.map(|sum| sum / ROWS as f64);
+        println!("width {width}: {means:.3?}");
+        for mean in &means[..6] {
+            assert!((mean - 1.0).abs() < 0.11, "{width}: {means:?}");
+        }
+        // The check takes the noise at the spot's top for all samples, so k4 is more certain than that.
+        assert!((0.35..0.6).contains(&means[6]), "{width}: {means:?}");
+        // The fit leaves less than it should where the noise is less than the mean noise: by up to one
+        // deviation. The limit is four.
+        assert!((-1.0..0.0).contains(&means[7]), "{width}: {means:?}");
+        assert!((0.8..2.0).contains(&means[8]), "{width}: {means:?}");
+    }
+}
+
+#[test]
+fn a_row_is_too_short_if_three_widths_fit_on_neither_side() {
+    let light = [300; 101];
+    for (centre, width, is_too_short) in [
+        (50.0, 16.5, false),
+        (50.0, 17.0, true),
+        (45.0, 17.0, false),
+        (55.0, 17.0, false),
+        // Exactly three widths on one side.
+        (51.0, 17.0, false),
+        (49.0, 17.0, false),
+        (49.5, 16.75, false),
+        (49.5, 17.0, true),
+    ] {
+        let found = is_row_too_short((&light).into(), &found_at(centre, width));
+        assert_eq!(found, is_too_short, "{centre} {width}");
+    }
+}
+
+/// Steps of 8 counts have a noise of 8 / sqrt(12) = 2.31 counts. Only pixels within six widths and four
+/// pixels matter.
+#[test]
+fn steps_are_coarse_if_their_noise_exceeds_the_rows_noise() {
+    let mut light: [u16; 101] = core::array::from_fn(|i| 320 + 8 * (i as u16 % 3));
+    let is_coarse = |light: &[u16], noise| {
+        let spot = spot_at(50, 0, 1000.0, (320.0, noise));
+        is_coarse(row(light).light(), &spot, &found_at(50.0, 4.0))
+    };
+    assert!(is_coarse(&light, 2.2) && !is_coarse(&light, 2.4));
+    // 6 * 4 + 4 = 28 pixels: the 29th does not matter, the 27th does.
+    light[50 - 29] += 1;
+    light[50 + 29] += 1;
+    assert!(is_coarse(&light, 2.2));
+    for at in [50 - 27, 50 + 27] {
+        light[at] += 1;
+        assert!(!is_coarse(&light, 2.2), "{at}");
+        light[at] -= 1;
+    }
+}
+
+/// The rise to a single pixel and the fall behind it are each as large as its height, together twice the
+/// height: 400 counts beyond the limit. A spot with a sigma of one pixel has 0.94 of its height. A noise
+/// of 100 counts gives the limit SHARP times 200 counts of room. Wider spots are no bad pixels.
+#[test]
+fn a_single_bright_pixel_is_sharper_than_any_spot() {
+    let pixel: [u16; 101] = core::array::from_fn(|i| if i == 50 { 1300 } else { 300 });
+    let spot = core::array::from_fn(|i| 300 + (1000.0 * gaussian(i, 50.0, 1.0)) as u16);
+    for (light, width, noise, is_sharp) in [
+        (pixel, 1.0, 2.0, true),
+        (pixel, 1.6, 2.0, false),
+        (spot, 1.0, 2.0, false),
+        (pixel, 1.0, 100.0, false),
+    ] {
+        let (spot, found) = (
+            spot_at(50, 0, 1000.0, (300.0, noise)),
+            found_at(50.0, width),
+        );
+        let found = super::is_sharp((&light).into(), &spot, &found, &tcd1304dg());
+        assert_eq!(found, is_sharp, "{width} {noise}");
+    }
+}
+
+/// With three or four pairs the norm of u^4 e is often nothing but rounding, and its root not a number.
+#[test]
+fn flatness_is_a_number_or_is_not_tested() {
+    let (mut few, mut without, mut flagged) = (0, 0, 0);
+    for seed in 0..200 {
+        // So near the row's end that it has few pixels on one side.
+        let width = 0.7 + 0.01 * (seed % 60) as f32;
+        let (symmetry, found) = symmetry(width, 3.5 + 0.05 * (seed % 33) as f32, seed);
+        let is_number = |(k4, deviation): (f32, f32)| k4.is_finite() && deviation > 0.0;
+        assert!(symmetry.flatness.is_none_or(is_number), "{width}");
+        if symmetry.pairs <= 4.0 {
+            few += 1;
+            without += usize::from(symmetry.flatness.is_none());
+            flagged += usize::from(!is_clean(&symmetry, &found));
+        }
+    }
+    println!("of {few} with three or four pairs {without} have no flatness, {flagged} a flag");
+    assert!(without > 0 && flagged <= few / 50);
+}
+
+#[test]
+fn not_a_number_is_not_clean() {
+    let (good, found) = symmetry(4.0, 32.0, 1);
+    assert!(is_clean(&good, &found));
+    let spoil: [fn(&mut Symmetry); 9] = [
+        |it| it.pairs = f32::NAN,
+        |it| it.components[0] = f32::NAN,
+        |it| it.components[1] = f32::NAN,
+        |it| it.components[2] = f32::NAN,
+        |it| it.pixels_a_deviation = f32::NAN,
+        |it| it.worst = f32::NAN,
+        |it| it.squares = f32::NAN,
+        |it| it.flatness = Some((f32::NAN, 1.0)),
+        |it| it.shape_misfit = f32::NAN,
+    ];
+    for (i, spoil) in spoil.into_iter().enumerate() {
+        let mut spoiled = symmetry(4.0, 32.0, 1).0;
+        spoil(&mut spoiled);
+        assert!(!is_clean(&spoiled, &found), "{i}");
+    }
+}
+
+/// Compares a spot without noise, lopsided by `skewness`, with its mirror image. A pixel at two widths is
+/// brighter by `flaw` counts.
+fn lopsided(width: f32, skewness: f32, flaw: u16) -> (Symmetry, RowCentre) {
+    let (centre, height, level) = (64.0, 3000.0, 200.0);
+    let mut light: [u16; 129] = core::array::from_fn(|i| {
+        let u = (i as f32 - centre) / with_pixel(width);
+        let lopsided = 1.0 + skewness / 6.0 * (u * u * u - 3.0 * u);
+        (level + height * libm::expf(-0.5 * u * u) * lopsided + 0.5) as u16
+    });
+    light[(centre + 2.0 * width) as usize] += flaw;
+    let (symmetry, found) = symmetry_of(&light, (centre, width, height), (level, 1.0));
+    let uncertainty = Pixels::from_f32(0.25);
+    (
+        symmetry,
+        RowCentre {
+            uncertainty,
+            ..found
+        },
+    )
+}
+
+/// An own spot without deviations.
+fn own_spot(width: f32, components: [f32; COMPONENTS]) -> OwnSpot {
+    OwnSpot {
+        width,
+        width_deviation: 0.0,
+        components,
+        deviation: 0.0,
+    }
+}
+
+#[test]
+fn the_own_spots_light_leaves_the_components_and_the_squares() {
+    let mut symmetry = symmetry(4.0, 32.0, 1).0;
+    symmetry.components = [1.0, 2.0, 3.0, 4.0, 5.0];
+    (symmetry.pixels_a_deviation, symmetry.leverage) = (0.25, 0.2);
+    symmetry.squares = 100.0;
+    symmetry.subtract(&own_spot(4.0, [0.0; COMPONENTS]));
+    assert_eq!(symmetry.components, [1.0, 2.0, 3.0, 4.0, 5.0]);
+    assert_eq!((symmetry.squares, symmetry.own_of_a_pair), (100.0, 0.0));
+    // 1, 2, 1, 0 and -1 standard deviations. Without the shift, the sum of the components' squares rises
+    // from 4 + 9 + 16 + 25 to 0 + 4 + 16 + 36.
+    symmetry.subtract(&own_spot(4.0, [0.25, 0.5, 0.25, 0.0, -0.25]));
+    assert_eq!(symmetry.components, [0.0, 0.0, 2.0, 4.0, 6.0]);
+    assert_eq!(symmetry.squares, 102.0);
+    // The root of 5 functions times the leverage times the sum of squares 1 + 4 + 1 + 1.
+    assert!((symmetry.own_of_a_pair - libm::sqrtf(5.0 * 0.2 * 7.0)).abs() < 1e-5);
+}
+
+/// All of this row's difference from its mirror image is that of the own spot. So no pair may differ by
+/// more than `own_of_a_pair`, and nothing else is left.
+#[test]
+fn the_own_spot_explains_a_lopsided_row_and_no_pixel_that_stands_out() {
+    for (width, skewness) in [(3.0, 0.1), (3.0, -0.3), (5.5, 0.2), (9.0, 0.1), (9.0, -0.3)] {
+        let (mut row, found) = lopsided(width, skewness, 0);
+        let trust = Trust::of(&found, &MaskedPixels::default());
+        let shape = row.shape();
+        let own = own_spot(shape.width.to_f32(), shape.components.map(Pixels::to_f32));
+        assert!(!row.is_symmetric(&found, trust), "{width} {skewness}");
+        row.subtract(&own);
+        assert!(row.is_symmetric(&found, trust), "{width} {skewness}");
+        // The components were rounded to 2^-16 px.
+        let rounding = 1.0 / 65536.0 / row.pixels_a_deviation;
+        assert!(row.components.iter().all(|it| it.abs() <= rounding));
+        let worst = libm::sqrtf(row.worst);
+        println!("{width} {skewness}: {worst} of {}", row.own_of_a_pair);
+        // The limit is a few times the most that the own spot makes of a pair, not without end.
+        let limits = worst..5.0 * worst;
+        assert!(limits.contains(&row.own_of_a_pair), "{width} {skewness}");
+
+        let mut flawed = lopsided(width, skewness, 900).0;
+        flawed.subtract(&own);
+        assert!(!flawed.is_symmetric(&found, trust), "{width} {skewness}");
+    }
+}
