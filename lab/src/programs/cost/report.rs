@@ -308,7 +308,7 @@ impl Measured {
              rmse_over_bound,pull,faults,gross",
             cells,
         )?;
-        let rows = self.chip.whole_rows.rows.iter();
+        let rows = self.chip.whole_rows.0.iter();
         write_csv(
             &directory.join("whole-rows.csv"),
             "row,estimator,width_px,convert,search,estimate,check,frame,distance,other,total",

@@ -30,11 +30,7 @@ pub struct WholeRow {
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct WholeRows {
-    pub rows: Vec<WholeRow>,
-    /// What the slowest row of the default estimator shows.
-    pub slowest: String,
-}
+pub struct WholeRows(pub Vec<WholeRow>);
 
 impl WholeRows {
     pub fn add(
@@ -44,7 +40,7 @@ impl WholeRows {
         width: Option<f64>,
         steps: Steps,
     ) {
-        self.rows.push(WholeRow {
+        self.0.push(WholeRow {
             kind,
             name,
             width,
@@ -86,9 +82,6 @@ pub fn read(run: &Run, program: &Program) -> Result<WholeRows> {
     for slow in &run.slowest {
         let steps = functions.steps(&slow.call)?;
         all.add(SLOWEST, slow.estimator.name(), None, steps);
-        if slow.estimator == Estimator::default() {
-            all.slowest.clone_from(&slow.name);
-        }
     }
     let nominal = Some(f64::from(WIDTH));
     for name in names {

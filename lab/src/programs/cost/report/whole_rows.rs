@@ -21,7 +21,7 @@ impl WholeRows {
             let is_near = |of_row: f64| (of_row - width).abs() < 1e-6;
             row.kind == kind && row.name == name && row.width.is_none_or(is_near)
         };
-        Some(&self.rows.iter().find(is_it)?.steps)
+        Some(&self.0.iter().find(is_it)?.steps)
     }
 
     /// The same with the spot of the nominal sensor.
@@ -158,10 +158,7 @@ impl Measured {
                 "That is {:.1} % more than by `phase-table`.",
                 100.0 * more as f64 / table as f64
             ),
-            format!(
-                "The slowest row of the default estimator: {}.",
-                rows.slowest
-            ),
+            "The slowest row of the default estimator: found by cargo slowest.".to_owned(),
             format!(
                 "Once a frame of {FRAME} rows, the mean of its rows takes {mean} instructions more, and the \
                  distance with its uncertainty {reading}."
@@ -182,6 +179,6 @@ impl Measured {
                 "steps": steps.collect::<std::collections::BTreeMap<_, _>>(),
             })
         };
-        self.chip.whole_rows.rows.iter().map(json).collect()
+        self.chip.whole_rows.0.iter().map(json).collect()
     }
 }
