@@ -126,7 +126,7 @@ fn chosen() -> String {
         100.0 * veil.share,
         veil.width * 1e3,
     );
-    for material in &MATERIALS {
+    for material in MATERIALS.iter() {
         list += &format!("- {}\n", material.description());
     }
     list
