@@ -38,8 +38,17 @@ pub struct Target<'a> {
     counts: f64,
 }
 
-/// Positions at which the exposure time is chosen.
-const EXPOSED_AT: usize = 16;
+/// Chooses an exposure time: the counts for a unit of light with which the mean of `light` along the table,
+/// at so many distances, becomes [`PEAK`].
+pub fn exposed(light: impl Fn(f64) -> anyhow::Result<f64>) -> anyhow::Result<f64> {
+    const EXPOSED_AT: usize = 16;
+    let mut sum = 0.0;
+    for i in 0..EXPOSED_AT {
+        let share = (i as f64 + 0.5) / EXPOSED_AT as f64;
+        sum += light(TABLE.0 + (TABLE.1 - TABLE.0) * share)?;
+    }
+    Ok(PEAK * EXPOSED_AT as f64 / sum)
+}
 
 impl<'a> Target<'a> {
     /// Prepares a data set: the mean peak of its images along the table becomes [`PEAK`].
@@ -51,17 +60,13 @@ impl<'a> Target<'a> {
             surface: material.surface(&LASER, seed)?,
             counts: 1.0,
         };
-        let mut sum = 0.0;
-        for i in 0..EXPOSED_AT {
-            let share = (i as f64 + 0.5) / EXPOSED_AT as f64;
-            let distance = TABLE.0 + (TABLE.1 - TABLE.0) * share;
+        target.counts = exposed(|distance| {
             let density = match set.aperture {
                 Aperture::Slit => slit_path::density(&target.surface, &target.view(distance))?,
                 Aperture::Lens => lens_path::density(&target.surface, &target.view(distance))?,
             };
-            sum += target.brightness(distance) * density;
-        }
-        target.counts = PEAK * EXPOSED_AT as f64 / sum;
+            Ok(target.brightness(distance) * density)
+        })?;
         Ok(target)
     }
 

@@ -56,25 +56,6 @@ pub struct Measured {
     pub peers: Vec<Peer>,
 }
 
-/// A method's figures: the worst over the widths it is made for, and its cost with a window of 96 pixels. A
-/// figure that does not apply, or that no row gave, is null.
-#[derive(Serialize)]
-struct Figures {
-    name: &'static str,
-    rmse_over_bound_max: f64,
-    rmse_over_bound_max_white: f64,
-    rmse_over_bound_max_shot: f64,
-    bias_max_px: Option<f64>,
-    pull_min: f64,
-    pull_max: f64,
-    /// The estimator alone.
-    chip_instructions_per_row: Option<u64>,
-    table_bytes: Option<u64>,
-    code_bytes: Option<u64>,
-    stack_bytes: Option<u64>,
-    host_ns_per_row: Option<f64>,
-}
-
 impl Measured {
     fn chip_widths(&self) -> Vec<f64> {
         let methods = self.chip.methods.iter();
@@ -96,30 +77,30 @@ impl Measured {
         json
     }
 
-    fn figures(&self) -> Vec<Figures> {
-        let figures = |(&method, &host_ns): (&Method, &Option<f64>)| {
+    /// Each method's figures: the worst over the widths it is made for, and its cost with a window of 96
+    /// pixels. A figure that does not apply, or that no row gave, is null.
+    fn figures(&self) -> Vec<serde_json::Value> {
+        let figures = |(&method, host_ns): (&Method, &Option<f64>)| {
             let worst = self.accuracy.worst(method);
             let chip = self.chip.on_chip(method, WINDOW_OF_96);
-            Figures {
-                name: method.name(),
-                rmse_over_bound_max: round(worst.white.max(worst.shot)),
-                rmse_over_bound_max_white: round(worst.white),
-                rmse_over_bound_max_shot: round(worst.shot),
-                bias_max_px: worst.bias.map(round),
-                pull_min: round(worst.pull.0),
-                pull_max: round(worst.pull.1),
-                chip_instructions_per_row: chip.map(|chip| chip.instructions),
-                table_bytes: chip.map(|chip| chip.table_bytes),
-                code_bytes: chip.map(|chip| chip.code_bytes),
-                stack_bytes: chip.map(|chip| chip.stack_bytes),
-                host_ns_per_row: host_ns.map(round),
-            }
+            serde_json::json!({
+                "name": method.name(),
+                "rmse_over_bound_max": round(worst.white.max(worst.shot)),
+                "rmse_over_bound_max_white": round(worst.white),
+                "rmse_over_bound_max_shot": round(worst.shot),
+                "bias_max_px": worst.bias.map(round),
+                "pull_min": round(worst.pull.0),
+                "pull_max": round(worst.pull.1),
+                // The estimator alone.
+                "chip_instructions_per_row": chip.map(|chip| chip.instructions),
+                "table_bytes": chip.map(|chip| chip.table_bytes),
+                "code_bytes": chip.map(|chip| chip.code_bytes),
+                "stack_bytes": chip.map(|chip| chip.stack_bytes),
+                "host_ns_per_row": host_ns.map(round),
+            })
         };
-        self.methods
-            .iter()
-            .zip(&self.host_ns)
-            .map(figures)
-            .collect()
+        let methods = self.methods.iter().zip(&self.host_ns);
+        methods.map(figures).collect()
     }
 
     /// The blocks of the pages, each with its page and its mark.
