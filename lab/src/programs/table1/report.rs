@@ -8,7 +8,7 @@ use crate::paper::experiment::{Experiment, Outcome};
 use crate::paper::lens_effects::{DISTORTION, Flare};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::{Method, OURS};
-use crate::paper::published::{Errors, Published, TABLE_1};
+use crate::paper::published::TABLE_1;
 
 pub struct Report {
     /// Of every material through every aperture.
@@ -49,11 +49,11 @@ impl Report {
         );
         for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
             text += &format!("| {} |", material.name);
-            for method in Method::ALL {
+            for (place, method) in Method::ALL.into_iter().enumerate() {
                 let judged = self.judged(i, method);
-                let paper = of_paper(paper, method);
-                let [max, mae] = [paper.map(|it| it.max), paper.map(|it| it.mae)]
-                    .map(|paper| paper.map_or(String::new(), |paper| format!(" ({paper:.0})")));
+                let [max, mae] = paper.get(place).map_or_else(Default::default, |figures| {
+                    figures.map(|um| format!(" ({um:.0})"))
+                });
                 text += &format!(
                     " {:.0}{max} | {:.0}{mae} |",
                     judged.max * MICROMETRES,
@@ -87,16 +87,6 @@ impl Report {
             gains().fold(f64::NEG_INFINITY, f64::max),
         );
         text + &chosen()
-    }
-}
-
-/// The paper's figures for a method, where it has them.
-fn of_paper(row: &Published, method: Method) -> Option<Errors> {
-    match method {
-        Method::PlaneGaussian => Some(row.lens),
-        Method::Gaussian => Some(row.gaussian),
-        Method::Fraunhofer => Some(row.fraunhofer),
-        Method::Ours => None,
     }
 }
 
