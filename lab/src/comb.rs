@@ -15,28 +15,7 @@ use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
 use judges::frames;
 
-use crate::surfaces::{Judged, POINTS, calibrate};
-
-/// Where targets are, in metres.
-#[derive(Clone, Copy, Debug)]
-pub enum At {
-    One(f64),
-    /// Evenly between two distances, in no order.
-    Between(f64, f64),
-}
-
-impl At {
-    /// The distance of a surface, by an additive recurrence with the golden ratio.
-    fn distance(self, surface: u64) -> f64 {
-        match self {
-            Self::One(distance) => distance,
-            Self::Between(first, last) => {
-                let share = (surface as f64 * 0.618_033_988_749_895).fract();
-                first + share * (last - first)
-            }
-        }
-    }
-}
+use crate::surfaces::{Judged, POINTS, calibrate, distance_within};
 
 /// A mask, and how the core brings its images together.
 #[derive(Clone, Debug)]
@@ -126,11 +105,12 @@ impl Sensor {
         })
     }
 
-    /// Readings of surfaces with numbers from `first` on, each of one frame of `rows` rows.
+    /// Readings of surfaces with numbers from `first` on, each of one frame of `rows` rows, at distances that
+    /// are spread over a range in metres.
     pub fn read(
         &self,
         scene: &Scene,
-        at: At,
+        range: [f64; 2],
         rows: u16,
         first: u64,
         count: u64,
@@ -142,7 +122,7 @@ impl Sensor {
         (first..first + count)
             .into_par_iter()
             .map(|surface| {
-                let distance = at.distance(surface);
+                let distance = distance_within(range, surface);
                 let reading = self.reading(&scene, surface, distance, rows)?;
                 Ok(Judged {
                     reading,

@@ -7,8 +7,7 @@
 //! ```
 //!
 //! The fit of eq. (1) is that of `slitrange calibrate fit` ([`calibration::fit::eq1`]). The slit's rows go
-//! through the core itself. Beside the paper's methods, the core's other estimators and other ways to combine
-//! rows run on the same captures ([`methods`]).
+//! through the core itself. Beside the paper's methods, ours runs on the same captures ([`methods`]).
 
 pub mod apparatus;
 pub mod camera;
@@ -26,4 +25,3 @@ pub mod published;
 mod reference;
 pub mod row_mean;
 pub mod slit_path;
-pub mod training;

@@ -8,14 +8,13 @@
 mod chip;
 mod chips;
 mod evolution;
-mod frames;
 mod report;
 
 pub use chip::Chip;
 pub use chips::Chips;
 pub use evolution::{Search, Slow};
-pub use frames::{Frame, frames};
-pub use report::{attribution, markdown, words_of};
+use report::words_of;
+pub use report::{attribution, markdown};
 
 use slitrange::centre::Estimator;
 use slowest_on_chip::corpus;

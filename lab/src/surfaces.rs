@@ -37,7 +37,7 @@ pub const MATERIALS: [(&str, &str); 6] = [
 ];
 
 /// Distances over which sensors are judged: the paper's position table, in metres.
-pub const TABLE: std::ops::Range<f64> = 0.60..1.02;
+pub const TABLE: [f64; 2] = [0.60, 1.02];
 
 /// Distances of a calibration's points, in millimetres: a little more than the table.
 const POINTS_MM: [f64; 2] = [580.0, 1050.0];
@@ -131,11 +131,10 @@ impl Judged {
     }
 }
 
-/// The distance of a surface in metres, by an additive recurrence with the golden ratio: even over the table
-/// for any number of surfaces.
-pub fn distance_of(number: u64) -> f64 {
-    let share = (number as f64 * 0.618_033_988_749_895).fract();
-    TABLE.start + share * (TABLE.end - TABLE.start)
+/// The distance of a surface in metres within a range, by an additive recurrence with the golden ratio: even
+/// over the range for any number of surfaces.
+pub fn distance_within([first, last]: [f64; 2], number: u64) -> f64 {
+    first + (number as f64 * 0.618_033_988_749_895).fract() * (last - first)
 }
 
 /// Frames of `count` surfaces at distances spread over the table, which are given in metres.
@@ -143,7 +142,7 @@ pub fn see(scene: &Scene, count: u64, first: u64) -> Vec<(f64, Measured)> {
     (first..first + count)
         .into_par_iter()
         .filter_map(|number| {
-            let distance = distance_of(number);
+            let distance = distance_within(TABLE, number);
             Some((distance, frame(scene, number, distance).ok()?))
         })
         .collect()

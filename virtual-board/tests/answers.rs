@@ -40,7 +40,6 @@ fn questions(one_in: usize) -> Vec<Question> {
                 pixels: row.light.len().try_into().expect("rows are short"),
                 bits,
                 first: number == 0,
-                falling: false,
                 shot_variance_per_count_q16,
             };
             Question {
@@ -61,7 +60,7 @@ fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
             let variance = header.shot_variance_per_count_q16;
-            estimators.start(light.len(), header.bits, variance, header.falling);
+            estimators.start(light.len(), header.bits, variance);
         }
         let mut answers: Vec<Answer> = Estimator::ALL
             .map(|estimator| Answer {

@@ -3,24 +3,23 @@
 
 use anyhow::Context as _;
 use calibration::fit::eq1;
+use judges::frames;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use rayon::prelude::*;
 use simulator::field::{Image, Surface, View, slit_image};
 use simulator::optics::Optics;
+use simulator::scene::Sensor;
 use simulator::scene::comb::Comb;
-use simulator::scene::{Sensor, quantise};
 use slitrange::frame::comb::Slits;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::row::Polarity;
 use slitrange::row::sensor_heads;
 use statistics::mean;
 
 use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};
-use crate::paper::camera::PEAK;
-use crate::paper::data_set::{JUDGED, positions};
+use crate::paper::data_set::{exposed, positions};
 use crate::paper::materials::MATERIALS;
 
 /// The comb on a material.
@@ -61,7 +60,7 @@ struct Target {
 impl Target {
     fn new(material: usize, seed: u64) -> anyhow::Result<Self> {
         let optics = Optics::nominal_on(Sensor::Tcd1304dg);
-        let of_piece = seed ^ (material as u64) << 48 ^ JUDGED << 32;
+        let of_piece = seed ^ (material as u64) << 48;
         let mut target = Self {
             surface: MATERIALS[material].surface(&LASER, of_piece)?,
             material,
@@ -72,17 +71,11 @@ impl Target {
             counts: 1.0,
             seed: of_piece,
         };
-        // As the camera's exposure: the mean peak along the table is a quarter of full scale.
-        const EXPOSED_AT: usize = 16;
-        let mut sum = 0.0;
-        for i in 0..EXPOSED_AT {
-            let share = (i as f64 + 0.5) / EXPOSED_AT as f64;
-            let distance = TABLE.0 + (TABLE.1 - TABLE.0) * share;
+        target.counts = exposed(|distance| {
             let view = target.view(&target.optics, distance);
             let image = slit_image(&target.surface, &view, &SLIT, &[0.0], &[0.0])?;
-            sum += target.brightness(&view) * image.density;
-        }
-        target.counts = PEAK * EXPOSED_AT as f64 / sum;
+            Ok(target.brightness(&view) * image.density)
+        })?;
         Ok(target)
     }
 
@@ -147,11 +140,7 @@ impl Target {
                 let normal: f64 = StandardNormal.sample(&mut random);
                 *pixel += (normal * variance.sqrt()) as f32;
             }
-            let mut words = quantise(&noisy, geometry.full_scale());
-            if geometry.polarity == Polarity::Falling {
-                (words.iter_mut()).for_each(|word| *word = geometry.full_scale() - *word);
-            }
-            measurement.row(&mut words)
+            measurement.row(&mut frames::words(&noisy, &geometry))
         });
         let measured = measured.context("a frame of all captures is complete")?;
         Ok(measured.ok().map(|measured| {
@@ -201,7 +190,7 @@ mod tests {
     use super::*;
 
     /// Through 16 slits the mean error on paper is below what the simulated camera has with one slit and 600
-    /// rows (docs/physics/table1.csv: 89 um at every tenth position).
+    /// rows (66 um at all positions).
     #[test]
     fn a_comb_beats_the_camera_on_paper() {
         let paper = MATERIALS.iter().position(|it| it.name == "Printer Paper");

@@ -3,10 +3,11 @@
 
 use rayon::prelude::*;
 
-use crate::paper::apparatus::{Aperture, BASELINE, LASER, POSITIONS, STEP, TABLE, WANDER};
+use crate::paper::apparatus::{
+    Aperture, BASELINE, CAPTURES, LASER, POSITIONS, STEP, TABLE, WANDER,
+};
 use crate::paper::camera::{self, Exposure, PEAK};
 use crate::paper::materials::MATERIALS;
-use crate::paper::slit_path::RowTables;
 use crate::paper::{lens_path, slit_path};
 use simulator::field::{Surface, View};
 
@@ -15,37 +16,17 @@ pub struct DataSet {
     pub material: usize,
     pub aperture: Aperture,
     pub seed: u64,
-    /// Which piece of the material is measured: [`JUDGED`], or one of those after it, which are trained on.
-    pub piece: u64,
     /// Distances of the positions in metres.
     pub distances: Vec<f64>,
-    pub captures: usize,
 }
-
-/// The piece of material that methods are judged on.
-pub const JUDGED: u64 = 0;
 
 /// What every method found: for each capture its distance in metres, and for each method and capture the
 /// centre in pixels, which is not a number where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Centres {
     pub distances: Vec<f64>,
-    /// For each of [`CentreMethod::all`](crate::paper::methods::CentreMethod::all) all captures.
+    /// For each of [`Method::of`](crate::paper::methods::Method::of) all captures.
     pub of_methods: Vec<Vec<f64>>,
-}
-
-impl Centres {
-    /// Adds the captures of another data set.
-    pub fn append(&mut self, mut other: Self) {
-        self.distances.append(&mut other.distances);
-        if self.of_methods.is_empty() {
-            self.of_methods = other.of_methods;
-        } else {
-            for (all, more) in self.of_methods.iter_mut().zip(&mut other.of_methods) {
-                all.append(more);
-            }
-        }
-    }
 }
 
 /// A data set with its surface and its exposure time: ready to be captured.
@@ -57,30 +38,35 @@ pub struct Target<'a> {
     counts: f64,
 }
 
-/// Positions at which the exposure time is chosen.
-const EXPOSED_AT: usize = 16;
+/// Chooses an exposure time: the counts for a unit of light with which the mean of `light` along the table,
+/// at so many distances, becomes [`PEAK`].
+pub fn exposed(light: impl Fn(f64) -> anyhow::Result<f64>) -> anyhow::Result<f64> {
+    const EXPOSED_AT: usize = 16;
+    let mut sum = 0.0;
+    for i in 0..EXPOSED_AT {
+        let share = (i as f64 + 0.5) / EXPOSED_AT as f64;
+        sum += light(TABLE.0 + (TABLE.1 - TABLE.0) * share)?;
+    }
+    Ok(PEAK * EXPOSED_AT as f64 / sum)
+}
 
 impl<'a> Target<'a> {
     /// Prepares a data set: the mean peak of its images along the table becomes [`PEAK`].
     pub fn new(set: &'a DataSet) -> anyhow::Result<Self> {
-        let seed = set.seed ^ (set.material as u64) << 48 ^ set.piece << 32;
+        let seed = set.seed ^ (set.material as u64) << 48;
         let material = &MATERIALS[set.material];
         let mut target = Self {
             set,
             surface: material.surface(&LASER, seed)?,
             counts: 1.0,
         };
-        let mut sum = 0.0;
-        for i in 0..EXPOSED_AT {
-            let share = (i as f64 + 0.5) / EXPOSED_AT as f64;
-            let distance = TABLE.0 + (TABLE.1 - TABLE.0) * share;
+        target.counts = exposed(|distance| {
             let density = match set.aperture {
                 Aperture::Slit => slit_path::density(&target.surface, &target.view(distance))?,
                 Aperture::Lens => lens_path::density(&target.surface, &target.view(distance))?,
             };
-            sum += target.brightness(distance) * density;
-        }
-        target.counts = PEAK * EXPOSED_AT as f64 / sum;
+            Ok(target.brightness(distance) * density)
+        })?;
         Ok(target)
     }
 
@@ -120,20 +106,20 @@ impl<'a> Target<'a> {
             Aperture::Slit => 1,
             Aperture::Lens => 2,
         };
-        let set = (self.set.material as u64) << 48 ^ self.set.piece << 32 ^ aperture << 60;
+        let set = (self.set.material as u64) << 48 ^ aperture << 60;
         // Not the surface's seed: its streams are numbered otherwise.
         let mut random = camera::noise(!self.set.seed ^ set, position as u64, capture as u64);
         exposure.capture(&mut random, to);
     }
 
     /// The centres of the captures at a position, by every method.
-    fn centres(&self, position: usize, tables: &RowTables<'_>) -> anyhow::Result<Vec<Vec<f64>>> {
+    fn centres(&self, position: usize) -> anyhow::Result<Vec<Vec<f64>>> {
         let (exposure, first) = self.expose(position)?;
         let mut counts = vec![];
         let mut of_capture = |capture| {
             self.capture(&exposure, position, capture, &mut counts);
             let mut centres = match self.set.aperture {
-                Aperture::Slit => slit_path::centres(&counts, tables),
+                Aperture::Slit => slit_path::centres(&counts),
                 Aperture::Lens => lens_path::centres(&counts),
             };
             for centre in &mut centres {
@@ -141,24 +127,19 @@ impl<'a> Target<'a> {
             }
             centres
         };
-        Ok((0..self.set.captures).map(&mut of_capture).collect())
+        Ok((0..CAPTURES).map(&mut of_capture).collect())
     }
 }
 
 impl DataSet {
-    /// Acquires and measures, on all cores. `tables` are those of the slit's rows. `done` is called after
-    /// each position.
-    pub fn measure(
-        &self,
-        tables: &RowTables<'_>,
-        done: &(dyn Fn() + Sync),
-    ) -> anyhow::Result<Centres> {
+    /// Acquires and measures, on all cores. `done` is called after each position.
+    pub fn measure(&self, done: &(dyn Fn() + Sync)) -> anyhow::Result<Centres> {
         let target = Target::new(self)?;
         // In the order of the positions, whichever thread does them.
         let of_positions: Vec<Vec<Vec<f64>>> = (0..self.distances.len())
             .into_par_iter()
             .map(|position| {
-                let centres = target.centres(position, tables);
+                let centres = target.centres(position);
                 done();
                 centres
             })
@@ -168,7 +149,7 @@ impl DataSet {
         let distances = self.distances.iter();
         Ok(Centres {
             distances: distances
-                .flat_map(|&distance| vec![distance; self.captures])
+                .flat_map(|&distance| [distance; CAPTURES])
                 .collect(),
             of_methods: (0..methods)
                 .map(|method| captures().map(|centres| centres[method]).collect())

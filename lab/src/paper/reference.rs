@@ -5,9 +5,8 @@ use anyhow::Context as _;
 use rayon::prelude::*;
 
 use crate::paper::data_set::{DataSet, Target};
-use crate::paper::methods::RowEstimator;
-use crate::paper::row_mean::{RowFit, RowMean};
-use crate::paper::slit_path::{self, COLUMNS, RowTables};
+use crate::paper::row_mean::{self, RowFit};
+use crate::paper::slit_path::{self, COLUMNS};
 use simulator::least_squares;
 use simulator::sinc_fit::{self, Sinc};
 
@@ -16,24 +15,23 @@ use simulator::sinc_fit::{self, Sinc};
 /// [`least_squares::fit_near`], and `fraunhofer` less [`sinc_fit::fit_from`]. The weights of `fraunhofer` are
 /// made for a mix of read and shot noise, the reference weighs all pixels alike: in noise they are both
 /// right, in speckle they differ.
-pub fn compare(set: &DataSet, tables: &RowTables<'_>) -> anyhow::Result<[f64; 2]> {
+pub fn compare(set: &DataSet) -> anyhow::Result<[f64; 2]> {
     let target = Target::new(set)?;
     let positions = (0..set.distances.len()).step_by(set.distances.len().div_ceil(16));
     let of_position = |position| {
         let (exposure, _) = target.expose(position)?;
         let mut counts = vec![];
         target.capture(&exposure, position, 0, &mut counts);
-        let core = slit_path::fit_rows(&counts, tables);
-        let (gaussian, sinc) = reference(&counts);
-        let difference = |estimator: RowEstimator, fits: &[RowFit]| {
-            let core = RowMean::Plain.of(&core[estimator as usize]);
-            let both = core.zip(RowMean::Plain.of(fits));
+        let [gaussian, fraunhofer, _] = slit_path::fit_rows(&counts);
+        let (gaussian_fits, sinc_fits) = reference(&counts);
+        let difference = |core: &[RowFit], fits: &[RowFit]| {
+            let both = row_mean::plain(core).zip(row_mean::plain(fits));
             both.map(|(core, fit)| core - fit)
                 .with_context(|| format!("no centre at position {position}"))
         };
         Ok([
-            difference(RowEstimator::Gaussian, &gaussian)?,
-            difference(RowEstimator::Fraunhofer, &sinc)?,
+            difference(&gaussian, &gaussian_fits)?,
+            difference(&fraunhofer, &sinc_fits)?,
         ])
     };
     let differences = positions

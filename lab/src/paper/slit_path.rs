@@ -1,16 +1,17 @@
 //! The slit's captures through the core: rows in, the centres of frames out.
 
+use std::sync::LazyLock;
+
+use judges::core_tables;
 use phase_tables::{Background, IntegerTable, Shape, design, gaussian};
-use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{Estimator, RowCentre, centre, phase_table};
-use slitrange::row::{Geometry, Row};
+use slitrange::row::Row;
 use slitrange::spot::{self, Spot};
 
 use crate::paper::apparatus::{self, Aperture, SLIT};
 use crate::paper::camera::{self, FULL_SCALE, PITCH, ROWS, ShotNoise};
-use crate::paper::methods::RowEstimator;
-use crate::paper::row_mean::{RowFit, RowMean};
+use crate::paper::row_mean::{self, RowFit};
 use simulator::field::{Image, Surface, View, every, slit_image};
 
 /// Pixels of a row that are simulated, around the spot. The spot's sigma is 10 to 13 pixels and its side
@@ -22,14 +23,6 @@ pub const COLUMNS: usize = 256;
 /// The light is computed on every so many rows, and interpolated between them: the speckle of a spot of half
 /// a millimetre is some 150 rows high. On every row, the mean errors change by 0.4 %.
 const ROW_STEP: usize = 4;
-
-/// Tables that the core does not have.
-#[derive(Clone, Copy)]
-pub struct RowTables<'a> {
-    /// Of the profile that rows of the sensor have, where it was measured.
-    pub measured: Option<&'a TableSet<'a>>,
-    pub speckle: &'a TableSet<'a>,
-}
 
 /// A table whose score is nearly blind to half of what speckle does to a row.
 ///
@@ -48,6 +41,12 @@ pub fn speckle_table() -> IntegerTable {
     };
     design(&gaussian, shape, f64::INFINITY, Background::Tilted).quantise()
 }
+
+/// The same as the core takes it.
+static SPECKLE: LazyLock<TableSet<'static>> = LazyLock::new(|| {
+    let tables = core_tables::borrow(vec![speckle_table()].leak()).leak();
+    TableSet::new(tables).expect("a table that the core takes")
+});
 
 /// The image of a view, and the sensor's column at which it begins.
 pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
@@ -68,24 +67,28 @@ pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
     Ok(slit_image(surface, view, &SLIT, &[0.0], &[0.0])?.density)
 }
 
-/// The centres of a capture, by every method: a value for each of
-/// [`CentreMethod::all`](crate::paper::methods::CentreMethod::all), in pixels from the image's first column,
-/// not a number where there is none.
-pub fn centres(counts: &[u16], tables: &RowTables<'_>) -> Vec<f64> {
-    fit_rows(counts, tables)
-        .iter()
-        .flat_map(|rows| RowMean::ALL.map(|mean| mean.of(rows).unwrap_or(f64::NAN)))
-        .collect()
+/// The centres of a capture, by every method: a value for each of those that
+/// [`Method::of`](crate::paper::methods::Method::of) names, in pixels from the image's first column, not a
+/// number where there is none.
+pub fn centres(counts: &[u16]) -> Vec<f64> {
+    let [gaussian, fraunhofer, speckle] = fit_rows(counts);
+    let found = [
+        row_mean::plain(&gaussian),
+        row_mean::plain(&fraunhofer),
+        row_mean::towards_the_ends(&speckle),
+    ];
+    found.map(|centre| centre.unwrap_or(f64::NAN)).into()
 }
 
-/// The rows of a capture that have a centre, for each estimator. As the core's pipeline does, a row is
-/// searched near the spot of the row before; the estimators share that search.
-pub fn fit_rows(counts: &[u16], tables: &RowTables<'_>) -> [Vec<RowFit>; RowEstimator::ALL.len()] {
+/// The rows of a capture that have a centre: by the paper's gaussian, by Fraunhofer's pattern, and by
+/// [`speckle_table`]. As the core's pipeline does, a row is searched near the spot of the row before; the
+/// methods share that search.
+pub fn fit_rows(counts: &[u16]) -> [Vec<RowFit>; 3] {
     let known = camera::geometry(COLUMNS, ShotNoise::Known);
     let ignored = camera::geometry(COLUMNS, ShotNoise::Ignored);
-    let mut found = RowEstimator::ALL.map(|_| Vec::with_capacity(ROWS));
+    let mut found = [const { vec![] }; 3];
     let mut last_spot: Option<(Spot, RowCentre)> = None;
-    let mut last = [None; RowEstimator::ALL.len()];
+    let mut last: [Option<RowCentre>; 3] = [None; 3];
     for (number, row) in (0..).zip(counts.as_chunks::<COLUMNS>().0) {
         let place = 2.0 * f64::from(number) / (ROWS as f64 - 1.0) - 1.0;
         let row = Row::new(row, &[], FULL_SCALE).expect("a camera of 12 bits");
@@ -97,43 +100,29 @@ pub fn fit_rows(counts: &[u16], tables: &RowTables<'_>) -> [Vec<RowFit>; RowEsti
             (last_spot, last) = (None, Default::default());
             continue;
         };
-        for ((estimator, last), found) in
-            RowEstimator::ALL.into_iter().zip(&mut last).zip(&mut found)
-        {
-            let geometry = match estimator {
-                RowEstimator::Gaussian => &ignored,
-                _ => &known,
-            };
-            *last = centre_of(estimator, &row, &spot, last.as_ref(), geometry, tables).ok();
-            found.extend(last.map(|centre| RowFit {
+        let by = |estimator, before: Option<&RowCentre>, geometry| {
+            centre(estimator, &row, &spot, before, geometry)
+        };
+        let [gaussian, fraunhofer, speckle] = last.each_ref().map(Option::as_ref);
+        let (table, step) = (&SPECKLE, Sampling::Fine);
+        let centres = [
+            by(Estimator::GaussNewton, gaussian, &ignored),
+            by(Estimator::Fraunhofer, fraunhofer, &known),
+            phase_table::centre(&row, &spot, speckle, &known, table, step),
+        ];
+        last = centres.map(Result::ok);
+        for (found, centre) in found.iter_mut().zip(&last) {
+            found.extend(centre.map(|centre| RowFit {
                 centre: centre.centre.to_f64(),
                 amplitude: centre.amplitude.to_f64(),
                 place,
             }));
         }
-        last_spot = last[RowEstimator::PhaseTable as usize].map(|centre| (spot, centre));
+        let before = last_spot.as_ref().map(|(_, centre)| centre);
+        let tracked = by(Estimator::PhaseTable, before, &known);
+        last_spot = tracked.ok().map(|centre| (spot, centre));
     }
     found
-}
-
-fn centre_of(
-    estimator: RowEstimator,
-    row: &Row<'_>,
-    spot: &Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-    tables: &RowTables<'_>,
-) -> Result<RowCentre, Fault> {
-    let core = |estimator| centre(estimator, row, spot, before, geometry);
-    let with = |tables| phase_table::centre(row, spot, before, geometry, tables, Sampling::Fine);
-    match estimator {
-        RowEstimator::Gaussian => core(Estimator::GaussNewton),
-        RowEstimator::Fraunhofer => core(Estimator::Fraunhofer),
-        RowEstimator::PhaseTable => core(Estimator::PhaseTable),
-        RowEstimator::Adaptive => core(Estimator::Adaptive),
-        RowEstimator::MeasuredProfile => tables.measured.map_or(Err(spot.no_spot()), with),
-        RowEstimator::Speckle => with(tables.speckle),
-    }
 }
 
 #[cfg(test)]

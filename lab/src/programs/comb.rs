@@ -17,7 +17,7 @@ use slitrange::base::fault::Fault;
 use statistics::mean;
 
 use self::tolerances::Tolerances;
-use crate::comb::{At, Mask, Sensor, with_speckle};
+use crate::comb::{Mask, Sensor, with_speckle};
 use crate::surfaces::{Judged, MATERIALS, POINTS, Summary, TABLE};
 use crate::{docs, progress, table};
 
@@ -71,7 +71,8 @@ const SURFACES_OF_A_SENSOR: u64 = 100_000;
 struct Kind {
     name: String,
     scene: Scene,
-    at: At,
+    /// Distances in metres.
+    range: [f64; 2],
     /// The spot's diameter in metres and the number of speckle patterns, if all surfaces are at
     /// [`tolerances::DISTANCE`].
     theory: Option<(f64, u8)>,
@@ -84,20 +85,18 @@ fn kinds(base: &Scene) -> Result<Vec<Kind>> {
             kinds.push(Kind {
                 name: format!("{name}, {} mm", 1e3 * spot),
                 scene: with_speckle(base, spot, patterns),
-                at: At::One(tolerances::DISTANCE),
+                range: [tolerances::DISTANCE; 2],
                 theory: Some((spot, patterns)),
             });
         }
     }
-    let [first, last] = tolerances::RANGE;
     for (name, scene) in MATERIALS {
         let scene = Scene::load(scene)?;
         let mut add = |name: String, scene: Scene| {
-            let at = At::Between(first, last);
             kinds.push(Kind {
                 name,
                 scene,
-                at,
+                range: tolerances::RANGE,
                 theory: None,
             });
         };
@@ -131,9 +130,9 @@ struct Outcome {
 }
 
 impl Outcome {
-    fn measure(kind: &Kind, mask: &Mask, rows: u16, surfaces: u64) -> Self {
+    fn measure(scene: &Scene, range: [f64; 2], mask: &Mask, rows: u16, surfaces: u64) -> Self {
         let sensor = Sensor::nominal(Some(mask.clone()));
-        Self::of(sensor.read(&kind.scene, kind.at, rows, FIRST, surfaces))
+        Self::of(sensor.read(scene, range, rows, FIRST, surfaces))
     }
 
     fn of(all: Vec<Result<Judged, Fault>>) -> Self {
@@ -186,7 +185,8 @@ fn measure(base: &Scene, options: &Options) -> Result<String> {
     let mut beside_theory = vec![];
     for kind in &kinds {
         progress.set_message(kind.name.clone());
-        let outcome = Outcome::measure(kind, &mask, options.rows, options.surfaces);
+        let (rows_of_frame, surfaces) = (options.rows, options.surfaces);
+        let outcome = Outcome::measure(&kind.scene, kind.range, &mask, rows_of_frame, surfaces);
         progress.inc(options.surfaces);
         rows.push(outcome.row(&kind.name));
         if let Some((spot, patterns)) = kind.theory {
@@ -219,13 +219,12 @@ fn measure_calibrated(options: &Options) -> Result<String> {
     for (name, scene) in MATERIALS {
         progress.set_message(format!("{name}, calibrated"));
         let scene = Scene::load(scene)?;
-        let at = At::Between(TABLE.start, TABLE.end);
         let mut all = vec![];
         for number in 1..=SENSORS {
             let first = FIRST + SURFACES_OF_A_SENSOR * number;
             let sensor = Sensor::calibrated(&scene, first)?;
             let first = first + SURFACES_OF_A_SENSOR / 2;
-            all.extend(sensor.read(&scene, at, options.rows, first, each));
+            all.extend(sensor.read(&scene, TABLE, options.rows, first, each));
             progress.inc(each);
         }
         rows.push(Outcome::of(all).row(name));
@@ -234,8 +233,8 @@ fn measure_calibrated(options: &Options) -> Result<String> {
     Ok(format!(
         "Simulated on a PC: {SENSORS} sensors for each material, calibrated on it with {POINTS} points; each \
          then reads {each} other places of it at {} to {} m, in frames of {} rows. Lengths in um.\n\n{}",
-        TABLE.start,
-        TABLE.end,
+        TABLE[0],
+        TABLE[1],
         options.rows,
         table::of(HEAD, rows),
     ))

@@ -6,7 +6,7 @@ mod picture;
 mod timing;
 mod words;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use clap::Args;
@@ -49,15 +49,6 @@ pub struct Options {
 /// The folder of the pictures that no page shows.
 const PICTURES: &str = "target/scenes";
 
-/// All that there is to say about a scene.
-struct Shown {
-    name: String,
-    scene: Scene,
-    budget: Budget,
-    timing: Timing,
-    picture: PathBuf,
-}
-
 pub fn main(options: &Options) -> Result<()> {
     if options.write {
         let folder = docs::path("docs/figures");
@@ -68,31 +59,32 @@ pub fn main(options: &Options) -> Result<()> {
         return Ok(());
     }
     match &options.name {
-        Some(name) => print!("{}", words::of(&show(name)?)),
+        Some(name) => show(name)?,
         None => list()?,
     }
     docs::print_hint("cargo scene", "the figures scene-*.svg of docs/physics.md");
     Ok(())
 }
 
-fn show(name: &str) -> Result<Shown> {
+/// Prints all that there is to say about a scene.
+fn show(name: &str) -> Result<()> {
     let scene = Scene::load(name)?;
     let name = Path::new(name)
         .file_stem()
         .with_context(|| format!("{name:?} names no scene"))?
-        .to_string_lossy()
-        .into_owned();
+        .to_string_lossy();
     let plan = Plan::of(&scene);
     // Before anything that takes its time.
     plan.check(&scene)?;
-    Ok(Shown {
-        picture: picture::write(&name, &name, &scene, Path::new(PICTURES))?,
-        // While nothing else runs.
-        timing: Timing::of(&scene),
-        budget: budget(&scene, &plan)?,
-        name,
-        scene,
-    })
+    let picture = picture::write(&name, &name, &scene, Path::new(PICTURES))?;
+    // While nothing else runs.
+    let timing = Timing::of(&scene);
+    print!(
+        "{}",
+        words::of(&name, &scene, &budget(&scene, &plan)?, &timing)
+    );
+    println!("\npicture: {}", picture.display());
+    Ok(())
 }
 
 /// With a bar on the terminal, as speckle takes a while.

@@ -6,11 +6,11 @@ mod report;
 use clap::Args;
 
 use self::report::Report;
-use crate::paper::apparatus::{Aperture, POSITIONS};
+use crate::paper::apparatus::Aperture;
 use crate::paper::comb_path;
+use crate::paper::data_set::positions;
 use crate::paper::experiment::Experiment;
 use crate::paper::materials::MATERIALS;
-use crate::paper::training::PIECES;
 use crate::{docs, progress};
 
 const SEED: u64 = 1;
@@ -33,22 +33,18 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     if !options.write {
         docs::print_hint(
             "cargo table1",
-            "docs/physics.md, docs/physics/table1.csv and the figures paper-*.svg",
+            "docs/physics.md and the figures paper-*.svg",
         );
         return Ok(());
     }
     figures::draw(&report, &docs::path("docs/figures"))?;
-    std::fs::write(docs::path("docs/physics/table1.csv"), report.csv())?;
     docs::write_block("docs/physics.md", "cargo table1", &report.markdown())
 }
 
 fn run(stride: usize) -> anyhow::Result<Report> {
-    let experiment = Experiment {
-        stride,
-        seed: SEED,
-        pieces: PIECES,
-    };
-    let of_material = Aperture::ALL.len() * experiment.positions() + POSITIONS.div_ceil(stride);
+    let experiment = Experiment { stride, seed: SEED };
+    // Lens, slit and comb.
+    let of_material = (Aperture::ALL.len() + 1) * positions(stride).len();
     let progress = progress::bar(
         (MATERIALS.len() * of_material) as u64,
         "{msg:24} {wide_bar} {pos}/{len} positions, {eta} left",
@@ -65,5 +61,9 @@ fn run(stride: usize) -> anyhow::Result<Report> {
         })?);
     }
     progress.finish_and_clear();
-    Ok(Report::new(outcomes, combs, &experiment))
+    Ok(Report {
+        outcomes,
+        combs,
+        experiment,
+    })
 }

@@ -6,7 +6,8 @@ use slitrange::reading::uncertainty::Surface;
 use slitrange_device::record::Record;
 
 use crate::surfaces::{
-    Judged, MATERIALS, ROWS, Study, Summary, calibrate, distance_of, frame_from, known, report,
+    Judged, MATERIALS, ROWS, Study, Summary, TABLE, calibrate, distance_within, frame_from, known,
+    report,
 };
 
 /// One sensor on white paper. Of 150 normal errors 95.4 +- 1.7 % are within 2u; the calibration's 60 points
@@ -29,7 +30,7 @@ fn judge_steps(scene: &Scene, record: &Record, step: f64, count: u64, first: u64
     (first..first + count)
         .into_par_iter()
         .filter_map(|number| {
-            let before = distance_of(number);
+            let before = distance_within(TABLE, number);
             let [zero, now] = [(before, 0), (before + step, 1)].map(|(distance, frame)| {
                 let row = u64::from(ROWS) * (2 * number + frame);
                 let measured = frame_from(scene, number, distance, row).ok()?;

@@ -11,7 +11,7 @@ use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
 use virtual_board::{Firmware, VirtualBoard};
 
-use crate::surfaces::{MATERIALS, calibrate};
+use crate::surfaces::{MATERIALS, TABLE, calibrate, distance_within};
 
 /// Longer than any frame and any answer.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -122,9 +122,7 @@ fn u_is_true_on_six_materials_through_the_firmware() {
         // Surfaces that the readings do not see.
         let record = calibrate(&scene, 60, 900_000).expect("a calibration");
         let record = EncodedRecord::new(record).expect("a record");
-        // Additive recurrence with the golden ratio, over the paper's table.
-        let place = |i: i32| 0.60 + 0.42 * (f64::from(i) * 0.618_033_988_749_895).fract();
-        let distances: Vec<f64> = (0..50).map(place).collect();
+        let distances: Vec<f64> = (0..50).map(|i| distance_within(TABLE, i)).collect();
         let found = errors(&firmware, &scene, record.bytes(), &distances);
         println!(
             "{name}: {} readings, {:.3} within 2u",

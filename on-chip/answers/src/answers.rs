@@ -12,8 +12,8 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
 use slitrange::measurement::centre_of_spot;
+use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
-use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity};
 use slitrange::spot;
 
@@ -34,32 +34,20 @@ impl Estimators {
     /// Has no measurements yet.
     pub const fn new() -> Self {
         Self {
-            geometry: geometry(0, 0, 0, Polarity::Rising),
+            geometry: geometry(0, 0, 0),
             measurements: [const { None }; Estimator::ALL.len()],
         }
     }
 
-    /// Starts new measurements, for rows of so many pixels that see light, of a converter of so many bits. If
-    /// words fall with light,
-    /// the black level is fixed, so that a row takes as many instructions as with shielded pixels.
-    pub fn start(
-        &mut self,
-        pixels: usize,
-        bits: u8,
-        shot_variance_per_count_q16: u16,
-        falling: bool,
-    ) {
-        let (polarity, black_level) = match falling {
-            true => (Polarity::Falling, BlackLevel::Fixed(Counts::from_int(300))),
-            false => (Polarity::Rising, BlackLevel::Frame),
-        };
-        self.geometry = geometry(pixels, bits, shot_variance_per_count_q16, polarity);
+    /// Starts new measurements, for rows of so many pixels that see light, of a converter of so many bits.
+    pub fn start(&mut self, pixels: usize, bits: u8, shot_variance_per_count_q16: u16) {
+        self.geometry = geometry(pixels, bits, shot_variance_per_count_q16);
         for (estimator, place) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
             let options = Options {
                 rows: ROWS,
                 mean: Mean::Weighted,
                 estimator,
-                black_level,
+                black_level: BlackLevel::Frame,
                 ..Options::default()
             };
             start_one(place, &self.geometry, options);
@@ -75,13 +63,6 @@ impl Estimators {
                 return;
             };
             let mut say = |word| say(estimator, word);
-            if self.geometry.polarity == Polarity::Falling {
-                // A measurement may change the words, so only one estimator gets them.
-                if estimator == Estimator::default() {
-                    measure_any_row(measurement, light);
-                }
-                continue;
-            }
             let found = self.geometry.row(light).map_err(|_| Fault::SensorSilent);
             let found = found.and_then(|row| Ok((row, spot::find(&row)?)));
             let alone = found.and_then(|(row, (spot, _))| {
@@ -93,7 +74,7 @@ impl Estimators {
                 centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
             });
             say_centre(checked, &mut say);
-            if let Some(result) = measure_any_row(measurement, light) {
+            if let Some(result) = measurement.row(light) {
                 let result = result.and_then(|measured| {
                     measured.reading(calibration.as_ref(), &errors, Surface::Auto)
                 });
@@ -116,30 +97,16 @@ fn start_one(place: &mut Option<Measurement>, geometry: &Geometry, options: Opti
 }
 
 /// Rows whose pixels all see light.
-const fn geometry(
-    pixels: usize,
-    bits: u8,
-    shot_variance_per_count_q16: u16,
-    polarity: Polarity,
-) -> Geometry {
+const fn geometry(pixels: usize, bits: u8, shot_variance_per_count_q16: u16) -> Geometry {
     Geometry {
         words: pixels,
         shielded: 0..0,
         light: 0..pixels,
-        polarity,
+        polarity: Polarity::Rising,
         bits,
         shot_variance_per_count_q16,
         saturation: slitrange::row::LARGEST_COUNT,
     }
-}
-
-/// Measures a row of any length. It stays a function, so that its instructions can be counted.
-#[inline(never)]
-fn measure_any_row(
-    measurement: &mut Measurement,
-    light: &mut [u16],
-) -> Option<Result<Measured, Fault>> {
-    measurement.row(light)
 }
 
 /// Eq. (1) with a distance for every centre on a row: of 1 m at pixel 0, 0.52 m at pixel 3680.

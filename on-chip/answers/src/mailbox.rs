@@ -22,8 +22,6 @@ pub struct Header {
     pub bits: u8,
     /// Whether nothing is known of the row before.
     pub first: bool,
-    /// Whether words fall with light. Such a row is only measured, for its instructions.
-    pub falling: bool,
     /// As [`slitrange::row::Geometry`] has it.
     pub shot_variance_per_count_q16: u16,
 }
@@ -33,24 +31,18 @@ impl Header {
     pub fn to_words(self) -> [u32; 2] {
         let [low, high] = self.pixels.to_le_bytes();
         [
-            u32::from_le_bytes([
-                low,
-                high,
-                self.bits,
-                u8::from(self.first) | u8::from(self.falling) << 1,
-            ]),
+            u32::from_le_bytes([low, high, self.bits, u8::from(self.first)]),
             u32::from(self.shot_variance_per_count_q16),
         ]
     }
 
     /// From two words.
     pub fn from_words([first, second]: [u32; 2]) -> Self {
-        let [low, high, bits, flags] = first.to_le_bytes();
+        let [low, high, bits, is_first] = first.to_le_bytes();
         Self {
             pixels: u16::from_le_bytes([low, high]),
             bits,
-            first: flags & 1 != 0,
-            falling: flags & 2 != 0,
+            first: is_first != 0,
             shot_variance_per_count_q16: second as u16,
         }
     }
@@ -89,12 +81,7 @@ pub fn answer(estimators: &mut Estimators, rows: &[AtomicU32], answers: &[Atomic
             }
         }
         if header.first {
-            estimators.start(
-                light.len(),
-                header.bits,
-                header.shot_variance_per_count_q16,
-                header.falling,
-            );
+            estimators.start(light.len(), header.bits, header.shot_variance_per_count_q16);
         }
         estimators.ask(light, &mut say);
     }

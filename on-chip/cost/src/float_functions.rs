@@ -25,15 +25,23 @@ pub enum Library {
     DualMac,
 }
 
-/// Every function that is measured, of each library that has it.
-pub const ALL: [(Function, Library); 7] = [
-    (Function::Exp, Library::Libm),
-    (Function::Exp, Library::Micromath),
-    (Function::Ln, Library::Libm),
-    (Function::Ln, Library::Micromath),
-    (Function::SquareRoot, Library::Libm),
-    (Function::SquareRoot, Library::Micromath),
-    (Function::SquareRoot, Library::DualMac),
+/// Every function that is measured, of each library that has it, with its name in the log.
+pub const ALL: [(Function, Library, &str); 7] = [
+    (Function::Exp, Library::Libm, "exp-libm"),
+    (Function::Exp, Library::Micromath, "exp-micromath"),
+    (Function::Ln, Library::Libm, "ln-libm"),
+    (Function::Ln, Library::Micromath, "ln-micromath"),
+    (Function::SquareRoot, Library::Libm, "square-root-libm"),
+    (
+        Function::SquareRoot,
+        Library::Micromath,
+        "square-root-micromath",
+    ),
+    (
+        Function::SquareRoot,
+        Library::DualMac,
+        "square-root-dual-mac",
+    ),
 ];
 
 /// Arguments of each function.
@@ -111,21 +119,6 @@ fn exponent(i: usize) -> f32 {
         0 => -0.5 * u * u,
         1 => -pitch * (u + 0.5 * pitch),
         _ => -pitch * pitch,
-    }
-}
-
-/// The name in the log.
-pub const fn name(function: Function, library: Library) -> &'static str {
-    match (function, library) {
-        (Function::Exp, Library::Libm) => "exp-libm",
-        (Function::Exp, Library::Micromath) => "exp-micromath",
-        (Function::Exp, Library::DualMac) => "exp-dual-mac",
-        (Function::Ln, Library::Libm) => "ln-libm",
-        (Function::Ln, Library::Micromath) => "ln-micromath",
-        (Function::Ln, Library::DualMac) => "ln-dual-mac",
-        (Function::SquareRoot, Library::Libm) => "square-root-libm",
-        (Function::SquareRoot, Library::Micromath) => "square-root-micromath",
-        (Function::SquareRoot, Library::DualMac) => "square-root-dual-mac",
     }
 }
 

@@ -144,13 +144,13 @@ async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) -> bool {
     wires::start();
     let patience = ROW_PERIOD * (rows + rows / 4 + 100);
     let start = Instant::now();
-    while Counts::now().since(&before).pulses < rows && start.elapsed() < patience {
+    while Counts::since(&before).pulses < rows && start.elapsed() < patience {
         load.compute(Estimator::default());
         COUNTERS.results.add();
         free_rows().await;
     }
     wires::stop();
-    let counts = Counts::now().since(&before);
+    let counts = Counts::since(&before);
 
     let Counts {
         rows: read,
@@ -173,6 +173,7 @@ async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) -> bool {
 }
 
 /// What acquisition counted.
+#[derive(Default)]
 struct Counts {
     pulses: u32,
     rows: u32,
@@ -182,24 +183,30 @@ struct Counts {
 }
 
 impl Counts {
-    fn now() -> Self {
+    /// Counted since then.
+    fn since(before: &Self) -> Self {
         Self {
-            pulses: COUNTERS.pulses.get(),
-            rows: COUNTERS.rows.get(),
-            late: COUNTERS.rows_late.get(),
-            failed: COUNTERS.rows_failed.get(),
-            lost: COUNTERS.rows_lost.get(),
+            pulses: COUNTERS.pulses.get().wrapping_sub(before.pulses),
+            rows: COUNTERS.rows.get().wrapping_sub(before.rows),
+            late: COUNTERS.rows_late.get().wrapping_sub(before.late),
+            failed: COUNTERS.rows_failed.get().wrapping_sub(before.failed),
+            lost: COUNTERS.rows_lost.get().wrapping_sub(before.lost),
         }
     }
 
-    fn since(&self, before: &Self) -> Self {
-        Self {
-            pulses: self.pulses.wrapping_sub(before.pulses),
-            rows: self.rows.wrapping_sub(before.rows),
-            late: self.late.wrapping_sub(before.late),
-            failed: self.failed.wrapping_sub(before.failed),
-            lost: self.lost.wrapping_sub(before.lost),
-        }
+    fn now() -> Self {
+        Self::since(&Self::default())
+    }
+
+    /// Rows that were not read.
+    fn bad(&self) -> u32 {
+        self.late + self.failed + self.lost
+    }
+
+    /// Whether as many rows came as were due in this time.
+    fn are_whole(&self, time: Duration) -> bool {
+        let due = (time.as_micros() / ROW_PERIOD.as_micros()) as u32;
+        self.bad() == 0 && self.rows + 1 >= due
     }
 }
 
@@ -449,25 +456,12 @@ async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
     }
 }
 
-impl Counts {
-    /// Rows that were not read.
-    fn bad(&self) -> u32 {
-        self.late + self.failed + self.lost
-    }
-
-    /// Whether as many rows came as were due in this time.
-    fn are_whole(&self, time: Duration) -> bool {
-        let due = (time.as_micros() / ROW_PERIOD.as_micros()) as u32;
-        self.bad() == 0 && self.rows + 1 >= due
-    }
-}
-
 /// Runs something while rows are taken. Gives its result, its time, and what became of the rows.
 async fn beside_rows<T>(work: impl Future<Output = T>) -> (T, Duration, Counts) {
     free_rows().await;
     let (before, start) = (Counts::now(), Instant::now());
     match select(work, take_rows()).await {
-        Either::First(result) => (result, start.elapsed(), Counts::now().since(&before)),
+        Either::First(result) => (result, start.elapsed(), Counts::since(&before)),
         Either::Second(()) => unreachable!("rows are taken for ever"),
     }
 }

@@ -18,9 +18,9 @@ use slitrange::base::units::{Counts, Pixels};
 use slitrange::frame::comb::{self, Maximum, NOMINAL_PLACES_UM, SLIT_WIDTH_UM, SlitMap, assign};
 use slitrange::row::sensor_heads;
 
-use crate::comb::{At, Mask, with_speckle, with_width};
+use crate::comb::{Mask, with_speckle, with_width};
 use crate::programs::comb::tolerances::DISTANCE;
-use crate::programs::comb::{Kind, Outcome, bar, theory};
+use crate::programs::comb::{Outcome, bar, theory};
 use crate::surfaces::Summary;
 use crate::table;
 
@@ -193,13 +193,7 @@ pub fn measure(base: &Scene, rows: u16, surfaces: u64) -> Result<Vec<Variant>> {
             &with_speckle(base, design.spot, 1),
             1e-6 * f64::from(SLIT_WIDTH_UM),
         );
-        let kind = Kind {
-            name: name.clone(),
-            scene,
-            at: At::One(DISTANCE),
-            theory: None,
-        };
-        let outcome = Outcome::measure(&kind, &mask, rows, surfaces);
+        let outcome = Outcome::measure(&scene, [DISTANCE; 2], &mask, rows, surfaces);
         progress.inc(surfaces);
         variants.push(Variant {
             name,

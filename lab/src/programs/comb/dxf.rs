@@ -20,113 +20,64 @@ const TEXT_MM: f64 = 0.4;
 struct Pairs(String);
 
 impl Pairs {
-    fn add(&mut self, code: u16, value: impl Display) {
-        let _ = writeln!(self.0, "{code:3}\n{value}");
-    }
-
-    fn section(&mut self, name: &str, body: impl FnOnce(&mut Self)) {
-        self.add(0, "SECTION");
-        self.add(2, name);
-        body(self);
-        self.add(0, "ENDSEC");
+    /// Adds pairs that are written with bars between them: `0 VERTEX|8 SLITS`.
+    fn add(&mut self, pairs: impl Display) {
+        for pair in pairs.to_string().split('|') {
+            let (code, value) = pair.split_once(' ').unwrap_or((pair, ""));
+            let _ = writeln!(self.0, "{code:>3}\n{value}");
+        }
     }
 
     fn point(&mut self, [x, y]: [f64; 2]) {
-        self.add(10, format!("{x:.6}"));
-        self.add(20, format!("{y:.6}"));
-        self.add(30, "0.0");
+        self.add(format_args!("10 {x:.6}|20 {y:.6}|30 0.0"));
     }
 
     fn closed(&mut self, layer: &str, outline: &Outline) {
-        self.add(0, "POLYLINE");
-        self.add(8, layer);
-        self.add(66, 1);
+        self.add(format_args!("0 POLYLINE|8 {layer}|66 1"));
         self.point([0.0, 0.0]);
-        self.add(70, 1);
+        self.add("70 1");
         for &corner in outline {
-            self.add(0, "VERTEX");
-            self.add(8, layer);
+            self.add(format_args!("0 VERTEX|8 {layer}"));
             self.point(corner);
         }
-        self.add(0, "SEQEND");
-        self.add(8, layer);
-    }
-
-    fn table(&mut self, name: &str, entries: usize, body: impl FnOnce(&mut Self)) {
-        self.add(0, "TABLE");
-        self.add(2, name);
-        self.add(70, entries);
-        body(self);
-        self.add(0, "ENDTAB");
+        self.add(format_args!("0 SEQEND|8 {layer}"));
     }
 }
 
 pub fn write(tolerances: &Tolerances) -> String {
-    let notes: Vec<String> = drawing::notes(tolerances)
-        .into_iter()
-        // Release 12 has no letters beyond ASCII, and this name for plus-minus.
-        .map(|note| note.replace('\u{b1}', "%%p"))
-        .collect();
+    let [half, half_height] = OUTLINE_MM.map(|it| 0.5 * it);
     let mut out = Pairs::default();
-    out.add(
-        999,
-        "Mask of slitrange's comb of slits. Units: millimetres. Written by cargo comb --drawing.",
-    );
-    out.section("HEADER", |it| {
-        it.add(9, "$ACADVER");
-        it.add(1, "AC1009");
-        // 4: millimetres. Release 12 does not know it, and readers of any release take it.
-        it.add(9, "$INSUNITS");
-        it.add(70, 4);
-        let [half, half_height] = OUTLINE_MM.map(|it| 0.5 * it);
-        it.add(9, "$EXTMIN");
-        it.point([-half, -half_height]);
-        it.add(9, "$EXTMAX");
-        it.point([half, half_height]);
-    });
-    out.section("TABLES", |it| {
-        it.table("LTYPE", 1, |it| {
-            it.add(0, "LTYPE");
-            it.add(2, "CONTINUOUS");
-            it.add(70, 0);
-            it.add(3, "Solid line");
-            it.add(72, 65);
-            it.add(73, 0);
-            it.add(40, "0.0");
-        });
-        it.table("LAYER", LAYERS.len(), |it| {
-            for (name, colour) in LAYERS {
-                it.add(0, "LAYER");
-                it.add(2, name);
-                it.add(70, 0);
-                it.add(62, colour);
-                it.add(6, "CONTINUOUS");
-            }
-        });
-    });
-    out.section("BLOCKS", |_| {});
-    out.section("ENTITIES", |it| {
-        it.closed("OUTLINE", &drawing::edge());
-        for slit in drawing::slits() {
-            it.closed("SLITS", &slit);
-        }
-        it.closed("MARKS", &drawing::cross());
-        it.add(0, "CIRCLE");
-        it.add(8, "MARKS");
-        it.point(MARKS_MM[1]);
-        it.add(40, DISC_MM);
-        for (line, note) in (1..).zip(&notes) {
-            it.add(0, "TEXT");
-            it.add(8, "NOTES");
-            it.point([
-                -0.5 * OUTLINE_MM[0],
-                -0.5 * OUTLINE_MM[1] - 1.8 * TEXT_MM * f64::from(line),
-            ]);
-            it.add(40, TEXT_MM);
-            it.add(1, note);
-        }
-    });
-    out.add(0, "EOF");
+    out.add("999 Mask of slitrange's comb of slits. Units: millimetres. Written by cargo comb --drawing.");
+    // 4: millimetres. Release 12 does not know it, and readers of any release take it.
+    out.add("0 SECTION|2 HEADER|9 $ACADVER|1 AC1009|9 $INSUNITS|70 4|9 $EXTMIN");
+    out.point([-half, -half_height]);
+    out.add("9 $EXTMAX");
+    out.point([half, half_height]);
+    out.add("0 ENDSEC|0 SECTION|2 TABLES|0 TABLE|2 LTYPE|70 1");
+    out.add("0 LTYPE|2 CONTINUOUS|70 0|3 Solid line|72 65|73 0|40 0.0|0 ENDTAB");
+    out.add(format_args!("0 TABLE|2 LAYER|70 {}", LAYERS.len()));
+    for (name, colour) in LAYERS {
+        out.add(format_args!(
+            "0 LAYER|2 {name}|70 0|62 {colour}|6 CONTINUOUS"
+        ));
+    }
+    out.add("0 ENDTAB|0 ENDSEC|0 SECTION|2 BLOCKS|0 ENDSEC|0 SECTION|2 ENTITIES");
+    out.closed("OUTLINE", &drawing::edge());
+    for slit in drawing::slits() {
+        out.closed("SLITS", &slit);
+    }
+    out.closed("MARKS", &drawing::cross());
+    out.add("0 CIRCLE|8 MARKS");
+    out.point(MARKS_MM[1]);
+    out.add(format_args!("40 {DISC_MM}"));
+    for (line, note) in (1..).zip(drawing::notes(tolerances)) {
+        out.add("0 TEXT|8 NOTES");
+        out.point([-half, -half_height - 1.8 * TEXT_MM * f64::from(line)]);
+        // Release 12 has no letters beyond ASCII, and this name for plus-minus.
+        let note = note.replace('\u{b1}', "%%p");
+        out.add(format_args!("40 {TEXT_MM}|1 {note}"));
+    }
+    out.add("0 ENDSEC|0 EOF");
     out.0
 }
 

@@ -13,35 +13,41 @@ pub const WIDTHS: [f64; 12] = [
 /// narrower spot is hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
-/// The noise of a row.
+/// A spot's height, and the noise of its row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Noise {
-    /// White, with this ratio of the spot's height to its standard deviation.
-    White { snr: f64 },
-    /// That of the light's quanta, and white read noise.
-    Shot {
-        /// The spot's height in counts.
-        amplitude: f64,
-        electrons_per_count: f64,
-        /// Standard deviation of the read noise in counts.
-        read_noise: f64,
-    },
+pub struct Noise {
+    /// The spot's height in counts.
+    pub amplitude: f64,
+    /// That of the light's quanta. `None`: the noise is white.
+    pub electrons_per_count: Option<f64>,
+    /// Standard deviation of the white noise in counts.
+    pub read_noise: f64,
 }
 
-const fn shot(amplitude: f64, electrons_per_count: f64, read_noise: f64) -> Noise {
-    Noise::Shot {
+/// White noise with this ratio of the spot's height to its standard deviation. The height leaves room for the
+/// noise's peaks at any ratio.
+pub const fn white(snr: f64) -> Noise {
+    Noise {
+        amplitude: 2400.0,
+        electrons_per_count: None,
+        read_noise: 2400.0 / snr,
+    }
+}
+
+pub const fn shot(amplitude: f64, electrons_per_count: f64, read_noise: f64) -> Noise {
+    Noise {
         amplitude,
-        electrons_per_count,
+        electrons_per_count: Some(electrons_per_count),
         read_noise,
     }
 }
 
 /// The kinds of noise of the grid.
 pub const NOISES: [Noise; 10] = [
-    Noise::White { snr: 25.0 },
-    Noise::White { snr: 100.0 },
-    Noise::White { snr: 500.0 },
-    Noise::White { snr: 1800.0 },
+    white(25.0),
+    white(100.0),
+    white(500.0),
+    white(1800.0),
     shot(100.0, 5.0, 4.0),
     shot(1000.0, 5.0, 2.0),
     shot(1000.0, 2.0, 8.0),
@@ -51,29 +57,20 @@ pub const NOISES: [Noise; 10] = [
 ];
 
 impl Noise {
-    /// A cell of the grid. White noise is on a spot of 2400 counts, which leaves room for its peaks at any
-    /// SNR.
+    /// A cell of the grid.
     fn cell(self, width: f64, rows: u64) -> Cell {
-        let (amplitude, read_noise, electrons_per_count) = match self {
-            Self::White { snr } => (2400.0, 2400.0 / snr, None),
-            Self::Shot {
-                amplitude,
-                electrons_per_count,
-                read_noise,
-            } => (amplitude, read_noise, Some(electrons_per_count)),
-        };
         Cell {
             width,
-            amplitude,
-            read_noise,
-            electrons_per_count,
+            amplitude: self.amplitude,
+            read_noise: self.read_noise,
+            electrons_per_count: self.electrons_per_count,
             rows,
             seed: 3,
         }
     }
 
     pub const fn is_white(self) -> bool {
-        matches!(self, Self::White { .. })
+        self.electrons_per_count.is_none()
     }
 }
 
@@ -108,7 +105,7 @@ pub const SITUATIONS: [Situation; 4] = [
     Situation {
         name: "White noise, SNR 100, σ 10.5 px",
         chip_width: 10.5,
-        noise: Noise::White { snr: 100.0 },
+        noise: white(100.0),
         hot_pixel: None,
     },
     Situation {

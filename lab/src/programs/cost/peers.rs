@@ -29,6 +29,7 @@ mod varpro;
 use rows::Window;
 
 use crate::programs::cost::chip::Chip;
+use crate::programs::cost::chip::whole_rows::FOLLOWING;
 use crate::programs::cost::host_time;
 
 /// Rows for the errors of each method.
@@ -68,11 +69,11 @@ pub fn compare(chip: &Chip) -> anyhow::Result<Vec<Peer>> {
     let default = &fits[0];
     let (alone, row) = (
         chip.on_chip(CostMethod::default(), WIDTH),
-        chip.whole_rows.at_width(Estimator::default(), WIDTH),
+        (chip.whole_rows).at_width(FOLLOWING, Estimator::default().name(), WIDTH),
     );
     let alone = alone.context("the default estimator finds no centre on the chip")?;
     let row = row.context("the chip measured no whole row")?;
-    let (alone, row) = (alone.instructions as f64, row.following.total() as f64);
+    let (alone, row) = (alone.instructions as f64, row.total() as f64);
     // What a whole row takes on this PC beyond the estimator.
     let rest = host_time::row_nanoseconds(Estimator::default())
         .zip(host_time::nanoseconds(CostMethod::default()))

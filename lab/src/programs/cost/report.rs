@@ -11,7 +11,7 @@ use cost_on_chip::whole_rows::WIDTH;
 use serde::Serialize;
 use slitrange::centre::Estimator;
 
-use crate::programs::cost::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
+use crate::programs::cost::accuracy::{Accuracy, Worst};
 use crate::programs::cost::chip::{Chip, MethodOnChip};
 use crate::programs::cost::peers::Peer;
 use crate::programs::cost::reading_time;
@@ -56,25 +56,6 @@ pub struct Measured {
     pub peers: Vec<Peer>,
 }
 
-/// A method's figures: the worst over the widths it is made for, and its cost with a window of 96 pixels. A
-/// figure that does not apply, or that no row gave, is null.
-#[derive(Serialize)]
-struct Figures {
-    name: &'static str,
-    rmse_over_bound_max: f64,
-    rmse_over_bound_max_white: f64,
-    rmse_over_bound_max_shot: f64,
-    bias_max_px: Option<f64>,
-    pull_min: f64,
-    pull_max: f64,
-    /// The estimator alone.
-    chip_instructions_per_row: Option<u64>,
-    table_bytes: Option<u64>,
-    code_bytes: Option<u64>,
-    stack_bytes: Option<u64>,
-    host_ns_per_row: Option<f64>,
-}
-
 impl Measured {
     fn chip_widths(&self) -> Vec<f64> {
         let methods = self.chip.methods.iter();
@@ -96,30 +77,30 @@ impl Measured {
         json
     }
 
-    fn figures(&self) -> Vec<Figures> {
-        let figures = |(&method, &host_ns): (&Method, &Option<f64>)| {
+    /// Each method's figures: the worst over the widths it is made for, and its cost with a window of 96
+    /// pixels. A figure that does not apply, or that no row gave, is null.
+    fn figures(&self) -> Vec<serde_json::Value> {
+        let figures = |(&method, host_ns): (&Method, &Option<f64>)| {
             let worst = self.accuracy.worst(method);
             let chip = self.chip.on_chip(method, WINDOW_OF_96);
-            Figures {
-                name: method.name(),
-                rmse_over_bound_max: round(worst.white.max(worst.shot)),
-                rmse_over_bound_max_white: round(worst.white),
-                rmse_over_bound_max_shot: round(worst.shot),
-                bias_max_px: worst.bias.map(round),
-                pull_min: round(worst.pull.0),
-                pull_max: round(worst.pull.1),
-                chip_instructions_per_row: chip.map(|chip| chip.instructions),
-                table_bytes: chip.map(|chip| chip.table_bytes),
-                code_bytes: chip.map(|chip| chip.code_bytes),
-                stack_bytes: chip.map(|chip| chip.stack_bytes),
-                host_ns_per_row: host_ns.map(round),
-            }
+            serde_json::json!({
+                "name": method.name(),
+                "rmse_over_bound_max": round(worst.white.max(worst.shot)),
+                "rmse_over_bound_max_white": round(worst.white),
+                "rmse_over_bound_max_shot": round(worst.shot),
+                "bias_max_px": worst.bias.map(round),
+                "pull_min": round(worst.pull.0),
+                "pull_max": round(worst.pull.1),
+                // The estimator alone.
+                "chip_instructions_per_row": chip.map(|chip| chip.instructions),
+                "table_bytes": chip.map(|chip| chip.table_bytes),
+                "code_bytes": chip.map(|chip| chip.code_bytes),
+                "stack_bytes": chip.map(|chip| chip.stack_bytes),
+                "host_ns_per_row": host_ns.map(round),
+            })
         };
-        self.methods
-            .iter()
-            .zip(&self.host_ns)
-            .map(figures)
-            .collect()
+        let methods = self.methods.iter().zip(&self.host_ns);
+        methods.map(figures).collect()
     }
 
     /// The blocks of the pages, each with its page and its mark.
@@ -277,36 +258,29 @@ impl Measured {
         table::of(&head, rows)
     }
 
-    /// Writes what the figures show as CSV files into a directory.
+    /// Writes the cells of the accuracy and the whole rows as CSV files into a directory.
     pub fn write_csv(&self, directory: &Path) -> anyhow::Result<()> {
         std::fs::create_dir_all(directory)?;
-        // Either `snr`, or the three that follow it.
         let cells = self.accuracy.cells.iter().map(|cell| {
-            let (snr, amplitude, electrons_per_count, read_noise) = match cell.noise {
-                Noise::White { snr } => (Some(snr), None, None, None),
-                Noise::Shot {
-                    amplitude,
-                    electrons_per_count,
-                    read_noise,
-                } => (
-                    None,
-                    Some(amplitude),
-                    Some(electrons_per_count),
-                    Some(read_noise),
-                ),
-            };
-            let noise = (snr, amplitude, electrons_per_count, read_noise);
-            let it = &cell.outcome;
+            let (it, noise) = (&cell.outcome, cell.noise);
+            // Either `snr`, or the three that follow it.
+            let snr = (noise.is_white()).then_some(round(noise.amplitude / noise.read_noise));
+            let shot = [
+                noise.electrons_per_count.map(|_| noise.amplitude),
+                noise.electrons_per_count,
+                noise.electrons_per_count.map(|_| noise.read_noise),
+            ];
             let found = [it.rmse, it.bound, it.ratio(), it.pull].map(round);
-            let (rows, faults, gross) = (self.accuracy.rows, it.faults, it.gross);
+            let counts = [self.accuracy.rows, it.faults, it.gross];
             (
                 cell.method.name(),
                 cell.width,
-                noise,
-                rows,
+                snr,
+                shot,
+                counts[0],
                 found,
-                faults,
-                gross,
+                counts[1],
+                counts[2],
             )
         });
         write_csv(
@@ -315,58 +289,19 @@ impl Measured {
              rmse_over_bound,pull,faults,gross",
             cells,
         )?;
-        let biases = self.accuracy.biases.iter();
-        let biases = biases.map(|it| (it.method.name(), it.width, it.pixels.map(round)));
-        write_csv(
-            &directory.join("bias.csv"),
-            "method,width_px,bias_max_px",
-            biases,
-        )?;
-        let situations = self.accuracy.situations.iter().map(|of| {
-            let situation = &SITUATIONS[of.situation];
-            let row = self.row_instructions(of.method, situation.chip_width);
-            let found = [of.outcome.rmse, of.outcome.ratio()].map(round);
-            (
-                situation.name,
-                of.method.name(),
-                row,
-                found,
-                of.outcome.faults,
-            )
-        });
-        write_csv(
-            &directory.join("situations.csv"),
-            "situation,method,row_instructions,rmse_px,rmse_over_bound,faults",
-            situations,
-        )?;
-        let readings = self.readings.iter().map(|it| {
-            let times = (it.milliseconds, it.computing_milliseconds);
-            let lengths = (
-                it.micrometres,
-                it.bound_micrometres,
-                it.u_micrometres,
-                it.r_micrometres,
-            );
-            (
-                it.light,
-                it.estimator.name(),
-                it.rows,
-                times,
-                lengths,
-                it.faults,
-            )
-        });
-        write_csv(
-            &directory.join("reading-time.csv"),
-            "light,estimator,rows,milliseconds,computing_milliseconds,micrometres,bound_micrometres,\
-             u_micrometres,r_micrometres,faults",
-            readings,
-        )?;
-        let rows = self.rows().into_iter();
+        let rows = self.chip.whole_rows.0.iter();
         write_csv(
             &directory.join("whole-rows.csv"),
             "row,estimator,width_px,convert,search,estimate,check,frame,distance,other,total",
-            rows.map(|(row, name, width, steps)| (row, name, width, steps.0, steps.total())),
+            rows.map(|row| {
+                (
+                    row.kind,
+                    row.name,
+                    row.width,
+                    row.steps.0,
+                    row.steps.total(),
+                )
+            }),
         )
     }
 }
@@ -518,23 +453,14 @@ mod tests {
         let measured = sample_measurements::measured();
         let directory = std::env::temp_dir().join(format!("slitrange-cost-{}", std::process::id()));
         measured.write_csv(&directory).expect("files");
-        for (name, count) in [
-            ("accuracy.csv", 6 * 12 * 10),
-            ("bias.csv", 6 * 12),
-            ("situations.csv", 6 * SITUATIONS.len()),
-            ("reading-time.csv", 5 * 5 * 7),
-            ("whole-rows.csv", 5 * (2 * 5 + 1 + 2)),
+        for (name, count, columns) in [
+            ("accuracy.csv", 6 * 12 * 10, 13),
+            ("whole-rows.csv", 5 * (2 * 5 + 1 + 2), 11),
         ] {
             let text = std::fs::read_to_string(directory.join(name)).expect("a file");
-            let lines = text.lines();
-            let columns = lines.clone().map(|line| line.split(',').count());
-            assert_eq!(lines.count() - 1, count, "{name}");
-            // Two of the situations have a comma in their names.
-            let head = text.lines().next().unwrap_or_default().split(',').count();
-            assert!(
-                columns.clone().all(|it| it >= head && it <= head + 3),
-                "{name}"
-            );
+            assert_eq!(text.lines().count() - 1, count, "{name}");
+            let mut lines = text.lines().map(|line| line.split(',').count());
+            assert!(lines.all(|line| line == columns), "{name}");
         }
         std::fs::remove_dir_all(directory).expect("removed");
     }

@@ -3,16 +3,13 @@
 use simulator::optics::Aperture;
 use simulator::scene::{Scene, Sensor};
 
-use crate::budget::Errors;
-use crate::programs::scene::Shown;
-use crate::programs::scene::timing::Difference;
+use crate::budget::{Budget, Errors};
+use crate::programs::scene::timing::{Difference, Timing};
 use crate::table;
 
 /// The scene, its table, and how often each fault came.
-pub fn of(shown: &Shown) -> String {
-    let scene = &shown.scene;
-    let mut text = format!("{}: {}\n{}\n\n", shown.name, scene.about, setting(scene));
-    let (budget, timing) = (&shown.budget, &shown.timing);
+pub fn of(name: &str, scene: &Scene, budget: &Budget, timing: &Timing) -> String {
+    let mut text = format!("{name}: {}\n{}\n\n", scene.about, setting(scene));
     let plan = &budget.plan;
     let reading = match scene.sensor.rows() {
         1 => "rows",
@@ -40,7 +37,7 @@ pub fn of(shown: &Shown) -> String {
     for (name, count) in &budget.whole.faults {
         text += &format!("{count} of {} {reading}: {name}\n", budget.whole.readings);
     }
-    text + &format!("\npicture: {}\n", shown.picture.display())
+    text
 }
 
 /// Sensor, aperture, distance, exposure.

@@ -12,7 +12,7 @@ const CALLS: u32 = 64;
 /// Counts each function with each argument. What a function that only copies its argument takes is
 /// subtracted.
 pub fn measure() {
-    for (function, library, counted) in FUNCTIONS {
+    for ((function, _, name), counted) in float_functions::ALL.into_iter().zip(FUNCTIONS) {
         let costs: [Cost; ARGUMENTS] = core::array::from_fn(|i| {
             let (argument, mut value) = (function.argument(i), 0.0);
             let copied = counter::count(copy, &argument, &mut value);
@@ -22,7 +22,6 @@ pub fn measure() {
                 stack: cost.stack,
             }
         });
-        let name = float_functions::name(function, library);
         counter::print("float", name, ("calls", CALLS as f32), costs);
     }
 }
@@ -45,8 +44,7 @@ extern "C" fn copy(argument: &f32, value: &mut f32) {
 macro_rules! functions {
     ($($name:ident: $function:ident $library:ident,)*) => {
         /// In the order of [`float_functions::ALL`].
-        const FUNCTIONS: [(Function, Library, Counted<f32, f32>); float_functions::ALL.len()] =
-            [$((Function::$function, Library::$library, $name),)*];
+        const FUNCTIONS: [Counted<f32, f32>; float_functions::ALL.len()] = [$($name,)*];
         $(
             #[inline(never)]
             extern "C" fn $name(argument: &f32, value: &mut f32) {

@@ -81,42 +81,20 @@ pub fn find_centres() {
     let _ = any(spot::find(&row));
     let _ = any(spot::find_again(&row, &any::spot(), any(Pixels::MIN)));
     let spot = any::spot();
-    let before = any(true).then(any::row_centre);
-    let profile = any(true).then(any::profile);
+    let (spot, before) = (&spot, any(true).then(any::row_centre));
+    let (before, profile) = (before.as_ref(), any(true).then(any::profile));
+    let (geometry, profile) = (&geometry, profile.as_ref());
     for estimator in Estimator::ALL {
-        let _ = any(centre::centre(
-            estimator,
-            &row,
-            &spot,
-            before.as_ref(),
-            &geometry,
-        ));
-        let _ = any(centre_of_spot(
-            estimator,
-            &row,
-            &spot,
-            before.as_ref(),
-            &geometry,
-            profile.as_ref(),
-            any(WorkBudget::of_row()),
-        ));
+        let _ = any(centre::centre(estimator, &row, spot, before, geometry));
+        let budget = any(WorkBudget::of_row());
+        let checked = centre_of_spot(estimator, &row, spot, before, geometry, profile, budget);
+        let _ = any(checked);
     }
-    let _ = any(robust_centre(
-        &row,
-        &spot,
-        before.as_ref(),
-        &geometry,
-        profile.as_ref(),
-        &mut any(WorkBudget::of_row()),
-    ));
-    let _ = any(phase_table::centre(
-        &row,
-        &spot,
-        before.as_ref(),
-        &geometry,
-        &GAUSSIAN,
-        any(Sampling::Coarse),
-    ));
+    let budget = &mut any(WorkBudget::of_row());
+    let _ = any(robust_centre(&row, spot, before, geometry, profile, budget));
+    let (tables, step) = (&GAUSSIAN, any(Sampling::Coarse));
+    let by_table = phase_table::centre(&row, spot, before, geometry, tables, step);
+    let _ = any(by_table);
     let mut frame = Frame::default();
     let mut black = BlackPixels::default();
     while any(true) {

@@ -11,7 +11,7 @@ use virtual_board::{Firmware, PIXELS, VirtualBoard};
 use super::lines::Line;
 use super::program::Program;
 use super::steps;
-use crate::slowest::{self, Frame};
+use crate::slowest;
 
 /// The program is done in less than half of this virtual time.
 const AT_MOST: Duration = Duration::from_secs(60);
@@ -27,7 +27,6 @@ pub struct Run {
 
 pub struct Slow {
     pub estimator: Estimator,
-    pub name: String,
     pub call: Call,
 }
 
@@ -87,79 +86,49 @@ fn run_to_the_end(board: &mut VirtualBoard) -> Result<(Vec<Line>, Vec<Call>)> {
     }
 }
 
-/// The slowest row of each estimator. The program waits for rows.
+/// The slowest row of each estimator that `cargo slowest` found. The program waits for rows.
 fn slowest(board: &mut VirtualBoard, firmware: &Firmware) -> Result<Vec<Slow>> {
-    let mut chip = Serving {
-        asked: firmware.address_of("ASKED")?,
-        row: firmware.address_of("ROW")?,
-        cycles: firmware.address_of("CYCLES")?,
-        board,
-    };
-    let frames = slowest::frames();
     let function = firmware.address_of(steps::ROW)?;
     let slowest_of = |estimator| {
-        let mut most = (0, &frames[0], 0);
-        for frame in &frames {
-            for (place, cycles) in (0..).zip(chip.measure(estimator, frame, frame.rows.len())?) {
-                if cycles > most.0 {
-                    most = (cycles, frame, place);
-                }
-            }
+        let (before, row) = slowest::slowest_pair(estimator).context("no slow row is known")?;
+        if let Some(before) = &before {
+            put(board, firmware, estimator, before, true)?;
         }
-        let (_, frame, place) = most;
-        // Once more, with a trace.
-        chip.measure(estimator, frame, place)?;
-        chip.board.trace_calls_of(function);
-        chip.put(estimator, &frame.rows[place], place == 0)?;
-        chip.board.stop_tracing(function);
-        let call = chip.board.take_calls().pop();
+        board.trace_calls_of(function);
+        put(board, firmware, estimator, &row, before.is_none())?;
+        board.stop_tracing(function);
+        let call = board.take_calls().pop();
         Ok(Slow {
             estimator,
-            name: frame.name.clone(),
             call: call.context("the slowest row was not traced")?,
         })
     };
     Estimator::ALL.into_iter().map(slowest_of).collect()
 }
 
-/// The program while it waits for rows.
-struct Serving<'a> {
-    board: &'a mut VirtualBoard,
-    asked: u64,
-    row: u64,
-    cycles: u64,
-}
-
-impl Serving<'_> {
-    /// Measures the first so many rows of a frame, and gives the cycles of each.
-    fn measure(&mut self, estimator: Estimator, frame: &Frame, rows: usize) -> Result<Vec<u32>> {
-        let rows = frame.rows.iter().take(rows).enumerate();
-        rows.map(|(place, row)| self.put(estimator, row, place == 0))
-            .collect()
-    }
-
-    /// Measures a row, and gives its cycles.
-    fn put(&mut self, estimator: Estimator, row: &[u16], is_first: bool) -> Result<u32> {
-        let words: Vec<u32> = (row.chunks(2))
-            .map(|two| {
-                two.iter()
-                    .rev()
-                    .fold(0, |word, &half| word << 16 | u32::from(half))
-            })
-            .collect();
-        self.board.write_words(self.row, words)?;
-        let order = Order {
-            estimator,
-            is_first,
-        };
-        self.board.write_word(self.asked, order.to_word())?;
-        let asked_at = self.board.now();
-        while self.board.read_word(self.asked)? != 0 {
-            self.board.run_for(Duration::from_micros(250))?;
-            if u128::from(self.board.now() - asked_at) > AT_MOST.as_nanos() {
-                bail!("the chip's program did not measure a row within {AT_MOST:?}");
-            }
+/// Gives the program that waits a row, and waits until it has measured the row.
+fn put(
+    board: &mut VirtualBoard,
+    firmware: &Firmware,
+    estimator: Estimator,
+    row: &[u16],
+    is_first: bool,
+) -> Result<()> {
+    let asked = firmware.address_of("ASKED")?;
+    let halves = row.chunks(2).map(|two| two.iter().rev());
+    let words = halves.map(|two| two.fold(0, |word, &half| word << 16 | u32::from(half)));
+    board.write_words(firmware.address_of("ROW")?, words.collect())?;
+    let order = Order {
+        estimator,
+        is_first,
+    };
+    board.write_word(asked, order.to_word())?;
+    let asked_at = board.now();
+    while board.read_word(asked)? != 0 {
+        board.run_for(Duration::from_micros(250))?;
+        if u128::from(board.now() - asked_at) > AT_MOST.as_nanos() {
+            bail!("the chip's program did not measure a row within {AT_MOST:?}");
         }
-        self.board.read_word(self.cycles)
     }
+    Ok(())
 }

@@ -1,58 +1,52 @@
 //! Whole rows on the chip: the instructions from a row's words to its centre with its check, by step.
 
 use anyhow::{Context as _, Result, ensure};
-use cost_on_chip::whole_rows::{COMB, FRAME};
+use cost_on_chip::whole_rows::{COMB, FRAME, WIDTH};
 use slitrange::centre::Estimator;
 use virtual_board::trace::Call;
 
 use super::lines::Line;
 use super::program::Program;
-use super::run::{Run, Slow};
+use super::run::Run;
 use super::steps::{self, Functions, Steps};
 use super::{CLOCK_ROUNDS, pairs, sorted};
 
-/// What rows with a spot of one width take by one estimator: the medians.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AtWidth {
-    pub estimator: Estimator,
-    /// Sigma in pixels.
-    pub width: f64,
-    pub first: Steps,
-    /// The second row of a frame.
-    pub following: Steps,
-}
+/// The kinds of rows, and what makes a reading of a frame, as `whole-rows.csv` names them.
+pub const FOLLOWING: &str = "following";
+pub const FIRST: &str = "first";
+pub const SLOWEST: &str = "slowest";
+pub const LAST: &str = "last of a frame";
+pub const READING: &str = "reading";
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OnceAFrame {
-    pub estimator: Estimator,
-    /// The row that completes the frame.
-    pub last: Steps,
-    /// The reading: a distance with its uncertainty.
-    pub distance: Steps,
-}
-
+/// What rows of a kind take, or a reading: the median.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Slowest {
-    pub estimator: Estimator,
-    pub name: String,
-    pub row: Steps,
+pub struct WholeRow {
+    pub kind: &'static str,
+    /// The estimator's name, or [`COMB`], which is by the default estimator.
+    pub name: &'static str,
+    /// The spot's sigma in pixels, if it is known.
+    pub width: Option<f64>,
+    pub steps: Steps,
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct WholeRows {
-    pub at_widths: Vec<AtWidth>,
-    pub once_a_frame: Vec<OnceAFrame>,
-    pub slowest: Vec<Slowest>,
-    /// A comb of 16 slits, by the default estimator.
-    pub comb: Option<Comb>,
-}
+pub struct WholeRows(pub Vec<WholeRow>);
 
-/// The first row of a comb's frame, the second, and the one that completes the frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Comb {
-    pub first: Steps,
-    pub following: Steps,
-    pub last: Steps,
+impl WholeRows {
+    pub fn add(
+        &mut self,
+        kind: &'static str,
+        name: &'static str,
+        width: Option<f64>,
+        steps: Steps,
+    ) {
+        self.0.push(WholeRow {
+            kind,
+            name,
+            width,
+            steps,
+        });
+    }
 }
 
 pub fn read(run: &Run, program: &Program) -> Result<WholeRows> {
@@ -77,39 +71,29 @@ pub fn read(run: &Run, program: &Program) -> Result<WholeRows> {
         let median = calls.get(calls.len() / 2);
         functions.steps(median.context("the chip's program measured no such row")?)
     };
-    let mut whole_rows = WholeRows::default();
-    for estimator in Estimator::ALL {
-        let name = estimator.name();
-        for &width in &widths {
-            whole_rows.at_widths.push(AtWidth {
-                estimator,
-                width,
-                first: median(name, 1, Some(width))?,
-                following: median(name, 2, Some(width))?,
-            });
+    let mut all = WholeRows::default();
+    let names = Estimator::ALL.map(Estimator::name);
+    for name in names {
+        for width in widths.iter().map(|&width| Some(width)) {
+            all.add(FOLLOWING, name, width, median(name, 2, width)?);
+            all.add(FIRST, name, width, median(name, 1, width)?);
         }
+    }
+    for slow in &run.slowest {
+        let steps = functions.steps(&slow.call)?;
+        all.add(SLOWEST, slow.estimator.name(), None, steps);
+    }
+    let nominal = Some(f64::from(WIDTH));
+    for name in names {
         let reading = readings.iter().find(|(line, _)| line.name == name);
         let (_, reading) = reading.context("the chip's program made no reading")?;
-        whole_rows.once_a_frame.push(OnceAFrame {
-            estimator,
-            last: median(name, FRAME, None)?,
-            distance: functions.steps(reading)?,
-        });
+        all.add(LAST, name, nominal, median(name, FRAME, None)?);
+        all.add(READING, name, nominal, functions.steps(reading)?);
     }
-    whole_rows.comb = Some(Comb {
-        first: median(COMB, 1, None)?,
-        following: median(COMB, 2, None)?,
-        last: median(COMB, FRAME, None)?,
-    });
-    let slowest = run.slowest.iter().map(|slow: &Slow| {
-        Ok(Slowest {
-            estimator: slow.estimator,
-            name: slow.name.clone(),
-            row: functions.steps(&slow.call)?,
-        })
-    });
-    whole_rows.slowest = slowest.collect::<Result<_>>()?;
-    Ok(whole_rows)
+    for (kind, place) in [(FOLLOWING, 2), (FIRST, 1), (LAST, FRAME)] {
+        all.add(kind, COMB, nominal, median(COMB, place, None)?);
+    }
+    Ok(all)
 }
 
 /// Each line of a kind with its call, whose instructions must be the line's cycles.

@@ -5,18 +5,14 @@ use std::path::Path;
 use figures::axes;
 
 use super::curves::{Curve, axis_of_ratios, axis_of_widths, draw_curves};
-use crate::programs::cost::accuracy::{MOST_FAULTS, Noise, WIDTHS};
+use crate::programs::cost::accuracy::{MOST_FAULTS, Noise, WIDTHS, shot, white};
 use crate::programs::cost::report::Measured;
 
 const PANELS: [(&str, Noise); 2] = [
-    ("White noise, SNR 100", Noise::White { snr: 100.0 }),
+    ("White noise, SNR 100", white(100.0)),
     (
         "Shot noise: 1000 counts, 5 electrons a count, read noise 2 counts",
-        Noise::Shot {
-            amplitude: 1000.0,
-            electrons_per_count: 5.0,
-            read_noise: 2.0,
-        },
+        shot(1000.0, 5.0, 2.0),
     ),
 ];
 

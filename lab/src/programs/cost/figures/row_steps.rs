@@ -65,10 +65,7 @@ fn draw_legend(area: &Area<'_>, measured: &Measured) -> anyhow::Result<()> {
         let characters = name.len() as f64;
         x += TEXT + 34 + (characters * CHARACTER * f64::from(TEXT)) as i32;
     }
-    let rows = &measured.chip.whole_rows;
-    let default = Estimator::default();
-    if let Some((mean, once)) = rows.mean(default).zip(rows.once_a_frame(default)) {
-        let distance = once.distance.total();
+    if let Some([mean, distance]) = measured.chip.whole_rows.once_a_frame() {
         let label = format!("once a frame: mean {mean}, distance {distance}");
         area.draw(&Text::new(label, (24, y + TEXT + 6), text(TEXT, BLACK)))?;
     }

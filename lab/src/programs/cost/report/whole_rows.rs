@@ -1,4 +1,4 @@
-//! What whole rows take, as tables to read, as JSON and as CSV.
+//! What whole rows take, as tables to read and as JSON.
 
 use cost_on_chip::methods::Method;
 use cost_on_chip::whole_rows::{COMB, FRAME, WIDTH};
@@ -6,80 +6,58 @@ use slitrange::centre::Estimator;
 
 use super::{CYCLES, Measured, microseconds, ratio};
 use crate::programs::cost::chip::steps::{self, Steps};
-use crate::programs::cost::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRows};
+use crate::programs::cost::chip::whole_rows::{
+    FIRST, FOLLOWING, LAST, READING, SLOWEST, WholeRow, WholeRows,
+};
 use crate::table;
 
-/// The kinds of rows. Each kind has its own figures.
-const KINDS: [&str; 3] = ["following", "first", "slowest"];
+/// The kinds of rows that tables and figures show.
+const KINDS: [&str; 3] = [FOLLOWING, FIRST, SLOWEST];
 
 impl WholeRows {
-    /// An estimator's rows with a spot of a width.
-    pub fn at_width(&self, estimator: Estimator, width: f64) -> Option<&AtWidth> {
-        self.at_widths
-            .iter()
-            .find(|at| at.estimator == estimator && (at.width - width).abs() < 1e-6)
+    /// The rows of a kind and a name with a spot of a width.
+    pub fn at_width(&self, kind: &str, name: &str, width: f64) -> Option<&Steps> {
+        let is_it = |row: &&WholeRow| {
+            let is_near = |of_row: f64| (of_row - width).abs() < 1e-6;
+            row.kind == kind && row.name == name && row.width.is_none_or(is_near)
+        };
+        Some(&self.0.iter().find(is_it)?.steps)
     }
 
-    /// An estimator's rows with the spot of the nominal sensor.
-    pub fn nominal(&self, estimator: Estimator) -> Option<&AtWidth> {
-        self.at_width(estimator, WIDTH.into())
-    }
-
-    pub fn once_a_frame(&self, estimator: Estimator) -> Option<&OnceAFrame> {
-        (self.once_a_frame.iter()).find(|once| once.estimator == estimator)
-    }
-
-    fn slowest(&self, estimator: Estimator) -> Option<&Slowest> {
-        (self.slowest.iter()).find(|slowest| slowest.estimator == estimator)
+    /// The same with the spot of the nominal sensor.
+    pub fn nominal(&self, kind: &str, name: &str) -> Option<&Steps> {
+        self.at_width(kind, name, WIDTH.into())
     }
 
     /// An estimator's rows in the order of [`KINDS`].
     pub fn kinds(&self, estimator: Estimator) -> [Option<&Steps>; 3] {
-        let nominal = self.nominal(estimator);
-        [
-            nominal.map(|at| &at.following),
-            nominal.map(|at| &at.first),
-            self.slowest(estimator).map(|slowest| &slowest.row),
-        ]
+        KINDS.map(|kind| self.nominal(kind, estimator.name()))
     }
 
-    /// Instructions of the frame's mean: what the last row of a frame takes more than the others.
-    pub fn mean(&self, estimator: Estimator) -> Option<u64> {
-        let [last, following] = [
-            &self.once_a_frame(estimator)?.last,
-            &self.nominal(estimator)?.following,
-        ];
-        Some(last.frame().saturating_sub(following.frame()))
+    /// Instructions of the default estimator once a frame: of the mean, which the last row takes more than
+    /// the others, and of the reading.
+    pub fn once_a_frame(&self) -> Option<[u64; 2]> {
+        let [following, last, reading] =
+            [FOLLOWING, LAST, READING].map(|kind| self.nominal(kind, Estimator::default().name()));
+        let mean = last?.frame().saturating_sub(following?.frame());
+        Some([mean, reading?.total()])
     }
 
-    /// What the chip computes for a reading of so many rows, in milliseconds, typically.
-    pub fn reading_milliseconds(&self, estimator: Estimator, rows: u64) -> Option<f64> {
-        let (at, once) = (self.nominal(estimator)?, self.once_a_frame(estimator)?);
-        Some(of_reading(
-            [&at.first, &at.following, &once.last],
-            once,
-            rows,
-        ))
+    /// What the chip computes for a reading of so many rows by the estimator of a name, in milliseconds,
+    /// typically. The mean was measured for a frame of the factory's settings. It goes over all rows, so it
+    /// grows with them.
+    pub fn reading_milliseconds(&self, name: &str, rows: u64) -> Option<f64> {
+        let total = |kind, name| Some(self.nominal(kind, name)?.total());
+        let estimator = if name == COMB {
+            Estimator::default().name()
+        } else {
+            name
+        };
+        let following = total(FOLLOWING, name)?;
+        let mean = total(LAST, name)?.saturating_sub(following) * rows / u64::from(FRAME);
+        let rows = total(FIRST, name)? + (rows - 1) * following;
+        Some(microseconds(rows + mean + total(READING, estimator)?)[1] / 1e3)
     }
-
-    /// The same for a comb, by the default estimator.
-    pub fn comb_milliseconds(&self, rows: u64) -> Option<f64> {
-        let (comb, once) = (self.comb?, self.once_a_frame(Estimator::default())?);
-        Some(of_reading(
-            [&comb.first, &comb.following, &comb.last],
-            once,
-            rows,
-        ))
-    }
-}
-
-/// The typical milliseconds of a reading. The mean was measured for a frame of the factory's settings. It
-/// goes over all rows, so it grows with them.
-fn of_reading(steps: [&Steps; 3], once: &OnceAFrame, rows: u64) -> f64 {
-    let [first, following, last] = steps.map(Steps::total);
-    let mean = last.saturating_sub(following) * rows / u64::from(FRAME);
-    let all = first + (rows - 1) * following + mean + once.distance.total();
-    microseconds(all)[1] / 1e3
 }
 
 impl Measured {
@@ -90,12 +68,13 @@ impl Measured {
     /// Instructions of a following row by a method. The repair takes the place of the default estimator,
     /// among its conversion, search and check.
     pub fn row_instructions(&self, method: Method, width: f64) -> Option<u64> {
-        let at = |estimator| self.chip.whole_rows.at_width(estimator, width);
+        let rows = &self.chip.whole_rows;
+        let following = |name| Some(rows.at_width(FOLLOWING, name, width)?.total());
         if let Some(estimator) = method.estimator() {
-            return Some(at(estimator)?.following.total());
+            return following(estimator.name());
         }
         let alone = self.chip.on_chip(Method::default(), width)?.instructions;
-        let rest = at(Estimator::default())?.following.total() - alone;
+        let rest = following(Estimator::default().name())? - alone;
         Some(rest + self.chip.on_chip(method, width)?.instructions)
     }
 
@@ -128,11 +107,10 @@ impl Measured {
                 Some((format!("{kind}, {}", estimator.name()), row))
             }));
         }
-        if let Some(comb) = &whole_rows.comb {
-            for (kind, row) in KINDS.iter().zip([&comb.following, &comb.first]) {
-                rows.push((format!("{kind}, comb of 16 slits"), row));
-            }
-        }
+        rows.extend(KINDS.iter().filter_map(|kind| {
+            let row = whole_rows.nominal(kind, COMB)?;
+            Some((format!("{kind}, comb of 16 slits"), row))
+        }));
         let head = "row | convert | search | estimate | check | frame | all";
         let rows = rows.into_iter().map(|(name, steps)| {
             let figures = steps.0[..5].iter().copied().chain([steps.total()]);
@@ -144,13 +122,12 @@ impl Measured {
 
     pub(super) fn widths_table(&self) -> String {
         let widths = self.chip_widths();
-        let kinds: [fn(&AtWidth) -> &Steps; 2] = [|at| &at.following, |at| &at.first];
         let mut rows = vec![];
-        for (kind, row) in KINDS.iter().zip(kinds) {
+        for kind in [FOLLOWING, FIRST] {
             rows.extend(self.estimators().map(|estimator| {
                 let total = |&width: &f64| {
-                    let at = self.chip.whole_rows.at_width(estimator, width);
-                    at.map_or("-".into(), |at| row(at).total().to_string())
+                    let row = self.chip.whole_rows.at_width(kind, estimator.name(), width);
+                    row.map_or("-".into(), |row| row.total().to_string())
                 };
                 let name = format!("{kind}, {}", estimator.name());
                 [name].into_iter().chain(widths.iter().map(total)).collect()
@@ -165,7 +142,8 @@ impl Measured {
     pub(super) fn sentences(&self) -> Option<[String; 4]> {
         let rows = &self.chip.whole_rows;
         let default = Estimator::default();
-        let total = |estimator| Some(rows.nominal(estimator)?.following.total());
+        let total = |of: Estimator| Some(rows.nominal(FOLLOWING, of.name())?.total());
+        let [mean, reading] = rows.once_a_frame()?;
         let [least, _, most] = microseconds(total(default)?);
         let [fewest, _, most_cycles] = CYCLES;
         let (adaptive, table) = (total(Estimator::Adaptive)?, total(Estimator::PhaseTable)?);
@@ -180,60 +158,27 @@ impl Measured {
                 "That is {:.1} % more than by `phase-table`.",
                 100.0 * more as f64 / table as f64
             ),
+            "The slowest row of the default estimator: found by cargo slowest.".to_owned(),
             format!(
-                "The slowest row of the default estimator: {}.",
-                rows.slowest(default)?.name
-            ),
-            format!(
-                "Once a frame of {FRAME} rows, the mean of its rows takes {} instructions more, and the \
-                 distance with its uncertainty {}.",
-                rows.mean(default)?,
-                rows.once_a_frame(default)?.distance.total()
+                "Once a frame of {FRAME} rows, the mean of its rows takes {mean} instructions more, and the \
+                 distance with its uncertainty {reading}."
             ),
         ])
     }
 
-    /// All rows: what each is, the estimator, the spot's width if it is known, and the instructions.
-    pub(super) fn rows(&self) -> Vec<(&'static str, &'static str, Option<f64>, &Steps)> {
-        let rows = &self.chip.whole_rows;
-        let mut all = vec![];
-        let nominal = Some(f64::from(WIDTH));
-        for at in &rows.at_widths {
-            let (name, width) = (at.estimator.name(), Some(at.width));
-            all.push(("following", name, width, &at.following));
-            all.push(("first", name, width, &at.first));
-        }
-        for slowest in &rows.slowest {
-            all.push(("slowest", slowest.estimator.name(), None, &slowest.row));
-        }
-        for once in &rows.once_a_frame {
-            let name = once.estimator.name();
-            all.push(("last of a frame", name, nominal, &once.last));
-            all.push(("reading", name, nominal, &once.distance));
-        }
-        if let Some(comb) = &rows.comb {
-            all.push(("following", COMB, nominal, &comb.following));
-            all.push(("first", COMB, nominal, &comb.first));
-            all.push(("last of a frame", COMB, nominal, &comb.last));
-        }
-        all
-    }
-
-    /// What `--json` says of [`Self::rows`].
+    /// What `--json` says of all rows.
     pub(super) fn rows_json(&self) -> Vec<serde_json::Value> {
-        let rows = self.rows().into_iter();
-        let json = |(row, estimator, width, steps): (_, _, _, &Steps)| {
-            let of_steps = steps::NAMES.into_iter().zip(steps.0);
+        let json = |row: &WholeRow| {
+            let (steps, total) = (steps::NAMES.into_iter().zip(row.steps.0), row.steps.total());
             serde_json::json!({
-                "row": row,
-                "estimator": estimator,
-                "width_px": width,
-                "total": steps.total(),
-                "microseconds_estimated": microseconds(steps.total()).map(super::round),
-                "steps": of_steps.collect::<std::collections::BTreeMap<_, _>>(),
+                "row": row.kind,
+                "estimator": row.name,
+                "width_px": row.width,
+                "total": total,
+                "microseconds_estimated": microseconds(total).map(super::round),
+                "steps": steps.collect::<std::collections::BTreeMap<_, _>>(),
             })
         };
-        rows.map(|row: (&str, &str, Option<f64>, &Steps)| json(row))
-            .collect()
+        self.chip.whole_rows.0.iter().map(json).collect()
     }
 }

@@ -24,9 +24,8 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 860)?;
     let (above, below) = root.split_vertically(520);
     let outcome = report.outcome(PRINTER_PAPER, Aperture::Slit);
-    let method = Method::PAPERS_GAUSSIAN;
-    let judged = outcome.of(&method);
-    let colour = colour(Aperture::Slit, &method);
+    let judged = outcome.of(Method::Gaussian);
+    let colour = colour(Method::Gaussian);
     let curve = judged.fit.curve;
     let (first, last) = judged.fit.valid;
     let room = 0.04 * (last - first);

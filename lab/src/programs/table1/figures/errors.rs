@@ -9,7 +9,7 @@ use plotters::prelude::*;
 use rayon::prelude::*;
 
 use super::style::{RIGHT, colour, draw_zero};
-use crate::paper::apparatus::{Aperture, TABLE};
+use crate::paper::apparatus::TABLE;
 use crate::paper::lens_effects::Flare;
 use crate::paper::lens_path::{centre_without_speckle, centroid_without_speckle};
 use crate::paper::materials::MATERIALS;
@@ -26,20 +26,12 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let root = axes::figure(path, 1290)?;
     let areas = root.split_evenly((3, 1));
     let curves = [
-        (
-            Aperture::Lens,
-            Method::PAPERS_LENS,
-            "lens, gaussian in the plane",
-        ),
-        (
-            Aperture::Slit,
-            Method::PAPERS_GAUSSIAN,
-            "slit, gaussian on each row",
-        ),
+        (Method::PlaneGaussian, "lens, gaussian in the plane"),
+        (Method::Gaussian, "slit, gaussian on each row"),
     ];
-    for (area, (aperture, method, name)) in areas.iter().zip(curves) {
-        let outcome = report.outcome(BRUSHED_METAL, aperture);
-        let judged = outcome.of(&method);
+    for (area, (method, name)) in areas.iter().zip(curves) {
+        let outcome = report.outcome(BRUSHED_METAL, method.aperture());
+        let judged = outcome.of(method);
         let title = format!(
             "{}, {name}: MAE {:.0} um, MAX {:.0} um",
             MATERIALS[BRUSHED_METAL].name,
@@ -53,7 +45,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
             .filter(|(_, error)| error.is_finite())
             .map(|(&distance, &error)| (distance, f64::from(error) * 1e6))
             .collect();
-        axes::draw_line(&mut panel, line, colour(aperture, &method).stroke_width(2))?;
+        axes::draw_line(&mut panel, line, colour(method).stroke_width(2))?;
     }
     let mut panel = panel_of_errors(
         &areas[2],
@@ -61,7 +53,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     )?;
     let centroid = |distance| Some(centroid_without_speckle(distance, &Flare::CHOSEN));
     let gaussian = |distance| centre_without_speckle(distance, Some(&Flare::CHOSEN));
-    let lens = colour(Aperture::Lens, &Method::PAPERS_LENS);
+    let lens = colour(Method::PlaneGaussian);
     for (curve, colour) in [
         (errors(&centroid, 841)?, lens.mix(0.45)),
         (errors(&gaussian, 43)?, lens.mix(1.0)),

@@ -4,19 +4,18 @@ use figures::axes::{self, GRID, Panel};
 use figures::dark::BLUE;
 use plotters::prelude::*;
 
-use crate::paper::apparatus::Aperture;
 use crate::paper::methods::Method;
 
 /// Pixels beside a panel.
 pub const RIGHT: i32 = 24;
 
 /// A method's colour: those of the paper's fig. 13, dark enough for text on white, and another for ours.
-pub fn colour(aperture: Aperture, method: &Method) -> RGBColor {
-    match (aperture, method) {
-        (Aperture::Lens, _) => RGBColor(0x4f, 0x5d, 0x75),
-        (Aperture::Slit, &Method::PAPERS_GAUSSIAN) => RGBColor(0xa8, 0x70, 0x20),
-        (Aperture::Slit, &Method::PAPERS_FRAUNHOFER) => RGBColor(0xc8, 0x3a, 0x6a),
-        (Aperture::Slit, _) => BLUE,
+pub const fn colour(method: Method) -> RGBColor {
+    match method {
+        Method::PlaneGaussian => RGBColor(0x4f, 0x5d, 0x75),
+        Method::Gaussian => RGBColor(0xa8, 0x70, 0x20),
+        Method::Fraunhofer => RGBColor(0xc8, 0x3a, 0x6a),
+        Method::Ours => BLUE,
     }
 }
 

@@ -8,9 +8,8 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::style::{RIGHT, colour, draw_zero};
-use crate::paper::apparatus::Aperture;
 use crate::paper::materials::MATERIALS;
-use crate::paper::methods::Method;
+use crate::paper::methods::{Method, OURS};
 use crate::programs::table1::report::Report;
 
 /// The errors that are shown, in micrometres to either side.
@@ -25,50 +24,32 @@ const BINS: usize = 180;
 const KERNEL: f64 = 3.0;
 
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
-    let best = report.best;
-    let methods = [
-        (Aperture::Lens, Method::PAPERS_LENS, "lens".to_string()),
-        (
-            Aperture::Slit,
-            Method::PAPERS_GAUSSIAN,
-            "slit, gaussian".into(),
-        ),
-        (
-            Aperture::Slit,
-            Method::PAPERS_FRAUNHOFER,
-            "slit, Fraunhofer".into(),
-        ),
-        (Aperture::Slit, best, format!("slit, {}", best.name())),
-    ];
+    let ours = format!("slit, {OURS}");
+    let names = ["lens", "slit, gaussian", "slit, Fraunhofer", &ours];
     let root = axes::figure(path, 1060)?;
     let (legend, rest) = root.split_vertically(44);
     let mut left = 30;
-    for (aperture, method, name) in &methods {
-        let colour = colour(*aperture, method);
+    for (method, name) in Method::ALL.into_iter().zip(names) {
+        let colour = colour(method);
         legend.draw(&Rectangle::new(
             [(left, 14), (left + 22, 32)],
             colour.filled(),
         ))?;
         let style = text(TITLE, colour).pos(Pos::new(HPos::Left, VPos::Center));
-        legend.draw(&Text::new(name.clone(), (left + 30, 23), style))?;
+        legend.draw(&Text::new(name, (left + 30, 23), style))?;
         left += 58 + (name.chars().count() as f64 * 0.58 * f64::from(TITLE)) as i32;
     }
     let style = text(TITLE, BLACK).pos(Pos::new(HPos::Right, VPos::Center));
     legend.draw(&Text::new("figures: MAE, um", (980, 23), style))?;
     for (material, area) in rest.split_evenly((3, 2)).iter().enumerate() {
-        draw_material(report, material, &methods, area)?;
+        draw_material(report, material, area)?;
     }
     root.present()?;
     Ok(())
 }
 
-fn draw_material(
-    report: &Report,
-    material: usize,
-    methods: &[(Aperture, Method, String)],
-    area: &Area<'_>,
-) -> anyhow::Result<()> {
-    let places = (-0.6, methods.len() as f64 - 0.4);
+fn draw_material(report: &Report, material: usize, area: &Area<'_>) -> anyhow::Result<()> {
+    let places = (-0.6, Method::ALL.len() as f64 - 0.4);
     let name = if material.is_multiple_of(2) {
         "error, um"
     } else {
@@ -78,10 +59,9 @@ fn draw_material(
     let y = Axis::linear((LOWEST, RANGE), name, 7, 0);
     let mut panel = panel(area, MATERIALS[material].name, RIGHT, &x, &y)?;
     draw_zero(&mut panel, places)?;
-    for (place, (aperture, method, _)) in (0..).zip(methods) {
+    for (place, method) in (0..).zip(Method::ALL) {
         let place = f64::from(place);
-        let judged = report.outcome(material, *aperture).of(method);
-        let colour = colour(*aperture, method);
+        let (judged, colour) = (report.judged(material, method), colour(method));
         let density = density(&judged.errors);
         let widest = density
             .iter()
