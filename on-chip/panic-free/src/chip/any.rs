@@ -1,6 +1,6 @@
 //! Values that the optimiser knows nothing about.
 
-use slitrange::base::exposure::Exposure;
+use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::fault::Fault;
 use slitrange::base::places::PLACES;
 use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels, Units};
@@ -16,7 +16,9 @@ use slitrange::frame::comb::{CORRECTIONS, Comb, Combined, MAX_SLITS, SlitMap, Sl
 use slitrange::frame::{FrameCentre, Mean};
 use slitrange::light::ambient::AmbientMode;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Parts};
+use slitrange::reading::uncertainty::{
+    CalibrationErrors, FittedErrors, FittedSurface, Parts, Surface,
+};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::Background;
 use slitrange::row::front_end::{Estimate, FrontEnd};
@@ -24,6 +26,8 @@ use slitrange::row::pixels::PixelErrors;
 use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::spot::Spot;
+use slitrange::spot::choice::SpotChoice;
+use slitrange::spot::region::Region;
 use slitrange_device::filters::average::Average;
 use slitrange_device::filters::{Limits, SpikeFilter};
 use slitrange_device::record::Record;
@@ -74,6 +78,12 @@ pub fn settings() -> Settings {
         slits: any(Slits::Comb),
         ambient: any(AmbientMode::Subtract),
         trigger: any(Trigger::Serial),
+        exposure: any(ExposureMode::Auto),
+        exposure_limit: any(Exposure::LONGEST),
+        laser: any(true),
+        region: any(Region::ALL),
+        peak: any(SpotChoice::Strongest),
+        surface: any(Surface::Auto),
         address: any(0),
         format: any(Format::Text),
         average: any(Average::None),
