@@ -16,11 +16,10 @@
 pub mod date;
 pub mod encoded;
 
-use core::fmt;
-
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use date::Date;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
@@ -436,19 +435,26 @@ impl KnotsFields {
 }
 
 /// Why bytes are not a record, or why a record cannot be written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RecordError {
     /// The buffer is too short for the record.
+    #[error(
+        "a buffer of {bytes} bytes is too short for the record: {MAX_ENCODED} are enough for any"
+    )]
     NoRoom {
         /// The length of the buffer.
         bytes: usize,
     },
     /// Fewer bytes than any record has.
+    #[error("{bytes} bytes are too few for a record: write the calibration again")]
     Short {
         /// How many there are.
         bytes: usize,
     },
     /// The CRC at the end does not fit the bytes before it.
+    #[error(
+        "the record is damaged, its CRC is {written:08x} and not {computed:08x}: write the calibration again"
+    )]
     Checksum {
         /// The CRC at the end.
         written: u32,
@@ -456,40 +462,70 @@ pub enum RecordError {
         computed: u32,
     },
     /// The CRC is right, but this firmware does not know the format.
+    #[error(
+        "the record has version {version}, this firmware or tool reads {VERSION}: update both, or \
+         calibrate again"
+    )]
     Version {
         /// The format, which is the first byte.
         version: u8,
     },
     /// The CRC is right, but the bytes are not those of a record.
+    #[error(
+        "the CRC is right, but the bytes are not a record: write the calibration with the tool \
+         of this firmware"
+    )]
     Shape,
     /// The calendar has no such day.
+    #[error("the record's date is not a day of the calendar: set the date")]
     Date,
     /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter does not
     /// have 1 to 12 bits.
+    #[error(
+        "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels of 1 \
+         to 12 bits"
+    )]
     Geometry,
     /// This firmware has no such estimator.
+    #[error(
+        "the record was made with estimator '{}', which this firmware does not know: calibrate anew",
+        .letter.escape_ascii()
+    )]
     Estimator {
         /// Its letter.
         letter: u8,
     },
     /// A black level outside a pixel's range.
+    #[error(
+        "the record's black level of {level} counts is outside a pixel's range: set it to 0 to \
+         {LARGEST_COUNT}"
+    )]
     BlackLevel {
         /// That level.
         level: Counts,
     },
     /// The numbers of eq. (1) cannot be used.
+    #[error(transparent)]
     Eq1(Eq1Error),
     /// The knots of a table cannot be used.
+    #[error(transparent)]
     Table(TableError),
     /// The residuals, or the curve below them, cannot be used.
+    #[error(transparent)]
     Corrected(CorrectedError),
     /// An uncertainty below zero, or a usual height of the spot that is not above zero.
+    #[error("the record's uncertainties are impossible: fit again from the points file")]
     Errors,
     /// The comb cannot be used.
+    #[error(transparent)]
     Comb(CombError),
     /// A number of the front end is outside its range.
+    #[error("the record's front end is impossible: measure it again (slitrange head measure)")]
     FrontEnd,
     /// The range of centres reaches beyond the sensor's pixels.
+    #[error(
+        "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller range"
+    )]
     OffTheSensor {
         /// The first centre.
         first: Pixels,
@@ -497,63 +533,3 @@ pub enum RecordError {
         last: Pixels,
     },
 }
-
-impl fmt::Display for RecordError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoRoom { bytes } => write!(
-                f,
-                "a buffer of {bytes} bytes is too short for the record: {MAX_ENCODED} are enough for any"
-            ),
-            Self::Short { bytes } => {
-                write!(f, "{bytes} bytes are too few for a record: write the calibration again")
-            }
-            Self::Checksum { written, computed } => write!(
-                f,
-                "the record is damaged, its CRC is {written:08x} and not {computed:08x}: write the \
-                calibration again"
-            ),
-            Self::Version { version } => write!(
-                f,
-                "the record has version {version}, this firmware or tool reads {VERSION}: update both, or \
-                calibrate again"
-            ),
-            Self::Shape => f.write_str(
-                "the CRC is right, but the bytes are not a record: write the calibration with the tool of \
-                this firmware",
-            ),
-            Self::Date => f.write_str("the record's date is not a day of the calendar: set the date"),
-            Self::Geometry => f.write_str(
-                "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels \
-                of 1 to 12 bits",
-            ),
-            Self::Estimator { letter } => write!(
-                f,
-                "the record was made with estimator '{}', which this firmware does not know: calibrate anew",
-                letter.escape_ascii()
-            ),
-            Self::BlackLevel { level } => write!(
-                f,
-                "the record's black level of {level} counts is outside a pixel's range: set it to 0 to \
-                {LARGEST_COUNT}"
-            ),
-            Self::Eq1(error) => error.fmt(f),
-            Self::Table(error) => error.fmt(f),
-            Self::Corrected(error) => error.fmt(f),
-            Self::Errors => f.write_str(
-                "the record's uncertainties are impossible: fit again from the points file",
-            ),
-            Self::Comb(error) => error.fmt(f),
-            Self::FrontEnd => f.write_str(
-                "the record's front end is impossible: measure it again (slitrange head measure)",
-            ),
-            Self::OffTheSensor { first, last } => write!(
-                f,
-                "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller \
-                range"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for RecordError {}
