@@ -2,10 +2,8 @@
 //! rows. Every figure asserted is printed.
 
 use crate::support::{self, *};
-use judges::accuracy::{Before, Outcome, Phases, Rows, centre_after, centre_with, largest};
-use judges::core_tables;
+use judges::accuracy::{Before, Outcome, Phases, Rows};
 use phase_tables::{LEAST_SQUARES, gaussian};
-use slitrange::centre::tables::TableSet;
 
 /// A noise: its name in a table, the spot's height, the noise, and a seed.
 type Noise = (String, f64, support::Noise, u64);

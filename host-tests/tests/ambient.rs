@@ -6,9 +6,7 @@ use judges::changing_light::ambient::{
 };
 use judges::frames::words;
 use simulator::scene::comb::Comb as Mask;
-use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
-use slitrange::light::black_level::BlackLevel;
 
 const FRAMES: usize = 400;
 

@@ -2,11 +2,8 @@
 
 use crate::support::*;
 use judges::accuracy;
-use judges::hard_cases::flaw::{Bad, Flaw, Second};
-use judges::hard_cases::judge::Said;
-use judges::hard_cases::recipe::{Place, Recipe};
-use judges::hard_cases::{HardRow, Shape};
-use slitrange::centre::spot_shape::SpotShape;
+use judges::hard_cases::Shape;
+use judges::hard_cases::recipe::Place;
 
 /// An estimator's answer to a row, alone and as the measurement takes it.
 fn answers_to(row: &HardRow, estimator: Estimator) -> [Answer; 2] {

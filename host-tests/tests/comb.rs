@@ -2,11 +2,10 @@
 //! print every figure that they assert.
 
 use crate::support::*;
-use judges::frames;
 use rand::seq::SliceRandom as _;
 use simulator::scene::SecondReflection;
 use simulator::scene::comb::Comb as Mask;
-use slitrange::frame::comb::{Comb, MAX_SLITS, Maximum, Slits, assign};
+use slitrange::frame::comb::{Maximum, assign};
 
 /// Maxima of the nominal comb for spots anywhere in the nominal range. Up to half of the slits have no peak,
 /// and one peak anywhere on the row is false. Speckle moves each peak by 2.2 pixels RMS (a 1 mm spot on metal

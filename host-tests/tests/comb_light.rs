@@ -14,9 +14,7 @@ use std::f64::consts::TAU;
 
 use crate::support::*;
 use num_complex::Complex64 as Wave;
-use simulator::optics::Optics;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
-use statistics::upper_median;
 
 /// Points of a slit's width: 20 to a turn of phase where a neighbour's image is.
 const POINTS: usize = 128;

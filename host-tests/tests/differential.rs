@@ -6,9 +6,8 @@ use crate::model::phase_table::{Found, Weights};
 use crate::support::{self, *};
 use phase_tables::{DEFAULT, FRAUNHOFER, Profile, gaussian, slit};
 use simulator::least_squares::{Gaussian, fit_weighted};
-use slitrange::centre::tables::{self, Sampling};
-use slitrange::centre::{self, half_width};
-use slitrange::distance::eq1::{Eq1, NOMINAL};
+use slitrange::centre::half_width;
+use slitrange::centre::tables;
 
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;

@@ -3,8 +3,6 @@
 
 use crate::support::*;
 use judges::accuracy::answers;
-use judges::hard_cases::Truth;
-use judges::hard_cases::judge::Said;
 
 /// Rows of a cell.
 const ROWS: u64 = 2000;

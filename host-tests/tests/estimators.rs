@@ -3,9 +3,7 @@
 
 use crate::profile_rows;
 use crate::support::{self, *};
-use judges::accuracy::centre_after;
 use phase_tables::gaussian;
-use simulator::profiles::{self, Curve, Slit};
 
 fn cell(width: f64, amplitude: f64, noise: Noise) -> Cell {
     support::cell(width, amplitude, noise, 4000, 11)

@@ -6,9 +6,8 @@ use crate::support::*;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, is_in_middle};
 use judges::changing_light::{DELAY, Sensor, scene};
-use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::base::exposure::ExposureMode;
 use slitrange::light::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
-use slitrange::{Counts, Estimator};
 
 fn us(us: u16) -> Exposure {
     Exposure::from_us(us).expect("an exposure")

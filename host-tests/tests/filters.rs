@@ -1,16 +1,10 @@
 //! The steps between a frame's reading and its line: what a filter claims of its distance is what its
 //! distances show.
 
-use judges::frames::at_centre;
+use crate::support::*;
 use proptest::prelude::*;
 use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres};
-use slitrange::distance::Calibration;
-use slitrange::reading::Reading;
-use slitrange::reading::uncertainty::{CalibrationErrors, Parts, Surface};
+use rand_distr::Distribution as _;
 use slitrange_device::filters::average::{Average, Filter};
 use slitrange_device::filters::limits::Limits;
 use slitrange_device::filters::spike::{SpikeFilter, Spikes};

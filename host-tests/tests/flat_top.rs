@@ -3,10 +3,8 @@
 //! assert.
 
 use crate::support::*;
-use judges::hard_cases::HardRow;
-use judges::hard_cases::judge::{Answer, Answers, Said, answers};
+use judges::hard_cases::judge::{Answer, Answers, answers};
 use judges::hard_cases::mixtures;
-use judges::hard_cases::recipe::Recipe;
 
 /// Whether the check finds a top to be flat that the estimator takes for a spot. No fit is among the
 /// estimators here: a fit measures such a spot by its flanks.

@@ -4,9 +4,7 @@
 use std::f64::consts::TAU;
 
 use crate::support::{self, *};
-use judges::frames;
 use rand_distr::Gamma;
-use slitrange::frame::{Frame, FrameCentre, Mean};
 
 /// Where the spot is, in pixels.
 const TRUTH: f64 = 1800.3;

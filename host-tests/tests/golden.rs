@@ -5,9 +5,7 @@ use std::fmt::Write as _;
 
 use crate::support::*;
 use judges::accuracy;
-use judges::hard_cases::flaw::{Bad, Flaw, Second};
-use judges::hard_cases::{self, HardRow, Recipe, Shape};
-use slitrange::frame::{Frame, Mean};
+use judges::hard_cases::{self, Recipe, Shape};
 
 /// The checked centre of a row.
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {

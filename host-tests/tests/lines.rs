@@ -2,28 +2,18 @@
 //! serial line brings them: no reading is lost, only exact commands change a setting, and each other line has
 //! its error.
 
+use crate::support::*;
 use std::collections::BTreeMap;
 
-use judges::frames::at_centre;
 use rand::seq::IndexedRandom as _;
 use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Counts;
-use slitrange::row::pixels::flat_field::TakeError;
-use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::filters::zero::MasterValue;
-use slitrange_device::protocol::command::{Command, Error, MAX_LINE, parse};
+use slitrange_device::protocol::command::{Error, MAX_LINE};
 use slitrange_device::protocol::flat::Flat;
 use slitrange_device::protocol::input::Input;
-use slitrange_device::protocol::status::{StartCause, Vitals};
-use slitrange_device::protocol::upload::Step;
-use slitrange_device::session::flat::{Job, Outcome};
-use slitrange_device::session::{Actions, Event, Session};
+use slitrange_device::session::flat::Job;
 use slitrange_device::settings::serial_line::{Format, PixelStream};
-use slitrange_device::settings::{Affects, Form, Setting, Settings, Value};
-use slitrange_device::store::pixel_map::StoredMap;
-use slitrange_device::store::{StoreError, Stored};
+use slitrange_device::settings::{Affects, Form, Value};
 
 use crate::session::samples::HARDWARE;
 

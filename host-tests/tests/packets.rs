@@ -1,21 +1,12 @@
 //! Packets of `format binary`: written and read, cut anywhere, with flipped, lost and added bytes.
 
+use crate::support::*;
 use std::num::NonZeroU16;
 
 use proptest::prelude::*;
-use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::centre::spot_shape::SpotShape;
-use slitrange::frame::FrameCentre;
-use slitrange::frame::comb::{Combined, MAX_SLITS, SlitCentre};
-use slitrange::reading::uncertainty::Parts;
-use slitrange::reading::{Measured, Reading};
-use slitrange::row::pixels::PixelErrors;
 use slitrange_device::protocol::packet::{
-    COUNTS_A_PACKET, Decoder, FrameResult, MAX_PACKET, Message, Packed, Packet, PacketError,
-    Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,
+    COUNTS_A_PACKET, Decoder, MAX_PACKET, Message, Packed, Packet, PacketError, Packets, RowHead,
+    RowWords, TEXT_PART, parts_of_text, unpack,
 };
 
 /// The same message beyond the life of its packet. The bytes are never freed: they are a few megabytes.

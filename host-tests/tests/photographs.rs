@@ -7,13 +7,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::support::*;
-use judges::accuracy::centre_with;
-use judges::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
-use simulator::least_squares;
 use simulator::photograph::Photograph;
-use slitrange::centre::tables::TableSet;
-use statistics::upper_median;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
 const BRIGHT: f64 = 4095.0 / 20.0;

@@ -3,14 +3,12 @@
 use crate::records::cases;
 use crate::support::*;
 use crc::{CRC_32_ISO_HDLC, Crc};
-use judges::frames::{self, words};
+use judges::frames::words;
 use proptest::prelude::*;
 use simulator::scene::Ambient;
-use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
+use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS};
 use slitrange::row::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
-use slitrange::spot::region::Region;
 use slitrange_device::store::encoded_map::{Read, Reader, Word, Words};
 
 /// Counts of light in the lit rows.

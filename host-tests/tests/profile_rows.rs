@@ -1,7 +1,6 @@
 //! Seeded rows of a spot of any profile.
 
 use crate::support::*;
-use simulator::profiles::Curve;
 
 /// Pixels of a row that is long enough for the spot and as much background: the noise is not known well on
 /// it, but the centre does not depend on that where the tables are given.

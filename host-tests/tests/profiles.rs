@@ -3,13 +3,12 @@
 
 use crate::profile_rows::{Rows, pixels};
 use crate::support::*;
-use judges::accuracy::{Phases, centre_after, centre_with, largest};
-use judges::core_tables;
+use judges::accuracy::Phases;
 use judges::measured_profile::MeasuredProfile;
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, set};
-use simulator::profiles::{self, Blur, Curve, Slit};
+use simulator::profiles::Blur;
 use simulator::sinc_fit::{Sinc, fit_from};
-use slitrange::centre::tables::{MIXES, TableSet};
+use slitrange::centre::tables::MIXES;
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
 /// mm.

@@ -2,12 +2,8 @@
 
 use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::exposure::Exposure;
-use slitrange::base::work_budget::WorkBudget;
-use slitrange::centre::tables::BLOCKS;
-use slitrange::centre::{self, WidthClass};
-use slitrange::frame::comb::{Comb, FEWEST, Slits};
-use slitrange::light::black_level::BlackLevel;
+use slitrange::centre::WidthClass;
+use slitrange::frame::comb::FEWEST;
 use slitrange::row::background::Background;
 use slitrange_device::protocol::command::{self, MAX_LINE};
 use slitrange_device::protocol::input::{Echo, Input};

@@ -1,25 +1,10 @@
 //! Records of every kind: for tests of the record and of the store.
 
+use crate::support::*;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::centre::spot_shape::COMPONENTS;
-use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
-use slitrange::distance::eq1::Eq1;
-use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
-use slitrange::distance::residuals::Corrected;
-use slitrange::distance::table::Table;
-use slitrange::frame::comb::{CORRECTIONS, Comb, FEWEST, LARGEST_CORRECTION, MAX_SLITS, SlitMap};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
-use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity};
-use slitrange_device::record::Record;
-use slitrange_device::record::date::Date;
+use slitrange::frame::comb::{CORRECTIONS, FEWEST, LARGEST_CORRECTION};
+use slitrange::row::front_end::{LARGEST_GAIN, LEAST_GAIN};
 
 /// Thousands of cases, the same in every run.
 pub fn cases(cases: u32) -> ProptestConfig {

@@ -4,7 +4,6 @@
 use crate::support::{self, *};
 use phase_tables::gaussian;
 use slitrange::spot::choice::SpotChoice;
-use slitrange::spot::region::Region;
 
 const PIXELS: usize = 3648;
 

@@ -4,9 +4,6 @@ use std::f64::consts::{PI, SQRT_2, TAU};
 
 use crate::support::*;
 use simulator::field::{self, Laser, LensAperture, Scattering, SlitAperture, View};
-use simulator::least_squares;
-use simulator::optics::Aperture;
-use simulator::profiles;
 use simulator::scene::diffraction::Gap;
 use simulator::scene::lens::{Across, Pupil};
 use simulator::scene::pattern::Pattern;

@@ -5,7 +5,6 @@ use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
 use std::fmt::Display;
 
 use crate::support::{self, *};
-use simulator::optics::Aperture;
 use simulator::scene::{
     Exposure, FixedPattern, HotPixels, Lag, MainsLight, Quantisation, ReadNoise, Response,
     Saturation, Settling, ShotNoise, Spot, file, random,

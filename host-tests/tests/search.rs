@@ -2,8 +2,6 @@
 //! in noise. The tests print every figure that they assert.
 
 use crate::support::*;
-use judges::hard_cases::Truth;
-use judges::hard_cases::judge::Said;
 use phase_tables::gaussian;
 use simulator::scene::SecondReflection;
 use slitrange::spot::MIN_PIXELS;

@@ -16,32 +16,20 @@
 //! The test takes lines of the first three kinds from the script, and compares the others. To change a
 //! script, edit those three, run the test with `INSTA_UPDATE=always`, and read what else has changed.
 
+use crate::support::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
 use proptest::prelude::*;
-use slitrange::base::units::Counts;
-use slitrange::row::Geometry;
-use slitrange::row::Polarity;
-use slitrange::row::pixels::flat_field::{Kind, Taken};
-use slitrange::row::sensor_heads::tcd1304dg;
+use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::MAX_ANSWER;
-use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::help;
 use slitrange_device::protocol::info::VERSION;
-use slitrange_device::protocol::line::{FaultLine, ReadingLine};
-use slitrange_device::protocol::packet::FrameResult;
+use slitrange_device::protocol::line::FaultLine;
 use slitrange_device::protocol::piece::{PIECE, Piece};
-use slitrange_device::protocol::status::{StartCause, Vitals};
-use slitrange_device::protocol::upload::Step;
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_device::session::flat::Outcome;
-use slitrange_device::session::{Actions, Applied, Event, Session};
-use slitrange_device::settings::{Form, Setting, Settings};
-use slitrange_device::store::configuration::{self, Configuration};
-use slitrange_device::store::pixel_map::StoredMap;
-use slitrange_device::store::{StoreError, Stored};
+use slitrange_device::session::Applied;
+use slitrange_device::settings::Form;
+use slitrange_device::store::configuration;
 
 use samples::{HARDWARE, fault, frame, map_summary, record, row_test};
 

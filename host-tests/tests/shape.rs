@@ -4,7 +4,6 @@
 use std::f64::consts::TAU;
 
 use crate::support::*;
-use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
 
 /// Distance between two samples in widths, and how far the check looks.
 const PITCH: f64 = 1.0 / 6.4;

@@ -1,23 +1,62 @@
 //! What several topics write their rows and scenes with, and the names that most of them use.
 
-pub use judges::accuracy::{Answer, Cell, PIXELS, centre_of};
+pub use judges::accuracy::{Answer, Cell, PIXELS, centre_after, centre_of, centre_with, largest};
+pub use judges::core_tables;
+pub use judges::frames::{self, at_centre};
+pub use judges::hard_cases::flaw::{Bad, Flaw, Second};
+pub use judges::hard_cases::judge::Said;
+pub use judges::hard_cases::recipe::Recipe;
+pub use judges::hard_cases::{HardRow, Truth};
 pub use rand::{Rng as _, SeedableRng as _};
 pub use rand_chacha::ChaCha8Rng;
 pub use rand_distr::{Distribution as _, StandardNormal};
 pub use rayon::prelude::*;
+pub use simulator::least_squares;
+pub use simulator::optics::{Aperture, Optics};
+pub use simulator::profiles::{self, Curve, Slit};
 pub use simulator::scene::{Effect, Scene, Sensor, Simulation, quantise};
-pub use slitrange::base::fault::Fault;
-pub use slitrange::base::units::{Counts, Micrometres, Pixels};
-pub use slitrange::centre::{Estimator, RowCentre};
-pub use slitrange::distance::Calibration;
+pub use slitrange::base::exposure::Exposure;
+pub use slitrange::base::places::PLACES;
+pub use slitrange::base::units::Electrons;
+pub use slitrange::base::work_budget::WorkBudget;
+pub use slitrange::centre;
+pub use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
+pub use slitrange::centre::tables::{BLOCKS, Sampling, TableSet};
+pub use slitrange::check::own_spot::Profile;
+pub use slitrange::distance::eq1::{Eq1, NOMINAL};
+pub use slitrange::distance::knots::{CLOSEST, Knot, Knots, MAX_KNOTS};
+pub use slitrange::distance::residuals::{Corrected, CorrectedError};
+pub use slitrange::distance::table::Table;
+pub use slitrange::frame::comb::{Comb, Combined, MAX_SLITS, SlitCentre, SlitMap, Slits};
+pub use slitrange::frame::{Frame, FrameCentre, Mean};
 pub use slitrange::measurement::steps::centre_of_spot;
-pub use slitrange::measurement::{Measurement, Options};
-pub use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-pub use slitrange::reading::{Measured, Reading};
-pub use slitrange::row::sensor_heads::{self, tcd1304dg};
-pub use slitrange::row::{Geometry, Polarity, Row};
+pub use slitrange::reading::uncertainty::{FittedErrors, FittedSurface, Parts};
+pub use slitrange::row::front_end::{Estimate, FrontEnd};
+pub use slitrange::row::pixels::PixelErrors;
+pub use slitrange::row::pixels::flat_field::{TakeError, Taken};
+pub use slitrange::row::sensor_heads::tcd1304dg;
+pub use slitrange::spot::region::Region;
 pub use slitrange::spot::{self, Spot};
-pub use statistics::{mean, rms};
+pub use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Fault, Geometry, Measured,
+    Measurement, Micrometres, Options, Pixels, Polarity, Reading, Row, RowCentre, Surface,
+    sensor_heads,
+};
+pub use slitrange_device::protocol::command::{Command, parse};
+pub use slitrange_device::protocol::line::ReadingLine;
+pub use slitrange_device::protocol::packet::FrameResult;
+pub use slitrange_device::protocol::status::{StartCause, Vitals};
+pub use slitrange_device::protocol::upload::Step;
+pub use slitrange_device::record::date::Date;
+pub use slitrange_device::record::encoded::EncodedRecord;
+pub use slitrange_device::record::{Record, RecordError};
+pub use slitrange_device::session::flat::Outcome;
+pub use slitrange_device::session::{Actions, Event, Session};
+pub use slitrange_device::settings::{Setting, Settings};
+pub use slitrange_device::store::configuration::Configuration;
+pub use slitrange_device::store::pixel_map::StoredMap;
+pub use slitrange_device::store::{StoreError, Stored};
+pub use statistics::{mean, rms, upper_median};
 
 /// Random numbers of a seed.
 pub fn random(seed: u64) -> ChaCha8Rng {

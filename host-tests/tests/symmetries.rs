@@ -7,8 +7,6 @@ use std::cell::RefCell;
 use crate::support::*;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
-use slitrange::base::work_budget::WorkBudget;
-use slitrange::centre;
 
 /// A spot on a row of [`PIXELS`], and what else is on it.
 #[derive(Clone, Copy, Debug)]

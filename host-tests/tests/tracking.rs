@@ -5,10 +5,6 @@ use crate::properties::{any_black_level, nominal_reading};
 use crate::support::*;
 use proptest::prelude::*;
 use simulator::scene;
-use slitrange::centre;
-use slitrange::distance::eq1::NOMINAL;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
 
 const PIXELS: usize = 2048;
 

@@ -3,8 +3,7 @@
 use crate::records::cases;
 use crate::support::*;
 use proptest::prelude::*;
-use simulator::optics::Optics;
-use slitrange::distance::eq1::{Eq1, Eq1Error, NOMINAL};
+use slitrange::distance::eq1::Eq1Error;
 
 #[test]
 fn the_nominal_calibration_is_that_of_the_nominal_optics() {

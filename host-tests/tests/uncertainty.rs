@@ -3,14 +3,8 @@
 
 use crate::records::cases;
 use crate::support::*;
-use judges::frames::{self, at_centre};
 use proptest::prelude::*;
 use simulator::distorted_optics::DistortedOptics;
-use slitrange::base::places::PLACES;
-use slitrange::frame::FrameCentre;
-use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
-use slitrange::row::pixels::PixelErrors;
-use slitrange_device::protocol::line::ReadingLine;
 
 fn within(values: &[f64], limit: f64) -> f64 {
     let count = values.iter().filter(|value| value.abs() <= limit).count();

@@ -1,10 +1,7 @@
 //! Knots of every kind, and what every calibration promises.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
-use slitrange::distance::knots::{Knot, Knots};
 
 use crate::records::chain;
 

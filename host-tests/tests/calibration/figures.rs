@@ -1,16 +1,8 @@
 //! How exact calibrations are over the paper's geometry.
 
-use simulator::optics::Optics;
-use simulator::scene::Sensor;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
-use slitrange::distance::eq1::Eq1;
-use slitrange::distance::knots::Knot;
-use slitrange::distance::residuals::Corrected;
-use slitrange::distance::table::Table;
-
 use super::common::STEP;
 use super::reference::pchip;
+use crate::support::*;
 
 /// The paper's shortest and longest distance in metres.
 const RANGE: (f64, f64) = (0.60, 1.02);

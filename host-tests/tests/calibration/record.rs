@@ -1,16 +1,9 @@
 //! The record: encoding and decoding give the same record back, and damaged or unusable records are refused.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::distance::Calibration;
-use slitrange::distance::knots::{Knot, Knots};
-use slitrange::distance::table::Table;
-use slitrange::frame::comb::{Comb, CombError};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::Geometry;
-use slitrange_device::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
+use slitrange::frame::comb::CombError;
+use slitrange_device::record::{MAX_ENCODED, VERSION, decode, encode};
 
 use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};

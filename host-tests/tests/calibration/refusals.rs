@@ -1,11 +1,9 @@
 //! Invalid calibrations are refused, and the error says what is wrong.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::eq1::NOMINAL;
-use slitrange::distance::knots::{CLOSEST, Knot, KnotsError, MAX_KNOTS};
-use slitrange::distance::residuals::{Corrected, CorrectedError};
-use slitrange::distance::table::{Table, TableError};
+use slitrange::distance::knots::KnotsError;
+use slitrange::distance::table::TableError;
 
 use super::common::knot;
 use crate::records::cases;

@@ -1,11 +1,7 @@
 //! Properties of every eq. (1) with residuals.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
-use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::distance::knots::Knot;
-use slitrange::distance::residuals::{Corrected, CorrectedError};
 
 use super::common::{STEP, holds_what_it_promises, knot, largest_rise, places};
 use crate::records::{cases, chain};

@@ -1,9 +1,7 @@
 //! Properties of every table of distances.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::Pixels;
-use slitrange::distance::Calibration;
-use slitrange::distance::table::Table;
 
 use super::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
 use super::reference::pchip;

@@ -1,8 +1,8 @@
 //! [`Estimator::Centroid`](slitrange::Estimator::Centroid) in f64: eq. (2) over a window that moves with the
 //! centroid.
 
+use crate::support::*;
 use slitrange::centre::half_width;
-use slitrange::spot::Spot;
 
 /// The centroid of a spot that the core's coarse search found, above its black level. `None` where the window
 /// reaches over the sensor's edge or does not come to rest.

@@ -1,8 +1,8 @@
 //! [`slitrange::centre::phase_table`] in f64: the window is moved and the table changed until both fit.
 
+use crate::support::*;
 use phase_tables::{Plan, Profile, design};
-use slitrange::centre::tables::{BLOCKS, Sampling, Table};
-use slitrange::spot::Spot;
+use slitrange::centre::tables::Table;
 
 /// The weights of one width.
 #[derive(Clone, Debug)]

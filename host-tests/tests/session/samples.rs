@@ -1,33 +1,9 @@
 //! Frames, faults, rows and records by the words of a script.
 
-use judges::frames::at_centre;
-use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::centre::spot_shape::COMPONENTS;
-use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
-use slitrange::distance::eq1::NOMINAL;
-use slitrange::distance::knots::Knot;
-use slitrange::distance::residuals::Corrected;
-use slitrange::distance::table::Table;
-use slitrange::frame::comb::{Comb, Combined, MAX_SLITS, SlitCentre, SlitMap};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::Measured;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::Polarity;
-use slitrange::row::front_end::{Estimate, FrontEnd};
-use slitrange::row::pixels::PixelErrors;
+use crate::support::*;
 use slitrange::row::pixels::map::MapSummary;
-use slitrange::row::sensor_heads::tcd1304dg;
-use slitrange::{Measurement, Options};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::selftest::RowTest;
-use slitrange_device::record::Record;
-use slitrange_device::record::date::Date;
-use slitrange_device::record::encoded::EncodedRecord;
 
 /// What the sensors of the tests run on.
 pub const HARDWARE: Hardware = Hardware {

@@ -1,13 +1,11 @@
 //! The bytes of a configuration: encoding and decoding give the same configuration back, and unusable bytes
 //! are refused.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::Pixels;
-use slitrange_device::record::{self, Record, RecordError};
-use slitrange_device::settings::{Setting, Settings};
-use slitrange_device::store::StoreError;
+use slitrange_device::record;
 use slitrange_device::store::configuration::{
-    Configuration, ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
+    ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
 };
 
 use super::samples::{Size, sample};

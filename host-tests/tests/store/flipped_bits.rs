@@ -1,10 +1,8 @@
 //! A flipped bit anywhere in the two sectors: the store reads the last configuration, reads the one before
 //! and says so, or says that the flash is unusable.
 
+use crate::support::*;
 use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use slitrange_device::store::Stored;
-use slitrange_device::store::configuration::Configuration;
 
 use super::flash::{BYTES, Flash, SECTOR};
 use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};

@@ -1,9 +1,9 @@
 //! A whole item of later firmware that this firmware cannot use: the configuration before it is used, and
 //! without one the later version is reported.
 
+use crate::support::*;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use slitrange_device::record;
-use slitrange_device::store::Stored;
 use slitrange_device::store::configuration::VERSION;
 
 use super::flash::{Flash, SECTOR};

@@ -1,11 +1,9 @@
 //! Power cuts at each operation of a save: the erasing of a sector, the programming of each word. A plain cut
 //! falls between two operations, a torn cut in the middle of one.
 
-use slitrange_device::store::Stored;
-use slitrange_device::store::configuration::Configuration;
-
 use super::flash::{BYTES, Flash, SECTOR};
 use super::samples::{Size, read, sample, save, save_and_check};
+use crate::support::*;
 
 /// How often each result was read after a cut.
 #[derive(Debug, Default, PartialEq, Eq)]

@@ -1,14 +1,9 @@
 //! Configurations to save, each one different, and the store around a flash.
 
+use crate::support::*;
 use embassy_futures::block_on;
-use slitrange::base::units::Counts;
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
-use slitrange_device::record::Record;
-use slitrange_device::settings::Settings;
-use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, encode};
-use slitrange_device::store::{Store, StoreError, Stored};
+use slitrange_device::store::Store;
+use slitrange_device::store::configuration::{MAX_ENCODED, encode};
 
 use super::flash::Flash;
 use crate::records::{longest, nominal};

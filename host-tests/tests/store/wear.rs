@@ -1,10 +1,9 @@
 //! Up to ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already
 //! there is not written again.
 
-use slitrange_device::store::Stored;
-
 use super::flash::Flash;
 use super::samples::{Size, read, sample, save, save_and_check};
+use crate::support::*;
 
 fn wear(what: &str, saves: u32, sizes: &[Size]) {
     let mut flash = Flash::erased();
