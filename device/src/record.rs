@@ -22,20 +22,18 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use date::Date;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::distance::knots::{Knot, Knots, MAX_KNOTS};
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::{Table, TableError};
 use slitrange::frame::comb::{Comb, CombError, Slits};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange::row::front_end::FrontEnd;
-use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Micrometres, Pixels,
+    sensor_heads,
+};
 
 /// A sensor's calibration, and the sensor, day and settings that it belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -47,15 +47,12 @@ use crate::settings::serial_line::{Baud, Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::units::Units;
-use slitrange::centre::Estimator;
 use slitrange::frame::comb::Slits;
 use slitrange::frame::{MAX_ROWS, Mean};
 use slitrange::light::ambient::AmbientMode;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Options;
-use slitrange::reading::uncertainty::Surface;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
+use slitrange::{BlackLevel, Estimator, Options, Surface};
 
 /// # The list
 ///

@@ -28,11 +28,9 @@
 
 use core::f32::consts::FRAC_PI_2;
 
-use slitrange::base::fault::Fault;
 use slitrange::base::order_statistic;
-use slitrange::base::units::Micrometres;
-use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::Parts;
+use slitrange::{Fault, Micrometres, Reading};
 
 /// The longest window, in results.
 pub const LONGEST: u8 = 64;

@@ -1,7 +1,6 @@
 //! The setting `hold`: after a fault, the last reading for some results.
 
-use slitrange::base::fault::Fault;
-use slitrange::reading::Reading;
+use slitrange::{Fault, Reading};
 
 /// What a line gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

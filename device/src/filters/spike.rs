@@ -8,9 +8,7 @@
 //! The first reading is good. If it is a spike itself, three readings that agree put it right. A target that
 //! always moves by more than the filter's distance from a frame to the next gives no readings.
 
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Micrometres;
-use slitrange::reading::Reading;
+use slitrange::{Fault, Micrometres, Reading};
 
 /// Which readings are spikes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

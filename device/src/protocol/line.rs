@@ -45,10 +45,9 @@ use core::fmt;
 
 use crate::settings::columns::{Column, Columns};
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
 use slitrange::base::units::{InUnits, Micrometres, Units};
 use slitrange::reading::uncertainty::Parts;
-use slitrange::reading::{Measured, Reading};
+use slitrange::{Fault, Measured, Reading};
 
 /// The line of a reading by the factory's settings.
 #[derive(Clone, Copy, Debug)]
@@ -265,9 +264,8 @@ fn flags(f: &mut fmt::Formatter<'_>, misfits: u16, correlated: Option<u16>) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::base::units::{Counts, Pixels};
-    use slitrange::centre::Estimator;
     use slitrange::frame::FEWEST_INDEPENDENT;
+    use slitrange::{Counts, Estimator, Pixels};
 
     /// The longest line of a frame, in bytes with its end.
     fn longest(rows: u16) -> usize {

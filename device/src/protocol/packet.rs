@@ -22,9 +22,8 @@ use thiserror::Error;
 
 use crate::protocol::row_lines;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, LARGEST_COUNT};
+use slitrange::{Fault, Measured, Reading};
 
 /// A packet before the CRC and COBS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

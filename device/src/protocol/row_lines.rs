@@ -32,11 +32,9 @@ use crate::protocol::piece::CRC;
 use crate::settings::{ValueError, read_number, split_words};
 use crate::text::Text;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
 use slitrange::light::black_level;
-use slitrange::reading::Measured;
 use slitrange::row::{LARGEST_COUNT, Light, Row};
+use slitrange::{Counts, Fault, Measured, Pixels};
 
 /// The most pixels in a line.
 pub const PIXELS_A_LINE: usize = 32;

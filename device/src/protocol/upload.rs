@@ -129,15 +129,12 @@ mod tests {
     use crate::protocol::piece::PIECE;
     use crate::record::RecordError;
     use crate::record::encoded::EncodedRecord;
-    use slitrange::base::units::{Micrometres, Pixels};
-    use slitrange::distance::Calibration;
     use slitrange::distance::eq1::NOMINAL;
     use slitrange::distance::knots::{Knot, MAX_KNOTS};
     use slitrange::distance::residuals::Corrected;
     use slitrange::frame::comb::Comb;
-    use slitrange::reading::uncertainty::CalibrationErrors;
-    use slitrange::row::Polarity;
     use slitrange::row::sensor_heads::tcd1304dg;
+    use slitrange::{Calibration, CalibrationErrors, Micrometres, Pixels, Polarity};
 
     /// A record of several pieces, the last of which is shorter.
     fn nominal() -> EncodedRecord {

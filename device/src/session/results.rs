@@ -13,12 +13,9 @@ use crate::session::{Actions, Session, Wanted};
 use crate::settings::Settings;
 use crate::settings::serial_line::Format;
 use crate::settings::trigger::Trigger;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Micrometres;
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange::reading::{Measured, Reading};
+use slitrange::{CalibrationErrors, Fault, Measured, Micrometres, Reading};
 
 /// A result on its way through the filters to the line.
 struct Filtered {

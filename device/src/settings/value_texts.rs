@@ -11,14 +11,11 @@ use crate::settings::trigger::Trigger;
 use crate::settings::{Form, ValueError, ValueText, read_number};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::units::{Counts, Micrometres, Units};
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::Surface;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
+use slitrange::{BlackLevel, Estimator, Mean, Surface};
 
 impl ValueText for u16 {
     fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
