@@ -204,11 +204,7 @@ fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise_on_the_whole_grid
 #[ignore = "takes 6 CPU s; run by .ci/run"]
 fn centroid_and_fit_stay_within_their_limits_and_their_claims() {
     const WIDTHS: [f64; 4] = [1.2, 2.0, 4.0, 10.5];
-    let noises = [
-        white(25.0, 11),
-        white(500.0, 11),
-        shot(1000.0, 5.0, 2.0, 11),
-    ];
+    let noises = [white(25.0, 11), white(500.0, 11), shot(1e3, 5.0, 2.0, 11)];
     let mut table = Table::new("RMSE / bound (pull)", &" ".repeat(34), &WIDTHS);
     let of_centroid = [
         [1.68, 1.66, 1.66, 1.66],

@@ -86,10 +86,8 @@ fn a_long_frame_has_more_of_the_means_noise() {
 
 /// A row with noise and a spot on daylight, and a row of the daylight without noise.
 fn lit_and_dark_words() -> (Vec<u16>, Vec<u16>) {
-    let lit = listing(
-        beside_a_window(Scene::white_paper()),
-        "read_noise.counts = 40.0",
-    );
+    let window = beside_a_window(Scene::white_paper());
+    let lit = listing(window, "read_noise.counts = 40.0");
     let mut dark = (lit.clone().without(Effect::ReadNoise)).without(Effect::ShotNoise);
     dark.spot = None;
     let [lit, dark] = [lit, dark].map(|scene| {
@@ -184,10 +182,7 @@ fn the_mean_outlasts_other_settings() {
         assert!(ambient > 300.0);
     }
     let mut measurement = settled();
-    measurement.set_geometry(Geometry {
-        saturation: 4000,
-        ..geometry
-    });
+    measurement.set_geometry(with(geometry, |it| it.saturation = 4000));
     assert!(measure(&mut measurement).0 > 300.0);
 }
 

@@ -43,10 +43,8 @@ fn check_random_peaks(rows: u64) {
 }
 
 fn peak(place: f64) -> Maximum {
-    Maximum {
-        place: place as f32,
-        height: Counts::from_int(1000),
-    }
+    let (place, height) = (place as f32, Counts::from_int(1000));
+    Maximum { place, height }
 }
 
 #[test]
@@ -151,11 +149,7 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
 #[test]
 fn a_comb_in_the_dark_and_a_single_spot_are_faults() {
     let mut one = scene("quiet-paper");
-    let few = Fault::FewSlits {
-        found: 1,
-        needed: 4,
-    };
-    assert_eq!(measure(&one, 0.8, 4), Err(few));
+    assert_eq!(measure(&one, 0.8, 4), Err(few_slits(1)));
     one.spot = None;
     let found = measure(&one, 0.8, 4);
     let is_dark = matches!(found, Err(Fault::NoSpot { .. } | Fault::FewSlits { .. }));

@@ -68,10 +68,8 @@ fn a_row_tells_the_exposure_that_fits() {
 #[test]
 fn a_flat_top_tells_where_the_room_ends() {
     let mut auto = AutoExposure::new();
-    let cut = Brightness::Saturated {
-        pixels: 12,
-        room: 2000,
-    };
+    let (pixels, room) = (12, 2000);
+    let cut = Brightness::Saturated { pixels, room };
     auto.follow_row(us(1000), cut, Exposure::LONGEST);
     assert_eq!(auto.next(Exposure::LONGEST), us(250));
     let of = |height| Brightness::Height { height, room: 3500 };
@@ -277,12 +275,12 @@ fn faults_name_the_end_of_the_exposures() {
     let mut sensor = Sensor::new(scene(), Options::default());
     let dim = sensor.frames(6e-6, 3).pop().expect("three");
     println!("{dim:?}");
-    assert!(
-        matches!(dim, Err(Fault::DimAtLongest { exposure, .. }) if exposure == Exposure::LONGEST)
-    );
+    let longest = Exposure::LONGEST;
+    assert!(matches!(dim, Err(Fault::DimAtLongest { exposure, .. }) if exposure == longest));
     let bright = sensor.frames(4.0, 3).pop().expect("three");
     println!("{bright:?}");
-    assert!(
-        matches!(bright, Err(Fault::SaturatedAtShortest { exposure, .. }) if exposure == us(10))
-    );
+    let Err(Fault::SaturatedAtShortest { exposure, .. }) = bright else {
+        panic!("not the shortest");
+    };
+    assert_eq!(exposure, us(10));
 }

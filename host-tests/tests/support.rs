@@ -63,11 +63,21 @@ pub fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
+/// A value with a change.
+pub fn with<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
+    change(&mut value);
+    value
+}
+
 /// The default options with a change.
 pub fn options(change: impl FnOnce(&mut Options)) -> Options {
-    let mut options = Options::default();
-    change(&mut options);
-    options
+    with(Options::default(), change)
+}
+
+/// A knot of a centre in pixels and a value in micrometres.
+pub fn knot(centre: i32, um: i32) -> Knot {
+    let (centre, value) = (Pixels::from_int(centre), Micrometres::from_int(um));
+    Knot { centre, value }
 }
 
 /// A scene of this repository.
@@ -106,10 +116,9 @@ pub const fn cell(width: f64, amplitude: f64, noise: Noise, rows: u64, seed: u64
 
 /// So many pixels of 12 bits, all of them lit, and light positive.
 pub fn geometry(pixels: usize, shot_variance_per_count_q16: u16) -> Geometry {
-    Geometry {
-        shot_variance_per_count_q16,
-        ..Sensor::Row(pixels).geometry()
-    }
+    with(Sensor::Row(pixels).geometry(), |it| {
+        it.shot_variance_per_count_q16 = shot_variance_per_count_q16;
+    })
 }
 
 /// A row's centre and its uncertainty, in pixels.
@@ -123,6 +132,50 @@ pub fn row_centre(centre: f64, uncertainty: f64) -> RowCentre {
         class: Default::default(),
         shape: Default::default(),
         misfit: false,
+    }
+}
+
+/// The fault of a comb of which a row shows so many slits.
+pub const fn few_slits(found: u16) -> Fault {
+    let needed = 4;
+    Fault::FewSlits { found, needed }
+}
+
+/// A value with its uncertainty.
+pub fn estimate<T>([value, u]: [T; 2]) -> Estimate<T> {
+    Estimate { value, u }
+}
+
+/// The errors of a fit, with those of its surface.
+pub fn fitted(
+    curve: [Micrometres; PLACES],
+    deviation: [Micrometres; PLACES],
+    height: [Counts; PLACES],
+) -> CalibrationErrors {
+    let surface = Some(FittedSurface { deviation, height });
+    CalibrationErrors::Fitted(FittedErrors { curve, surface })
+}
+
+/// How far pixels differ: their response as Q0.16, and their offset in steps.
+pub fn pixel_errors(response_q16: u16, offset: i32) -> PixelErrors {
+    let offset = Counts::from_bits(offset);
+    PixelErrors {
+        response_q16,
+        offset,
+    }
+}
+
+/// The parts of an uncertainty, in the order of their list.
+pub fn parts(parts: [Micrometres; 7]) -> Parts {
+    let [noise, shape, pixels, calibration, surface, geometry, motion] = parts;
+    Parts {
+        noise,
+        shape,
+        pixels,
+        calibration,
+        surface,
+        geometry,
+        motion,
     }
 }
 

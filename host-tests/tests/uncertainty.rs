@@ -25,10 +25,7 @@ fn pixels_over_claim(
     offset: f64,
 ) -> Vec<f64> {
     let options = options(|it| (it.rows, it.estimator) = (16, estimator));
-    let errors = PixelErrors {
-        response_q16: (response * 65536.0) as u16,
-        offset: Counts::from_f32(offset as f32),
-    };
+    let errors = pixel_errors((response * 65536.0) as u16, (offset * 256.0) as i32);
     (0..300_u32)
         .into_par_iter()
         .filter_map(|seed| {
@@ -168,13 +165,8 @@ fn any_errors() -> impl Strategy<Value = CalibrationErrors> {
 }
 
 fn any_measured() -> impl Strategy<Value = Measured> {
-    let numbers = (
-        1191..=2654i32,
-        any::<[i32; 6]>(),
-        any::<u16>(),
-        any::<u16>(),
-    );
-    numbers.prop_map(|(centre, bits, rows, response_q16)| {
+    let numbers = (1191..=2654i32, any::<([i32; 6], u16, u16)>());
+    numbers.prop_map(|(centre, (bits, rows, response_q16))| {
         let [uncertainty, amplitude, width, spread, motion, offset] = bits;
         let exact = at_centre(centre.into());
         Measured {
@@ -190,10 +182,7 @@ fn any_measured() -> impl Strategy<Value = Measured> {
             },
             ambient: Counts::from_bits(offset),
             by_shape: Default::default(),
-            pixels: PixelErrors {
-                response_q16,
-                offset: Counts::from_bits(offset),
-            },
+            pixels: pixel_errors(response_q16, offset),
             ..exact
         }
     })

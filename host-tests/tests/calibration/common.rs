@@ -8,13 +8,6 @@ use crate::records::chain;
 /// A step of Q24.8, in micrometres.
 pub const STEP: f64 = 1.0 / 256.0;
 
-pub fn knot(centre: i32, value: i32) -> Knot {
-    Knot {
-        centre: Pixels::from_int(centre),
-        value: Micrometres::from_int(value),
-    }
-}
-
 /// Spacing in steps of Q16.16 and rise in steps of Q24.8 from knot to knot: of every size.
 pub fn steps() -> impl Strategy<Value = Vec<(u32, i64)>> {
     let size =

@@ -3,7 +3,7 @@
 use crate::support::*;
 use proptest::prelude::*;
 
-use super::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
+use super::common::{STEP, holds_what_it_promises, largest_rise, monotone_knots, places};
 use super::reference::pchip;
 use crate::records::cases;
 
@@ -18,14 +18,12 @@ fn a_distance_never_turns_back_between_neighbouring_centres() {
         (5, 898_900),
         (7, 898_888),
         (8, 898_887),
-    ]
-    .map(|(centre, value)| knot(centre, value));
+    ];
+    let knots = knots.map(|(centre, um)| knot(centre, um));
     let table = Table::new(&knots).expect("a table");
     let distance = |bits| {
-        let (distance, _) = table
-            .distance_at(Pixels::from_bits(bits))
-            .expect("in range");
-        distance.to_bits()
+        let at = table.distance_at(Pixels::from_bits(bits));
+        at.expect("in range").0.to_bits()
     };
     let mut before = distance(0);
     let mut largest = 0;
