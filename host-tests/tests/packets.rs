@@ -66,7 +66,8 @@ prop_compose! {
             amplitude: Counts::from_bits(amplitude),
             width: Pixels::from_bits(width),
             black_level: Counts::from_bits(black),
-            exposure, estimator, rows_used, rows, misfits, correlated, slits_used, is_nominal, has_other_settings,
+            exposure, estimator, rows_used, rows, misfits, correlated, slits_used, is_nominal,
+            has_other_settings,
         }
     }
 }
