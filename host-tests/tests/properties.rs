@@ -285,6 +285,8 @@ proptest! {
             }
         }
         prop_assert_eq!(typed.is_empty(), shown.is_empty());
+        // `@0 ` is an address, and no part of the command.
+        prop_assume!(!shown.starts_with(b"@"));
         prop_assert_eq!(typed.type_in(b'\r', &mut echo), Some(command::parse(&shown)));
     }
 }
