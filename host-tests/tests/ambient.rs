@@ -5,7 +5,6 @@ use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
 use judges::frames::words;
-use simulator::scene::comb::Comb as Mask;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 
 const FRAMES: usize = 400;
@@ -55,12 +54,8 @@ fn subtracted_light_costs_the_noise_that_is_computed() {
 #[test]
 fn a_long_frame_has_more_of_the_means_noise() {
     let window = named("beside a window, three times as bright");
-    let frames = |rows: u16| match rows {
-        1 => 2000,
-        _ => 300,
-    };
-    let [one, long] = [1, 64].map(|rows| {
-        let found = window.measure(Subtract, rows, frames(rows));
+    let [one, long] = [(1, 2000), (64, 300)].map(|(rows, frames)| {
+        let found = window.measure(Subtract, rows, frames);
         let of_mean = noise_of_mean(rows);
         println!("{rows} rows: {found:.3?}, computed share {of_mean:.4}");
         assert_eq!((found.faults, found.beyond_5), (0, 0));
@@ -88,8 +83,8 @@ fn a_long_frame_has_more_of_the_means_noise() {
 fn lit_and_dark_words() -> (Vec<u16>, Vec<u16>) {
     let window = beside_a_window(Scene::white_paper());
     let lit = listing(window, "read_noise.counts = 40.0");
-    let mut dark = (lit.clone().without(Effect::ReadNoise)).without(Effect::ShotNoise);
-    dark.spot = None;
+    let dark = (lit.clone().without(Effect::ReadNoise)).without(Effect::ShotNoise);
+    let dark = with(dark, |it| it.spot = None);
     let [lit, dark] = [lit, dark].map(|scene| {
         let geometry = scene.geometry();
         words(&scene.row(1, 0.8, 5e-3), &geometry)
@@ -163,17 +158,16 @@ fn the_mean_outlasts_other_settings() {
     // The shielded pixels have noise too.
     assert!(expected.0 < 60.0);
     let mut measurement = settled();
-    let mut other = one;
-    other.black_level = BlackLevel::Frame;
+    let other = with(one, |it| it.black_level = BlackLevel::Frame);
     for options in [other, one] {
         measurement.set(options, None);
         measurement.set_geometry(geometry.clone());
     }
     assert_eq!(measure(&mut measurement), expected);
-    let [mut off, mut laser_off] = [one; 2];
-    off.ambient = Off;
-    laser_off.laser = false;
-    for other in [off, laser_off] {
+    for other in [
+        with(one, |it| it.ambient = Off),
+        with(one, |it| it.laser = false),
+    ] {
         let mut measurement = settled();
         measurement.set(other, None);
         measurement.set(one, None);
@@ -305,16 +299,14 @@ fn readings_claim_the_error_of_charge_that_stays() {
 /// Rows of a comb beside a window have the same centre as in the dark room, and are as good as they claim.
 #[test]
 fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
-    let mut comb = scene("quiet-paper");
-    comb.comb = Some(Mask::nominal());
+    let comb = crate::comb::quiet();
     let window = beside_a_window(comb.clone());
     const ROWS: usize = 200;
     let measure = |scene: &Scene, ambient| {
         let options = options(|it| (it.slits, it.ambient, it.rows) = (Slits::Comb, ambient, 1));
         let geometry = scene.geometry();
         let mut measurement = Measurement::new(geometry.clone(), options);
-        let mut dark = scene.clone();
-        dark.spot = None;
+        let dark = with(scene.clone(), |it| it.spot = None);
         let [lit, dark] = [scene.clone(), dark].map(Simulation::new);
         let mut row = 0;
         let mut next = |simulation: &Simulation| {

@@ -59,10 +59,8 @@ fn at_most_one_in_a_million_random_rows_gets_wrong_slits() {
 }
 
 /// White paper behind the nominal mask, with even images: no speckle.
-fn quiet() -> Scene {
-    let mut scene = scene("quiet-paper");
-    scene.comb = Some(Mask::nominal());
-    scene
+pub fn quiet() -> Scene {
+    with(scene("quiet-paper"), |it| it.comb = Some(Mask::nominal()))
 }
 
 fn comb_options(rows: u16) -> Options {

@@ -124,11 +124,8 @@ fn a_fault_names_the_exposure_of_its_rows() {
         let mut sensor = Sensor::new(scene(), options);
         for reflectivity in [1.0, 1e-3, 1.0, 1e-4, 3e-2, 1.0] {
             for result in sensor.frames(reflectivity, 24 / usize::from(rows)) {
-                use Fault::{DimAtLongest, SaturatedAtShortest};
-                let is_at_the_end = matches!(
-                    result,
-                    Err(DimAtLongest { .. } | SaturatedAtShortest { .. })
-                );
+                use Fault::{DimAtLongest as Dim, SaturatedAtShortest as Saturated};
+                let is_at_the_end = matches!(result, Err(Dim { .. } | Saturated { .. }));
                 assert!(!is_at_the_end, "{rows} rows, {reflectivity}: {result:?}");
             }
         }
@@ -151,10 +148,8 @@ fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
             let valid = results.iter().filter(|result| result.is_ok()).count();
             println!("{effect}, {estimator:?}: exposures {exposures:?}, {valid} of 10 frames");
             assert_eq!(valid, 10, "{effect}, {estimator:?}: {results:?}");
-            assert!(
-                exposures.len() <= 2,
-                "{effect}, {estimator:?}: {exposures:?}"
-            );
+            let is_settled = exposures.len() <= 2;
+            assert!(is_settled, "{effect}, {estimator:?}: {exposures:?}");
         }
     }
 }
@@ -212,10 +207,8 @@ fn assert_range(targets: usize, frames: usize, least_within: f64, most_lowest: f
     let (mut readings, mut beyond) = (0, 0);
     for target in &targets {
         let (ratio, low) = (target.ratio(), target.ratio_of_lowest());
-        println!(
-            "{:.2e}: ratio {ratio:.3}, low {low:.3}; {:?}",
-            target.reflectivity, target.auto
-        );
+        let (reflectivity, auto) = (target.reflectivity, &target.auto);
+        println!("{reflectivity:.2e}: ratio {ratio:.3}, low {low:.3}; {auto:?}");
         for auto in [target.auto, target.auto_lowest] {
             assert_eq!((auto.faults, auto.beyond_5), (0, 0), "{target:?}");
             let within = 1.0 - auto.beyond_2 as f64 / auto.readings() as f64;

@@ -75,13 +75,11 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
 /// The light pixels of a scene's row.
 fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
     let light = quantise(&counts[geometry.light.clone()], geometry.full_scale());
+    let own = self::geometry(light.len(), geometry.shot_variance_per_count_q16);
     HardRow {
-        geometry: Geometry {
-            saturation: geometry.saturation,
-            ..self::geometry(light.len(), geometry.shot_variance_per_count_q16)
-        },
+        geometry: with(own, |it| it.saturation = geometry.saturation),
         light,
-        truth: judges::hard_cases::Truth::None,
+        truth: Truth::None,
     }
 }
 
@@ -97,19 +95,15 @@ fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
     for (electrons_per_count, read_noise) in [(Some(10.0), 4.0), (Some(5.0), 2.0), (None, 2.0)] {
         for (level, width) in pairs([800, 1500, 2500], [1.5, 2.5, 4.0, 8.6, 20.0, 60.0]) {
             let shares = TIMES.map(|times| {
-                let recipe = Recipe {
-                    pixels: if width < 15.0 { 512 } else { 2048 },
-                    electrons_per_count,
-                    read_noise,
-                    ..Recipe::clean(width)
-                };
-                let height = times * (f64::from(level) - recipe.black_level);
-                let recipe = recipe
-                    .spot(|spot| spot.amplitude = height)
-                    .with_well(level, false);
-                let [found] = tally(rows_of_each, |number| {
-                    [is_recognised(&answers(&recipe.row(77, number))[ADAPTIVE]).into()]
+                let recipe = with(Recipe::clean(width), |it| {
+                    it.pixels = if width < 15.0 { 512 } else { 2048 };
+                    (it.electrons_per_count, it.read_noise) = (electrons_per_count, read_noise);
                 });
+                let height = times * (f64::from(level) - recipe.black_level);
+                let recipe = recipe.spot(|spot| spot.amplitude = height);
+                let recipe = recipe.with_well(level, false);
+                let found_in = |row: &HardRow| is_recognised(&answers(row)[ADAPTIVE]);
+                let [found] = tally(rows_of_each, |it| [found_in(&recipe.row(77, it)).into()]);
                 100.0 * found as f64 / rows_of_each as f64
             });
             let electrons = electrons_per_count.unwrap_or(f64::INFINITY);

@@ -64,11 +64,10 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
             let truth = cell.true_centre(row);
             let mut counts = scene.row_with_centre(row, truth, 1.0);
             let near = (truth + random.random_range(-3.0 * width..3.0 * width)).round() as usize;
+            let black = scene.black_level.map_or(0.0, |black| black.counts) as f32;
             match flaw {
                 Flaw::Hot(height) => counts[near] += height,
-                Flaw::Dead => {
-                    counts[near] = scene.black_level.map_or(0.0, |black| black.counts) as f32
-                }
+                Flaw::Dead => counts[near] = black,
                 Flaw::Second(height, widths) => {
                     for (i, count) in counts.iter_mut().enumerate() {
                         let offset = i as f64 - truth - widths * width;

@@ -238,6 +238,13 @@ pub fn tally<const N: usize>(rows: u64, count: impl Fn(u64) -> [u64; N] + Send +
     (0..rows).into_par_iter().map(count).reduce(|| [0; N], add)
 }
 
+/// A CRC of a reflected polynomial of up to 32 bits from its definition, bit by bit, inverted at the end.
+pub fn reflected_crc(start: u32, polynomial: u32, bytes: &[u8]) -> u32 {
+    let shift = |sum: u32, _| (sum >> 1) ^ if sum & 1 == 1 { polynomial } else { 0 };
+    let add = |sum: u32, byte: &u8| (0..8).fold(sum ^ u32::from(*byte), shift);
+    !bytes.iter().fold(start, add)
+}
+
 /// Simpson's rule over twice as many steps.
 pub fn integral(from: f64, to: f64, steps: usize, value: impl Fn(f64) -> f64) -> f64 {
     let h = (to - from) / (2 * steps) as f64;

@@ -8,13 +8,9 @@ use slitrange_device::record::{MAX_ENCODED, VERSION, decode, encode};
 use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};
 
-/// CRC-32 from its definition (the reflected polynomial of IEEE 802.3), bit by bit.
+/// CRC-32 from its definition: the polynomial of IEEE 802.3.
 fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |sum, &byte| {
-        (0..8).fold(sum ^ u32::from(byte), |sum, _| {
-            (sum >> 1) ^ if sum & 1 == 1 { 0xedb8_8320 } else { 0 }
-        })
-    })
+    reflected_crc(!0, 0xedb8_8320, bytes)
 }
 
 /// Bytes with a right CRC.

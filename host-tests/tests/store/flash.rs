@@ -97,9 +97,9 @@ fn tear(random: &mut ChaCha8Rng, bytes: &mut [u8], new: &[u8]) {
     let kind = random.random_range(0..4);
     for (i, (byte, new)) in bytes.iter_mut().zip(new).enumerate() {
         let mask = match kind {
-            0 => (0..8).fold(0, |mask, bit| {
-                mask | u8::from(random.random_bool(part)) << bit
-            }),
+            0 => (0..8)
+                .map(|bit| u8::from(random.random_bool(part)) << bit)
+                .sum(),
             1 if random.random_bool(part) => 0xff,
             2 if i < place => 0xff,
             3 if i >= place => 0xff,
