@@ -207,17 +207,12 @@ impl Record {
 
     /// Checks what the types of the parts do not ensure.
     fn check(&self) -> Result<(), RecordError> {
-        let Geometry {
-            words,
-            shielded,
-            light,
-            bits,
-            ..
-        } = &self.geometry;
+        let (words, light) = (self.geometry.words, &self.geometry.light);
         let sensible = |part: &core::ops::Range<usize>| {
-            part.start <= part.end && part.end <= *words && part.len() <= MAX_PIXELS
+            part.start <= part.end && part.end <= words && part.len() <= MAX_PIXELS
         };
-        if !sensible(shielded) || !sensible(light) || light.is_empty() || !matches!(bits, 1..=12) {
+        let are_sensible = sensible(&self.geometry.shielded) && sensible(light);
+        if !are_sensible || light.is_empty() || !matches!(self.geometry.bits, 1..=12) {
             return Err(RecordError::Geometry);
         }
         if let BlackLevel::Fixed(level) = self.black_level
@@ -298,15 +293,11 @@ struct KnotsFields(Vec<Knot, MAX_KNOTS>);
 
 impl Fields {
     fn of(record: &Record) -> Result<Self, RecordError> {
-        let Record {
-            serial_number,
-            geometry,
-            ..
-        } = record;
+        let geometry = &record.geometry;
         let (year, month, day) = record.date.parts();
         let word = |index: usize| u16::try_from(index).map_err(|_| RecordError::Geometry);
         Ok(Self {
-            serial_number: *serial_number,
+            serial_number: record.serial_number,
             year,
             month,
             day,

@@ -449,11 +449,8 @@ mod tests {
             let line = default.to_string();
             let words = split_words(&line);
             let (found, values) = Setting::of_words(&words).expect("a setting");
-            assert_eq!(
-                (found, found.read(values)),
-                (setting, Ok(default)),
-                "{line}"
-            );
+            let read = (found, found.read(values));
+            assert_eq!(read, (setting, Ok(default)), "{line}");
         }
         for (setting, word, error) in [
             (Setting::Rows, "", ValueError::Form),

@@ -200,23 +200,12 @@ pub struct CentreLine<'a>(pub &'a Measured);
 
 impl fmt::Display for CentreLine<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Measured {
-            frame,
-            black_level,
-            estimator,
-            comb,
-            ..
-        } = self.0;
-        write!(
-            f,
-            "x {:.5} u {:.5} a {:.0} n {}/{} b {black_level:.0} e {}",
-            frame.centre,
-            frame.uncertainty,
-            frame.amplitude,
-            frame.rows_used,
-            frame.rows,
-            estimator.letter()
-        )?;
+        let (frame, comb) = (&self.0.frame, &self.0.comb);
+        let (centre, u, height) = (frame.centre, frame.uncertainty, frame.amplitude);
+        write!(f, "x {centre:.5} u {u:.5} a {height:.0} ")?;
+        write!(f, "n {}/{} ", frame.rows_used, frame.rows)?;
+        let (black, letter) = (self.0.black_level, self.0.estimator.letter());
+        write!(f, "b {black:.0} e {letter}")?;
         write!(f, " w {:.5} o", frame.shape.width)?;
         for component in frame.shape.components {
             write!(f, " {component:.5}")?;

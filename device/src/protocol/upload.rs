@@ -278,15 +278,11 @@ mod tests {
         assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
 
         send(&mut upload, &written.bytes()[..3]);
-        assert_eq!(
-            refused(&mut upload, Step::Commit),
-            Refusal::Record(RecordError::Short { bytes: 3 })
-        );
+        let short = Refusal::Record(RecordError::Short { bytes: 3 });
+        assert_eq!(refused(&mut upload, Step::Commit), short);
 
-        let other = Geometry {
-            polarity: Polarity::Rising,
-            ..tcd1304dg()
-        };
+        let mut other = tcd1304dg();
+        other.polarity = Polarity::Rising;
         send(&mut upload, written.bytes());
         let taken_by_other = taken(&mut upload, Step::Commit, &other);
         assert_eq!(taken_by_other, Err(Refusal::OtherSensor));
@@ -295,10 +291,8 @@ mod tests {
         assert_eq!(commit(&mut upload), *written.record());
 
         // A better estimate of the sensor's noise leaves its calibration as it is.
-        let noisier = Geometry {
-            shot_variance_per_count_q16: 1,
-            ..tcd1304dg()
-        };
+        let mut noisier = tcd1304dg();
+        noisier.shot_variance_per_count_q16 = 1;
         send(&mut upload, written.bytes());
         let taken = taken(&mut upload, Step::Commit, &noisier);
         assert_eq!(taken, Ok(Some(written.record().clone())));
