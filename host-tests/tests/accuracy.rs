@@ -90,10 +90,9 @@ fn of_the_default(noises: &[Noise], widths: &[f64]) -> Table {
     for noise in noises {
         let outcomes = widths.iter().map(|&width| {
             let cell = cell_of(noise, width, ROWS);
-            let outcome = cell.run(cell.pixels(), |geometry, light| {
-                centre_of(geometry, light, Estimator::PhaseTable)
-            });
-            (outcome, 1.11, 0.05)
+            let by = Estimator::PhaseTable;
+            let find = |geometry: &Geometry, light: &[u16]| centre_of(geometry, light, by);
+            (cell.run(cell.pixels(), find), 1.11, 0.05)
         });
         table.line(&format!("{:>22}", noise.0), outcomes);
     }

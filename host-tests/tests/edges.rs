@@ -129,9 +129,7 @@ fn cut_windows_use_no_table_and_give_no_confident_error() {
         let nearest = with_centre.clone().fold(f64::INFINITY, f64::min);
         let wrong = rows.iter().filter(|row| row.2).count();
         let (name, centres) = (estimator.name(), with_centre.count());
-        println!(
-            "{name:>14}: {centres} centres, the nearest {nearest:.2} widths in; {wrong} wrong"
-        );
+        println!("{name:>14}: {centres} centres from {nearest:.2} widths on; {wrong} wrong");
         if wrong > 0 || (is_table && nearest < 3.0) {
             failures.push(estimator);
         }

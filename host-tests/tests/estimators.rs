@@ -92,9 +92,8 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
         (30.0, 4.0, 0.027),
     ] {
         let cell = cell(width, 4095.0 * factor, (2.0, Some(5.0)));
-        let outcome = cell.run(PIXELS, |geometry, light| {
-            centre_of(geometry, light, Estimator::GaussNewton)
-        });
+        let fit = Estimator::GaussNewton;
+        let outcome = cell.run(PIXELS, |geometry, light| centre_of(geometry, light, fit));
         let ratio = outcome.ratio();
         println!("sigma {width:>4}, {factor} full scales: {ratio:.2} of the bound, {outcome:.4?}");
         assert!(outcome.rmse <= limit && (outcome.faults, outcome.gross) == (0, 0));

@@ -191,9 +191,19 @@ pub fn find(light: &[u16]) -> Result<Spot, Fault> {
 
 /// The centre that the measurement finds with an estimator.
 pub fn checked(geometry: &Geometry, light: &[u16], estimator: Estimator) -> Answer {
+    checked_after(None, geometry, light, estimator)
+}
+
+/// As [`checked`], with what was found in the row before.
+pub fn checked_after(
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+    light: &[u16],
+    estimator: Estimator,
+) -> Answer {
     let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
     let (spot, budget) = spot::find(&row)?;
-    centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
+    centre_of_spot(estimator, &row, &spot, before, geometry, None, budget)
 }
 
 /// All pairs of two lists, in the order of two loops.

@@ -74,21 +74,16 @@ impl Upload {
     }
 
     fn add(&mut self, piece: &Piece) -> Result<(), Refusal> {
-        if self.announced == 0 {
+        let (expected, announced) = (self.came, self.announced);
+        if announced == 0 {
             return Err(Refusal::NoUpload);
         }
         let offset = usize::from(piece.offset());
         let end = offset.saturating_add(piece.bytes().len());
-        if end > self.announced {
-            return Err(Refusal::TooLong {
-                end,
-                announced: self.announced,
-            });
+        if end > announced {
+            return Err(Refusal::TooLong { end, announced });
         }
-        let wrong = Refusal::WrongOffset {
-            offset,
-            expected: self.came,
-        };
+        let wrong = Refusal::WrongOffset { offset, expected };
         let place = self.bytes.get_mut(offset..end).ok_or(wrong)?;
         if offset == self.came {
             place.copy_from_slice(piece.bytes());
@@ -103,14 +98,12 @@ impl Upload {
     }
 
     fn commit(&mut self, sensor: &Geometry, record: &mut Option<Record>) -> Result<(), Refusal> {
-        if self.announced == 0 {
+        let (came, announced) = (self.came, self.announced);
+        if announced == 0 {
             return Err(Refusal::NoUpload);
         }
-        if self.came < self.announced {
-            return Err(Refusal::Incomplete {
-                came: self.came,
-                announced: self.announced,
-            });
+        if came < announced {
+            return Err(Refusal::Incomplete { came, announced });
         }
         self.announced = 0;
         let bytes = self.bytes.get(..self.came).unwrap_or_default();
