@@ -179,15 +179,13 @@ fn confident_errors_of_each_flaw_stay_few() {
 fn a_sloped_background_leaves_no_bias() {
     const ROWS: u64 = 16_000;
     let recipe = with(Recipe::clean(10.5), |it| it.pixels = 512).with(Flaw::Slope(2.0));
-    let errors: Vec<f64> = (0..ROWS)
-        .into_par_iter()
-        .filter_map(|number| {
-            let row = recipe.row(3, number);
-            let [_, checked] = answers_to(&row, Estimator::PhaseTable);
-            let found = checked.ok().filter(|found| !found.misfit)?;
-            Some(row.truth.error(found.centre.to_f64()))
-        })
-        .collect();
+    let errors = (0..ROWS).into_par_iter().filter_map(|number| {
+        let row = recipe.row(3, number);
+        let [_, checked] = answers_to(&row, Estimator::PhaseTable);
+        let found = checked.ok().filter(|found| !found.misfit)?;
+        Some(row.truth.error(found.centre.to_f64()))
+    });
+    let errors: Vec<f64> = errors.collect();
     let n = errors.len() as f64;
     let mean = statistics::mean(&errors);
     let deviation = statistics::rms(errors.iter().map(|error| error - mean));

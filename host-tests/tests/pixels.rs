@@ -95,19 +95,17 @@ fn a_map_leaves_the_error_that_it_states() {
     const SENSORS: u64 = 26;
     println!("response offset rows | error without, mpx | error, mpx | r | pixels | error / claim");
     for (response, counts) in [(0.005, 2.0), (0.01, 5.0), (0.02, 2.0), (0.02, 5.0)] {
-        let frames: Vec<[[Frame; 2]; 3]> = (0..SENSORS)
-            .into_par_iter()
-            .flat_map_iter(|sensor| {
-                let paper = paper(1 + sensor, response, counts);
-                let field = map_of(&paper);
-                let of_place = |place| {
-                    let centre = 420.0 + 400.0 * f64::from(place) + 0.123 * sensor as f64;
-                    let maps = [None, Some(field.map().expect("a map"))];
-                    [1, 16, 64].map(|rows| maps.map(|map| frame(&paper, centre, rows, map)))
-                };
-                (0..8).map(of_place).collect::<Vec<_>>()
-            })
-            .collect();
+        let frames = (0..SENSORS).into_par_iter().flat_map_iter(|sensor| {
+            let paper = paper(1 + sensor, response, counts);
+            let field = map_of(&paper);
+            let of_place = |place| {
+                let centre = 420.0 + 400.0 * f64::from(place) + 0.123 * sensor as f64;
+                let maps = [None, Some(field.map().expect("a map"))];
+                [1, 16, 64].map(|rows| maps.map(|map| frame(&paper, centre, rows, map)))
+            };
+            (0..8).map(of_place).collect::<Vec<_>>()
+        });
+        let frames: Vec<[[Frame; 2]; 3]> = frames.collect();
         assert!(frames.len() >= 200);
         for (index, rows) in [1, 16, 64].into_iter().enumerate() {
             let [without, with] = [0, 1]
@@ -159,19 +157,17 @@ fn subtracted_frame(paper: &Scene, centre: f64, map: Option<&PixelMap>) -> Frame
 /// offsets too would write them into the row again.
 #[test]
 fn a_map_corrects_only_the_gains_of_subtracted_rows() {
-    let frames: Vec<[Frame; 2]> = (0..4u64)
-        .into_par_iter()
-        .flat_map(|seed| {
-            let paper = paper(seed, 0.02, 15.0);
-            let field = map_of(&paper);
-            let map = field.map();
-            let of = |place| {
-                let centre = 424.3 + 400.0 * f64::from(place);
-                [None, map].map(|map| subtracted_frame(&paper, centre, map))
-            };
-            (0..8).map(of).collect::<Vec<_>>()
-        })
-        .collect();
+    let frames = (0..4u64).into_par_iter().flat_map(|seed| {
+        let paper = paper(seed, 0.02, 15.0);
+        let field = map_of(&paper);
+        let map = field.map();
+        let of = |place| {
+            let centre = 424.3 + 400.0 * f64::from(place);
+            [None, map].map(|map| subtracted_frame(&paper, centre, map))
+        };
+        (0..8).map(of).collect::<Vec<_>>()
+    });
+    let frames: Vec<[Frame; 2]> = frames.collect();
     let [bare, corrected] = [0, 1].map(|i| rms(frames.iter().map(|frame| frame[i][0])));
     let of_claim = |[_, [error, noise, pixels]]: &[Frame; 2]| error / noise.hypot(*pixels);
     let claims = rms(frames.iter().map(of_claim));

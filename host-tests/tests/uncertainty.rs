@@ -113,20 +113,18 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         spot.counts_per_second *= 0.3;
     }
     let options = options(|it| it.rows = 1);
-    let found: Vec<f64> = (0..400_u32)
-        .into_par_iter()
-        .filter_map(|seed| {
-            let distance = 0.62 + 0.38 * (f64::from(seed) * 0.618_034).fract();
-            let scene = with(metal.clone(), |it| it.seed = 1000 + u64::from(seed));
-            let measured = frame(&scene, options, distance)?;
-            let (calibration, errors) = (Calibration::nominal(), CalibrationErrors::Unknown);
-            let reading = measured.reading(calibration.as_ref(), &errors, Surface::Auto);
-            let reading = reading.ok()?;
-            // The estimate is for 1000 counts, and this light is 0.3 of that.
-            let claim = reading.parts.surface.to_f64() * 0.3f64.sqrt();
-            Some((reading.distance.to_f64() - 1e6 * distance) / claim)
-        })
-        .collect();
+    let found = (0..400_u32).into_par_iter().filter_map(|seed| {
+        let distance = 0.62 + 0.38 * (f64::from(seed) * 0.618_034).fract();
+        let scene = with(metal.clone(), |it| it.seed = 1000 + u64::from(seed));
+        let measured = frame(&scene, options, distance)?;
+        let (calibration, errors) = (Calibration::nominal(), CalibrationErrors::Unknown);
+        let reading = measured.reading(calibration.as_ref(), &errors, Surface::Auto);
+        let reading = reading.ok()?;
+        // The estimate is for 1000 counts, and this light is 0.3 of that.
+        let claim = reading.parts.surface.to_f64() * 0.3f64.sqrt();
+        Some((reading.distance.to_f64() - 1e6 * distance) / claim)
+    });
+    let found: Vec<f64> = found.collect();
     let [one, two] = [1.0, 2.0].map(|limit| within(&found, limit));
     let (count, rms) = (found.len(), rms(&found));
     println!("{count}: RMS {rms:.3}, within u {one:.3}, 2 u {two:.3}");
