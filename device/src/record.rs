@@ -84,9 +84,8 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     };
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
     *version = VERSION;
-    let fields = postcard::to_slice(&fields, rest)
-        .map_err(|_| no_room)?
-        .len();
+    let fields = postcard::to_slice(&fields, rest).map_err(|_| no_room)?;
+    let fields = fields.len();
     let rest = rest.get_mut(fields..).ok_or(no_room)?;
     let after = (
         &record.errors,
@@ -127,16 +126,13 @@ const SUM: usize = size_of::<u32>();
 /// # Errors
 /// [`RecordError`] says why the bytes cannot be used.
 pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
-    let (before, sum) = bytes
-        .split_last_chunk()
-        .ok_or(RecordError::Short { bytes: bytes.len() })?;
+    let short = RecordError::Short { bytes: bytes.len() };
+    let (before, sum) = bytes.split_last_chunk().ok_or(short)?;
     let (written, computed) = (u32::from_le_bytes(*sum), CRC.checksum(before));
     if written != computed {
         return Err(RecordError::Checksum { written, computed });
     }
-    let (&version, body) = before
-        .split_first()
-        .ok_or(RecordError::Short { bytes: bytes.len() })?;
+    let (&version, body) = before.split_first().ok_or(short)?;
     if version != VERSION {
         return Err(RecordError::Version { version });
     }
@@ -222,9 +218,8 @@ impl Record {
         }
         // Pixel 0 begins half a pixel before 0.
         const HALF: i32 = 1 << (Pixels::FRACTION - 1);
-        let end = Pixels::from_int(i32::try_from(light.len()).unwrap_or(i32::MAX))
-            .to_bits()
-            .saturating_sub(HALF);
+        let end = Pixels::from_int(i32::try_from(light.len()).unwrap_or(i32::MAX));
+        let end = end.to_bits().saturating_sub(HALF);
         let (first, last) = self.calibration.valid();
         if first.to_bits() < -HALF || last.to_bits() > end {
             return Err(RecordError::OffTheSensor { first, last });
@@ -334,9 +329,8 @@ impl Fields {
     #[inline(never)]
     fn record(&self, after: AfterFields) -> Result<Record, RecordError> {
         let letter = self.estimator;
-        let estimator = (Estimator::ALL.into_iter())
-            .find(|it| it.letter() == char::from(letter))
-            .ok_or(RecordError::Estimator { letter })?;
+        let estimator = (Estimator::ALL.into_iter()).find(|it| it.letter() == char::from(letter));
+        let estimator = estimator.ok_or(RecordError::Estimator { letter })?;
         let range = |(start, end): (u16, u16)| usize::from(start)..usize::from(end);
         let record = Record {
             serial_number: self.serial_number,

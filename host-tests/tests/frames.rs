@@ -232,10 +232,8 @@ fn draw_correlated(random: &mut ChaCha8Rng, count: usize, share: f64) -> Drawn {
 /// variance of a row over that of their mean.
 fn independent(count: usize, share: f64) -> f64 {
     let n = count as f64;
-    let sum: f64 = (1..count)
-        .map(|lag| (1.0 - lag as f64 / n) * share.powi(lag as i32))
-        .sum();
-    n / (1.0 + 2.0 * sum)
+    let terms = (1..count).map(|lag| (1.0 - lag as f64 / n) * share.powi(lag as i32));
+    n / (1.0 + 2.0 * terms.sum::<f64>())
 }
 
 /// The share by which rows hang together that are worth so many.

@@ -93,9 +93,8 @@ impl Lines {
     fn text(&mut self, most: usize) -> Vec<u8> {
         let length = self.random.random_range(0..=most);
         let random = &mut self.random;
-        (0..length)
-            .map(|_| random.random_range(b' '..=b'~'))
-            .collect()
+        let letters = (0..length).map(|_| random.random_range(b' '..=b'~'));
+        letters.collect()
     }
 
     /// The next line of a kind.
@@ -180,7 +179,7 @@ fn of_form(words: &str) -> Vec<String> {
         };
         let words = words.split(' ');
         words
-            .map(|it| number(it).unwrap_or_else(|| it.to_owned()))
+            .map(|it| number(it).unwrap_or(it.to_owned()))
             .collect()
     };
     (0..5).map(|share| at(share).join(" ")).collect()
@@ -217,10 +216,8 @@ fn words(line: &str) -> Vec<String> {
             (false, _) => word.to_ascii_lowercase(),
         }
     };
-    line.split([' ', '\t'])
-        .filter(|it| !it.is_empty())
-        .map(word)
-        .collect()
+    let words = line.split([' ', '\t']).filter(|it| !it.is_empty());
+    words.map(word).collect()
 }
 
 /// Whether a line is a command word by word, and not only understood as one.

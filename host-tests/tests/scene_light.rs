@@ -434,9 +434,8 @@ fn defocus_makes_a_disc() {
         });
         let row = scene.row(0, distance, 1.0);
         let sum = moments(&row).0;
-        row.iter()
-            .map(|&light| f64::from(light) / sum)
-            .collect::<Vec<f64>>()
+        let shares = row.iter().map(|&light| f64::from(light) / sum);
+        shares.collect::<Vec<f64>>()
     };
     let half_width = |row: &[f64]| {
         let half = 0.5 * row.iter().fold(0.0f64, |peak, &light| peak.max(light));

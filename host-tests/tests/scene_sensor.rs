@@ -56,9 +56,8 @@ fn evenly_lit(counts: f64) -> Scene {
 fn rows(scene: Scene, rows: u64) -> Vec<f32> {
     let simulation = Simulation::new(scene);
     let distance = simulation.scene().distance;
-    (0..rows)
-        .flat_map(|row| simulation.row(row, distance, 1.0))
-        .collect()
+    let row = |row| simulation.row(row, distance, 1.0);
+    (0..rows).flat_map(row).collect()
 }
 
 /// Sum of the squares of what was counted less what was expected, over what was expected: of so many cells
@@ -230,9 +229,8 @@ fn the_number_of_hot_pixels_is_binomial() {
     let leaking = "hot_pixels = { share = 0.01, counts_per_second = 400.0 }";
     let scene = listing(dark, leaking);
     let hot = scene.hot_pixels.expect("listed");
-    let numbers: Vec<f32> = (0..1000)
-        .map(|seed| hot.places(seed, 0, 3648).len() as f32)
-        .collect();
+    let number = |seed| hot.places(seed, 0, 3648).len() as f32;
+    let numbers: Vec<f32> = (0..1000).map(number).collect();
     assert_normal("hot pixels", &numbers, 36.48, 3648.0 * 0.01 * 0.99);
 
     // A larger share is the same ones, and more.
@@ -1039,9 +1037,8 @@ fn meaningless_scenes_are_refused() {
     let every = format!("{EVERY_EFFECT}{lens}");
     assert!(Scene::from_toml(&every).is_ok());
     for line in MEANINGLESS.trim().lines() {
-        let parts: Vec<String> = (line.split(" => "))
-            .map(|part| part.replace('|', "\n"))
-            .collect();
+        let parts = line.split(" => ").map(|part| part.replace('|', "\n"));
+        let parts: Vec<String> = parts.collect();
         let changed = every.replace(&parts[0], &parts[1]);
         assert!(changed != every, "{line}");
         assert_error(Scene::from_toml(&changed).expect_err(line), &parts[2]);

@@ -201,9 +201,8 @@ impl Filter {
 
     /// The readings in the window, at least 1, at most [`LONGEST`].
     fn count(&self) -> u8 {
-        (self.samples())
-            .fold(0u8, |count, _| count.saturating_add(1))
-            .max(1)
+        let count = self.samples().fold(0u8, |count, _| count.saturating_add(1));
+        count.max(1)
     }
 
     fn mean(&self) -> Mean {

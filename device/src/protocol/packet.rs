@@ -172,9 +172,8 @@ impl Window {
         let window = row_lines::window(measured);
         let beyond = window.len().saturating_sub(COUNTS_A_PACKET);
         let first = window.start.saturating_add(beyond / 2).min(light.len());
-        let last = first
-            .saturating_add(window.len().min(COUNTS_A_PACKET))
-            .min(light.len());
+        let last = first.saturating_add(window.len().min(COUNTS_A_PACKET));
+        let last = last.min(light.len());
         Some(Self {
             first: u16::try_from(first).ok()?,
             counts: Packed::new(light.slice(first..last)?.iter()),

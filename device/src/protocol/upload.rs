@@ -154,9 +154,8 @@ mod tests {
     }
 
     fn pieces(bytes: &[u8]) -> impl Iterator<Item = Piece> {
-        (0..bytes.len())
-            .step_by(PIECE)
-            .map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
+        let offsets = (0..bytes.len()).step_by(PIECE);
+        offsets.map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
     }
 
     /// Takes a step that completes nothing.

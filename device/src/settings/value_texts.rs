@@ -239,9 +239,7 @@ impl ValueText for Baud {
             return Err(ValueError::Form);
         };
         let rate: u32 = read_number(word, 0, u32::MAX)?;
-        let found = Self::ALL
-            .into_iter()
-            .find(|baud| baud.bits_a_second() == rate);
+        let found = (Self::ALL.into_iter()).find(|baud| baud.bits_a_second() == rate);
         found.ok_or(ValueError::Range)
     }
 

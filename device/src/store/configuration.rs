@@ -80,11 +80,8 @@ pub fn encode<'a>(
         Some(record) => record::encode(record, rest)?.len(),
         None => 0,
     };
-    let written = head
-        .len()
-        .saturating_add(lines.len())
-        .saturating_add(record);
-    buffer.get(..written).ok_or(no_room)
+    let written = head.len().saturating_add(lines.len());
+    buffer.get(..written.saturating_add(record)).ok_or(no_room)
 }
 
 /// The lines that set the settings. `None` if they do not fit; a test ensures that they do.

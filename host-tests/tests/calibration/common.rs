@@ -43,19 +43,15 @@ pub fn places(range: (Pixels, Pixels), at: &[f64]) -> Vec<Pixels> {
         .collect();
     places.sort_unstable();
     places.dedup();
-    places
-        .into_iter()
-        .map(|bits| Pixels::from_bits(bits as i32))
-        .collect()
+    let places = places.into_iter();
+    places.map(|bits| Pixels::from_bits(bits as i32)).collect()
 }
 
 /// The largest rise from knot to knot, in micrometres.
 pub fn largest_rise(knots: &Knots) -> f64 {
     let values: Vec<f64> = knots.iter().map(|knot| knot.value.to_f64()).collect();
-    values
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .fold(0.0, f64::max)
+    let rises = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    rises.fold(0.0, f64::max)
 }
 
 /// What holds for every calibration: distances of its range in order but for `slack` micrometres, slopes that

@@ -57,10 +57,8 @@ fn records_of_version_1_decode_to_the_same_distances() {
             panic!("{line}");
         };
         let number = |text: &str| u32::from_str_radix(text, 16).expect("hexadecimal digits");
-        let bytes: Vec<u8> = (0..bytes.len())
-            .step_by(2)
-            .map(|at| number(&bytes[at..at + 2]) as u8)
-            .collect();
+        let places = (0..bytes.len()).step_by(2);
+        let bytes: Vec<u8> = places.map(|at| number(&bytes[at..at + 2]) as u8).collect();
         let record = decode(&bytes).expect("a record");
         let found = match &record.calibration {
             Calibration::Eq1(_) => "eq1",

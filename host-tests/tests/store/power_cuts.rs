@@ -190,12 +190,10 @@ fn two_power_cuts_in_two_saves() {
     let old = read(&mut before.clone());
     let mut cuts = 0;
     // A save of the largest has 399 operations.
-    for (at, again) in (0..410)
-        .step_by(22)
-        .flat_map(|at| (0..410).step_by(20).map(move |again| (at, again)))
-        // The erasure, each way.
-        .chain((0..40).flat_map(|i| [(0, i % 4), (i % 4, 0)]))
-    {
+    let of_saves = pairs((0..410).step_by(22), (0..410).step_by(20));
+    // The erasure, each way.
+    let of_erasure = (0..40).flat_map(|i| [(0, i % 4), (i % 4, 0)]);
+    for (at, again) in of_saves.chain(of_erasure) {
         let mut flash = before.clone();
         flash.cut_after(at, Some(cuts));
         let saved = save(&mut flash, &first);
