@@ -288,10 +288,8 @@ fn readings_claim_the_error_of_charge_that_stays() {
                 last = frame + 1;
             }
         }
-        println!(
-            "{um} um away: at most {largest:.2} um, {worst:.2} claims, below 10 um after {last} frames, \
-             {flagged} flagged"
-        );
+        print!("{um} um away: at most {largest:.2} um, {worst:.2} claims, ");
+        println!("below 10 um after {last} frames, {flagged} flagged");
         assert!(worst < 5.0, "{um} um");
     }
 }

@@ -138,9 +138,9 @@ impl Kind {
 }
 
 /// Counts the confident errors of the default estimator in rows with each flaw. The limit is the number when
-/// the check was made (five with a second spot, none else), plus three standard deviations of this number. Rare events scatter by the root of
-/// their mean (Poisson); the mean counts as one at least. (`cargo hard-cases` counts the errors of every
-/// estimator.)
+/// the check was made (five with a second spot, none else), plus three standard deviations of this number.
+/// Rare events scatter by the root of their mean (Poisson); the mean counts as one at least.
+/// (`cargo hard-cases` counts the errors of every estimator.)
 #[test]
 fn confident_errors_of_each_flaw_stay_few() {
     const ROWS: u64 = 8000;

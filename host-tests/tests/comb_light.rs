@@ -190,9 +190,8 @@ impl Moved {
         let (lost, misfits) = (self.lost, self.misfits);
         println!("{name}: the fit moves by {of_fit:.1e} px at most, by speckle {fit_by:.2} RMS");
         println!("the core {middle:.4} px (median), {off:.4} RMS, {of_core:.3} at most of {rows}");
-        println!(
-            "lost {lost:?}, misfits {misfits:?}; fringes {fringes:.3} RMS, to {of_fringes:.3}"
-        );
+        print!("lost {lost:?}, misfits {misfits:?}; ");
+        println!("fringes {fringes:.3} RMS, to {of_fringes:.3}");
     }
 }
 

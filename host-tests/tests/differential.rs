@@ -175,9 +175,8 @@ fn integer_tables_agree_with_the_designed_tables() {
         let pixels = rms(same.iter().map(|[pixels, _]| *pixels));
         let of_claim = rms(same.iter().map(|[_, of_claim]| *of_claim));
         let (same, all) = (same.len(), both.len());
-        println!(
-            "{estimator:?}: {of_claim:.4} of the claim, {pixels:.1e} px, {same} of {all} rows"
-        );
+        print!("{estimator:?}: {of_claim:.4} of the claim, ");
+        println!("{pixels:.1e} px, {same} of {all} rows");
         assert!(of_claim <= 0.003, "{estimator:?}: {of_claim}");
         assert!(100 * same >= 98 * all, "{estimator:?}");
     }

@@ -140,9 +140,8 @@ fn a_spot_that_is_no_gaussian_is_a_misfit() {
             fitting_hot += i32::from(!misfit(&hot));
             assert!(misfit(&second), "{width}, row {row}: a second spot fits");
         }
-        println!(
-            "sigma {width}: misfits {clean} of {rows} clean rows, {fitting_hot} of 50 hot fit"
-        );
+        print!("sigma {width}: misfits {clean} of {rows} clean rows, ");
+        println!("{fitting_hot} of 50 hot fit");
         // If the mean is one, a run has five or more with a probability of 1 in 300.
         let most = if width == 30.0 { 4 } else { 0 };
         assert!(fitting_hot <= most, "{width}: {fitting_hot}");

@@ -69,9 +69,8 @@ fn the_repeatability_of_a_filter_is_its_scatter() {
         let scatter = squares.map(|it: f64| (it / RUNS as f64).sqrt());
         for ((end, scatter), claimed) in ends.iter().zip(scatter).zip(claimed) {
             let share = scatter / claimed;
-            println!(
-                "{average:?} after {end}: scatter {scatter:.3} um of {claimed:.3}, {share:.3}"
-            );
+            print!("{average:?} after {end}: ");
+            println!("scatter {scatter:.3} um of {claimed:.3}, {share:.3}");
             // Four standard deviations of a scatter over so many runs.
             let chance = 4.0 / (2.0 * RUNS as f64).sqrt();
             assert!((least - chance..1.0 + chance).contains(&share));

@@ -774,15 +774,11 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
         let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
         lag.apply(light, &collected(0.0)[geometry.light.clone()], full_well);
     }
-    if let Some(noise) = scene.shot_noise {
-        noise.apply(light, &mut random::of_row(seed, Effect::ShotNoise, row));
-    }
-    if let Some(saturation) = scene.saturation {
-        saturation.apply(light);
-    }
-    if let Some(front_end) = scene.front_end {
-        front_end.amplify(light);
-    }
+    let random = |effect| random::of_row(seed, effect, row);
+    let shot_noise = scene.shot_noise.iter();
+    shot_noise.for_each(|it| it.apply(light, &mut random(Effect::ShotNoise)));
+    scene.saturation.iter().for_each(|it| it.apply(light));
+    scene.front_end.iter().for_each(|it| it.amplify(light));
     if let Some(black) = scene.black_level {
         let level = black.after(row as f64 * scene.sensor.period()) as f32;
         counts.iter_mut().for_each(|x| *x += level);
@@ -791,19 +787,13 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
         let offsets = pattern.offsets(seed, 0, counts.len());
         counts.iter_mut().zip(offsets).for_each(|(x, o)| *x += o);
     }
-    if let Some(settling) = scene.settling {
-        settling.apply(&mut counts);
-    }
-    if let Some(front_end) = scene.front_end {
-        front_end.shift_and_clip(&mut counts);
-    }
-    if let Some(noise) = scene.read_noise {
-        let mut random = random::of_row(seed, Effect::ReadNoise, row);
-        noise.apply(&mut counts, &mut random);
-    }
-    if let Some(quantisation) = scene.quantisation {
-        quantisation.apply(&mut counts, geometry.full_scale());
-    }
+    scene.settling.iter().for_each(|it| it.apply(&mut counts));
+    let front_end = scene.front_end.iter();
+    front_end.for_each(|it| it.shift_and_clip(&mut counts));
+    let read_noise = scene.read_noise.iter();
+    read_noise.for_each(|it| it.apply(&mut counts, &mut random(Effect::ReadNoise)));
+    let quantisation = scene.quantisation.iter();
+    quantisation.for_each(|it| it.apply(&mut counts, geometry.full_scale()));
     counts
 }
 

@@ -54,9 +54,9 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
             }
         });
         let [of_missed, of_wrong] = [missed, wrong].map(|it| 100.0 * it as f64 / ROWS as f64);
+        print!("sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed ");
         println!(
-            "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {of_missed:.3} %, wrong \
-             {of_wrong:.3} %, {misleading} of the wrong spots gave a centre"
+            "{of_missed:.3} %, wrong {of_wrong:.3} %, {misleading} of the wrong spots gave a centre"
         );
         assert_eq!(misleading, 0);
         if snr >= 5.0 {
@@ -150,10 +150,8 @@ fn two_spots_are_told_apart() {
                 [are_two(&light), again].map(u64::from)
             });
             let (percent, rows) = (100.0 * strength, ROWS / 4);
-            println!(
-                "sigma {width:>4}, {percent:>3} % at {apart:>2} widths: of {rows} rows {first} are two \
-                 spots, and {again} after a row with one"
-            );
+            print!("sigma {width:>4}, {percent:>3} % at {apart:>2} widths: ");
+            println!("of {rows} rows {first} are two spots, and {again} after a row with one");
             assert!(first.min(again) as f64 >= 0.99 * rows as f64);
         }
     }

@@ -18,7 +18,8 @@ pub fn calibration() -> Calibration {
     };
     let knots: Vec<Knot> = (0..MAX_KNOTS as i32).map(at).collect();
     let (d, pole) = (Micrometres::from_int(-7_000_000), Pixels::from_int(-32_768));
-    let curve = Eq1::new(d, 1 << 54, pole, knots[0].centre..=knots[MAX_KNOTS - 1].centre);
+    let centres = knots[0].centre..=knots[MAX_KNOTS - 1].centre;
+    let curve = Eq1::new(d, 1 << 54, pole, centres);
     let curve = curve.expect("7.9 m to 7.6 m, less 7 m");
     Calibration::Corrected(Corrected::new(curve, &knots).expect("usable"))
 }
