@@ -503,21 +503,16 @@ fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
         for &width in widths {
             let seed = (amplitude + 10.0 * (width + noise.0)) as u64;
             let cell = cell(width, amplitude, noise, 40_000, seed);
-            let one = |(width, noise_ratio)| {
+            let one = |width, noise_ratio| {
                 let plan = with(DEFAULT, |it| {
                     (it.noise_ratio, it.widths) = (noise_ratio, COARSE);
                     (it.widths.narrowest, it.widths.count) = (width, 1);
                 });
                 set(&phase_tables::gaussian, plan)
             };
-            let (narrow, wide) = (width / 1.095, width * 1.095);
-            let tables = [
-                (width, exact),
-                (narrow, taken),
-                (width, taken),
-                (wide, taken),
-            ]
-            .map(one);
+            let widths_of_tables = [width / 1.095, width, width * 1.095];
+            let [narrow, right, wide] = widths_of_tables.map(|width| one(width, taken));
+            let tables = [one(width, exact), narrow, right, wide];
             let errors = errors_with(curve, cell, &tables);
             let [best, narrow, right, wide] = root_mean_squares(&errors);
             let bound = cell.spot().bound();

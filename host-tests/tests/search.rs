@@ -54,10 +54,8 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
             }
         });
         let [of_missed, of_wrong] = [missed, wrong].map(|it| 100.0 * it as f64 / ROWS as f64);
-        print!("sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed ");
-        println!(
-            "{of_missed:.3} %, wrong {of_wrong:.3} %, {misleading} of the wrong spots gave a centre"
-        );
+        print!("sigma {width:>5} on {pixels} pixels, SNR {snr}: {of_missed:.3} % missed, ");
+        println!("{of_wrong:.3} % wrong, {misleading} of the wrong spots gave a centre");
         assert_eq!(misleading, 0);
         if snr >= 5.0 {
             assert!(((missed + wrong) as f64) < most * ROWS as f64);

@@ -43,17 +43,9 @@ fn the_error_of_an_invalid_table_names_the_wrong_knot() {
 
     // 2^22 um, and a step less, over all the centres that there are.
     let far = |value| {
-        let (centre, last) = (Pixels::MIN, Pixels::MAX);
-        wrong(&[
-            Knot {
-                centre,
-                ..knot(0, 0)
-            },
-            Knot {
-                centre: last,
-                value,
-            },
-        ])
+        let first = with(knot(0, 0), |it| it.centre = Pixels::MIN);
+        let last = with(first, |it| (it.centre, it.value) = (Pixels::MAX, value));
+        wrong(&[first, last])
     };
     let value = Micrometres::from_int(1 << 22);
     let step = KnotsError::Step { index: 1, value };
@@ -77,15 +69,13 @@ fn the_error_of_invalid_residuals_names_the_wrong_knot() {
     let few = CorrectedError::Knots(KnotsError::TooFew { knots: 1 });
     let centre = Pixels::from_int(1191);
     let far = Some(CorrectedError::Distance { centre });
+    let good = [knot(1191, 50), knot(2654, -50)];
 
     for (knots, error) in [
-        (&[knot(1191, 50), knot(2654, -50)][..], None),
+        (&good[..], None),
         (&[knot(1191, 50)], Some(few)),
         (&[knot(1190, 50), knot(2654, -50)], beyond(0, 1190)),
-        (
-            &[knot(1191, 50), knot(2654, -50), knot(2655, 0)],
-            beyond(2, 2655),
-        ),
+        (&[good[0], good[1], knot(2655, 0)], beyond(2, 2655)),
         (&[1191, 2654].map(|centre| knot(centre, 8_000_000)), far),
     ] {
         assert_eq!(wrong(knots), error, "{knots:?}");
