@@ -231,11 +231,8 @@ impl Rate {
         }
         let late = us.saturating_sub(self.due_us);
         // A line waits for the end of a frame. The next one is not late by that, too.
-        let from = if early == 0 && late < period {
-            self.due_us
-        } else {
-            us
-        };
+        let is_late = early == 0 && late < period;
+        let from = if is_late { self.due_us } else { us };
         self.due_us = from.saturating_add(period);
         true
     }

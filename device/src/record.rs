@@ -16,27 +16,24 @@
 pub mod date;
 pub mod encoded;
 
-use core::fmt;
-
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use date::Date;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::distance::knots::{Knot, Knots, MAX_KNOTS};
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::{Table, TableError};
 use slitrange::frame::comb::{Comb, CombError, Slits};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange::row::front_end::FrontEnd;
-use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Micrometres, Pixels,
+    sensor_heads,
+};
 
 /// A sensor's calibration, and the sensor, day and settings that it belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -87,9 +84,8 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     };
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
     *version = VERSION;
-    let fields = postcard::to_slice(&fields, rest)
-        .map_err(|_| no_room)?
-        .len();
+    let fields = postcard::to_slice(&fields, rest).map_err(|_| no_room)?;
+    let fields = fields.len();
     let rest = rest.get_mut(fields..).ok_or(no_room)?;
     let after = (
         &record.errors,
@@ -130,16 +126,13 @@ const SUM: usize = size_of::<u32>();
 /// # Errors
 /// [`RecordError`] says why the bytes cannot be used.
 pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
-    let (before, sum) = bytes
-        .split_last_chunk()
-        .ok_or(RecordError::Short { bytes: bytes.len() })?;
+    let short = RecordError::Short { bytes: bytes.len() };
+    let (before, sum) = bytes.split_last_chunk().ok_or(short)?;
     let (written, computed) = (u32::from_le_bytes(*sum), CRC.checksum(before));
     if written != computed {
         return Err(RecordError::Checksum { written, computed });
     }
-    let (&version, body) = before
-        .split_first()
-        .ok_or(RecordError::Short { bytes: bytes.len() })?;
+    let (&version, body) = before.split_first().ok_or(short)?;
     if version != VERSION {
         return Err(RecordError::Version { version });
     }
@@ -210,17 +203,12 @@ impl Record {
 
     /// Checks what the types of the parts do not ensure.
     fn check(&self) -> Result<(), RecordError> {
-        let Geometry {
-            words,
-            shielded,
-            light,
-            bits,
-            ..
-        } = &self.geometry;
+        let (words, light) = (self.geometry.words, &self.geometry.light);
         let sensible = |part: &core::ops::Range<usize>| {
-            part.start <= part.end && part.end <= *words && part.len() <= MAX_PIXELS
+            part.start <= part.end && part.end <= words && part.len() <= MAX_PIXELS
         };
-        if !sensible(shielded) || !sensible(light) || light.is_empty() || !matches!(bits, 1..=12) {
+        let are_sensible = sensible(&self.geometry.shielded) && sensible(light);
+        if !are_sensible || light.is_empty() || !matches!(self.geometry.bits, 1..=12) {
             return Err(RecordError::Geometry);
         }
         if let BlackLevel::Fixed(level) = self.black_level
@@ -230,9 +218,8 @@ impl Record {
         }
         // Pixel 0 begins half a pixel before 0.
         const HALF: i32 = 1 << (Pixels::FRACTION - 1);
-        let end = Pixels::from_int(i32::try_from(light.len()).unwrap_or(i32::MAX))
-            .to_bits()
-            .saturating_sub(HALF);
+        let end = Pixels::from_int(i32::try_from(light.len()).unwrap_or(i32::MAX));
+        let end = end.to_bits().saturating_sub(HALF);
         let (first, last) = self.calibration.valid();
         if first.to_bits() < -HALF || last.to_bits() > end {
             return Err(RecordError::OffTheSensor { first, last });
@@ -301,15 +288,11 @@ struct KnotsFields(Vec<Knot, MAX_KNOTS>);
 
 impl Fields {
     fn of(record: &Record) -> Result<Self, RecordError> {
-        let Record {
-            serial_number,
-            geometry,
-            ..
-        } = record;
+        let geometry = &record.geometry;
         let (year, month, day) = record.date.parts();
         let word = |index: usize| u16::try_from(index).map_err(|_| RecordError::Geometry);
         Ok(Self {
-            serial_number: *serial_number,
+            serial_number: record.serial_number,
             year,
             month,
             day,
@@ -346,9 +329,8 @@ impl Fields {
     #[inline(never)]
     fn record(&self, after: AfterFields) -> Result<Record, RecordError> {
         let letter = self.estimator;
-        let estimator = (Estimator::ALL.into_iter())
-            .find(|it| it.letter() == char::from(letter))
-            .ok_or(RecordError::Estimator { letter })?;
+        let estimator = (Estimator::ALL.into_iter()).find(|it| it.letter() == char::from(letter));
+        let estimator = estimator.ok_or(RecordError::Estimator { letter })?;
         let range = |(start, end): (u16, u16)| usize::from(start)..usize::from(end);
         let record = Record {
             serial_number: self.serial_number,
@@ -436,19 +418,26 @@ impl KnotsFields {
 }
 
 /// Why bytes are not a record, or why a record cannot be written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RecordError {
     /// The buffer is too short for the record.
+    #[error(
+        "a buffer of {bytes} bytes is too short for the record: {MAX_ENCODED} are enough for any"
+    )]
     NoRoom {
         /// The length of the buffer.
         bytes: usize,
     },
     /// Fewer bytes than any record has.
+    #[error("{bytes} bytes are too few for a record: write the calibration again")]
     Short {
         /// How many there are.
         bytes: usize,
     },
     /// The CRC at the end does not fit the bytes before it.
+    #[error(
+        "the record is damaged, its CRC is {written:08x} and not {computed:08x}: write the calibration again"
+    )]
     Checksum {
         /// The CRC at the end.
         written: u32,
@@ -456,40 +445,70 @@ pub enum RecordError {
         computed: u32,
     },
     /// The CRC is right, but this firmware does not know the format.
+    #[error(
+        "the record has version {version}, this firmware or tool reads {VERSION}: update both, or \
+         calibrate again"
+    )]
     Version {
         /// The format, which is the first byte.
         version: u8,
     },
     /// The CRC is right, but the bytes are not those of a record.
+    #[error(
+        "the CRC is right, but the bytes are not a record: write the calibration with the tool \
+         of this firmware"
+    )]
     Shape,
     /// The calendar has no such day.
+    #[error("the record's date is not a day of the calendar: set the date")]
     Date,
     /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter does not
     /// have 1 to 12 bits.
+    #[error(
+        "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels of 1 \
+         to 12 bits"
+    )]
     Geometry,
     /// This firmware has no such estimator.
+    #[error(
+        "the record was made with estimator '{}', which this firmware does not know: calibrate anew",
+        .letter.escape_ascii()
+    )]
     Estimator {
         /// Its letter.
         letter: u8,
     },
     /// A black level outside a pixel's range.
+    #[error(
+        "the record's black level of {level} counts is outside a pixel's range: set it to 0 to \
+         {LARGEST_COUNT}"
+    )]
     BlackLevel {
         /// That level.
         level: Counts,
     },
     /// The numbers of eq. (1) cannot be used.
+    #[error(transparent)]
     Eq1(Eq1Error),
     /// The knots of a table cannot be used.
+    #[error(transparent)]
     Table(TableError),
     /// The residuals, or the curve below them, cannot be used.
+    #[error(transparent)]
     Corrected(CorrectedError),
     /// An uncertainty below zero, or a usual height of the spot that is not above zero.
+    #[error("the record's uncertainties are impossible: fit again from the points file")]
     Errors,
     /// The comb cannot be used.
+    #[error(transparent)]
     Comb(CombError),
     /// A number of the front end is outside its range.
+    #[error("the record's front end is impossible: measure it again (slitrange head measure)")]
     FrontEnd,
     /// The range of centres reaches beyond the sensor's pixels.
+    #[error(
+        "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller range"
+    )]
     OffTheSensor {
         /// The first centre.
         first: Pixels,
@@ -497,63 +516,3 @@ pub enum RecordError {
         last: Pixels,
     },
 }
-
-impl fmt::Display for RecordError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoRoom { bytes } => write!(
-                f,
-                "a buffer of {bytes} bytes is too short for the record: {MAX_ENCODED} are enough for any"
-            ),
-            Self::Short { bytes } => {
-                write!(f, "{bytes} bytes are too few for a record: write the calibration again")
-            }
-            Self::Checksum { written, computed } => write!(
-                f,
-                "the record is damaged, its CRC is {written:08x} and not {computed:08x}: write the \
-                calibration again"
-            ),
-            Self::Version { version } => write!(
-                f,
-                "the record has version {version}, this firmware or tool reads {VERSION}: update both, or \
-                calibrate again"
-            ),
-            Self::Shape => f.write_str(
-                "the CRC is right, but the bytes are not a record: write the calibration with the tool of \
-                this firmware",
-            ),
-            Self::Date => f.write_str("the record's date is not a day of the calendar: set the date"),
-            Self::Geometry => f.write_str(
-                "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels \
-                of 1 to 12 bits",
-            ),
-            Self::Estimator { letter } => write!(
-                f,
-                "the record was made with estimator '{}', which this firmware does not know: calibrate anew",
-                letter.escape_ascii()
-            ),
-            Self::BlackLevel { level } => write!(
-                f,
-                "the record's black level of {level} counts is outside a pixel's range: set it to 0 to \
-                {LARGEST_COUNT}"
-            ),
-            Self::Eq1(error) => error.fmt(f),
-            Self::Table(error) => error.fmt(f),
-            Self::Corrected(error) => error.fmt(f),
-            Self::Errors => f.write_str(
-                "the record's uncertainties are impossible: fit again from the points file",
-            ),
-            Self::Comb(error) => error.fmt(f),
-            Self::FrontEnd => f.write_str(
-                "the record's front end is impossible: measure it again (slitrange head measure)",
-            ),
-            Self::OffTheSensor { first, last } => write!(
-                f,
-                "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller \
-                range"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for RecordError {}

@@ -34,12 +34,9 @@ use crate::settings::{Settings, Value};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
 pub use actions::{Actions, Applied};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Micrometres;
-use slitrange::reading::{Measured, Reading};
-use slitrange::row::Geometry;
 use slitrange::row::front_end::FrontEnd;
 use slitrange::row::pixels::PixelErrors;
+use slitrange::{Fault, Geometry, Measured, Micrometres, Reading};
 
 /// What happens to the sensor after its start.
 #[derive(Debug)]

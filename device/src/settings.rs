@@ -46,15 +46,12 @@ use crate::settings::serial_line::{Baud, Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::units::Units;
-use slitrange::centre::Estimator;
 use slitrange::frame::comb::Slits;
 use slitrange::frame::{MAX_ROWS, Mean};
 use slitrange::light::ambient::AmbientMode;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Options;
-use slitrange::reading::uncertainty::Surface;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
+use slitrange::{BlackLevel, Estimator, Options, Surface};
 
 /// # The list
 ///
@@ -427,10 +424,11 @@ fn read_u32(word: &str, least: u32, most: u32) -> Result<u32, ValueError> {
     if word.is_empty() || !word.bytes().all(|byte| byte.is_ascii_digit()) {
         return Err(ValueError::Form);
     }
-    let number = word.parse().ok();
-    number
-        .filter(|number| (least..=most).contains(number))
-        .ok_or(ValueError::Range)
+    let number = word
+        .parse()
+        .ok()
+        .filter(|number| (least..=most).contains(number));
+    number.ok_or(ValueError::Range)
 }
 
 #[cfg(test)]
@@ -451,11 +449,8 @@ mod tests {
             let line = default.to_string();
             let words = split_words(&line);
             let (found, values) = Setting::of_words(&words).expect("a setting");
-            assert_eq!(
-                (found, found.read(values)),
-                (setting, Ok(default)),
-                "{line}"
-            );
+            let read = (found, found.read(values));
+            assert_eq!(read, (setting, Ok(default)), "{line}");
         }
         for (setting, word, error) in [
             (Setting::Rows, "", ValueError::Form),

@@ -325,11 +325,8 @@ impl<F: NorFlash> Store<F> {
                 let number = u32::from_le_bytes(*number);
                 let is_last = number > items.last;
                 items.last = items.last.max(number);
-                if items
-                    .newest
-                    .as_ref()
-                    .is_some_and(|newest| newest.number >= number)
-                {
+                let newest = items.newest.as_ref();
+                if newest.is_some_and(|newest| newest.number >= number) {
                     continue;
                 }
                 let checked = configuration::check(bytes);

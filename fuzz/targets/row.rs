@@ -39,6 +39,10 @@ fn geometry(first: u8) -> Geometry {
         shot_variance_per_count_q16: 6554,
         saturation: slitrange::row::LARGEST_COUNT,
     };
+    let with = |mut geometry: Geometry, change: fn(&mut Geometry)| {
+        change(&mut geometry);
+        geometry
+    };
     match first & 0xF {
         0 => sensor_heads::tcd1304dg(),
         1 => short(142, 8, Polarity::Rising),
@@ -47,23 +51,18 @@ fn geometry(first: u8) -> Geometry {
         4 => short(0, 12, Polarity::Rising),
         5 => short(4096, 12, Polarity::Rising),
         6 => short(128, 1, Polarity::Rising),
-        7 => Geometry {
-            shot_variance_per_count_q16: u16::MAX,
-            ..short(200, 255, Polarity::Falling)
-        },
-        8 => Geometry {
-            shielded: 300..200,
-            ..short(250, 12, Polarity::Rising)
-        },
-        9 => Geometry {
-            light: 0..usize::MAX,
-            ..short(100, 12, Polarity::Rising)
-        },
-        10 => Geometry {
-            shot_variance_per_count_q16: 0,
-            saturation: 700,
-            ..short(400, 10, Polarity::Rising)
-        },
+        7 => with(short(200, 255, Polarity::Falling), |it| {
+            it.shot_variance_per_count_q16 = u16::MAX;
+        }),
+        8 => with(short(250, 12, Polarity::Rising), |it| {
+            it.shielded = 300..200
+        }),
+        9 => with(short(100, 12, Polarity::Rising), |it| {
+            it.light = 0..usize::MAX
+        }),
+        10 => with(short(400, 10, Polarity::Rising), |it| {
+            (it.shot_variance_per_count_q16, it.saturation) = (0, 700);
+        }),
         _ => short(512, 12, Polarity::Falling),
     }
 }

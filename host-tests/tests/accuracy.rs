@@ -2,10 +2,8 @@
 //! rows. Every figure asserted is printed.
 
 use crate::support::{self, *};
-use judges::accuracy::{Before, Outcome, Phases, Rows, centre_after, centre_with, largest};
-use judges::core_tables;
+use judges::accuracy::{Before, Outcome, Phases, Rows};
 use phase_tables::{LEAST_SQUARES, gaussian};
-use slitrange::centre::tables::TableSet;
 
 /// A noise: its name in a table, the spot's height, the noise, and a seed.
 type Noise = (String, f64, support::Noise, u64);
@@ -92,10 +90,9 @@ fn of_the_default(noises: &[Noise], widths: &[f64]) -> Table {
     for noise in noises {
         let outcomes = widths.iter().map(|&width| {
             let cell = cell_of(noise, width, ROWS);
-            let outcome = cell.run(cell.pixels(), |geometry, light| {
-                centre_of(geometry, light, Estimator::PhaseTable)
-            });
-            (outcome, 1.11, 0.05)
+            let by = Estimator::PhaseTable;
+            let find = |geometry: &Geometry, light: &[u16]| centre_of(geometry, light, by);
+            (cell.run(cell.pixels(), find), 1.11, 0.05)
         });
         table.line(&format!("{:>22}", noise.0), outcomes);
     }
@@ -206,11 +203,7 @@ fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise_on_the_whole_grid
 #[ignore = "takes 6 CPU s; run by .ci/run"]
 fn centroid_and_fit_stay_within_their_limits_and_their_claims() {
     const WIDTHS: [f64; 4] = [1.2, 2.0, 4.0, 10.5];
-    let noises = [
-        white(25.0, 11),
-        white(500.0, 11),
-        shot(1000.0, 5.0, 2.0, 11),
-    ];
+    let noises = [white(25.0, 11), white(500.0, 11), shot(1e3, 5.0, 2.0, 11)];
     let mut table = Table::new("RMSE / bound (pull)", &" ".repeat(34), &WIDTHS);
     let of_centroid = [
         [1.68, 1.66, 1.66, 1.66],

@@ -5,10 +5,7 @@ use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
 use judges::frames::words;
-use simulator::scene::comb::Comb as Mask;
-use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
-use slitrange::light::black_level::BlackLevel;
 
 const FRAMES: usize = 400;
 
@@ -57,12 +54,8 @@ fn subtracted_light_costs_the_noise_that_is_computed() {
 #[test]
 fn a_long_frame_has_more_of_the_means_noise() {
     let window = named("beside a window, three times as bright");
-    let frames = |rows: u16| match rows {
-        1 => 2000,
-        _ => 300,
-    };
-    let [one, long] = [1, 64].map(|rows| {
-        let found = window.measure(Subtract, rows, frames(rows));
+    let [one, long] = [(1, 2000), (64, 300)].map(|(rows, frames)| {
+        let found = window.measure(Subtract, rows, frames);
         let of_mean = noise_of_mean(rows);
         println!("{rows} rows: {found:.3?}, computed share {of_mean:.4}");
         assert_eq!((found.faults, found.beyond_5), (0, 0));
@@ -88,12 +81,10 @@ fn a_long_frame_has_more_of_the_means_noise() {
 
 /// A row with noise and a spot on daylight, and a row of the daylight without noise.
 fn lit_and_dark_words() -> (Vec<u16>, Vec<u16>) {
-    let lit = listing(
-        beside_a_window(Scene::white_paper()),
-        "read_noise.counts = 40.0",
-    );
-    let mut dark = (lit.clone().without(Effect::ReadNoise)).without(Effect::ShotNoise);
-    dark.spot = None;
+    let window = beside_a_window(Scene::white_paper());
+    let lit = listing(window, "read_noise.counts = 40.0");
+    let dark = (lit.clone().without(Effect::ReadNoise)).without(Effect::ShotNoise);
+    let dark = with(dark, |it| it.spot = None);
     let [lit, dark] = [lit, dark].map(|scene| {
         let geometry = scene.geometry();
         words(&scene.row(1, 0.8, 5e-3), &geometry)
@@ -167,17 +158,16 @@ fn the_mean_outlasts_other_settings() {
     // The shielded pixels have noise too.
     assert!(expected.0 < 60.0);
     let mut measurement = settled();
-    let mut other = one;
-    other.black_level = BlackLevel::Frame;
+    let other = with(one, |it| it.black_level = BlackLevel::Frame);
     for options in [other, one] {
         measurement.set(options, None);
         measurement.set_geometry(geometry.clone());
     }
     assert_eq!(measure(&mut measurement), expected);
-    let [mut off, mut laser_off] = [one; 2];
-    off.ambient = Off;
-    laser_off.laser = false;
-    for other in [off, laser_off] {
+    for other in [
+        with(one, |it| it.ambient = Off),
+        with(one, |it| it.laser = false),
+    ] {
         let mut measurement = settled();
         measurement.set(other, None);
         measurement.set(one, None);
@@ -186,10 +176,7 @@ fn the_mean_outlasts_other_settings() {
         assert!(ambient > 300.0);
     }
     let mut measurement = settled();
-    measurement.set_geometry(Geometry {
-        saturation: 4000,
-        ..geometry
-    });
+    measurement.set_geometry(with(geometry, |it| it.saturation = 4000));
     assert!(measure(&mut measurement).0 > 300.0);
 }
 
@@ -301,10 +288,8 @@ fn readings_claim_the_error_of_charge_that_stays() {
                 last = frame + 1;
             }
         }
-        println!(
-            "{um} um away: at most {largest:.2} um, {worst:.2} claims, below 10 um after {last} frames, \
-             {flagged} flagged"
-        );
+        print!("{um} um away: at most {largest:.2} um, {worst:.2} claims, ");
+        println!("below 10 um after {last} frames, {flagged} flagged");
         assert!(worst < 5.0, "{um} um");
     }
 }
@@ -312,16 +297,14 @@ fn readings_claim_the_error_of_charge_that_stays() {
 /// Rows of a comb beside a window have the same centre as in the dark room, and are as good as they claim.
 #[test]
 fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
-    let mut comb = scene("quiet-paper");
-    comb.comb = Some(Mask::nominal());
+    let comb = crate::comb::quiet();
     let window = beside_a_window(comb.clone());
     const ROWS: usize = 200;
     let measure = |scene: &Scene, ambient| {
         let options = options(|it| (it.slits, it.ambient, it.rows) = (Slits::Comb, ambient, 1));
         let geometry = scene.geometry();
         let mut measurement = Measurement::new(geometry.clone(), options);
-        let mut dark = scene.clone();
-        dark.spot = None;
+        let dark = with(scene.clone(), |it| it.spot = None);
         let [lit, dark] = [scene.clone(), dark].map(Simulation::new);
         let mut row = 0;
         let mut next = |simulation: &Simulation| {

@@ -2,11 +2,10 @@
 //! print every figure that they assert.
 
 use crate::support::*;
-use judges::frames;
 use rand::seq::SliceRandom as _;
 use simulator::scene::SecondReflection;
 use simulator::scene::comb::Comb as Mask;
-use slitrange::frame::comb::{Comb, MAX_SLITS, Maximum, Slits, assign};
+use slitrange::frame::comb::{Maximum, assign};
 
 /// Maxima of the nominal comb for spots anywhere in the nominal range. Up to half of the slits have no peak,
 /// and one peak anywhere on the row is false. Speckle moves each peak by 2.2 pixels RMS (a 1 mm spot on metal
@@ -44,10 +43,8 @@ fn check_random_peaks(rows: u64) {
 }
 
 fn peak(place: f64) -> Maximum {
-    Maximum {
-        place: place as f32,
-        height: Counts::from_int(1000),
-    }
+    let (place, height) = (place as f32, Counts::from_int(1000));
+    Maximum { place, height }
 }
 
 #[test]
@@ -62,10 +59,8 @@ fn at_most_one_in_a_million_random_rows_gets_wrong_slits() {
 }
 
 /// White paper behind the nominal mask, with even images: no speckle.
-fn quiet() -> Scene {
-    let mut scene = scene("quiet-paper");
-    scene.comb = Some(Mask::nominal());
-    scene
+pub fn quiet() -> Scene {
+    with(scene("quiet-paper"), |it| it.comb = Some(Mask::nominal()))
 }
 
 fn comb_options(rows: u16) -> Options {
@@ -152,11 +147,7 @@ fn rows_with_covered_slits_and_a_false_spot_give_the_same_distance() {
 #[test]
 fn a_comb_in_the_dark_and_a_single_spot_are_faults() {
     let mut one = scene("quiet-paper");
-    let few = Fault::FewSlits {
-        found: 1,
-        needed: 4,
-    };
-    assert_eq!(measure(&one, 0.8, 4), Err(few));
+    assert_eq!(measure(&one, 0.8, 4), Err(few_slits(1)));
     one.spot = None;
     let found = measure(&one, 0.8, 4);
     let is_dark = matches!(found, Err(Fault::NoSpot { .. } | Fault::FewSlits { .. }));

@@ -14,9 +14,7 @@ use std::f64::consts::TAU;
 
 use crate::support::*;
 use num_complex::Complex64 as Wave;
-use simulator::optics::Optics;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
-use statistics::upper_median;
 
 /// Points of a slit's width: 20 to a turn of phase where a neighbour's image is.
 const POINTS: usize = 128;
@@ -144,10 +142,6 @@ fn median(values: &[f64]) -> f64 {
     upper_median(values.iter().map(|x| x.abs()))
 }
 
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most, x| most.max(x.abs()))
-}
-
 /// How far interference moves images.
 #[derive(Default)]
 struct Moved {
@@ -194,15 +188,10 @@ impl Moved {
         let (fit_by, fringes) = (rms(&self.speckle), rms(&self.fringes));
         let (middle, off, rows) = (median(&self.core), rms(&self.core), self.core.len());
         let (lost, misfits) = (self.lost, self.misfits);
-        println!(
-            "{name}: the fit moves by {of_fit:.1e} px at most, and by speckle {fit_by:.2} RMS"
-        );
-        println!(
-            "the core {middle:.4} px in the median, {off:.4} RMS, {of_core:.3} at most of {rows}"
-        );
-        println!(
-            "lost {lost:?}, misfits {misfits:?}; fringes {fringes:.3} RMS, {of_fringes:.3} at most"
-        );
+        println!("{name}: the fit moves by {of_fit:.1e} px at most, by speckle {fit_by:.2} RMS");
+        println!("the core {middle:.4} px (median), {off:.4} RMS, {of_core:.3} at most of {rows}");
+        print!("lost {lost:?}, misfits {misfits:?}; ");
+        println!("fringes {fringes:.3} RMS, to {of_fringes:.3}");
     }
 }
 

@@ -6,9 +6,8 @@ use crate::model::phase_table::{Found, Weights};
 use crate::support::{self, *};
 use phase_tables::{DEFAULT, FRAUNHOFER, Profile, gaussian, slit};
 use simulator::least_squares::{Gaussian, fit_weighted};
-use slitrange::centre::tables::{self, Sampling};
-use slitrange::centre::{self, half_width};
-use slitrange::distance::eq1::{Eq1, NOMINAL};
+use slitrange::centre::half_width;
+use slitrange::centre::tables;
 
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;
@@ -159,28 +158,25 @@ fn integer_tables_agree_with_the_designed_tables() {
     ] {
         let integer = model::phase_table::integer(set.tables());
         let exact = model::phase_table::exact(profile, plan);
-        let both: Vec<Option<[f64; 2]>> = (0..ROWS)
-            .into_par_iter()
-            .filter_map(|number| {
-                let drawn = drawn(3, number)?;
-                let found = drawn.centre(estimator)?;
-                let [integer, exact] = [&integer, &exact].map(|weights| {
-                    model::phase_table::centre(&drawn.light, &drawn.spot, weights, Sampling::Fine)
-                });
-                let (integer, exact) = (integer?, exact?);
-                let place = |found: &Found| (found.block, found.table, found.window);
-                let apart = integer.centre - exact.centre;
-                let same = place(&integer) == place(&exact);
-                Some(same.then_some([apart, apart / found.uncertainty.to_f64()]))
-            })
-            .collect();
+        let both = (0..ROWS).into_par_iter().filter_map(|number| {
+            let drawn = drawn(3, number)?;
+            let found = drawn.centre(estimator)?;
+            let [integer, exact] = [&integer, &exact].map(|weights| {
+                model::phase_table::centre(&drawn.light, &drawn.spot, weights, Sampling::Fine)
+            });
+            let (integer, exact) = (integer?, exact?);
+            let place = |found: &Found| (found.block, found.table, found.window);
+            let apart = integer.centre - exact.centre;
+            let same = place(&integer) == place(&exact);
+            Some(same.then_some([apart, apart / found.uncertainty.to_f64()]))
+        });
+        let both: Vec<Option<[f64; 2]>> = both.collect();
         let same: Vec<[f64; 2]> = both.iter().copied().flatten().collect();
         let pixels = rms(same.iter().map(|[pixels, _]| *pixels));
         let of_claim = rms(same.iter().map(|[_, of_claim]| *of_claim));
         let (same, all) = (same.len(), both.len());
-        println!(
-            "{estimator:?}: {of_claim:.4} of the claim, {pixels:.1e} px, {same} rows of {all}"
-        );
+        print!("{estimator:?}: {of_claim:.4} of the claim, ");
+        println!("{pixels:.1e} px, {same} of {all} rows");
         assert!(of_claim <= 0.003, "{estimator:?}: {of_claim}");
         assert!(100 * same >= 98 * all, "{estimator:?}");
     }
@@ -191,15 +187,13 @@ fn integer_tables_agree_with_the_designed_tables() {
 /// about 3 % of the limit and some noise.
 #[test]
 fn the_centroid_agrees_with_its_model() {
-    let steps: Vec<f64> = (0..ROWS)
-        .into_par_iter()
-        .filter_map(|number| {
-            let drawn = drawn(3, number)?;
-            let found = drawn.centre(Estimator::Centroid)?;
-            let model = model::centroid::centre(&drawn.light, &drawn.spot)?;
-            Some(f64::from(found.centre.to_bits()) - model * STEPS)
-        })
-        .collect();
+    let steps = (0..ROWS).into_par_iter().filter_map(|number| {
+        let drawn = drawn(3, number)?;
+        let found = drawn.centre(Estimator::Centroid)?;
+        let model = model::centroid::centre(&drawn.light, &drawn.spot)?;
+        Some(f64::from(found.centre.to_bits()) - model * STEPS)
+    });
+    let steps: Vec<f64> = steps.collect();
     let (same, other): (Vec<f64>, Vec<f64>) = steps.iter().partition(|steps| steps.abs() <= 1.0);
     let (all, most) = (rms(steps.iter().copied()), worst(other.iter().copied()));
     println!(
@@ -272,14 +266,12 @@ fn the_fit_agrees_with_the_reference_and_the_tables_come_near_it() {
         let cell = support::cell(width, amplitude, noise, 4000, 5);
         let scene = cell.scene_of(PIXELS);
         let geometry = scene.geometry();
-        let fits: Vec<Fits> = (0..cell.rows)
-            .into_par_iter()
-            .map(|number| {
-                let truth = cell.true_centre(number);
-                let light = quantise(&scene.row_with_centre(number, truth, 1.0), 4095);
-                Fits::of(&light, truth, &geometry).expect("all three find the spot")
-            })
-            .collect();
+        let fits = (0..cell.rows).into_par_iter().map(|number| {
+            let truth = cell.true_centre(number);
+            let light = quantise(&scene.row_with_centre(number, truth, 1.0), 4095);
+            Fits::of(&light, truth, &geometry).expect("all three find the spot")
+        });
+        let fits: Vec<Fits> = fits.collect();
         let apart = |fits: &Fits| (fits.fit - fits.reference) / fits.uncertainty;
         let (apart_rms, apart_most) = (rms(fits.iter().map(apart)), worst(fits.iter().map(apart)));
         let reference = rms(fits.iter().map(|fits| fits.reference));

@@ -3,8 +3,6 @@
 
 use crate::support::*;
 use judges::accuracy::answers;
-use judges::hard_cases::Truth;
-use judges::hard_cases::judge::Said;
 
 /// Rows of a cell.
 const ROWS: u64 = 2000;
@@ -110,30 +108,26 @@ fn cut_windows_use_no_table_and_give_no_confident_error() {
         let is_table = !matches!(estimator, Estimator::Centroid | Estimator::GaussNewton);
         // Of each row the widths from the edge and whether the estimator alone has a centre, and the
         // confident errors of both.
-        let rows: Vec<(f64, bool, bool)> = (0..20_000u64)
-            .into_par_iter()
-            .map(|seed| {
-                let random = &mut random(seed);
-                let width = 0.8 * f64::powf(125.0, random.random_range(0.0..1.0));
-                let amplitude = random.random_range(100.0..3000.0);
-                let noise = (4.0, random.random_bool(0.5).then_some(10.0));
-                let cell = cell(width, amplitude, noise, 0, seed);
-                let widths = random.random_range(-4.0..5.0);
-                let truth = truth(widths * cell.width, random.random_bool(0.5));
-                let found = centres(&cell, &light_of(&cell, seed, truth), estimator);
-                let is_confident_error =
-                    |found: &Answer| Said::of_row(Truth::Centre(truth), found).is_confident_error();
-                let is_wrong = found.iter().any(is_confident_error);
-                (widths, found[0].is_ok(), is_wrong)
-            })
-            .collect();
+        let rows = (0..20_000u64).into_par_iter().map(|seed| {
+            let random = &mut random(seed);
+            let width = 0.8 * f64::powf(125.0, random.random_range(0.0..1.0));
+            let amplitude = random.random_range(100.0..3000.0);
+            let noise = (4.0, random.random_bool(0.5).then_some(10.0));
+            let cell = cell(width, amplitude, noise, 0, seed);
+            let widths = random.random_range(-4.0..5.0);
+            let truth = truth(widths * cell.width, random.random_bool(0.5));
+            let found = centres(&cell, &light_of(&cell, seed, truth), estimator);
+            let is_confident_error =
+                |found: &Answer| Said::of_row(Truth::Centre(truth), found).is_confident_error();
+            let is_wrong = found.iter().any(is_confident_error);
+            (widths, found[0].is_ok(), is_wrong)
+        });
+        let rows: Vec<(f64, bool, bool)> = rows.collect();
         let with_centre = rows.iter().filter(|row| row.1).map(|row| row.0);
         let nearest = with_centre.clone().fold(f64::INFINITY, f64::min);
         let wrong = rows.iter().filter(|row| row.2).count();
         let (name, centres) = (estimator.name(), with_centre.count());
-        println!(
-            "{name:>14}: {centres} centres, the nearest {nearest:.2} widths in; {wrong} wrong"
-        );
+        println!("{name:>14}: {centres} centres from {nearest:.2} widths on; {wrong} wrong");
         if wrong > 0 || (is_table && nearest < 3.0) {
             failures.push(estimator);
         }

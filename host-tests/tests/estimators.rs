@@ -3,9 +3,7 @@
 
 use crate::profile_rows;
 use crate::support::{self, *};
-use judges::accuracy::centre_after;
 use phase_tables::gaussian;
-use simulator::profiles::{self, Curve, Slit};
 
 fn cell(width: f64, amplitude: f64, noise: Noise) -> Cell {
     support::cell(width, amplitude, noise, 4000, 11)
@@ -17,19 +15,14 @@ fn cell(width: f64, amplitude: f64, noise: Noise) -> Cell {
 fn a_tilted_background_does_not_move_the_centre() {
     let curve = profiles::gaussian();
     for (slope, width) in pairs([0.3, 2.0], [2.0, 4.0, 10.5]) {
-        let cell = Cell {
-            // The mean error of a wide spot is known to 0.00016 px, of others to 0.0002 px.
-            rows: if width > 5.0 { 20_000 } else { 5000 },
-            seed: 23,
-            ..cell(width, 2000.0, (2.0, Some(5.0)))
-        };
+        // The mean error of a wide spot is known to 0.00016 px, of others to 0.0002 px.
+        let rows = if width > 5.0 { 20_000 } else { 5000 };
+        let cell = support::cell(width, 2000.0, (2.0, Some(5.0)), rows, 23);
         let [adaptive, default] = errors(&curve, cell, |i| (slope * i as f64).round() as u16);
         let ratio = adaptive.1 / cell.spot().bound();
         let (mean, of_default) = (adaptive.0, default.0);
-        print!(
-            "{slope} counts a pixel, sigma {width:>4}: mean error {mean:+.5} px, of the default "
-        );
-        println!("{of_default:+.5} px; RMSE / bound {ratio:.2}");
+        print!("{slope} counts a pixel, sigma {width:>4}: mean error {mean:+.5} px, ");
+        println!("of the default {of_default:+.5} px; RMSE / bound {ratio:.2}");
         assert!(mean.abs() <= 0.002 && ratio <= 1.14);
         // The default estimator does not know of tilts, or there would be no tilt.
         assert!(of_default.abs() > 0.002);
@@ -99,13 +92,10 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
         (30.0, 4.0, 0.027),
     ] {
         let cell = cell(width, 4095.0 * factor, (2.0, Some(5.0)));
-        let outcome = cell.run(PIXELS, |geometry, light| {
-            centre_of(geometry, light, Estimator::GaussNewton)
-        });
+        let fit = Estimator::GaussNewton;
+        let outcome = cell.run(PIXELS, |geometry, light| centre_of(geometry, light, fit));
         let ratio = outcome.ratio();
-        println!(
-            "sigma {width:>4}, {factor} of full scale: {ratio:.2} of the bound, {outcome:.4?}"
-        );
+        println!("sigma {width:>4}, {factor} full scales: {ratio:.2} of the bound, {outcome:.4?}");
         assert!(outcome.rmse <= limit && (outcome.faults, outcome.gross) == (0, 0));
         assert!((outcome.pull - 1.0).abs() <= 0.06);
         let geometry = cell.scene_of(PIXELS).geometry();
@@ -145,17 +135,13 @@ fn a_spot_that_is_no_gaussian_is_a_misfit() {
             let mut hot = light.clone();
             hot[(truth + width * (row as f64 / 12.5 - 2.0)) as usize] += 300;
             let spot = |i: usize| 200.0 * gaussian(i as f64 - truth - 3.0 * width, width);
-            let second = light
-                .iter()
-                .enumerate()
-                .map(|(i, count)| count + spot(i) as u16);
+            let second = (0..).zip(&light).map(|(i, count)| count + spot(i) as u16);
             let second: Vec<u16> = second.collect();
             fitting_hot += i32::from(!misfit(&hot));
             assert!(misfit(&second), "{width}, row {row}: a second spot fits");
         }
-        println!(
-            "sigma {width}: misfits {clean} of {rows} clean rows, all but {fitting_hot} of 50 hot"
-        );
+        print!("sigma {width}: misfits {clean} of {rows} clean rows, ");
+        println!("{fitting_hot} of 50 hot fit");
         // If the mean is one, a run has five or more with a probability of 1 in 300.
         let most = if width == 30.0 { 4 } else { 0 };
         assert!(fitting_hot <= most, "{width}: {fitting_hot}");

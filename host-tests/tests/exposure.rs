@@ -6,9 +6,8 @@ use crate::support::*;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, is_in_middle};
 use judges::changing_light::{DELAY, Sensor, scene};
-use slitrange::base::exposure::{Exposure, ExposureMode};
+use slitrange::base::exposure::ExposureMode;
 use slitrange::light::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
-use slitrange::{Counts, Estimator};
 
 fn us(us: u16) -> Exposure {
     Exposure::from_us(us).expect("an exposure")
@@ -69,10 +68,8 @@ fn a_row_tells_the_exposure_that_fits() {
 #[test]
 fn a_flat_top_tells_where_the_room_ends() {
     let mut auto = AutoExposure::new();
-    let cut = Brightness::Saturated {
-        pixels: 12,
-        room: 2000,
-    };
+    let (pixels, room) = (12, 2000);
+    let cut = Brightness::Saturated { pixels, room };
     auto.follow_row(us(1000), cut, Exposure::LONGEST);
     assert_eq!(auto.next(Exposure::LONGEST), us(250));
     let of = |height| Brightness::Height { height, room: 3500 };
@@ -127,11 +124,8 @@ fn a_fault_names_the_exposure_of_its_rows() {
         let mut sensor = Sensor::new(scene(), options);
         for reflectivity in [1.0, 1e-3, 1.0, 1e-4, 3e-2, 1.0] {
             for result in sensor.frames(reflectivity, 24 / usize::from(rows)) {
-                use Fault::{DimAtLongest, SaturatedAtShortest};
-                let is_at_the_end = matches!(
-                    result,
-                    Err(DimAtLongest { .. } | SaturatedAtShortest { .. })
-                );
+                use Fault::{DimAtLongest as Dim, SaturatedAtShortest as Saturated};
+                let is_at_the_end = matches!(result, Err(Dim { .. } | Saturated { .. }));
                 assert!(!is_at_the_end, "{rows} rows, {reflectivity}: {result:?}");
             }
         }
@@ -154,10 +148,8 @@ fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
             let valid = results.iter().filter(|result| result.is_ok()).count();
             println!("{effect}, {estimator:?}: exposures {exposures:?}, {valid} of 10 frames");
             assert_eq!(valid, 10, "{effect}, {estimator:?}: {results:?}");
-            assert!(
-                exposures.len() <= 2,
-                "{effect}, {estimator:?}: {exposures:?}"
-            );
+            let is_settled = exposures.len() <= 2;
+            assert!(is_settled, "{effect}, {estimator:?}: {exposures:?}");
         }
     }
 }
@@ -215,10 +207,8 @@ fn assert_range(targets: usize, frames: usize, least_within: f64, most_lowest: f
     let (mut readings, mut beyond) = (0, 0);
     for target in &targets {
         let (ratio, low) = (target.ratio(), target.ratio_of_lowest());
-        println!(
-            "{:.2e}: ratio {ratio:.3}, low {low:.3}; {:?}",
-            target.reflectivity, target.auto
-        );
+        let (reflectivity, auto) = (target.reflectivity, &target.auto);
+        println!("{reflectivity:.2e}: ratio {ratio:.3}, low {low:.3}; {auto:?}");
         for auto in [target.auto, target.auto_lowest] {
             assert_eq!((auto.faults, auto.beyond_5), (0, 0), "{target:?}");
             let within = 1.0 - auto.beyond_2 as f64 / auto.readings() as f64;
@@ -278,12 +268,12 @@ fn faults_name_the_end_of_the_exposures() {
     let mut sensor = Sensor::new(scene(), Options::default());
     let dim = sensor.frames(6e-6, 3).pop().expect("three");
     println!("{dim:?}");
-    assert!(
-        matches!(dim, Err(Fault::DimAtLongest { exposure, .. }) if exposure == Exposure::LONGEST)
-    );
+    let longest = Exposure::LONGEST;
+    assert!(matches!(dim, Err(Fault::DimAtLongest { exposure, .. }) if exposure == longest));
     let bright = sensor.frames(4.0, 3).pop().expect("three");
     println!("{bright:?}");
-    assert!(
-        matches!(bright, Err(Fault::SaturatedAtShortest { exposure, .. }) if exposure == us(10))
-    );
+    let Err(Fault::SaturatedAtShortest { exposure, .. }) = bright else {
+        panic!("not the shortest");
+    };
+    assert_eq!(exposure, us(10));
 }

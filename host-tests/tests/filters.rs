@@ -1,40 +1,22 @@
 //! The steps between a frame's reading and its line: what a filter claims of its distance is what its
 //! distances show.
 
-use judges::frames::at_centre;
+use crate::support::*;
 use proptest::prelude::*;
 use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres};
-use slitrange::distance::Calibration;
-use slitrange::reading::Reading;
-use slitrange::reading::uncertainty::{CalibrationErrors, Parts, Surface};
+use rand_distr::Distribution as _;
 use slitrange_device::filters::average::{Average, Filter};
 use slitrange_device::filters::{Limits, SpikeFilter, Spikes};
 
 /// A reading at a distance, whose parts are all 3 um but for the noise.
 fn reading(distance: Micrometres, noise: Micrometres) -> Reading {
-    let three = Micrometres::from_int(3);
-    let parts = Parts {
-        noise,
-        shape: three,
-        pixels: three,
-        calibration: three,
-        surface: three,
-        geometry: three,
-        motion: three,
-    };
+    let parts = with(parts([Micrometres::from_int(3); 7]), |it| it.noise = noise);
     let calibration = Calibration::nominal();
     let errors = CalibrationErrors::Nominal;
     let reading = at_centre(1800.0).reading(calibration.as_ref(), &errors, Surface::Auto);
-    Reading {
-        distance,
-        uncertainty: parts.combined(),
-        parts,
-        ..reading.expect("a distance")
-    }
+    with(reading.expect("a distance"), |it| {
+        (it.distance, it.uncertainty, it.parts) = (distance, parts.combined(), parts);
+    })
 }
 
 const FAULT: Fault = Fault::NoSpot {
@@ -71,19 +53,14 @@ fn the_repeatability_of_a_filter_is_its_scatter() {
             let mut filter = Filter::default();
             for count in 1..=3 * usize::from(n) {
                 let error: f64 = StandardNormal.sample(&mut random);
-                let now = Reading {
-                    distance: Micrometres::from_f32(800_000.0 + (NOISE_UM * error) as f32),
-                    ..template
-                };
+                let distance = Micrometres::from_f32(800_000.0 + (NOISE_UM * error) as f32);
+                let now = with(template, |it| it.distance = distance);
                 let out = filter.take(average, false, Ok(now)).expect("a distance");
                 for (place, _) in ends.iter().enumerate().filter(|(_, end)| **end == count) {
                     squares[place] += (out.distance.to_f64() - 800_000.0).powi(2);
                     claimed[place] = out.parts.noise.to_f64();
                 }
-                let expected = Parts {
-                    noise: out.parts.noise,
-                    ..template.parts
-                };
+                let expected = with(template.parts, |it| it.noise = out.parts.noise);
                 assert_eq!(out.parts, expected);
                 assert_eq!(out.uncertainty, expected.combined());
             }
@@ -91,9 +68,8 @@ fn the_repeatability_of_a_filter_is_its_scatter() {
         let scatter = squares.map(|it: f64| (it / RUNS as f64).sqrt());
         for ((end, scatter), claimed) in ends.iter().zip(scatter).zip(claimed) {
             let share = scatter / claimed;
-            println!(
-                "{average:?} after {end}: scatter {scatter:.3} um, claimed {claimed:.3} um, {share:.3}"
-            );
+            print!("{average:?} after {end}: ");
+            println!("scatter {scatter:.3} um of {claimed:.3}, {share:.3}");
             // Four standard deviations of a scatter over so many runs.
             let chance = 4.0 / (2.0 * RUNS as f64).sqrt();
             assert!((least - chance..1.0 + chance).contains(&share));
@@ -109,10 +85,8 @@ fn the_repeatability_of_a_filter_is_its_scatter() {
                 last + (1.0 / n - last) * (1.0 - 1.0 / n).powf(4.0 * n)
             }
         };
-        assert!(
-            (variances / expected - 1.0).abs() < 0.01,
-            "{average:?}: {variances} {expected}"
-        );
+        let off = (variances / expected - 1.0).abs();
+        assert!(off < 0.01, "{average:?}: {variances} {expected}");
     }
 }
 
@@ -138,17 +112,10 @@ fn noise_of_dark_rows_shrinks_less() {
 #[test]
 fn a_filter_shows_the_flags_of_its_window_and_forgets_over_faults() {
     let near = reading(Micrometres::from_int(700_000), Micrometres::from_int(8));
-    let near = Reading {
-        misfits: 3,
-        correlated: Some(4),
-        ..near
-    };
+    let near = with(near, |it| (it.misfits, it.correlated) = (3, Some(4)));
     let far = reading(Micrometres::from_int(900_000), Micrometres::from_int(8));
-    for average in [
-        Average::Moving(3),
-        Average::Median(3),
-        Average::Recursive(3),
-    ] {
+    for average in [Average::Moving, Average::Median, Average::Recursive] {
+        let average = average(3);
         let mut filter = Filter::default();
         let mut take = |result| filter.take(average, false, result);
         take(Ok(near)).expect("a distance");
@@ -178,11 +145,7 @@ fn a_filter_shows_the_flags_of_its_window_and_forgets_over_faults() {
 #[test]
 fn a_recursive_filter_shows_a_flag_while_its_readings_have_weight() {
     let plain = reading(Micrometres::from_int(700_000), Micrometres::from_int(8));
-    let flagged = Reading {
-        misfits: 3,
-        correlated: Some(4),
-        ..plain
-    };
+    let flagged = with(plain, |it| (it.misfits, it.correlated) = (3, Some(4)));
     for n in [2u8, 8, 21, 22, 64] {
         for flagged_ones in [1, 5 * u32::from(n)] {
             let mut filter = Filter::default();
@@ -214,13 +177,9 @@ fn a_recursive_filter_shows_a_flag_while_its_readings_have_weight() {
 }
 
 fn averages() -> impl Strategy<Value = Average> {
-    let length = 2u8..=64;
-    prop_oneof![
-        Just(Average::None),
-        length.clone().prop_map(Average::Moving),
-        length.clone().prop_map(Average::Median),
-        length.prop_map(Average::Recursive),
-    ]
+    let kinds = vec![Average::Moving, Average::Median, Average::Recursive];
+    let averages = (prop::sample::select(kinds), 2u8..=64).prop_map(|(kind, n)| kind(n));
+    prop_oneof![1 => Just(Average::None), 3 => averages]
 }
 
 proptest! {

@@ -3,10 +3,8 @@
 //! assert.
 
 use crate::support::*;
-use judges::hard_cases::HardRow;
-use judges::hard_cases::judge::{Answer, Answers, Said, answers};
+use judges::hard_cases::judge::{Answer, Answers, answers};
 use judges::hard_cases::mixtures;
-use judges::hard_cases::recipe::Recipe;
 
 /// Whether the check finds a top to be flat that the estimator takes for a spot. No fit is among the
 /// estimators here: a fit measures such a spot by its flanks.
@@ -33,11 +31,9 @@ fn is_recognised_by_any(row: &HardRow) -> bool {
 #[test]
 fn clean_tops_are_not_taken_for_flat_ones() {
     const ROWS: u64 = 60_000;
-    let found: Vec<u64> = (0..ROWS)
-        .into_par_iter()
-        .map(|seed| (1 << 41) + seed)
-        .filter(|&seed| is_recognised_by_any(&mixtures::clean(seed).row()))
-        .collect();
+    let seeds = (1 << 41..(1 << 41) + ROWS).into_par_iter();
+    let found = seeds.filter(|&seed| is_recognised_by_any(&mixtures::clean(seed).row()));
+    let found: Vec<u64> = found.collect();
     let most = (1e-5 * ROWS as f64) + 3.0 * (1e-5 * ROWS as f64).sqrt();
     println!("of {ROWS} clean rows ({most:.0} allowed): {found:?}");
     assert!(found.len() as f64 <= most);
@@ -77,13 +73,11 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
 /// The light pixels of a scene's row.
 fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
     let light = quantise(&counts[geometry.light.clone()], geometry.full_scale());
+    let own = self::geometry(light.len(), geometry.shot_variance_per_count_q16);
     HardRow {
-        geometry: Geometry {
-            saturation: geometry.saturation,
-            ..self::geometry(light.len(), geometry.shot_variance_per_count_q16)
-        },
+        geometry: with(own, |it| it.saturation = geometry.saturation),
         light,
-        truth: judges::hard_cases::Truth::None,
+        truth: Truth::None,
     }
 }
 
@@ -99,19 +93,15 @@ fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
     for (electrons_per_count, read_noise) in [(Some(10.0), 4.0), (Some(5.0), 2.0), (None, 2.0)] {
         for (level, width) in pairs([800, 1500, 2500], [1.5, 2.5, 4.0, 8.6, 20.0, 60.0]) {
             let shares = TIMES.map(|times| {
-                let recipe = Recipe {
-                    pixels: if width < 15.0 { 512 } else { 2048 },
-                    electrons_per_count,
-                    read_noise,
-                    ..Recipe::clean(width)
-                };
-                let height = times * (f64::from(level) - recipe.black_level);
-                let recipe = recipe
-                    .spot(|spot| spot.amplitude = height)
-                    .with_well(level, false);
-                let [found] = tally(rows_of_each, |number| {
-                    [is_recognised(&answers(&recipe.row(77, number))[ADAPTIVE]).into()]
+                let recipe = with(Recipe::clean(width), |it| {
+                    it.pixels = if width < 15.0 { 512 } else { 2048 };
+                    (it.electrons_per_count, it.read_noise) = (electrons_per_count, read_noise);
                 });
+                let height = times * (f64::from(level) - recipe.black_level);
+                let recipe = recipe.spot(|spot| spot.amplitude = height);
+                let recipe = recipe.with_well(level, false);
+                let found_in = |row: &HardRow| is_recognised(&answers(row)[ADAPTIVE]);
+                let [found] = tally(rows_of_each, |it| [found_in(&recipe.row(77, it)).into()]);
                 100.0 * found as f64 / rows_of_each as f64
             });
             let electrons = electrons_per_count.unwrap_or(f64::INFINITY);

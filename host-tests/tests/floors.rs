@@ -66,7 +66,7 @@ fn code(path: &Path) -> String {
     let code = source.split("#[cfg(test)]").next().unwrap_or_default();
     let lines = code.lines().map(|line| line.split("//").next());
     lines
-        .map(|line| line.unwrap_or_default().to_owned() + "\n")
+        .flat_map(|line| [line.unwrap_or_default(), "\n"])
         .collect()
 }
 
@@ -134,9 +134,8 @@ fn dependencies(manifest: &str) -> impl Iterator<Item = &str> {
 
 #[test]
 fn a_crate_depends_only_on_crates_before_it() {
-    let manifests: Vec<String> = (CRATES.iter())
-        .map(|name| read(&root().join(name).join("Cargo.toml")))
-        .collect();
+    let manifest = |name: &&str| read(&root().join(name).join("Cargo.toml"));
+    let manifests: Vec<String> = CRATES.iter().map(manifest).collect();
     let floor = |name: &str| manifests.iter().position(|it| package(it) == name);
     let mut arrows = 0;
     for (here, manifest) in manifests.iter().enumerate() {

@@ -4,9 +4,7 @@
 use std::f64::consts::TAU;
 
 use crate::support::{self, *};
-use judges::frames;
 use rand_distr::Gamma;
-use slitrange::frame::{Frame, FrameCentre, Mean};
 
 /// Where the spot is, in pixels.
 const TRUTH: f64 = 1800.3;
@@ -56,21 +54,19 @@ type Drawn = (Vec<RowCentre>, f64);
 /// of none all are equal.
 fn draw(random: &mut ChaCha8Rng, count: usize, alike: Option<f64>, outliers: Outliers) -> Drawn {
     let mut information = 0.0;
-    let rows = (0..count)
-        .map(|_| {
-            let gamma = alike.map(|alike| Gamma::new(alike, 1.0 / alike).expect("a distribution"));
-            let brightness: f64 = gamma.map_or(1.0, |gamma| gamma.sample(random));
-            let uncertainty = UNCERTAINTY / brightness.sqrt();
-            let noise: f64 = StandardNormal.sample(random);
-            let outlier = outliers.draw(random);
-            if outlier.is_none() {
-                information += uncertainty.powi(-2);
-            }
-            let off = outlier.unwrap_or(0.0) + uncertainty * noise;
-            row_centre(TRUTH + off, uncertainty)
-        })
-        .collect();
-    (rows, 1.0 / f64::sqrt(information))
+    let rows = (0..count).map(|_| {
+        let gamma = alike.map(|alike| Gamma::new(alike, 1.0 / alike).expect("a distribution"));
+        let brightness: f64 = gamma.map_or(1.0, |gamma| gamma.sample(random));
+        let uncertainty = UNCERTAINTY / brightness.sqrt();
+        let noise: f64 = StandardNormal.sample(random);
+        let outlier = outliers.draw(random);
+        if outlier.is_none() {
+            information += uncertainty.powi(-2);
+        }
+        let off = outlier.unwrap_or(0.0) + uncertainty * noise;
+        row_centre(TRUTH + off, uncertainty)
+    });
+    (rows.collect(), 1.0 / f64::sqrt(information))
 }
 
 /// What came of many frames.
@@ -93,20 +89,17 @@ fn run(
     (name, count, how): (&str, usize, Mean),
     draw: impl Fn(&mut ChaCha8Rng) -> Drawn + Sync,
 ) -> Outcome {
-    let found: Vec<Option<Found>> = (0..frames)
-        .into_par_iter()
-        .map(|frame| {
-            let (rows, bound) = draw(&mut random(frame));
-            let found = centre(rows, how).ok()?;
-            Some(Found {
-                bound,
-                error: found.centre.to_f64() - TRUTH,
-                claim: found.uncertainty.to_f64(),
-                is_flagged: found.correlated.is_some(),
-            })
+    let found = (0..frames).into_par_iter().filter_map(|frame| {
+        let (rows, bound) = draw(&mut random(frame));
+        let found = centre(rows, how).ok()?;
+        Some(Found {
+            bound,
+            error: found.centre.to_f64() - TRUTH,
+            claim: found.uncertainty.to_f64(),
+            is_flagged: found.correlated.is_some(),
         })
-        .collect();
-    let found: Vec<Found> = found.into_iter().flatten().collect();
+    });
+    let found: Vec<Found> = found.collect();
     let others: Vec<&Found> = found.iter().filter(|it| !it.is_flagged).collect();
     let is_confident_error = |it: &&&Found| it.error.abs() > 5.0 * it.claim + 0.05;
     let outcome = Outcome {
@@ -239,10 +232,8 @@ fn draw_correlated(random: &mut ChaCha8Rng, count: usize, share: f64) -> Drawn {
 /// variance of a row over that of their mean.
 fn independent(count: usize, share: f64) -> f64 {
     let n = count as f64;
-    let sum: f64 = (1..count)
-        .map(|lag| (1.0 - lag as f64 / n) * share.powi(lag as i32))
-        .sum();
-    n / (1.0 + 2.0 * sum)
+    let terms = (1..count).map(|lag| (1.0 - lag as f64 / n) * share.powi(lag as i32));
+    n / (1.0 + 2.0 * terms.sum::<f64>())
 }
 
 /// The share by which rows hang together that are worth so many.
@@ -332,10 +323,9 @@ fn centre_in_motion(
         let at = drawn.centre.to_f64() + place(from_middle);
         frame.add(match missing.has(number, rows, random) {
             true => Err(Fault::SensorSilent),
-            false => Ok(RowCentre {
-                width: Pixels::from_int(40),
-                ..row_centre(at, drawn.uncertainty.to_f64())
-            }),
+            false => Ok(with(row_centre(at, drawn.uncertainty.to_f64()), |it| {
+                it.width = Pixels::from_int(40);
+            })),
         });
     }
     frame.centre(how).ok()
@@ -346,12 +336,10 @@ fn centres(
     frames: u64,
     one: impl Fn(&mut ChaCha8Rng) -> Option<FrameCentre> + Sync,
 ) -> Vec<FrameCentre> {
-    let found: Vec<Option<FrameCentre>> = (0..frames)
-        .into_par_iter()
-        .map(|frame| one(&mut random(frame)))
-        .collect();
+    let found = (0..frames).into_par_iter();
+    let complete = found.filter_map(|frame| one(&mut random(frame)));
+    let complete: Vec<FrameCentre> = complete.collect();
     // Of 16 rows with a chance of one in four each, eight or more are missing in 2.7 % of the frames.
-    let complete: Vec<FrameCentre> = found.iter().copied().flatten().collect();
     assert!(complete.len() as f64 >= 0.96 * frames as f64, "faults");
     complete
 }
@@ -440,11 +428,9 @@ fn check_acceleration(case: Case, found: &[FrameCentre], shift: f64) {
 fn rows_at_rest_have_neither_motion_nor_spread() {
     for case in cases(&[2, 3, 5, 8, 16, 64], &[None, Some(4.0)], &[Missing::None]) {
         let found = centres(FRAMES, |random| centre_in_motion(random, case, |_| 0.0));
-        let share = |is_so: fn(&&FrameCentre) -> bool| {
-            found.iter().filter(is_so).count() as f64 / FRAMES as f64
-        };
-        let moving = share(|it| it.motion.to_f64() > 0.0);
-        let spread = share(|it| it.spread.to_f64() > 0.0);
+        let count = |is_so: fn(&&FrameCentre) -> bool| found.iter().filter(is_so).count() as f64;
+        let moving = count(|it| it.motion.to_f64() > 0.0) / FRAMES as f64;
+        let spread = count(|it| it.spread.to_f64() > 0.0) / FRAMES as f64;
         let name = named(case);
         println!("{name}: {moving:.5} have motion, {spread:.4} spread");
         assert!(moving <= 0.0005, "{moving}");
@@ -524,18 +510,16 @@ fn the_spread_is_the_displacement_beyond_the_noise() {
 fn a_swinging_target_widens_the_uncertainty() {
     for periods in [0.25, 0.5, 1.0, 1.5, 2.0, 4.0] {
         for case in cases(&[16, 64], &[None], &[Missing::None]) {
-            let found: Vec<(f64, f64)> = (0..4000u64)
-                .into_par_iter()
-                .filter_map(|frame| {
-                    let mut random = random(frame);
-                    let phase = random.random_range(0.0..TAU);
-                    let turns = |at: f64| periods * at / case.0 as f64;
-                    let place = |at: f64| 0.5 * (phase + TAU * turns(at)).sin();
-                    let found = centre_in_motion(&mut random, case, place)?;
-                    let truth = TRUTH + place(0.0);
-                    Some((found.centre.to_f64() - truth, pull(&found, truth)))
-                })
-                .collect();
+            let found = (0..4000u64).into_par_iter().filter_map(|frame| {
+                let mut random = random(frame);
+                let phase = random.random_range(0.0..TAU);
+                let turns = |at: f64| periods * at / case.0 as f64;
+                let place = |at: f64| 0.5 * (phase + TAU * turns(at)).sin();
+                let found = centre_in_motion(&mut random, case, place)?;
+                let truth = TRUTH + place(0.0);
+                Some((found.centre.to_f64() - truth, pull(&found, truth)))
+            });
+            let found: Vec<(f64, f64)> = found.collect();
             let off = rms(found.iter().map(|it| it.0));
             let pull = rms(found.iter().map(|it| it.1));
             let frames = found.len();
@@ -553,33 +537,22 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
     let scene = support::scene(name);
     let options = options(|it| it.rows = rows);
     let calibration = Calibration::nominal();
-    let results: Vec<Option<Found>> = (0..count)
-        .into_par_iter()
-        .map(|reading| {
-            let mut scene = scene.clone();
-            scene.seed += reading;
-            let simulation = Simulation::new(scene.clone());
-            let mut measurement = Measurement::new(scene.geometry(), options);
-            let mut truth = 0.0;
-            let mut result = None;
-            for row in 0..u64::from(rows) {
-                truth += simulation.true_distance(row, scene.distance) * 1e6 / f64::from(rows);
-                let light = simulation.row(row, scene.distance, scene.exposure);
-                result = measurement.row(&mut frames::words(&light, &scene.geometry()));
-            }
-            let measured = result.expect("a frame is complete").ok()?;
-            let errors = CalibrationErrors::Unknown;
-            let reading = measured.reading(calibration.as_ref(), &errors, Surface::Off);
-            let reading = reading.ok()?;
-            Some(Found {
-                bound: 0.0,
-                error: reading.distance.to_f64() - truth,
-                claim: reading.parts.noise.to_f64(),
-                is_flagged: reading.correlated.is_some(),
-            })
+    let found = (0..count).into_par_iter().filter_map(|reading| {
+        let scene = with(scene.clone(), |it| it.seed += reading);
+        let simulation = Simulation::new(scene.clone());
+        let result = frames::measure(&simulation, options, scene.distance, 0, None);
+        let errors = CalibrationErrors::Unknown;
+        let reading = (result.ok()?).reading(calibration.as_ref(), &errors, Surface::Off);
+        let reading = reading.ok()?;
+        let distances = (0..rows).map(|row| simulation.true_distance(row.into(), scene.distance));
+        Some(Found {
+            bound: 0.0,
+            error: reading.distance.to_f64() - 1e6 * mean(distances),
+            claim: reading.parts.noise.to_f64(),
+            is_flagged: reading.correlated.is_some(),
         })
-        .collect();
-    results.into_iter().flatten().collect()
+    });
+    found.collect()
 }
 
 /// Speckle that changes within a frame is seen in its rows, and r covers it. Where it does not change, all
@@ -617,9 +590,6 @@ fn speckle_is_flagged_where_it_changes() {
 #[ignore = "other scenes; takes 45 CPU s; run by .ci/run"]
 fn speckle_is_flagged_where_it_changes_in_short_frames_and_as_the_target_recedes() {
     // The share is known to one part in sqrt(2 * 200): 30 readings gave 0.79, where 500 give 0.94.
-    check_speckle(&[
-        ("speckle-receding", 64, 200),
-        ("speckle-sliding", 16, 30),
-        ("speckle-receding", 16, 30),
-    ]);
+    let (receding, sliding) = ("speckle-receding", "speckle-sliding");
+    check_speckle(&[(receding, 64, 200), (sliding, 16, 30), (receding, 16, 30)]);
 }

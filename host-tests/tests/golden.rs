@@ -5,21 +5,16 @@ use std::fmt::Write as _;
 
 use crate::support::*;
 use judges::accuracy;
-use judges::hard_cases::flaw::{Bad, Flaw, Second};
-use judges::hard_cases::{self, HardRow, Recipe, Shape};
-use slitrange::frame::{Frame, Mean};
+use judges::hard_cases::{self, Recipe, Shape};
 
 /// The checked centre of a row.
-fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {
-    let (geometry, by) = (&row.geometry, Estimator::default());
-    let light = Row::new(&row.light, &[], geometry.saturated_from()).expect("12 bits");
-    let (spot, budget) = spot::find(&light)?;
-    centre_of_spot(by, &light, &spot, before, geometry, None, budget)
+fn answer(row: &HardRow, before: Option<&RowCentre>) -> Answer {
+    checked_after(before, &row.geometry, &row.light, Estimator::default())
 }
 
 /// An answer to a row: centre, uncertainty by noise and by the shape, height, width and table. Pixels as
 /// multiples of 2^-16, counts as multiples of 2^-8.
-fn answer_text(answer: &Result<RowCentre, Fault>) -> String {
+fn answer_text(answer: &Answer) -> String {
     match answer {
         Ok(row) => format!(
             "x {} u {} s {} a {} w {} table {}/{}/{}{}",
@@ -82,22 +77,13 @@ enum Rows {
 
 use Rows::*;
 
-impl Rows {
-    const ALL: [Self; 12] = [
-        Alike,
-        Unlike,
-        OneCertain,
-        Outliers,
-        Misfits,
-        Faults,
-        TooCertain,
-        Moving,
-        MovingOutliers,
-        Correlated,
-        CorrelatedExcess,
-        TwoPlaces,
-    ];
+const ROWS: [[Rows; 4]; 3] = [
+    [Alike, Unlike, OneCertain, Outliers],
+    [Misfits, Faults, TooCertain, Moving],
+    [MovingOutliers, Correlated, CorrelatedExcess, TwoPlaces],
+];
 
+impl Rows {
     fn frame(self, count: usize) -> Frame {
         const UNCERTAINTY: f64 = 0.03;
         let mut random = random(count as u64);
@@ -131,13 +117,12 @@ impl Rows {
                 frame.add(Err(Fault::SensorSilent));
                 continue;
             }
-            frame.add(Ok(RowCentre {
-                centre: Pixels::from_f32((1800.3 + place + growth * uncertainty * error) as f32),
-                uncertainty: Pixels::from_f32(uncertainty as f32),
-                amplitude: Counts::from_int(1000 + number as i32),
-                misfit: matches!(self, Misfits) && is_fourth,
-                ..row_centre(0.0, 0.0)
-            }));
+            let centre = (1800.3 + place + growth * uncertainty * error) as f32;
+            frame.add(Ok(with(row_centre(0.0, 0.0), |it| {
+                [it.centre, it.uncertainty] = [centre, uncertainty as f32].map(Pixels::from_f32);
+                it.amplitude = Counts::from_int(1000 + number as i32);
+                it.misfit = matches!(self, Misfits) && is_fourth;
+            })));
         }
         frame
     }
@@ -148,7 +133,7 @@ impl Rows {
 fn centres_of_frames_stay_the_same() {
     const COUNTS: [usize; 10] = [1, 2, 3, 5, 7, 8, 16, 17, 40, 64];
     let mut text = String::new();
-    for (rows, count) in pairs(Rows::ALL, COUNTS) {
+    for (rows, count) in pairs(ROWS.as_flattened(), COUNTS) {
         let frame = rows.frame(count);
         for how in Mean::ALL {
             let answer = match frame.centre(how) {
@@ -184,20 +169,13 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
     };
     let hot = |s, pixels, at| Flaw::Hot(bad(3000.0 * s, pixels, at));
     let dead = |s| Flaw::Stuck(bad(4000.0 * (1.0 - s), 1, 0.5));
-    let second = |s, offset, widths| {
-        Flaw::Second(Second {
-            share: 1.2 * s,
-            offset,
-            widths,
-        })
+    let spot = |share, offset, widths| Second {
+        share,
+        offset,
+        widths,
     };
-    let ghost = |share| {
-        Flaw::Ghost(Second {
-            share,
-            widths: 6.0,
-            offset: 3.0,
-        })
-    };
+    let second = |s, offset, widths| Flaw::Second(spot(1.2 * s, offset, widths));
+    let ghost = |share| Flaw::Ghost(spot(share, 3.0, 6.0));
     let flaws: [(&str, &dyn Fn(f64) -> Flaw); 14] = [
         ("one hot pixel at 1 sigma, to 3000 counts", &|s| {
             hot(s, 1, 1.0)
@@ -238,22 +216,21 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
         writeln!(text, "{name}").expect("text");
         for ((shape_name, shape), width) in pairs(shapes, [1.0, 1.5, 4.0, 10.5, 20.0]) {
             let clean = Recipe::clean(width).spot(|spot| spot.shape = shape);
-            let found: String = (1..=STRENGTHS)
-                .map(|step| {
-                    // From 1/1000 to 1.
-                    let strength = 1e-3f64.powf(1.0 - f64::from(step) / f64::from(STRENGTHS));
-                    let row = clean.clone().with(flaw(strength)).row(7, 0);
-                    let [alone, checked] =
-                        accuracy::answers(&row.geometry, &row.light, Estimator::default());
-                    match checked {
-                        Err(_) => 'f',
-                        Ok(found) if found.misfit => 'm',
-                        Ok(found) if found.shape.uncertainty(None) > found.uncertainty => 'u',
-                        Ok(found) if alone.is_ok_and(|it| it.centre == found.centre) => '.',
-                        Ok(_) => 'r',
-                    }
-                })
-                .collect();
+            let found = (1..=STRENGTHS).map(|step| {
+                // From 1/1000 to 1.
+                let strength = 1e-3f64.powf(1.0 - f64::from(step) / f64::from(STRENGTHS));
+                let row = clean.clone().with(flaw(strength)).row(7, 0);
+                let by = Estimator::default();
+                let [alone, checked] = accuracy::answers(&row.geometry, &row.light, by);
+                match checked {
+                    Err(_) => 'f',
+                    Ok(found) if found.misfit => 'm',
+                    Ok(found) if found.shape.uncertainty(None) > found.uncertainty => 'u',
+                    Ok(found) if alone.is_ok_and(|it| it.centre == found.centre) => '.',
+                    Ok(_) => 'r',
+                }
+            });
+            let found: String = found.collect();
             writeln!(text, "  {found} {shape_name}, sigma {width}").expect("text");
         }
     }

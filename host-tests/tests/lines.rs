@@ -2,28 +2,17 @@
 //! serial line brings them: no reading is lost, only exact commands change a setting, and each other line has
 //! its error.
 
+use crate::support::*;
 use std::collections::BTreeMap;
 
-use judges::frames::at_centre;
 use rand::seq::IndexedRandom as _;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Counts;
-use slitrange::row::pixels::flat_field::TakeError;
-use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::filters::zero::MasterValue;
-use slitrange_device::protocol::command::{Command, Error, MAX_LINE, parse};
+use slitrange_device::protocol::command::{Error, MAX_LINE};
 use slitrange_device::protocol::flat::Flat;
 use slitrange_device::protocol::input::Input;
-use slitrange_device::protocol::status::{StartCause, Vitals};
-use slitrange_device::protocol::upload::Step;
-use slitrange_device::session::flat::{Job, Outcome};
-use slitrange_device::session::{Actions, Event, Session};
+use slitrange_device::session::flat::Job;
 use slitrange_device::settings::serial_line::{Format, PixelStream};
-use slitrange_device::settings::{Affects, Form, Setting, Settings, Value};
-use slitrange_device::store::pixel_map::StoredMap;
-use slitrange_device::store::{StoreError, Stored};
+use slitrange_device::settings::{Affects, Form, Value};
 
 use crate::session::samples::HARDWARE;
 
@@ -86,12 +75,8 @@ impl Lines {
             commands.extend(lines.filter(|line| parse(line.as_bytes()).is_ok()));
         }
         Self {
-            random: ChaCha8Rng::seed_from_u64(seed),
-            names: commands
-                .iter()
-                .filter_map(|line| Setting::ALL.iter().find(|it| it.name() == line))
-                .map(|it| it.name())
-                .collect(),
+            random: random(seed),
+            names: Setting::ALL.iter().map(|it| it.name()).collect(),
             commands,
             others,
         }
@@ -100,11 +85,7 @@ impl Lines {
     /// As often a setting as another command.
     fn command(&mut self) -> Vec<u8> {
         let (others, settings) = self.commands.split_at(self.others);
-        let commands = if self.random.random() {
-            others
-        } else {
-            settings
-        };
+        let commands = [settings, others][usize::from(self.random.random::<bool>())];
         let command = commands.choose(&mut self.random).expect("commands");
         command.clone().into_bytes()
     }
@@ -112,9 +93,8 @@ impl Lines {
     fn text(&mut self, most: usize) -> Vec<u8> {
         let length = self.random.random_range(0..=most);
         let random = &mut self.random;
-        (0..length)
-            .map(|_| random.random_range(b' '..=b'~'))
-            .collect()
+        let letters = (0..length).map(|_| random.random_range(b' '..=b'~'));
+        letters.collect()
     }
 
     /// The next line of a kind.
@@ -199,7 +179,7 @@ fn of_form(words: &str) -> Vec<String> {
         };
         let words = words.split(' ');
         words
-            .map(|it| number(it).unwrap_or_else(|| it.to_owned()))
+            .map(|it| number(it).unwrap_or(it.to_owned()))
             .collect()
     };
     (0..5).map(|share| at(share).join(" ")).collect()
@@ -230,19 +210,14 @@ fn words(line: &str) -> Vec<String> {
     let word = |word: &str| {
         let number = word.bytes().all(|byte| byte.is_ascii_digit());
         let digits = word.trim_start_matches('0');
-        let word = if number && digits.is_empty() {
-            "0"
-        } else if number {
-            digits
-        } else {
-            word
-        };
-        word.to_ascii_lowercase()
+        match (number, digits) {
+            (true, "") => "0".to_owned(),
+            (true, digits) => digits.to_owned(),
+            (false, _) => word.to_ascii_lowercase(),
+        }
     };
-    line.split([' ', '\t'])
-        .filter(|it| !it.is_empty())
-        .map(word)
-        .collect()
+    let words = line.split([' ', '\t']).filter(|it| !it.is_empty());
+    words.map(word).collect()
 }
 
 /// Whether a line is a command word by word, and not only understood as one.
@@ -352,11 +327,7 @@ impl Sensor {
             Ok(command) => command,
         };
         assert!(is_exactly(&line, command), "{shown} is taken for {command}");
-        self.count(if is_error {
-            "refused commands"
-        } else {
-            "commands"
-        });
+        self.count(["commands", "refused commands"][usize::from(is_error)]);
         match command {
             // The next frame answers, or something else than text.
             Command::Distance | Command::Centre | Command::Uncertainty => self.is_asked = true,
@@ -395,10 +366,9 @@ impl Sensor {
 
     /// Reports what the actions ask for. Flash fails now and then.
     fn carry_out(&mut self, random: &mut ChaCha8Rng) {
-        let saved = if random.random_range(0..4) == 0 {
-            Err(StoreError::Flash)
-        } else {
-            Ok(())
+        let saved = match random.random_range(0..4) {
+            0 => Err(StoreError::Flash),
+            _ => Ok(()),
         };
         if self.actions.save {
             let answer = self.event(Event::Saved(saved)).to_owned();
@@ -430,12 +400,14 @@ impl Sensor {
                 settings.set(default.get(setting));
             }
         }
-        (
-            settings.units,
-            settings.output,
-            settings.average,
-            settings.baud,
-        ) = (default.units, default.output, default.average, default.baud);
+        for setting in [
+            Setting::Units,
+            Setting::Output,
+            Setting::Average,
+            Setting::Baud,
+        ] {
+            settings.set(default.get(setting));
+        }
         settings == default
     }
 
@@ -446,26 +418,19 @@ impl Sensor {
         // Sixteenths have four decimals, as lines have.
         let centre = f64::from(random.random_range(19_200..38_400)) / 16.0;
         let result = match random.random_range(0..8) {
-            0 => Err(Fault::NoSpot {
-                amplitude: Counts::from_int(12),
-            }),
+            0 => Err(Fault::LaserOff),
             _ => Ok(at_centre(centre)),
         };
         let text = self.event(Event::Frame(result)).to_owned();
         let [asked, zero_asked] = [&mut self.is_asked, &mut self.is_zero_asked].map(std::mem::take);
         let packet = self.actions.result.map(|packet| packet.counter);
         self.count("frames");
-        let Settings {
-            stream,
-            format,
-            pixels,
-            ..
-        } = self.settings;
+        let (stream, format) = (self.settings.stream, self.settings.format);
         if asked || zero_asked {
             // An answer, which must arrive. It has the reading.
             assert!(!self.actions.may_drop && text.ends_with("\r\n"), "{text:?}");
             self.count("frames that answered");
-        } else if !stream || (format, pixels) == (Format::Binary, PixelStream::Rows) {
+        } else if !stream || (format, self.settings.pixels) == (Format::Binary, PixelStream::Rows) {
             assert!(text.is_empty() && packet.is_none(), "{text:?}");
             self.count("frames without a stream");
         } else if !self.leaves_each_line() {
@@ -484,7 +449,7 @@ impl Sensor {
                 // The reading is that of this frame.
                 let shown = match result {
                     Ok(_) => format!(" x {centre:.4}"),
-                    Err(_) => "f no spot".to_owned(),
+                    Err(_) => "f laser off".to_owned(),
                 };
                 assert!(text.contains(&shown), "{shown}: {text}");
                 self.count("of them with the frame's own centre");
@@ -497,7 +462,7 @@ impl Sensor {
 /// Sends lines, and prints what came of them.
 fn send(seed: u64, count: u64) {
     let mut lines = Lines::new(seed);
-    let mut random = ChaCha8Rng::seed_from_u64(seed + 1);
+    let mut random = random(seed + 1);
     let mut sensor = Sensor::new();
     let mut kinds = BTreeMap::new();
     let mut next_frame = 0;
@@ -505,11 +470,8 @@ fn send(seed: u64, count: u64) {
         let kind = KINDS.choose(&mut random).expect("kinds");
         *kinds.entry(kind).or_insert(0) += 1;
         let mut line = lines.line(kind);
-        line.extend_from_slice(
-            [&b"\r"[..], b"\n", b"\r\n"]
-                .choose(&mut random)
-                .expect("one"),
-        );
+        let end = ["\r", "\n", "\r\n"][random.random_range(0..3)];
+        line.extend_from_slice(end.as_bytes());
         // Every hundred lines, the settings are those of a start again.
         if number % 100 == 99 {
             line.extend(b"calibration on\nzero off\n");

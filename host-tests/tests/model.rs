@@ -1,10 +1,9 @@
 //! The core's fixed-point algorithms in f64, nothing rounded: what is left of a difference is what fixed
 //! point and f32 cost.
 
+use crate::support::*;
 pub mod centroid;
 pub mod phase_table;
-
-use slitrange::distance::eq1::Eq1;
 
 /// Eq. (1) as D + K/(x - xp), in micrometres.
 pub fn distance(curve: &Eq1, centre: f64) -> f64 {

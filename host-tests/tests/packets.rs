@@ -1,21 +1,11 @@
 //! Packets of `format binary`: written and read, cut anywhere, with flipped, lost and added bytes.
 
-use std::num::NonZeroU16;
+use crate::support::*;
 
 use proptest::prelude::*;
-use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::centre::spot_shape::SpotShape;
-use slitrange::frame::FrameCentre;
-use slitrange::frame::comb::{Combined, MAX_SLITS, SlitCentre};
-use slitrange::reading::uncertainty::Parts;
-use slitrange::reading::{Measured, Reading};
-use slitrange::row::pixels::PixelErrors;
 use slitrange_device::protocol::packet::{
-    COUNTS_A_PACKET, Decoder, FrameResult, MAX_PACKET, Message, Packed, Packet, PacketError,
-    Packets, RowHead, RowWords, TEXT_PART, parts_of_text, unpack,
+    COUNTS_A_PACKET, Decoder, MAX_PACKET, Message, Packed, Packet, PacketError, Packets, RowHead,
+    RowWords, TEXT_PART, parts_of_text, unpack,
 };
 
 /// The same message beyond the life of its packet. The bytes are never freed: they are a few megabytes.
@@ -29,120 +19,108 @@ fn owned(message: Message<'_>) -> Message<'static> {
             counter,
             first,
             counts,
-        } => Message::Window {
-            counter,
-            first,
-            counts: owned(counts),
-        },
+        } => window(counter, first, owned(counts)),
         Message::Words {
             number,
             first,
             words,
-        } => Message::Words {
-            number,
-            first,
-            words: owned(words),
-        },
+        } => words_message(number, first, owned(words)),
     }
 }
 
-fn parts() -> impl Strategy<Value = Parts> {
-    any::<[i32; 7]>().prop_map(|bits| {
-        let [noise, shape, pixels, calibration, surface, geometry, motion] =
-            bits.map(Micrometres::from_bits);
-        Parts {
-            noise,
-            shape,
-            pixels,
-            calibration,
-            surface,
-            geometry,
-            motion,
-        }
-    })
+fn window(counter: u32, first: u16, counts: &[u8]) -> Message<'_> {
+    Message::Window {
+        counter,
+        first,
+        counts,
+    }
+}
+
+fn words_message(number: u32, first: u16, words: &[u8]) -> Message<'_> {
+    Message::Words {
+        number,
+        first,
+        words,
+    }
 }
 
 fn exposure() -> impl Strategy<Value = Option<Exposure>> {
     prop::option::of((10..=5600u16).prop_map(|us| Exposure::from_us(us).expect("in range")))
 }
 
-fn reading() -> impl Strategy<Value = Reading> {
-    let estimator = prop::sample::select(Estimator::ALL.to_vec());
-    (
-        any::<[i32; 7]>(),
-        parts(),
-        exposure(),
-        estimator,
-        any::<([u16; 3], Option<u16>, u8, [bool; 2])>(),
-    )
-        .prop_map(
-            |(bits, parts, exposure, estimator, (rows, correlated, slits, flags))| {
-                let [distance, uncertainty, centre, u, amplitude, width, black] = bits;
-                Reading {
-                    distance: Micrometres::from_bits(distance),
-                    uncertainty: Micrometres::from_bits(uncertainty),
-                    parts,
-                    centre: Pixels::from_bits(centre),
-                    centre_uncertainty: Pixels::from_bits(u),
-                    amplitude: Counts::from_bits(amplitude),
-                    exposure,
-                    width: Pixels::from_bits(width),
-                    rows_used: rows[0],
-                    rows: rows[1],
-                    slits_used: slits,
-                    black_level: Counts::from_bits(black),
-                    estimator,
-                    misfits: rows[2],
-                    correlated,
-                    is_nominal: flags[0],
-                    has_other_settings: flags[1],
-                }
-            },
-        )
+prop_compose! {
+    fn reading()(
+        [distance, uncertainty, centre, u, amplitude, width, black] in any::<[i32; 7]>(),
+        bits in any::<[i32; 7]>(),
+        exposure in exposure(),
+        estimator in prop::sample::select(&Estimator::ALL[..]),
+        ([rows_used, rows, misfits], correlated, slits_used, [is_nominal, has_other_settings])
+            in any::<([u16; 3], Option<u16>, u8, [bool; 2])>(),
+    ) -> Reading {
+        Reading {
+            distance: Micrometres::from_bits(distance),
+            uncertainty: Micrometres::from_bits(uncertainty),
+            parts: parts(bits.map(Micrometres::from_bits)),
+            centre: Pixels::from_bits(centre),
+            centre_uncertainty: Pixels::from_bits(u),
+            amplitude: Counts::from_bits(amplitude),
+            width: Pixels::from_bits(width),
+            black_level: Counts::from_bits(black),
+            exposure, estimator, rows_used, rows, misfits, correlated, slits_used, is_nominal,
+            has_other_settings,
+        }
+    }
 }
 
 fn fault() -> impl Strategy<Value = Fault> {
     let pixels = || any::<i32>().prop_map(Pixels::from_bits);
     let counts = || any::<i32>().prop_map(Counts::from_bits);
+    let (step, exposure) = (
+        any::<i32>().prop_map(Micrometres::from_bits),
+        Exposure::SHORTEST,
+    );
     prop_oneof![
         Just(Fault::SensorSilent),
         Just(Fault::LaserOff),
-        any::<i32>().prop_map(|bits| Fault::Spike {
-            step: Micrometres::from_bits(bits)
-        }),
+        step.prop_map(|step| Fault::Spike { step }),
         (counts(), counts()).prop_map(|(amplitude, needed)| Fault::TooDim { amplitude, needed }),
         (pixels(), pixels()).prop_map(|(centre, other)| Fault::TwoSpots { centre, other }),
-        any::<u16>().prop_map(|pixels| Fault::SaturatedAtShortest {
-            pixels,
-            exposure: Exposure::SHORTEST
-        }),
+        any::<u16>().prop_map(move |pixels| Fault::SaturatedAtShortest { pixels, exposure }),
     ]
 }
 
-fn row_head() -> impl Strategy<Value = RowHead> {
-    let measured = any::<([i32; 17], [u16; 5], bool)>().prop_map(|(bits, counts, is_comb)| {
+prop_compose! {
+    fn measured()((bits, counts, is_comb) in any::<([i32; 17], [u16; 5], bool)>()) -> Measured {
         frame_of(bits, counts, is_comb.then_some(counts[0].max(1)))
-    });
-    let result = prop_oneof![measured.prop_map(Ok), fault().prop_map(Err)];
-    (result, exposure(), any::<(u32, u32, u64, u16)>()).prop_map(
-        |(result, exposure, (number, skipped, time_us, words))| RowHead {
-            number,
-            skipped,
-            time_us,
-            exposure,
-            words,
-            result,
-        },
-    )
+    }
+}
+
+prop_compose! {
+    fn row_head()(
+        result in prop_oneof![measured().prop_map(Ok), fault().prop_map(Err)],
+        exposure in exposure(),
+        (number, skipped, time_us, words) in any::<(u32, u32, u64, u16)>(),
+    ) -> RowHead {
+        RowHead { number, skipped, time_us, exposure, words, result }
+    }
+}
+
+prop_compose! {
+    fn frame_result()(
+        result in prop_oneof![reading().prop_map(Ok), fault().prop_map(Err)],
+        (counter, time_us, is_difference) in any::<(u32, u64, bool)>(),
+    ) -> FrameResult {
+        FrameResult { counter, time_us, is_difference, result }
+    }
 }
 
 /// A frame of these numbers. With a comb, all of its slits have an image in so many rows.
 fn frame_of(bits: [i32; 17], counts: [u16; 5], rows_of_comb: Option<u16>) -> Measured {
     let px = bits.map(Pixels::from_bits);
-    let slit = |rows| SlitCentre {
+    let slit = |rows: u16| SlitCentre {
         centre: px[15],
         height: counts[4],
-        rows: NonZeroU16::new(rows).expect("rows"),
+        rows: rows.try_into().expect("rows"),
     };
     Measured {
         frame: FrameCentre {
@@ -168,10 +146,7 @@ fn frame_of(bits: [i32; 17], counts: [u16; 5], rows_of_comb: Option<u16>) -> Mea
         ambient: Counts::from_bits(bits[14]),
         estimator: Estimator::Fraunhofer,
         by_shape: px[16],
-        pixels: PixelErrors {
-            response_q16: counts[4],
-            offset: Counts::from_bits(bits[15]),
-        },
+        pixels: pixel_errors(counts[4], bits[15]),
         comb: rows_of_comb.map(|rows| Combined {
             shift: px[15],
             surface: px[16],
@@ -182,7 +157,6 @@ fn frame_of(bits: [i32; 17], counts: [u16; 5], rows_of_comb: Option<u16>) -> Mea
 }
 
 fn message() -> impl Strategy<Value = Message<'static>> {
-    let result = prop_oneof![reading().prop_map(Ok), fault().prop_map(Err)];
     let text = |bytes: Vec<u8>| Message::Text(bytes.leak());
     let packed = || {
         let counts = prop::collection::vec(0..=4095u16, 0..=COUNTS_A_PACKET);
@@ -194,30 +168,10 @@ fn message() -> impl Strategy<Value = Message<'static>> {
         prop::collection::vec(1..=255u8, 0..=TEXT_PART).prop_map(text),
         prop::collection::vec(0..=1u8, 0..=TEXT_PART).prop_map(text),
         row_head().prop_map(Message::Row),
-        (any::<u32>(), any::<u16>(), packed()).prop_map(|(counter, first, counts)| {
-            Message::Window {
-                counter,
-                first,
-                counts,
-            }
-        }),
-        (any::<u32>(), any::<u16>(), packed()).prop_map(|(number, first, words)| {
-            Message::Words {
-                number,
-                first,
-                words,
-            }
-        }),
-        (result, any::<(u32, u64, bool)>()).prop_map(
-            |(result, (counter, time_us, is_difference))| {
-                Message::Result(FrameResult {
-                    counter,
-                    time_us,
-                    is_difference,
-                    result,
-                })
-            }
-        ),
+        (any::<(u32, u16)>(), packed()).prop_map(|((of, first), bytes)| window(of, first, bytes)),
+        (any::<(u32, u16)>(), packed())
+            .prop_map(|((of, first), bytes)| words_message(of, first, bytes)),
+        frame_result().prop_map(Message::Result),
     ]
 }
 
@@ -261,11 +215,8 @@ enum Noise {
 }
 
 fn noise() -> impl Strategy<Value = Noise> {
-    prop_oneof![
-        (0..8u8).prop_map(Noise::Flip),
-        Just(Noise::Lose),
-        any::<u8>().prop_map(Noise::Add),
-    ]
+    let flip = (0..8u8).prop_map(Noise::Flip);
+    prop_oneof![flip, Just(Noise::Lose), any::<u8>().prop_map(Noise::Add)]
 }
 
 proptest! {
@@ -375,18 +326,15 @@ proptest! {
 }
 
 fn example() -> FrameResult {
+    let um = Micrometres::from_f32;
     FrameResult {
         counter: 1234,
         time_us: 7_033_800,
         is_difference: false,
         result: Ok(Reading {
-            distance: Micrometres::from_f32(800_123.4),
-            uncertainty: Micrometres::from_f32(437.2),
-            parts: Parts {
-                noise: Micrometres::from_f32(3.5),
-                surface: Micrometres::from_f32(437.186),
-                ..Parts::default()
-            },
+            distance: um(800_123.4),
+            uncertainty: um(437.2),
+            parts: parts([3.5, 0.0, 0.0, 0.0, 437.186, 0.0, 0.0].map(um)),
             centre: Pixels::from_f32(1770.125),
             centre_uncertainty: Pixels::from_f32(0.002),
             amplitude: Counts::from_int(1011),
@@ -424,17 +372,12 @@ fn short_bursts_are_found_and_cost_one_packet() {
             let (packets, _) = read(&damaged);
             let others = [sent[0], sent[2]];
             // A flip in the zeros may leave all three.
-            assert!(
-                packets == others || packets == sent,
-                "{first} {second}: {packets:?}"
-            );
+            let is_one_lost = packets == others || packets == sent;
+            assert!(is_one_lost, "{first} {second}: {packets:?}");
             bursts += 1;
         }
     }
-    println!(
-        "{bursts} bursts in a packet of {} bytes",
-        starts[2] - starts[1]
-    );
+    println!("{bursts} bursts in {} bits of a packet", bits.len());
 }
 
 /// The longest result: all numbers at their longest. And the longest packet of all, without a zero in it.
@@ -448,15 +391,7 @@ fn the_longest_packets_have_the_stated_lengths() {
         result: Ok(Reading {
             distance: longest,
             uncertainty: longest,
-            parts: Parts {
-                noise: longest,
-                shape: longest,
-                pixels: longest,
-                calibration: longest,
-                surface: longest,
-                geometry: longest,
-                motion: longest,
-            },
+            parts: parts([longest; 7]),
             centre: Pixels::MIN,
             centre_uncertainty: Pixels::MIN,
             amplitude: Counts::MIN,
@@ -482,33 +417,24 @@ fn the_longest_packets_have_the_stated_lengths() {
     let usual = Packets::default().encode(Message::Result(example())).len();
     let of_text = packets.encode(Message::Text(&[b'x'; TEXT_PART])).len();
     let of_comb = frame_of([i32::MIN; 17], [u16::MAX; 5], Some(u16::MAX));
-    let of_row = packets.encode(Message::Row(RowHead {
+    let of_row = Message::Row(RowHead {
         number: u32::MAX,
         skipped: u32::MAX,
         time_us: u64::MAX,
         exposure: Some(Exposure::LONGEST),
         words: u16::MAX,
         result: Ok(of_comb),
-    }));
-    let of_row = of_row.len();
-    let all = Packed::new([4095; COUNTS_A_PACKET].into_iter());
-    let of_words = packets.encode(Message::Words {
-        number: u32::MAX,
-        first: u16::MAX,
-        words: all.bytes(),
     });
-    let of_words = of_words.len();
+    let of_row = packets.encode(of_row).len();
+    let all = Packed::new([4095; COUNTS_A_PACKET].into_iter());
+    let of_words = words_message(u32::MAX, u16::MAX, all.bytes());
+    let of_words = packets.encode(of_words).len();
     println!("a result: {of_result} bytes, usually {usual}; a text: {of_text}");
     println!("a row: {of_row} bytes; words of a row: {of_words}");
-    assert_eq!(
-        (of_result, of_text, of_row, of_words),
-        (RESULT, 270, 353, MAX_PACKET)
-    );
-    assert!(
-        packets
-            .encode(Message::Text(&[b'x'; MAX_PACKET]))
-            .is_empty()
-    );
+    let stated = (RESULT, 270, 353, MAX_PACKET);
+    assert_eq!((of_result, of_text, of_row, of_words), stated);
+    let too_long = packets.encode(Message::Text(&[b'x'; MAX_PACKET]));
+    assert!(too_long.is_empty());
 }
 
 /// The longest packet of a result, as docs/serial-line.md states it.
@@ -522,15 +448,11 @@ fn the_example_of_the_page_is_what_the_core_writes() {
     for message in [Message::Text(b"rows 16\r\n"), Message::Result(example())] {
         let bytes = packets.encode(message).iter();
         let digits: Vec<String> = bytes.map(|byte| format!("{byte:02x}")).collect();
-        let lines: Vec<String> = digits
+        let lines = digits
             .chunks(32)
-            .map(|line| format!("    {}", line.join(" ")))
-            .collect();
-        let block = lines.join("\n");
+            .map(|line| format!("    {}", line.join(" ")));
+        let block = lines.collect::<Vec<_>>().join("\n");
         println!("{block}\n");
-        assert!(
-            page.contains(&block),
-            "docs/serial-line.md must have\n{block}"
-        );
+        assert!(page.contains(&block), "docs/serial-line.md lacks\n{block}");
     }
 }

@@ -7,13 +7,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::support::*;
-use judges::accuracy::centre_with;
-use judges::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
-use simulator::least_squares;
 use simulator::photograph::Photograph;
-use slitrange::centre::tables::TableSet;
-use statistics::upper_median;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
 const BRIGHT: f64 = 4095.0 / 20.0;
@@ -48,14 +43,9 @@ fn centres_lie_near_the_least_squares_fit() {
     let least_squares_tables = core_tables::borrow(&least_squares_tables);
     let least_squares_tables = TableSet::new(&least_squares_tables).expect("proven");
     for (name, photograph) in photographs(&folder) {
-        let (mut default, mut least_squares) = (vec![], vec![]);
-        for y in 0..photograph.height {
-            let Some((a, b)) = off(&photograph, y, &least_squares_tables) else {
-                continue;
-            };
-            default.push(a);
-            least_squares.push(b);
-        }
+        let offs =
+            (0..photograph.height).filter_map(|y| off(&photograph, y, &least_squares_tables));
+        let (default, least_squares): (Vec<f64>, Vec<f64>) = offs.unzip();
         for (tables, offs, limit) in [
             ("r = 0.23", &default, 0.02),
             ("r = infinity", &least_squares, 0.002),
@@ -83,16 +73,15 @@ fn row(photograph: &Photograph, y: usize) -> Option<(Vec<u16>, usize, Vec<f64>)>
 fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, f64)> {
     let geometry = sensor_heads::tcd1304dg();
     let (light, first, picture) = row(photograph, y)?;
-    let centre = centre_of(&geometry, &light, Estimator::PhaseTable)
-        .ok()
-        .filter(|centre| centre.amplitude.to_f64() >= BRIGHT)?;
+    let centre = centre_of(&geometry, &light, Estimator::PhaseTable).ok();
+    let centre = centre.filter(|centre| centre.amplitude.to_f64() >= BRIGHT)?;
     let in_picture = |centre: RowCentre| centre.centre.to_f64() - first as f64;
     let fit = least_squares::fit_near(&picture, in_picture(centre))?;
     let other = centre_with(other, None, &geometry, &light);
     let other = other.expect("a centre by the other tables too");
     let off = |centre| (in_picture(centre) - fit.centre) / fit.width;
-    fit.is_whole_in(picture.len())
-        .then(|| (off(centre), off(other)))
+    let is_whole = fit.is_whole_in(picture.len());
+    is_whole.then(|| (off(centre), off(other)))
 }
 
 /// A real spot is lopsided. The check does not reject it: u says how far its centre is uncertain.

@@ -1,16 +1,15 @@
 //! The map of the pixels: what it leaves of the pixels' differences, and what no map may do to a row.
 
+use crate::comb::quiet;
 use crate::records::cases;
 use crate::support::*;
 use crc::{CRC_32_ISO_HDLC, Crc};
-use judges::frames::{self, words};
+use judges::frames::words;
 use proptest::prelude::*;
 use simulator::scene::Ambient;
-use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
+use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS};
 use slitrange::row::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
-use slitrange::spot::region::Region;
 use slitrange_device::store::encoded_map::{Read, Reader, Word, Words};
 
 /// Counts of light in the lit rows.
@@ -19,25 +18,22 @@ const LIGHT: f64 = 2000.0;
 /// A sensor whose pixels differ, before white paper.
 fn paper(seed: u64, response: f64, counts: f64) -> Scene {
     let pixels = format!("response.deviation = {response}\nfixed_pattern.counts = {counts}");
-    let mut paper = listing(Scene::white_paper(), &pixels);
-    paper.seed = seed;
-    paper
+    with(listing(Scene::white_paper(), &pixels), |it| it.seed = seed)
 }
 
-fn dark(mut scene: Scene) -> Simulation {
-    scene.spot = None;
-    Simulation::new(scene)
+fn dark(scene: Scene) -> Simulation {
+    Simulation::new(with(scene, |it| it.spot = None))
 }
 
 /// The same sensor without the laser, in the dark or in light that falls by a fifth along the sensor.
 fn without_laser(paper: &Scene, light: f64) -> Simulation {
     let counts_per_second = light / paper.exposure;
-    let mut scene = paper.clone();
-    scene.ambient = Some(Ambient {
+    let slope = -0.2 * counts_per_second / 3648.0;
+    let ambient = Ambient {
         counts_per_second,
-        slope: -0.2 * counts_per_second / 3648.0,
-    });
-    dark(scene)
+        slope,
+    };
+    dark(with(paper.clone(), |it| it.ambient = Some(ambient)))
 }
 
 /// The words of a row.
@@ -66,9 +62,8 @@ fn map_of(paper: &Scene) -> Box<FlatField> {
     for (kind, light, first) in [(Kind::Dark, 0.0, 10_000), (Kind::Lit, LIGHT, 20_000)] {
         let scene = without_laser(paper, light);
         let geometry = paper.geometry();
-        let taken = take(&mut field, kind, &geometry, |row| {
-            words_of(&scene, first + row)
-        });
+        let row = |row| words_of(&scene, first + row);
+        let taken = take(&mut field, kind, &geometry, row);
         let taken = taken.unwrap_or_else(|error| panic!("{kind:?}: {error}"));
         let expected = paper.black_level.map_or(0.0, |_| 300.0) + light;
         assert!((taken.mean.to_f64() - expected).abs() < 10.0, "{taken:?}");
@@ -100,19 +95,17 @@ fn a_map_leaves_the_error_that_it_states() {
     const SENSORS: u64 = 26;
     println!("response offset rows | error without, mpx | error, mpx | r | pixels | error / claim");
     for (response, counts) in [(0.005, 2.0), (0.01, 5.0), (0.02, 2.0), (0.02, 5.0)] {
-        let frames: Vec<[[Frame; 2]; 3]> = (0..SENSORS)
-            .into_par_iter()
-            .flat_map_iter(|sensor| {
-                let paper = paper(1 + sensor, response, counts);
-                let field = map_of(&paper);
-                let of_place = |place| {
-                    let centre = 420.0 + 400.0 * f64::from(place) + 0.123 * sensor as f64;
-                    let maps = [None, Some(field.map().expect("a map"))];
-                    [1, 16, 64].map(|rows| maps.map(|map| frame(&paper, centre, rows, map)))
-                };
-                (0..8).map(of_place).collect::<Vec<_>>()
-            })
-            .collect();
+        let frames = (0..SENSORS).into_par_iter().flat_map_iter(|sensor| {
+            let paper = paper(1 + sensor, response, counts);
+            let field = map_of(&paper);
+            let of_place = |place| {
+                let centre = 420.0 + 400.0 * f64::from(place) + 0.123 * sensor as f64;
+                let maps = [None, Some(field.map().expect("a map"))];
+                [1, 16, 64].map(|rows| maps.map(|map| frame(&paper, centre, rows, map)))
+            };
+            (0..8).map(of_place).collect::<Vec<_>>()
+        });
+        let frames: Vec<[[Frame; 2]; 3]> = frames.collect();
         assert!(frames.len() >= 200);
         for (index, rows) in [1, 16, 64].into_iter().enumerate() {
             let [without, with] = [0, 1]
@@ -121,10 +114,8 @@ fn a_map_leaves_the_error_that_it_states() {
                 [without[0], with[0], with[1], with[2]].map(|it| 1e3 * it);
             let ratio = error / noise.hypot(pixels);
             let percent = 100.0 * response;
-            println!(
-                "{percent:4.1} % {counts} {rows:4} | {before:6.2} | {error:6.2} | {noise:6.2} | \
-                 {pixels:6.2} | {ratio:.3}"
-            );
+            print!("{percent:4.1} % {counts} {rows:4} | {before:6.2} | ");
+            println!("{error:6.2} | {noise:6.2} | {pixels:6.2} | {ratio:.3}");
             // 320 values: 4 %.
             assert!((0.9..1.1).contains(&ratio), "{ratio}");
             // Without a map, the claim is what the data sheet allows.
@@ -138,8 +129,8 @@ fn a_map_leaves_the_error_that_it_states() {
 /// The frame of a sensor beside a window, with `ambient subtract`.
 fn subtracted_frame(paper: &Scene, centre: f64, map: Option<&PixelMap>) -> Frame {
     let window = "ambient = { counts_per_second = 100e3, slope = 11.0 }";
-    let mut scene = listing(paper.clone(), window);
-    scene.distance = paper.optics.distance(centre);
+    let distance = paper.optics.distance(centre);
+    let scene = with(listing(paper.clone(), window), |it| it.distance = distance);
     let options = options(|it| it.ambient = AmbientMode::Subtract);
     let mut measurement = Measurement::new(paper.geometry(), options);
     let (dark, lit) = (dark(scene.clone()), Simulation::new(scene));
@@ -164,19 +155,17 @@ fn subtracted_frame(paper: &Scene, centre: f64, map: Option<&PixelMap>) -> Frame
 /// offsets too would write them into the row again.
 #[test]
 fn a_map_corrects_only_the_gains_of_subtracted_rows() {
-    let frames: Vec<[Frame; 2]> = (0..4u64)
-        .into_par_iter()
-        .flat_map(|seed| {
-            let paper = paper(seed, 0.02, 15.0);
-            let field = map_of(&paper);
-            let map = field.map();
-            let of = |place| {
-                let centre = 424.3 + 400.0 * f64::from(place);
-                [None, map].map(|map| subtracted_frame(&paper, centre, map))
-            };
-            (0..8).map(of).collect::<Vec<_>>()
-        })
-        .collect();
+    let frames = (0..4u64).into_par_iter().flat_map(|seed| {
+        let paper = paper(seed, 0.02, 15.0);
+        let field = map_of(&paper);
+        let map = field.map();
+        let of = |place| {
+            let centre = 424.3 + 400.0 * f64::from(place);
+            [None, map].map(|map| subtracted_frame(&paper, centre, map))
+        };
+        (0..8).map(of).collect::<Vec<_>>()
+    });
+    let frames: Vec<[Frame; 2]> = frames.collect();
     let [bare, corrected] = [0, 1].map(|i| rms(frames.iter().map(|frame| frame[i][0])));
     let of_claim = |[_, [error, noise, pixels]]: &[Frame; 2]| error / noise.hypot(*pixels);
     let claims = rms(frames.iter().map(of_claim));
@@ -194,15 +183,15 @@ fn rows_that_make_no_map_are_refused_with_a_reason() {
     let mut field = Box::new(FlatField::new());
     assert_eq!(field.begin(Kind::Lit, &geometry), Err(TakeError::NoDark));
     let mut of = |kind, scene: &Simulation| {
-        take(&mut field, kind, &geometry, |number| {
-            words_of(scene, number)
-        })
+        let row = |number| words_of(scene, number);
+        take(&mut field, kind, &geometry, row)
     };
     // The laser's spot in the dark.
     let error = of(Kind::Dark, &Simulation::new(paper.clone()));
-    assert!(
-        matches!(error, Err(TakeError::SpotInTheDark { pixel, .. }) if pixel.abs_diff(1771) < 40)
-    );
+    let Err(TakeError::SpotInTheDark { pixel, .. }) = error else {
+        panic!("{error:?}");
+    };
+    assert!(pixel.abs_diff(1771) < 40);
     let error = of(Kind::Dark, &without_laser(&paper, 400.0));
     assert!(matches!(error, Err(TakeError::NotDark { .. })));
     of(Kind::Dark, &dark).expect("dark rows");
@@ -212,9 +201,9 @@ fn rows_that_make_no_map_are_refused_with_a_reason() {
     let a_second = LIGHT / paper.exposure;
     let even = format!("ambient = {{ counts_per_second = {a_second}, slope = 0.0 }}");
     let mut weak = listing(paper.clone(), &even);
-    if let Some(spot) = &mut weak.spot {
-        spot.counts_per_second /= 8.0;
-    }
+    weak.spot
+        .iter_mut()
+        .for_each(|it| it.counts_per_second /= 8.0);
     refused.push(of(Kind::Lit, &Simulation::new(weak)));
     // Light on a part of the sensor.
     let lit = without_laser(&paper, LIGHT);
@@ -276,25 +265,18 @@ fn pixels_that_differ_too_much_are_counted() {
 fn map_with(entries: &[Entry]) -> Box<PixelMap> {
     let word =
         |low: u16, high: u16| -> Word { (u32::from(low) | u32::from(high) << 16).to_le_bytes() };
-    let mut words = vec![
-        [b'F', b'L', 1, !1],
-        [1, 0, 0, 0],
-        word(entries.len() as u16, 0),
-    ];
-    words.extend([word(30, 0), word(20, 0), word(1000, 0)]);
-    words.extend(
-        (entries.iter()).map(|entry| word(entry.offset_q4() as u16, entry.gain_q15() as u16)),
-    );
+    let numbers = [entries.len() as u16, 30, 20, 1000].map(|it| word(it, 0));
+    let mut words = vec![[b'F', b'L', 1, !1], [1, 0, 0, 0]];
+    words.extend(numbers);
+    let of_entry = |it: &Entry| word(it.offset_q4() as u16, it.gain_q15() as u16);
+    words.extend(entries.iter().map(of_entry));
     // As of zlib.
     let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&words.concat());
     words.push(crc.to_le_bytes());
     let mut map = Box::new(PixelMap::EMPTY);
     let mut reader = Reader::default();
-    let read: Vec<Read> = words
-        .iter()
-        .map(|&word| reader.take(word, Some(&mut map)))
-        .collect();
-    assert_eq!(read.last(), Some(&Read::Whole(1)));
+    let read = words.iter().map(|&word| reader.take(word, Some(&mut map)));
+    assert_eq!(read.last(), Some(Read::Whole(1)));
     assert!(Words::new(&map, 1).eq(words));
     map
 }
@@ -328,9 +310,8 @@ fn with_darker_pixels(
         *count = (black + (f64::from(*count) - black) * gain(pixel)) as f32;
     }
     let entry = |pixel| Entry::new(0, ((1.0 / gain(pixel) - 1.0) * 32768.0) as i16);
-    let entries: Vec<Entry> = (0..MAX_MAP_PIXELS)
-        .map(|it| entry(it).expect("small"))
-        .collect();
+    let entries = (0..MAX_MAP_PIXELS).map(|it| entry(it).expect("small"));
+    let entries: Vec<Entry> = entries.collect();
     let map = map_with(&entries);
     let options = Options { region, ..options };
     let [bare, corrected] = [None, Some(&*map)].map(|map| read(&uneven, options, map) - even);
@@ -343,11 +324,9 @@ fn with_darker_pixels(
 /// around them: if the map corrected them twice, they would tilt the images.
 #[test]
 fn a_map_corrects_each_pixel_of_a_comb_once() {
-    let mut scene = scene("quiet-paper");
-    scene.comb = Some(simulator::scene::comb::Comb::nominal());
-    let centres: Vec<f64> = (scene.openings().iter())
-        .map(|slit| slit.centre(0.8))
-        .collect();
+    let scene = quiet();
+    let centres = scene.openings();
+    let centres: Vec<f64> = centres.iter().map(|slit| slit.centre(0.8)).collect();
     let options = options(|it| it.slits = Slits::Comb);
     // Beyond 10 pixels on each image's right side.
     let beside = |off: f64| (10.0..60.0).contains(&off);
@@ -388,12 +367,9 @@ proptest! {
         saturation in prop_oneof![Just(4095), any::<u16>()],
     ) {
         let map = map_with(&entries);
-        let geometry = Geometry {
-            polarity: Polarity::Rising,
-            bits,
-            saturation,
-            ..tcd1304dg()
-        };
+                let geometry = with(tcd1304dg(), |it| {
+            (it.polarity, it.bits, it.saturation) = (Polarity::Rising, bits, saturation);
+        });
         let mut corrected = row.clone();
         let black = Counts::from_bits(black);
         map.correct(&mut corrected, begin..begin + length, black, &geometry, Correction::OffsetAndGain);

@@ -1,7 +1,6 @@
 //! Seeded rows of a spot of any profile.
 
 use crate::support::*;
-use simulator::profiles::Curve;
 
 /// Pixels of a row that is long enough for the spot and as much background: the noise is not known well on
 /// it, but the centre does not depend on that where the tables are given.
@@ -39,10 +38,8 @@ impl Rows<'_> {
         let mut scene = self.cell.scene_of(pixels);
         scene.spot = None;
         let mut counts = scene.row_with_centre(row, centre, 1.0);
-        let mut light: Vec<f32> = (0..counts.len())
-            .map(|i| self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width))
-            .map(|light| light as f32)
-            .collect();
+        let light = |i| self.curve.at(i as f64 - centre, self.cell.width) * self.cell.amplitude;
+        let mut light: Vec<f32> = (0..counts.len()).map(|i| light(i) as f32).collect();
         if let Some(noise) = scene.shot_noise {
             noise.apply(&mut light, &mut random);
         }

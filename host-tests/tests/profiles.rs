@@ -3,13 +3,12 @@
 
 use crate::profile_rows::{Rows, pixels};
 use crate::support::*;
-use judges::accuracy::{Phases, centre_after, centre_with, largest};
-use judges::core_tables;
+use judges::accuracy::Phases;
 use judges::measured_profile::MeasuredProfile;
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, set};
-use simulator::profiles::{self, Blur, Curve, Slit};
+use simulator::profiles::Blur;
 use simulator::sinc_fit::{Sinc, fit_from};
-use slitrange::centre::tables::{MIXES, TableSet};
+use slitrange::centre::tables::MIXES;
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
 /// mm.
@@ -209,9 +208,7 @@ fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
         (3000.0, (1.0, None), Flaw::Slope),
         (3000.0, (1.0, None), Flaw::Sensitivity),
     ];
-    println!(
-        "RMS distance from the fit of sinc^2 in 1e-4 px over 300 rows: fraunhofer, phase-table"
-    );
+    println!("RMS distance from the fit of sinc^2 in 1e-4 px: fraunhofer, phase-table");
     for ((name, curve), (amplitude, noise, flaw)) in pairs(&blurs, noises) {
         for width in [4.0, 8.0] {
             let cell = cell(width, amplitude, noise, 300, 71);
@@ -404,36 +401,39 @@ fn measure(curve: &Curve, cell: Cell) -> MeasuredProfile {
     let mut rows = Rows { curve, cell };
     rows.cell.seed += 100;
     let geometry = rows.geometry();
-    let found: Vec<(Vec<u16>, RowCentre)> = (0..MEASURED_ROWS)
-        .map(|row| {
-            let (light, _) = rows.row(row);
-            let centre = centre_of(&geometry, &light, Estimator::PhaseTable).expect("a centre");
-            (light, centre)
-        })
-        .collect();
-    MeasuredProfile::of(&found)
+    let found = (0..MEASURED_ROWS).map(|row| {
+        let (light, _) = rows.row(row);
+        let centre = centre_of(&geometry, &light, Estimator::PhaseTable).expect("a centre");
+        (light, centre)
+    });
+    MeasuredProfile::of(&found.collect::<Vec<_>>())
 }
 
 /// The default set's widths, moved so that one of them is this.
 fn plan(width: f64, noise_ratio: f64) -> Plan {
     let steps = (width / FINE.narrowest).ln() / FINE.ratio.ln();
-    let mut plan = DEFAULT;
-    (plan.noise_ratio, plan.widths) = (noise_ratio, FINE);
-    plan.widths.narrowest = width / FINE.ratio.powf(steps.floor());
-    plan
+    with(DEFAULT, |it| {
+        (it.noise_ratio, it.widths) = (noise_ratio, FINE);
+        it.widths.narrowest = width / FINE.ratio.powf(steps.floor());
+    })
 }
 
-/// The errors with each of three sets of tables on a cell's rows.
-fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Vec<[f64; 3]> {
+/// The errors with each of some sets of tables on a cell's rows.
+fn errors_with<const N: usize>(
+    curve: &Curve,
+    cell: Cell,
+    tables: &[Vec<IntegerTable>; N],
+) -> Vec<[f64; N]> {
     let tables = tables.each_ref().map(|tables| core_tables::borrow(tables));
-    let [a, b, c] = tables
-        .each_ref()
-        .map(|tables| TableSet::new(tables).expect("proven"));
+    let sets = (tables.each_ref()).map(|tables| TableSet::new(tables).expect("proven"));
     let rows = Rows { curve, cell };
     let geometry = rows.geometry();
     let errors = rows.errors(|light| {
-        let centre = |set| Ok(centre_with(set, None, &geometry, light)?.centre.to_f64());
-        Ok([centre(&a)?, centre(&b)?, centre(&c)?])
+        let mut centres = [0.0; N];
+        for (centre, set) in centres.iter_mut().zip(&sets) {
+            *centre = centre_with(set, None, &geometry, light)?.centre.to_f64();
+        }
+        Ok(centres)
     });
     errors.expect("centres")
 }
@@ -503,31 +503,18 @@ fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
         for &width in widths {
             let seed = (amplitude + 10.0 * (width + noise.0)) as u64;
             let cell = cell(width, amplitude, noise, 40_000, seed);
-            let rows = Rows { curve, cell };
             let one = |width, noise_ratio| {
-                let mut plan = DEFAULT;
-                (plan.noise_ratio, plan.widths) = (noise_ratio, COARSE);
-                (plan.widths.narrowest, plan.widths.count) = (width, 1);
+                let plan = with(DEFAULT, |it| {
+                    (it.noise_ratio, it.widths) = (noise_ratio, COARSE);
+                    (it.widths.narrowest, it.widths.count) = (width, 1);
+                });
                 set(&phase_tables::gaussian, plan)
             };
-            let tables = [
-                one(width, exact),
-                one(width / 1.095, taken),
-                one(width, taken),
-                one(width * 1.095, taken),
-            ];
-            let tables = tables.each_ref().map(|tables| core_tables::borrow(tables));
-            let sets = tables
-                .each_ref()
-                .map(|tables| TableSet::new(tables).expect("proven"));
-            let geometry = rows.geometry();
-            let errors = rows.errors(|light| {
-                let [a, b, c, d] = sets
-                    .each_ref()
-                    .map(|set| centre_with(set, None, &geometry, light));
-                Ok([a?, b?, c?, d?].map(|found| found.centre.to_f64()))
-            });
-            let [best, narrow, right, wide] = root_mean_squares(&errors.expect("centres"));
+            let widths_of_tables = [width / 1.095, width, width * 1.095];
+            let [narrow, right, wide] = widths_of_tables.map(|width| one(width, taken));
+            let tables = [one(width, exact), narrow, right, wide];
+            let errors = errors_with(curve, cell, &tables);
+            let [best, narrow, right, wide] = root_mean_squares(&errors);
             let bound = cell.spot().bound();
             let ratios = [narrow, right, wide].map(|error| error / best);
             text += &format!("{:>7.2}{:>6.2}{:>6.2}", ratios[0], ratios[1], ratios[2]);
@@ -576,10 +563,7 @@ fn a_wrong_width_costs_a_twentieth_at_most_on_the_whole_grid() {
 /// The ratio for which the weights are designed that the adaptive estimator takes for noise of this ratio.
 fn noise_ratio_of_mix(noise_ratio: f64) -> f64 {
     const DESIGNED_FOR: [f64; 5] = [f64::INFINITY, DEFAULT.noise_ratio, 0.07, 0.02, 0.006];
-    MIXES
-        .iter()
-        .zip(DESIGNED_FOR)
-        .find(|((least, _), _)| noise_ratio >= f64::from(*least))
-        .map(|(_, designed_for)| designed_for)
-        .expect("there is one for every mix")
+    let mut mixes = MIXES.iter().zip(DESIGNED_FOR);
+    let mix = mixes.find(|((least, _), _)| noise_ratio >= f64::from(*least));
+    mix.expect("there is one for every mix").1
 }

@@ -4,7 +4,6 @@
 use crate::support::{self, *};
 use phase_tables::gaussian;
 use slitrange::spot::choice::SpotChoice;
-use slitrange::spot::region::Region;
 
 const PIXELS: usize = 3648;
 
@@ -56,13 +55,12 @@ fn a_region_is_measured_as_a_row_of_these_pixels() {
             spots.push(spot(anywhere, &mut random));
         }
         let rows: Vec<_> = (0..3).map(|_| row(&mut random, &spots)).collect();
-        let narrow = Geometry {
-            light: first.into()..usize::from(last) + 1,
-            ..geometry()
-        };
+        let narrow = with(geometry(), |it| {
+            it.light = first.into()..usize::from(last) + 1
+        });
         let whole = options(|it| it.estimator = Estimator::ALL[number % Estimator::ALL.len()]);
-        let mut narrowed = whole;
-        narrowed.region = Region::new(first, last).expect("a region");
+        let region = Region::new(first, last).expect("a region");
+        let narrowed = with(whole, |it| it.region = region);
         let in_region = measure(geometry(), narrowed, &rows);
         let on_row = |place: Pixels| Pixels::from_bits(place.to_bits() + (i32::from(first) << 16));
         match (in_region, measure(narrow, whole, &rows)) {

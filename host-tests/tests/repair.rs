@@ -57,29 +57,26 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
     let cell = cell(width, amplitude, 12);
     let scene = cell.scene();
     let geometry = scene.geometry();
-    let results: Vec<(f64, Answer)> = (0..rows(width))
-        .into_par_iter()
-        .map(|row| {
-            let mut random = random(row + 77);
-            let truth = cell.true_centre(row);
-            let mut counts = scene.row_with_centre(row, truth, 1.0);
-            let near = (truth + random.random_range(-3.0 * width..3.0 * width)).round() as usize;
-            match flaw {
-                Flaw::Hot(height) => counts[near] += height,
-                Flaw::Dead => {
-                    counts[near] = scene.black_level.map_or(0.0, |black| black.counts) as f32
+    let results = (0..rows(width)).into_par_iter().map(|row| {
+        let mut random = random(row + 77);
+        let truth = cell.true_centre(row);
+        let mut counts = scene.row_with_centre(row, truth, 1.0);
+        let near = (truth + random.random_range(-3.0 * width..3.0 * width)).round() as usize;
+        let black = scene.black_level.map_or(0.0, |black| black.counts) as f32;
+        match flaw {
+            Flaw::Hot(height) => counts[near] += height,
+            Flaw::Dead => counts[near] = black,
+            Flaw::Second(height, widths) => {
+                for (i, count) in counts.iter_mut().enumerate() {
+                    let offset = i as f64 - truth - widths * width;
+                    *count += (height * 2000.0 * phase_tables::gaussian(offset, width)) as f32;
                 }
-                Flaw::Second(height, widths) => {
-                    for (i, count) in counts.iter_mut().enumerate() {
-                        let offset = i as f64 - truth - widths * width;
-                        *count += (height * 2000.0 * phase_tables::gaussian(offset, width)) as f32;
-                    }
-                }
-                Flaw::None | Flaw::Saturated(_) => {}
             }
-            (truth, centre(&geometry, &quantise(&counts, 4095)))
-        })
-        .collect();
+            Flaw::None | Flaw::Saturated(_) => {}
+        }
+        (truth, centre(&geometry, &quantise(&counts, 4095)))
+    });
+    let results: Vec<(f64, Answer)> = results.collect();
     // The errors, and the flags.
     let found = results.iter().filter_map(|(truth, found)| {
         let found = found.ok()?;

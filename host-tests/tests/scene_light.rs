@@ -4,9 +4,6 @@ use std::f64::consts::{PI, SQRT_2, TAU};
 
 use crate::support::*;
 use simulator::field::{self, Laser, LensAperture, Scattering, SlitAperture, View};
-use simulator::least_squares;
-use simulator::optics::Aperture;
-use simulator::profiles;
 use simulator::scene::diffraction::Gap;
 use simulator::scene::lens::{Across, Pupil};
 use simulator::scene::pattern::Pattern;
@@ -29,9 +26,10 @@ fn plain() -> Scene {
 
 /// A spot of 2 pixels behind the paper's lens, and effects.
 fn lens_with(effects: &str) -> Scene {
-    let mut scene = gaussian(2.0);
-    scene.optics.aperture = Aperture::PAPER_LENS;
-    listing(scene, effects)
+    let lens = with(gaussian(2.0), |it| {
+        it.optics.aperture = Aperture::PAPER_LENS
+    });
+    listing(lens, effects)
 }
 
 /// Sum, centre of mass and variance of a row, in counts, pixels and square pixels.
@@ -137,11 +135,11 @@ fn a_row_through_a_slit_agrees_with_the_profile() {
         let scene = plain_with(&fresnel(diameter));
         let optics = &scene.optics;
         let centre = optics.centre(0.8);
-        let slit = profiles::Slit {
-            to_spot: optics.range(0.8),
-            // As the sensor sees it.
-            ..profiles::Slit::nominal(diameter * 0.8 / optics.range(0.8))
-        };
+        let range = optics.range(0.8);
+        // As the sensor sees it.
+        let slit = with(Slit::nominal(diameter * 0.8 / range), |it| {
+            it.to_spot = range
+        });
         let row = scene.row(0, 0.8, 1.0);
         let worst = worst(&row, centre as usize - 60, 120, |pixel| {
             let x = pixel - centre;
@@ -156,11 +154,9 @@ fn a_row_through_a_slit_agrees_with_the_profile() {
 #[test]
 fn a_laser_spot_widens_a_gaussian_in_quadrature() {
     let waist = 0.5e-3;
-    let spot = LaserSpot {
-        waist,
-        waist_distance: 0.75,
-        ..MILLIMETRE
-    };
+    let spot = with(MILLIMETRE, |it| {
+        (it.waist, it.waist_distance) = (waist, 0.75)
+    });
     // A Rayleigh length from the waist, 0.302 m, a beam is sqrt 2 as wide.
     let rayleigh = PI * waist * waist / (4.0 * 650e-9);
     let diameter = spot.diameter(0.75 + rayleigh, 650e-9);
@@ -245,8 +241,7 @@ fn texture_shifts_the_centre_at_random_and_stays() {
         let truth = plain.optics.centre(0.8);
         let (mut squares, mut brightness) = (0.0, 0.0);
         for seed in 0..SEEDS {
-            let mut scene = textured.clone();
-            scene.seed = seed;
+            let scene = with(textured.clone(), |it| it.seed = seed);
             let (sum, centre, _) = moments(&scene.row(0, 0.8, 1.0));
             squares += (centre - truth).powi(2) / SEEDS as f64;
             brightness += sum / SEEDS as f64;
@@ -291,8 +286,7 @@ fn a_lobe_brightens_what_is_seen_near_the_mirror_direction() {
         width: 0.15,
         tilt: 0.05,
     };
-    let mut scene = plain();
-    scene.specular_lobe = Some(lobe);
+    let scene = with(plain(), |it| it.specular_lobe = Some(lobe));
     for distance in [0.6, 0.8, 1.0] {
         let [with, without] = [&scene, &plain()].map(|it| moments(&it.row(0, distance, 1.0)).0);
         let ratio = with / without;
@@ -435,14 +429,13 @@ fn defocus_makes_a_disc() {
     let spread = |diffraction, width| {
         let spot = laser_spot(1e-3, distance);
         let far = format!("defocus.focus_distance = 0.3\n{spot}");
-        let mut scene = listing(scene.clone(), &far);
-        scene.spot = gaussian(width).spot;
-        scene.diffraction = diffraction;
+        let scene = with(listing(scene.clone(), &far), |it| {
+            (it.spot, it.diffraction) = (gaussian(width).spot, diffraction);
+        });
         let row = scene.row(0, distance, 1.0);
         let sum = moments(&row).0;
-        row.into_iter()
-            .map(|light| f64::from(light) / sum)
-            .collect::<Vec<f64>>()
+        let shares = row.iter().map(|&light| f64::from(light) / sum);
+        shares.collect::<Vec<f64>>()
     };
     let half_width = |row: &[f64]| {
         let half = 0.5 * row.iter().fold(0.0f64, |peak, &light| peak.max(light));
@@ -515,11 +508,9 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     // 0.1 to 20 pixels during an exposure at 178 um a pixel of 8 um near 0.6 m.
     for (speed, diffraction) in [(0.01, ""), (0.5, ""), (-0.9, ""), (0.5, FRESNEL)] {
         let mut still = plain_with(diffraction);
-        if let Some(spot) = &mut still.spot {
-            spot.counts_per_second = 1000.0 / exposure;
-        }
-        let mut scene = still.clone();
-        scene.motion = Some(Motion { speed });
+        let spot = still.spot.iter_mut();
+        spot.for_each(|it| it.counts_per_second = 1000.0 / exposure);
+        let scene = with(still.clone(), |it| it.motion = Some(Motion { speed }));
         let simulation = Simulation::new(scene.clone());
         for row in [0, 7] {
             // A row every 1/175.4 s.
@@ -569,10 +560,7 @@ fn the_expected_width_is_that_of_the_best_gaussian() {
         let range = 0.3f64.hypot(0.8);
         let scene = plain_with(&fresnel(seen * range / 0.8));
         let width = Simulation::new(scene).spot_width(0.8);
-        let slit = profiles::Slit {
-            to_spot: range,
-            ..profiles::Slit::nominal(seen)
-        };
+        let slit = with(Slit::nominal(seen), |it| it.to_spot = range);
         let light = (-150..=150).map(|i| slit.light(f64::from(i) * 8e-6));
         let fit = least_squares::fit_near(&light.collect::<Vec<_>>(), 150.0);
         let expected = fit.expect("a peak").width;
@@ -621,10 +609,10 @@ const PAPER: Speckle = Speckle {
 
 /// Fresnel's pattern of a laser spot of 1 mm on the camera.
 fn camera(aperture: Aperture) -> Scene {
-    let mut scene = Scene::dark(Sensor::Camera);
-    scene.spot = plain().spot;
-    scene.optics.aperture = aperture;
-    listing(scene, &fresnel(1e-3))
+    let camera = with(Scene::dark(Sensor::Camera), |it| {
+        (it.spot, it.optics.aperture) = (plain().spot, aperture);
+    });
+    listing(camera, &fresnel(1e-3))
 }
 
 /// The largest difference of a camera's light, in thousands of counts, from the field's at these rows and at
@@ -664,15 +652,12 @@ fn rows_of_a_camera_agree_with_the_mean_of_the_field() {
     let pixels: Vec<usize> = (0..12).map(|i| centre as usize - 40 + 7 * i).collect();
     // The middle, the shadow's end with its fringes, and beyond.
     let rows = [299u64, 200, 90, 60, 45, 38, 32, 29, 20, 560, 575];
-    let worst = worst_on_camera(
-        (&simulation, centre),
-        (&pixels, &rows),
-        |columns, places| {
-            let aperture = SlitAperture::nominal();
-            let mean = field::slit_mean(&laser, &scattering, &view, &aperture, columns, places);
-            (mean, 1.0)
-        },
-    );
+    let (at, of) = ((&simulation, centre), (&pixels[..], &rows[..]));
+    let worst = worst_on_camera(at, of, |columns, places| {
+        let aperture = SlitAperture::nominal();
+        let mean = field::slit_mean(&laser, &scattering, &view, &aperture, columns, places);
+        (mean, 1.0)
+    });
     // The field's scatterers reach to 2.25 radii of the beam, and it is sampled at the pixels' middles.
     println!("slit: off by {worst:.5} of the middle");
     assert!(worst < 4e-3);
@@ -685,14 +670,11 @@ fn rows_of_a_camera_agree_with_the_mean_of_the_field() {
         // From the lens to the target along the axis.
         let depth = range * 0.05 / x.hypot(0.05);
         scene.defocus = focus.map(|focus_distance| Defocus { focus_distance });
-        scene.coma = Some(Coma {
-            waves,
-            field: 5.6e-3,
-        });
+        let field = 5.6e-3;
+        scene.coma = Some(Coma { waves, field });
         // What is in focus, for the field: the range with the same defocus.
-        let sharp = focus.map_or(range, |focus: f64| {
-            1.0 / (1.0 / range - 1.0 / depth + 1.0 / focus)
-        });
+        let at_depth = |focus: f64| 1.0 / (1.0 / range - 1.0 / depth + 1.0 / focus);
+        let sharp = focus.map_or(range, at_depth);
         let lens = LensAperture {
             diameter: 50e-3 / 12.0,
             focal_length: 1.0 / (1.0 / 0.05 + 1.0 / sharp),
@@ -702,28 +684,23 @@ fn rows_of_a_camera_agree_with_the_mean_of_the_field() {
             pixel: 5.86e-6,
             samples: 1,
         };
-        let ideal = LensAperture {
-            focal_length: 1.0 / (1.0 / 0.05 + 1.0 / range),
-            focus_distance: range,
-            coma: 0.0,
-            ..lens
-        };
+        let focused = |distance: f64| 1.0 / (1.0 / 0.05 + 1.0 / distance);
+        let ideal = with(lens, |it| {
+            (it.focal_length, it.focus_distance, it.coma) = (focused(range), range, 0.0);
+        });
         let simulation = Simulation::new(scene);
         let pixels: Vec<usize> = (0..9).map(|i| centre as usize - 12 + 3 * i).collect();
         let mut middle = 0.0;
         let rows = [300u64, 303, 294, 310];
-        let worst = worst_on_camera(
-            (&simulation, centre),
-            (&pixels, &rows),
-            |columns, places| {
-                let mean = |lens, columns: &[f64], places: &[f64]| {
-                    field::lens_mean(&laser, &scattering, &view, lens, x, columns, places)
-                };
-                let light = mean(&lens, columns, places);
-                middle = light.density / mean(&ideal, &[0.0], &[0.0]).density;
-                (light, middle)
-            },
-        );
+        let (at, of) = ((&simulation, centre), (&pixels[..], &rows[..]));
+        let worst = worst_on_camera(at, of, |columns, places| {
+            let mean = |lens, columns: &[f64], places: &[f64]| {
+                field::lens_mean(&laser, &scattering, &view, lens, x, columns, places)
+            };
+            let light = mean(&lens, columns, places);
+            middle = light.density / mean(&ideal, &[0.0], &[0.0]).density;
+            (light, middle)
+        });
         println!("lens, coma {waves}, focus {focus:?}: {middle:.3}, off by {worst:.5}");
         // Pixels of 5.86 um gather 0.6 % less at the top of a spot with a sigma of 15 um than there is:
         // pitch^2 / 24 sigma^2.
@@ -736,9 +713,9 @@ fn rows_of_a_camera_agree_with_the_mean_of_the_field() {
 fn speckle_keeps_the_mean() {
     const SEEDS: u64 = 40;
     let line = |aperture| {
-        let mut scene = plain_with(&fresnel(1e-3));
-        scene.optics.aperture = aperture;
-        scene
+        with(plain_with(&fresnel(1e-3)), |it| {
+            it.optics.aperture = aperture
+        })
     };
     let blurred = listing(line(Aperture::PAPER_LENS), "defocus.focus_distance = 0.6");
     for (name, scene, row) in [
@@ -749,8 +726,7 @@ fn speckle_keeps_the_mean() {
         ("lens on a camera", camera(Aperture::PAPER_LENS), 303),
     ] {
         let sum = |seed, speckle| {
-            let mut scene = scene.clone();
-            (scene.seed, scene.speckle) = (seed, speckle);
+            let scene = with(scene.clone(), |it| (it.seed, it.speckle) = (seed, speckle));
             moments(&scene.row(row, 0.8, 1.0)).0
         };
         let plain = sum(1, None);
@@ -771,12 +747,8 @@ fn speckle_keeps_the_mean() {
 fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {
     const SEEDS: u64 = 120;
     let lens = lens_with(&fresnel(1e-3));
-    let scene = |seed| {
-        let mut scene = lens.clone();
-        (scene.seed, scene.speckle) = (seed, Some(PAPER));
-        scene.speckle.iter_mut().for_each(|it| it.polarisations = 1);
-        scene
-    };
+    let speckle = Some(with(PAPER, |it| it.polarisations = 1));
+    let scene = |seed| with(lens.clone(), |it| (it.seed, it.speckle) = (seed, speckle));
     let truth = scene(0).optics.centre(0.8);
     let off = |seed| moments(&scene(seed).row(0, 0.8, 1.0)).1 - truth;
     let scatter = rms((0..SEEDS).map(off));
@@ -791,13 +763,12 @@ fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {
 #[test]
 fn speckle_changes_only_with_the_surface() {
     let scene = |seed, wander| {
-        let mut scene = camera(Aperture::PAPER_SLIT);
-        scene.seed = seed;
         let light = format!(
             "laser_spot = {{ waist = 1e-3, waist_distance = 0.8, wander = {wander} }}
             speckle = {{ polarisations = 2, linewidth = 1e-9, path_spread = 100e-6 }}"
         );
-        listing(scene, &light)
+        let camera = with(camera(Aperture::PAPER_SLIT), |it| it.seed = seed);
+        listing(camera, &light)
     };
     let simulation = Simulation::new(scene(5, 0.0));
     let row = |row, distance| simulation.row(row, distance, 1.0);
@@ -847,16 +818,9 @@ fn targets_of_different_reflectivity_follow_one_another() {
     let brightest = scene.clone().without(Effect::Reflectivity);
     let brightest = brightest.row(0, scene.distance, exposure);
     let brightest = f64::from(brightest[scene.geometry().light.start + centre]) - lamps;
-    for (time, factor) in [
-        (0.0, 1e-4),
-        (0.49, 1e-4),
-        (0.51, 1e-2),
-        (1.25, 1.0),
-        (1.75, 1e-2),
-        (2.25, 1e-4),
-        (2.75, 1e-2),
-        (3.25, 1.0),
-    ] {
+    let times = [0.0, 0.49, 0.51, 1.25, 1.75, 2.25, 2.75, 3.25];
+    let factors = [1e-4, 1e-4, 1e-2, 1.0, 1e-2, 1e-4, 1e-2, 1.0];
+    for (time, factor) in times.into_iter().zip(factors) {
         let row = (time * rows_a_second).round() as u64;
         let counts = scene.row(row, scene.distance, exposure);
         let light = &counts[scene.geometry().light.clone()];

@@ -5,10 +5,9 @@ use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
 use std::fmt::Display;
 
 use crate::support::{self, *};
-use simulator::optics::Aperture;
 use simulator::scene::{
     Exposure, FixedPattern, HotPixels, Lag, MainsLight, Quantisation, ReadNoise, Response,
-    Saturation, Settling, ShotNoise, Spot, file, random,
+    Saturation, Settling, file, random,
 };
 
 /// Mean, variance, skewness and excess kurtosis.
@@ -57,9 +56,8 @@ fn evenly_lit(counts: f64) -> Scene {
 fn rows(scene: Scene, rows: u64) -> Vec<f32> {
     let simulation = Simulation::new(scene);
     let distance = simulation.scene().distance;
-    (0..rows)
-        .flat_map(|row| simulation.row(row, distance, 1.0))
-        .collect()
+    let row = |row| simulation.row(row, distance, 1.0);
+    (0..rows).flat_map(row).collect()
 }
 
 /// Sum of the squares of what was counted less what was expected, over what was expected: of so many cells
@@ -150,10 +148,8 @@ fn shot_noise_is_poisson_distributed() {
 /// Light elsewhere on the row does not change a pixel's noise. A row without light draws no random number.
 #[test]
 fn the_shot_noise_of_a_pixel_does_not_depend_on_other_pixels() {
-    let electrons_per_count = 10.0;
-    let noise = ShotNoise {
-        electrons_per_count,
-    };
+    let noise = listing(evenly_lit(0.0), "shot_noise.electrons_per_count = 10.0").shot_noise;
+    let noise = noise.expect("listed");
     let stream = || random::of_row(3, Effect::ShotNoise, 7);
     let some = |from: usize, to: usize| {
         let mut light = vec![0.0; 1000];
@@ -233,9 +229,8 @@ fn the_number_of_hot_pixels_is_binomial() {
     let leaking = "hot_pixels = { share = 0.01, counts_per_second = 400.0 }";
     let scene = listing(dark, leaking);
     let hot = scene.hot_pixels.expect("listed");
-    let numbers: Vec<f32> = (0..1000)
-        .map(|seed| hot.places(seed, 0, 3648).len() as f32)
-        .collect();
+    let number = |seed| hot.places(seed, 0, 3648).len() as f32;
+    let numbers: Vec<f32> = (0..1000).map(number).collect();
     assert_normal("hot pixels", &numbers, 36.48, 3648.0 * 0.01 * 0.99);
 
     // A larger share is the same ones, and more.
@@ -298,11 +293,8 @@ fn excess_charge_fills_the_neighbours() {
 fn a_bloomed_spot_has_a_flat_top() {
     let (full_well, width, height) = (1000.0, 12.0, 5000.0);
     let mut light = vec![0.0f32; 801];
-    let spot = Spot {
-        width,
-        counts_per_second: 0.0,
-    };
-    spot.add(&mut light, 400.0, height);
+    let spot = plain_spot().spot.expect("a spot");
+    with(spot, |it| it.width = width).add(&mut light, 400.0, height);
     let before = light.clone();
     bloom(&mut light, full_well, 1.0);
     let [all, after] = [&before, &light].map(|it| sum(it));
@@ -494,8 +486,7 @@ const LAG: Lag = Lag {
 };
 
 fn lagging(scene: Scene) -> Scene {
-    let lag = Some(LAG);
-    Scene { lag, ..scene }
+    with(scene, |it| it.lag = Some(LAG))
 }
 
 /// Bright and faint light leave similar charge. Of a full well of 40,000 electrons less than the noise of 60
@@ -571,9 +562,8 @@ fn lamps_flicker_from_row_to_row() {
         phase,
     };
     let lit = |lamps| {
-        let mut scene = Scene::dark(Sensor::Row(16));
-        scene.mains_light = Some(lamps);
-        Simulation::new(scene)
+        let dark = Scene::dark(Sensor::Row(16));
+        Simulation::new(with(dark, |it| it.mains_light = Some(lamps)))
     };
     for frequency in [100.0, 120.0] {
         let simulation = lit(lamps(frequency, Some(0.3), 0.0));
@@ -722,11 +712,8 @@ fn all_random_streams_differ() {
     let pattern = FixedPattern { counts: 0.01 }.offsets(1, 0, 3648);
     let mut noise = vec![0.0; 3648];
     ReadNoise { counts: 0.01 }.apply(&mut noise, &mut random::of_row(1, Effect::ReadNoise, 0));
-    for (a, b) in [
-        (&response, &pattern),
-        (&pattern, &noise),
-        (&noise, &response),
-    ] {
+    let others = [&pattern, &noise, &response];
+    for (a, b) in [&response, &pattern, &noise].into_iter().zip(others) {
         let products = a.iter().zip(b).map(|(a, b)| f64::from(a * b));
         let correlation = products.sum::<f64>() / (3648.0 * 0.01 * 0.01);
         println!("correlation {correlation:.4}");
@@ -736,17 +723,13 @@ fn all_random_streams_differ() {
 
 /// White paper's spot, and nothing else.
 fn plain_spot() -> Scene {
-    Scene {
-        spot: Scene::white_paper().spot,
-        ..Scene::dark(Sensor::Tcd1304dg)
-    }
+    let spot = Scene::white_paper().spot;
+    with(Scene::dark(Sensor::Tcd1304dg), |it| it.spot = spot)
 }
 
 /// A spot behind a lens, on which every effect can act.
 fn spot_behind_a_lens() -> Scene {
-    let mut scene = plain_spot();
-    scene.optics.aperture = Aperture::PAPER_LENS;
-    scene
+    with(plain_spot(), |it| it.optics.aperture = Aperture::PAPER_LENS)
 }
 
 /// A row of 5 ms, while the laser was on for these seconds, and in the row before for those.
@@ -791,15 +774,11 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
         let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
         lag.apply(light, &collected(0.0)[geometry.light.clone()], full_well);
     }
-    if let Some(noise) = scene.shot_noise {
-        noise.apply(light, &mut random::of_row(seed, Effect::ShotNoise, row));
-    }
-    if let Some(saturation) = scene.saturation {
-        saturation.apply(light);
-    }
-    if let Some(front_end) = scene.front_end {
-        front_end.amplify(light);
-    }
+    let random = |effect| random::of_row(seed, effect, row);
+    let shot_noise = scene.shot_noise.iter();
+    shot_noise.for_each(|it| it.apply(light, &mut random(Effect::ShotNoise)));
+    scene.saturation.iter().for_each(|it| it.apply(light));
+    scene.front_end.iter().for_each(|it| it.amplify(light));
     if let Some(black) = scene.black_level {
         let level = black.after(row as f64 * scene.sensor.period()) as f32;
         counts.iter_mut().for_each(|x| *x += level);
@@ -808,19 +787,13 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
         let offsets = pattern.offsets(seed, 0, counts.len());
         counts.iter_mut().zip(offsets).for_each(|(x, o)| *x += o);
     }
-    if let Some(settling) = scene.settling {
-        settling.apply(&mut counts);
-    }
-    if let Some(front_end) = scene.front_end {
-        front_end.shift_and_clip(&mut counts);
-    }
-    if let Some(noise) = scene.read_noise {
-        let mut random = random::of_row(seed, Effect::ReadNoise, row);
-        noise.apply(&mut counts, &mut random);
-    }
-    if let Some(quantisation) = scene.quantisation {
-        quantisation.apply(&mut counts, geometry.full_scale());
-    }
+    scene.settling.iter().for_each(|it| it.apply(&mut counts));
+    let front_end = scene.front_end.iter();
+    front_end.for_each(|it| it.shift_and_clip(&mut counts));
+    let read_noise = scene.read_noise.iter();
+    read_noise.for_each(|it| it.apply(&mut counts, &mut random(Effect::ReadNoise)));
+    let quantisation = scene.quantisation.iter();
+    quantisation.for_each(|it| it.apply(&mut counts, geometry.full_scale()));
     counts
 }
 
@@ -847,8 +820,8 @@ fn no_effect_changes_the_random_numbers_of_another() {
         // The scene is one in which the effect does something.
         assert!(changed, "{effect:?}");
     }
-    let all = listing(spot_behind_a_lens(), EVERY_EFFECT).without(Effect::Quantisation);
-    let all = all.without(Effect::MainsLight);
+    let all = listing(spot_behind_a_lens(), EVERY_EFFECT);
+    let all = (all.without(Effect::Quantisation)).without(Effect::MainsLight);
     assert_eq!(after_darkness(&all, 5), put_together(&all, 5));
 }
 
@@ -916,10 +889,8 @@ fn rows_of_scenes_never_change() {
         let rows = first_rows(&scene);
         let simulation = Simulation::new(scene);
         let bytes = rows.flat_map(|row| counts(&simulation, row));
-        let hash = (bytes.flat_map(u16::to_le_bytes))
-            .fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
-                (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
-            });
+        let add = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        let hash = (bytes.flat_map(u16::to_le_bytes)).fold(0xcbf2_9ce4_8422_2325u64, add);
         table += &format!("{name:<18} {hash:016x}\n");
     }
     print!("{table}");
@@ -942,9 +913,8 @@ fn scenes_are_read_and_written() {
         assert!(is_a_sentence, "{name}: {about:?}");
     }
     let quiet = support::scene("quiet-paper");
-    let about = quiet.about.clone();
-    let white = Scene::white_paper();
-    assert_eq!(quiet, Scene { about, ..white });
+    let white = with(Scene::white_paper(), |it| it.about = quiet.about.clone());
+    assert_eq!(quiet, white);
 }
 
 /// Each scene of the folder, its name, and the text of its file.
@@ -1057,9 +1027,8 @@ fn meaningless_scenes_are_refused() {
     let every = format!("{EVERY_EFFECT}{lens}");
     assert!(Scene::from_toml(&every).is_ok());
     for line in MEANINGLESS.trim().lines() {
-        let parts: Vec<String> = (line.split(" => "))
-            .map(|part| part.replace('|', "\n"))
-            .collect();
+        let parts = line.split(" => ").map(|part| part.replace('|', "\n"));
+        let parts: Vec<String> = parts.collect();
         let changed = every.replace(&parts[0], &parts[1]);
         assert!(changed != every, "{line}");
         assert_error(Scene::from_toml(&changed).expect_err(line), &parts[2]);
@@ -1071,9 +1040,8 @@ fn meaningless_scenes_are_refused() {
     let (width, height) = (200e-6, 4.3e-3);
     scene.optics.aperture = Aperture::Slit { width, height };
     refused(&scene, "optics.aperture.slit.height is 0.0043 m");
-    let scene = Scene::dark(Sensor::Row(65_537));
     let words = "sensor.row is 65537 pixels: it must be 65536 or fewer";
-    refused(&scene, words);
+    refused(&Scene::dark(Sensor::Row(65_537)), words);
     use Effect::{Coma, Defocus, Distortion, Flare};
     for effect in [Defocus, Coma, Distortion, Flare] {
         let name = format!("[{}] is a lens's", effect.name());

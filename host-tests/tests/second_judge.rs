@@ -58,26 +58,21 @@ fn the_shape_hardly_adds_to_the_uncertainty_of_clean_rows() {
     let (row, frame): (Take, Take) = (second_judge::row, second_judge::frame);
     for (name, take, count, most) in [("rows", row, 10_000, 1.075), ("frames", frame, 500, 1.05)] {
         for judged in [JUDGED[0], JUDGED[2]] {
-            let growths: Vec<f64> = (0..count)
-                .into_par_iter()
-                .filter_map(|number| {
-                    let frame = take(clean, number);
-                    let profile = judged
-                        .is_calibrated
-                        .then(|| frame.profile(judged.estimator));
-                    let measured = frame.measure(judged.estimator, profile.flatten()).ok()?;
-                    let shape = measured.by_shape.to_f64();
-                    Some(1f64.hypot(shape / measured.frame.uncertainty.to_f64()))
-                })
-                .collect();
+            let growths = (0..count).into_par_iter().filter_map(|number| {
+                let frame = take(clean, number);
+                let own = || frame.profile(judged.estimator);
+                let profile = judged.is_calibrated.then(own);
+                let measured = frame.measure(judged.estimator, profile.flatten()).ok()?;
+                let shape = measured.by_shape.to_f64();
+                Some(1f64.hypot(shape / measured.frame.uncertainty.to_f64()))
+            });
+            let growths: Vec<f64> = growths.collect();
             let mean = statistics::mean(&growths);
             let grown = growths.iter().filter(|growth| **growth > 1.0).count();
             let of = growths.len();
-            print!(
-                "{name}, calibrated {}: u is {mean:.3} times as large on ",
-                judged.is_calibrated
-            );
-            println!("average, and larger in {grown} of {of}");
+            let kind = judged.is_calibrated;
+            print!("{name}, calibrated {kind}: u is {mean:.3} times as large on average, ");
+            println!("and larger in {grown} of {of}");
             assert!(growths.len() as u64 >= count - count / 100);
             assert!(mean <= most, "{mean}");
         }

@@ -16,32 +16,20 @@
 //! The test takes lines of the first three kinds from the script, and compares the others. To change a
 //! script, edit those three, run the test with `INSTA_UPDATE=always`, and read what else has changed.
 
+use crate::support::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
 use proptest::prelude::*;
-use slitrange::base::units::Counts;
-use slitrange::row::Geometry;
-use slitrange::row::Polarity;
-use slitrange::row::pixels::flat_field::{Kind, Taken};
-use slitrange::row::sensor_heads::tcd1304dg;
+use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::MAX_ANSWER;
-use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::help;
 use slitrange_device::protocol::info::VERSION;
-use slitrange_device::protocol::line::{FaultLine, ReadingLine};
-use slitrange_device::protocol::packet::FrameResult;
+use slitrange_device::protocol::line::FaultLine;
 use slitrange_device::protocol::piece::{PIECE, Piece};
-use slitrange_device::protocol::status::{StartCause, Vitals};
-use slitrange_device::protocol::upload::Step;
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_device::session::flat::Outcome;
-use slitrange_device::session::{Actions, Applied, Event, Session};
-use slitrange_device::settings::{Form, Setting, Settings};
-use slitrange_device::store::configuration::{self, Configuration};
-use slitrange_device::store::pixel_map::StoredMap;
-use slitrange_device::store::{StoreError, Stored};
+use slitrange_device::session::Applied;
+use slitrange_device::settings::{Form, split_words};
+use slitrange_device::store::configuration;
 
 use samples::{HARDWARE, fault, frame, map_summary, record, row_test};
 
@@ -107,10 +95,8 @@ impl Sensor {
             reset,
         } = &self.actions;
         let text = text.as_str();
-        assert!(
-            text.is_ascii() && (text.is_empty() || text.ends_with("\r\n")),
-            "{text:?}"
-        );
+        let is_of_lines = text.is_empty() || text.ends_with("\r\n");
+        assert!(text.is_ascii() && is_of_lines, "{text:?}");
         let text = text.replace(VERSION, "VERSION");
         let lines: Vec<String> = text.lines().map(str::to_owned).collect();
         // The longest number has twenty digits.
@@ -300,11 +286,12 @@ impl Sensor {
         let outcome = match *words {
             ["dark" | "lit", counts] => {
                 let lit = words[0] == "lit";
-                let taken = Taken {
-                    mean: Counts::from_int(counts.parse().expect("counts")),
-                    map: lit.then(map_summary),
+                let mean = Counts::from_int(counts.parse().expect("counts"));
+                let (kind, map) = match lit {
+                    true => (Kind::Lit, Some(map_summary())),
+                    false => (Kind::Dark, None),
                 };
-                Outcome::Taken(if lit { Kind::Lit } else { Kind::Dark }, Ok(taken))
+                Outcome::Taken(kind, Ok(Taken { mean, map }))
             }
             ["loaded", "newest"] => Outcome::Loaded(Ok(StoredMap::Newest), Some(map_summary())),
             ["loaded", "older"] => Outcome::Loaded(Ok(StoredMap::Older), Some(map_summary())),
@@ -366,21 +353,12 @@ fn through_flash(configuration: Configuration<&Record>) -> Configuration {
 
 /// A result that is to be sent as a packet.
 fn packet(packet: FrameResult) -> String {
-    let FrameResult {
-        counter,
-        time_us,
-        is_difference,
-        result,
-    } = packet;
-    let what = if is_difference {
-        "difference"
-    } else {
-        "packet"
+    let what = ["packet", "difference"][usize::from(packet.is_difference)];
+    let result = match packet.result {
+        Ok(reading) => ReadingLine(&reading).to_string(),
+        Err(fault) => FaultLine(&fault).to_string(),
     };
-    match result {
-        Ok(reading) => format!("{what} {counter} {time_us} {}", ReadingLine(&reading)),
-        Err(fault) => format!("{what} {counter} {time_us} {}", FaultLine(&fault)),
-    }
+    format!("{what} {} {} {result}", packet.counter, packet.time_us)
 }
 
 fn vitals() -> Vitals {
@@ -401,16 +379,10 @@ fn scripts() -> Vec<(String, String)> {
     let scripts = paths.filter(|path| path.extension().is_some_and(|it| it == "snap"));
     let script = |path: std::path::PathBuf| {
         let text = fs::read_to_string(&path).expect("a script");
-        let name = path
-            .file_stem()
-            .expect("a name")
-            .to_string_lossy()
-            .into_owned();
+        let name = path.file_stem().expect("a name").to_string_lossy();
         // The lines of insta come before.
-        (
-            name,
-            text.splitn(3, "---\n").nth(2).expect("a script").to_owned(),
-        )
+        let script = text.splitn(3, "---\n").nth(2).expect("a script");
+        (name.into_owned(), script.to_owned())
     };
     scripts.map(script).collect()
 }
@@ -428,9 +400,8 @@ fn each_script_goes_as_it_is_written() {
             let first = line.get(2..).and_then(|rest| rest.split(' ').next());
             let first = first.filter(|_| line.starts_with("> "));
             names.extend(help::names().filter(|&name| first == Some(name)));
-            let error = line
-                .strip_prefix("< E")
-                .and_then(|rest| rest.split(' ').next());
+            let error = line.strip_prefix("< E");
+            let error = error.and_then(|rest| rest.split(' ').next());
             if let Some(Ok(number)) = error.map(str::parse::<u32>) {
                 assert!(number < 8 || line.contains([':', ',']), "{line}");
                 errors.insert(number);
@@ -458,27 +429,16 @@ fn values_are_named_by_their_forms_and_come_back_from_flash() {
             let Ok(Command::Set(value)) = parse(line.as_bytes()) else {
                 continue;
             };
-            let mut settings = Settings::default();
-            settings.set(value);
-            let written = Configuration {
-                settings,
-                record: None,
-            };
+            let (settings, record) = (with(Settings::default(), |it| it.set(value)), None);
+            let read = through_flash(Configuration { settings, record }).settings;
             let expected = match value.is_saved() {
                 true => settings,
                 false => Settings::default(),
             };
-            assert_eq!(through_flash(written.as_ref()).settings, expected, "{line}");
-            let (name, value, form) = (
-                value.setting().name(),
-                value.to_string(),
-                value.setting().form(),
-            );
-            let word = value[name.len()..]
-                .trim_start()
-                .split(' ')
-                .next()
-                .expect("a value");
+            assert_eq!(read, expected, "{line}");
+            let (name, form) = (value.setting().name(), value.setting().form());
+            let value = value.to_string();
+            let word = split_words(&value[name.len()..])[0];
             let is_number = word.parse::<i32>().is_ok();
             let is_named = |known: &str| {
                 known.split(' ').next() == Some(word)
@@ -512,10 +472,7 @@ fn lines_are_left_out_down_to_the_rate_that_is_set() {
     let mut next = |sensor: &mut Sensor| {
         // A frame of 16 rows.
         us += 91_200;
-        let vitals = Vitals {
-            result_us: us,
-            ..vitals()
-        };
+        let vitals = with(vitals(), |it| it.result_us = us);
         let frame = Event::Frame(Ok(frame(&["1800"])));
         sensor.session.take(frame, &vitals, &mut sensor.actions);
         !sensor.actions.text.as_str().is_empty()
@@ -556,20 +513,16 @@ proptest! {
         let mut sensor = Sensor::new();
         for line in &lines {
             let answer = sensor.ask(line);
-            let is_silent = matches!(
-                parse(line.as_bytes()),
-                Ok(Command::Nothing | Command::Distance | Command::Centre)
-            );
+                        use Command::{Centre, Distance, Nothing};
+            let is_silent = matches!(parse(line.as_bytes()), Ok(Nothing | Distance | Centre));
             prop_assert_eq!(answer.is_empty(), is_silent, "{}: {}", line, answer);
         }
         let saved = sensor.session.configuration().map(Configuration::cloned);
         let saved = saved.expect("the nominal calibration at least");
         let again = Sensor::started(tcd1304dg(), StartCause::PowerOn, Stored::Newest(saved));
         prop_assert_eq!(again.session.record(), sensor.session.record());
-        let restarted = Settings {
-            stream: sensor.session.settings().stream,
-            ..*again.session.settings()
-        };
-        prop_assert_eq!(restarted, *sensor.session.settings());
+                let settings = *sensor.session.settings();
+        let restarted = with(*again.session.settings(), |it| it.stream = settings.stream);
+        prop_assert_eq!(restarted, settings);
     }
 }

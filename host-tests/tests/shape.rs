@@ -4,7 +4,6 @@
 use std::f64::consts::TAU;
 
 use crate::support::*;
-use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
 
 /// Distance between two samples in widths, and how far the check looks.
 const PITCH: f64 = 1.0 / 6.4;
@@ -17,15 +16,12 @@ fn gaussian(u: f64) -> f64 {
 /// The shift that hides in a flaw's light, and the uncertainty by its shape. The noise's variance is `white`
 /// plus the spot's light.
 fn hidden(flaw: impl Fn(f64) -> f64, white: f64) -> (f64, f64) {
-    let places: Vec<f64> = (0..)
-        .map(|i| (f64::from(i) + 0.5) * PITCH)
-        .take_while(|u| *u < REACH)
-        .collect();
+    let places = (0..).map(|i| (f64::from(i) + 0.5) * PITCH);
+    let places: Vec<f64> = places.take_while(|u| *u < REACH).collect();
     let product = |f: &[f64], g: &[f64]| -> f64 {
         let terms = places.iter().zip(f).zip(g);
-        terms
-            .map(|((u, f), g)| f * g / (white + gaussian(*u)))
-            .sum()
+        let terms = terms.map(|((u, f), g)| f * g / (white + gaussian(*u)));
+        terms.sum()
     };
     let functions: [fn(f64) -> f64; COMPONENTS] = [
         |u| u * gaussian(u),
@@ -54,10 +50,7 @@ fn hidden(flaw: impl Fn(f64) -> f64, white: f64) -> (f64, f64) {
     for (component, part) in components.iter_mut().zip(&parts).skip(1) {
         *component = Pixels::from_f32((part * scale) as f32);
     }
-    let shape = SpotShape {
-        components,
-        ..SpotShape::default()
-    };
+    let shape = with(SpotShape::default(), |it| it.components = components);
     ((parts[0] * scale).abs(), shape.uncertainty(None).to_f64())
 }
 
@@ -82,19 +75,17 @@ const KINDS: [(&str, Draw); 5] = [
         let length = random.random_range(0.3..4.0);
         Box::new(move |u| {
             let steps = (0..600).map(|step| 0.02 * f64::from(step));
-            steps
-                .map(|back| gaussian(u - back) * (-back / length).exp())
-                .sum()
+            let terms = steps.map(|back| gaussian(u - back) * (-back / length).exp());
+            terms.sum()
         })
     }),
     ("grain", |random| {
         let length = random.random_range(0.1..0.5);
-        let waves: Vec<(f64, f64)> = (0..24)
-            .map(|_| {
-                let normal: f64 = StandardNormal.sample(random);
-                (normal / length, TAU * random.random::<f64>())
-            })
-            .collect();
+        let mut wave = || {
+            let normal: f64 = StandardNormal.sample(random);
+            (normal / length, TAU * random.random::<f64>())
+        };
+        let waves: Vec<(f64, f64)> = (0..24).map(|_| wave()).collect();
         Box::new(move |u| {
             let field: f64 = waves.iter().map(|(k, phase)| (k * u + phase).cos()).sum();
             gaussian(u) * field

@@ -1,34 +1,83 @@
 //! What several topics write their rows and scenes with, and the names that most of them use.
 
-pub use judges::accuracy::{Answer, Cell, PIXELS, centre_of};
+pub use judges::accuracy::{Answer, Cell, PIXELS, centre_after, centre_of, centre_with, largest};
+pub use judges::core_tables;
+pub use judges::frames::{self, at_centre};
+pub use judges::hard_cases::flaw::{Bad, Flaw, Second};
+pub use judges::hard_cases::judge::Said;
+pub use judges::hard_cases::recipe::Recipe;
+pub use judges::hard_cases::{HardRow, Truth};
 pub use rand::{Rng as _, SeedableRng as _};
 pub use rand_chacha::ChaCha8Rng;
 pub use rand_distr::{Distribution as _, StandardNormal};
 pub use rayon::prelude::*;
+pub use simulator::least_squares;
+pub use simulator::optics::{Aperture, Optics};
+pub use simulator::profiles::{self, Curve, Slit};
 pub use simulator::scene::{Effect, Scene, Sensor, Simulation, quantise};
-pub use slitrange::base::fault::Fault;
-pub use slitrange::base::units::{Counts, Micrometres, Pixels};
-pub use slitrange::centre::{Estimator, RowCentre};
-pub use slitrange::distance::Calibration;
+pub use slitrange::base::exposure::Exposure;
+pub use slitrange::base::places::PLACES;
+pub use slitrange::base::units::Electrons;
+pub use slitrange::base::work_budget::WorkBudget;
+pub use slitrange::centre;
+pub use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
+pub use slitrange::centre::tables::{BLOCKS, Sampling, TableSet};
+pub use slitrange::check::own_spot::Profile;
+pub use slitrange::distance::eq1::{Eq1, NOMINAL};
+pub use slitrange::distance::knots::{CLOSEST, Knot, Knots, MAX_KNOTS};
+pub use slitrange::distance::residuals::{Corrected, CorrectedError};
+pub use slitrange::distance::table::Table;
+pub use slitrange::frame::comb::{Comb, Combined, MAX_SLITS, SlitCentre, SlitMap, Slits};
+pub use slitrange::frame::{Frame, FrameCentre, Mean};
 pub use slitrange::measurement::centre_of_spot;
-pub use slitrange::measurement::{Measurement, Options};
-pub use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-pub use slitrange::reading::{Measured, Reading};
-pub use slitrange::row::sensor_heads::{self, tcd1304dg};
-pub use slitrange::row::{Geometry, Polarity, Row};
+pub use slitrange::reading::uncertainty::{FittedErrors, FittedSurface, Parts};
+pub use slitrange::row::front_end::{Estimate, FrontEnd};
+pub use slitrange::row::pixels::PixelErrors;
+pub use slitrange::row::pixels::flat_field::{TakeError, Taken};
+pub use slitrange::row::sensor_heads::tcd1304dg;
+pub use slitrange::spot::region::Region;
 pub use slitrange::spot::{self, Spot};
-pub use statistics::{mean, rms};
+pub use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Fault, Geometry, Measured,
+    Measurement, Micrometres, Options, Pixels, Polarity, Reading, Row, RowCentre, Surface,
+    sensor_heads,
+};
+pub use slitrange_device::protocol::command::{Command, parse};
+pub use slitrange_device::protocol::line::ReadingLine;
+pub use slitrange_device::protocol::packet::FrameResult;
+pub use slitrange_device::protocol::status::{StartCause, Vitals};
+pub use slitrange_device::protocol::upload::Step;
+pub use slitrange_device::record::date::Date;
+pub use slitrange_device::record::encoded::EncodedRecord;
+pub use slitrange_device::record::{Record, RecordError};
+pub use slitrange_device::session::flat::Outcome;
+pub use slitrange_device::session::{Actions, Event, Session};
+pub use slitrange_device::settings::{Setting, Settings};
+pub use slitrange_device::store::configuration::Configuration;
+pub use slitrange_device::store::pixel_map::StoredMap;
+pub use slitrange_device::store::{StoreError, Stored};
+pub use statistics::{mean, rms, upper_median};
 
 /// Random numbers of a seed.
 pub fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
+/// A value with a change.
+pub fn with<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
+    change(&mut value);
+    value
+}
+
 /// The default options with a change.
 pub fn options(change: impl FnOnce(&mut Options)) -> Options {
-    let mut options = Options::default();
-    change(&mut options);
-    options
+    with(Options::default(), change)
+}
+
+/// A knot of a centre in pixels and a value in micrometres.
+pub fn knot(centre: i32, um: i32) -> Knot {
+    let (centre, value) = (Pixels::from_int(centre), Micrometres::from_int(um));
+    Knot { centre, value }
 }
 
 /// A scene of this repository.
@@ -67,10 +116,9 @@ pub const fn cell(width: f64, amplitude: f64, noise: Noise, rows: u64, seed: u64
 
 /// So many pixels of 12 bits, all of them lit, and light positive.
 pub fn geometry(pixels: usize, shot_variance_per_count_q16: u16) -> Geometry {
-    Geometry {
-        shot_variance_per_count_q16,
-        ..Sensor::Row(pixels).geometry()
-    }
+    with(Sensor::Row(pixels).geometry(), |it| {
+        it.shot_variance_per_count_q16 = shot_variance_per_count_q16;
+    })
 }
 
 /// A row's centre and its uncertainty, in pixels.
@@ -87,6 +135,50 @@ pub fn row_centre(centre: f64, uncertainty: f64) -> RowCentre {
     }
 }
 
+/// The fault of a comb of which a row shows so many slits.
+pub const fn few_slits(found: u16) -> Fault {
+    let needed = 4;
+    Fault::FewSlits { found, needed }
+}
+
+/// A value with its uncertainty.
+pub fn estimate<T>([value, u]: [T; 2]) -> Estimate<T> {
+    Estimate { value, u }
+}
+
+/// The errors of a fit, with those of its surface.
+pub fn fitted(
+    curve: [Micrometres; PLACES],
+    deviation: [Micrometres; PLACES],
+    height: [Counts; PLACES],
+) -> CalibrationErrors {
+    let surface = Some(FittedSurface { deviation, height });
+    CalibrationErrors::Fitted(FittedErrors { curve, surface })
+}
+
+/// How far pixels differ: their response as Q0.16, and their offset in steps.
+pub fn pixel_errors(response_q16: u16, offset: i32) -> PixelErrors {
+    let offset = Counts::from_bits(offset);
+    PixelErrors {
+        response_q16,
+        offset,
+    }
+}
+
+/// The parts of an uncertainty, in the order of their list.
+pub fn parts(parts: [Micrometres; 7]) -> Parts {
+    let [noise, shape, pixels, calibration, surface, geometry, motion] = parts;
+    Parts {
+        noise,
+        shape,
+        pixels,
+        calibration,
+        surface,
+        geometry,
+        motion,
+    }
+}
+
 /// A row of 12 bits without shielded pixels.
 pub fn row(light: &[u16]) -> Row<'_> {
     Row::new(light, &[], 4095).expect("12 bits")
@@ -99,9 +191,19 @@ pub fn find(light: &[u16]) -> Result<Spot, Fault> {
 
 /// The centre that the measurement finds with an estimator.
 pub fn checked(geometry: &Geometry, light: &[u16], estimator: Estimator) -> Answer {
+    checked_after(None, geometry, light, estimator)
+}
+
+/// As [`checked`], with what was found in the row before.
+pub fn checked_after(
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+    light: &[u16],
+    estimator: Estimator,
+) -> Answer {
     let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
     let (spot, budget) = spot::find(&row)?;
-    centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
+    centre_of_spot(estimator, &row, &spot, before, geometry, None, budget)
 }
 
 /// All pairs of two lists, in the order of two loops.
@@ -144,6 +246,13 @@ pub fn mirrored(light: &[u16]) -> Vec<u16> {
 pub fn tally<const N: usize>(rows: u64, count: impl Fn(u64) -> [u64; N] + Send + Sync) -> [u64; N] {
     let add = |a: [u64; N], b: [u64; N]| std::array::from_fn(|i| a[i] + b[i]);
     (0..rows).into_par_iter().map(count).reduce(|| [0; N], add)
+}
+
+/// A CRC of a reflected polynomial of up to 32 bits from its definition, bit by bit, inverted at the end.
+pub fn reflected_crc(start: u32, polynomial: u32, bytes: &[u8]) -> u32 {
+    let shift = |sum: u32, _| (sum >> 1) ^ if sum & 1 == 1 { polynomial } else { 0 };
+    let add = |sum: u32, byte: &u8| (0..8).fold(sum ^ u32::from(*byte), shift);
+    !bytes.iter().fold(start, add)
 }
 
 /// Simpson's rule over twice as many steps.

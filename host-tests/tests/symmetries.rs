@@ -7,8 +7,6 @@ use std::cell::RefCell;
 use crate::support::*;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
-use slitrange::base::work_budget::WorkBudget;
-use slitrange::centre;
 
 /// A spot on a row of [`PIXELS`], and what else is on it.
 #[derive(Clone, Copy, Debug)]
@@ -46,25 +44,20 @@ fn flaws() -> impl Strategy<Value = Flaw> {
     ]
 }
 
-/// Widths of 0.6 to 100 pixels in the middle of a row, from lost in the noise to nearly full scale.
-fn drawn() -> impl Strategy<Value = Drawn> {
-    let shot = prop_oneof![Just(None), (2.0..20.0).prop_map(Some)];
-    let spot = (
-        logarithmic(0.6, 100.0),
-        logarithmic(20.0, 3000.0),
-        logarithmic(0.5, 40.0),
-        shot,
-        any::<u64>(),
-        -100.0..100.0,
-        flaws(),
-    );
-    spot.prop_map(
-        |(width, amplitude, read_noise, shot, seed, from_middle, flaw)| Drawn {
-            cell: cell(width, amplitude, (read_noise, shot), 0, seed),
-            centre: PIXELS as f64 / 2.0 + from_middle,
-            flaw,
-        },
-    )
+prop_compose! {
+    /// Widths of 0.6 to 100 pixels in the middle of a row, from lost in the noise to nearly full scale.
+    fn drawn()(
+        width in logarithmic(0.6, 100.0),
+        amplitude in logarithmic(20.0, 3000.0),
+        read_noise in logarithmic(0.5, 40.0),
+        shot in prop_oneof![Just(None), (2.0..20.0).prop_map(Some)],
+        seed in any::<u64>(),
+        from_middle in -100.0..100.0,
+        flaw in flaws(),
+    ) -> Drawn {
+        let cell = cell(width, amplitude, (read_noise, shot), 0, seed);
+        Drawn { cell, centre: PIXELS as f64 / 2.0 + from_middle, flaw }
+    }
 }
 
 impl Drawn {
@@ -114,10 +107,9 @@ fn holds<T: std::fmt::Debug>(
     strategy: impl Strategy<Value = T>,
     property: impl Fn(T) -> Result<(), TestCaseError>,
 ) {
-    let config = ProptestConfig {
-        failure_persistence: None,
-        ..ProptestConfig::with_cases(cases)
-    };
+    let config = with(ProptestConfig::with_cases(cases), |it| {
+        it.failure_persistence = None
+    });
     let random = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
     let outcome = TestRunner::new_with_rng(config, random).run(&strategy, property);
     outcome.unwrap_or_else(|error| panic!("{error}"));
@@ -233,8 +225,7 @@ fn a_shifted_spot_has_the_shifted_centre() {
             _ => return Ok(()),
         };
         let shifted = turned(&light, pixels);
-        let mut there = spot;
-        there.0.centre += pixels;
+        let there = with(spot, |it| it.0.centre += pixels);
         for (estimator, way) in estimators_and_ways() {
             let here = centre_at(way, estimator, &light, &spot, &geometry);
             let there = centre_at(way, estimator, &shifted, &there, &geometry);
@@ -262,10 +253,7 @@ fn a_shifted_spot_has_the_shifted_centre() {
 
 fn shifted_back(centre: RowCentre, pixels: usize) -> RowCentre {
     let bits = centre.centre.to_bits() - Pixels::from_int(pixels as i32).to_bits();
-    RowCentre {
-        centre: Pixels::from_bits(bits),
-        ..centre
-    }
+    with(centre, |it| it.centre = Pixels::from_bits(bits))
 }
 
 /// Here the coarse search starts anew in the shifted row. If the shift is a multiple of the search's largest
@@ -282,8 +270,7 @@ fn a_shifted_row_has_the_shifted_centre() {
     let shifts = prop_oneof![(1..300usize), (1..4usize).prop_map(|blocks| 128 * blocks)];
     holds(4000, (drawn(), shifts), |(drawn, pixels)| {
         // Shifted by up to three blocks, all windows stay on the row.
-        let mut drawn = drawn;
-        drawn.centre -= 190.0;
+        let drawn = with(drawn, |it| it.centre -= 190.0);
         if !drawn.is_clean() {
             return Ok(());
         }
@@ -298,10 +285,7 @@ fn a_shifted_row_has_the_shifted_centre() {
             let there = shifted_back(there, pixels);
             if pixels % 128 == 0 {
                 // A wide spot has fewer pairs in one of the places.
-                let here = RowCentre {
-                    shape: there.shape,
-                    ..here
-                };
+                let here = with(here, |it| it.shape = there.shape);
                 prop_assert_eq!(here, there, "{:?}", estimator);
                 *whole.borrow_mut() += 1;
             } else if drawn.is_bright() {
@@ -345,8 +329,7 @@ fn a_mirrored_spot_has_the_mirrored_centre() {
         let Ok(spot) = find(&light) else {
             return Ok(());
         };
-        let mut there = spot;
-        there.0.centre = PIXELS - 1 - spot.0.centre;
+        let there = with(spot, |it| it.0.centre = PIXELS - 1 - it.0.centre);
         for estimator in Estimator::ALL {
             let way = steady(estimator);
             let here = centre_at(way, estimator, &light, &spot, &geometry);
@@ -407,10 +390,7 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
             return Ok(());
         }
         let shot = 2 * geometry.shot_variance_per_count_q16;
-        let brighter = Geometry {
-            shot_variance_per_count_q16: shot,
-            ..geometry.clone()
-        };
+        let brighter = with(geometry.clone(), |it| it.shot_variance_per_count_q16 = shot);
         for estimator in Estimator::ALL {
             let here = centre_at(Way::Alone, estimator, &single, &one, &geometry);
             let there = centre_at(Way::Alone, estimator, &double, &two, &brighter);

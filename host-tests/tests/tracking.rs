@@ -5,10 +5,6 @@ use crate::properties::{any_black_level, nominal_reading};
 use crate::support::*;
 use proptest::prelude::*;
 use simulator::scene;
-use slitrange::centre;
-use slitrange::distance::eq1::NOMINAL;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
 
 const PIXELS: usize = 2048;
 
@@ -34,14 +30,11 @@ impl Shown {
         (scene.seed, scene.sensor) = (8, Sensor::Row(PIXELS));
         scene.optics = Scene::dark(scene.sensor).optics;
         scene.black_level = Some(scene::BlackLevel::steady(self.black_level));
-        scene
-            .read_noise
-            .iter_mut()
-            .for_each(|it| it.counts = self.read_noise);
-        scene.spot = (counts_per_second > 0.0).then_some(scene::Spot {
-            width,
-            counts_per_second,
-        });
+        let noise = scene.read_noise.iter_mut();
+        noise.for_each(|it| it.counts = self.read_noise);
+        let spot = scene.spot.iter_mut();
+        spot.for_each(|it| (it.width, it.counts_per_second) = (width, counts_per_second));
+        scene.spot = scene.spot.filter(|_| counts_per_second > 0.0);
         quantise(&scene.row_with_centre(number, self.centre, 1.0), 4095)
     }
 }
@@ -65,10 +58,8 @@ struct Tracker {
 
 impl Tracker {
     fn new(estimator: Estimator) -> Self {
-        Self {
-            estimator,
-            before: None,
-        }
+        let before = None;
+        Self { estimator, before }
     }
 
     fn row(&mut self, counts: &[u16]) -> Result<RowCentre, Fault> {
@@ -307,10 +298,8 @@ fn a_spot_at_an_edge_is_a_fault_or_right() {
     for estimator in Estimator::ALL {
         let after = after(estimator, 1000, |random, start| {
             let edge = if random.random_bool(0.5) { 0.0 } else { 2047.0 };
-            Shown {
-                centre: edge + 4.0 * start.width * random.random_range(-1.0..1.0),
-                ..start
-            }
+            let centre = edge + 4.0 * start.width * random.random_range(-1.0..1.0);
+            Shown { centre, ..start }
         });
         after.assert_worst(0, 5.0);
     }
@@ -320,9 +309,10 @@ fn a_spot_at_an_edge_is_a_fault_or_right() {
 #[test]
 fn a_spot_that_saturates_is_a_fault_or_right() {
     for estimator in Estimator::ALL {
-        let after = after(estimator, 500, |random, start| Shown {
-            amplitude: random.random_range(3000.0..10_000.0),
-            ..start
+        let after = after(estimator, 500, |random, start| {
+            with(start, |it| {
+                it.amplitude = random.random_range(3000.0..10_000.0)
+            })
         });
         after.assert_worst(0, 5.0);
         let masks = estimator == Estimator::GaussNewton;
@@ -335,9 +325,10 @@ fn a_spot_that_saturates_is_a_fault_or_right() {
 #[test]
 fn a_lamp_that_flickers_moves_no_centre() {
     for estimator in Estimator::ALL {
-        let after = after(estimator, 500, |random, start| Shown {
-            black_level: 300.0 + random.random_range(0.0..200.0),
-            ..start
+        let after = after(estimator, 500, |random, start| {
+            with(start, |it| {
+                it.black_level = 300.0 + random.random_range(0.0..200.0)
+            })
         });
         after.assert_worst(0, 5.0);
         let faults: u32 = after.faults.iter().sum();
@@ -353,11 +344,10 @@ fn a_lamp_that_flickers_moves_no_centre() {
 fn a_spot_that_disappears_has_no_centre() {
     for estimator in Estimator::ALL {
         for (black_level, read_noise) in [(300.0, 4.0), (800.0, 8.0)] {
-            let after = after(estimator, 1500, |_, start| Shown {
-                amplitude: 0.0,
-                black_level,
-                read_noise,
-                ..start
+            let after = after(estimator, 1500, |_, start| {
+                with(start, |it| {
+                    (it.amplitude, it.black_level, it.read_noise) = (0.0, black_level, read_noise);
+                })
             });
             let most = match estimator {
                 Estimator::Centroid | Estimator::Fraunhofer => 4,
@@ -387,10 +377,8 @@ fn find_again_is_as_exact_as_find() {
             black_level: 300.0,
             read_noise,
         };
-        let shown = Shown {
-            centre: before.centre + width * random.random_range(-0.5..0.5),
-            ..before
-        };
+        let by = width * random.random_range(-0.5..0.5);
+        let shown = with(before, |it| it.centre += by);
         let (before, counts) = (before.counts(2 * number), shown.counts(2 * number + 1));
         let (before, _) = spot::find(&row(&before)).expect("a spot");
         let row = row(&counts);
@@ -409,9 +397,7 @@ fn find_again_is_as_exact_as_find() {
         let larger = 1usize << found.block_log2.max(found_again.block_log2);
         apart = apart.max(found.centre.abs_diff(found_again.centre) as f64 / larger as f64);
     }
-    println!(
-        "off by {first:.3}, again {again:.3}, {apart:.3} apart, in blocks; {further} further off"
-    );
+    println!("blocks off: {first:.3}, again {again:.3}, apart {apart:.3}; {further} further off");
     // Noise makes one in some 10,000.
     assert!(further <= 2);
     // A block of one size, and one of half of it.
@@ -427,12 +413,8 @@ fn random_bits(seed: u64, i: u32) -> u64 {
 
 /// Words of any bits, of which a function makes what a row may have.
 fn any_bits(of: fn(u16) -> u16) -> impl Strategy<Value = Vec<u16>> {
-    let words = move |seed| {
-        (0..WORDS)
-            .map(|i| of(random_bits(seed, i) as u16))
-            .collect()
-    };
-    any::<u64>().prop_map(words)
+    let word = move |seed, i| of(random_bits(seed, i) as u16);
+    any::<u64>().prop_map(move |seed| (0..WORDS).map(|i| word(seed, i)).collect())
 }
 
 /// A row of a TCD1304DG with a spot of a centre, width and height, on a level, with noise of a seed.
@@ -477,24 +459,16 @@ fn any_words() -> impl Strategy<Value = Vec<u16>> {
 
 /// Rows at random, or a spot that each row changes a little: moves, swells, brightens.
 fn any_rows() -> impl Strategy<Value = Vec<Vec<u16>>> {
-    let spot = (
-        0.0..3648.0f64,
-        0.8..120.0f64,
-        50.0..4500.0f64,
-        0.0..1000.0f64,
-    );
+    let spot = (0.0..3648.0f64, 0.8..120.0f64, 50.0..4500.0f64, 0.0..1e3);
     let change = (-3.0..3.0f64, 0.5..2.0f64, 0.5..2.0f64, any::<u64>());
     let drifting = (spot, prop::collection::vec(change, 1..10)).prop_map(|(spot, changes)| {
         let (mut centre, mut width, mut amplitude, level) = spot;
-        let changed = changes
-            .into_iter()
-            .map(|(moves, swells, brightens, noise)| {
-                centre += moves * width;
-                width *= swells;
-                amplitude *= brightens;
-                spot_words((centre, width, amplitude, level, noise))
-            });
-        changed.collect::<Vec<_>>()
+        let changed = |(moves, swells, brightens, noise)| {
+            centre += moves * width;
+            (width, amplitude) = (width * swells, amplitude * brightens);
+            spot_words((centre, width, amplitude, level, noise))
+        };
+        changes.into_iter().map(changed).collect::<Vec<_>>()
     });
     prop_oneof![prop::collection::vec(any_words(), 1..10), drifting]
 }

@@ -3,8 +3,7 @@
 use crate::records::cases;
 use crate::support::*;
 use proptest::prelude::*;
-use simulator::optics::Optics;
-use slitrange::distance::eq1::{Eq1, Eq1Error, NOMINAL};
+use slitrange::distance::eq1::Eq1Error;
 
 #[test]
 fn the_nominal_calibration_is_that_of_the_nominal_optics() {
@@ -104,20 +103,15 @@ fn curves_are_refused_less_than_a_pixel_from_the_pole() {
         Eq1::new(Micrometres::from_int(0), k, pole, first..=last)
     };
     for sign in [1, -1] {
-        let (from, to) = match sign {
-            1 => (pixel, 3000 * pixel),
-            _ => (-3000 * pixel, -pixel),
-        };
+        let of = |near: i32, far: i32| if sign > 0 { (near, far) } else { (-far, -near) };
+        let (from, to) = of(pixel, 3000 * pixel);
         let curve = new(most, 0, from, to).expect("a pixel from the pole");
         let end = curve.distance_at(Pixels::from_int(sign));
         let (distance, slope) = end.expect("the end of its range");
         assert_eq!(distance.to_bits(), sign * i32::MAX);
         assert!((f64::from(slope) + 2f64.powi(23)).abs() <= 1.0, "{slope}");
-        let nearer = match sign {
-            1 => (pixel - 1, to),
-            _ => (from, 1 - pixel),
-        };
-        assert_eq!(new(most, 0, nearer.0, nearer.1), Err(Eq1Error::Pole));
+        let (first, last) = of(pixel - 1, 3000 * pixel);
+        assert_eq!(new(most, 0, first, last), Err(Eq1Error::Pole));
         assert_eq!(new(most + 2, 0, from, to).is_err(), sign > 0);
         assert_eq!(new(1 << 54, 0, from, to), Err(Eq1Error::Distance));
     }

@@ -3,14 +3,8 @@
 
 use crate::records::cases;
 use crate::support::*;
-use judges::frames::{self, at_centre};
 use proptest::prelude::*;
 use simulator::distorted_optics::DistortedOptics;
-use slitrange::base::places::PLACES;
-use slitrange::frame::FrameCentre;
-use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
-use slitrange::row::pixels::PixelErrors;
-use slitrange_device::protocol::line::ReadingLine;
 
 fn within(values: &[f64], limit: f64) -> f64 {
     let count = values.iter().filter(|value| value.abs() <= limit).count();
@@ -25,16 +19,11 @@ fn frame(scene: &Scene, options: Options, distance: f64) -> Option<Measured> {
 /// Errors of frames of 16 rows over the pixels' part of u alone, on sensors whose pixels differ.
 fn pixels_over_claim(
     estimator: Estimator,
-    width: f64,
-    height: f64,
-    response: f64,
-    offset: f64,
+    (width, height): (f64, f64),
+    (response, offset): (f64, f64),
 ) -> Vec<f64> {
     let options = options(|it| (it.rows, it.estimator) = (16, estimator));
-    let errors = PixelErrors {
-        response_q16: (response * 65536.0) as u16,
-        offset: Counts::from_f32(offset as f32),
-    };
+    let errors = pixel_errors((response * 65536.0) as u16, (offset * 256.0) as i32);
     (0..300_u32)
         .into_par_iter()
         .filter_map(|seed| {
@@ -65,14 +54,14 @@ fn pixels_over_claim(
 #[ignore = "takes 4 CPU s; run by .ci/run"]
 fn response_and_offset_of_pixels_move_centres_as_far_as_claimed() {
     for estimator in Estimator::ALL {
-        for (width, height) in [(4.0, 1000.0), (9.0, 300.0), (9.0, 2000.0), (30.0, 1000.0)] {
-            let [response, offset] = [(0.05, 0.0), (0.0, 20.0)].map(|(response, offset)| {
-                let found = pixels_over_claim(estimator, width, height, response, offset);
+        for spot in [(4.0, 1000.0), (9.0, 300.0), (9.0, 2000.0), (30.0, 1000.0)] {
+            let [response, offset] = [(0.05, 0.0), (0.0, 20.0)].map(|pixels| {
+                let found = pixels_over_claim(estimator, spot, pixels);
                 assert!(found.len() > 250, "{}: {}", estimator.name(), found.len());
                 rms(&found)
             });
             let name = estimator.name();
-            println!("{name:12} {width:2} x {height:4}: response {response:.2} offset {offset:.2}");
+            println!("{name:12} {spot:?}: response {response:.2} offset {offset:.2}");
             assert!((0.8..1.15).contains(&response) && (0.8..1.15).contains(&offset));
         }
     }
@@ -124,23 +113,18 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         spot.counts_per_second *= 0.3;
     }
     let options = options(|it| it.rows = 1);
-    let found: Vec<f64> = (0..400_u32)
-        .into_par_iter()
-        .filter_map(|seed| {
-            let distance = 0.62 + 0.38 * (f64::from(seed) * 0.618_034).fract();
-            let mut scene = metal.clone();
-            scene.seed = 1000 + u64::from(seed);
-            let measured = frame(&scene, options, distance)?;
-            let calibration = Calibration::nominal();
-            let errors = CalibrationErrors::Unknown;
-            let reading = measured
-                .reading(calibration.as_ref(), &errors, Surface::Auto)
-                .ok()?;
-            // The estimate is for 1000 counts, and this light is 0.3 of that.
-            let claim = reading.parts.surface.to_f64() * 0.3f64.sqrt();
-            Some((reading.distance.to_f64() - 1e6 * distance) / claim)
-        })
-        .collect();
+    let found = (0..400_u32).into_par_iter().filter_map(|seed| {
+        let distance = 0.62 + 0.38 * (f64::from(seed) * 0.618_034).fract();
+        let scene = with(metal.clone(), |it| it.seed = 1000 + u64::from(seed));
+        let measured = frame(&scene, options, distance)?;
+        let (calibration, errors) = (Calibration::nominal(), CalibrationErrors::Unknown);
+        let reading = measured.reading(calibration.as_ref(), &errors, Surface::Auto);
+        let reading = reading.ok()?;
+        // The estimate is for 1000 counts, and this light is 0.3 of that.
+        let claim = reading.parts.surface.to_f64() * 0.3f64.sqrt();
+        Some((reading.distance.to_f64() - 1e6 * distance) / claim)
+    });
+    let found: Vec<f64> = found.collect();
     let [one, two] = [1.0, 2.0].map(|limit| within(&found, limit));
     let (count, rms) = (found.len(), rms(&found));
     println!("{count}: RMS {rms:.3}, within u {one:.3}, 2 u {two:.3}");
@@ -153,10 +137,8 @@ fn speckle_moves_distances_as_far_as_physics_says() {
 
 /// Bits of nine lengths or heights.
 fn nine() -> impl Strategy<Value = [i32; PLACES]> {
-    prop_oneof![
-        any::<[i32; PLACES]>(),
-        any::<[u16; PLACES]>().prop_map(|bits| bits.map(i32::from))
-    ]
+    let small = any::<[u16; PLACES]>().prop_map(|bits| bits.map(i32::from));
+    prop_oneof![any::<[i32; PLACES]>(), small]
 }
 
 fn any_errors() -> impl Strategy<Value = CalibrationErrors> {
@@ -174,13 +156,8 @@ fn any_errors() -> impl Strategy<Value = CalibrationErrors> {
 }
 
 fn any_measured() -> impl Strategy<Value = Measured> {
-    let numbers = (
-        1191..=2654i32,
-        any::<[i32; 6]>(),
-        any::<u16>(),
-        any::<u16>(),
-    );
-    numbers.prop_map(|(centre, bits, rows, response_q16)| {
+    let numbers = (1191..=2654i32, any::<([i32; 6], u16, u16)>());
+    numbers.prop_map(|(centre, (bits, rows, response_q16))| {
         let [uncertainty, amplitude, width, spread, motion, offset] = bits;
         let exact = at_centre(centre.into());
         Measured {
@@ -196,10 +173,7 @@ fn any_measured() -> impl Strategy<Value = Measured> {
             },
             ambient: Counts::from_bits(offset),
             by_shape: Default::default(),
-            pixels: PixelErrors {
-                response_q16,
-                offset: Counts::from_bits(offset),
-            },
+            pixels: pixel_errors(response_q16, offset),
             ..exact
         }
     })

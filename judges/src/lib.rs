@@ -6,6 +6,7 @@
 //! * [`accuracy`]: the errors of the estimators on clean rows, compared with the Cramér-Rao bound.
 //! * [`float_functions`]: other functions for e^x in the fit, and how far they move a centre.
 //! * [`frames`]: frames of a simulated scene, from words to a reading.
+//! * [`longest`]: the parts of the longest record.
 //! * [`changing_light`]: a sensor with auto exposure before a target whose brightness changes.
 //! * [`hard_cases`]: the first judge: a catalogue of hard rows, frames and calibrations, and random mixtures.
 //! * [`second_judge`]: the second judge: faults from a generator that shares no code with the first.
@@ -21,6 +22,8 @@ pub mod accuracy;
 pub mod float_functions;
 
 pub mod frames;
+
+pub mod longest;
 
 pub mod changing_light;
 

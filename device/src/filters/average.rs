@@ -28,11 +28,9 @@
 
 use core::f32::consts::FRAC_PI_2;
 
-use slitrange::base::fault::Fault;
 use slitrange::base::order_statistic::{from_ordered, ordered, ranked};
-use slitrange::base::units::Micrometres;
-use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::Parts;
+use slitrange::{Fault, Micrometres, Reading};
 
 /// The longest window, in results.
 pub const LONGEST: u8 = 64;
@@ -203,9 +201,8 @@ impl Filter {
 
     /// The readings in the window, at least 1, at most [`LONGEST`].
     fn count(&self) -> u8 {
-        (self.samples())
-            .fold(0u8, |count, _| count.saturating_add(1))
-            .max(1)
+        let count = self.samples().fold(0u8, |count, _| count.saturating_add(1));
+        count.max(1)
     }
 
     fn mean(&self) -> Mean {
@@ -265,30 +262,21 @@ impl Filter {
 
     fn recursive_mean(&mut self, reading: &Reading, length: u8) -> Mean {
         let (distance, noise) = (extended(reading.distance), reading.parts.noise.to_f32());
-        let Recursive {
-            distance: before,
-            noise_variance,
-            count,
-            misfits,
-            correlated,
-        } = self.recursive.unwrap_or_default();
+        let before = self.recursive.unwrap_or_default();
         let window = self.mean();
         let in_window = Some(window.misfits).filter(|&misfits| misfits > 0);
-        let count = count.saturating_add(1).clamp(1, length.max(1));
+        let count = before.count.saturating_add(1).clamp(1, length.max(1));
         let weight = 1.0 / f32::from(count);
+        let is_set = reading.correlated.is_some();
         let (kept, new) = ((1.0 - weight) * (1.0 - weight), weight * weight);
         let recursive = Recursive {
             // The difference has 32 bits and EXTRA bits.
-            distance: before.saturating_add(distance.saturating_sub(before) / i64::from(count)),
-            noise_variance: kept * noise_variance + new * noise * noise,
+            distance: (before.distance)
+                .saturating_add(distance.saturating_sub(before.distance) / i64::from(count)),
+            noise_variance: kept * before.noise_variance + new * noise * noise,
             count,
-            misfits: misfits.after(reading.misfits > 0, weight, in_window, u16::max),
-            correlated: correlated.after(
-                reading.correlated.is_some(),
-                weight,
-                window.correlated,
-                u16::min,
-            ),
+            misfits: (before.misfits).after(reading.misfits > 0, weight, in_window, u16::max),
+            correlated: (before.correlated).after(is_set, weight, window.correlated, u16::min),
         };
         self.recursive = Some(recursive);
         Mean {

@@ -69,14 +69,9 @@ impl MasterValue {
         for _ in decimals..4 {
             size = size.saturating_mul(10);
         }
-        let is_negative = unsigned.len() < word.len();
-        Some(Self {
-            ten_thousandths: if is_negative {
-                size.saturating_neg()
-            } else {
-                size
-            },
-        })
+        let sign = if unsigned.len() < word.len() { -1 } else { 1 };
+        let ten_thousandths = size.saturating_mul(sign);
+        Some(Self { ten_thousandths })
     }
 
     /// The distance, to the nearest step of [`Micrometres`]. `None` beyond [`Self::MOST_UM`].

@@ -92,23 +92,31 @@ impl Command {
 }
 
 /// Why a line is not a command. `Display` is the answer, without its line end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
     /// The first word is no command. Holds the command or the setting whose name is nearest, if one is near.
+    #[error("E1 unknown command, try {}{}", .0.unwrap_or("help"), .0.map_or("", |_| " or help"))]
     Unknown(Option<&'static str>),
     /// A value is missing, is not understood, or is one too many. Holds the expected form.
+    #[error("E2 expected {0}")]
     Form(&'static str),
     /// The value of a setting is not understood, out of range, or not in its list.
+    #[error(fmt = write_value_error)]
     Value(Setting, ValueError),
     /// The pixels of a row that are asked for are not understood, or are no pixels of a row.
+    #[error("{} {}", start(*.0), RowPart::FORM)]
     Row(ValueError),
     /// An offset or a length that no record has.
+    #[error("{} {}", start(*.1), .0)]
     Record(RecordForm, ValueError),
     /// The line is longer than [`MAX_LINE`].
+    #[error("E4 line longer than {MAX_LINE} characters")]
     TooLong,
     /// The line has bytes that are not printable ASCII.
+    #[error("E5 not ASCII text")]
     NotText,
     /// A piece of a record does not have the checksum that was sent with it.
+    #[error("E7 checksum {written:04x}, of what came {computed:04x}: send it again")]
     Checksum {
         /// The checksum that was sent.
         written: u16,
@@ -135,46 +143,31 @@ impl fmt::Display for RecordForm {
     }
 }
 
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unknown(None) => f.write_str("E1 unknown command, try help"),
-            Self::Unknown(Some(nearest)) => {
-                write!(f, "E1 unknown command, try {nearest} or help")
-            }
-            Self::Form(form) => write!(f, "E2 expected {form}"),
-            Self::Value(setting, error) => {
-                let (name, form) = (setting.name(), setting.form());
-                match error {
-                    ValueError::Form => write!(f, "E2 expected {name} {form}")?,
-                    ValueError::Range => write!(f, "E3 out of range, expected {name} {form}")?,
-                    ValueError::Unlisted => write!(f, "E6 unknown {name}")?,
-                }
-                match form {
-                    Form::Listed => write!(f, ", try help {name}"),
-                    Form::Several(names) => write!(f, ", some of {names}"),
-                    Form::Number { .. } | Form::Words(_) => Ok(()),
-                }
-            }
-            Self::Row(ValueError::Range) => {
-                write!(f, "E3 out of range, expected {}", RowPart::FORM)
-            }
-            Self::Row(_) => write!(f, "E2 expected {}", RowPart::FORM),
-            Self::Record(form, ValueError::Range) => write!(f, "E3 out of range, expected {form}"),
-            Self::Record(form, _) => write!(f, "E2 expected {form}"),
-            Self::TooLong => write!(f, "E4 line longer than {MAX_LINE} characters"),
-            Self::NotText => f.write_str("E5 not ASCII text"),
-            Self::Checksum { written, computed } => {
-                write!(
-                    f,
-                    "E7 checksum {written:04x}, of what came {computed:04x}: send it again"
-                )
-            }
-        }
+/// What an answer to refused words begins with.
+const fn start(error: ValueError) -> &'static str {
+    match error {
+        ValueError::Form => "E2 expected",
+        ValueError::Range => "E3 out of range, expected",
+        ValueError::Unlisted => "E6 unknown",
     }
 }
 
-impl core::error::Error for Error {}
+fn write_value_error(
+    setting: &Setting,
+    error: &ValueError,
+    f: &mut fmt::Formatter<'_>,
+) -> fmt::Result {
+    let (name, form) = (setting.name(), setting.form());
+    write!(f, "{} {name}", start(*error))?;
+    if *error != ValueError::Unlisted {
+        write!(f, " {form}")?;
+    }
+    match form {
+        Form::Listed => write!(f, ", try help {name}"),
+        Form::Several(names) => write!(f, ", some of {names}"),
+        Form::Number { .. } | Form::Words(_) => Ok(()),
+    }
+}
 
 /// The commands without numbers, and the line of each.
 static WITHOUT_NUMBERS: [(&str, Command); 33] = [

@@ -63,23 +63,15 @@ pub struct CsvLine<'a>(pub &'a ResultLine<'a>);
 
 impl fmt::Display for CsvLine<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ResultLine {
-            number,
-            us,
-            result,
-            is_difference,
-            held,
-            columns,
-            units,
-        } = self.0;
+        let line = self.0;
         for column in Column::ALL {
-            if !columns.has(column) {
+            if !line.columns.has(column) {
                 continue;
             }
-            match (column, result) {
-                (Column::Counter, _) => write!(f, "{number},")?,
-                (Column::Time, _) => write!(f, "{us},")?,
-                (_, Ok(reading)) => write_value(f, column, reading, *units)?,
+            match (column, line.result) {
+                (Column::Counter, _) => write!(f, "{},", line.number)?,
+                (Column::Time, _) => write!(f, "{},", line.us)?,
+                (_, Ok(reading)) => write_value(f, column, reading, line.units)?,
                 (_, Err(_)) => {
                     for _ in names(column).bytes().filter(|&byte| byte == b',') {
                         f.write_str(",")?;
@@ -87,8 +79,8 @@ impl fmt::Display for CsvLine<'_> {
                 }
             }
         }
-        match result {
-            Ok(_) => write!(f, "{},{held},", u8::from(*is_difference)),
+        match line.result {
+            Ok(_) => write!(f, "{},{},", u8::from(line.is_difference), line.held),
             Err(fault) => write!(f, ",,{}", fault.name()),
         }
     }

@@ -8,14 +8,12 @@ use crate::record::Record;
 use crate::settings::Settings;
 use slitrange::base::exposure::Exposure;
 use slitrange::base::units::{AsMillimetres, Micrometres};
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knots;
 use slitrange::frame::comb::Slits;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::front_end::FrontEnd;
 use slitrange::row::pixels::PixelErrors;
-use slitrange::row::{Geometry, Polarity};
+use slitrange::{Calibration, CalibrationErrors, Geometry, Polarity, Surface};
 
 /// The version of the firmware.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -45,10 +45,9 @@ use core::fmt;
 
 use crate::settings::columns::{Column, Columns};
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
 use slitrange::base::units::{InUnits, Micrometres, Units};
 use slitrange::reading::uncertainty::Parts;
-use slitrange::reading::{Measured, Reading};
+use slitrange::{Fault, Measured, Reading};
 
 /// The line of a reading by the factory's settings.
 #[derive(Clone, Copy, Debug)]
@@ -201,23 +200,12 @@ pub struct CentreLine<'a>(pub &'a Measured);
 
 impl fmt::Display for CentreLine<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Measured {
-            frame,
-            black_level,
-            estimator,
-            comb,
-            ..
-        } = self.0;
-        write!(
-            f,
-            "x {:.5} u {:.5} a {:.0} n {}/{} b {black_level:.0} e {}",
-            frame.centre,
-            frame.uncertainty,
-            frame.amplitude,
-            frame.rows_used,
-            frame.rows,
-            estimator.letter()
-        )?;
+        let (frame, comb) = (&self.0.frame, &self.0.comb);
+        let (centre, u, height) = (frame.centre, frame.uncertainty, frame.amplitude);
+        write!(f, "x {centre:.5} u {u:.5} a {height:.0} ")?;
+        write!(f, "n {}/{} ", frame.rows_used, frame.rows)?;
+        let (black, letter) = (self.0.black_level, self.0.estimator.letter());
+        write!(f, "b {black:.0} e {letter}")?;
         write!(f, " w {:.5} o", frame.shape.width)?;
         for component in frame.shape.components {
             write!(f, " {component:.5}")?;
@@ -265,9 +253,8 @@ fn flags(f: &mut fmt::Formatter<'_>, misfits: u16, correlated: Option<u16>) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::base::units::{Counts, Pixels};
-    use slitrange::centre::Estimator;
     use slitrange::frame::FEWEST_INDEPENDENT;
+    use slitrange::{Counts, Estimator, Pixels};
 
     /// The longest line of a frame, in bytes with its end.
     fn longest(rows: u16) -> usize {

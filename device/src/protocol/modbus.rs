@@ -46,9 +46,7 @@ use crate::settings::serial_line::Format;
 use crate::settings::{Setting, Settings, Value};
 use crate::text::Text;
 use slitrange::base::exposure::{Exposure, ExposureMode};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::reading::Reading;
+use slitrange::{Fault, Micrometres, Pixels, Reading};
 
 /// The longest request and the longest answer, in bytes (Modbus over serial line V1.02, section 2.3).
 pub const MAX_BYTES: usize = 256;

@@ -15,17 +15,15 @@
 //! [`Packets`] writes packets, and [`Decoder`] reads them. A damaged packet passes the CRC with a probability
 //! of 2^-32.
 
-use core::fmt;
-
 use crc::{CRC_32_ISO_HDLC, Crc};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use crate::protocol::row_lines;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, LARGEST_COUNT};
+use slitrange::{Fault, Measured, Reading};
 
 /// A packet before the CRC and COBS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -174,9 +172,8 @@ impl Window {
         let window = row_lines::window(measured);
         let beyond = window.len().saturating_sub(COUNTS_A_PACKET);
         let first = window.start.saturating_add(beyond / 2).min(light.len());
-        let last = first
-            .saturating_add(window.len().min(COUNTS_A_PACKET))
-            .min(light.len());
+        let last = first.saturating_add(window.len().min(COUNTS_A_PACKET));
+        let last = last.min(light.len());
         Some(Self {
             first: u16::try_from(first).ok()?,
             counts: Packed::new(light.slice(first..last)?.iter()),
@@ -322,30 +319,21 @@ fn stuff(bytes: &[u8], to: &mut Vec<u8, MAX_PACKET>) -> Option<()> {
 }
 
 /// Why bytes between two zeros are no packet.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum PacketError {
     /// A group of COBS ends too early: the beginning or the end is missing, or a byte is wrong.
+    #[error("a packet is cut")]
     Cut,
     /// There are more bytes than in any packet.
+    #[error("more bytes than in any packet")]
     TooLong,
     /// The CRC differs.
+    #[error("a packet has a wrong checksum")]
     Checksum,
     /// The CRC is right, but this version of the library does not know the message.
+    #[error("a packet of another version of the firmware")]
     Unknown,
 }
-
-impl fmt::Display for PacketError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Cut => "a packet is cut",
-            Self::TooLong => "more bytes than in any packet",
-            Self::Checksum => "a packet has a wrong checksum",
-            Self::Unknown => "a packet of another version of the firmware",
-        })
-    }
-}
-
-impl core::error::Error for PacketError {}
 
 /// Reads packets from bytes, from any point of the stream on.
 #[derive(Clone, Debug, Default)]

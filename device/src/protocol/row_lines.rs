@@ -32,11 +32,9 @@ use crate::protocol::piece::CRC;
 use crate::settings::{ValueError, read_number, split_words};
 use crate::text::Text;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
 use slitrange::light::black_level;
-use slitrange::reading::Measured;
 use slitrange::row::{LARGEST_COUNT, Light, Row};
+use slitrange::{Counts, Fault, Measured, Pixels};
 
 /// The most pixels in a line.
 pub const PIXELS_A_LINE: usize = 32;
@@ -198,23 +196,19 @@ impl<'a> RowHead<'a> {
 
     /// Writes the lines before the checksum, with CR LF between them.
     fn write_lines(&self, to: &mut dyn fmt::Write) -> fmt::Result {
-        let Self {
-            pixels,
-            sent,
-            exposure,
-            black,
-            saturated_from,
-            measured,
-        } = self;
-        let (first, count) = (sent.start, sent.len());
-        write!(to, "row pixels {pixels} first {first} count {count} ")?;
-        write!(to, "exposure {exposure} black ")?;
-        match black {
+        let (first, count) = (self.sent.start, self.sent.len());
+        write!(
+            to,
+            "row pixels {} first {first} count {count} ",
+            self.pixels
+        )?;
+        write!(to, "exposure {} black ", self.exposure)?;
+        match self.black {
             Some(black) => write!(to, "{black:.2}")?,
             None => to.write_str("-")?,
         }
-        write!(to, " saturated {saturated_from}\r\n")?;
-        match measured {
+        write!(to, " saturated {}\r\n", self.saturated_from)?;
+        match self.measured {
             Ok(measured) => write!(to, "{}", CentreLine(measured)),
             Err(fault) => write!(to, "{}\r\n({})", FaultLine(fault), advice(fault)),
         }
@@ -455,10 +449,8 @@ mod tests {
             let head = RowHead::new(part, &row, RowExposure::Off, &FAULT);
             assert_eq!(head.sent(), sent);
             let lines = RowPixels::lines(row.light(), head.sent());
-            assert_eq!(
-                lines.map(|line| line.counts.len()).sum::<usize>(),
-                sent.len()
-            );
+            let pixels: usize = lines.map(|line| line.counts.len()).sum();
+            assert_eq!(pixels, sent.len());
         }
     }
 

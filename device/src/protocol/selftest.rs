@@ -5,11 +5,8 @@ use core::fmt;
 use crate::protocol::calibration::FlashStatus;
 use crate::protocol::line::FaultLine;
 use crate::protocol::status::StartCause;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Counts;
-use slitrange::reading::Measured;
-use slitrange::row::Row;
 use slitrange::row::front_end::FrontEnd;
+use slitrange::{Counts, Fault, Measured, Row};
 
 /// What a row says of the sensor head, in counts.
 #[derive(Clone, Copy, Debug, PartialEq)]

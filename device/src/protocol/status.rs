@@ -135,34 +135,25 @@ pub struct Errors<'a> {
 
 impl fmt::Display for Errors<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Vitals {
-            rows_lost,
-            rows_failed,
-            rows_late,
-            triggers_missed,
-            lines_dropped,
-            serial_errors,
-            ..
-        } = *self.vitals;
-        let rows = [
-            ("rows lost", rows_lost),
-            ("rows failed", rows_failed),
-            ("rows late", rows_late),
-        ];
-        for (name, count) in rows {
+        let (vitals, serial) = (self.vitals, &self.vitals.serial_errors);
+        for (name, count) in [
+            ("rows lost", vitals.rows_lost),
+            ("rows failed", vitals.rows_failed),
+            ("rows late", vitals.rows_late),
+        ] {
             write!(f, "status {name} {count}\r\n")?;
         }
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "status fault {name} {count}\r\n")?;
         }
         for (name, count) in [
-            ("triggers missed", triggers_missed),
-            ("lines dropped", lines_dropped),
-            ("serial noise", serial_errors.noise),
-            ("serial framing", serial_errors.framing),
+            ("triggers missed", vitals.triggers_missed),
+            ("lines dropped", vitals.lines_dropped),
+            ("serial noise", serial.noise),
+            ("serial framing", serial.framing),
         ] {
             write!(f, "status {name} {count}\r\n")?;
         }
-        write!(f, "status serial overrun {}", serial_errors.overrun)
+        write!(f, "status serial overrun {}", serial.overrun)
     }
 }

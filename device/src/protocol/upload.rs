@@ -74,21 +74,16 @@ impl Upload {
     }
 
     fn add(&mut self, piece: &Piece) -> Result<(), Refusal> {
-        if self.announced == 0 {
+        let (expected, announced) = (self.came, self.announced);
+        if announced == 0 {
             return Err(Refusal::NoUpload);
         }
         let offset = usize::from(piece.offset());
         let end = offset.saturating_add(piece.bytes().len());
-        if end > self.announced {
-            return Err(Refusal::TooLong {
-                end,
-                announced: self.announced,
-            });
+        if end > announced {
+            return Err(Refusal::TooLong { end, announced });
         }
-        let wrong = Refusal::WrongOffset {
-            offset,
-            expected: self.came,
-        };
+        let wrong = Refusal::WrongOffset { offset, expected };
         let place = self.bytes.get_mut(offset..end).ok_or(wrong)?;
         if offset == self.came {
             place.copy_from_slice(piece.bytes());
@@ -103,14 +98,12 @@ impl Upload {
     }
 
     fn commit(&mut self, sensor: &Geometry, record: &mut Option<Record>) -> Result<(), Refusal> {
-        if self.announced == 0 {
+        let (came, announced) = (self.came, self.announced);
+        if announced == 0 {
             return Err(Refusal::NoUpload);
         }
-        if self.came < self.announced {
-            return Err(Refusal::Incomplete {
-                came: self.came,
-                announced: self.announced,
-            });
+        if came < announced {
+            return Err(Refusal::Incomplete { came, announced });
         }
         self.announced = 0;
         let bytes = self.bytes.get(..self.came).unwrap_or_default();
@@ -129,15 +122,12 @@ mod tests {
     use crate::protocol::piece::PIECE;
     use crate::record::RecordError;
     use crate::record::encoded::EncodedRecord;
-    use slitrange::base::units::{Micrometres, Pixels};
-    use slitrange::distance::Calibration;
     use slitrange::distance::eq1::NOMINAL;
     use slitrange::distance::knots::{Knot, MAX_KNOTS};
     use slitrange::distance::residuals::Corrected;
     use slitrange::frame::comb::Comb;
-    use slitrange::reading::uncertainty::CalibrationErrors;
-    use slitrange::row::Polarity;
     use slitrange::row::sensor_heads::tcd1304dg;
+    use slitrange::{Calibration, CalibrationErrors, Micrometres, Pixels, Polarity};
 
     /// A record of several pieces, the last of which is shorter.
     fn nominal() -> EncodedRecord {
@@ -164,9 +154,8 @@ mod tests {
     }
 
     fn pieces(bytes: &[u8]) -> impl Iterator<Item = Piece> {
-        (0..bytes.len())
-            .step_by(PIECE)
-            .map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
+        let offsets = (0..bytes.len()).step_by(PIECE);
+        offsets.map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
     }
 
     /// Takes a step that completes nothing.
@@ -281,15 +270,11 @@ mod tests {
         assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
 
         send(&mut upload, &written.bytes()[..3]);
-        assert_eq!(
-            refused(&mut upload, Step::Commit),
-            Refusal::Record(RecordError::Short { bytes: 3 })
-        );
+        let short = Refusal::Record(RecordError::Short { bytes: 3 });
+        assert_eq!(refused(&mut upload, Step::Commit), short);
 
-        let other = Geometry {
-            polarity: Polarity::Rising,
-            ..tcd1304dg()
-        };
+        let mut other = tcd1304dg();
+        other.polarity = Polarity::Rising;
         send(&mut upload, written.bytes());
         let taken_by_other = taken(&mut upload, Step::Commit, &other);
         assert_eq!(taken_by_other, Err(Refusal::OtherSensor));
@@ -298,10 +283,8 @@ mod tests {
         assert_eq!(commit(&mut upload), *written.record());
 
         // A better estimate of the sensor's noise leaves its calibration as it is.
-        let noisier = Geometry {
-            shot_variance_per_count_q16: 1,
-            ..tcd1304dg()
-        };
+        let mut noisier = tcd1304dg();
+        noisier.shot_variance_per_count_q16 = 1;
         send(&mut upload, written.bytes());
         let taken = taken(&mut upload, Step::Commit, &noisier);
         assert_eq!(taken, Ok(Some(written.record().clone())));

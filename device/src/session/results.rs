@@ -10,15 +10,11 @@ use crate::protocol::line::{CentreLine, FaultLine, PartsOf, ResultLine};
 use crate::protocol::packet::FrameResult;
 use crate::protocol::status::Vitals;
 use crate::session::{Actions, Session, Wanted};
-use crate::settings::Settings;
 use crate::settings::serial_line::Format;
 use crate::settings::trigger::Trigger;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Micrometres;
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange::reading::{Measured, Reading};
+use slitrange::{CalibrationErrors, Fault, Measured, Micrometres, Reading};
 
 /// A result on its way through the filters to the line.
 struct Filtered {
@@ -89,16 +85,10 @@ impl Session {
         result: Result<Reading, Fault>,
         is_to_show: Option<Micrometres>,
     ) -> Filtered {
-        let Settings {
-            average,
-            ambient,
-            hold,
-            limits,
-            ..
-        } = self.settings;
-        let is_subtracted = ambient == AmbientMode::Subtract;
-        let result = (self.filters.average).take(average, is_subtracted, result);
-        let held = self.filters.hold.take(hold, result);
+        let settings = &self.settings;
+        let is_subtracted = settings.ambient == AmbientMode::Subtract;
+        let result = (self.filters.average).take(settings.average, is_subtracted, result);
+        let held = self.filters.hold.take(settings.hold, result);
         if let (Some(value), Ok(reading)) = (is_to_show, result) {
             self.zero = Some(Zero { reading, value });
         }
@@ -108,7 +98,7 @@ impl Session {
             Some(zero) => zero.distance(&held.reading),
             None => held.reading.distance,
         });
-        self.filters.is_within = limits.is_on(self.filters.is_within, distance);
+        self.filters.is_within = (settings.limits).is_on(self.filters.is_within, distance);
         let zero = self.zero.filter(|_| is_to_show.is_none());
         let relative = |now: Reading| match &zero {
             Some(zero) => zero.relative(&now),

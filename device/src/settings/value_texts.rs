@@ -10,14 +10,11 @@ use crate::settings::trigger::Trigger;
 use crate::settings::{Form, ValueError, ValueText, read_number};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::units::{Counts, Micrometres, Units};
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::Surface;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
+use slitrange::{BlackLevel, Estimator, Mean, Surface};
 
 impl ValueText for u16 {
     fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
@@ -241,9 +238,7 @@ impl ValueText for Baud {
             return Err(ValueError::Form);
         };
         let rate: u32 = read_number(word, 0, u32::MAX)?;
-        let found = Self::ALL
-            .into_iter()
-            .find(|baud| baud.bits_a_second() == rate);
+        let found = (Self::ALL.into_iter()).find(|baud| baud.bits_a_second() == rate);
         found.ok_or(ValueError::Range)
     }
 

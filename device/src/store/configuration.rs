@@ -9,7 +9,9 @@
 //! one text form, and a firmware that knows more or fewer settings reads the ones that it knows. The store
 //! adds a CRC-32.
 
-use core::fmt::{self, Write as _};
+use core::fmt::Write as _;
+
+use thiserror::Error;
 
 use crate::record::{self, Record, RecordError};
 use crate::settings::{Setting, Settings, split_words};
@@ -78,11 +80,8 @@ pub fn encode<'a>(
         Some(record) => record::encode(record, rest)?.len(),
         None => 0,
     };
-    let written = head
-        .len()
-        .saturating_add(lines.len())
-        .saturating_add(record);
-    buffer.get(..written).ok_or(no_room)
+    let written = head.len().saturating_add(lines.len());
+    buffer.get(..written.saturating_add(record)).ok_or(no_room)
 }
 
 /// The lines that set the settings. `None` if they do not fit; a test ensures that they do.
@@ -154,29 +153,40 @@ fn read_lines(lines: &[u8]) -> Result<Settings, ConfigurationError> {
 }
 
 /// Why bytes are not a configuration, or why a configuration cannot be written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ConfigurationError {
     /// The buffer is too short.
+    #[error(
+        "a buffer of {bytes} bytes is too short for settings and record: {MAX_ENCODED} are enough for any"
+    )]
     NoRoom {
         /// Its length.
         bytes: usize,
     },
     /// Fewer bytes than the settings have.
+    #[error("{bytes} bytes are too few for settings: save again")]
     Short {
         /// How many there are.
         bytes: usize,
     },
     /// The format is one that this firmware does not know.
+    #[error(
+        "the save has version {version}, this firmware reads {VERSION}: update the firmware, or upload, then \
+         save"
+    )]
     Version {
         /// The first byte.
         version: u8,
     },
     /// The settings' lines are not text.
+    #[error("the saved settings are not text: save again")]
     NotText,
     /// A setting has a value that this firmware does not know.
+    #[error("the saved value of {} is not {}: set it and save again", .0.name(), .0.form())]
     Setting(Setting),
     /// The record cannot be used.
-    Record(RecordError),
+    #[error(transparent)]
+    Record(#[from] RecordError),
 }
 
 impl ConfigurationError {
@@ -190,43 +200,6 @@ impl ConfigurationError {
         }
     }
 }
-
-impl From<RecordError> for ConfigurationError {
-    fn from(error: RecordError) -> Self {
-        Self::Record(error)
-    }
-}
-
-impl fmt::Display for ConfigurationError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoRoom { bytes } => write!(
-                f,
-                "a buffer of {bytes} bytes is too short for settings and record: {MAX_ENCODED} are enough \
-                for any"
-            ),
-            Self::Short { bytes } => {
-                write!(f, "{bytes} bytes are too few for settings: save again")
-            }
-            Self::Version { version } => write!(
-                f,
-                "the save has version {version}, this firmware reads {VERSION}: update the firmware, or \
-                upload, then save"
-            ),
-            Self::NotText => f.write_str("the saved settings are not text: save again"),
-            Self::Setting(setting) => {
-                let (name, form) = (setting.name(), setting.form());
-                write!(
-                    f,
-                    "the saved value of {name} is not {form}: set it and save again"
-                )
-            }
-            Self::Record(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for ConfigurationError {}
 
 #[cfg(test)]
 mod tests {
@@ -254,10 +227,8 @@ mod tests {
         ] {
             assert!(lines.lines().any(|it| it == line), "{lines}");
         }
-        assert!(
-            !lines.contains("stream") && lines.ends_with('\n'),
-            "{lines}"
-        );
+        let has_stream = lines.contains("stream");
+        assert!(!has_stream && lines.ends_with('\n'), "{lines}");
     }
 
     #[test]

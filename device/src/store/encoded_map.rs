@@ -59,18 +59,14 @@ impl Iterator for Words<'_> {
     type Item = Word;
 
     fn next(&mut self) -> Option<Word> {
-        let MapSummary {
-            errors,
-            pattern,
-            outside,
-        } = *self.map.summary();
+        let summary = self.map.summary();
         let word = match self.next {
             0 => NAME,
             1 => self.number.to_le_bytes(),
-            2 => halves(self.map.pixels(), outside),
-            3 => halves(errors.response_q16, 0),
-            4 => errors.offset.to_bits().to_le_bytes(),
-            5 => pattern.to_bits().to_le_bytes(),
+            2 => halves(self.map.pixels(), summary.outside),
+            3 => halves(summary.errors.response_q16, 0),
+            4 => summary.errors.offset.to_bits().to_le_bytes(),
+            5 => summary.pattern.to_bits().to_le_bytes(),
             next => match self.map.entries().get(next.saturating_sub(HEADER)) {
                 Some(entry) => halves(
                     entry.offset_q4().cast_unsigned(),
@@ -259,15 +255,14 @@ mod tests {
         let map = map();
         let words: std::vec::Vec<Word> = Words::new(&map, 7).collect();
         let mut back = PixelMap::EMPTY;
-        for at in (0..words.len())
-            .step_by(every)
-            .chain([1, 2, words.len() - 1])
-        {
+        let last = words.len() - 1;
+        for at in (0..=last).step_by(every).chain([1, 2, last]) {
             for bit in bits {
                 let mut changed = words.clone();
                 changed[at] = (u32::from_le_bytes(changed[at]) ^ (1 << bit)).to_le_bytes();
+                let read = read(&changed, &mut back);
                 assert!(
-                    !matches!(read(&changed, &mut back), Read::Whole(_) | Read::Later(_)),
+                    !matches!(read, Read::Whole(_) | Read::Later(_)),
                     "{at} {bit}"
                 );
                 assert!(!back.is_whole());
@@ -277,7 +272,8 @@ mod tests {
 
     #[test]
     fn words_that_are_no_map_are_refused() {
-        let (mut back, zero) = (PixelMap::EMPTY, [0; 4]);
+        let (mut back, zero, one) = (PixelMap::EMPTY, [0; 4], [1, 0, 0, 0]);
+        let beyond = [0, 0x80, 0, 0];
         for (words, expected) in [
             (&[[0xff; 4]][..], Read::NoMap),
             (&[zero], Read::NoMap),
@@ -287,18 +283,7 @@ mod tests {
             // 3649 pixels.
             (&[NAME, zero, [0x41, 0x0e, 0, 0]], Read::NoMap),
             // An entry beyond its range.
-            (
-                &[
-                    NAME,
-                    [1, 0, 0, 0],
-                    [1, 0, 0, 0],
-                    zero,
-                    zero,
-                    zero,
-                    [0, 0x80, 0, 0],
-                ],
-                Read::NoMap,
-            ),
+            (&[NAME, one, one, zero, zero, zero, beyond], Read::NoMap),
         ] {
             assert_eq!(read(words, &mut back), expected, "{words:?}");
         }

@@ -1,22 +1,12 @@
 //! Knots of every kind, and what every calibration promises.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
-use slitrange::distance::knots::{Knot, Knots};
 
 use crate::records::chain;
 
 /// A step of Q24.8, in micrometres.
 pub const STEP: f64 = 1.0 / 256.0;
-
-pub fn knot(centre: i32, value: i32) -> Knot {
-    Knot {
-        centre: Pixels::from_int(centre),
-        value: Micrometres::from_int(value),
-    }
-}
 
 /// Spacing in steps of Q16.16 and rise in steps of Q24.8 from knot to knot: of every size.
 pub fn steps() -> impl Strategy<Value = Vec<(u32, i64)>> {
@@ -53,19 +43,15 @@ pub fn places(range: (Pixels, Pixels), at: &[f64]) -> Vec<Pixels> {
         .collect();
     places.sort_unstable();
     places.dedup();
-    places
-        .into_iter()
-        .map(|bits| Pixels::from_bits(bits as i32))
-        .collect()
+    let places = places.into_iter();
+    places.map(|bits| Pixels::from_bits(bits as i32)).collect()
 }
 
 /// The largest rise from knot to knot, in micrometres.
 pub fn largest_rise(knots: &Knots) -> f64 {
     let values: Vec<f64> = knots.iter().map(|knot| knot.value.to_f64()).collect();
-    values
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .fold(0.0, f64::max)
+    let rises = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    rises.fold(0.0, f64::max)
 }
 
 /// What holds for every calibration: distances of its range in order but for `slack` micrometres, slopes that

@@ -1,27 +1,16 @@
 //! The record: encoding and decoding give the same record back, and damaged or unusable records are refused.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::distance::Calibration;
-use slitrange::distance::knots::{Knot, Knots};
-use slitrange::distance::table::Table;
-use slitrange::frame::comb::{Comb, CombError};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::Geometry;
-use slitrange_device::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
+use slitrange::frame::comb::CombError;
+use slitrange_device::record::{MAX_ENCODED, VERSION, decode, encode};
 
 use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};
 
-/// CRC-32 from its definition (the reflected polynomial of IEEE 802.3), bit by bit.
+/// CRC-32 from its definition: the polynomial of IEEE 802.3.
 fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |sum, &byte| {
-        (0..8).fold(sum ^ u32::from(byte), |sum, _| {
-            (sum >> 1) ^ if sum & 1 == 1 { 0xedb8_8320 } else { 0 }
-        })
-    })
+    reflected_crc(!0, 0xedb8_8320, bytes)
 }
 
 /// Bytes with a right CRC.
@@ -53,10 +42,7 @@ fn digest(calibration: &Calibration) -> u32 {
         .flat_map(|place| {
             let at = calibration.distance_at(Pixels::from_bits(place as i32));
             let (distance, slope) = at.expect("in range");
-            [
-                distance.to_bits().to_le_bytes(),
-                slope.to_bits().to_le_bytes(),
-            ]
+            [distance.to_bits(), slope.to_bits().cast_signed()].map(i32::to_le_bytes)
         })
         .flatten()
         .collect();
@@ -71,10 +57,8 @@ fn records_of_version_1_decode_to_the_same_distances() {
             panic!("{line}");
         };
         let number = |text: &str| u32::from_str_radix(text, 16).expect("hexadecimal digits");
-        let bytes: Vec<u8> = (0..bytes.len())
-            .step_by(2)
-            .map(|at| number(&bytes[at..at + 2]) as u8)
-            .collect();
+        let places = (0..bytes.len()).step_by(2);
+        let bytes: Vec<u8> = places.map(|at| number(&bytes[at..at + 2]) as u8).collect();
         let record = decode(&bytes).expect("a record");
         let found = match &record.calibration {
             Calibration::Eq1(_) => "eq1",
@@ -104,16 +88,12 @@ fn slits_and_front_end_end_a_record() {
         (None, longest().front_end),
         (Some(Comb::nominal()), longest().front_end),
     ] {
-        let with = Record {
-            comb,
-            front_end,
-            ..nominal()
-        };
-        let bytes = encoded(&with);
+        let record = with(nominal(), |it| (it.comb, it.front_end) = (comb, front_end));
+        let bytes = encoded(&record);
         assert_eq!(bytes[..before.len()], *before);
         let tail = &bytes[before.len()..bytes.len() - 4];
         println!("{} bytes for slits and front end", tail.len());
-        assert_eq!(decode(&bytes), Ok(with));
+        assert_eq!(decode(&bytes), Ok(record));
         refused(&[], RecordError::Shape);
         refused(&tail[..tail.len() - 1], RecordError::Shape);
         refused(&[tail, &[0]].concat(), RecordError::Shape);
@@ -138,10 +118,8 @@ fn the_longest_record_is_as_long_as_is_stated() {
     assert_eq!(decode(&bytes), Ok(longest.clone()));
     for room in 0..MAX_ENCODED {
         let mut buffer = vec![0; room];
-        assert_eq!(
-            encode(&longest, &mut buffer),
-            Err(RecordError::NoRoom { bytes: room })
-        );
+        let no_room = RecordError::NoRoom { bytes: room };
+        assert_eq!(encode(&longest, &mut buffer), Err(no_room));
     }
 }
 
@@ -155,26 +133,19 @@ fn damaged_and_cut_off_records_are_refused() {
     for bit in 0..8 * bytes.len() {
         let mut bytes = bytes.clone();
         bytes[bit / 8] ^= 1 << (bit % 8);
-        assert!(
-            matches!(decode(&bytes), Err(RecordError::Checksum { .. })),
-            "bit {bit}"
-        );
+        let refused = matches!(decode(&bytes), Err(RecordError::Checksum { .. }));
+        assert!(refused, "bit {bit}");
     }
     // Erased and cleared flash.
     for byte in [0xff, 0] {
         for length in 0..=64 {
-            assert!(
-                decode(&vec![byte; length]).is_err(),
-                "{length} bytes of {byte}"
-            );
+            let decoded = decode(&vec![byte; length]);
+            assert!(decoded.is_err(), "{length} bytes of {byte}");
         }
     }
     let body = bytes[..bytes.len() - 4].to_vec();
-    assert_eq!(
-        sealed(body.clone()),
-        bytes,
-        "the CRC is that of its definition"
-    );
+    let sum = "the CRC is that of its definition";
+    assert_eq!(sealed(body.clone()), bytes, "{sum}");
     let mut newer = body.clone();
     newer[0] = VERSION + 1;
     let version = newer[0];
@@ -206,23 +177,12 @@ fn unusable_records_are_refused() {
         |it| it.bits = 13,
     ];
     for change in changes {
-        let mut record = nominal();
-        change(&mut record.geometry);
-        assert_eq!(
-            wrong(record.clone()),
-            Some(RecordError::Geometry),
-            "{record:?}"
-        );
+        let record = with(nominal(), |it| change(&mut it.geometry));
+        let shown = format!("{:?}", record.geometry);
+        assert_eq!(wrong(record), Some(RecordError::Geometry), "{shown}");
     }
-    for level in [
-        Counts::from_bits(-1),
-        Counts::from_bits((4095 << 8) + 1),
-        Counts::MAX,
-    ] {
-        let record = Record {
-            black_level: BlackLevel::Fixed(level),
-            ..nominal()
-        };
+    for level in [-1, (4095 << 8) + 1, i32::MAX].map(Counts::from_bits) {
+        let record = with(nominal(), |it| it.black_level = BlackLevel::Fixed(level));
         assert_eq!(wrong(record), Some(RecordError::BlackLevel { level }));
     }
     // 3648 pixels, of half a pixel before the first's middle to half a pixel beyond the last's.
@@ -233,15 +193,10 @@ fn unusable_records_are_refused() {
         (begin, end + 1, false),
     ] {
         let [first, last] = [first, last].map(Pixels::from_bits);
-        let knots = [(first, 900_000), (last, 500_000)].map(|(centre, value)| Knot {
-            centre,
-            value: Micrometres::from_int(value),
-        });
-        let table = Table::new(&knots).expect("a table");
-        let record = Record {
-            calibration: Calibration::Table(table),
-            ..nominal()
-        };
+        let mut knots = [knot(0, 900_000), knot(0, 500_000)];
+        (knots[0].centre, knots[1].centre) = (first, last);
+        let table = Calibration::Table(Table::new(&knots).expect("a table"));
+        let record = with(nominal(), |it| it.calibration = table);
         let error = (!fits).then_some(RecordError::OffTheSensor { first, last });
         assert_eq!(wrong(record), error);
     }
@@ -259,10 +214,7 @@ fn unusable_records_are_refused() {
         (errors(-1, 1), true),
         (errors(0, 0), true),
     ] {
-        let record = Record {
-            errors,
-            ..nominal()
-        };
+        let record = with(nominal(), |it| it.errors = errors);
         assert_eq!(wrong(record), is_wrong.then_some(RecordError::Errors));
     }
     // The same in bytes, where each stands by the format: 1 version, 2 serial number, 2 year, then month,
@@ -301,30 +253,24 @@ fn unusable_records_are_refused() {
 
 #[test]
 fn errors_say_what_is_wrong_and_what_to_do() {
-    let text: Vec<String> = [
+    let (written, computed, level) = (0x1234_abcd, 7, Counts::from_int(5000));
+    let checksum = RecordError::Checksum { written, computed };
+    let [first, last] = [-3, 4000].map(Pixels::from_int);
+    let text = [
         RecordError::NoRoom { bytes: 100 },
         RecordError::Short { bytes: 3 },
-        RecordError::Checksum {
-            written: 0x1234_abcd,
-            computed: 7,
-        },
+        checksum,
         RecordError::Version { version: 2 },
         RecordError::Shape,
         RecordError::Date,
         RecordError::Geometry,
         RecordError::Estimator { letter: b'?' },
         RecordError::Estimator { letter: 0 },
-        RecordError::BlackLevel {
-            level: Counts::from_int(5000),
-        },
+        RecordError::BlackLevel { level },
         RecordError::Errors,
-        RecordError::OffTheSensor {
-            first: Pixels::from_int(-3),
-            last: Pixels::from_int(4000),
-        },
+        RecordError::OffTheSensor { first, last },
     ]
-    .map(|error| error.to_string())
-    .into();
+    .map(|error| error.to_string());
     insta::assert_snapshot!(text.join("\n"));
 }
 

@@ -4,10 +4,10 @@
 /// 1.5 times the lesser secant (`most`) and at an end at least half (`least`).
 pub fn pchip(knots: &[(f64, f64)], x: f64, least: f64, most: f64) -> f64 {
     let lengths: Vec<f64> = knots.windows(2).map(|k| k[1].0 - k[0].0).collect();
-    let secants: Vec<f64> = knots
+    let secants = knots
         .windows(2)
-        .map(|k| (k[1].1 - k[0].1) / (k[1].0 - k[0].0))
-        .collect();
+        .map(|k| (k[1].1 - k[0].1) / (k[1].0 - k[0].0));
+    let secants: Vec<f64> = secants.collect();
     let end = |i: usize, next: Option<usize>| {
         let Some(next) = next else { return secants[i] };
         let (h, g) = (lengths[i], lengths[next]);
@@ -30,10 +30,8 @@ pub fn pchip(knots: &[(f64, f64)], x: f64, least: f64, most: f64) -> f64 {
         let lesser = if s.abs() < t.abs() { s } else { t };
         (mean / lesser).min(most) * lesser
     };
-    let i = knots
-        .partition_point(|k| k.0 <= x)
-        .clamp(1, knots.len() - 1)
-        - 1;
+    let after = knots.partition_point(|k| k.0 <= x);
+    let i = after.clamp(1, knots.len() - 1) - 1;
     let (h, t) = (lengths[i], (x - knots[i].0) / lengths[i]);
     let rise = knots[i + 1].1 - knots[i].1;
     let (m, n) = (slope(i) * h, slope(i + 1) * h);

@@ -1,13 +1,10 @@
 //! Invalid calibrations are refused, and the error says what is wrong.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::eq1::NOMINAL;
-use slitrange::distance::knots::{CLOSEST, Knot, KnotsError, MAX_KNOTS};
-use slitrange::distance::residuals::{Corrected, CorrectedError};
-use slitrange::distance::table::{Table, TableError};
+use slitrange::distance::knots::KnotsError;
+use slitrange::distance::table::TableError;
 
-use super::common::knot;
 use crate::records::cases;
 
 #[test]
@@ -24,6 +21,7 @@ fn the_error_of_an_invalid_table_names_the_wrong_knot() {
     assert_eq!(16 * CLOSEST.to_bits(), Pixels::from_int(1).to_bits());
     let closer = Pixels::from_bits(CLOSEST.to_bits() - 1);
     let second = |centre| Knot { centre, ..good[1] };
+    let with_third = |um| [good[0], good[1], knot(20, um), good[2]];
     for (knots, error) in [
         (&good[..], None),
         (&good[..0], few(0)),
@@ -32,14 +30,8 @@ fn the_error_of_an_invalid_table_names_the_wrong_knot() {
         (&[good[0], good[1], good[1]], order(2, Pixels::from_int(10))),
         (&[good[0], second(closer)], order(1, closer)),
         (&[good[0], second(CLOSEST)], None),
-        (
-            &[good[0], good[1], knot(20, 890_100), good[2]],
-            not_monotone(2, 890_100),
-        ),
-        (
-            &[good[0], good[1], knot(20, 890_000), good[2]],
-            not_monotone(2, 890_000),
-        ),
+        (&with_third(890_100), not_monotone(2, 890_100)),
+        (&with_third(890_000), not_monotone(2, 890_000)),
         (&[knot(0, 5), knot(1, 5)], not_monotone(1, 5)),
         // A sixteenth of a micrometre a pixel is just enough.
         (&[knot(0, 0), knot(160, 10)], None),
@@ -51,25 +43,18 @@ fn the_error_of_an_invalid_table_names_the_wrong_knot() {
 
     // 2^22 um, and a step less, over all the centres that there are.
     let far = |value| {
-        let ends = [
-            (Pixels::MIN, Micrometres::from_int(0)),
-            (Pixels::MAX, value),
-        ];
-        let knots = ends.map(|(centre, value)| Knot { centre, value });
-        wrong(&knots)
+        let first = with(knot(0, 0), |it| it.centre = Pixels::MIN);
+        let last = with(first, |it| (it.centre, it.value) = (Pixels::MAX, value));
+        wrong(&[first, last])
     };
     let value = Micrometres::from_int(1 << 22);
-    assert_eq!(
-        far(value),
-        Some(TableError::Knots(KnotsError::Step { index: 1, value }))
-    );
+    let step = KnotsError::Step { index: 1, value };
+    assert_eq!(far(value), Some(TableError::Knots(step)));
     assert_eq!(far(Micrometres::from_bits(value.to_bits() - 1)), None);
 
     let knots: Vec<Knot> = (0..=MAX_KNOTS as i32).map(|i| knot(i, -i)).collect();
     assert_eq!(wrong(&knots[..MAX_KNOTS]), None);
-    let too_many = KnotsError::TooMany {
-        knots: MAX_KNOTS + 1,
-    };
+    let too_many = KnotsError::TooMany { knots: knots.len() };
     assert_eq!(wrong(&knots), Some(TableError::Knots(too_many)));
 }
 
@@ -83,32 +68,27 @@ fn the_error_of_invalid_residuals_names_the_wrong_knot() {
     };
     let few = CorrectedError::Knots(KnotsError::TooFew { knots: 1 });
     let centre = Pixels::from_int(1191);
+    let far = Some(CorrectedError::Distance { centre });
+    let good = [knot(1191, 50), knot(2654, -50)];
+
     for (knots, error) in [
-        (&[knot(1191, 50), knot(2654, -50)][..], None),
+        (&good[..], None),
         (&[knot(1191, 50)], Some(few)),
         (&[knot(1190, 50), knot(2654, -50)], beyond(0, 1190)),
-        (
-            &[knot(1191, 50), knot(2654, -50), knot(2655, 0)],
-            beyond(2, 2655),
-        ),
-        (
-            &[knot(1191, 8_000_000), knot(2654, 8_000_000)],
-            Some(CorrectedError::Distance { centre }),
-        ),
+        (&[good[0], good[1], knot(2655, 0)], beyond(2, 2655)),
+        (&[1191, 2654].map(|centre| knot(centre, 8_000_000)), far),
     ] {
         assert_eq!(wrong(knots), error, "{knots:?}");
     }
     // At pixel 2600 the curve falls by about 245 um a pixel.
-    let (_, slope) = nominal
-        .distance_at(Pixels::from_int(2601))
-        .expect("in range");
+    let centre = Pixels::from_int(2601);
+    let (_, slope) = nominal.distance_at(centre).expect("in range");
     let half = (-0.5 * slope) as i32;
     println!("slope {slope} um a pixel");
     for sign in [1, -1] {
         // Two knots: the cubic is a straight line.
         let knots = |rise: i32| [knot(2600, 0), knot(2601, sign * rise)];
         assert_eq!(wrong(&knots(half)), None);
-        let centre = Pixels::from_int(2601);
         let steep = CorrectedError::Steep { index: 1, centre };
         assert_eq!(wrong(&knots(half + 1)), Some(steep));
     }

@@ -1,13 +1,9 @@
 //! Properties of every eq. (1) with residuals.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
-use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::distance::knots::Knot;
-use slitrange::distance::residuals::{Corrected, CorrectedError};
 
-use super::common::{STEP, holds_what_it_promises, knot, largest_rise, places};
+use super::common::{STEP, holds_what_it_promises, largest_rise, places};
 use crate::records::{cases, chain};
 
 /// Takes every centre of some intervals, one by one: two roundings can move the distance the wrong way.
@@ -26,10 +22,8 @@ fn a_corrected_distance_turns_back_by_the_stated_steps_at_most() {
         .collect();
     let corrected = Corrected::new(curve, &knots).expect("usable");
     let distance = |bits| {
-        let (distance, _) = corrected
-            .distance_at(Pixels::from_bits(bits))
-            .expect("in range");
-        distance.to_bits()
+        let at = corrected.distance_at(Pixels::from_bits(bits));
+        at.expect("in range").0.to_bits()
     };
     let (mut most, mut least) = (0, distance(first << 16));
     for bits in first << 16..=last << 16 {

@@ -1,11 +1,9 @@
 //! Properties of every table of distances.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::Pixels;
-use slitrange::distance::Calibration;
-use slitrange::distance::table::Table;
 
-use super::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
+use super::common::{STEP, holds_what_it_promises, largest_rise, monotone_knots, places};
 use super::reference::pchip;
 use crate::records::cases;
 
@@ -14,20 +12,13 @@ use crate::records::cases;
 #[test]
 fn a_distance_never_turns_back_between_neighbouring_centres() {
     // Falling by about 200 um a pixel, as a sensor does: 0.8 steps from centre to centre; then by 1/16 um.
-    let knots = [
-        (0, 900_000),
-        (3, 899_300),
-        (5, 898_900),
-        (7, 898_888),
-        (8, 898_887),
-    ]
-    .map(|(centre, value)| knot(centre, value));
+    let distances = [900_000, 899_300, 898_900, 898_888, 898_887];
+    let knots = [0, 3, 5, 7, 8].into_iter().zip(distances);
+    let knots: Vec<Knot> = knots.map(|(centre, um)| knot(centre, um)).collect();
     let table = Table::new(&knots).expect("a table");
     let distance = |bits| {
-        let (distance, _) = table
-            .distance_at(Pixels::from_bits(bits))
-            .expect("in range");
-        distance.to_bits()
+        let at = table.distance_at(Pixels::from_bits(bits));
+        at.expect("in range").0.to_bits()
     };
     let mut before = distance(0);
     let mut largest = 0;

@@ -1,8 +1,8 @@
 //! [`Estimator::Centroid`](slitrange::Estimator::Centroid) in f64: eq. (2) over a window that moves with the
 //! centroid.
 
+use crate::support::*;
 use slitrange::centre::half_width;
-use slitrange::spot::Spot;
 
 /// The centroid of a spot that the core's coarse search found, above its black level. `None` where the window
 /// reaches over the sensor's edge or does not come to rest.
@@ -13,20 +13,14 @@ pub fn centre(light: &[u16], spot: &Spot) -> Option<f64> {
     let ambient = (spot.background.level.to_f64() - level) * 2.0 * half_window;
     let mut at = spot.centre as f64;
     for _ in 0..6 {
-        let (first, last) = (
-            (at - half_window - 0.5).ceil(),
-            (at + half_window + 0.5).floor(),
-        );
+        let [first, last] = [at - half_window - 0.5, at + half_window + 0.5];
+        let (first, last) = (first.ceil(), last.floor());
         if first < 0.0 || last > light.len() as f64 - 1.0 {
             return None;
         }
         let (mut gathered, mut moment) = (0.0, 0.0);
-        for (i, &count) in light
-            .iter()
-            .enumerate()
-            .take(last as usize + 1)
-            .skip(first as usize)
-        {
+        let counts = light.iter().enumerate().take(last as usize + 1);
+        for (i, &count) in counts.skip(first as usize) {
             // The window's ends cover part of a pixel.
             let weight = (half_window + 0.5 - (i as f64 - at).abs()).clamp(0.0, 1.0);
             let above = weight * (f64::from(count) - level);

@@ -1,8 +1,8 @@
 //! [`slitrange::centre::phase_table`] in f64: the window is moved and the table changed until both fit.
 
+use crate::support::*;
 use phase_tables::{Plan, Profile, design};
-use slitrange::centre::tables::{BLOCKS, Sampling, Table};
-use slitrange::spot::Spot;
+use slitrange::centre::tables::Table;
 
 /// The weights of one width.
 #[derive(Clone, Debug)]
@@ -21,10 +21,8 @@ pub struct Weights {
 pub fn integer(tables: &[Table<'_>]) -> Vec<Weights> {
     let weights = |table: &Table<'_>| {
         let flat = |pairs: Vec<dual_mac::Pair>| -> Vec<f64> {
-            let weights = pairs
-                .iter()
-                .flat_map(|pair| [f64::from(pair.0), f64::from(pair.1)]);
-            weights.take(table.taps()).collect()
+            let weights = pairs.iter().flat_map(|pair| [pair.0, pair.1]);
+            weights.map(f64::from).take(table.taps()).collect()
         };
         let of_phase = |(weights, stretch): (&[dual_mac::Pairs], &[dual_mac::Pair])| {
             [
@@ -33,10 +31,8 @@ pub fn integer(tables: &[Table<'_>]) -> Vec<Weights> {
                 flat(stretch.to_vec()),
             ]
         };
-        let phases = table
-            .weights
-            .chunks(table.pairs())
-            .zip(table.stretch.chunks(table.pairs()));
+        let stretch = table.stretch.chunks(table.pairs());
+        let phases = table.weights.chunks(table.pairs()).zip(stretch);
         Weights {
             width: f64::from(table.width),
             half_width: i64::from(table.half_width),
@@ -54,12 +50,8 @@ pub fn integer(tables: &[Table<'_>]) -> Vec<Weights> {
 pub fn exact(profile: Profile<'_>, plan: Plan) -> Vec<Weights> {
     let weights = |i: usize| {
         let width = plan.widths.narrowest * plan.widths.ratio.powi(i as i32);
-        let table = design(
-            profile,
-            plan.shape(width),
-            plan.noise_ratio,
-            plan.background,
-        );
+        let shape = plan.shape(width);
+        let table = design(profile, shape, plan.noise_ratio, plan.background);
         let of_phase = |k: usize| {
             [&table.score, &table.slope, &table.stretch]
                 .map(|rows| rows[k].iter().copied().collect())
@@ -152,13 +144,12 @@ fn reach(tables: &[Weights]) -> f64 {
 /// Pixels in a sample, and the table for a width.
 fn choose(tables: &[Weights], width: f64, sampling: Sampling) -> (u8, usize) {
     let widest = tables[tables.len() - 1].width * (1.0 + reach(tables));
+    let mut blocks = BLOCKS.into_iter();
     let block = match sampling {
-        Sampling::Fine => BLOCKS
-            .into_iter()
+        Sampling::Fine => blocks
             .find(|&block| width <= widest * f64::from(block))
             .unwrap_or(16),
-        Sampling::Coarse => BLOCKS
-            .into_iter()
+        Sampling::Coarse => blocks
             .rfind(|&block| width >= 1.15 * f64::from(block))
             .unwrap_or(1),
     };
@@ -202,22 +193,19 @@ impl Look {
         // The core's weights come in pairs, the last of them zero: its window has a sample more.
         let taps = 2 * table.half_width as usize + 2;
         let window = light.get(first..first + taps * usize::from(block))?;
-        let samples = window
-            .chunks(block.into())
-            .map(|pixels| pixels.iter().map(|&count| f64::from(count)).sum());
-        let samples: Vec<f64> = samples.collect();
+        let sum = |pixels: &[u16]| pixels.iter().map(|&count| f64::from(count)).sum();
+        let samples: Vec<f64> = window.chunks(block.into()).map(sum).collect();
         let [score, slope, stretch] = table.phases[phase].each_ref().map(|weights| {
-            weights
+            let products = weights
                 .iter()
                 .zip(&samples)
-                .map(|(weight, sample)| weight * sample)
-                .sum::<f64>()
+                .map(|(weight, sample)| weight * sample);
+            products.sum::<f64>()
         });
         let straight = score / slope * table.centre_per_ratio;
-        let near_limit = if block == 1 {
-            table.near_limit
-        } else {
-            0.55 / pixels
+        let near_limit = match block {
+            1 => table.near_limit,
+            _ => 0.55 / pixels,
         };
         let bent = |straight: f64| 1.0 - table.bend * straight * straight;
         let distance = if straight.abs() <= near_limit {

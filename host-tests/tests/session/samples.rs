@@ -1,33 +1,9 @@
 //! Frames, faults, rows and records by the words of a script.
 
-use judges::frames::at_centre;
-use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::centre::spot_shape::COMPONENTS;
-use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
-use slitrange::distance::eq1::NOMINAL;
-use slitrange::distance::knots::Knot;
-use slitrange::distance::residuals::Corrected;
-use slitrange::distance::table::Table;
-use slitrange::frame::comb::{Comb, Combined, MAX_SLITS, SlitCentre, SlitMap};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::Measured;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::Polarity;
-use slitrange::row::front_end::{Estimate, FrontEnd};
-use slitrange::row::pixels::PixelErrors;
+use crate::support::*;
 use slitrange::row::pixels::map::MapSummary;
-use slitrange::row::sensor_heads::tcd1304dg;
-use slitrange::{Measurement, Options};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::selftest::RowTest;
-use slitrange_device::record::Record;
-use slitrange_device::record::date::Date;
-use slitrange_device::record::encoded::EncodedRecord;
 
 /// What the sensors of the tests run on.
 pub const HARDWARE: Hardware = Hardware {
@@ -47,11 +23,8 @@ fn number<T: std::str::FromStr>(word: &str) -> T {
 
 /// A frame whose spot is at a centre in pixels, and what else is particular: `1800 us 187 u 0.2`.
 pub fn frame(words: &[&str]) -> Measured {
-    let exact = at_centre(number(words[0]));
-    let mut measured = Measured {
-        pixels: PixelErrors::TCD1304DG,
-        ..exact
-    };
+    let mut measured = at_centre(number(words[0]));
+    measured.pixels = PixelErrors::TCD1304DG;
     let frame = &mut measured.frame;
     frame.uncertainty = Pixels::from_f32(0.002);
     frame.amplitude = Counts::from_int(1993);
@@ -97,22 +70,19 @@ pub fn frame(words: &[&str]) -> Measured {
 
 pub fn fault(words: &[&str]) -> Fault {
     match words {
-        ["too", "dim"] => Fault::TooDim {
-            amplitude: Counts::from_int(35),
-            needed: Counts::from_int(60),
-        },
-        ["two", "spots"] => Fault::TwoSpots {
-            centre: Pixels::from_f32(1200.25),
-            other: Pixels::from_f32(1810.5),
-        },
-        ["few", "slits"] => Fault::FewSlits {
-            found: 3,
-            needed: 4,
-        },
-        ["unclear", "slits"] => Fault::SlitsUnclear {
-            images: 6,
-            other: 5,
-        },
+        ["too", "dim"] => {
+            let [amplitude, needed] = [35, 60].map(Counts::from_int);
+            Fault::TooDim { amplitude, needed }
+        }
+        ["two", "spots"] => {
+            let [centre, other] = [1200.25, 1810.5].map(Pixels::from_f32);
+            Fault::TwoSpots { centre, other }
+        }
+        ["few", "slits"] => few_slits(3),
+        ["unclear", "slits"] => {
+            let (images, other) = (6, 5);
+            Fault::SlitsUnclear { images, other }
+        }
         ["saturated"] => Fault::Saturated { pixels: 12 },
         other => panic!("no fault: {other:?}"),
     }
@@ -121,10 +91,7 @@ pub fn fault(words: &[&str]) -> Fault {
 /// What a map says of a sensor.
 pub fn map_summary() -> MapSummary {
     MapSummary {
-        errors: PixelErrors {
-            response_q16: 34,
-            offset: Counts::from_bits(66),
-        },
+        errors: pixel_errors(34, 66),
         pattern: Counts::from_int(5),
         outside: 2,
     }
@@ -143,25 +110,16 @@ pub fn row_test(words: &[&str]) -> Option<RowTest> {
         4095 - dark[i % 2] - (spot * (-0.5 * u * u).exp()) as u16
     };
     let mut words: Vec<u16> = (0..geometry.words).map(word).collect();
-    let options = Options {
-        rows: 1,
-        ..Options::default()
-    };
-    let measured = Measurement::new(tcd1304dg(), options).row(&mut words);
-    RowTest::of(
-        &geometry.row(&words).expect("a row"),
-        &measured.expect("a frame"),
-    )
+    let measured = Measurement::new(tcd1304dg(), options(|it| it.rows = 1)).row(&mut words);
+    let row = geometry.row(&words).expect("a row");
+    RowTest::of(&row, &measured.expect("a frame"))
 }
 
 /// A record of the nominal calibration, with what the words name.
 pub fn record(words: &[&str]) -> EncodedRecord {
     let mut record = Record::nominal().expect("a record");
     let knots = [(1200, 1_000_000), (2000, 700_000), (2600, 555_000)];
-    let knots = knots.map(|(centre, um)| Knot {
-        centre: Pixels::from_int(centre),
-        value: Micrometres::from_int(um),
-    });
+    let knots = knots.map(|(centre, um)| knot(centre, um));
     for word in words {
         match *word {
             "nominal" => {}
@@ -175,24 +133,16 @@ pub fn record(words: &[&str]) -> EncodedRecord {
             "rising" => record.geometry.polarity = Polarity::Rising,
             "unfitted" => record.errors = CalibrationErrors::Unknown,
             "fitted" => {
-                let rising: [_; PLACES] =
-                    std::array::from_fn(|i| Micrometres::from_int(10 + i as i32));
-                record.errors = CalibrationErrors::Fitted(FittedErrors {
-                    curve: rising,
-                    surface: Some(FittedSurface {
-                        deviation: rising.map(|um| Micrometres::from_bits(20 * um.to_bits())),
-                        height: [Counts::from_int(1000); PLACES],
-                    }),
-                });
+                let rising: [_; PLACES] = std::array::from_fn(|i| 10 + i as i32);
+                let deviation = rising.map(|um| Micrometres::from_int(20 * um));
+                let curve = rising.map(Micrometres::from_int);
+                record.errors = fitted(curve, deviation, [Counts::from_int(1000); PLACES]);
             }
             "table" => {
                 record.calibration = Calibration::Table(Table::new(&knots).expect("a table"));
             }
             "residuals" => {
-                let residuals = knots.map(|knot| Knot {
-                    value: Micrometres::from_int(100),
-                    ..knot
-                });
+                let residuals = [1200, 2000, 2600].map(|centre| knot(centre, 100));
                 let curve = NOMINAL.expect("a curve");
                 let corrected = Corrected::new(curve, &residuals).expect("usable");
                 record.calibration = Calibration::Corrected(corrected);
@@ -213,12 +163,7 @@ pub fn record(words: &[&str]) -> EncodedRecord {
                 record.comb = Some(Comb::new(&slits).expect("ascending"));
             }
             "front-end" => record.front_end = Some(front_end(5.25)),
-            "dim" => {
-                record.front_end = Some(FrontEnd {
-                    saturation: None,
-                    ..front_end(5.25)
-                });
-            }
+            "dim" => record.front_end = Some(with(front_end(5.25), |it| it.saturation = None)),
             noise => record.front_end = Some(front_end(number(noise))),
         }
     }
@@ -227,16 +172,10 @@ pub fn record(words: &[&str]) -> EncodedRecord {
 
 /// A front end that differs from the one that the driver assumes.
 fn front_end(noise: f32) -> FrontEnd {
-    let counts = |value, u| Estimate {
-        value: Counts::from_f32(value),
-        u: Counts::from_f32(u),
-    };
+    let counts = |value, u| estimate([value, u].map(Counts::from_f32));
     FrontEnd {
         polarity: Polarity::Rising,
-        gain: Estimate {
-            value: Electrons::from_f32(8.125),
-            u: Electrons::from_f32(0.06),
-        },
+        gain: estimate([8.125, 0.06].map(Electrons::from_f32)),
         read_noise: counts(noise, 0.0625),
         saturation: Some(counts(2700.5, 0.25)),
         black_level: counts(320.0, 0.125),

@@ -1,13 +1,11 @@
 //! The bytes of a configuration: encoding and decoding give the same configuration back, and unusable bytes
 //! are refused.
 
+use crate::support::*;
 use proptest::prelude::*;
-use slitrange::base::units::Pixels;
-use slitrange_device::record::{self, Record, RecordError};
-use slitrange_device::settings::{Setting, Settings};
-use slitrange_device::store::StoreError;
+use slitrange_device::record;
 use slitrange_device::store::configuration::{
-    Configuration, ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
+    ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
 };
 
 use super::samples::{Size, sample};
@@ -21,11 +19,7 @@ fn encoded(configuration: &Configuration) -> Vec<u8> {
 
 /// What stands before the record: version, length, and the settings' lines.
 fn settings_bytes(configuration: &Configuration) -> usize {
-    encoded(&Configuration {
-        record: None,
-        ..configuration.clone()
-    })
-    .len()
+    encoded(&with(configuration.clone(), |it| it.record = None)).len()
 }
 
 /// Later firmware reads these bytes, unless the version changes. The core's own tests check the lines of the
@@ -53,13 +47,9 @@ fn the_longest_configuration_fits_and_shorter_buffers_are_refused() {
     let settings = settings_bytes(&longest);
     for room in (0..bytes.len()).step_by(97).chain(0..80) {
         let error = encode(&longest.as_ref(), &mut vec![0; room]).err();
-        let expected = if room < settings {
-            ConfigurationError::NoRoom { bytes: room }
-        } else {
-            RecordError::NoRoom {
-                bytes: room - settings,
-            }
-            .into()
+        let expected = match room.checked_sub(settings) {
+            None => ConfigurationError::NoRoom { bytes: room },
+            Some(bytes) => RecordError::NoRoom { bytes }.into(),
         };
         assert_eq!(error, Some(expected));
     }
@@ -67,21 +57,19 @@ fn the_longest_configuration_fits_and_shorter_buffers_are_refused() {
 
 #[test]
 fn errors_say_what_is_wrong_and_what_to_do() {
-    let text: Vec<String> = [
-        StoreError::Configuration(ConfigurationError::NoRoom { bytes: 100 }),
-        StoreError::Configuration(ConfigurationError::Short { bytes: 3 }),
-        StoreError::Configuration(ConfigurationError::Version { version: 2 }),
-        StoreError::Configuration(ConfigurationError::NotText),
-        StoreError::Configuration(ConfigurationError::Setting(Setting::Rows)),
-        StoreError::Configuration(ConfigurationError::Record(RecordError::OffTheSensor {
-            first: Pixels::from_int(-3),
-            last: Pixels::from_int(4000),
-        })),
+    let [first, last] = [-3, 4000].map(Pixels::from_int);
+    let of_record = RecordError::OffTheSensor { first, last };
+    let text = [
+        StoreError::from(ConfigurationError::NoRoom { bytes: 100 }),
+        ConfigurationError::Short { bytes: 3 }.into(),
+        ConfigurationError::Version { version: 2 }.into(),
+        ConfigurationError::NotText.into(),
+        ConfigurationError::Setting(Setting::Rows).into(),
+        ConfigurationError::Record(of_record).into(),
         StoreError::Flash,
         StoreError::Worn,
     ]
-    .map(|error| error.to_string())
-    .into();
+    .map(|error| error.to_string());
     insta::assert_snapshot!(text.join("\n"));
 }
 
@@ -100,9 +88,10 @@ fn settings() -> impl Strategy<Value = Settings> {
     prop::collection::vec(lines, 0..8).prop_map(|lines| {
         let mut settings = Settings::default();
         for line in &lines {
-            let words: Vec<&str> = line.split(' ').collect();
-            let (setting, values) = Setting::of_words(&words).expect("a setting");
-            settings.set(setting.read(values).expect("a value"));
+            let Ok(Command::Set(value)) = parse(line.as_bytes()) else {
+                panic!("no setting: {line}");
+            };
+            settings.set(value);
         }
         settings
     })

@@ -1,11 +1,11 @@
 //! A flash with two sectors, of which power can be cut at any operation: the erasing of a sector, or the
 //! programming of a word.
 
+use crate::support::*;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 pub const SECTOR: usize = 0x4000;
 pub const BYTES: usize = 2 * SECTOR;
@@ -97,9 +97,9 @@ fn tear(random: &mut ChaCha8Rng, bytes: &mut [u8], new: &[u8]) {
     let kind = random.random_range(0..4);
     for (i, (byte, new)) in bytes.iter_mut().zip(new).enumerate() {
         let mask = match kind {
-            0 => (0..8).fold(0, |mask, bit| {
-                mask | u8::from(random.random_bool(part)) << bit
-            }),
+            0 => (0..8)
+                .map(|bit| u8::from(random.random_bool(part)) << bit)
+                .sum(),
             1 if random.random_bool(part) => 0xff,
             2 if i < place => 0xff,
             3 if i >= place => 0xff,

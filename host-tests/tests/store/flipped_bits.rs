@@ -1,10 +1,8 @@
 //! A flipped bit anywhere in the two sectors: the store reads the last configuration, reads the one before
 //! and says so, or says that the flash is unusable.
 
+use crate::support::*;
 use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use slitrange_device::store::Stored;
-use slitrange_device::store::configuration::Configuration;
 
 use super::flash::{BYTES, Flash, SECTOR};
 use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
@@ -35,18 +33,16 @@ fn flip(
         match read(&mut flash) {
             Stored::Nothing => panic!("{what}, bit {bit}: as if nothing had ever been saved"),
             Stored::Unusable => count.unusable += 1,
-            stored => match saved
-                .iter()
-                .rev()
-                .position(|saved| Some(saved) == stored.configuration())
-            {
-                Some(0) if matches!(stored, Stored::Newest(_)) => count.newest += 1,
-                // Damage elsewhere looks like a newer save.
-                Some(0) => count.doubted += 1,
-                Some(1) if matches!(stored, Stored::Older(_)) => count.before += 1,
-                Some(by) => panic!("{what}, bit {bit}: the configuration of {by} saves before"),
-                None => panic!("{what}, bit {bit}: {stored:?} was never saved"),
-            },
+            stored => {
+                match (saved.iter().rev()).position(|it| Some(it) == stored.configuration()) {
+                    Some(0) if matches!(stored, Stored::Newest(_)) => count.newest += 1,
+                    // Damage elsewhere looks like a newer save.
+                    Some(0) => count.doubted += 1,
+                    Some(1) if matches!(stored, Stored::Older(_)) => count.before += 1,
+                    Some(by) => panic!("{what}, bit {bit}: the configuration of {by} saves before"),
+                    None => panic!("{what}, bit {bit}: {stored:?} was never saved"),
+                }
+            }
         }
         if marks(bit) || bit % 251 == 0 {
             save_and_check(&mut flash.clone(), &next);

@@ -1,9 +1,9 @@
 //! A whole item of later firmware that this firmware cannot use: the configuration before it is used, and
 //! without one the later version is reported.
 
+use crate::support::*;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use slitrange_device::record;
-use slitrange_device::store::Stored;
 use slitrange_device::store::configuration::VERSION;
 
 use super::flash::{Flash, SECTOR};
@@ -11,11 +11,7 @@ use super::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_ch
 
 /// The library's checksum of an item, from its definition: CRC-32C from another start.
 fn sum(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(0xeeee_eeee, |sum, &byte| {
-        (0..8).fold(sum ^ u32::from(byte), |sum, _| {
-            (sum >> 1) ^ if sum & 1 == 1 { 0x82f6_3b78 } else { 0 }
-        })
-    })
+    reflected_crc(0xeeee_eeee, 0x82f6_3b78, bytes)
 }
 
 #[test]
@@ -57,10 +53,8 @@ fn an_item_of_later_firmware_is_passed_over() {
         let kept = later..later + SECTOR;
         let before = flash.bytes[kept.clone()].to_vec();
         save_and_check(&mut flash, &third);
-        assert!(
-            flash.bytes[kept] == before,
-            "the save of later firmware is gone"
-        );
+        let is_kept = flash.bytes[kept] == before;
+        assert!(is_kept, "the save of later firmware is gone");
     }
 }
 
@@ -88,11 +82,7 @@ fn a_record_of_a_later_version_is_reported() {
 /// The library's checksum of an item's length, from its definition: CRC-16 with the reflected polynomial
 /// 0x1a2e.
 fn length_sum(length: u16) -> u16 {
-    !length.to_le_bytes().iter().fold(0xffff, |sum, &byte| {
-        (0..8).fold(sum ^ u16::from(byte), |sum, _| {
-            (sum >> 1) ^ if sum & 1 == 1 { 0x1a2e } else { 0 }
-        })
-    })
+    reflected_crc(0xffff, 0x1a2e, &length.to_le_bytes()) as u16
 }
 
 /// Records of later firmware may be longer.

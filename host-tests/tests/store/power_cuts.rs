@@ -1,11 +1,9 @@
 //! Power cuts at each operation of a save: the erasing of a sector, the programming of each word. A plain cut
 //! falls between two operations, a torn cut in the middle of one.
 
-use slitrange_device::store::Stored;
-use slitrange_device::store::configuration::Configuration;
-
 use super::flash::{BYTES, Flash, SECTOR};
 use super::samples::{Size, read, sample, save, save_and_check};
+use crate::support::*;
 
 /// How often each result was read after a cut.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -192,21 +190,17 @@ fn two_power_cuts_in_two_saves() {
     let old = read(&mut before.clone());
     let mut cuts = 0;
     // A save of the largest has 399 operations.
-    for (at, again) in (0..410)
-        .step_by(22)
-        .flat_map(|at| (0..410).step_by(20).map(move |again| (at, again)))
-        // The erasure, each way.
-        .chain((0..40).flat_map(|i| [(0, i % 4), (i % 4, 0)]))
-    {
+    let of_saves = pairs((0..410).step_by(22), (0..410).step_by(20));
+    // The erasure, each way.
+    let of_erasure = (0..40).flat_map(|i| [(0, i % 4), (i % 4, 0)]);
+    for (at, again) in of_saves.chain(of_erasure) {
         let mut flash = before.clone();
         flash.cut_after(at, Some(cuts));
         let saved = save(&mut flash, &first);
         flash.power_on();
         let stored = read(&mut flash);
-        assert!(
-            stored == Stored::Newest(first.clone())
-                || saved.is_err() && stored.configuration() == old.configuration()
-        );
+        let is_old = saved.is_err() && stored.configuration() == old.configuration();
+        assert!(is_old || stored == Stored::Newest(first.clone()));
         flash.cut_after(again, Some(cuts << 32));
         let saved = save(&mut flash, &second);
         flash.power_on();

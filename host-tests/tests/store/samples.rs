@@ -1,14 +1,9 @@
 //! Configurations to save, each one different, and the store around a flash.
 
+use crate::support::*;
 use embassy_futures::block_on;
-use slitrange::base::units::Counts;
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
-use slitrange_device::record::Record;
-use slitrange_device::settings::Settings;
-use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, encode};
-use slitrange_device::store::{Store, StoreError, Stored};
+use slitrange_device::store::Store;
+use slitrange_device::store::configuration::{MAX_ENCODED, encode};
 
 use super::flash::Flash;
 use crate::records::{longest, nominal};
@@ -25,27 +20,18 @@ pub enum Size {
 }
 
 pub fn sample(size: Size, i: u32) -> Configuration {
-    let settings = Settings {
-        // Different for each `i`, and of the same length.
-        rows: 10 + (i / 3000 % 50) as u16,
-        mean: Mean::Weighted,
-        estimator: Estimator::PhaseTable,
-        black_level: BlackLevel::Fixed(Counts::from_int(1000 + (i % 3000) as i32)),
-        ..Settings::default()
-    };
+    // Different for each `i`, and of the same length.
+    let settings = with(Settings::default(), |it| {
+        (it.rows, it.estimator) = (10 + (i / 3000 % 50) as u16, Estimator::PhaseTable);
+        it.black_level = BlackLevel::Fixed(Counts::from_int(1000 + (i % 3000) as i32));
+    });
     let record = match size {
         Size::Least => None,
         Size::Middle => Some(nominal()),
         Size::Most => Some(longest()),
     };
-    Configuration {
-        settings,
-        record: record.map(|record| Record {
-            // Of the same length for each.
-            serial_number: u32::MAX - i,
-            ..record
-        }),
-    }
+    let record = record.map(|record| with(record, |it| it.serial_number = u32::MAX - i));
+    Configuration { settings, record }
 }
 
 /// Bytes of an item: the library's header, the number, the configuration. Bytes that fill up the last word do
@@ -65,10 +51,8 @@ pub const NUMBER: usize = 4;
 pub fn read(flash: &mut Flash) -> Stored {
     let (operations, before) = (flash.operations, flash.bytes.clone());
     let stored = block_on(Store::new(&mut *flash).read());
-    assert!(
-        flash.operations == operations && flash.bytes == before,
-        "reading must only read"
-    );
+    let is_as_before = flash.operations == operations && flash.bytes == before;
+    assert!(is_as_before, "reading must only read");
     stored
 }
 
@@ -79,8 +63,6 @@ pub fn save(flash: &mut Flash, saved: &Configuration) -> Result<(), StoreError> 
 /// Saves, and checks that the configuration is there.
 pub fn save_and_check(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(save(flash, saved), Ok(()));
-    assert!(
-        read(flash) == Stored::Newest(saved.clone()),
-        "the configuration is not there"
-    );
+    let is_there = read(flash) == Stored::Newest(saved.clone());
+    assert!(is_there, "the configuration is not there");
 }

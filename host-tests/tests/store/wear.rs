@@ -1,10 +1,9 @@
 //! Up to ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already
 //! there is not written again.
 
-use slitrange_device::store::Stored;
-
 use super::flash::Flash;
 use super::samples::{Size, read, sample, save, save_and_check};
+use crate::support::*;
 
 fn wear(what: &str, saves: u32, sizes: &[Size]) {
     let mut flash = Flash::erased();
@@ -22,10 +21,8 @@ fn wear(what: &str, saves: u32, sizes: &[Size]) {
     }
     let last = sample(sizes[(saves as usize - 1) % sizes.len()], saves - 1);
     assert!(read(&mut flash) == Stored::Newest(last));
-    println!(
-        "{what}: {saves} saves erase the sectors {:?} times, {} words programmed",
-        flash.erases, flash.operations
-    );
+    let (erases, words) = (flash.erases, flash.operations);
+    println!("{what}: {saves} saves erase the sectors {erases:?} times and program {words} words");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Calibrations of every kind, with functions that upload and read them.
 
+use judges::longest;
 use slitrange::base::places::PLACES;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
@@ -7,13 +8,12 @@ use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::check::own_spot::Profile;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::distance::knots::{Knot, MAX_KNOTS};
+use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::frame::comb::{CORRECTIONS, Comb, LARGEST_CORRECTION, SlitMap};
+use slitrange::frame::comb::{Comb, SlitMap};
 use slitrange::light::black_level::BlackLevel;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::front_end::{Estimate, FrontEnd, LARGEST_GAIN};
 use slitrange::row::sensor_heads;
 use slitrange::row::{Geometry, Polarity};
 use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
@@ -99,34 +99,11 @@ pub fn of_another_head() -> Record {
     }
 }
 
-/// A front end whose numbers take all bytes that they can.
-fn widest_front_end() -> FrontEnd {
-    let counts = |value| Estimate {
-        value: Counts::from_int(value),
-        u: Counts::from_int(4095),
-    };
-    FrontEnd {
-        polarity: Polarity::Falling,
-        gain: Estimate {
-            value: LARGEST_GAIN,
-            u: LARGEST_GAIN,
-        },
-        read_noise: counts(32),
-        saturation: Some(counts(4095)),
-        black_level: counts(3960),
-    }
-}
-
 /// The longest record with the longest comb and the longest front end.
 pub fn longest_of_comb() -> EncodedRecord {
-    let most = Pixels::from_int(LARGEST_CORRECTION);
-    let places = (0..8).map(|i| i - 16_384).chain((0..8).map(|i| i + 8_193));
-    let slits: Vec<SlitMap> = places
-        .map(|place| SlitMap::nominal(place).corrected([most; CORRECTIONS]))
-        .collect();
     written(Record {
-        comb: Comb::new(&slits),
-        front_end: Some(widest_front_end()),
+        comb: Some(longest::comb()),
+        front_end: Some(longest::front_end(Polarity::Falling)),
         ..longest().record().clone()
     })
 }
@@ -160,24 +137,9 @@ fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
         .collect()
 }
 
-/// The longest record: the largest number of knots. Centres beyond 2048 pixels, residuals beyond 0.52 m and a
-/// K of 55 bits need the most bytes.
+/// The longest record without a comb and a front end.
 pub fn longest() -> EncodedRecord {
-    let knots: Vec<Knot> = (0..MAX_KNOTS as i32)
-        .map(|i| Knot {
-            centre: Pixels::from_bits((2048 << 16) + i * 800_000),
-            value: Micrometres::from_int(2_000_000 + i),
-        })
-        .collect();
-    let (first, last) = (knots[0].centre, knots[MAX_KNOTS - 1].centre);
-    let curve = Eq1::new(
-        Micrometres::from_int(-8_000_000),
-        1 << 54,
-        Pixels::from_int(-32_768),
-        first..=last,
-    );
-    let corrected = Corrected::new(curve.expect("a curve"), &knots);
-    written(record(Calibration::Corrected(corrected.expect("usable"))))
+    written(record(longest::calibration()))
 }
 
 pub fn pieces(bytes: &[u8]) -> Vec<Piece> {
