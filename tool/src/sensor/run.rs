@@ -418,7 +418,7 @@ impl Walk<'_> {
             {
                 let (rows, estimator) = (centre.rows, centre.estimator);
                 let banner = format!("{rows} rows a frame, estimator {estimator}");
-                Err(LineError::Restarted { banner })
+                Err(LineError::Restarted(banner))
             }
             _ => Ok(answer),
         }

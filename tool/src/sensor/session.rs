@@ -5,7 +5,7 @@ use std::time::Duration;
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::flat::Flat;
 use slitrange_device::settings::serial_line::{Baud, Format};
-use slitrange_device::settings::{Setting, Value};
+use slitrange_device::settings::{Setting, Settings, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
 use super::line::{ANSWER, FRAME, Line, LineError, RECONNECT, TRIES, is_echoed};
@@ -35,8 +35,9 @@ pub struct Away<'a> {
 }
 
 impl<'a> Away<'a> {
-    /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers.
-    pub fn find_again(self) -> Link<'a> {
+    /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers, and then
+    /// a pause.
+    pub fn find_again(self, pause: Duration) -> Link<'a> {
         let answers = Line::open(self.pc, &self.port).and_then(|mut line| line.answers());
         let opened = match answers {
             Ok(_) | Err(LineError::Restarted { .. }) => Session::open(self.pc, &self.port),
@@ -47,7 +48,10 @@ impl<'a> Away<'a> {
                 session.borrowed = self.borrowed;
                 Link::There(session)
             }
-            Err(error) => Link::Gone(self, error.to_string()),
+            Err(error) => {
+                self.pc.sleep(pause);
+                Link::Gone(self, error.to_string())
+            }
         }
     }
 }
@@ -205,6 +209,20 @@ impl<'a> Session<'a> {
         })
     }
 
+    /// The values of some settings. The others are the factory's.
+    pub fn settings(&mut self, asked: &[Setting]) -> Result<Settings, LineError> {
+        let mut settings = Settings::default();
+        for &setting in asked {
+            settings.set(self.value(setting)?);
+        }
+        Ok(settings)
+    }
+
+    /// Says a command that may come twice without harm, and that the sensor repeats once it has done it.
+    pub fn has_done(&mut self, command: &str, wait: Duration) -> Result<(), LineError> {
+        (self.line).ask(command, wait, |lines| is_echoed(lines, command))
+    }
+
     /// Sets a value.
     pub fn set(&mut self, command: Command) -> Result<(), LineError> {
         self.line.ask(&command.to_string(), ANSWER, |lines| {
@@ -273,8 +291,7 @@ impl<'a> Session<'a> {
     }
 
     fn use_map(&mut self, on: bool) -> Result<(), LineError> {
-        let command = Flat::Use(on).to_string();
-        (self.line).ask(&command, ANSWER, |lines| is_echoed(lines, &command))
+        self.has_done(&Flat::Use(on).to_string(), ANSWER)
     }
 
     /// Has the sensor send packets at a rate until the session ends. The packets come from [`Session::line`].

@@ -14,7 +14,7 @@ use slitrange_device::protocol::command::{Command, Error, parse};
 use slitrange_device::settings::serial_line::Format;
 use slitrange_device::settings::{Affects, Setting, Settings, Value};
 
-use super::line::{SAVE, is_echoed};
+use super::line::SAVE;
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -361,9 +361,7 @@ fn load(
     let what = if count == 1 { "setting" } else { "settings" };
     writeln!(output, "{count} {what} changed, {same} as before")?;
     if to_flash {
-        let save = Command::Save.to_string();
-        // The same may be saved twice without harm.
-        let saved = (session.line()).ask(&save, SAVE, |lines| is_echoed(lines, &save));
+        let saved = session.has_done(&Command::Save.to_string(), SAVE);
         saved.context("the settings are in use, but not saved")?;
         writeln!(output, "saved: they are kept over a power cycle")?;
     }

@@ -271,7 +271,7 @@ fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
                 Some(crc) => format!("it uses another record, CRC-32 {crc:08x}"),
                 None => "it has no calibration".to_owned(),
             };
-            return Err(LineError::Restarted { banner }).context(UNKNOWN);
+            return Err(LineError::Restarted(banner)).context(UNKNOWN);
         }
         if now.stored == "same" {
             return Ok(());

@@ -91,7 +91,7 @@ const NO_SAVE: &str = "head measure --port PORT --no-save";
 
 /// A sensor with a simulated head.
 fn sensor(scene: Scene, polarity: Polarity) -> StandIn {
-    let sensor = StandIn::new(1, Trouble::default());
+    let sensor = StandIn::new(1);
     sensor.state().light = Some(SimulatedHead::new(scene, polarity));
     sensor
 }
@@ -403,7 +403,7 @@ fn ctrl_c_ends_the_measurement_in_order() {
         sensor.state().type_line(line);
     }
     let before = sensor.state().settings();
-    sensor.state().interrupted = true;
+    sensor.state().trouble.interrupted = true;
     begins(&sensor.refused(MEASURE), "ended by Ctrl-C");
     assert_eq!(sensor.state().settings(), before);
     assert!(sensor.state().is_map_on());
@@ -421,7 +421,7 @@ fn a_tool_that_is_killed_loses_no_calibration() {
     ] {
         let sensor = sensor(scene.clone(), truth.polarity);
         sensor.state().start_with(Some(own.clone()));
-        sensor.state().kill_after = Some(uses);
+        sensor.state().trouble.kill_after = Some(uses);
         let ended = sensor.ends_before_it_is_killed(|| sensor.run(MEASURE).0.is_ok());
         ends += usize::from(ended);
         let saved = sensor.state().saved_record().expect("a record");
@@ -451,13 +451,8 @@ fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
 #[test]
 fn a_noisy_line_gives_the_same_front_end() {
     let (scene, truth) = head(4);
-    let trouble = Trouble {
-        lost: 0.002,
-        garbled: 0.002,
-        ..Trouble::default()
-    };
-    let sensor = StandIn::new(5, trouble);
-    sensor.state().light = Some(SimulatedHead::new(scene, truth.polarity));
+    let sensor = sensor(scene, truth.polarity);
+    sensor.state().trouble = Trouble::of_line(0.002, 0.002);
     sensor.done(MEASURE);
     let found = recorded(&sensor);
     for (name, _, over_u) in compare(&found, &truth) {

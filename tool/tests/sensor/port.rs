@@ -7,7 +7,7 @@ use slitrange_tool::sensor::port::PortOption;
 
 use crate::command::{begins, says};
 
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::StandIn;
 
 /// A PC with a sensor at each of its ports.
 struct Ports(Vec<StandIn>);
@@ -39,7 +39,7 @@ fn silent(seed: u64) -> StandIn {
 }
 
 fn sensor(seed: u64) -> StandIn {
-    StandIn::new(seed, Trouble::default())
+    StandIn::new(seed)
 }
 
 fn found(pc: &Ports) -> Result<String, String> {

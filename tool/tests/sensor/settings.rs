@@ -7,10 +7,10 @@ use slitrange_tool::pc::Pc;
 
 use crate::command::{begins, ends, says};
 
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::StandIn;
 
 fn sensor(seed: u64) -> StandIn {
-    StandIn::new(seed, Trouble::default())
+    StandIn::new(seed)
 }
 
 /// `slitrange settings` of a sensor: its output.

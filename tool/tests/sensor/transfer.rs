@@ -102,7 +102,7 @@ const NO_SAVE: &str = "calibrate write @record --port PORT --no-save";
 
 #[test]
 fn every_kind_of_record_is_written_and_read_back_unchanged() {
-    let sensor = StandIn::new(30, Trouble::default());
+    let sensor = StandIn::new(30);
     for written in kinds() {
         println!("{} bytes", written.bytes().len());
         file(&sensor, &written);
@@ -129,7 +129,7 @@ fn every_kind_of_record_is_written_and_read_back_unchanged() {
 
 #[test]
 fn without_saving_the_flash_stays_as_it_is() {
-    let sensor = StandIn::new(31, Trouble::default());
+    let sensor = StandIn::new(31);
     let [first, second, ..] = &kinds()[..] else {
         panic!("two records")
     };
@@ -144,7 +144,7 @@ fn without_saving_the_flash_stays_as_it_is() {
     ends(&output, "not saved: it is used until the power goes\n");
     assert_eq!(sensor.state().record().as_ref(), Some(second));
     assert_eq!(sensor.state().saved_record().as_ref(), Some(first));
-    sensor.state().flash_works = false;
+    sensor.state().trouble.broken_flash = true;
     let unsaved = "it is in use, but not saved: the sensor answers `save` with `E16 not saved";
     begins(&sensor.refused(WRITE), unsaved);
 }
@@ -153,22 +153,22 @@ fn without_saving_the_flash_stays_as_it_is() {
 /// alone would not help.
 #[test]
 fn a_record_is_written_again_after_power_fails_during_a_save() {
-    let sensor = StandIn::new(36, Trouble::default());
+    let sensor = StandIn::new(36);
     let [first, second, third, ..] = &kinds()[..] else {
         panic!("three records")
     };
     for written in [first, second] {
         file(&sensor, written);
-        sensor.state().restarts_on_save = 2;
+        sensor.state().trouble.restarts_on_save = 2;
         ends(
             &sensor.done(WRITE),
             "saved: it is kept over a power cycle\n",
         );
         assert_eq!(sensor.state().saved_record().as_ref(), Some(written));
-        assert_eq!(sensor.state().restarts_on_save, 0);
+        assert_eq!(sensor.state().trouble.restarts_on_save, 0);
     }
     file(&sensor, third);
-    sensor.state().restarts_on_save = 3;
+    sensor.state().trouble.restarts_on_save = 3;
     begins(
         &sensor.refused(WRITE),
         "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `",
@@ -178,7 +178,7 @@ fn a_record_is_written_again_after_power_fails_during_a_save() {
 
 #[test]
 fn another_record_is_not_replaced_unless_forced() {
-    let sensor = StandIn::new(37, Trouble::default());
+    let sensor = StandIn::new(37);
     let bytes = || std::fs::read(sensor.path("record")).expect("bytes");
     file(&sensor, &kinds()[2]);
     let before = bytes();
@@ -223,7 +223,7 @@ fn the_exit_code_tells_a_difference_from_an_error() {
 
 #[test]
 fn damaged_and_foreign_records_are_refused() {
-    let sensor = StandIn::new(32, Trouble::default());
+    let sensor = StandIn::new(32);
     let written = kinds().remove(0);
     let mut bytes = written.bytes().to_vec();
     bytes[9] ^= 4;
@@ -275,17 +275,17 @@ fn damaged_and_foreign_records_are_refused() {
 /// At each step of an upload, a byte of a line changes or the line is lost, in both directions.
 #[test]
 fn an_upload_succeeds_with_a_bad_line_at_any_step() {
-    let sensor = StandIn::new(33, Trouble::default());
+    let sensor = StandIn::new(33);
     let written = kinds().remove(2);
     file(&sensor, &written);
     let steps = written.bytes().len().div_ceil(PIECE) + 2;
     for step in 0..2 * steps {
         for lost in [false, true] {
             sensor.state().type_line("defaults");
-            sensor.state().spoil = Some((step, lost));
+            sensor.state().trouble.spoil = Some((step, lost));
             sensor.done(NO_SAVE);
             assert_eq!(sensor.state().record().as_ref(), Some(&written));
-            assert_eq!(sensor.state().spoil, None, "step {step}");
+            assert_eq!(sensor.state().trouble.spoil, None, "step {step}");
         }
     }
 }
@@ -297,13 +297,11 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let kinds = kinds();
     let mut done = 0;
     for seed in 40..44 {
-        let trouble = Trouble {
-            lost: 0.01,
-            garbled: 0.02,
+        let sensor = StandIn::new(seed);
+        sensor.state().trouble = Trouble {
             restart: 0.005,
-            ..Trouble::default()
+            ..Trouble::of_line(0.01, 0.02)
         };
-        let sensor = StandIn::new(seed, trouble);
         let (mut used, mut saved) = (EncodedRecord::nominal(), None);
         for written in &kinds[..5] {
             file(&sensor, written);
@@ -343,15 +341,15 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
 
 #[test]
 fn an_upload_that_is_interrupted_is_dropped() {
-    let sensor = StandIn::new(34, Trouble::default());
+    let sensor = StandIn::new(34);
     file(&sensor, &kinds()[2]);
     // Deaf from then on: it does not even hear that the upload is over.
-    sensor.state().deaf_after_piece = true;
+    sensor.state().trouble.deaf_after_piece = true;
     begins(
         &sensor.refused(WRITE),
         "nothing has changed, the sensor uses the calibration that it had: no sensor answers `stream` at ",
     );
-    sensor.state().deaf_after_piece = false;
+    sensor.state().trouble.deaf_after_piece = false;
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().trouble.lost = 0.0;
     // Another record goes through all the same.
@@ -363,7 +361,7 @@ fn an_upload_that_is_interrupted_is_dropped() {
 
 #[test]
 fn records_are_shown_and_compared() {
-    let sensor = StandIn::new(35, Trouble::default());
+    let sensor = StandIn::new(35);
     let kinds = kinds();
     for (name, kind) in [("eq1", 0), ("corrected", 2), ("table", 3)] {
         record_file::write(&sensor.path(name), &kinds[kind], true).expect("written");

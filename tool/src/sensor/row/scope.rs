@@ -15,7 +15,7 @@ use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::centre::Estimator;
 use slitrange::spot::region::Region;
 use slitrange_device::protocol::row_lines::{RowExposure, RowPart};
-use slitrange_device::settings::{Setting, Value};
+use slitrange_device::settings::{Setting, Settings, Value};
 
 use super::RowAnswer;
 use super::figure::window;
@@ -63,19 +63,15 @@ pub struct ScopeOptions {
 }
 
 /// The settings that keys change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct InUse {
-    exposure: ExposureMode,
-    estimator: Estimator,
-    region: Region,
-}
+const CHANGED: [Setting; 3] = [Setting::Exposure, Setting::Estimator, Setting::Region];
 
 /// What is shown.
 struct Scope {
     title: String,
     /// Whether to show the whole row.
     whole: bool,
-    settings: InUse,
+    /// What the sensor uses of [`CHANGED`].
+    settings: Settings,
     row: Option<RowAnswer>,
     /// When the latest rows came.
     came: VecDeque<Duration>,
@@ -89,7 +85,7 @@ struct Scope {
 /// In sentences: no sensor is found, or there is no terminal.
 pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let mut session = options.port.open(pc)?;
-    let before = InUse::of(&mut session)?;
+    let before = session.settings(&CHANGED)?;
     let Some(mut screen) = pc.screen()? else {
         bail!("`scope` needs a terminal; `slitrange row --figure FILE` draws one row into a file");
     };
@@ -115,20 +111,17 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
             }
         }
         link = match link {
-            Link::Gone(away, _) => match away.find_again() {
-                Link::There(mut session) => {
+            Link::Gone(away, _) => {
+                let mut found = away.find_again(PAUSE);
+                if let Link::There(session) = &mut found {
+                    silent = 0;
                     // One that started anew has forgotten what was set.
-                    if let Ok(now) = InUse::of(&mut session) {
+                    if let Ok(now) = session.settings(&CHANGED) {
                         scope.settings = now;
                     }
-                    silent = 0;
-                    Link::There(session)
                 }
-                gone => {
-                    pc.sleep(PAUSE);
-                    gone
-                }
-            },
+                found
+            }
             Link::There(mut session) => match scope.ask(&mut session) {
                 Ok(()) => {
                     silent = 0;
@@ -143,35 +136,6 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
             },
         };
         screen.draw(&mut |frame| scope.draw(frame, link.why_gone()))?;
-    }
-}
-
-impl InUse {
-    /// Those that the sensor uses.
-    fn of(session: &mut Session<'_>) -> Result<Self> {
-        let mut ask = |setting| session.value(setting);
-        let asked = (
-            ask(Setting::Exposure)?,
-            ask(Setting::Estimator)?,
-            ask(Setting::Region)?,
-        );
-        let (Value::Exposure(exposure), Value::Estimator(estimator), Value::Region(region)) = asked
-        else {
-            bail!("the sensor's answers do not belong to the questions: try again");
-        };
-        Ok(Self {
-            exposure,
-            estimator,
-            region,
-        })
-    }
-
-    fn values(self) -> [Value; 3] {
-        [
-            Value::Exposure(self.exposure),
-            Value::Estimator(self.estimator),
-            Value::Region(self.region),
-        ]
     }
 }
 
@@ -207,23 +171,22 @@ impl Scope {
                 self.whole = !self.whole;
                 self.came.clear();
             }
-            Key::Char('a') => self.set_exposure(ExposureMode::Auto, session)?,
+            Key::Char('a') => self.set(Value::Exposure(ExposureMode::Auto), session)?,
             Key::Up | Key::Char('+') => self.change_exposure(STEP, session)?,
             Key::Down | Key::Char('-') => self.change_exposure(1.0 / STEP, session)?,
             Key::Char('e') => {
                 let mut from_this = (Estimator::ALL.iter().cycle())
                     .skip_while(|estimator| **estimator != self.settings.estimator);
                 if let Some(&next) = from_this.nth(1) {
-                    session.set_for_good(Value::Estimator(next))?;
-                    self.settings.estimator = next;
+                    self.set(Value::Estimator(next), session)?;
                 }
             }
             Key::Char('r') => {
                 if let Some(region) = self.next_region() {
-                    self.set_region(region, session)?;
+                    self.set(Value::Region(region), session)?;
                 }
             }
-            Key::Char('R') => self.set_region(Region::ALL, session)?,
+            Key::Char('R') => self.set(Value::Region(Region::ALL), session)?,
             _ => {}
         }
         Ok(())
@@ -252,9 +215,9 @@ impl Scope {
         Region::new(first as u16, (first + count - 1) as u16)
     }
 
-    fn set_region(&mut self, region: Region, session: &mut Session<'_>) -> Result<(), LineError> {
-        session.set_for_good(Value::Region(region))?;
-        self.settings.region = region;
+    fn set(&mut self, value: Value, session: &mut Session<'_>) -> Result<(), LineError> {
+        session.set_for_good(value)?;
+        self.settings.set(value);
         Ok(())
     }
 
@@ -271,19 +234,9 @@ impl Scope {
         let us = (f64::from(from.us()) * factor).round() as u16;
         let us = us.clamp(Exposure::SHORTEST.us(), Exposure::LONGEST.us());
         match Exposure::from_us(us) {
-            Some(exposure) => self.set_exposure(ExposureMode::Fixed(exposure), session),
+            Some(exposure) => self.set(Value::Exposure(ExposureMode::Fixed(exposure)), session),
             None => Ok(()),
         }
-    }
-
-    fn set_exposure(
-        &mut self,
-        exposure: ExposureMode,
-        session: &mut Session<'_>,
-    ) -> Result<(), LineError> {
-        session.set_for_good(Value::Exposure(exposure))?;
-        self.settings.exposure = exposure;
-        Ok(())
     }
 
     /// Rows a second.
@@ -293,8 +246,8 @@ impl Scope {
     }
 
     /// Says what a key changed.
-    fn sum_up(&self, before: InUse, output: &mut dyn Write) -> Result<()> {
-        for (before, now) in before.values().into_iter().zip(self.settings.values()) {
+    fn sum_up(&self, before: Settings, output: &mut dyn Write) -> Result<()> {
+        for (before, now) in CHANGED.map(|it| (before.get(it), self.settings.get(it))) {
             if before != now {
                 let how_long = "until the power goes or `save`";
                 writeln!(output, "now {now} (it was {before}), {how_long}")?;
@@ -359,10 +312,8 @@ impl Scope {
             0 => String::new(),
             count => format!(", {count} rows arrived spoilt"),
         };
-        let InUse {
-            estimator, region, ..
-        } = self.settings;
-        let region = match region {
+        let estimator = self.settings.estimator;
+        let region = match self.settings.region {
             Region::ALL => String::new(),
             region => format!(", {}", Value::Region(region)),
         };
