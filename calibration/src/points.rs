@@ -195,34 +195,27 @@ impl Points {
             header.is_some(),
             "there is no line in it: its header must name x_px and d_mm"
         );
-        if let (Some(with), Some(without)) = (
-            read.points.iter().find(|point| point.sigma_px.is_some()),
-            read.points.iter().find(|point| point.sigma_px.is_none()),
-        ) {
+        // The first line that has something, and the first without it.
+        let first = |has: fn(&Point) -> bool| {
+            let line = |is: bool| read.points.iter().find(|it| has(it) == is);
+            [true, false].map(|is| line(is).map(|point| point.line))
+        };
+        if let [Some(with), Some(without)] = first(|point| point.sigma_px.is_some()) {
             bail!(
-                "line {} has no sigma_px, and line {} has: give it for all points or for none",
-                without.line,
-                with.line
+                "line {without} has no sigma_px, and line {with} has: give it for all points or for none"
             );
         }
-        let (with, without): (Vec<&Point>, Vec<&Point>) =
-            read.points.iter().partition(|point| point.slits.is_some());
-        if let (Some(with), Some(without)) = (with.first(), without.first()) {
-            bail!(
-                "line {} has no image of any slit, and line {} has: remove the line without, or take the \
-                 point again",
-                without.line,
-                with.line
-            );
-        }
-        if read.setup.slits == Slits::Comb && with.is_empty() && !read.points.is_empty() {
-            bail!(
+        match first(|point| point.slits.is_some()) {
+            [Some(with), Some(without)] => bail!(
+                "line {without} has no image of any slit, and line {with} has: remove the line without, or \
+                 take the point again"
+            ),
+            [None, Some(_)] if read.setup.slits == Slits::Comb => bail!(
                 "the points are those of a comb, and have no columns slit_1_px, slit_1_counts and so on: \
                  take them with `calibrate run`"
-            );
-        }
-        if !with.is_empty() {
-            read.setup.slits = Slits::Comb;
+            ),
+            [Some(_), None] => read.setup.slits = Slits::Comb,
+            _ => {}
         }
         check_unit(&read.points)?;
         // A run that was stopped leaves its points in the order in which they were taken.

@@ -255,36 +255,10 @@ pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
 fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
     let (geometry, options) = (&design.geometry, &design.options);
     let (pitch, pixels) = PIXELS;
-    writeln!(
-        output,
-        "laser    {} nm, spot {} mm on the target, {} mm beside the slit",
-        options.wavelength, options.spot, options.baseline
-    )?;
-    writeln!(
-        output,
-        "sensor   TCD1304DG, {pixels} pixels of {:.0} um, {} mm behind a {}",
-        1000.0 * pitch,
-        options.slit_to_sensor,
-        design.mask()
-    )?;
     let (d, k, pole) = geometry.eq1();
-    let (degrees, tan) = (geometry.angle.to_degrees(), geometry.angle.tan());
-    writeln!(
-        output,
-        "angle u  {degrees:.2} degrees from the baseline to the optical axis, tan u {tan:.4}"
-    )?;
     let (sign, size) = (if pole < 0.0 { "+" } else { "-" }, pole.abs());
-    writeln!(
-        output,
-        "eq. (1)  d = {d:.3} mm + {k:.0} mm px / (x {sign} {size:.2} px)"
-    )?;
+    let (degrees, tan) = (geometry.angle.to_degrees(), geometry.angle.tan());
     let (sin, cos) = geometry.angle.sin_cos();
-    writeln!(
-        output,
-        "row      its middle is {:.2} mm further from the beam than the slit, and {:.2} mm behind it",
-        geometry.focal * cos,
-        geometry.focal * sin
-    )?;
     let (first, last) = geometry.ends(options.near, options.far, options.comb);
     let sees = match design.sees() {
         Some((near, far)) => format!("{} to {}", mm(near), mm(far)),
@@ -292,7 +266,20 @@ fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
     };
     writeln!(
         output,
-        "pixels   {first:.0} to {last:.0}, {:.0} % of the sensor; the whole sensor sees {sees}",
+        "laser    {} nm, spot {} mm on the target, {} mm beside the slit\n\
+         sensor   TCD1304DG, {pixels} pixels of {:.0} um, {} mm behind a {}\n\
+         angle u  {degrees:.2} degrees from the baseline to the optical axis, tan u {tan:.4}\n\
+         eq. (1)  d = {d:.3} mm + {k:.0} mm px / (x {sign} {size:.2} px)\n\
+         row      its middle is {:.2} mm further from the beam than the slit, and {:.2} mm behind it\n\
+         pixels   {first:.0} to {last:.0}, {:.0} % of the sensor; the whole sensor sees {sees}",
+        options.wavelength,
+        options.spot,
+        options.baseline,
+        1000.0 * pitch,
+        options.slit_to_sensor,
+        design.mask(),
+        geometry.focal * cos,
+        geometry.focal * sin,
         100.0 * (last - first) / pixels as f64,
     )?;
     if !design.fits() {
