@@ -233,7 +233,6 @@ const METRES: f64 = 8.39;
 /// less up to 4.5 m; in millimetres, it has twenty times as much at 0.6 m.
 const LEAST_MM_PER_PX: f64 = 0.01;
 
-/// Checks that distances are not in metres.
 fn check_unit(points: &[Point]) -> anyhow::Result<()> {
     let span = |of: fn(&Point) -> f64| {
         let (least, most) = least_and_most(points.iter().map(of));

@@ -123,9 +123,7 @@ impl Surface {
 pub struct Design {
     /// Laser, slit and sensor.
     pub geometry: Geometry,
-    /// What was given.
     options: DesignOptions,
-    /// Width of the slit in mm.
     slit: f64,
     /// Wavelength in mm.
     wavelength: f64,

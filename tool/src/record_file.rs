@@ -97,7 +97,6 @@ pub(crate) struct Shown {
     errors: ShownErrors,
     /// The sensor's own spot. None if the calibration did not learn it.
     spot: Option<ShownSpot>,
-    /// Distances at some centres.
     examples: Vec<Example>,
     /// None if the front end was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -163,7 +162,6 @@ const fn polarity_word(polarity: Polarity) -> &'static str {
     }
 }
 
-/// A slit of a comb.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct ShownSlit {
     /// From the optical axis along the row.
@@ -190,7 +188,6 @@ struct ShownErrors {
     /// By the target's surface, for a spot of the usual height. None if the points did not tell it: the
     /// sensor then takes an estimate.
     surface_um: Option<[f64; 2]>,
-    /// The usual height.
     height_counts: Option<[f64; 2]>,
 }
 
@@ -235,16 +232,13 @@ fn ends(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [least, most].map(|value| (10.0 * value).round() / 10.0)
 }
 
-/// The sensor's rows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct ShownRow {
-    /// Words of a read-out.
     words: usize,
     /// From the first word that sees light to behind the last.
     light: [usize; 2],
     /// The same of shielded pixels.
     shielded: [usize; 2],
-    /// Bits of the converter.
     bits: u8,
     /// What light does to a word: `rise` or `fall`.
     polarity: &'static str,
@@ -260,7 +254,6 @@ struct ShownEq1 {
     xp_px: f64,
 }
 
-/// A table, of distances or of residuals.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct ShownTable {
     /// Centres in pixels, and distances or residuals in micrometres.
@@ -472,7 +465,6 @@ pub(crate) struct Comparison {
     largest: Option<Largest>,
 }
 
-/// What one record says of a field and what the other.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 struct Difference {
     field: &'static str,

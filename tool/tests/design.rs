@@ -15,7 +15,6 @@ use slitrange_tool::pc::RealPc;
 
 use crate::command::{begins, done, says, slitrange};
 
-/// The options of a command line.
 fn options(arguments: &str) -> DesignOptions {
     let words = ["slitrange", "design"]
         .into_iter()

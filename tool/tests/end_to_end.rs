@@ -27,7 +27,6 @@ const ROWS: u16 = 16;
 /// More than a frame takes, and an answer behind it.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// A sensor on its bench.
 struct Bench {
     firmware: Firmware,
     optics: DistortedOptics,

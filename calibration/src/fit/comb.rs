@@ -91,7 +91,6 @@ const ROUNDS: usize = 8;
 /// Points to both sides whose scatter is averaged with a point's own.
 const BESIDE: usize = 3;
 
-/// An image of a slit in a point.
 #[derive(Clone, Copy, Debug)]
 struct Image {
     slit: usize,
@@ -140,7 +139,6 @@ struct Fit {
     freedoms: [usize; MAX_SLITS],
     /// The most that at least [`FEWEST`] slits have.
     most: usize,
-    /// x0 of each point.
     x0s: Vec<f64>,
 }
 

@@ -80,7 +80,6 @@ pub fn after(
 /// A line whose distance does not go on from those before it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutOfOrder {
-    /// Its place among the points.
     index: usize,
     point: Point,
     /// The line with which it does not go together.

@@ -81,7 +81,6 @@ impl Sensor {
         })
     }
 
-    /// The images of a target without errors.
     fn exact(&self, distance: f64) -> SlitImages {
         self.images(distance, |_| 0.0)
     }

@@ -20,7 +20,6 @@ use crate::record_file::Shown;
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     verdict: Verdict,
-    /// The file of the points.
     file: String,
     /// Points that were read.
     points: usize,
@@ -36,7 +35,6 @@ pub struct Report {
     eq1_alone: Residuals,
     /// How well the curve of that form does.
     curve: Residuals,
-    /// The centres and distances for which it holds.
     range: Range,
     table: Option<Table>,
     /// How far the sensor's distances are from the curve, by rounding and tabulation, at most.
@@ -54,7 +52,6 @@ pub struct Report {
     record: Option<RecordWritten>,
 }
 
-/// A point that was rejected.
 #[derive(Clone, Debug, Serialize)]
 struct Rejected {
     line: u64,
@@ -73,7 +70,6 @@ struct Value {
     uncertainty: Option<f64>,
 }
 
-/// Eq. (1)'s parameters.
 #[derive(Clone, Debug, Serialize)]
 struct Parameters {
     d_mm: Value,
@@ -144,13 +140,11 @@ struct Range {
     last_mm: f64,
 }
 
-/// A table.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Table {
     knots: usize,
 }
 
-/// A record that was written.
 #[derive(Clone, Debug, Serialize)]
 struct RecordWritten {
     file: String,

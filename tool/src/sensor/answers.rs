@@ -58,11 +58,9 @@ pub fn centre(lines: &[String]) -> Option<Result<Centre, NoCentre>> {
         let slits = Some(slit_images(images)?);
         return Some(Ok(Centre { slits, ..centre }));
     }
-    match reading(last)? {
-        (centre, false) => Some(Ok(centre)),
-        // The line with the slits follows.
-        (_, true) => None,
-    }
+    // The line with the slits follows that of a comb.
+    let (centre, has_comb) = reading(last)?;
+    (!has_comb).then_some(Ok(centre))
 }
 
 /// The images of a comb: `912.12345/1830`, or `-` for none.
@@ -136,10 +134,7 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
             components_px,
         }),
         misfits: misfits.parse().ok()?,
-        correlated: match correlated {
-            Some(rows) => Some(rows.parse().ok()?),
-            None => None,
-        },
+        correlated: correlated.map(str::parse).transpose().ok()?,
         slits: None,
     };
     Some((centre, has_comb))
@@ -167,6 +162,11 @@ fn five_decimals(word: &str) -> Option<f64> {
     (all(digits) && all(decimals) && decimals.len() == 5).then(|| word.parse().ok())?
 }
 
+/// What follows these words in the first line that begins with them.
+fn after<'a>(lines: &'a [String], words: &str) -> Option<&'a str> {
+    lines.iter().find_map(|line| line.strip_prefix(words))
+}
+
 /// What `calibration` answers of the calibration in use, as far as a program needs it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InUse {
@@ -192,13 +192,7 @@ pub struct RecordInUse {
 
 /// What the lines that came since `calibration` was asked say, once they say it.
 pub fn in_use(lines: &[String]) -> Option<InUse> {
-    let of = |key: &str| {
-        let answers = lines
-            .iter()
-            .filter_map(|line| line.strip_prefix("calibration "));
-        let mut values = answers.filter_map(|line| line.strip_prefix(key)?.strip_prefix(' '));
-        values.next()
-    };
+    let of = |key: &str| after(lines, &format!("calibration {key} "));
     let stored = of("stored")?.to_owned();
     if lines.iter().any(|line| line == "calibration none") {
         let record = None;
@@ -234,20 +228,14 @@ pub fn flat(lines: &[String]) -> Option<Vec<String>> {
 
 /// The rows lost and the lines dropped, once the answer to `status` says both.
 pub fn losses(lines: &[String]) -> Option<(u32, u32)> {
-    let number = |name: &str| {
-        let mut values = lines.iter().filter_map(|line| line.strip_prefix(name));
-        values.next()?.parse().ok()
-    };
+    let number = |words| after(lines, words)?.parse().ok();
     let (rows, dropped) = ("status rows lost ", "status lines dropped ");
     Some((number(rows)?, number(dropped)?))
 }
 
 /// The sensor head's name, once a line of the answer to `info` says it.
 pub fn head(lines: &[String]) -> Option<String> {
-    let mut heads = lines
-        .iter()
-        .filter_map(|line| line.strip_prefix("info sensor head "));
-    heads.next().map(str::to_owned)
+    after(lines, "info sensor head ").map(str::to_owned)
 }
 
 #[cfg(test)]

@@ -125,7 +125,6 @@ fn take(session: &mut Session<'_>, kind: Kind) -> Result<String, LineError> {
     (session.line()).ask(&command, FRAME, |lines| answers::taken(lines, &command))
 }
 
-/// What the sensor says of its map.
 fn shown(session: &mut Session<'_>) -> Result<Vec<String>, LineError> {
     (session.line()).ask(&Flat::Show.to_string(), ANSWER, answers::flat)
 }

@@ -422,7 +422,6 @@ pub(super) fn is_echoed(lines: &[String], command: &str) -> Option<()> {
     (lines.last()? == command).then_some(())
 }
 
-/// What a sensor says when it starts.
 fn is_banner(line: &str) -> bool {
     line.starts_with("slitrange ") && line.contains(", started by ")
 }

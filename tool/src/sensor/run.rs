@@ -144,17 +144,12 @@ pub fn run(
         )?;
     }
     let missing = positions::missing(&wanted, &file.done());
+    let settings: Vec<String> = settings(&setup).map(|it| it.to_string()).collect();
+    let (head, port, settings) = (session.head(), session.port(), settings.join(", "));
+    let (to_go, all) = (missing.len(), wanted.len());
     writeln!(
         output,
-        "sensor {} at {}, {}: {} of {} positions to go",
-        session.head(),
-        session.port(),
-        settings(&setup)
-            .map(|it| it.to_string())
-            .collect::<Vec<_>>()
-            .join(", "),
-        missing.len(),
-        wanted.len()
+        "sensor {head} at {port}, {settings}: {to_go} of {all} positions to go"
     )?;
     let walk = Walk {
         session,
@@ -173,13 +168,10 @@ pub fn run(
     write!(output, "{taken} points are in {path}")?;
     match left.as_slice() {
         [] => writeln!(output, ", and no position is left")?,
-        left => writeln!(
-            output,
-            "; {} of {} positions are left: {}",
-            left.len(),
-            wanted.len(),
-            list(left)
-        )?,
+        left => {
+            let (count, list) = (left.len(), list(left));
+            writeln!(output, "; {count} of {all} positions are left: {list}")?;
+        }
     }
     let stopped_by_hand = walk.context("stopped; run the same command again to go on")?;
     ensure!(
@@ -196,7 +188,6 @@ fn list(distances: &[f64]) -> String {
     format!("{} mm", words.join(", "))
 }
 
-/// Asks a sensor for its setup.
 fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     let record = session.calibration()?.record;
     let mut setup = Setup {
@@ -216,7 +207,6 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     Ok(setup)
 }
 
-/// The settings that points are taken with.
 fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
     let estimator = setup.estimator.map(Value::Estimator);
     let default = Setup::default().unnamed();
@@ -444,23 +434,24 @@ impl Walk<'_> {
     }
 
     fn report(&mut self, place: &str, point: &Taken) -> Result<()> {
-        let (mm, frames, misfits) = (Millimetres(point.d_mm), point.frames, point.misfits);
-        let (x_px, sigma_px, claimed_px) = (point.x_px, point.sigma_px, point.claimed_px);
-        write!(
+        let mm = Millimetres(point.d_mm);
+        let scatter = point.scatter_px.map(|it| format!(", scatter {it:.5}"));
+        let misfits = Some(point.misfits).filter(|rows| *rows > 0);
+        let misfits = misfits.map(|rows| format!("  {rows} rows do not look like their spot"));
+        let alike = point
+            .correlated
+            .map(|rows| format!("  rows err alike, worth {rows}"));
+        writeln!(
             self.output,
-            "{place}  {mm} mm  x {x_px:.5} px +- {sigma_px:.5} ({frames} frames"
+            "{place}  {mm} mm  x {:.5} px +- {:.5} ({} frames{}, claimed {:.5}){}{}",
+            point.x_px,
+            point.sigma_px,
+            point.frames,
+            scatter.unwrap_or_default(),
+            point.claimed_px,
+            misfits.unwrap_or_default(),
+            alike.unwrap_or_default()
         )?;
-        if let Some(scatter) = point.scatter_px {
-            write!(self.output, ", scatter {scatter:.5}")?;
-        }
-        write!(self.output, ", claimed {claimed_px:.5})")?;
-        if misfits > 0 {
-            write!(self.output, "  {misfits} rows do not look like their spot")?;
-        }
-        if let Some(rows) = point.correlated {
-            write!(self.output, "  rows err alike, worth {rows}")?;
-        }
-        writeln!(self.output)?;
         Ok(())
     }
 }

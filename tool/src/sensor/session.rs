@@ -21,7 +21,6 @@ pub struct Session<'a> {
     line: Line<'a>,
     head: String,
     borrowed: Borrowed,
-    /// Whether readings stream in the session.
     streams: bool,
     /// Whether the sensor may send packets, or have another rate than 115200 baud.
     is_binary: bool,
@@ -84,7 +83,6 @@ pub struct Before {
     pub rows: Option<u16>,
 }
 
-/// What is put back.
 #[derive(Clone, Debug, Default)]
 struct Borrowed {
     before: Before,
@@ -356,7 +354,6 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Puts back what was set for the session.
     fn put_back(&mut self) -> Result<(), LineError> {
         let Borrowed {
             before: Before { streamed, rows },
@@ -389,7 +386,6 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// The names of what is put back.
     fn changed(&self) -> String {
         let Borrowed { map, values, .. } = &self.borrowed;
         let values = values.iter().map(|value| value.setting().name());

@@ -135,7 +135,6 @@ pub fn settings(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Finds a setting by the words of its name.
 fn named(words: &[String]) -> Result<Setting> {
     let name = words.join(" ").to_ascii_lowercase();
     let setting = Setting::ALL.iter().find(|setting| setting.name() == name);
@@ -251,7 +250,6 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// Sets a value, and says what it was.
 fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
     let setting = new.setting();
     let before = value(session, setting)?;
@@ -291,7 +289,6 @@ fn to_toml(values: &[Value]) -> String {
     toml
 }
 
-/// Reads a file, and checks each value.
 fn read_file(file: &Path) -> Result<Vec<Value>> {
     let name = file.display();
     let text = std::fs::read_to_string(file).with_context(|| format!("{name} cannot be read"))?;
@@ -323,7 +320,6 @@ fn from_toml(text: &str) -> Result<Vec<Value>> {
     Ok(values)
 }
 
-/// Reads the words of a value of a setting.
 fn read_value(setting: Setting, words: &str) -> Result<Value> {
     let value = read(&format!("{} {words}", setting.name()))?;
     ensure!(
@@ -368,7 +364,6 @@ fn load(
     Ok(())
 }
 
-/// Says where values differ.
 fn compare(
     (ours, here): (&[Value], &str),
     (theirs, there): (&[Value], &str),

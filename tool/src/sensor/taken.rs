@@ -146,7 +146,6 @@ pub struct PointsFile {
     content: Content,
 }
 
-/// What a file's text holds.
 #[derive(Debug, Default)]
 struct Content {
     /// The lines before the points.
@@ -156,7 +155,6 @@ struct Content {
     remarks: Vec<String>,
     /// The last line was cut off; what was left of it.
     torn: Option<String>,
-    /// The slits of the sensor.
     slits: Slits,
 }
 

@@ -31,7 +31,6 @@ use super::truth::{FAR, NEAR, Truth, seeded};
 /// A sensor in front of a smooth target.
 struct Sensor {
     truth: Truth,
-    /// The skewness of the laser's spot.
     skewness: f64,
     estimator: Estimator,
 }
@@ -164,13 +163,11 @@ impl Sensor {
     }
 }
 
-/// A distance and a height.
 fn anywhere(random: &mut ChaCha8Rng) -> (f64, f64) {
     let distance = random.random_range(NEAR + 0.002..FAR - 0.002);
     (distance, 200.0 * 15f64.powf(random.random()))
 }
 
-/// What a calibration found.
 struct Calibrated {
     calibration: Calibration,
     errors: CalibrationErrors,

@@ -89,19 +89,17 @@ fn head(number: u64) -> (Scene, Truth) {
 const MEASURE: &str = "head measure --port PORT";
 const NO_SAVE: &str = "head measure --port PORT --no-save";
 
-/// A sensor with a simulated head.
 fn sensor(scene: Scene, polarity: Polarity) -> StandIn {
     let sensor = StandIn::new(1);
     sensor.state().light = Some(SimulatedHead::new(scene, polarity));
     sensor
 }
 
-/// What the sensor's record says of its front end.
 fn recorded(sensor: &StandIn) -> FrontEnd {
     found(sensor).expect("a front end")
 }
 
-/// The same. `None` if the record says nothing.
+/// What the sensor's record says of its front end.
 fn found(sensor: &StandIn) -> Option<FrontEnd> {
     sensor.state().record()?.record().front_end
 }
@@ -109,14 +107,11 @@ fn found(sensor: &StandIn) -> Option<FrontEnd> {
 /// A record with this serial number, and otherwise the one in use.
 fn with_number(sensor: &StandIn, serial_number: u32) -> EncodedRecord {
     let in_use = sensor.state().record().expect("a record");
-    let record = Record {
-        serial_number,
-        ..in_use.record().clone()
-    };
+    let mut record = in_use.record().clone();
+    record.serial_number = serial_number;
     EncodedRecord::new(record).expect("a record")
 }
 
-/// A record without its front end.
 fn without_front_end(record: &EncodedRecord) -> Record {
     Record {
         front_end: None,
@@ -291,10 +286,8 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     });
     sensor.write("own.record", own.expect("a record").bytes());
     let output = sensor.done("calibrate write --port PORT @own.record");
-    says(
-        &output,
-        ["with the front end that was measured on this sensor"],
-    );
+    let kept = "with the front end that was measured on this sensor";
+    says(&output, [kept]);
     let saved = || sensor.state().saved_record().expect("a record");
     assert_eq!(saved().record().serial_number, 7);
     assert!(saved().record().front_end.is_some());
@@ -304,7 +297,6 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     assert_eq!(saved().record().serial_number, 7);
 }
 
-/// A scene with a spot of another brightness.
 fn with_light(scene: &Scene, counts_per_second: f64) -> Scene {
     Scene {
         spot: scene.spot.map(|spot| Spot {

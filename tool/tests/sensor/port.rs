@@ -31,7 +31,6 @@ impl Pc for Ports {
     }
 }
 
-/// What hears nothing.
 fn silent(seed: u64) -> StandIn {
     let sensor = sensor(seed);
     sensor.state().trouble.lost = 1.0;
@@ -71,11 +70,9 @@ fn no_sensor_and_several_are_errors_that_name_the_ports() {
     let pc = Ports(vec![silent(1), silent(2)]);
     let silent = found(&pc).expect_err("no sensor");
     begins(&silent, "no sensor is found: check ");
-    let ports = pc.ports().into_iter();
-    says(
-        &silent,
-        ports.map(|port| format!("\nno sensor answers at {port}")),
-    );
+    for port in pc.ports() {
+        says(&silent, [format!("\nno sensor answers at {port}")]);
+    }
 
     let pc = Ports(vec![sensor(1), sensor(2)]);
     let several = found(&pc).expect_err("two sensors");

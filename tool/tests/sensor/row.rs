@@ -71,10 +71,8 @@ fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
 
     sensor.state().type_line("laser off");
     let dark = "laser off, black level 300.00 counts";
-    says(
-        &sensor.done(range),
-        ["no centre: laser off\n", dark, median],
-    );
+    let output = sensor.done(range);
+    says(&output, ["no centre: laser off\n", dark, median]);
 
     sensor.state().type_line("laser on");
     sensor.state().type_line("exposure 187");

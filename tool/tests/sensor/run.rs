@@ -57,12 +57,10 @@ fn once_there_are(sensor: &StandIn, count: usize, then: impl FnOnce(&mut State) 
     });
 }
 
-/// The file of points.
 fn points(sensor: &StandIn) -> Points {
     Points::read(&sensor.path("points.csv")).expect("points")
 }
 
-/// The lines that are points.
 fn lines(sensor: &StandIn) -> Vec<String> {
     lines_of(&sensor.path("points.csv"))
 }
@@ -91,11 +89,13 @@ fn noise(frames: u16) -> f64 {
     5.0 * NOISE_PX / f64::from(frames).sqrt()
 }
 
+/// How the error of a run begins that stopped.
+const STOPPED: &str = "stopped; run the same command again to go on: ";
+
 const TEN: [f64; 10] = [
     600.0, 630.0, 660.0, 700.0, 740.0, 790.0, 840.0, 900.0, 960.0, 1020.0,
 ];
 
-/// Writes the list of those positions.
 fn list(sensor: &StandIn, positions: &[f64]) {
     let text: Vec<String> = positions.iter().map(f64::to_string).collect();
     sensor.write("list.txt", text.join("\n"));
@@ -136,10 +136,8 @@ fn a_stage_goes_through_all_positions() {
     let set = sensor.state().settings();
     assert!(set.stream && set.rows == 16, "put back");
     // Once more: nothing is missing, nothing changes.
-    says(
-        &done(run(&sensor, arguments, "")),
-        ["0 of 12 positions to go"],
-    );
+    let again = done(run(&sensor, arguments, ""));
+    says(&again, ["0 of 12 positions to go"]);
     assert_eq!(sensor.text("points.csv"), text);
 }
 
@@ -158,13 +156,8 @@ fn a_person_is_asked_and_asked_again() {
     // On going on, that point stands for the position that it was typed for, and for the one that it is near.
     sensor.state().trouble.fault = 1.0;
     let output = done(run(&sensor, arguments, "799.5\n\n\ns\n"));
-    says(
-        &output,
-        [
-            "1 of 3 positions to go",
-            "there is a point at 799.5 mm already\n",
-        ],
-    );
+    let is_there = "there is a point at 799.5 mm already\n";
+    says(&output, ["1 of 3 positions to go", is_there]);
     ends(&output, "; 1 of 3 positions are left: 600 mm\n");
     let fault = "600 mm  too dim: 35.0 counts, needs 60.0 (a longer exposure, more laser power, a \
                  brighter target or less ambient light)";
@@ -201,8 +194,7 @@ fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, 
 fn the_end_of_the_input_is_an_error_while_positions_are_left() {
     let (sensor, arguments) = by_hand(30, &TEN, 4);
     let (result, output) = run(&sensor, arguments, "\n\n");
-    let error =
-        "stopped; run the same command again to go on: the input ended, with 660, 700 mm left";
+    let error = format!("{STOPPED}the input ended, with 660, 700 mm left");
     assert_eq!(result.expect_err("positions are left"), error);
     ends(&output, "; 2 of 4 positions are left: 660, 700 mm\n");
     // After the last position, the end of the input is the end.
@@ -224,14 +216,10 @@ fn a_target_that_nobody_moved_gives_no_second_point() {
     assert_eq!(lines(&sensor).len(), 2);
     let mut words = sensor.words("calibrate run --port PORT @points.csv --positions @list.txt");
     words.extend(["--frames", "2", "--stage-command", "true {}"].map(str::to_owned));
-    begins(
-        &refused(slitrange(&sensor, &words, "")),
-        "there is no point at 660 mm: ",
-    );
-    says(
-        &sensor.text("points.csv"),
-        ["\n# failed at 660.000 mm: the centre, "],
-    );
+    let error = refused(slitrange(&sensor, &words, ""));
+    begins(&error, "there is no point at 660 mm: ");
+    let remark = "\n# failed at 660.000 mm: the centre, ";
+    says(&sensor.text("points.csv"), [remark]);
 }
 
 #[test]
@@ -266,8 +254,8 @@ fn an_interrupted_run_keeps_its_points_and_puts_the_sensor_back() {
     let sensor = StandIn::new(34);
     once_there_are(&sensor, 4, |state| state.trouble.interrupted = true);
     let (result, output) = run_stage(&sensor, &TEN, "--frames 3");
-    let error = "stopped; run the same command again to go on: stopped by Ctrl-C";
-    assert_eq!(result.expect_err("interrupted"), error);
+    let error = result.expect_err("interrupted");
+    assert_eq!(error, format!("{STOPPED}stopped by Ctrl-C"));
     says(&output, ["4 points are in "]);
     let set = sensor.state().settings();
     assert_eq!((set.rows, set.stream), (16, true));
@@ -285,10 +273,8 @@ fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
     let fails = format!("test {{}} != 660.000 && {}", sensor.stage_command());
     words.extend(["--stage-command".to_owned(), fails]);
     let error = refused(slitrange(&sensor, &words, ""));
-    begins(
-        &error,
-        "stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && ",
-    );
+    let command = "the stage's command `test 660.000 != 660.000 && ";
+    begins(&error, &format!("{STOPPED}{command}"));
     ends(&error, "failed: exit status: 1");
     let before = lines(&sensor);
     assert_eq!(before.len(), 2);
@@ -302,11 +288,8 @@ fn a_position_without_a_centre_is_remarked_and_taken_later() {
     let sensor = StandIn::new(13);
     sensor.state().trouble.fault = 1.0;
     let (result, output) = run_stage(&sensor, &[600.0, 700.0], "");
-    let error = result.expect_err("no point");
-    begins(
-        &error,
-        "there is no point at 600, 700 mm: run the same command again",
-    );
+    let none = "there is no point at 600, 700 mm: run the same command again";
+    begins(&result.expect_err("no point"), none);
     assert_eq!(output.matches("600 mm  too dim: ").count(), 3, "{output}");
     let remark = "\n# failed at 600.000 mm: too dim: 35.0 counts, needs 60.0 (";
     says(&sensor.text("points.csv"), [remark]);
@@ -422,10 +405,8 @@ fn a_run_waits_for_an_unplugged_cable_and_for_power() {
 fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
     let sensor = StandIn::new(16);
     once_there_are(&sensor, 3, |state| state.unplug(2 * RECONNECT));
-    begins(
-        &refused(run_stage(&sensor, &TEN, "")),
-        "stopped; run the same command again to go on: there is no serial port",
-    );
+    let error = refused(run_stage(&sensor, &TEN, ""));
+    begins(&error, &format!("{STOPPED}there is no serial port"));
     let before = lines(&sensor);
     assert!(before.len() >= 3);
     sensor.sleep(RECONNECT);
@@ -525,13 +506,8 @@ fn a_run_with_a_region_goes_on_with_this_region() {
         }
     });
     let output = done(run(&[600.0, 700.0, 800.0]));
-    says(
-        &output,
-        [
-            ", region 1000 3000, peak last: ",
-            "the sensor is back, and set as it was",
-        ],
-    );
+    let back = "the sensor is back, and set as it was";
+    says(&output, [", region 1000 3000, peak last: ", back]);
     let read = points(&sensor);
     assert_eq!(read.points.len(), 3);
     assert_eq!(Some(read.setup.region), Region::new(1000, 3000));
@@ -584,19 +560,11 @@ fn a_comb_is_calibrated_from_the_images_of_its_slits() {
         says(&output, ["black shielded, slits comb\n"]);
         assert_eq!(sensor.state().settings().slits, Slits::Comb);
         let output = sensor.done("calibrate show --port PORT");
-        let first = "\n   1     -7900    +0.0000";
-        says(
-            &output,
-            [
-                "slits         16, from -7900 to 6800 um; corrections",
-                first,
-            ],
-        );
+        let of_comb = "slits         16, from -7900 to 6800 um; corrections";
+        says(&output, [of_comb, "\n   1     -7900    +0.0000"]);
         // A record without a comb sets one slit.
-        sensor.write(
-            "one.record",
-            EncodedRecord::nominal().expect("a record").bytes(),
-        );
+        let nominal = EncodedRecord::nominal().expect("a record");
+        sensor.write("one.record", nominal.bytes());
         let output = sensor.done("calibrate write --no-save --port PORT @one.record");
         assert!(!output.contains("slits"), "{output}");
         assert_eq!(sensor.state().settings().slits, Slits::One);

@@ -48,11 +48,9 @@ fn keys_change_exposure_and_estimator() {
     let exposure = Exposure::from_us(4480).expect("an exposure");
     assert_eq!(now.exposure, ExposureMode::Fixed(exposure));
     assert_eq!(now.estimator, Estimator::GaussNewton);
+    let exposure = "now exposure 4480 (it was exposure auto), ";
     let estimator = "now estimator gauss-newton (it was estimator adaptive), ";
-    says(
-        &output,
-        ["now exposure 4480 (it was exposure auto), ", estimator],
-    );
+    says(&output, [exposure, estimator]);
     // Back to auto.
     scope(&sensor, &[(2, Key::Char('a')), (2, Key::Quit)]);
     assert_eq!(sensor.state().settings().exposure, ExposureMode::Auto);

@@ -104,7 +104,6 @@ pub struct Trouble {
     pub deaf_after_piece: bool,
     /// So many times the light is wrong for a map of the pixels.
     pub wrong_light: usize,
-    /// The flash takes nothing.
     pub broken_flash: bool,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
@@ -125,7 +124,6 @@ impl Trouble {
     }
 }
 
-/// What a call at each step does.
 type EachStep = Box<dyn FnMut(&mut State)>;
 
 /// A step of the clock, and what happens at that step.
@@ -138,11 +136,8 @@ pub struct State {
     actions: Actions,
     input: Input,
     random: ChaCha8Rng,
-    /// What its flash holds.
     flash: Stored,
-    /// The stand-in's clock.
     now: Duration,
-    /// When the sensor started.
     started: Duration,
     /// Results of frames since then.
     results: u32,
@@ -152,7 +147,6 @@ pub struct State {
     unplugged_until: Option<Duration>,
     /// How often the cable was pulled out.
     plugged: usize,
-    /// The flash holds a map of the pixels.
     pub has_saved_map: bool,
     /// The height of the spot in a row, in counts.
     pub spot_height: f64,
@@ -174,12 +168,10 @@ pub struct State {
 }
 
 impl State {
-    /// The settings in use.
     pub fn settings(&self) -> Settings {
         *self.session.settings()
     }
 
-    /// The record in use.
     pub fn record(&self) -> Option<EncodedRecord> {
         encoded(self.session.record())
     }
@@ -194,17 +186,14 @@ impl State {
         Some(self.flash.configuration()?.settings.rows)
     }
 
-    /// Whether rows are corrected with a map of the pixels.
     pub fn is_map_on(&self) -> bool {
         self.session.is_map_on()
     }
 
-    /// Cuts the sensor's power for a time.
     pub fn cut_power(&mut self, time: Duration) {
         self.off_until = Some(self.now + time);
     }
 
-    /// Pulls the cable out for a time.
     pub fn unplug(&mut self, time: Duration) {
         self.unplugged_until = Some(self.now + time);
     }
@@ -300,14 +289,12 @@ fn words(centres_px: &[f64], height: f64) -> Vec<u16> {
 /// A sensor head that is simulated, before a target at rest.
 pub struct SimulatedHead {
     simulation: Simulation,
-    /// What light does to a word.
     polarity: Polarity,
     row: u64,
     laser_before: f64,
 }
 
 impl SimulatedHead {
-    /// A head that sees this scene.
     pub fn new(scene: Scene, polarity: Polarity) -> Self {
         Self {
             simulation: Simulation::new(scene),
@@ -365,7 +352,6 @@ impl State {
         format!("{head}\r\n{}{ROW_END}\r\n", lines.collect::<String>())
     }
 
-    /// Does a job with the map of the pixels.
     fn do_flat(&mut self, job: Job) -> Option<Outcome> {
         let works = !self.trouble.broken_flash;
         let result = works.then_some(()).ok_or(StoreError::Flash);
@@ -459,7 +445,6 @@ impl StandIn {
         self.state.borrow_mut()
     }
 
-    /// Calls a function at each step of the clock.
     pub fn each_step(&self, call: impl FnMut(&mut State) + 'static) {
         self.state().each_step = Some(Box::new(call));
     }
@@ -475,32 +460,27 @@ impl StandIn {
         });
     }
 
-    /// The serial port's name.
     pub fn port(&self) -> String {
         self.file("port")
     }
 
-    /// A file's path in the directory.
     pub fn path(&self, name: &str) -> PathBuf {
         self.directory.path().join(name)
     }
 
-    /// The same as text.
+    /// A file's path as text.
     pub fn file(&self, name: &str) -> String {
         self.path(name).to_str().expect("text").to_owned()
     }
 
-    /// The text of a file in the directory.
     pub fn text(&self, name: &str) -> String {
         std::fs::read_to_string(self.path(name)).expect("a file")
     }
 
-    /// Writes a file in the directory.
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         std::fs::write(self.path(name), bytes).expect("written");
     }
 
-    /// What moves the target.
     pub fn stage_command(&self) -> String {
         format!("echo {{}} > '{}'", self.file("stage"))
     }
@@ -522,18 +502,15 @@ impl StandIn {
         slitrange(self, &self.words(line), typed)
     }
 
-    /// The same where nobody types anything.
     pub fn run(&self, line: &str) -> Ended {
         self.type_in(line, "")
     }
 
-    /// The output of a command that succeeds.
     #[track_caller]
     pub fn done(&self, line: &str) -> String {
         done(self.run(line))
     }
 
-    /// The error of a command that fails.
     #[track_caller]
     pub fn refused(&self, line: &str) -> String {
         refused(self.run(line))
@@ -600,7 +577,6 @@ impl Pc for StandIn {
 /// Why a panic is none.
 struct Killed;
 
-/// A port that is open.
 struct Plug<'a> {
     pc: &'a StandIn,
     /// How often the cable had been pulled out when it was opened.

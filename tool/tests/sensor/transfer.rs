@@ -14,8 +14,6 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::light::black_level::BlackLevel;
 use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange::row::Geometry;
-use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::piece::PIECE;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
@@ -44,20 +42,18 @@ const PROFILE: Profile = Profile {
 };
 
 fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
-    EncodedRecord::new(Record {
+    let record = Record {
         serial_number,
         date: Date::new(2026, 11, 21).expect("a day"),
-        geometry: tcd1304dg(),
         estimator: Estimator::Adaptive,
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         // The tables have a spot of their own.
         profile: (!matches!(calibration, Calibration::Eq1(_))).then_some(PROFILE),
-        comb: None,
-        front_end: None,
         calibration,
         errors: CalibrationErrors::Unknown,
-    })
-    .expect("a record")
+        ..Record::nominal().expect("a record")
+    };
+    EncodedRecord::new(record).expect("a record")
 }
 
 fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
@@ -97,6 +93,9 @@ fn file(sensor: &StandIn, written: &EncodedRecord) {
     record_file::write(&sensor.path("record"), written, true).expect("written");
 }
 
+/// How the output of a record that is saved ends.
+const SAVED: &str = "saved: it is kept over a power cycle\n";
+
 const WRITE: &str = "calibrate write @record --port PORT";
 const NO_SAVE: &str = "calibrate write @record --port PORT --no-save";
 
@@ -108,10 +107,7 @@ fn every_kind_of_record_is_written_and_read_back_unchanged() {
         file(&sensor, &written);
         let read = record_file::read(&sensor.path("record"));
         assert_eq!(read.expect("a record"), written);
-        ends(
-            &sensor.done(WRITE),
-            "saved: it is kept over a power cycle\n",
-        );
+        ends(&sensor.done(WRITE), SAVED);
         let state = sensor.state();
         assert_eq!(state.record().as_ref(), Some(&written));
         assert_eq!(state.saved_record().as_ref(), Some(&written));
@@ -137,10 +133,8 @@ fn without_saving_the_flash_stays_as_it_is() {
     sensor.done(WRITE);
     file(&sensor, second);
     let output = sensor.done(NO_SAVE);
-    says(
-        &output,
-        ["mind: the sensor's calibration until now was that of sensor 17"],
-    );
+    let mind = "mind: the sensor's calibration until now was that of sensor 17";
+    says(&output, [mind]);
     ends(&output, "not saved: it is used until the power goes\n");
     assert_eq!(sensor.state().record().as_ref(), Some(second));
     assert_eq!(sensor.state().saved_record().as_ref(), Some(first));
@@ -160,19 +154,14 @@ fn a_record_is_written_again_after_power_fails_during_a_save() {
     for written in [first, second] {
         file(&sensor, written);
         sensor.state().trouble.restarts_on_save = 2;
-        ends(
-            &sensor.done(WRITE),
-            "saved: it is kept over a power cycle\n",
-        );
+        ends(&sensor.done(WRITE), SAVED);
         assert_eq!(sensor.state().saved_record().as_ref(), Some(written));
         assert_eq!(sensor.state().trouble.restarts_on_save, 0);
     }
     file(&sensor, third);
     sensor.state().trouble.restarts_on_save = 3;
-    begins(
-        &sensor.refused(WRITE),
-        "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `",
-    );
+    let unknown = "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `";
+    begins(&sensor.refused(WRITE), unknown);
     assert_eq!(sensor.state().saved_record().as_ref(), Some(second));
 }
 
@@ -228,10 +217,8 @@ fn damaged_and_foreign_records_are_refused() {
     let mut bytes = written.bytes().to_vec();
     bytes[9] ^= 4;
     sensor.write("record", &bytes);
-    says(
-        &sensor.refused(WRITE),
-        ["/record: the record is damaged, its CRC is "],
-    );
+    let damaged = "/record: the record is damaged, its CRC is ";
+    says(&sensor.refused(WRITE), [damaged]);
     // A version, and the CRC-32 of that byte.
     let later = [&[2], &0x3c0c_8ea1_u32.to_le_bytes()[..]].concat();
     for (bytes, reason) in [
@@ -250,14 +237,8 @@ fn damaged_and_foreign_records_are_refused() {
     let error = sensor.refused("calibrate show /nowhere/record");
     begins(&error, "/nowhere/record cannot be read: ");
 
-    let geometry = Geometry {
-        bits: 10,
-        ..tcd1304dg()
-    };
-    let other = Record {
-        geometry,
-        ..written.record().clone()
-    };
+    let mut other = written.record().clone();
+    other.geometry.bits = 10;
     file(&sensor, &EncodedRecord::new(other).expect("a record"));
     begins(
         &sensor.refused(WRITE),
@@ -266,10 +247,8 @@ fn damaged_and_foreign_records_are_refused() {
     );
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().start_with(None);
-    begins(
-        &sensor.refused("calibrate read --port PORT"),
-        "the sensor has no calibration (what it saved is unusable): write one",
-    );
+    let none = "the sensor has no calibration (what it saved is unusable): write one";
+    begins(&sensor.refused("calibrate read --port PORT"), none);
 }
 
 /// At each step of an upload, a byte of a line changes or the line is lost, in both directions.

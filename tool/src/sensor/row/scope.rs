@@ -65,15 +65,12 @@ pub struct ScopeOptions {
 /// The settings that keys change.
 const CHANGED: [Setting; 3] = [Setting::Exposure, Setting::Estimator, Setting::Region];
 
-/// What is shown.
 struct Scope {
     title: String,
-    /// Whether to show the whole row.
     whole: bool,
     /// What the sensor uses of [`CHANGED`].
     settings: Settings,
     row: Option<RowAnswer>,
-    /// When the latest rows came.
     came: VecDeque<Duration>,
     /// Rows that did not arrive whole.
     spoilt: u64,
@@ -149,7 +146,6 @@ impl Scope {
         }
     }
 
-    /// Asks for a row.
     fn ask(&mut self, session: &mut Session<'_>) -> Result<(), LineError> {
         let command = self.part().to_string();
         match session.line().ask_once(&command, ROW, RowAnswer::read)? {
@@ -164,7 +160,6 @@ impl Scope {
         Ok(())
     }
 
-    /// Does what a key says.
     fn press(&mut self, key: Key, session: &mut Session<'_>) -> Result<(), LineError> {
         match key {
             Key::Char('z') => {
@@ -239,13 +234,11 @@ impl Scope {
         }
     }
 
-    /// Rows a second.
     fn rate(&self) -> Option<f64> {
         let time = *self.came.back()? - *self.came.front()?;
         (!time.is_zero()).then(|| (self.came.len() - 1) as f64 / time.as_secs_f64())
     }
 
-    /// Says what a key changed.
     fn sum_up(&self, before: Settings, output: &mut dyn Write) -> Result<()> {
         for (before, now) in CHANGED.map(|it| (before.get(it), self.settings.get(it))) {
             if before != now {
