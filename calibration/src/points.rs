@@ -24,7 +24,7 @@ pub mod columns;
 
 use std::path::Path;
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, anyhow, bail, ensure};
 use slitrange::base::exposure::Exposure;
 use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::centre::Estimator;
@@ -167,29 +167,37 @@ impl Points {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         for (line, text) in (1..).zip(text.lines()) {
             let text = text.trim();
+            let in_line = || format!("line {line}");
             if let Some(comment) = text.strip_prefix('#') {
-                read.setup
-                    .read_comment(comment)
-                    .and_then(|()| read.setup.check_head())
-                    .with_context(|| format!("line {line}"))?;
-            } else if !text.is_empty() {
-                let fields = fields(text).with_context(|| format!("line {line}"))?;
-                match &header {
-                    None => {
-                        check_header(&fields, line)?;
-                        header = Some(fields);
-                    }
-                    Some(header) => {
-                        let number = line;
-                        let line = Line {
-                            number,
-                            header,
-                            fields,
-                        };
-                        read.points.push(line.point()?);
-                    }
+                read.setup.read_comment(comment).with_context(in_line)?;
+                if let Some(head) = read.setup.head.as_ref().filter(|head| *head != HEAD) {
+                    let error =
+                        format!("there is no head {head:?}: centres must be those of a {HEAD}");
+                    return Err(anyhow!(error).context(in_line()));
                 }
+                continue;
             }
+            if text.is_empty() {
+                continue;
+            }
+            let fields = fields(text).with_context(in_line)?;
+            let Some(header) = &header else {
+                for name in [X, D] {
+                    ensure!(
+                        fields.iter().any(|field| field == name),
+                        "line {line} names no column {name}: the first line that is no comment must be \
+                         x_px,d_mm or x_px,d_mm,sigma_px"
+                    );
+                }
+                header = Some(fields);
+                continue;
+            };
+            let line = Line {
+                number: line,
+                header,
+                fields,
+            };
+            read.points.push(line.point()?);
         }
         ensure!(
             header.is_some(),
@@ -257,18 +265,6 @@ fn fields(line: &str) -> anyhow::Result<csv::StringRecord> {
     let mut fields = csv::StringRecord::new();
     reader.read_record(&mut fields)?;
     Ok(fields)
-}
-
-/// Checks that a file's header names the columns that a point must have.
-fn check_header(header: &csv::StringRecord, line: u64) -> anyhow::Result<()> {
-    for name in [X, D] {
-        ensure!(
-            header.iter().any(|field| field == name),
-            "line {line} names no column {name}: the first line that is no comment must be x_px,d_mm or \
-             x_px,d_mm,sigma_px"
-        );
-    }
-    Ok(())
 }
 
 /// The columns of a [`KnownShape`]. It is known if all of them are there.
@@ -422,15 +418,12 @@ impl Setup {
         let default = Self::default().unnamed();
         let changed = |value: Value| (!default.contains(&value)).then(|| words(value));
         let [slits, region, peak] = self.unnamed().map(changed);
-        let serial_number = self.serial_number.map(|number| number.to_string());
+        let estimator = self.estimator.map(Value::Estimator).map(words);
         [
             ("head", self.head.clone()),
-            ("serial", serial_number),
-            (
-                "estimator",
-                self.estimator.map(|it| words(Value::Estimator(it))),
-            ),
-            ("black", self.black_level.map(black_level_words)),
+            ("serial", self.serial_number.map(|it| it.to_string())),
+            ("estimator", estimator),
+            ("black", self.black_level.map(Value::Black).map(words)),
             ("slits", slits),
             ("region", region),
             ("peak", peak),
@@ -490,15 +483,6 @@ impl Setup {
         }
         Ok(())
     }
-
-    fn check_head(&self) -> anyhow::Result<()> {
-        match &self.head {
-            Some(head) if head != HEAD => {
-                bail!("there is no head {head:?}: centres must be those of a {HEAD}")
-            }
-            _ => Ok(()),
-        }
-    }
 }
 
 /// The estimator with a name.
@@ -512,11 +496,6 @@ pub fn estimator(name: &str) -> anyhow::Result<Estimator> {
             Estimator::ALL.map(Estimator::name).join(", ")
         )
     })
-}
-
-/// A black level in the words of the serial line.
-pub fn black_level_words(level: BlackLevel) -> String {
-    words(Value::Black(level))
 }
 
 /// A value of a setting in the words of the serial line, without the setting's name.

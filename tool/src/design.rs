@@ -299,33 +299,29 @@ fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
+/// A line of a table: a name, and what it is at each distance.
+fn row(name: &str, at: &[At], value: impl Fn(&At) -> String) -> String {
+    let values = at.iter().map(|at| format!("{:>13}", value(at)));
+    format!("{name:<28}{}", values.collect::<String>())
+}
+
 fn print_parts(at: &[At], output: &mut dyn Write) -> Result<()> {
-    let line = |output: &mut dyn Write, name: &str, values: Vec<String>| -> Result<()> {
-        let values: String = values.iter().map(|value| format!("{value:>13}")).collect();
-        writeln!(output, "{name:<28}{values}")?;
-        Ok(())
-    };
-    let of = |value: &dyn Fn(&At) -> String| at.iter().map(value).collect::<Vec<_>>();
-    writeln!(output)?;
-    for (name, values) in [
-        ("distance, mm", of(&|at| format!("{:.0}", at.distance))),
-        ("centre, pixel", of(&|at| format!("{:.1}", at.centre))),
-        (
-            "width (sigma), pixels",
-            of(&|at| format!("{:.2}", at.width)),
-        ),
-        ("a pixel, um", of(&|at| um(at.um_a_pixel))),
-        ("speckle at the slit, um", of(&|at| um(at.speckle_size))),
-        ("noise of one row, um", of(&|at| um(at.noise_of_a_row))),
-    ] {
-        line(output, name, values)?;
-    }
+    let mut lines = vec![
+        String::new(),
+        row("distance, mm", at, |at| format!("{:.0}", at.distance)),
+        row("centre, pixel", at, |at| format!("{:.1}", at.centre)),
+        row("width (sigma), pixels", at, |at| format!("{:.2}", at.width)),
+        row("a pixel, um", at, |at| um(at.um_a_pixel)),
+        row("speckle at the slit, um", at, |at| um(at.speckle_size)),
+        row("noise of one row, um", at, |at| um(at.noise_of_a_row)),
+    ];
     for (i, part) in at[0].parts.iter().enumerate() {
         let name = format!("frame: {}, um", part.name);
-        line(output, &name, of(&|at| um(at.parts[i].um)))?;
+        lines.push(row(&name, at, |at| um(at.parts[i].um)));
     }
-    line(output, "total, um", of(&|at| um(at.total())))?;
-    line(output, "the largest part", of(&|at| at.limit().to_owned()))
+    lines.push(row("total, um", at, |at| um(at.total())));
+    lines.push(row("the largest part", at, |at| at.limit().to_owned()));
+    Ok(writeln!(output, "{}", lines.join("\n"))?)
 }
 
 fn print_changes(options: &DesignOptions, now: &At, output: &mut dyn Write) -> Result<()> {
@@ -378,14 +374,12 @@ fn print_tolerances(geometry: &Geometry, at: &[At], output: &mut dyn Write) -> R
         output,
         "\nby how much a wrong dimension moves the distance, in mm, without a calibration"
     )?;
-    let moved: Vec<_> = (at.iter())
-        .map(|at| geometry.tolerances(at.distance))
-        .collect();
-    for (i, (name, _)) in moved[0].iter().enumerate() {
-        let values: String = (moved.iter())
-            .map(|moved| format!("{:>13}", tolerance(moved[i].1)))
-            .collect();
-        writeln!(output, "{name:<28}{values}")?;
+    for (i, (name, _)) in geometry.tolerances(at[0].distance).iter().enumerate() {
+        let line = row(name, at, |at| match geometry.tolerances(at.distance)[i].1 {
+            mm if mm < 1e7 => format!("{mm:.2}"),
+            mm => format!("{mm:.2e}"),
+        });
+        writeln!(output, "{line}")?;
     }
     let far = at[at.len() - 1].distance;
     let crept = geometry.distance(geometry.behind(0.001).centre(far)) - far;
@@ -408,14 +402,6 @@ fn um(value: f64) -> String {
         value if value < 100.0 => format!("{value:.1}"),
         value if value < 1e7 => format!("{value:.0}"),
         value => format!("{value:.2e}"),
-    }
-}
-
-/// Millimetres that a wrong dimension moves the distance.
-fn tolerance(value: f64) -> String {
-    match value < 1e7 {
-        true => format!("{value:.2}"),
-        false => format!("{value:.2e}"),
     }
 }
 

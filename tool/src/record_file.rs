@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use calibration::points::black_level_words;
+use calibration::points::words;
 use calibration::record::profile;
 use serde::Serialize;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
@@ -19,6 +19,7 @@ use slitrange::row::Polarity;
 use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange_device::record::decode;
 use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::settings::Value;
 use statistics::least_and_most;
 
 use crate::whole_file;
@@ -299,7 +300,7 @@ impl Shown {
                 shot_variance_per_count: f64::from(geometry.shot_variance_per_count_q16) / 65536.0,
             },
             estimator: record.estimator.name().to_owned(),
-            black: black_level_words(record.black_level),
+            black: words(Value::Black(record.black_level)),
             nominal: record.is_nominal(),
             kind,
             eq1: eq1.map(|curve| ShownEq1 {

@@ -202,6 +202,14 @@ fn pixels_that_differ_move_the_distance_as_the_firmware_says() {
     assert!((um / 16.0).ln().abs() < 1.25f64.ln());
 }
 
+/// The pixel on which light from a target falls: slit + t (slit - target) = middle + x row.
+fn by_ray(geometry: &Geometry, [target, slit, middle, row]: [(f64, f64); 4]) -> f64 {
+    let ray = (slit.0 - target.0, slit.1 - target.1);
+    let gap = (middle.0 - slit.0, middle.1 - slit.1);
+    let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * row.0 - ray.0 * row.1);
+    geometry.axis + x / geometry.pitch
+}
+
 /// A straight beam, a point for a slit and a straight row make a curve of three parameters, whatever their
 /// places and angles are. So a calibration, which fits the three, takes every error of the assembly away.
 #[test]
@@ -211,20 +219,10 @@ fn a_calibration_takes_the_tolerances_away() {
     // Where light from a target falls on a row with its middle moved by `along` and turned by `turn`.
     let centre = |distance: f64, beam: f64, (moved, turn, deeper): (f64, f64, f64)| {
         let target = (distance * f64::sin(beam), distance * f64::cos(beam));
-        let slit = (geometry.baseline, 0.0);
-        let middle = (
-            slit.0 + (geometry.focal + deeper) * cos + moved * sin,
-            slit.1 - (geometry.focal + deeper) * sin + moved * cos,
-        );
-        let row = (
-            f64::sin(geometry.angle + turn),
-            f64::cos(geometry.angle + turn),
-        );
-        // slit + t (slit - target) = middle + x row
-        let ray = (slit.0 - target.0, slit.1 - target.1);
-        let gap = (middle.0 - slit.0, middle.1 - slit.1);
-        let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * row.0 - ray.0 * row.1);
-        geometry.axis + x / geometry.pitch
+        let (slit, depth) = (geometry.baseline, geometry.focal + deeper);
+        let middle = (slit + depth * cos + moved * sin, moved * cos - depth * sin);
+        let row = f64::sin_cos(geometry.angle + turn);
+        by_ray(&geometry, [target, (slit, 0.0), middle, row])
     };
     for distance in [600.0, 800.0, 1020.0] {
         assert!((centre(distance, 0.0, (0.0, 0.0, 0.0)) - geometry.centre(distance)).abs() < 1e-6);
@@ -273,20 +271,14 @@ fn a_wrong_dimension_moves_the_distance_as_rays_say() {
             built.iter().zip(geometry.tolerances(distance))
         {
             let (sin, cos) = (geometry.angle + block).sin_cos();
-            let hole = geometry.baseline + wider;
+            let (hole, focal) = (geometry.baseline + wider, geometry.focal + deeper);
             let slit = (hole + place * sin, place * cos);
             let target = (distance * beam.sin(), distance * beam.cos());
-            let ray = (slit.0 - target.0, slit.1 - target.1);
-            let focal = geometry.focal + deeper;
-            let gap = (hole + focal * cos - slit.0, -focal * sin - slit.1);
-            // slit + t ray = slit + gap + x row
-            let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * sin - ray.0 * cos);
-            let read = geometry.distance(geometry.axis + x / geometry.pitch);
-            println!(
-                "{name}: {mm:.3} mm, by rays {:.3} mm",
-                (read - distance).abs()
-            );
-            assert!(((read - distance).abs() - mm).abs() < 1e-6);
+            let middle = (hole + focal * cos, -focal * sin);
+            let centre = by_ray(&geometry, [target, slit, middle, (sin, cos)]);
+            let by_rays = (geometry.distance(centre) - distance).abs();
+            println!("{name}: {mm:.3} mm, by rays {by_rays:.3} mm");
+            assert!((by_rays - mm).abs() < 1e-6);
         }
     }
 }

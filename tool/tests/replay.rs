@@ -64,12 +64,19 @@ static COUNTED: Counted = Counted;
 /// Random spots, from lost in the noise to saturated, anywhere and beyond the edges.
 const RANDOM_SPOTS: &str = "random spots";
 
-/// What the rows are of: random spots, and each scene of the folder that this sensor can see.
-fn shown() -> Vec<String> {
+/// The scenes of the folder that this sensor can see.
+pub fn scenes() -> Vec<String> {
     let mut names = file::names().expect("the folder of scenes");
     names.retain(|name| Scene::load(name).expect("a scene").sensor == Kind::Tcd1304dg);
-    names.push(RANDOM_SPOTS.to_owned());
     names
+}
+
+/// Narrow or wide, dim or saturated.
+pub fn any_spot(random: &mut ChaCha8Rng) -> Spot {
+    Spot {
+        width: random.random_range(0.8_f64.ln()..130_f64.ln()).exp(),
+        counts_per_second: random.random_range(4_f64.ln()..12_000_f64.ln()).exp(),
+    }
 }
 
 /// The words of the read-out of some rows.
@@ -88,14 +95,8 @@ fn rows_of(name: &str, seed: u64, count: u64) -> Vec<(Option<Exposure>, Vec<u16>
             let exposure = Exposure::from_us(us).filter(|_| random.random_range(0..16) > 0);
             let laser = exposure.map_or(0.0, |it| 1e-6 * f64::from(it.us()));
             let light = if name == RANDOM_SPOTS {
-                let spot = Spot {
-                    width: random.random_range(0.8_f64.ln()..130_f64.ln()).exp(),
-                    counts_per_second: random.random_range(4_f64.ln()..12_000_f64.ln()).exp(),
-                };
-                let scene = Scene {
-                    spot: Some(spot),
-                    ..simulation.scene().clone()
-                };
+                let mut scene = simulation.scene().clone();
+                scene.spot = Some(any_spot(&mut random));
                 scene.row_with_centre(row, random.random_range(-20.0..3668.0), 1.0)
             } else {
                 let light = Light {
@@ -191,9 +192,9 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
     let (mut centres, mut faults) = (0, 0);
     for (place, (settings, profile)) in all.into_iter().enumerate() {
         let seed = 31_000 + place as u64;
-        let rows = shown()
-            .into_iter()
-            .flat_map(|name| rows_of(&name, seed, if name == RANDOM_SPOTS { 100 } else { 6 }));
+        let of_scenes = scenes();
+        let rows = of_scenes.iter().flat_map(|name| rows_of(name, seed, 6));
+        let rows = rows.chain(rows_of(RANDOM_SPOTS, seed, 100));
         let (sensor, rows) = recorded(settings, profile, rows);
         centres += rows.iter().filter(|row| row.head.result.is_ok()).count();
         faults += rows.iter().filter(|row| row.head.result.is_err()).count();

@@ -10,7 +10,7 @@ use slitrange::frame::comb::MAX_SLITS;
 ///
 /// A comb has ` k 16` after the shape, and a second line with the image of each slit: `slits 912.12345/1830 -
 /// ...`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Centre {
     /// In pixels.
     pub x_px: f64,

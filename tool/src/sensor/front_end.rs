@@ -135,10 +135,9 @@ fn front_end(taken: &Taken, in_use: Polarity) -> Result<FrontEnd> {
     let read = line.dark - VARIANCE_OF_ROUNDING - line.per_count * ambient;
     let read_u = line.dark_u.hypot(line.per_count_u * ambient);
     let read_noise = read.max(0.0).sqrt();
-    let polarity = match (taken.is_inverted, in_use) {
-        (false, polarity) => polarity,
-        (true, Polarity::Rising) => Polarity::Falling,
-        (true, Polarity::Falling) => Polarity::Rising,
+    let polarity = match taken.is_inverted == (in_use == Polarity::Rising) {
+        true => Polarity::Falling,
+        false => Polarity::Rising,
     };
     let counts = |[value, u]: [f64; 2]| Estimate {
         value: Counts::from_f32(value as f32),

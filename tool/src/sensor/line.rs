@@ -228,8 +228,9 @@ impl<'a> Line<'a> {
         wait: Duration,
         answer: impl Fn(&[String]) -> Option<T>,
     ) -> Result<T, LineError> {
-        self.pass_over()?;
-        self.say(format!("{command}\r").as_bytes(), command)?;
+        // What has come so far is not about what is asked now.
+        self.wait_out(Duration::ZERO)?;
+        self.tell(command)?;
         let until = self.pc.now() + wait;
         let mut lines = Vec::new();
         while let Some(line) = self.line(until)? {
@@ -346,11 +347,6 @@ impl<'a> Line<'a> {
         let until = self.pc.now() + time;
         while self.line(until)?.is_some() {}
         Ok(())
-    }
-
-    /// What has come so far is not about what is asked next.
-    fn pass_over(&mut self) -> Result<(), LineError> {
-        self.wait_out(Duration::ZERO)
     }
 
     fn say(&mut self, bytes: &[u8], command: &str) -> Result<(), LineError> {

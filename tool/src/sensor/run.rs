@@ -175,7 +175,7 @@ pub fn run(
     }
     let stopped_by_hand = walk.context("stopped; run the same command again to go on")?;
     ensure!(
-        left.is_empty() || stopped_by_hand == Stopped::ByHand,
+        left.is_empty() || stopped_by_hand,
         "there is no point at {}: run the same command again to go on",
         list(&left)
     );
@@ -217,15 +217,6 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
         .chain(others.filter(move |value| !default.contains(value)))
 }
 
-/// How a walk ended that nothing went wrong with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stopped {
-    /// A person said so, or skipped the positions that are left.
-    ByHand,
-    /// After the last position.
-    AtTheEnd,
-}
-
 /// The way through the positions.
 struct Walk<'a> {
     session: Session<'a>,
@@ -237,48 +228,19 @@ struct Walk<'a> {
     output: &'a mut dyn Write,
 }
 
-/// Why there is no point at a position.
-#[derive(Debug)]
-enum NoPoint {
-    /// The sensor has no centre.
-    Fault(NoCentre),
-    /// The frames do not agree.
-    Scattered { least: f64, most: f64 },
-    /// The centre is that of a point at another distance.
-    Unmoved { x_px: f64, other_mm: f64 },
-    /// Somebody pressed Ctrl-C.
-    Interrupted,
-}
-
-impl std::fmt::Display for NoPoint {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Fault(NoCentre { fault, advice }) => write!(f, "{fault} ({advice})"),
-            Self::Scattered { least, most } => write!(
-                f,
-                "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let \
-                 the target come to rest)"
-            ),
-            Self::Unmoved { x_px, other_mm } => write!(
-                f,
-                "the centre, {x_px:.3} px, is that of the point at {other_mm} mm: the target did not move (move \
-                 it; or type t to take the point all the same)"
-            ),
-            Self::Interrupted => f.write_str("stopped by Ctrl-C"),
-        }
-    }
-}
+/// Why there is no point after Ctrl-C.
+const INTERRUPTED: &str = "stopped by Ctrl-C";
 
 impl Walk<'_> {
-    /// Takes the points that are missing, and gives how that ended.
-    fn through(mut self, missing: &[f64], file: &mut PointsFile) -> Result<Stopped> {
+    /// Takes the points that are missing, and gives whether a person stopped it, or skipped a position.
+    fn through(mut self, missing: &[f64], file: &mut PointsFile) -> Result<bool> {
         self.session.borrow_rows(MAX_ROWS as u16)?;
         // The places in `missing` of the points of this run, in the order in which they were taken.
         let mut done: Vec<usize> = Vec::new();
         let mut unmoved = None;
         let mut tries = 0;
         let mut index = 0;
-        let mut stopped = Stopped::AtTheEnd;
+        let mut stopped = false;
         loop {
             let position = missing.get(index).copied();
             let moved = match position {
@@ -302,8 +264,12 @@ impl Walk<'_> {
                         Ok(Ok(point)) => match at_rest(file.points(), &point) {
                             Some(other) => {
                                 unmoved = Some(point);
-                                let (x_px, other_mm) = (point.x_px, other.d_mm);
-                                Err((mm, NoPoint::Unmoved { x_px, other_mm }))
+                                let no_point = format!(
+                                    "the centre, {:.3} px, is that of the point at {} mm: the target did not \
+                                     move (move it; or type t to take the point all the same)",
+                                    point.x_px, other.d_mm
+                                );
+                                Err((mm, no_point))
                             }
                             None => Ok(point),
                         },
@@ -324,7 +290,7 @@ impl Walk<'_> {
                     }
                 },
                 Moved::Skip => {
-                    (stopped, unmoved) = (Stopped::ByHand, None);
+                    (stopped, unmoved) = (true, None);
                     index += 1;
                     continue;
                 }
@@ -338,8 +304,7 @@ impl Walk<'_> {
                     }
                     continue;
                 }
-                Moved::Quit if index < missing.len() => return Ok(Stopped::ByHand),
-                Moved::Quit => return Ok(stopped),
+                Moved::Quit => return Ok(stopped || index < missing.len()),
                 Moved::End => bail!("the input ended, with {} left", list(&missing[index..])),
             };
             match point {
@@ -364,27 +329,23 @@ impl Walk<'_> {
 
     /// Fails once somebody pressed Ctrl-C.
     fn check_interrupt(&mut self) -> Result<()> {
-        ensure!(
-            !self.session.line().pc().interrupted(),
-            "{}",
-            NoPoint::Interrupted
-        );
+        ensure!(!self.session.line().pc().interrupted(), INTERRUPTED);
         Ok(())
     }
 
-    /// What the sensor sees now.
-    fn point(&mut self, d_mm: f64) -> Result<Result<Taken, NoPoint>, LineError> {
+    /// What the sensor sees now, or why there is no point.
+    fn point(&mut self, d_mm: f64) -> Result<Result<Taken, String>, LineError> {
         // The frame under way began while the target moved.
         let _ = self.session.centre()?;
         let mut centres: Vec<Centre> = Vec::new();
         // A line that noise changed is made up for; twice as many frames are a target that is not at rest.
         for _ in 0..2 * self.frames {
             if self.session.line().pc().interrupted() {
-                return Ok(Err(NoPoint::Interrupted));
+                return Ok(Err(INTERRUPTED.to_owned()));
             }
             match self.centre()? {
                 Ok(centre) => centres.push(centre),
-                Err(no_centre) => return Ok(Err(NoPoint::Fault(no_centre))),
+                Err(NoCentre { fault, advice }) => return Ok(Err(format!("{fault} ({advice})"))),
             }
             if centres.len() >= self.frames {
                 let close = without_outlying(&centres);
@@ -394,7 +355,10 @@ impl Walk<'_> {
             }
         }
         let (least, most) = least_and_most(centres.iter().map(|centre| centre.x_px));
-        Ok(Err(NoPoint::Scattered { least, most }))
+        Ok(Err(format!(
+            "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let the \
+             target come to rest)"
+        )))
     }
 
     /// A frame's centre, of a sensor that is set as it was.
@@ -591,10 +555,7 @@ mod tests {
             exposure_us: 5600,
             rows: 64,
             estimator: 't',
-            shape: None,
-            misfits: 0,
-            correlated: None,
-            slits: None,
+            ..Centre::default()
         }
     }
 

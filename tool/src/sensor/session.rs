@@ -64,16 +64,6 @@ pub enum Link<'a> {
     Gone(Away<'a>, String),
 }
 
-impl Link<'_> {
-    /// Why the sensor went away. `None` if it answers.
-    pub fn why_gone(&self) -> Option<&str> {
-        match self {
-            Self::There(_) => None,
-            Self::Gone(_, why) => Some(why),
-        }
-    }
-}
-
 /// Rows and stream, as they are put back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Before {
@@ -119,24 +109,18 @@ impl<'a> Session<'a> {
             is_binary: false,
         };
         session.borrowed.before.streamed = streamed;
-        session.stop_echo()?;
+        session.borrowed.echo = session.value(Setting::Echo)? == Value::Echo(true);
+        if session.borrowed.echo {
+            // The echo of this line may be taken for its answer, which then still comes.
+            session.set(Command::Set(Value::Echo(false)))?;
+            session.line.synchronise()?;
+        }
         session.borrow(Value::Format(Format::Text))?;
         session.set(Command::Set(Value::Stream(false)))?;
         session.streams = false;
         let info = Command::Info.to_string();
         session.head = session.line.ask(&info, ANSWER, answers::head)?;
         Ok(session)
-    }
-
-    /// Switches the echo off for as long as the session lasts.
-    fn stop_echo(&mut self) -> Result<(), LineError> {
-        self.borrowed.echo = self.value(Setting::Echo)? == Value::Echo(true);
-        if self.borrowed.echo {
-            // The echo of this line may be taken for its answer, which then still comes.
-            self.set(Command::Set(Value::Echo(false)))?;
-            self.line.synchronise()?;
-        }
-        Ok(())
     }
 
     /// The same sensor once more after it went away or forgot what was set.

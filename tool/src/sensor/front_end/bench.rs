@@ -159,14 +159,14 @@ impl<'a, 'b> Bench<'a, 'b> {
 
     /// Takes all rows.
     pub fn take(mut self, output: &mut dyn Write) -> Result<Taken> {
-        self.set(Value::Ambient(AmbientMode::Off))?;
-        self.set(Value::Laser(false))?;
+        self.session.borrow(Value::Ambient(AmbientMode::Off))?;
+        self.session.borrow(Value::Laser(false))?;
         let dark = self.rows(RowPart::Whole, RowExposure::Off, DARK_ROWS)?;
         let mut dark_rows = self.counts(&dark);
         let level = |rows: &[Vec<f64>]| mean(mean_row(rows).unwrap_or_default());
         let counts = level(&dark_rows);
         writeln!(output, "laser off: {DARK_ROWS} rows, {counts:.1} counts")?;
-        self.set(Value::Laser(true))?;
+        self.session.borrow(Value::Laser(true))?;
         let spot = self.find_spot(&dark_rows)?;
         if self.is_inverted {
             dark_rows = self.counts(&dark);
@@ -250,10 +250,6 @@ impl<'a, 'b> Bench<'a, 'b> {
         })
     }
 
-    fn set(&mut self, value: Value) -> Result<()> {
-        Ok(self.session.borrow(value)?)
-    }
-
     /// Takes rows of an exposure. Rows that were exposed before it was set are left out.
     fn rows(
         &mut self,
@@ -305,7 +301,8 @@ impl<'a, 'b> Bench<'a, 'b> {
     fn exposed(&mut self, window: &Range<usize>, us: u16, count: usize) -> Result<Vec<Vec<f64>>> {
         let exposure = Exposure::from_us(us);
         let exposure = exposure.with_context(|| format!("the laser cannot be on for {us} us"))?;
-        self.set(Value::Exposure(ExposureMode::Fixed(exposure)))?;
+        let fixed = Value::Exposure(ExposureMode::Fixed(exposure));
+        self.session.borrow(fixed)?;
         let part = RowPart::Range {
             // A row has at most 4096 pixels.
             first: window.start as u16,

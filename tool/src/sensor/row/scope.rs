@@ -132,7 +132,11 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
                 Err(error) => Link::Gone(session.leave(), error.to_string()),
             },
         };
-        screen.draw(&mut |frame| scope.draw(frame, link.why_gone()))?;
+        let away = match &link {
+            Link::There(_) => None,
+            Link::Gone(_, why) => Some(why.as_str()),
+        };
+        screen.draw(&mut |frame| scope.draw(frame, away))?;
     }
 }
 
@@ -326,9 +330,7 @@ impl Scope {
         let is_window = !self.whole && !spot.is_empty();
         let shown = if is_window { spot.clone() } else { came };
         let (least, most) = (shown.start as f64, shown.end as f64);
-        let pixels = row.pixels().filter(|(pixel, _)| shown.contains(pixel));
-        let pixels = pixels.map(|(pixel, count)| (pixel as f64, count));
-        let pixels: Vec<(f64, f64)> = pixels.collect();
+        let pixels = row.points(&shown);
         let counts = match is_window {
             true => {
                 let height = images.iter().map(|image| image.height).fold(1.0, f64::max);
@@ -338,10 +340,10 @@ impl Scope {
         };
         let fit = row.fit();
         let steps = || (0..=400).map(|step| least + (most - least) * f64::from(step) / 400.0);
-        let fitted = fit
-            .iter()
-            .flat_map(|fit| steps().map(|pixel| (pixel, fit(pixel))));
-        let fitted: Vec<(f64, f64)> = fitted.collect();
+        let fitted: Vec<(f64, f64)> = match &fit {
+            Some(fit) => steps().map(|pixel| (pixel, fit(pixel))).collect(),
+            None => vec![],
+        };
         let across = |at: f64| [(least, at), (most, at)];
         let up = |at: usize| [(at as f64, counts.0), (at as f64, counts.1)];
         let black = row.black.map(across);
