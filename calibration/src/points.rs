@@ -29,7 +29,7 @@ use slitrange::base::exposure::Exposure;
 use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::COMPONENTS;
-use slitrange::frame::comb::{MAX_SLITS, SlitCentres, Slits};
+use slitrange::frame::comb::{MAX_SLITS, SlitCentre, SlitCentres, Slits};
 use slitrange::light::black_level::BlackLevel;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::row::sensor_heads::tcd1304dg;
@@ -80,17 +80,23 @@ pub struct SlitImage {
     pub height_counts: f64,
 }
 
+impl SlitImage {
+    /// An image with its centre in pixels and its height in counts.
+    pub const fn new(x_px: f64, height_counts: f64) -> Self {
+        Self {
+            x_px,
+            height_counts,
+        }
+    }
+}
+
 /// The images of a comb, in the order of its slits. A slit may have no image.
 pub type SlitImages = [Option<SlitImage>; MAX_SLITS];
 
 /// The images that the sensor measured.
 pub fn slit_images(centres: &SlitCentres) -> SlitImages {
-    centres.map(|centre| {
-        centre.map(|centre| SlitImage {
-            x_px: centre.centre.to_f64(),
-            height_counts: f64::from(centre.height),
-        })
-    })
+    let image = |it: SlitCentre| SlitImage::new(it.centre.to_f64(), f64::from(it.height));
+    centres.map(|centre| centre.map(image))
 }
 
 /// The shape of a spot, as the sensor measures it.
@@ -363,10 +369,7 @@ impl Line<'_> {
                 (Some(x_px), Some(height_counts))
                     if (-0.5..=4096.0).contains(&x_px) && is_height(height_counts) =>
                 {
-                    Some(SlitImage {
-                        x_px,
-                        height_counts,
-                    })
+                    Some(SlitImage::new(x_px, height_counts))
                 }
                 _ => bail!(
                     "line {}: slit {slit} has no usable image: its centre must be on the row, and its height \
@@ -620,10 +623,7 @@ mod tests {
         let read = Points::parse(&text).expect("points");
         assert_eq!(read.setup.slits, Slits::Comb);
         let images = read.points[0].slits.expect("images");
-        let first = SlitImage {
-            x_px: 912.5,
-            height_counts: 1830.0,
-        };
+        let first = SlitImage::new(912.5, 1830.0);
         assert_eq!((images[0], images[1]), (Some(first), None));
         let no_image = "line 2: slit 1 has no usable image";
         let unlike = "line 3 has no image of any slit, and line 2 has";

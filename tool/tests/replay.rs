@@ -3,7 +3,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::io::{self, Read};
+use std::io::{self, BufRead as _, Cursor, Read};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -229,9 +229,8 @@ struct Repeated {
     head: Vec<u8>,
     rows: Vec<Vec<u8>>,
     left: usize,
-    /// The bytes that are being read, and how many of them are.
-    now: Vec<u8>,
-    read: usize,
+    /// The bytes that are being read.
+    now: Cursor<Vec<u8>>,
     /// All bytes that were read.
     total: usize,
 }
@@ -243,11 +242,10 @@ impl Repeated {
         let mut writer = Writer::default();
         let head = writer.head(&sensor);
         Self {
-            now: head.clone(),
+            now: Cursor::new(head.clone()),
             head,
             rows: recorded.iter().map(|row| writer.row(row)).collect(),
             left: rows,
-            read: 0,
             total: 0,
         }
     }
@@ -255,12 +253,13 @@ impl Repeated {
 
 impl Read for Repeated {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        if self.read == self.now.len() && self.left > 0 {
-            self.now.clone_from(&self.rows[self.left % self.rows.len()]);
-            (self.left, self.read) = (self.left - 1, 0);
+        if self.now.fill_buf()?.is_empty() && self.left > 0 {
+            let row = &self.rows[self.left % self.rows.len()];
+            self.now.get_mut().clone_from(row);
+            self.now.set_position(0);
+            self.left -= 1;
         }
-        let count = (&self.now[self.read..]).read(bytes)?;
-        self.read += count;
+        let count = self.now.read(bytes)?;
         self.total += count;
         Ok(count)
     }

@@ -299,18 +299,12 @@ impl Scale {
     /// Of (D, K, xp) by (p, q, r), row by row.
     fn derivatives_of_eq1(&self, scaled: &Vector3<f64>) -> Matrix3<f64> {
         let [p, q, r] = [scaled[0], scaled[1], scaled[2]];
-        let h = self.half;
-        Matrix3::new(
-            0.0,
-            1.0 / r,
-            -q / (r * r),
-            h / r,
-            -h / (r * r),
-            h * (2.0 * q / r - p) / (r * r),
-            0.0,
-            0.0,
-            h / (r * r),
-        )
+        let (h, rr) = (self.half, r * r);
+        Matrix3::from_rows(&[
+            RowVector3::new(0.0, 1.0 / r, -q / rr),
+            RowVector3::new(h / r, -h / rr, h * (2.0 * q / r - p) / rr),
+            RowVector3::new(0.0, 0.0, h / rr),
+        ])
     }
 }
 

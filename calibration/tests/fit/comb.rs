@@ -74,10 +74,8 @@ impl Sensor {
     /// All images of a target. Their heights are those of nobody's speckle.
     fn images(&self, distance: f64, mut error: impl FnMut(usize) -> f64) -> SlitImages {
         std::array::from_fn(|slit| {
-            Some(SlitImage {
-                x_px: self.centre(slit, distance) + error(slit),
-                height_counts: 800.0 + 40.0 * slit as f64,
-            })
+            let x_px = self.centre(slit, distance) + error(slit);
+            Some(SlitImage::new(x_px, 800.0 + 40.0 * slit as f64))
         })
     }
 

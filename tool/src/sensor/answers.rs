@@ -73,10 +73,7 @@ fn slit_images(words: &str) -> Option<SlitImages> {
         }
         let (x, height) = word.split_once('/')?;
         let height: u16 = height.parse().ok()?;
-        *image = Some(SlitImage {
-            x_px: five_decimals(x)?,
-            height_counts: height.into(),
-        });
+        *image = Some(SlitImage::new(five_decimals(x)?, height.into()));
     }
     (words.len() == MAX_SLITS).then_some(images)
 }
@@ -269,11 +266,8 @@ mod tests {
         };
         assert_eq!(centre(&lines(line)), Some(Ok(read)));
         let plain = line.strip_suffix(" m 3 c 2").expect("flags");
-        let unflagged = Centre {
-            misfits: 0,
-            correlated: None,
-            ..read
-        };
+        let mut unflagged = read;
+        (unflagged.misfits, unflagged.correlated) = (0, None);
         assert_eq!(centre(&lines(plain)), Some(Ok(unflagged)));
         // A byte lost anywhere leaves no centre, but for the digits of whole numbers.
         for at in 0..plain.len() {
@@ -291,19 +285,14 @@ mod tests {
         }
         // A shorter exposure is a word and a number more.
         let exposed = |us: &str| centre(&lines(&format!("{plain} t {us} m 3 c 2")));
-        let exposure_us = 187;
-        let short = Centre {
-            exposure_us,
-            ..read
-        };
+        let mut short = read;
+        short.exposure_us = 187;
         assert_eq!(exposed("187"), Some(Ok(short)));
         assert_eq!((exposed("9"), exposed("5601")), (None, None));
         // A line without a shape is no answer, and a shape of zeros is none.
         let (before, _) = plain.split_once(" w ").expect("a shape");
-        let without = Centre {
-            shape: None,
-            ..unflagged
-        };
+        let mut without = unflagged;
+        without.shape = None;
         assert_eq!(centre(&lines(before)), None);
         let zeros = format!("{before} w 0.00000 o{}", " 0.00000".repeat(5));
         assert_eq!(centre(&lines(&zeros)), Some(Ok(without)));
@@ -315,12 +304,7 @@ mod tests {
                      0.00000 0.00000 k 3 m 2";
         let slits = format!("slits - 912.12345/1830{} 2912.00001/7", " -".repeat(13));
         let both = format!("{first}\n{slits}");
-        let image = |x_px, height_counts| {
-            Some(SlitImage {
-                x_px,
-                height_counts,
-            })
-        };
+        let image = |x_px, height_counts| Some(SlitImage::new(x_px, height_counts));
         let read = centre(&lines(&both)).expect("an answer").expect("a centre");
         let images = read.slits.expect("images");
         assert_eq!((images[0], images[1]), (None, image(912.12345, 1830.0)));

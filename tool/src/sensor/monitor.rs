@@ -295,12 +295,9 @@ impl<'a> Monitor<'a> {
         let Some([_, (rows, dropped)]) = &mut self.lost else {
             return;
         };
-        let number = |name: &str| status.strip_prefix(name)?.parse().ok();
-        if let Some(lost) = number("rows lost ") {
-            *rows = lost;
-        }
-        if let Some(lost) = number("lines dropped ") {
-            *dropped = lost;
+        for (name, lost) in [("rows lost ", rows), ("lines dropped ", dropped)] {
+            let number = status.strip_prefix(name).and_then(|it| it.parse().ok());
+            *lost = number.unwrap_or(*lost);
         }
     }
 

@@ -492,10 +492,8 @@ fn to_longest(centre: &Centre) -> f64 {
 /// of the frames has none.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
     let with_images = centres.iter().filter_map(|centre| {
-        let scaled = |image: SlitImage| SlitImage {
-            height_counts: image.height_counts * to_longest(centre),
-            ..image
-        };
+        let height = |image: SlitImage| image.height_counts * to_longest(centre);
+        let scaled = |image: SlitImage| SlitImage::new(image.x_px, height(image));
         Some(centre.slits?.map(|image| image.map(scaled)))
     });
     let frames: Vec<SlitImages> = with_images.collect();
@@ -508,12 +506,8 @@ fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
             return None;
         }
         let x_px = middle_mean(images.iter().map(|image| image.x_px).collect());
-        let height_counts = upper_median(images.iter().map(|image| image.height_counts));
-        let x_px = rounded(x_px);
-        (height_counts > 0.0).then_some(SlitImage {
-            x_px,
-            height_counts,
-        })
+        let height = upper_median(images.iter().map(|image| image.height_counts));
+        (height > 0.0).then_some(SlitImage::new(rounded(x_px), height))
     }))
 }
 
@@ -569,27 +563,18 @@ mod tests {
         assert_eq!(point.sigma_px, 0.01291);
         assert_eq!(point.height_counts, Some(1000.0));
         // A height is that at the longest exposure.
-        let exposure_us = 560;
-        let short = Centre {
-            exposure_us,
-            ..centre(1800.0)
-        };
+        let mut short = centre(1800.0);
+        short.exposure_us = 560;
         assert_eq!(taken(700.0, &[short]).height_counts, Some(10_000.0));
         // Frames that agree better than chance: what the sensor claims counts.
         let point = taken(700.0, &[centre(1800.0); 4]);
         assert_eq!((point.scatter_px, point.sigma_px), (Some(0.0), 0.001));
         let single = taken(700.0, &[centre(1800.0)]);
         assert_eq!((single.scatter_px, single.sigma_px), (None, 0.002));
-        let flagged = Centre {
-            misfits: 2,
-            correlated: Some(5),
-            ..centre(1800.0)
-        };
-        let correlated = Some(3);
-        let worse = Centre {
-            correlated,
-            ..flagged
-        };
+        let mut flagged = centre(1800.0);
+        (flagged.misfits, flagged.correlated) = (2, Some(5));
+        let mut worse = flagged;
+        worse.correlated = Some(3);
         let point = taken(700.0, &[centre(1800.0), flagged, worse]);
         assert_eq!((point.misfits, point.correlated), (4, Some(3)));
     }
@@ -613,21 +598,12 @@ mod tests {
 
     #[test]
     fn an_image_is_the_mean_of_the_frames_that_have_it() {
-        let height_counts = 1000.0;
-        let image = |x_px| {
-            Some(SlitImage {
-                x_px,
-                height_counts,
-            })
-        };
+        let image = |x_px| Some(SlitImage::new(x_px, 1000.0));
         let with = |first, second| {
-            let mut slits = SlitImages::default();
+            let mut centre = centre(1800.0);
+            let slits = centre.slits.insert(SlitImages::default());
             (slits[0], slits[1]) = (first, second);
-            let slits = Some(slits);
-            Centre {
-                slits,
-                ..centre(1800.0)
-            }
+            centre
         };
         let frames = [
             with(image(900.0), None),

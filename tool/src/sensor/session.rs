@@ -339,13 +339,9 @@ impl<'a> Session<'a> {
     }
 
     fn put_back(&mut self) -> Result<(), LineError> {
-        let Borrowed {
-            before: Before { streamed, rows },
-            echo,
-            map,
-            values,
-        } = std::mem::take(&mut self.borrowed);
-        let is_changed = echo || map || !values.is_empty() || rows.is_some();
+        let found = std::mem::take(&mut self.borrowed);
+        let (values, Before { streamed, rows }) = (found.values, found.before);
+        let is_changed = found.echo || found.map || !values.is_empty() || rows.is_some();
         if !is_changed && !streamed && !self.streams && !self.is_binary {
             return Ok(());
         }
@@ -357,14 +353,14 @@ impl<'a> Session<'a> {
         for value in values.into_iter().rev() {
             self.set(Command::Set(value))?;
         }
-        if map {
+        if found.map {
             self.use_map(true)?;
         }
         if let Some(rows) = rows {
             self.set(Command::Set(Value::Rows(rows)))?;
         }
         self.set(Command::Set(Value::Stream(streamed)))?;
-        match echo {
+        match found.echo {
             true => self.set(Command::Set(Value::Echo(true))),
             false => Ok(()),
         }

@@ -664,10 +664,8 @@ mod tests {
             ..setup()
         };
         let images: SlitImages = std::array::from_fn(|slit| {
-            (slit != 3).then_some(SlitImage {
-                x_px: (900_000_001 + 100_000_000 * slit) as f64 / 1e6,
-                height_counts: 1830.5,
-            })
+            let x_px = (900_000_001 + 100_000_000 * slit) as f64 / 1e6;
+            (slit != 3).then_some(SlitImage::new(x_px, 1830.5))
         });
         let point = Taken {
             height_counts: Some(1011.0),

@@ -176,26 +176,20 @@ fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -
         laser_before: laser,
     };
     let calibration = Calibration::nominal().expect("a curve");
+    let errors = CalibrationErrors::Unknown;
+    let mut of_outputs = scene.geometry();
+    of_outputs.polarity = polarity;
     let true_centre = simulation.true_centre(0, scene.distance);
     let (mut squares, mut readings) = (0.0, 0.0);
     for row in 0..4 * FRAMES {
         let outputs = simulation.row(row, scene.distance, times);
-        let of_outputs = Geometry {
-            polarity,
-            ..scene.geometry()
-        };
         let mut words = words(&outputs, &of_outputs);
         let Some(result) = measurement.row(&mut words) else {
             continue;
         };
         let measured = result.expect("a centre");
-        let reading = measured
-            .reading(
-                Some(&calibration),
-                &CalibrationErrors::Unknown,
-                Surface::Off,
-            )
-            .expect("in range");
+        let reading = measured.reading(Some(&calibration), &errors, Surface::Off);
+        let reading = reading.expect("in range");
         let (_, um_per_pixel) = calibration.distance_at(reading.centre).expect("in range");
         let error = (reading.centre.to_f64() - true_centre) * f64::from(um_per_pixel);
         squares += (error / reading.parts.noise.to_f64()).powi(2);
@@ -215,10 +209,8 @@ fn readings_claim_their_noise_after_a_measurement() {
         sensor.done(NO_SAVE);
         let found = recorded(&sensor);
         // What the firmware assumes: 10 electrons a count, and saturation at full scale.
-        let assumed = Geometry {
-            polarity: truth.polarity,
-            ..scene.sensor.geometry()
-        };
+        let mut assumed = scene.sensor.geometry();
+        assumed.polarity = truth.polarity;
         let before = pull(&scene, truth.polarity, &assumed, &truth);
         let after = pull(&scene, truth.polarity, &found.geometry(&assumed), &truth);
         println!(

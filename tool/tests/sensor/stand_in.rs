@@ -25,11 +25,11 @@ use slitrange::frame::FrameCentre;
 use slitrange::frame::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
+use slitrange::row::Polarity;
 use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::row::pixels::map::MapSummary;
 use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
-use slitrange::row::{Geometry, Polarity};
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::input::{Echo, Input};
@@ -315,10 +315,8 @@ impl SimulatedHead {
         };
         let distance = self.simulation.scene().distance;
         let outputs = self.simulation.row(self.row, distance, times);
-        let geometry = Geometry {
-            polarity: self.polarity,
-            ..tcd1304dg()
-        };
+        let mut geometry = tcd1304dg();
+        geometry.polarity = self.polarity;
         let mut words = frames::words(&outputs, &geometry);
         words.rotate_right(TCD1304DG_LEAD_IN);
         words
@@ -702,11 +700,7 @@ impl State {
             };
             if command == Ok(Command::Centre) {
                 let late = self.random.random_bool(self.trouble.late);
-                let wait = if late {
-                    FRAME * 11 / 10
-                } else {
-                    Duration::ZERO
-                };
+                let wait = FRAME * 11 / 10 * u32::from(late);
                 // Asked for twice, it is answered once.
                 self.centre_due.get_or_insert(self.now + wait);
             }

@@ -75,12 +75,9 @@ fn kinds() -> Vec<EncodedRecord> {
     let lens = |centre: f64| 300.0 * (centre / 200.0).sin();
     let mut kinds = vec![Calibration::Eq1(curve.clone())];
     for count in [2, 33, MAX_KNOTS] {
-        kinds.push(Calibration::Table(
-            Table::new(&knots(count, distance)).expect("a table"),
-        ));
-        kinds.push(Calibration::Corrected(
-            Corrected::new(curve.clone(), &knots(count, lens)).expect("usable"),
-        ));
+        let table = Table::new(&knots(count, distance)).expect("a table");
+        let corrected = Corrected::new(curve.clone(), &knots(count, lens)).expect("usable");
+        kinds.extend([Calibration::Table(table), Calibration::Corrected(corrected)]);
     }
     (17..)
         .zip(kinds)

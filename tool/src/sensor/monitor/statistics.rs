@@ -61,11 +61,9 @@ impl Statistics {
                 Some(mm)
             }
             (kind, _) => {
-                let is_held = kind == Kind::Held;
-                let fault = if is_held {
-                    HELD
-                } else {
-                    fault_kind(&result.fault)
+                let fault = match kind {
+                    Kind::Held => HELD,
+                    _ => fault_kind(&result.fault),
                 };
                 *self.faults.entry(fault.to_owned()).or_default() += 1;
                 None

@@ -20,7 +20,7 @@ use slitrange_device::settings::{Setting, Settings, Value};
 use super::RowAnswer;
 use super::figure::window;
 use crate::pc::Pc;
-use crate::screen::Key;
+use crate::screen::{Key, line};
 use crate::sensor::line::LineError;
 use crate::sensor::port::PortOption;
 use crate::sensor::session::{Link, Session};
@@ -387,14 +387,6 @@ impl Scope {
             frame.render_widget(chart(sets, (least, most), range, "residuals"), below);
         }
     }
-}
-
-fn line(points: &[(f64, f64)], colour: Color) -> Dataset<'_> {
-    Dataset::default()
-        .marker(Marker::Braille)
-        .graph_type(GraphType::Line)
-        .style(colour)
-        .data(points)
 }
 
 fn dots(points: &[(f64, f64)]) -> Dataset<'_> {
