@@ -177,13 +177,8 @@ impl DesignOptions {
             "--slit squared, over wavelength and --slit-to-sensor, must be between 0.01 and 16: it is \
              {fresnel:.3}"
         );
-        let mut geometry = Geometry::new(
-            self.baseline,
-            self.slit_to_sensor,
-            PIXELS,
-            self.near,
-            self.far,
-        );
+        let (near, far) = (self.near, self.far);
+        let mut geometry = Geometry::new(self.baseline, self.slit_to_sensor, PIXELS, near, far);
         if let Some(degrees) = self.angle {
             ensure!(
                 degrees > 0.0 && degrees < 90.0,
@@ -281,12 +276,9 @@ fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
         100.0 * (last - first) / pixels as f64,
     )?;
     if !design.fits() {
-        let angle = None;
-        let centred = DesignOptions {
-            angle,
-            ..options.clone()
-        }
-        .design()?;
+        let mut centred = options.clone();
+        centred.angle = None;
+        let centred = centred.design()?;
         let advice = match options.angle.is_some() && centred.fits() {
             true => format!("take --angle {:.4}.", centred.geometry.angle.to_degrees()),
             false => "take a shorter slit-to-sensor distance, or a smaller range.".to_owned(),

@@ -384,29 +384,14 @@ fn slit_and_slit_to_sensor_are_taken_at_the_edges_of_their_ranges() {
     let with_fresnel = |number: f64| 1e3 * (number * 650e-6 / (1.0 / 50.0 + 1.0 / near)).sqrt();
     let (least, most) = (with_fresnel(0.01), with_fresnel(16.0));
     println!("{least:.2} to {most:.1} um");
+    let to_sensor = "--slit-to-sensor";
+    let narrow = "--wavelength 2000 --slit 80";
+    let [at_3, at_1] = [3, 1].map(|mm| format!("--wavelength 2000 {to_sensor} {mm}"));
     for (others, name, edge, beyond, error) in [
-        (
-            "--wavelength 2000 --slit 80",
-            "--slit-to-sensor",
-            1.0,
-            0.999,
-            ends,
-        ),
-        ("", "--slit-to-sensor", 1000.0, 1000.1, ends),
-        (
-            "--wavelength 2000 --slit-to-sensor 3",
-            "--slit",
-            8.0,
-            7.99,
-            slit,
-        ),
-        (
-            "--wavelength 2000 --slit-to-sensor 1",
-            "--slit",
-            100.0,
-            100.1,
-            slit,
-        ),
+        (narrow, to_sensor, 1.0, 0.999, ends),
+        ("", to_sensor, 1000.0, 1000.1, ends),
+        (&at_3, "--slit", 8.0, 7.99, slit),
+        (&at_1, "--slit", 100.0, 100.1, slit),
         ("", "--slit", 1.0001 * least, 0.9999 * least, fresnel),
         ("", "--slit", 0.9999 * most, 1.0001 * most, fresnel),
     ] {
@@ -451,12 +436,8 @@ fn the_page_shows_what_the_command_prints() {
         let due = printed(command)
             .replace('\n', "\n    ")
             .replace("    \n", "\n");
-        let due = format!("    {}", due.trim_end());
-        assert_eq!(
-            shown.join("\n").trim_end(),
-            due,
-            "slitrange design{command}"
-        );
+        let (shown, due) = (shown.join("\n"), format!("    {}", due.trim_end()));
+        assert_eq!(shown.trim_end(), due, "slitrange design{command}");
         commands += 1;
     }
     assert!(commands > 0, "docs/hardware/optics.md shows no output");

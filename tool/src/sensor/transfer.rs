@@ -160,10 +160,9 @@ pub(super) fn transfer(
     let mut tries = 1;
     loop {
         // A try before this one may have got as far as the flash.
-        let if_not_uploaded = if tries == 1 {
-            "nothing has changed, the sensor uses the calibration that it had"
-        } else {
-            "`calibrate show`, with FILE and --port, tells which calibration the sensor uses"
+        let if_not_uploaded = match tries {
+            1 => "nothing has changed, the sensor uses the calibration that it had",
+            _ => "`calibrate show`, with FILE and --port, tells which calibration the sensor uses",
         };
         let result = transfer_once(&mut session, written, settings, and_save, if_not_uploaded);
         let Err(error) = result else {
