@@ -157,7 +157,8 @@ fn a_record_is_written_again_after_power_fails_during_a_save() {
     }
     file(&sensor, third);
     sensor.state().trouble.restarts_on_save = 3;
-    let unknown = "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `";
+    let unknown = "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor \
+                   started anew: `";
     begins(&sensor.refused(WRITE), unknown);
     assert_eq!(sensor.state().saved_record().as_ref(), Some(second));
 }
