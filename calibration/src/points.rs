@@ -24,12 +24,12 @@ pub mod columns;
 
 use std::path::Path;
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, anyhow, bail, ensure};
 use slitrange::base::exposure::Exposure;
 use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::COMPONENTS;
-use slitrange::frame::comb::{MAX_SLITS, SlitCentres, Slits};
+use slitrange::frame::comb::{MAX_SLITS, SlitCentre, SlitCentres, Slits};
 use slitrange::light::black_level::BlackLevel;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::row::sensor_heads::tcd1304dg;
@@ -80,17 +80,23 @@ pub struct SlitImage {
     pub height_counts: f64,
 }
 
+impl SlitImage {
+    /// An image with its centre in pixels and its height in counts.
+    pub const fn new(x_px: f64, height_counts: f64) -> Self {
+        Self {
+            x_px,
+            height_counts,
+        }
+    }
+}
+
 /// The images of a comb, in the order of its slits. A slit may have no image.
 pub type SlitImages = [Option<SlitImage>; MAX_SLITS];
 
 /// The images that the sensor measured.
 pub fn slit_images(centres: &SlitCentres) -> SlitImages {
-    centres.map(|centre| {
-        centre.map(|centre| SlitImage {
-            x_px: centre.centre.to_f64(),
-            height_counts: f64::from(centre.height),
-        })
-    })
+    let image = |it: SlitCentre| SlitImage::new(it.centre.to_f64(), f64::from(it.height));
+    centres.map(|centre| centre.map(image))
 }
 
 /// The shape of a spot, as the sensor measures it.
@@ -167,62 +173,63 @@ impl Points {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         for (line, text) in (1..).zip(text.lines()) {
             let text = text.trim();
+            let in_line = || format!("line {line}");
             if let Some(comment) = text.strip_prefix('#') {
-                read.setup
-                    .read_comment(comment)
-                    .and_then(|()| read.setup.check_head())
-                    .with_context(|| format!("line {line}"))?;
-            } else if !text.is_empty() {
-                let fields = fields(text).with_context(|| format!("line {line}"))?;
-                match &header {
-                    None => {
-                        check_header(&fields, line)?;
-                        header = Some(fields);
-                    }
-                    Some(header) => {
-                        let number = line;
-                        let line = Line {
-                            number,
-                            header,
-                            fields,
-                        };
-                        read.points.push(line.point()?);
-                    }
+                read.setup.read_comment(comment).with_context(in_line)?;
+                if let Some(head) = read.setup.head.as_ref().filter(|head| *head != HEAD) {
+                    let error =
+                        format!("there is no head {head:?}: centres must be those of a {HEAD}");
+                    return Err(anyhow!(error).context(in_line()));
                 }
+                continue;
             }
+            if text.is_empty() {
+                continue;
+            }
+            let fields = fields(text).with_context(in_line)?;
+            let Some(header) = &header else {
+                for name in [X, D] {
+                    ensure!(
+                        fields.iter().any(|field| field == name),
+                        "line {line} names no column {name}: the first line that is no comment must be \
+                         x_px,d_mm or x_px,d_mm,sigma_px"
+                    );
+                }
+                header = Some(fields);
+                continue;
+            };
+            let line = Line {
+                number: line,
+                header,
+                fields,
+            };
+            read.points.push(line.point()?);
         }
         ensure!(
             header.is_some(),
             "there is no line in it: its header must name x_px and d_mm"
         );
-        if let (Some(with), Some(without)) = (
-            read.points.iter().find(|point| point.sigma_px.is_some()),
-            read.points.iter().find(|point| point.sigma_px.is_none()),
-        ) {
+        // The first line that has something, and the first without it.
+        let first = |has: fn(&Point) -> bool| {
+            let line = |is: bool| read.points.iter().find(|it| has(it) == is);
+            [true, false].map(|is| line(is).map(|point| point.line))
+        };
+        if let [Some(with), Some(without)] = first(|point| point.sigma_px.is_some()) {
             bail!(
-                "line {} has no sigma_px, and line {} has: give it for all points or for none",
-                without.line,
-                with.line
+                "line {without} has no sigma_px, and line {with} has: give it for all points or for none"
             );
         }
-        let (with, without): (Vec<&Point>, Vec<&Point>) =
-            read.points.iter().partition(|point| point.slits.is_some());
-        if let (Some(with), Some(without)) = (with.first(), without.first()) {
-            bail!(
-                "line {} has no image of any slit, and line {} has: remove the line without, or take the \
-                 point again",
-                without.line,
-                with.line
-            );
-        }
-        if read.setup.slits == Slits::Comb && with.is_empty() && !read.points.is_empty() {
-            bail!(
+        match first(|point| point.slits.is_some()) {
+            [Some(with), Some(without)] => bail!(
+                "line {without} has no image of any slit, and line {with} has: remove the line without, or \
+                 take the point again"
+            ),
+            [None, Some(_)] if read.setup.slits == Slits::Comb => bail!(
                 "the points are those of a comb, and have no columns slit_1_px, slit_1_counts and so on: \
                  take them with `calibrate run`"
-            );
-        }
-        if !with.is_empty() {
-            read.setup.slits = Slits::Comb;
+            ),
+            [Some(_), None] => read.setup.slits = Slits::Comb,
+            _ => {}
         }
         check_unit(&read.points)?;
         // A run that was stopped leaves its points in the order in which they were taken.
@@ -240,7 +247,6 @@ const METRES: f64 = 8.39;
 /// less up to 4.5 m; in millimetres, it has twenty times as much at 0.6 m.
 const LEAST_MM_PER_PX: f64 = 0.01;
 
-/// Checks that distances are not in metres.
 fn check_unit(points: &[Point]) -> anyhow::Result<()> {
     let span = |of: fn(&Point) -> f64| {
         let (least, most) = least_and_most(points.iter().map(of));
@@ -265,18 +271,6 @@ fn fields(line: &str) -> anyhow::Result<csv::StringRecord> {
     let mut fields = csv::StringRecord::new();
     reader.read_record(&mut fields)?;
     Ok(fields)
-}
-
-/// Checks that a file's header names the columns that a point must have.
-fn check_header(header: &csv::StringRecord, line: u64) -> anyhow::Result<()> {
-    for name in [X, D] {
-        ensure!(
-            header.iter().any(|field| field == name),
-            "line {line} names no column {name}: the first line that is no comment must be x_px,d_mm or \
-             x_px,d_mm,sigma_px"
-        );
-    }
-    Ok(())
 }
 
 /// The columns of a [`KnownShape`]. It is known if all of them are there.
@@ -375,10 +369,7 @@ impl Line<'_> {
                 (Some(x_px), Some(height_counts))
                     if (-0.5..=4096.0).contains(&x_px) && is_height(height_counts) =>
                 {
-                    Some(SlitImage {
-                        x_px,
-                        height_counts,
-                    })
+                    Some(SlitImage::new(x_px, height_counts))
                 }
                 _ => bail!(
                     "line {}: slit {slit} has no usable image: its centre must be on the row, and its height \
@@ -430,15 +421,12 @@ impl Setup {
         let default = Self::default().unnamed();
         let changed = |value: Value| (!default.contains(&value)).then(|| words(value));
         let [slits, region, peak] = self.unnamed().map(changed);
-        let serial_number = self.serial_number.map(|number| number.to_string());
+        let estimator = self.estimator.map(Value::Estimator).map(words);
         [
             ("head", self.head.clone()),
-            ("serial", serial_number),
-            (
-                "estimator",
-                self.estimator.map(|it| words(Value::Estimator(it))),
-            ),
-            ("black", self.black_level.map(black_level_words)),
+            ("serial", self.serial_number.map(|it| it.to_string())),
+            ("estimator", estimator),
+            ("black", self.black_level.map(Value::Black).map(words)),
             ("slits", slits),
             ("region", region),
             ("peak", peak),
@@ -498,15 +486,6 @@ impl Setup {
         }
         Ok(())
     }
-
-    fn check_head(&self) -> anyhow::Result<()> {
-        match &self.head {
-            Some(head) if head != HEAD => {
-                bail!("there is no head {head:?}: centres must be those of a {HEAD}")
-            }
-            _ => Ok(()),
-        }
-    }
 }
 
 /// The estimator with a name.
@@ -520,11 +499,6 @@ pub fn estimator(name: &str) -> anyhow::Result<Estimator> {
             Estimator::ALL.map(Estimator::name).join(", ")
         )
     })
-}
-
-/// A black level in the words of the serial line.
-pub fn black_level_words(level: BlackLevel) -> String {
-    words(Value::Black(level))
 }
 
 /// A value of a setting in the words of the serial line, without the setting's name.
@@ -649,10 +623,7 @@ mod tests {
         let read = Points::parse(&text).expect("points");
         assert_eq!(read.setup.slits, Slits::Comb);
         let images = read.points[0].slits.expect("images");
-        let first = SlitImage {
-            x_px: 912.5,
-            height_counts: 1830.0,
-        };
+        let first = SlitImage::new(912.5, 1830.0);
         assert_eq!((images[0], images[1]), (Some(first), None));
         let no_image = "line 2: slit 1 has no usable image";
         let unlike = "line 3 has no image of any slit, and line 2 has";

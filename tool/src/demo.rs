@@ -83,7 +83,8 @@ pub fn serve(
         return Ok(());
     };
     if options.monitor {
-        board.be_quiet();
+        // Its messages would spoil the live view.
+        board.is_quiet.store(true, Ordering::Relaxed);
         let options = MonitorOptions {
             port: PortOption { port: Some(port) },
             ..MonitorOptions::default()
@@ -165,11 +166,6 @@ impl Board {
             lines,
             is_quiet,
         })
-    }
-
-    /// From now on its messages are left out: they would spoil the live view.
-    fn be_quiet(&self) {
-        self.is_quiet.store(true, Ordering::Relaxed);
     }
 
     /// Waits for the name of its port. `None` after Ctrl-C.

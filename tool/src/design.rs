@@ -123,9 +123,7 @@ impl Surface {
 pub struct Design {
     /// Laser, slit and sensor.
     pub geometry: Geometry,
-    /// What was given.
     options: DesignOptions,
-    /// Width of the slit in mm.
     slit: f64,
     /// Wavelength in mm.
     wavelength: f64,
@@ -179,13 +177,8 @@ impl DesignOptions {
             "--slit squared, over wavelength and --slit-to-sensor, must be between 0.01 and 16: it is \
              {fresnel:.3}"
         );
-        let mut geometry = Geometry::new(
-            self.baseline,
-            self.slit_to_sensor,
-            PIXELS,
-            self.near,
-            self.far,
-        );
+        let (near, far) = (self.near, self.far);
+        let mut geometry = Geometry::new(self.baseline, self.slit_to_sensor, PIXELS, near, far);
         if let Some(degrees) = self.angle {
             ensure!(
                 degrees > 0.0 && degrees < 90.0,
@@ -255,36 +248,10 @@ pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
 fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
     let (geometry, options) = (&design.geometry, &design.options);
     let (pitch, pixels) = PIXELS;
-    writeln!(
-        output,
-        "laser    {} nm, spot {} mm on the target, {} mm beside the slit",
-        options.wavelength, options.spot, options.baseline
-    )?;
-    writeln!(
-        output,
-        "sensor   TCD1304DG, {pixels} pixels of {:.0} um, {} mm behind a {}",
-        1000.0 * pitch,
-        options.slit_to_sensor,
-        design.mask()
-    )?;
     let (d, k, pole) = geometry.eq1();
-    let (degrees, tan) = (geometry.angle.to_degrees(), geometry.angle.tan());
-    writeln!(
-        output,
-        "angle u  {degrees:.2} degrees from the baseline to the optical axis, tan u {tan:.4}"
-    )?;
     let (sign, size) = (if pole < 0.0 { "+" } else { "-" }, pole.abs());
-    writeln!(
-        output,
-        "eq. (1)  d = {d:.3} mm + {k:.0} mm px / (x {sign} {size:.2} px)"
-    )?;
+    let (degrees, tan) = (geometry.angle.to_degrees(), geometry.angle.tan());
     let (sin, cos) = geometry.angle.sin_cos();
-    writeln!(
-        output,
-        "row      its middle is {:.2} mm further from the beam than the slit, and {:.2} mm behind it",
-        geometry.focal * cos,
-        geometry.focal * sin
-    )?;
     let (first, last) = geometry.ends(options.near, options.far, options.comb);
     let sees = match design.sees() {
         Some((near, far)) => format!("{} to {}", mm(near), mm(far)),
@@ -292,16 +259,26 @@ fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
     };
     writeln!(
         output,
-        "pixels   {first:.0} to {last:.0}, {:.0} % of the sensor; the whole sensor sees {sees}",
+        "laser    {} nm, spot {} mm on the target, {} mm beside the slit\n\
+         sensor   TCD1304DG, {pixels} pixels of {:.0} um, {} mm behind a {}\n\
+         angle u  {degrees:.2} degrees from the baseline to the optical axis, tan u {tan:.4}\n\
+         eq. (1)  d = {d:.3} mm + {k:.0} mm px / (x {sign} {size:.2} px)\n\
+         row      its middle is {:.2} mm further from the beam than the slit, and {:.2} mm behind it\n\
+         pixels   {first:.0} to {last:.0}, {:.0} % of the sensor; the whole sensor sees {sees}",
+        options.wavelength,
+        options.spot,
+        options.baseline,
+        1000.0 * pitch,
+        options.slit_to_sensor,
+        design.mask(),
+        geometry.focal * cos,
+        geometry.focal * sin,
         100.0 * (last - first) / pixels as f64,
     )?;
     if !design.fits() {
-        let angle = None;
-        let centred = DesignOptions {
-            angle,
-            ..options.clone()
-        }
-        .design()?;
+        let mut centred = options.clone();
+        centred.angle = None;
+        let centred = centred.design()?;
         let advice = match options.angle.is_some() && centred.fits() {
             true => format!("take --angle {:.4}.", centred.geometry.angle.to_degrees()),
             false => "take a shorter slit-to-sensor distance, or a smaller range.".to_owned(),
@@ -314,33 +291,29 @@ fn print_dimensions(design: &Design, output: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
+/// A line of a table: a name, and what it is at each distance.
+fn row(name: &str, at: &[At], value: impl Fn(&At) -> String) -> String {
+    let values = at.iter().map(|at| format!("{:>13}", value(at)));
+    format!("{name:<28}{}", values.collect::<String>())
+}
+
 fn print_parts(at: &[At], output: &mut dyn Write) -> Result<()> {
-    let line = |output: &mut dyn Write, name: &str, values: Vec<String>| -> Result<()> {
-        let values: String = values.iter().map(|value| format!("{value:>13}")).collect();
-        writeln!(output, "{name:<28}{values}")?;
-        Ok(())
-    };
-    let of = |value: &dyn Fn(&At) -> String| at.iter().map(value).collect::<Vec<_>>();
-    writeln!(output)?;
-    for (name, values) in [
-        ("distance, mm", of(&|at| format!("{:.0}", at.distance))),
-        ("centre, pixel", of(&|at| format!("{:.1}", at.centre))),
-        (
-            "width (sigma), pixels",
-            of(&|at| format!("{:.2}", at.width)),
-        ),
-        ("a pixel, um", of(&|at| um(at.um_a_pixel))),
-        ("speckle at the slit, um", of(&|at| um(at.speckle_size))),
-        ("noise of one row, um", of(&|at| um(at.noise_of_a_row))),
-    ] {
-        line(output, name, values)?;
-    }
+    let mut lines = vec![
+        String::new(),
+        row("distance, mm", at, |at| format!("{:.0}", at.distance)),
+        row("centre, pixel", at, |at| format!("{:.1}", at.centre)),
+        row("width (sigma), pixels", at, |at| format!("{:.2}", at.width)),
+        row("a pixel, um", at, |at| um(at.um_a_pixel)),
+        row("speckle at the slit, um", at, |at| um(at.speckle_size)),
+        row("noise of one row, um", at, |at| um(at.noise_of_a_row)),
+    ];
     for (i, part) in at[0].parts.iter().enumerate() {
         let name = format!("frame: {}, um", part.name);
-        line(output, &name, of(&|at| um(at.parts[i].um)))?;
+        lines.push(row(&name, at, |at| um(at.parts[i].um)));
     }
-    line(output, "total, um", of(&|at| um(at.total())))?;
-    line(output, "the largest part", of(&|at| at.limit().to_owned()))
+    lines.push(row("total, um", at, |at| um(at.total())));
+    lines.push(row("the largest part", at, |at| at.limit().to_owned()));
+    Ok(writeln!(output, "{}", lines.join("\n"))?)
 }
 
 fn print_changes(options: &DesignOptions, now: &At, output: &mut dyn Write) -> Result<()> {
@@ -393,14 +366,12 @@ fn print_tolerances(geometry: &Geometry, at: &[At], output: &mut dyn Write) -> R
         output,
         "\nby how much a wrong dimension moves the distance, in mm, without a calibration"
     )?;
-    let moved: Vec<_> = (at.iter())
-        .map(|at| geometry.tolerances(at.distance))
-        .collect();
-    for (i, (name, _)) in moved[0].iter().enumerate() {
-        let values: String = (moved.iter())
-            .map(|moved| format!("{:>13}", tolerance(moved[i].1)))
-            .collect();
-        writeln!(output, "{name:<28}{values}")?;
+    for (i, (name, _)) in geometry.tolerances(at[0].distance).iter().enumerate() {
+        let line = row(name, at, |at| match geometry.tolerances(at.distance)[i].1 {
+            mm if mm < 1e7 => format!("{mm:.2}"),
+            mm => format!("{mm:.2e}"),
+        });
+        writeln!(output, "{line}")?;
     }
     let far = at[at.len() - 1].distance;
     let crept = geometry.distance(geometry.behind(0.001).centre(far)) - far;
@@ -423,14 +394,6 @@ fn um(value: f64) -> String {
         value if value < 100.0 => format!("{value:.1}"),
         value if value < 1e7 => format!("{value:.0}"),
         value => format!("{value:.2e}"),
-    }
-}
-
-/// Millimetres that a wrong dimension moves the distance.
-fn tolerance(value: f64) -> String {
-    match value < 1e7 {
-        true => format!("{value:.2}"),
-        false => format!("{value:.2e}"),
     }
 }
 

@@ -102,16 +102,11 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
         black_level: options.black.or(setup.black_level),
         ..setup
     };
-    let date = match options.date {
-        Some(date) => date,
-        None => today()?,
-    };
+    let date = options.date.map_or_else(today, Ok)?;
     let record = record::of(&setup, date, &solved, &made, comb.as_ref());
     let record = EncodedRecord::new(record)?;
-    let path = match &options.output {
-        Some(path) => path.clone(),
-        None => options.points.with_extension("record"),
-    };
+    let beside = || options.points.with_extension("record");
+    let path = options.output.clone().unwrap_or_else(beside);
     ensure!(
         path != options.points,
         "{}: the record would take the place of the points: name another file with --output",

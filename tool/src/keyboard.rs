@@ -1,6 +1,6 @@
 //! What a person types: lines, and Ctrl-C.
 
-use std::io::{self, BufRead, Read};
+use std::io::{self, BufRead, Cursor, Read};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, OnceLock};
@@ -39,33 +39,30 @@ pub fn watch_interrupts() -> bool {
 #[derive(Debug, Default)]
 pub struct Keyboard {
     lines: Option<Receiver<io::Result<Vec<u8>>>>,
-    /// The line that is being read, and how much of it was.
-    line: Vec<u8>,
-    read: usize,
+    /// The line that is being read.
+    line: Cursor<Vec<u8>>,
 }
 
 impl BufRead for Keyboard {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        while self.read >= self.line.len() {
+        let is_interrupted = |it: &Arc<AtomicBool>| it.load(Ordering::Relaxed);
+        while self.line.fill_buf()?.is_empty() {
             let lines = self.lines.get_or_insert_with(read_lines);
             match lines.recv_timeout(LOOK) {
-                Ok(line) => (self.line, self.read) = (line?, 0),
-                Err(RecvTimeoutError::Disconnected) => return Ok(&[]),
+                Ok(line) => self.line = Cursor::new(line?),
+                Err(RecvTimeoutError::Disconnected) => break,
                 Err(RecvTimeoutError::Timeout) => {
-                    if INTERRUPTED
-                        .get()
-                        .is_some_and(|it| it.load(Ordering::Relaxed))
-                    {
-                        return Ok(&[]);
+                    if INTERRUPTED.get().is_some_and(is_interrupted) {
+                        break;
                     }
                 }
             }
         }
-        Ok(self.line.get(self.read..).unwrap_or_default())
+        self.line.fill_buf()
     }
 
     fn consume(&mut self, count: usize) {
-        self.read += count;
+        self.line.consume(count);
     }
 }
 

@@ -61,10 +61,8 @@ pub struct Series {
 pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
     let lines = read(&options.file)?;
     let series = Series::of(&lines).with_context(|| options.file.display().to_string())?;
-    let figure = match &options.output {
-        Some(path) => path.clone(),
-        None => options.file.with_extension("svg"),
-    };
+    let beside = || options.file.with_extension("svg");
+    let figure = options.output.clone().unwrap_or_else(beside);
     let mm: Vec<f64> = series.readings.iter().map(|(_, mm)| *mm).collect();
     let (mean, deviation) = (statistics::mean(&mm), statistics::standard_deviation(&mm));
     let curve = allan::curve(&series.run, series.interval_s);

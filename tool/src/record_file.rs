@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use calibration::points::black_level_words;
+use calibration::points::words;
 use calibration::record::profile;
 use serde::Serialize;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
@@ -19,6 +19,7 @@ use slitrange::row::Polarity;
 use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange_device::record::decode;
 use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::settings::Value;
 use statistics::least_and_most;
 
 use crate::whole_file;
@@ -97,7 +98,6 @@ pub(crate) struct Shown {
     errors: ShownErrors,
     /// The sensor's own spot. None if the calibration did not learn it.
     spot: Option<ShownSpot>,
-    /// Distances at some centres.
     examples: Vec<Example>,
     /// None if the front end was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -163,7 +163,6 @@ const fn polarity_word(polarity: Polarity) -> &'static str {
     }
 }
 
-/// A slit of a comb.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct ShownSlit {
     /// From the optical axis along the row.
@@ -190,7 +189,6 @@ struct ShownErrors {
     /// By the target's surface, for a spot of the usual height. None if the points did not tell it: the
     /// sensor then takes an estimate.
     surface_um: Option<[f64; 2]>,
-    /// The usual height.
     height_counts: Option<[f64; 2]>,
 }
 
@@ -235,16 +233,13 @@ fn ends(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [least, most].map(|value| (10.0 * value).round() / 10.0)
 }
 
-/// The sensor's rows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct ShownRow {
-    /// Words of a read-out.
     words: usize,
     /// From the first word that sees light to behind the last.
     light: [usize; 2],
     /// The same of shielded pixels.
     shielded: [usize; 2],
-    /// Bits of the converter.
     bits: u8,
     /// What light does to a word: `rise` or `fall`.
     polarity: &'static str,
@@ -260,7 +255,6 @@ struct ShownEq1 {
     xp_px: f64,
 }
 
-/// A table, of distances or of residuals.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct ShownTable {
     /// Centres in pixels, and distances or residuals in micrometres.
@@ -306,7 +300,7 @@ impl Shown {
                 shot_variance_per_count: f64::from(geometry.shot_variance_per_count_q16) / 65536.0,
             },
             estimator: record.estimator.name().to_owned(),
-            black: black_level_words(record.black_level),
+            black: words(Value::Black(record.black_level)),
             nominal: record.is_nominal(),
             kind,
             eq1: eq1.map(|curve| ShownEq1 {
@@ -472,7 +466,6 @@ pub(crate) struct Comparison {
     largest: Option<Largest>,
 }
 
-/// What one record says of a field and what the other.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 struct Difference {
     field: &'static str,

@@ -202,7 +202,6 @@ impl<R: Read> Reader<R> {
 impl<R: Read> Iterator for Reader<R> {
     type Item = io::Result<Row>;
 
-    /// The next whole row.
     fn next(&mut self) -> Option<io::Result<Row>> {
         for byte in &mut self.bytes {
             let byte = match byte {

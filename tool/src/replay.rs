@@ -155,10 +155,8 @@ pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCod
     let (head, sum) = (&sensor.head, sensor.record.sum());
     writeln!(output, "{rows} rows of {head}, record {sum:08x}")?;
     if damaged > 0 {
-        writeln!(
-            output,
-            "{damaged} packets are damaged, and their rows are left out"
-        )?;
+        let left_out = "packets are damaged, and their rows are left out";
+        writeln!(output, "{damaged} {left_out}")?;
     }
     ensure!(rows > 0, "there is no row to measure");
     if let (Some(mean), Some(deviation)) = (distances.mean(), distances.deviation()) {
@@ -192,7 +190,6 @@ pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCod
     Ok(ExitCode::FAILURE)
 }
 
-/// A line of the table.
 fn line(row: &Row, reading: &Result<Reading, Fault>) -> String {
     let exposure = row.head.exposure.map_or(0, |exposure| exposure.us());
     let mut line = format!("{},{},{exposure},", row.head.number, row.head.time_us);

@@ -5,6 +5,9 @@ use std::io;
 use std::time::Duration;
 
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::style::Color;
+use ratatui::symbols::Marker;
+use ratatui::widgets::{Dataset, GraphType};
 use ratatui::{DefaultTerminal, Frame};
 
 /// A key that a view understands.
@@ -31,6 +34,15 @@ pub trait Screen {
 
     /// The next key that was pressed. Does not wait.
     fn key(&mut self) -> io::Result<Option<Key>>;
+}
+
+/// A line through points.
+pub(crate) fn line(points: &[(f64, f64)], colour: Color) -> Dataset<'_> {
+    Dataset::default()
+        .marker(Marker::Braille)
+        .graph_type(GraphType::Line)
+        .style(colour)
+        .data(points)
 }
 
 /// The terminal of this program. It is as before once this is dropped, also after a panic.

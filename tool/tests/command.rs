@@ -34,7 +34,6 @@ pub fn done((result, output): Ended) -> String {
     }
 }
 
-/// The error of a command that fails.
 #[track_caller]
 pub fn refused((result, output): Ended) -> String {
     result.expect_err(&output)

@@ -15,7 +15,6 @@ use slitrange_tool::pc::RealPc;
 
 use crate::command::{begins, done, says, slitrange};
 
-/// The options of a command line.
 fn options(arguments: &str) -> DesignOptions {
     let words = ["slitrange", "design"]
         .into_iter()
@@ -203,6 +202,14 @@ fn pixels_that_differ_move_the_distance_as_the_firmware_says() {
     assert!((um / 16.0).ln().abs() < 1.25f64.ln());
 }
 
+/// The pixel on which light from a target falls: slit + t (slit - target) = middle + x row.
+fn by_ray(geometry: &Geometry, [target, slit, middle, row]: [(f64, f64); 4]) -> f64 {
+    let ray = (slit.0 - target.0, slit.1 - target.1);
+    let gap = (middle.0 - slit.0, middle.1 - slit.1);
+    let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * row.0 - ray.0 * row.1);
+    geometry.axis + x / geometry.pitch
+}
+
 /// A straight beam, a point for a slit and a straight row make a curve of three parameters, whatever their
 /// places and angles are. So a calibration, which fits the three, takes every error of the assembly away.
 #[test]
@@ -212,20 +219,10 @@ fn a_calibration_takes_the_tolerances_away() {
     // Where light from a target falls on a row with its middle moved by `along` and turned by `turn`.
     let centre = |distance: f64, beam: f64, (moved, turn, deeper): (f64, f64, f64)| {
         let target = (distance * f64::sin(beam), distance * f64::cos(beam));
-        let slit = (geometry.baseline, 0.0);
-        let middle = (
-            slit.0 + (geometry.focal + deeper) * cos + moved * sin,
-            slit.1 - (geometry.focal + deeper) * sin + moved * cos,
-        );
-        let row = (
-            f64::sin(geometry.angle + turn),
-            f64::cos(geometry.angle + turn),
-        );
-        // slit + t (slit - target) = middle + x row
-        let ray = (slit.0 - target.0, slit.1 - target.1);
-        let gap = (middle.0 - slit.0, middle.1 - slit.1);
-        let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * row.0 - ray.0 * row.1);
-        geometry.axis + x / geometry.pitch
+        let (slit, depth) = (geometry.baseline, geometry.focal + deeper);
+        let middle = (slit + depth * cos + moved * sin, moved * cos - depth * sin);
+        let row = f64::sin_cos(geometry.angle + turn);
+        by_ray(&geometry, [target, (slit, 0.0), middle, row])
     };
     for distance in [600.0, 800.0, 1020.0] {
         assert!((centre(distance, 0.0, (0.0, 0.0, 0.0)) - geometry.centre(distance)).abs() < 1e-6);
@@ -274,20 +271,14 @@ fn a_wrong_dimension_moves_the_distance_as_rays_say() {
             built.iter().zip(geometry.tolerances(distance))
         {
             let (sin, cos) = (geometry.angle + block).sin_cos();
-            let hole = geometry.baseline + wider;
+            let (hole, focal) = (geometry.baseline + wider, geometry.focal + deeper);
             let slit = (hole + place * sin, place * cos);
             let target = (distance * beam.sin(), distance * beam.cos());
-            let ray = (slit.0 - target.0, slit.1 - target.1);
-            let focal = geometry.focal + deeper;
-            let gap = (hole + focal * cos - slit.0, -focal * sin - slit.1);
-            // slit + t ray = slit + gap + x row
-            let x = (ray.0 * gap.1 - ray.1 * gap.0) / (ray.1 * sin - ray.0 * cos);
-            let read = geometry.distance(geometry.axis + x / geometry.pitch);
-            println!(
-                "{name}: {mm:.3} mm, by rays {:.3} mm",
-                (read - distance).abs()
-            );
-            assert!(((read - distance).abs() - mm).abs() < 1e-6);
+            let middle = (hole + focal * cos, -focal * sin);
+            let centre = by_ray(&geometry, [target, slit, middle, (sin, cos)]);
+            let by_rays = (geometry.distance(centre) - distance).abs();
+            println!("{name}: {mm:.3} mm, by rays {by_rays:.3} mm");
+            assert!((by_rays - mm).abs() < 1e-6);
         }
     }
 }
@@ -393,29 +384,14 @@ fn slit_and_slit_to_sensor_are_taken_at_the_edges_of_their_ranges() {
     let with_fresnel = |number: f64| 1e3 * (number * 650e-6 / (1.0 / 50.0 + 1.0 / near)).sqrt();
     let (least, most) = (with_fresnel(0.01), with_fresnel(16.0));
     println!("{least:.2} to {most:.1} um");
+    let to_sensor = "--slit-to-sensor";
+    let narrow = "--wavelength 2000 --slit 80";
+    let [at_3, at_1] = [3, 1].map(|mm| format!("--wavelength 2000 {to_sensor} {mm}"));
     for (others, name, edge, beyond, error) in [
-        (
-            "--wavelength 2000 --slit 80",
-            "--slit-to-sensor",
-            1.0,
-            0.999,
-            ends,
-        ),
-        ("", "--slit-to-sensor", 1000.0, 1000.1, ends),
-        (
-            "--wavelength 2000 --slit-to-sensor 3",
-            "--slit",
-            8.0,
-            7.99,
-            slit,
-        ),
-        (
-            "--wavelength 2000 --slit-to-sensor 1",
-            "--slit",
-            100.0,
-            100.1,
-            slit,
-        ),
+        (narrow, to_sensor, 1.0, 0.999, ends),
+        ("", to_sensor, 1000.0, 1000.1, ends),
+        (&at_3, "--slit", 8.0, 7.99, slit),
+        (&at_1, "--slit", 100.0, 100.1, slit),
         ("", "--slit", 1.0001 * least, 0.9999 * least, fresnel),
         ("", "--slit", 0.9999 * most, 1.0001 * most, fresnel),
     ] {
@@ -460,12 +436,8 @@ fn the_page_shows_what_the_command_prints() {
         let due = printed(command)
             .replace('\n', "\n    ")
             .replace("    \n", "\n");
-        let due = format!("    {}", due.trim_end());
-        assert_eq!(
-            shown.join("\n").trim_end(),
-            due,
-            "slitrange design{command}"
-        );
+        let (shown, due) = (shown.join("\n"), format!("    {}", due.trim_end()));
+        assert_eq!(shown.trim_end(), due, "slitrange design{command}");
         commands += 1;
     }
     assert!(commands > 0, "docs/hardware/optics.md shows no output");

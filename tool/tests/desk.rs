@@ -14,7 +14,6 @@ use crate::command::{Ended, slitrange};
 /// The board runs for so long at a time.
 const STEP: Duration = Duration::from_millis(5);
 
-/// The PC with the board.
 pub struct Desk {
     pub board: RefCell<VirtualBoard>,
     stage: Option<RefCell<Stage>>,
@@ -23,7 +22,6 @@ pub struct Desk {
     pub trouble: Trouble,
 }
 
-/// What goes wrong once.
 #[derive(Default)]
 pub struct Trouble {
     /// A byte of the next command `format binary` is lost.

@@ -27,7 +27,6 @@ const ROWS: u16 = 16;
 /// More than a frame takes, and an answer behind it.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// A sensor on its bench.
 struct Bench {
     firmware: Firmware,
     optics: DistortedOptics,
@@ -52,12 +51,6 @@ impl Bench {
     }
 }
 
-/// An error beside the bound, in micrometres.
-struct Compared {
-    error: f64,
-    bound: f64,
-}
-
 /// The first frames may still have rows of the place before.
 fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
     let results = (0..2 + count).map(|_| {
@@ -73,9 +66,9 @@ fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
     distances.collect()
 }
 
-/// The errors of readings at even distances over the sensor's range, with the calibration that its flash
-/// holds.
-fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<Compared> {
+/// The errors of readings at even distances over the sensor's range, each beside the bound, in micrometres,
+/// with the calibration that its flash holds.
+fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<(f64, f64)> {
     let mut board = bench.power_on();
     board.send(&format!("rows {ROWS}\r\n"));
     board
@@ -94,10 +87,8 @@ fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<Compared> {
         let of_row = bound::of_row(&simulation, seen_at, exposure.expect("a row") as f64 * 1e-9);
         let of_reading = of_row.expect("the scene has a bound") / f64::from(ROWS).sqrt();
         let bound = of_reading * bench.optics.metres_per_pixel(centre) * 1e6;
-        errors.extend(found.iter().map(|found| Compared {
-            error: (found - distance * 1e3) * 1e3,
-            bound,
-        }));
+        let error = |found: &f64| (found - distance * 1e3) * 1e3;
+        errors.extend(found.iter().map(|found| (error(found), bound)));
     }
     board.finish().expect("a clean run");
     errors
@@ -149,9 +140,9 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     assert_eq!(lines.lines().count(), 6, "{lines}");
 
     let errors = errors(&bench, steps, count);
-    let rms_error = rms(errors.iter().map(|compared| compared.error));
-    let bound = rms(errors.iter().map(|compared| compared.bound));
-    let largest = errors.iter().map(|it| it.error.abs()).fold(0.0, f64::max);
+    let rms_error = rms(errors.iter().map(|(error, _)| error));
+    let bound = rms(errors.iter().map(|(_, bound)| bound));
+    let largest = errors.iter().map(|it| it.0.abs()).fold(0.0, f64::max);
     println!(
         "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest \
          {largest:.2} um",

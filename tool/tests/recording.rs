@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use simulator::scene::{Scene, Sensor, Spot, file};
+use simulator::scene::Scene;
 use slitrange::light::ambient::AmbientMode;
 use slitrange_device::protocol::packet::{Message, Packets};
 use slitrange_device::settings::Settings;
@@ -16,6 +16,7 @@ use virtual_board::{Exposure, Firmware, LightSource, VirtualBoard};
 
 use crate::command::{begins, refused, says, slitrange};
 use crate::desk::Desk;
+use crate::replay::{any_spot, scenes};
 
 /// A board in front of white paper at a PC.
 fn desk() -> Desk {
@@ -191,10 +192,7 @@ fn any_spots(seed: u64) -> LightSource {
         }
         let scene = Scene {
             seed,
-            spot: Some(Spot {
-                width: random.random_range(0.8_f64.ln()..130_f64.ln()).exp(),
-                counts_per_second: random.random_range(4_f64.ln()..12_000_f64.ln()).exp(),
-            }),
+            spot: Some(any_spot(&mut random)),
             ..Scene::white_paper()
         };
         scene.row_with_centre(row, centre, 1.0)
@@ -203,11 +201,7 @@ fn any_spots(seed: u64) -> LightSource {
 
 /// Shows random spots, a scene of the folder, random spots, and so on.
 fn show(desk: &Desk, turn: usize) -> String {
-    let mut names = file::names().expect("the folder of scenes");
-    names.retain(|name| {
-        let scene = Scene::load(name).expect("a scene");
-        scene.sensor == Sensor::Tcd1304dg
-    });
+    let names = scenes();
     let seed = 7_001 + turn as u64;
     let mut board = desk.board.borrow_mut();
     if turn.is_multiple_of(2) {

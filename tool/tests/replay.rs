@@ -3,7 +3,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::io::{self, Read};
+use std::io::{self, BufRead as _, Cursor, Read};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -64,12 +64,19 @@ static COUNTED: Counted = Counted;
 /// Random spots, from lost in the noise to saturated, anywhere and beyond the edges.
 const RANDOM_SPOTS: &str = "random spots";
 
-/// What the rows are of: random spots, and each scene of the folder that this sensor can see.
-fn shown() -> Vec<String> {
+/// The scenes of the folder that this sensor can see.
+pub fn scenes() -> Vec<String> {
     let mut names = file::names().expect("the folder of scenes");
     names.retain(|name| Scene::load(name).expect("a scene").sensor == Kind::Tcd1304dg);
-    names.push(RANDOM_SPOTS.to_owned());
     names
+}
+
+/// Narrow or wide, dim or saturated.
+pub fn any_spot(random: &mut ChaCha8Rng) -> Spot {
+    Spot {
+        width: random.random_range(0.8_f64.ln()..130_f64.ln()).exp(),
+        counts_per_second: random.random_range(4_f64.ln()..12_000_f64.ln()).exp(),
+    }
 }
 
 /// The words of the read-out of some rows.
@@ -88,14 +95,8 @@ fn rows_of(name: &str, seed: u64, count: u64) -> Vec<(Option<Exposure>, Vec<u16>
             let exposure = Exposure::from_us(us).filter(|_| random.random_range(0..16) > 0);
             let laser = exposure.map_or(0.0, |it| 1e-6 * f64::from(it.us()));
             let light = if name == RANDOM_SPOTS {
-                let spot = Spot {
-                    width: random.random_range(0.8_f64.ln()..130_f64.ln()).exp(),
-                    counts_per_second: random.random_range(4_f64.ln()..12_000_f64.ln()).exp(),
-                };
-                let scene = Scene {
-                    spot: Some(spot),
-                    ..simulation.scene().clone()
-                };
+                let mut scene = simulation.scene().clone();
+                scene.spot = Some(any_spot(&mut random));
                 scene.row_with_centre(row, random.random_range(-20.0..3668.0), 1.0)
             } else {
                 let light = Light {
@@ -191,9 +192,9 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
     let (mut centres, mut faults) = (0, 0);
     for (place, (settings, profile)) in all.into_iter().enumerate() {
         let seed = 31_000 + place as u64;
-        let rows = shown()
-            .into_iter()
-            .flat_map(|name| rows_of(&name, seed, if name == RANDOM_SPOTS { 100 } else { 6 }));
+        let of_scenes = scenes();
+        let rows = of_scenes.iter().flat_map(|name| rows_of(name, seed, 6));
+        let rows = rows.chain(rows_of(RANDOM_SPOTS, seed, 100));
         let (sensor, rows) = recorded(settings, profile, rows);
         centres += rows.iter().filter(|row| row.head.result.is_ok()).count();
         faults += rows.iter().filter(|row| row.head.result.is_err()).count();
@@ -228,9 +229,8 @@ struct Repeated {
     head: Vec<u8>,
     rows: Vec<Vec<u8>>,
     left: usize,
-    /// The bytes that are being read, and how many of them are.
-    now: Vec<u8>,
-    read: usize,
+    /// The bytes that are being read.
+    now: Cursor<Vec<u8>>,
     /// All bytes that were read.
     total: usize,
 }
@@ -242,11 +242,10 @@ impl Repeated {
         let mut writer = Writer::default();
         let head = writer.head(&sensor);
         Self {
-            now: head.clone(),
+            now: Cursor::new(head.clone()),
             head,
             rows: recorded.iter().map(|row| writer.row(row)).collect(),
             left: rows,
-            read: 0,
             total: 0,
         }
     }
@@ -254,12 +253,13 @@ impl Repeated {
 
 impl Read for Repeated {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        if self.read == self.now.len() && self.left > 0 {
-            self.now.clone_from(&self.rows[self.left % self.rows.len()]);
-            (self.left, self.read) = (self.left - 1, 0);
+        if self.now.fill_buf()?.is_empty() && self.left > 0 {
+            let row = &self.rows[self.left % self.rows.len()];
+            self.now.get_mut().clone_from(row);
+            self.now.set_position(0);
+            self.left -= 1;
         }
-        let count = (&self.now[self.read..]).read(bytes)?;
-        self.read += count;
+        let count = self.now.read(bytes)?;
         self.total += count;
         Ok(count)
     }

@@ -91,7 +91,6 @@ const ROUNDS: usize = 8;
 /// Points to both sides whose scatter is averaged with a point's own.
 const BESIDE: usize = 3;
 
-/// An image of a slit in a point.
 #[derive(Clone, Copy, Debug)]
 struct Image {
     slit: usize,
@@ -132,6 +131,17 @@ impl Image {
 /// The coefficients of all slits.
 type Corrections = [[f64; CORRECTIONS]; MAX_SLITS];
 
+/// The images of all points, and what is fitted to them.
+struct Fit {
+    images: Vec<Image>,
+    corrections: Corrections,
+    /// The coefficients of each slit's correction: its degree and one, or none.
+    freedoms: [usize; MAX_SLITS],
+    /// The most that at least [`FEWEST`] slits have.
+    most: usize,
+    x0s: Vec<f64>,
+}
+
 /// Finds the corrections of the slits, and the points' x0. `None` for points of a sensor with one slit.
 ///
 /// # Errors
@@ -143,49 +153,50 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
     let nominal = Comb::nominal();
     let mut images = Vec::new();
     for (number, point) in points.iter().enumerate() {
-        let of_point = point
-            .slits
-            .as_ref()
-            .and_then(|it| images_of(number, it, &nominal));
+        let of_point = point.slits.as_ref();
+        let of_point = of_point.and_then(|it| images_of(number, it, &nominal));
         images.extend(of_point.with_context(|| {
+            let line = point.line;
             format!(
-                "line {} has no image of any slit: take the point again, or remove the line",
-                point.line
+                "line {line} has no image of any slit: take the point again, or remove the line"
             )
         })?);
     }
-    let mut corrections = Corrections::default();
-    let mut x0s = means(&images, &corrections, points.len());
+    let mut fit = Fit {
+        images,
+        corrections: Corrections::default(),
+        freedoms: [0; MAX_SLITS],
+        most: 0,
+        x0s: vec![0.0; points.len()],
+    };
+    fit.x0s = fit.means(&fit.corrections);
     for round in 0..ROUNDS {
-        let degrees = mark_common(&mut images);
-        corrections =
-            solve(&images, &degrees, &x0s).context("the slits' corrections have no solution")?;
-        x0s = means(&images, &corrections, points.len());
-        trust(&mut images, &corrections, &x0s, round >= SOFT_ROUNDS);
+        fit.mark_common();
+        let solved = fit.solve();
+        fit.corrections = solved.context("the slits' corrections have no solution")?;
+        fit.x0s = fit.means(&fit.corrections);
+        fit.trust(round >= SOFT_ROUNDS);
     }
     // As the sensor holds them.
-    let slits = nominal.slits().iter().zip(&corrections);
+    let slits = nominal.slits().iter().zip(&fit.corrections);
     let slits = slits.map(|(slit, terms)| slit.corrected(terms.map(pixels)));
     let slits: Vec<SlitMap> = slits.collect();
     let comb = Comb::new(&slits).context("the mask's drawing has no slits")?;
     comb.check()?;
-    let rounded: Corrections = std::array::from_fn(|slit| {
-        let slit = slits
-            .get(slit)
-            .map(|slit| slit.correction().map(|term| term.to_f64()));
-        slit.unwrap_or_default()
+    fit.corrections = std::array::from_fn(|slit| {
+        let slit = slits.get(slit);
+        slit.map_or([0.0; CORRECTIONS], |it| {
+            it.correction().map(|term| term.to_f64())
+        })
     });
-    let degrees = mark_common(&mut images);
-    let x0s = means(&images, &rounded, points.len());
-    let sigmas = sigmas(&images, &rounded, &x0s, &degrees);
+    fit.mark_common();
+    fit.x0s = fit.means(&fit.corrections);
+    let sigmas = fit.sigmas();
     let all = slits.iter().enumerate();
-    let slits = all
-        .map(|(number, slit)| fitted_slit(number, slit, &images, &rounded, &x0s, degrees[number]))
-        .collect();
     Ok(Some(FittedComb {
         comb,
-        slits,
-        points: (points.iter().zip(&x0s).zip(&sigmas))
+        slits: all.map(|(number, slit)| fit.slit(number, slit)).collect(),
+        points: (points.iter().zip(&fit.x0s).zip(&sigmas))
             .map(|((point, &x_px), &sigma)| Point {
                 x_px,
                 // The scatter of the slits holds their noise.
@@ -194,8 +205,8 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
             })
             .collect(),
         scatter_px: rms(&sigmas),
-        images: images.iter().filter(|image| image.trust > 0.0).count(),
-        rejected: images.iter().filter(|image| image.trust <= 0.0).count(),
+        images: fit.images.iter().filter(|image| image.trust > 0.0).count(),
+        rejected: fit.images.iter().filter(|image| image.trust <= 0.0).count(),
     }))
 }
 
@@ -222,145 +233,219 @@ fn images_of(point: usize, images: &SlitImages, nominal: &Comb) -> Option<Vec<Im
     (!found.is_empty()).then_some(found)
 }
 
-/// The weighted means of the points' images. If a point has no image that counts, all of its images count.
-fn means(images: &[Image], corrections: &Corrections, points: usize) -> Vec<f64> {
-    let mut sums = vec![(0.0, 0.0); points];
-    let mut all = sums.clone();
-    for image in images {
-        let x0 = image.corrected(corrections);
-        let weight = if image.counts() { image.weight() } else { 0.0 };
-        for (sums, weight) in [(&mut sums, weight), (&mut all, image.light)] {
-            let (sum, weights) = &mut sums[image.point];
-            *sum += weight * x0;
-            *weights += weight;
-        }
+/// The length of the range of images, in units of the correction's argument.
+fn span<'a>(images: impl Iterator<Item = &'a Image>) -> f64 {
+    let (least, most) = least_and_most(images.map(|image| image.t));
+    most - least
+}
+
+impl Fit {
+    /// The images of a slit that count.
+    fn of_slit(&self, slit: usize) -> impl Iterator<Item = &Image> {
+        let is_of_slit = move |image: &&Image| image.slit == slit && image.trust > 0.0;
+        self.images.iter().filter(is_of_slit)
     }
-    let mean = |(sum, weights): (f64, f64)| (weights > 0.0).then(|| sum / weights);
-    (sums.into_iter().zip(all))
-        .map(|(sums, all)| mean(sums).or(mean(all)).unwrap_or_default())
-        .collect()
-}
 
-/// The degree of each slit's correction. The images of the slits with the highest degree that at least
-/// [`FEWEST`] slits have count in the x0 of their points.
-fn mark_common(images: &mut [Image]) -> [Option<usize>; MAX_SLITS] {
-    let degrees = degrees(images);
-    let most = common_degree(&degrees);
-    for image in images {
-        image.is_common = degrees[image.slit] >= most;
+    /// How far an image is from its point's x0, in pixels.
+    fn off(&self, image: &Image) -> f64 {
+        image.corrected(&self.corrections) - self.x0s[image.point]
     }
-    degrees.map(|degree| degree.min(most))
-}
 
-/// The highest degree that at least [`FEWEST`] slits have.
-fn common_degree(degrees: &[Option<usize>; MAX_SLITS]) -> Option<usize> {
-    let mut sorted = *degrees;
-    sorted.sort_unstable();
-    sorted[MAX_SLITS - FEWEST]
-}
-
-/// The degree of each slit's correction.
-fn degrees(images: &[Image]) -> [Option<usize>; MAX_SLITS] {
-    let span = |images: &mut dyn Iterator<Item = &Image>| {
-        let (least, most) = least_and_most(images.map(|image| image.t));
-        most - least
-    };
-    let whole = span(&mut images.iter());
-    std::array::from_fn(|slit| {
-        let of_slit = || images.iter().filter(|it| it.slit == slit && it.trust > 0.0);
-        let count = of_slit().count();
-        let part = span(&mut of_slit()) / whole;
-        (0..CORRECTIONS).rev().find(|&degree| {
-            // All points may be at one place.
-            count >= FEWEST_POINTS[degree] && (degree == 0 || part >= LEAST_SPAN[degree])
-        })
-    })
-}
-
-/// The corrections, for the trust that each image has.
-///
-/// The slits with the most freedoms that at least [`FEWEST`] slits have are solved for at once, with the x0
-/// of the points as their means. The others follow from these x0.
-fn solve(
-    images: &[Image],
-    degrees: &[Option<usize>; MAX_SLITS],
-    x0s: &[f64],
-) -> Option<Corrections> {
-    let freedoms = degrees.map(|degree| degree.map_or(0, |degree| degree + 1));
-    let most = common_degree(degrees).map_or(0, |degree| degree + 1);
-    let mut corrections = Corrections::default();
-    if most == 0 {
-        return Some(corrections);
-    }
-    let together: Vec<usize> = (0..MAX_SLITS)
-        .filter(|&slit| freedoms[slit] >= most)
-        .collect();
-    let place: [Option<usize>; MAX_SLITS] =
-        std::array::from_fn(|slit| together.iter().position(|&other| other == slit));
-    let size = most * together.len();
-    let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
-    for (point, &about) in x0s.iter().enumerate() {
-        let of_point: Vec<(usize, &Image)> = (images.iter())
-            .filter(|image| image.point == point && image.trust > 0.0)
-            .filter_map(|image| Some((place[image.slit]? * most, image)))
-            .collect();
-        let weights: f64 = of_point.iter().map(|(_, image)| image.weight()).sum();
-        if of_point.len() < 2 {
-            continue;
-        }
-        let mean = of_point
-            .iter()
-            .map(|(_, it)| it.weight() * (it.x0 - about))
-            .sum::<f64>()
-            / weights;
-        // The sum of w (y + c - mean of (y + c))^2.
-        for &(row, image) in &of_point {
-            let own = image.powers();
-            for i in 0..most {
-                right[row + i] -= image.weight() * own[i] * (image.x0 - about - mean);
-                for j in 0..most {
-                    normal[(row + i, row + j)] += image.weight() * own[i] * own[j];
-                }
+    /// The weighted means of the points' images. If a point has no image that counts, all of its images count.
+    fn means(&self, corrections: &Corrections) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0.0); self.x0s.len()];
+        let mut all = sums.clone();
+        for image in &self.images {
+            let x0 = image.corrected(corrections);
+            let weight = if image.counts() { image.weight() } else { 0.0 };
+            for (sums, weight) in [(&mut sums, weight), (&mut all, image.light)] {
+                let (sum, weights) = &mut sums[image.point];
+                *sum += weight * x0;
+                *weights += weight;
             }
-            for &(column, other) in &of_point {
-                let weight = image.weight() * other.weight() / weights;
-                let others = other.powers();
+        }
+        let mean = |(sum, weights): (f64, f64)| (weights > 0.0).then(|| sum / weights);
+        (sums.into_iter().zip(all))
+            .map(|(sums, all)| mean(sums).or(mean(all)).unwrap_or_default())
+            .collect()
+    }
+
+    /// Finds the degree of each slit's correction. The images of the slits with the highest degree that at
+    /// least [`FEWEST`] slits have count in the x0 of their points.
+    fn mark_common(&mut self) {
+        let whole = span(self.images.iter());
+        let freedoms: [usize; MAX_SLITS] = std::array::from_fn(|slit| {
+            let count = self.of_slit(slit).count();
+            let part = span(self.of_slit(slit)) / whole;
+            let degree = (0..CORRECTIONS).rev().find(|&degree| {
+                // All points may be at one place.
+                count >= FEWEST_POINTS[degree] && (degree == 0 || part >= LEAST_SPAN[degree])
+            });
+            degree.map_or(0, |degree| degree + 1)
+        });
+        let mut sorted = freedoms;
+        sorted.sort_unstable();
+        self.most = sorted[MAX_SLITS - FEWEST];
+        for image in &mut self.images {
+            image.is_common = freedoms[image.slit] >= self.most;
+        }
+        self.freedoms = freedoms.map(|freedoms| freedoms.min(self.most));
+    }
+
+    /// The corrections, for the trust that each image has.
+    ///
+    /// The slits with the most freedoms that at least [`FEWEST`] slits have are solved for at once, with the
+    /// x0 of the points as their means. The others follow from these x0.
+    fn solve(&self) -> Option<Corrections> {
+        let (most, freedoms) = (self.most, &self.freedoms);
+        let mut corrections = Corrections::default();
+        if most == 0 {
+            return Some(corrections);
+        }
+        let slits = 0..MAX_SLITS;
+        let together: Vec<usize> = slits.filter(|&slit| freedoms[slit] >= most).collect();
+        let place: [Option<usize>; MAX_SLITS] =
+            std::array::from_fn(|slit| together.iter().position(|&other| other == slit));
+        let size = most * together.len();
+        let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        for (point, &about) in self.x0s.iter().enumerate() {
+            let of_point: Vec<(usize, &Image)> = (self.images.iter())
+                .filter(|image| image.point == point && image.trust > 0.0)
+                .filter_map(|image| Some((place[image.slit]? * most, image)))
+                .collect();
+            let weights: f64 = of_point.iter().map(|(_, image)| image.weight()).sum();
+            if of_point.len() < 2 {
+                continue;
+            }
+            let weighted = of_point.iter().map(|(_, it)| it.weight() * (it.x0 - about));
+            let mean = weighted.sum::<f64>() / weights;
+            // The sum of w (y + c - mean of (y + c))^2.
+            for &(row, image) in &of_point {
+                let own = image.powers();
                 for i in 0..most {
+                    right[row + i] -= image.weight() * own[i] * (image.x0 - about - mean);
                     for j in 0..most {
-                        normal[(row + i, column + j)] -= weight * own[i] * others[j];
+                        normal[(row + i, row + j)] += image.weight() * own[i] * own[j];
+                    }
+                }
+                for &(column, other) in &of_point {
+                    let weight = image.weight() * other.weight() / weights;
+                    let others = other.powers();
+                    for i in 0..most {
+                        for j in 0..most {
+                            normal[(row + i, column + j)] -= weight * own[i] * others[j];
+                        }
                     }
                 }
             }
         }
-    }
-    let scale = normal.trace() / size as f64;
-    for i in 0..size {
-        for j in (i % most..size).step_by(most) {
-            // The coefficients of each degree add up to zero.
-            normal[(i, j)] += scale;
+        let scale = normal.trace() / size as f64;
+        for i in 0..size {
+            for j in (i % most..size).step_by(most) {
+                // The coefficients of each degree add up to zero.
+                normal[(i, j)] += scale;
+            }
+            // Points that do not tell some coefficient leave it zero.
+            normal[(i, i)] += 1e-10 * scale;
         }
-        // Points that do not tell some coefficient leave it zero.
-        normal[(i, i)] += 1e-10 * scale;
+        let solution = normal.cholesky()?.solve(&right);
+        for (terms, &slit) in solution.as_slice().chunks(most).zip(&together) {
+            corrections[slit][..most].copy_from_slice(terms);
+        }
+        let reference = self.means(&corrections);
+        let has_reference = |image: &&Image| {
+            let mut others = self
+                .images
+                .iter()
+                .filter(|other| other.point == image.point);
+            others.any(Image::counts)
+        };
+        for slit in (0..MAX_SLITS).filter(|&slit| freedoms[slit] < most && freedoms[slit] > 0) {
+            let of_slit: Vec<&Image> = self.of_slit(slit).filter(has_reference).collect();
+            if let Some(terms) = alone(&of_slit, freedoms[slit], &reference) {
+                corrections[slit] = terms;
+            }
+        }
+        Some(corrections)
     }
-    let solution = normal.cholesky()?.solve(&right);
-    for (terms, &slit) in solution.as_slice().chunks(most).zip(&together) {
-        corrections[slit][..most].copy_from_slice(terms);
-    }
-    let reference = means(images, &corrections, x0s.len());
-    let has_reference = |image: &&Image| {
-        let mut others = images.iter().filter(|other| other.point == image.point);
-        others.any(Image::counts)
-    };
-    for slit in (0..MAX_SLITS).filter(|&slit| freedoms[slit] < most && freedoms[slit] > 0) {
-        let of_slit = images
-            .iter()
-            .filter(|image| image.slit == slit && image.trust > 0.0);
-        let of_slit: Vec<&Image> = of_slit.filter(has_reference).collect();
-        if let Some(terms) = alone(&of_slit, freedoms[slit], &reference) {
-            corrections[slit] = terms;
+
+    /// Finds out which images are too far from their points' x0. An image's deviation is in proportion to one
+    /// over the square root of its light.
+    fn trust(&mut self, rejects: bool) {
+        let off = |image: &Image| self.off(image).abs() * image.light.sqrt();
+        let offs: Vec<f64> = self.images.iter().map(off).collect();
+        // 1.4826 median deviations are a gaussian's sigma.
+        let deviation = 1.4826 * median(&offs);
+        for (image, off) in self.images.iter_mut().zip(offs) {
+            let least = if image.is_common {
+                LEAST_OFF
+            } else {
+                LEAST_OFF_OF_FEW
+            };
+            let outlier = (OUTLIER * deviation).max(least * image.light.sqrt());
+            image.trust = match rejects {
+                true if off > outlier => 0.0,
+                true => 1.0,
+                false if off > LESS * deviation => LESS * deviation / off,
+                false => 1.0,
+            };
         }
     }
-    Some(corrections)
+
+    /// The standard uncertainty of each point's x0 by the scatter of its slits. Few slits tell their scatter
+    /// to a fifth, and so its square is averaged with those of the neighbours.
+    fn sigmas(&self) -> Vec<f64> {
+        #[derive(Clone, Copy, Default)]
+        struct OfPoint {
+            /// The sum of h r^2.
+            squares: f64,
+            light: f64,
+            images: f64,
+        }
+        let mut of_points = vec![OfPoint::default(); self.x0s.len()];
+        for image in self.images.iter().filter(|image| image.counts()) {
+            let point = &mut of_points[image.point];
+            let off = self.off(image);
+            point.squares += image.light * off * off;
+            point.light += image.light;
+            point.images += 1.0;
+        }
+        let freedom = |it: &OfPoint| (it.images - 1.0).max(0.0);
+        let free: f64 = of_points.iter().map(freedom).sum();
+        let fitted: usize = self.freedoms.iter().filter(|it| **it == self.most).sum();
+        // The corrections follow the images, so the residuals are smaller than the errors.
+        let left = (free - fitted as f64).max(1.0);
+        let by_fit = (free / left).max(1.0);
+        let mut order: Vec<usize> = (0..self.x0s.len()).collect();
+        order.sort_by(|&a, &b| self.x0s[a].total_cmp(&self.x0s[b]));
+        let mut sigmas = vec![0.0; self.x0s.len()];
+        for (rank, &point) in order.iter().enumerate() {
+            let near = rank.saturating_sub(BESIDE)..order.len().min(rank + BESIDE + 1);
+            let near = || order[near.clone()].iter().map(|&it| &of_points[it]);
+            let squares: f64 = near().map(|it| it.squares).sum();
+            let free: f64 = near().map(freedom).sum();
+            let of_one_count = by_fit * squares / free.max(1.0);
+            let variance = of_one_count / of_points[point].light.max(1.0);
+            sigmas[point] = f64::from(NEIGHBOURS) * variance.sqrt();
+        }
+        sigmas
+    }
+
+    /// What the points tell of a slit.
+    fn slit(&self, number: usize, slit: &SlitMap) -> FittedSlit {
+        let (least, most) = least_and_most(&self.x0s);
+        let t = (0.5 * (least + most) - f64::from(DRAWING.axis_px)) / f64::from(UNIT);
+        let terms = self.corrections[number].iter().rev();
+        let offs: Vec<f64> = self.of_slit(number).map(|it| self.off(it)).collect();
+        let squares = offs.iter().map(|off| off * off).sum::<f64>();
+        FittedSlit {
+            place_um: slit.place().to_f64(),
+            points: offs.len(),
+            degree: self.freedoms[number].checked_sub(1),
+            correction_px: terms.fold(0.0, |sum, term| sum * t + term),
+            residual_px: (squares / offs.len().max(1) as f64).sqrt(),
+        }
+    }
 }
 
 /// The correction of one slit to x0 that are known. `None` if there are too few points.
@@ -382,105 +467,4 @@ fn alone(images: &[&Image], freedoms: usize, reference: &[f64]) -> Option<[f64; 
     let mut terms = [0.0; CORRECTIONS];
     terms[..freedoms].copy_from_slice(solution.as_slice());
     Some(terms)
-}
-
-/// Finds out which images are too far from their points' x0. An image's deviation is in proportion to one
-/// over the square root of its light.
-fn trust(images: &mut [Image], corrections: &Corrections, x0s: &[f64], rejects: bool) {
-    let off = |image: &Image| {
-        (image.corrected(corrections) - x0s[image.point]).abs() * image.light.sqrt()
-    };
-    // 1.4826 median deviations are a gaussian's sigma.
-    let deviation = 1.4826 * median(images.iter().map(off));
-    for image in images {
-        let least = if image.is_common {
-            LEAST_OFF
-        } else {
-            LEAST_OFF_OF_FEW
-        };
-        let outlier = (OUTLIER * deviation).max(least * image.light.sqrt());
-        let off = off(image);
-        image.trust = match rejects {
-            true if off > outlier => 0.0,
-            true => 1.0,
-            false if off > LESS * deviation => LESS * deviation / off,
-            false => 1.0,
-        };
-    }
-}
-
-/// The standard uncertainty of each point's x0 by the scatter of its slits. Few slits tell their scatter to a
-/// fifth, and so its square is averaged with those of the neighbours.
-fn sigmas(
-    images: &[Image],
-    corrections: &Corrections,
-    x0s: &[f64],
-    degrees: &[Option<usize>; MAX_SLITS],
-) -> Vec<f64> {
-    #[derive(Clone, Copy, Default)]
-    struct OfPoint {
-        /// The sum of h r^2.
-        squares: f64,
-        light: f64,
-        images: f64,
-    }
-    let mut of_points = vec![OfPoint::default(); x0s.len()];
-    for image in images.iter().filter(|image| image.counts()) {
-        let point = &mut of_points[image.point];
-        let off = image.corrected(corrections) - x0s[image.point];
-        point.squares += image.light * off * off;
-        point.light += image.light;
-        point.images += 1.0;
-    }
-    let freedom: f64 = of_points.iter().map(|it| (it.images - 1.0).max(0.0)).sum();
-    let common = degrees
-        .iter()
-        .flatten()
-        .filter(|&&degree| Some(degree) == common_degree(degrees));
-    let fitted: usize = common.map(|degree| degree + 1).sum();
-    // The corrections follow the images, so the residuals are smaller than the errors.
-    let left = (freedom - fitted as f64).max(1.0);
-    let by_fit = (freedom / left).max(1.0);
-    let mut order: Vec<usize> = (0..x0s.len()).collect();
-    order.sort_by(|&a, &b| x0s[a].total_cmp(&x0s[b]));
-    let mut sigmas = vec![0.0; x0s.len()];
-    for (rank, &point) in order.iter().enumerate() {
-        let near = &order[rank.saturating_sub(BESIDE)..order.len().min(rank + BESIDE + 1)];
-        let squares: f64 = near.iter().map(|&it| of_points[it].squares).sum();
-        let freedom: f64 = near
-            .iter()
-            .map(|&it| (of_points[it].images - 1.0).max(0.0))
-            .sum();
-        let of_one_count = by_fit * squares / freedom.max(1.0);
-        sigmas[point] =
-            f64::from(NEIGHBOURS) * (of_one_count / of_points[point].light.max(1.0)).sqrt();
-    }
-    sigmas
-}
-
-fn fitted_slit(
-    number: usize,
-    slit: &SlitMap,
-    images: &[Image],
-    corrections: &Corrections,
-    x0s: &[f64],
-    degree: Option<usize>,
-) -> FittedSlit {
-    let (least, most) = least_and_most(x0s);
-    let t = (0.5 * (least + most) - f64::from(DRAWING.axis_px)) / f64::from(UNIT);
-    let terms = corrections[number].iter().rev();
-    let correction_px = terms.fold(0.0, |sum, term| sum * t + term);
-    let of_slit = images
-        .iter()
-        .filter(|it| it.slit == number && it.trust > 0.0);
-    let offs = of_slit.map(|image| image.corrected(corrections) - x0s[image.point]);
-    let offs: Vec<f64> = offs.collect();
-    let squares = offs.iter().map(|off| off * off).sum::<f64>();
-    FittedSlit {
-        place_um: slit.place().to_f64(),
-        points: offs.len(),
-        degree,
-        correction_px,
-        residual_px: (squares / offs.len().max(1) as f64).sqrt(),
-    }
 }

@@ -29,22 +29,19 @@ impl Curve {
     /// What is added to eq. (1) at a centre.
     pub fn residual(&self, centre: f64) -> f64 {
         let distance = self.eq1.curve.distance(centre);
-        let correction = self.correction.as_ref();
-        correction.map_or(0.0, |correction| correction.at(distance))
+        (self.correction.as_ref()).map_or(0.0, |it| it.at(distance))
     }
 
     /// Metres a pixel.
     pub fn slope(&self, centre: f64) -> f64 {
         let distance = self.eq1.curve.distance(centre);
-        let correction = self.correction.as_ref();
-        let change = correction.map_or(0.0, |correction| correction.slope_at(distance));
+        let change = (self.correction.as_ref()).map_or(0.0, |it| it.slope_at(distance));
         self.eq1.curve.slope(centre) * (1.0 + change)
     }
 
     /// How many parameters the curve is worth.
     pub fn freedoms(&self) -> f64 {
-        let correction = self.correction.as_ref();
-        correction.map_or(3.0, |correction| correction.freedoms)
+        (self.correction.as_ref()).map_or(3.0, |it| it.freedoms)
     }
 
     /// The variance of the curve's distance at a centre, as the variances of the points tell it. The spline's

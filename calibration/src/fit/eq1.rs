@@ -155,7 +155,7 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     let mut scaled = scale.start(points)?;
     let mut squares = scale.squares(points, &scaled);
     for _ in 0..MAX_STEPS {
-        let (normal, right) = scale.normal_equations(points, &scaled);
+        let (normal, right) = scale.step(points, &scaled);
         let step = normal.cholesky().context(UNDETERMINED)?.solve(&right);
         // Halved until it leads downhill: far from the minimum a whole step may cross a pole.
         let shorter = (0..30).map(|halvings| scaled + step * 0.5f64.powi(halvings));
@@ -184,7 +184,7 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
         scale.last
     );
 
-    let (normal, _) = scale.normal_equations(points, &scaled);
+    let (normal, _) = scale.step(points, &scaled);
     let by_scaled = scale.derivatives_of_eq1(&scaled);
     let inverse = normal.cholesky().context(UNDETERMINED)?.inverse();
     let curve = scale.eq1(&scaled);
@@ -203,6 +203,21 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
 }
 
 const UNDETERMINED: &str = "the points do not determine three parameters";
+
+/// Normal equations: `row` gives a point's derivatives, and the value that they are to explain.
+fn normal_equations(
+    points: &[Observation],
+    row: impl Fn(&Observation) -> (RowVector3<f64>, f64),
+) -> (Matrix3<f64>, Vector3<f64>) {
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for point in points {
+        let (row, value) = row(point);
+        let weighted = row.transpose() / point.variance;
+        normal += weighted * row;
+        right += weighted * value;
+    }
+    (normal, right)
+}
 
 /// z = (x - middle) / half.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -235,14 +250,10 @@ impl Scale {
 
     /// p, q and r by linear least squares of d = p + q z - r z d.
     fn start(&self, points: &[Observation]) -> anyhow::Result<Vector3<f64>> {
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for point in points {
+        let (normal, right) = normal_equations(points, |point| {
             let z = self.z(point.centre);
-            let row = RowVector3::new(1.0, z, -z * point.distance);
-            let weighted = row.transpose() / point.variance;
-            normal += weighted * row;
-            right += weighted * point.distance;
-        }
+            (RowVector3::new(1.0, z, -z * point.distance), point.distance)
+        });
         Ok(normal.cholesky().context(UNDETERMINED)?.solve(&right))
     }
 
@@ -268,20 +279,12 @@ impl Scale {
         squares.sum()
     }
 
-    /// Of a Gauss-Newton step.
-    fn normal_equations(
-        &self,
-        points: &[Observation],
-        scaled: &Vector3<f64>,
-    ) -> (Matrix3<f64>, Vector3<f64>) {
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for point in points {
+    /// The normal equations of a Gauss-Newton step.
+    fn step(&self, points: &[Observation], scaled: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+        normal_equations(points, |point| {
             let (distance, gradient) = self.distance(scaled, point.centre);
-            let weighted = gradient.transpose() / point.variance;
-            normal += weighted * gradient;
-            right += weighted * (point.distance - distance);
-        }
-        (normal, right)
+            (gradient, point.distance - distance)
+        })
     }
 
     fn eq1(&self, scaled: &Vector3<f64>) -> Eq1 {
@@ -296,18 +299,12 @@ impl Scale {
     /// Of (D, K, xp) by (p, q, r), row by row.
     fn derivatives_of_eq1(&self, scaled: &Vector3<f64>) -> Matrix3<f64> {
         let [p, q, r] = [scaled[0], scaled[1], scaled[2]];
-        let h = self.half;
-        Matrix3::new(
-            0.0,
-            1.0 / r,
-            -q / (r * r),
-            h / r,
-            -h / (r * r),
-            h * (2.0 * q / r - p) / (r * r),
-            0.0,
-            0.0,
-            h / (r * r),
-        )
+        let (h, rr) = (self.half, r * r);
+        Matrix3::from_rows(&[
+            RowVector3::new(0.0, 1.0 / r, -q / rr),
+            RowVector3::new(h / r, -h / rr, h * (2.0 * q / r - p) / rr),
+            RowVector3::new(0.0, 0.0, h / rr),
+        ])
     }
 }
 
@@ -386,7 +383,7 @@ mod tests {
             let eigenvalues = (unit * normal * unit).symmetric_eigenvalues();
             (eigenvalues.max() / eigenvalues.min()).sqrt()
         };
-        let (normal, _) = scale.normal_equations(&points, &scaled);
+        let (normal, _) = scale.step(&points, &scaled);
         let to_eq1 = scale.derivatives_of_eq1(&scaled).try_inverse();
         let to_eq1 = to_eq1.expect("independent");
         let [fitted, physical] = [normal, to_eq1.transpose() * normal * to_eq1].map(condition);

@@ -80,7 +80,6 @@ pub fn after(
 /// A line whose distance does not go on from those before it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutOfOrder {
-    /// Its place among the points.
     index: usize,
     point: Point,
     /// The line with which it does not go together.
@@ -90,20 +89,14 @@ pub struct OutOfOrder {
 
 impl std::fmt::Display for OutOfOrder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { point, other, .. } = self;
-        let (after, before) = match point.line > other.line {
-            true => (point, other),
-            false => (other, point),
-        };
+        let mut lines = [&self.other, &self.point].map(|point| (point.line, point.d_mm));
+        lines.sort_by_key(|(line, _)| *line);
+        let [(before, before_mm), (after, after_mm)] = lines;
+        let go = if self.rise { "rise" } else { "fall" };
         write!(
             f,
-            "line {}: its distance, {} mm, comes after the {} mm of line {}, where the others {} from line \
-             to line: sort the lines by distance, or correct it",
-            after.line,
-            after.d_mm,
-            before.d_mm,
-            before.line,
-            if self.rise { "rise" } else { "fall" }
+            "line {after}: its distance, {after_mm} mm, comes after the {before_mm} mm of line {before}, \
+             where the others {go} from line to line: sort the lines by distance, or correct it"
         )
     }
 }
@@ -117,16 +110,10 @@ fn repeated(points: &[Point]) -> anyhow::Result<()> {
         let same = pairs.filter(|(first, later)| value(first) == value(later));
         same.min_by_key(|(_, later)| later.line)
     };
-    if let Some((
-        Point {
-            line, x_px, d_mm, ..
-        },
-        later,
-    )) = twice(|point| point.d_mm)
-    {
-        let again = later.line;
+    if let Some((first, later)) = twice(|point| point.d_mm) {
+        let (line, d_mm, again) = (first.line, first.d_mm, later.line);
         ensure!(
-            x_px != later.x_px,
+            first.x_px != later.x_px,
             "line {again} repeats line {line}: remove one of them"
         );
         bail!(
@@ -209,6 +196,11 @@ fn by_distance(points: &[Point]) -> Vec<&Point> {
     sorted
 }
 
+/// The line of a point, its centre and its distance.
+fn figures(point: &&Point) -> (u64, f64, f64) {
+    (point.line, point.x_px, point.d_mm)
+}
+
 /// Few points: each goes on from the one before.
 fn steps_back(points: &[Point]) -> anyhow::Result<()> {
     let sorted = by_distance(points);
@@ -219,16 +211,11 @@ fn steps_back(points: &[Point]) -> anyhow::Result<()> {
     let goes_back = |pair: &&[&Point]| sign * pair[1].x_px < sign * pair[0].x_px;
     let pair = sorted.windows(2).find(goes_back);
     if let Some([near, far]) = pair {
+        let [(near, from_px, from), (far, to_px, to)] = [near, far].map(figures);
         bail!(
-            "line {}: its centre, {} px, goes back from the {} px of line {} while the distance goes on from \
-             {} to {} mm: take it again, or leave it out (a wrong point can be told from good ones where \
-             there are {FEWEST_TO_REJECT} or more)",
-            far.line,
-            far.x_px,
-            near.x_px,
-            near.line,
-            near.d_mm,
-            far.d_mm
+            "line {far}: its centre, {to_px} px, goes back from the {from_px} px of line {near} while the \
+             distance goes on from {from} to {to} mm: take it again, or leave it out (a wrong point can be \
+             told from good ones where there are {FEWEST_TO_REJECT} or more)"
         );
     }
     Ok(())
@@ -253,16 +240,12 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
     };
     let back = steps.iter().position(|step| sign * step <= 0.0);
     if let Some(i) = back {
-        let (first, next) = (groups[i], groups[i + 1]);
-        let last = next[next.len() - 1];
+        let (next, from) = (groups[i + 1], groups[i][0].d_mm);
+        let (line, (last, _, to)) = (next[0].line, figures(&next[next.len() - 1]));
         bail!(
-            "lines {} to {}: from {} to {} mm the centres go back, from about {:.1} to {:.1} px, where the \
-             others go on: two distances would have one centre; take a range in which the centre only rises \
-             or only falls",
-            next[0].line,
-            last.line,
-            first[0].d_mm,
-            last.d_mm,
+            "lines {line} to {last}: from {from} to {to} mm the centres go back, from about {:.1} to {:.1} \
+             px, where the others go on: two distances would have one centre; take a range in which the \
+             centre only rises or only falls",
             medians[i],
             medians[i + 1]
         );
@@ -283,16 +266,11 @@ fn folds(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
     let mut runs = sorted.windows(FOLD + 1);
     let fold = runs.find(|run| run.windows(2).all(goes_back));
     if let Some([(first, _), .., (last, _)]) = fold {
+        let [(first, from_px, from), (last, to_px, to)] = [first, last].map(figures);
         bail!(
-            "lines {} to {}: the centre goes back from {} to {} px while the distance goes on from {} to {} \
-             mm: two distances would have one centre; take a range in which the centre only rises or only \
-             falls",
-            first.line,
-            last.line,
-            first.x_px,
-            last.x_px,
-            first.d_mm,
-            last.d_mm
+            "lines {first} to {last}: the centre goes back from {from_px} to {to_px} px while the distance \
+             goes on from {from} to {to} mm: two distances would have one centre; take a range in which the \
+             centre only rises or only falls"
         );
     }
     Ok(())

@@ -73,14 +73,6 @@ impl Grid {
         }
     }
 
-    /// The grid's distances.
-    pub fn ends(&self) -> (f64, f64) {
-        (
-            self.first,
-            self.first + self.interval * self.intervals as f64,
-        )
-    }
-
     fn splines(&self) -> usize {
         self.intervals + 3
     }

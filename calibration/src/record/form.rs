@@ -96,7 +96,6 @@ fn held(solved: &Solved, form: Form, because: String) -> anyhow::Result<Made<'_>
     })
 }
 
-/// The first and the last centre.
 fn ends(curve: &Curve) -> (Pixels, Pixels) {
     let (first, last) = curve.eq1.valid;
     (pixels(first), pixels(last))

@@ -74,7 +74,6 @@ pub fn of(solved: &Solved, calibration: &Calibration) -> Option<Profile> {
     profile.is_sensible().then_some(profile)
 }
 
-/// Where the points are.
 struct Places {
     /// Parameters of a polynomial: its degree and one.
     powers: usize,
@@ -82,7 +81,6 @@ struct Places {
     along: Vec<f64>,
 }
 
-/// A polynomial through values.
 struct Fitted {
     /// Its values at even steps from the first centre to the last.
     at_places: [f64; PLACES],

@@ -74,14 +74,11 @@ impl Sensor {
     /// All images of a target. Their heights are those of nobody's speckle.
     fn images(&self, distance: f64, mut error: impl FnMut(usize) -> f64) -> SlitImages {
         std::array::from_fn(|slit| {
-            Some(SlitImage {
-                x_px: self.centre(slit, distance) + error(slit),
-                height_counts: 800.0 + 40.0 * slit as f64,
-            })
+            let x_px = self.centre(slit, distance) + error(slit);
+            Some(SlitImage::new(x_px, 800.0 + 40.0 * slit as f64))
         })
     }
 
-    /// The images of a target without errors.
     fn exact(&self, distance: f64) -> SlitImages {
         self.images(distance, |_| 0.0)
     }

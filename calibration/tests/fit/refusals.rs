@@ -1,7 +1,7 @@
 //! Which points are refused, with which words, and which points are accepted.
 
 use calibration::fit::solve::solve;
-use calibration::points::{Point, Points};
+use calibration::points::Point;
 
 use super::truth::{Truth, seeded};
 
@@ -139,14 +139,4 @@ fn three_points_give_a_calibration() {
     let uncertainty = 1e6 * solved.plain_quality.uncertainty.expect("by sigma_px");
     println!("three points of 0.02 px: {uncertainty:.2} um");
     assert!((5.0..20.0).contains(&uncertainty));
-}
-
-/// The reader refuses a file with a malformed number before the fit.
-#[test]
-fn the_readers_refusals_name_the_line() {
-    let error = Points::parse("x_px,d_mm\n1500,600\n1490,NaN\n").expect_err("refused");
-    assert_eq!(
-        error.to_string(),
-        "line 3: d_mm is \"NaN\", which is no finite number: correct it, or remove the line"
-    );
 }

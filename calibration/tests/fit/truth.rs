@@ -20,11 +20,9 @@ const HALF_ROW: f64 = 1824.0;
 
 /// The range of distances in metres.
 pub const NEAR: f64 = 0.60;
-/// Its end.
 pub const FAR: f64 = 1.02;
 
 impl Truth {
-    /// The geometry of the nominal calibration.
     pub fn nominal() -> Self {
         Self::distorted(0.0)
     }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Design;
+use super::geometry::Geometry;
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 640.0;
@@ -13,21 +14,6 @@ const LIGHT: &str = "#d62728";
 /// A place on the drawing.
 type Place = (f64, f64);
 
-/// Draws to scale. `origin` is where the laser's origin is, `scale` the pixels for a millimetre.
-struct View {
-    origin: Place,
-    scale: f64,
-}
-
-impl View {
-    /// Where a point is drawn that lies `away` mm from the beam and `along` mm along it.
-    fn place(&self, (away, along): Place) -> Place {
-        let (x, y) = self.origin;
-        (x + self.scale * along, y - self.scale * away)
-    }
-}
-
-/// Writes the elements of an SVG.
 struct Svg(String);
 
 impl Svg {
@@ -55,12 +41,10 @@ impl Svg {
         self.text(at, anchor, text);
     }
 
-    fn circle(&mut self, at: Place, radius: f64) {
-        let _ = writeln!(
-            self.0,
-            r#"<circle cx="{:.1}" cy="{:.1}" r="{radius}" fill="{LIGHT}"/>"#,
-            at.0, at.1
-        );
+    /// The spot of the laser.
+    fn spot(&mut self, (x, y): Place) {
+        self.0 += &format!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="4" fill="{LIGHT}"/>"#);
+        self.0.push('\n');
     }
 
     fn box_around(&mut self, at: Place, (width, height): Place, fill: &str) {
@@ -74,44 +58,14 @@ impl Svg {
 
 const BROKEN: &str = r#" stroke-dasharray="6 4""#;
 
-/// Places of the parts, in mm from the beam and along it.
-struct Parts {
-    slit: Place,
-    /// Along the axis, from the slit to the beam.
-    axis: Place,
-    /// Along the row, in the direction in which pixels count.
-    row: Place,
-    focal: f64,
-    pitch: f64,
-    middle: f64,
-}
-
-impl Parts {
-    fn of(design: &Design) -> Self {
-        let geometry = &design.geometry;
-        let (sin, cos) = geometry.angle.sin_cos();
-        Self {
-            slit: (geometry.baseline, geometry.offset),
-            axis: (-cos, sin),
-            row: (sin, cos),
-            focal: geometry.focal,
-            pitch: geometry.pitch,
-            middle: geometry.axis,
-        }
-    }
-
-    /// A place near the slit: `along` the axis towards the beam, and `beside` it along the row.
-    fn near_slit(&self, along: f64, beside: f64) -> Place {
-        (
-            self.slit.0 + along * self.axis.0 + beside * self.row.0,
-            self.slit.1 + along * self.axis.1 + beside * self.row.1,
-        )
-    }
-
-    /// The place of a pixel.
-    fn pixel(&self, pixel: f64) -> Place {
-        self.near_slit(-self.focal, (pixel - self.middle) * self.pitch)
-    }
+/// A place near the slit, in mm from the beam and along it: `along` the axis towards the beam, and `beside` it
+/// along the row, in the direction in which pixels count.
+fn near_slit(geometry: &Geometry, along: f64, beside: f64) -> Place {
+    let (sin, cos) = geometry.angle.sin_cos();
+    (
+        geometry.baseline - along * cos + beside * sin,
+        geometry.offset + along * sin + beside * cos,
+    )
 }
 
 pub(super) fn svg(design: &Design) -> String {
@@ -130,40 +84,30 @@ pub(super) fn svg(design: &Design) -> String {
 /// Laser, beam, targets and slit, to scale.
 fn draw_whole(svg: &mut Svg, design: &Design) {
     let (geometry, options) = (&design.geometry, &design.options);
-    let parts = Parts::of(design);
-    let room = (WIDTH - 190.0) / options.far;
-    let view = View {
-        origin: (110.0, HEIGHT - 110.0),
-        scale: room.min(240.0 / geometry.baseline),
-    };
-    let place = |at| view.place(at);
-    let slit = place(parts.slit);
-    let beam = place((0.0, 0.0));
+    let scale = ((WIDTH - 190.0) / options.far).min(240.0 / geometry.baseline);
+    // The place on the drawing, from the one in mm from the beam and along it.
+    let place = |(away, along): Place| (110.0 + scale * along, HEIGHT - 110.0 - scale * away);
+    let near_slit = |along: f64, beside: f64| place(near_slit(geometry, along, beside));
+    let (slit, beam) = (near_slit(0.0, 0.0), place((0.0, 0.0)));
 
     // The optical axis, from the sensor to the beam.
-    let to_beam = geometry.baseline / geometry.angle.cos();
-    let hit = parts.near_slit(to_beam, 0.0);
-    let sensor = place(parts.near_slit(-geometry.focal, 0.0));
-    svg.line((sensor, place(hit)), GREY, 1.0, BROKEN);
+    let hit = near_slit(geometry.baseline / geometry.angle.cos(), 0.0);
+    let sensor = near_slit(-geometry.focal, 0.0);
+    svg.line((sensor, hit), GREY, 1.0, BROKEN);
     // Light from the nearest and the farthest target to the pixels.
     for distance in [options.near, options.far] {
-        let pixel = place(parts.pixel(geometry.centre(distance)));
-        svg.line((place((0.0, distance)), pixel), LIGHT, 1.2, "");
+        let beside = (geometry.centre(distance) - geometry.axis) * geometry.pitch;
         let (x, y) = place((0.0, distance));
+        svg.line(((x, y), near_slit(-geometry.focal, beside)), LIGHT, 1.2, "");
         svg.box_around((x, y - 45.0), (10.0, 90.0), "#cccccc");
-        svg.circle((x, y), 4.0);
+        svg.spot((x, y));
     }
     svg.line((beam, place((0.0, options.far))), LIGHT, 3.0, "");
     svg.box_around((beam.0 - 60.0, beam.1 - 13.0), (60.0, 26.0), "#dddddd");
     svg.text((beam.0 - 30.0, beam.1 + 5.0), "middle", "laser");
 
     // The mask and the sensor's package.
-    let ends = |along: f64, half: f64| {
-        (
-            place(parts.near_slit(along, -half)),
-            place(parts.near_slit(along, half)),
-        )
-    };
+    let ends = |along: f64, half: f64| (near_slit(along, -half), near_slit(along, half));
     let half = 0.5 * geometry.pixels as f64 * geometry.pitch;
     svg.line(ends(0.0, half), INK, 3.0, "");
     svg.line(ends(-geometry.focal, half), INK, 5.0, "");

@@ -56,28 +56,20 @@ impl Design {
         let geometry = &self.geometry;
         let um_a_pixel = 1000.0 * geometry.mm_a_pixel(distance);
         let width = self.width(distance);
-        let slits = if self.options.comb {
-            COMB_SLITS as f64
-        } else {
-            1.0
-        };
+        let slits = if self.options.comb { COMB_SLITS } else { 1 } as f64;
         let row = um_a_pixel * self.centre_noise(width) / slits.sqrt();
         let rows = f64::from(self.options.rows);
         let speckle = self.speckle(distance, slits);
         let of_map = pixels(width, 0.01 * self.options.pixels);
         let rounding = quantisation(width, self.options.height);
+        let noise = row / um_a_pixel / rows.sqrt();
+        let rounding = um_a_pixel * rounding / (slits * rows).sqrt();
         let parts = [
             ("noise", row / rows.sqrt()),
-            (
-                "quantisation",
-                um_a_pixel * rounding / (slits * rows).sqrt(),
-            ),
+            ("quantisation", rounding),
             ("speckle", speckle),
             ("pixels", um_a_pixel * of_map / slits.sqrt()),
-            (
-                "calibration",
-                self.calibration(distance, row / um_a_pixel / rows.sqrt(), slits),
-            ),
+            ("calibration", self.calibration(distance, noise, slits)),
             ("temperature", self.warming(distance)),
         ];
         At {
@@ -151,10 +143,8 @@ impl Design {
             let t = (at - self.options.near) / half - 1.0;
             Vector3::new(1.0, t, t * t)
         };
-        let (first, last) = (
-            geometry.centre(self.options.far),
-            geometry.centre(self.options.near),
-        );
+        let ends = [self.options.far, self.options.near];
+        let [first, last] = ends.map(|distance| geometry.centre(distance));
         let step = (last - first) / f64::from(self.options.points - 1);
         let mut information = Matrix3::zeros();
         for i in 0..self.options.points {

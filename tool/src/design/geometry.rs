@@ -149,13 +149,11 @@ impl Geometry {
 
 /// The places of the first and the last slit along the row.
 fn outer_slits(comb: bool) -> (f64, f64) {
-    match comb {
-        true => (
-            f64::from(NOMINAL_PLACES_UM[0]) / 1000.0,
-            f64::from(NOMINAL_PLACES_UM[COMB_SLITS - 1]) / 1000.0,
-        ),
-        false => (0.0, 0.0),
-    }
+    let place = |slit: usize| match comb {
+        true => f64::from(NOMINAL_PLACES_UM[slit]) / 1000.0,
+        false => 0.0,
+    };
+    (place(0), place(COMB_SLITS - 1))
 }
 
 /// The width of the slits of a comb, in micrometres.

@@ -20,7 +20,6 @@ use crate::record_file::Shown;
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     verdict: Verdict,
-    /// The file of the points.
     file: String,
     /// Points that were read.
     points: usize,
@@ -36,7 +35,6 @@ pub struct Report {
     eq1_alone: Residuals,
     /// How well the curve of that form does.
     curve: Residuals,
-    /// The centres and distances for which it holds.
     range: Range,
     table: Option<Table>,
     /// How far the sensor's distances are from the curve, by rounding and tabulation, at most.
@@ -54,7 +52,6 @@ pub struct Report {
     record: Option<RecordWritten>,
 }
 
-/// A point that was rejected.
 #[derive(Clone, Debug, Serialize)]
 struct Rejected {
     line: u64,
@@ -73,7 +70,6 @@ struct Value {
     uncertainty: Option<f64>,
 }
 
-/// Eq. (1)'s parameters.
 #[derive(Clone, Debug, Serialize)]
 struct Parameters {
     d_mm: Value,
@@ -144,13 +140,11 @@ struct Range {
     last_mm: f64,
 }
 
-/// A table.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Table {
     knots: usize,
 }
 
-/// A record that was written.
 #[derive(Clone, Debug, Serialize)]
 struct RecordWritten {
     file: String,
@@ -181,9 +175,8 @@ impl Report {
     /// That of a calibration, and of a comb if the sensor has one.
     pub fn of(file: String, solved: &Solved, made: &Made<'_>, comb: Option<&FittedComb>) -> Self {
         let (curve, quality) = (made.curve, solved.quality(made.form));
-        let fit = &solved.plain.eq1;
+        let (fit, variance) = (&solved.plain.eq1, solved.variance());
         let unit = fit.unit_covariance;
-        let variance = solved.variance();
         let value = |value: f64, i: usize, factor: f64| Value {
             value: factor * value,
             uncertainty: variance.map(|variance| factor * (variance * unit[(i, i)]).sqrt()),
@@ -194,8 +187,8 @@ impl Report {
             [0, 1, 2].map(|i| [0, 1, 2].map(|j| variance * unit[(i, j)] * factors[i] * factors[j]))
         });
         let (first, last) = curve.eq1.valid;
-        let from_range = [first, last].map(|end| (end - fit.curve.pole).abs());
-        let from_range = from_range[0].min(from_range[1]);
+        let [from_first, from_last] = [first, last].map(|end| (end - fit.curve.pole).abs());
+        let from_range = from_first.min(from_last);
         let all = || solved.points.iter().zip(&solved.verdicts);
         let rejected = all().filter(|(_, verdict)| !verdict.kept);
         let mut report = Self {
@@ -316,15 +309,12 @@ impl Report {
                 ));
             }
         }
-        limits.push(
+        let always = [
             "an error that all positions share (the zero or the scale of a stage or ruler) is in the \
-             calibration, and not in these figures"
-                .into(),
-        );
-        limits.push(
-            "one that neighbours share (speckle, where steps are short) makes the uncertainties too \
-             small".into(),
-        );
+             calibration, and not in these figures",
+            "one that neighbours share (speckle, where steps are short) makes the uncertainties too small",
+        ];
+        limits.extend(always.map(str::to_owned));
         limits
     }
 }
@@ -336,51 +326,40 @@ impl fmt::Display for Report {
             Form::Corrected => "eq. (1) with a table of smoothed residuals",
             Form::Table => "a table of smoothed distances",
         };
-        writeln!(f, "{}\n", self.verdict)?;
-        let (file, points, used) = (&self.file, self.points, self.used);
-        let rejected = self.rejected.len();
+        let (range, eq1, pole) = (&self.range, &self.eq1, &self.pole);
         writeln!(
             f,
-            "{file}: {points} points, {used} used, {rejected} rejected"
+            "{}\n\n{}: {} points, {} used, {} rejected\n  weighted {}",
+            self.verdict,
+            self.file,
+            self.points,
+            self.used,
+            self.rejected.len(),
+            self.weights
         )?;
-        writeln!(f, "  weighted {}", self.weights)?;
-        let range = &self.range;
-        let (from, to) = (range.first_mm, range.last_mm);
-        write!(
+        writeln!(
             f,
-            "  from {:.3} to {:.3} px, ",
-            range.first_px, range.last_px
+            "  from {:.3} to {:.3} px, which are {:.3} to {:.3} mm",
+            range.first_px, range.last_px, range.first_mm, range.last_mm
         )?;
-        writeln!(f, "which are {from:.3} to {to:.3} mm")?;
         writeln!(f, "\nCalibration: {form} ({})", self.form_because)?;
         if let Some(Table { knots }) = self.table {
             writeln!(f, "  {knots} knots")?;
         }
-        let within = self.held_within_um;
-        writeln!(
-            f,
-            "  the sensor's distances are within {within:.3} um of the curve, rounding and knots included"
-        )?;
-
-        writeln!(f, "\nEq. (1): d = D + K/(x - xp)")?;
-        let eq1 = &self.eq1;
-        writeln!(f, "  D   {:>14} mm", Measured(&eq1.d_mm))?;
-        writeln!(f, "  K   {:>14} mm px", Measured(&eq1.k_mm_px))?;
-        writeln!(f, "  xp  {:>14} px", Measured(&eq1.xp_px))?;
         let [dk, dx, kx] = eq1.correlation;
         writeln!(
             f,
-            "  correlation D,K {dk:+.6}  D,xp {dx:+.6}  K,xp {kx:+.6}"
-        )?;
-        let (px, ranges) = (self.pole.from_range_px, self.pole.ranges_away);
-        writeln!(
-            f,
-            "  the pole xp is {px:.0} px from the range, {ranges:.2} times its length"
-        )?;
-
-        writeln!(
-            f,
-            "\nResiduals, um                 RMS    largest  cross-validated"
+            "  the sensor's distances are within {:.3} um of the curve, rounding and knots included\n\n\
+             Eq. (1): d = D + K/(x - xp)\n  D   {:>14} mm\n  K   {:>14} mm px\n  xp  {:>14} px\n  \
+             correlation D,K {dk:+.6}  D,xp {dx:+.6}  K,xp {kx:+.6}\n  \
+             the pole xp is {:.0} px from the range, {:.2} times its length\n\n\
+             Residuals, um                 RMS    largest  cross-validated",
+            self.held_within_um,
+            eq1.d_mm,
+            eq1.k_mm_px,
+            eq1.xp_px,
+            pole.from_range_px,
+            pole.ranges_away
         )?;
         residuals(f, "eq. (1)", &self.eq1_alone)?;
         if self.form != Form::Eq1 {
@@ -400,7 +379,6 @@ impl fmt::Display for Report {
             }
             (None, _) => {}
         }
-
         writeln!(f, "\nThe curve itself")?;
         let curve = &self.curve;
         if let (Some(rms), Some(largest)) = (curve.uncertainty_um, curve.largest_uncertainty_um) {
@@ -418,7 +396,6 @@ impl fmt::Display for Report {
         if let Some(comb) = &self.comb {
             write_comb(f, comb)?;
         }
-
         writeln!(f, "\nThe target's surface")?;
         match &self.surface {
             Some(surface) if self.comb.is_some() => writeln!(
@@ -445,7 +422,6 @@ impl fmt::Display for Report {
                  takes an estimate"
             )?,
         }
-
         if !self.rejected.is_empty() {
             writeln!(f, "\nRejected: off the curve that the others make")?;
             for point in &self.rejected {
@@ -461,13 +437,11 @@ impl fmt::Display for Report {
             writeln!(f, "  {limit}")?;
         }
         if let Some(it) = &self.record {
-            let (estimator, black) = (&it.estimator, &it.black);
-            write!(
+            writeln!(
                 f,
-                "\n{}: {} bytes, serial {}, ",
-                it.file, it.bytes, it.serial
+                "\n{}: {} bytes, serial {}, {}, estimator {}, black {}",
+                it.file, it.bytes, it.serial, it.date, it.estimator, it.black
             )?;
-            writeln!(f, "{}, estimator {estimator}, black {black}", it.date)?;
         }
         Ok(())
     }
@@ -486,12 +460,9 @@ fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
     }
     writeln!(
         f,
-        "  by the scatter of its slits, a point's centre is uncertain by {:.4} px (RMS)",
+        "  by the scatter of its slits, a point's centre is uncertain by {:.4} px (RMS)\n  \
+         slit  place um  points  degree  correction px  residual px",
         comb.scatter_px
-    )?;
-    writeln!(
-        f,
-        "  slit  place um  points  degree  correction px  residual px"
     )?;
     for (slit, number) in comb.slits.iter().zip(1..) {
         let degree = slit.degree.map_or("none".to_owned(), |it| it.to_string());
@@ -514,19 +485,16 @@ fn residuals(f: &mut fmt::Formatter<'_>, name: &str, of: &Residuals) -> fmt::Res
     )
 }
 
-/// A value with as many digits as its uncertainty gives it two of.
-struct Measured<'a>(&'a Value);
-
-impl fmt::Display for Measured<'_> {
+impl fmt::Display for Value {
+    /// With as many digits as its uncertainty gives it two of.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Value { value, uncertainty } = *self.0;
-        let text = match uncertainty {
-            Some(uncertainty) if uncertainty > 0.0 && uncertainty.is_finite() => {
+        let Self { value, uncertainty } = self;
+        f.pad(&match uncertainty {
+            Some(uncertainty) if *uncertainty > 0.0 && uncertainty.is_finite() => {
                 let digits = (1.0 - uncertainty.log10().floor()).clamp(0.0, 9.0) as usize;
                 format!("{value:.digits$} +- {uncertainty:.digits$}")
             }
             _ => format!("{value:.4}"),
-        };
-        f.pad(&text)
+        })
     }
 }

@@ -110,11 +110,12 @@ fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
             *count += 1;
         }
     }
+    // The share of a gaussian's readings that a bin at its top has.
+    let at_top = width / (deviation.max(1e-12) * (2.0 * std::f64::consts::PI).sqrt());
+    let all = f64::from(counts.iter().sum::<u32>());
     let expected = |mm: f64| {
         let off = (mm - mean) / deviation.max(1e-12);
-        share_at_top(width, deviation)
-            * (-0.5 * off * off).exp()
-            * counts.iter().sum::<u32>() as f64
+        at_top * (-0.5 * off * off).exp() * all
     };
     let highest = f64::from(counts.iter().copied().fold(1, u32::max));
     let highest = highest.max(expected(mean).min(2.0 * highest));
@@ -130,11 +131,6 @@ fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
     let steps = (0..=300).map(|step| least + (most - least) * f64::from(step) / 300.0);
     let curve = steps.map(|mm| (mm, expected(mm)));
     axes::draw_line(&mut panel, curve, EXPECTED.stroke_width(2))
-}
-
-/// The share of a gaussian's readings that a bin at its top has.
-fn share_at_top(width: f64, deviation: f64) -> f64 {
-    width / (deviation.max(1e-12) * (2.0 * std::f64::consts::PI).sqrt())
 }
 
 fn draw_allan(area: &Area<'_>, series: &Series, allan: &[(f64, f64)]) -> Result<()> {

@@ -10,7 +10,7 @@ use slitrange::frame::comb::MAX_SLITS;
 ///
 /// A comb has ` k 16` after the shape, and a second line with the image of each slit: `slits 912.12345/1830 -
 /// ...`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Centre {
     /// In pixels.
     pub x_px: f64,
@@ -58,11 +58,9 @@ pub fn centre(lines: &[String]) -> Option<Result<Centre, NoCentre>> {
         let slits = Some(slit_images(images)?);
         return Some(Ok(Centre { slits, ..centre }));
     }
-    match reading(last)? {
-        (centre, false) => Some(Ok(centre)),
-        // The line with the slits follows.
-        (_, true) => None,
-    }
+    // The line with the slits follows that of a comb.
+    let (centre, has_comb) = reading(last)?;
+    (!has_comb).then_some(Ok(centre))
 }
 
 /// The images of a comb: `912.12345/1830`, or `-` for none.
@@ -75,10 +73,7 @@ fn slit_images(words: &str) -> Option<SlitImages> {
         }
         let (x, height) = word.split_once('/')?;
         let height: u16 = height.parse().ok()?;
-        *image = Some(SlitImage {
-            x_px: five_decimals(x)?,
-            height_counts: height.into(),
-        });
+        *image = Some(SlitImage::new(five_decimals(x)?, height.into()));
     }
     (words.len() == MAX_SLITS).then_some(images)
 }
@@ -136,10 +131,7 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
             components_px,
         }),
         misfits: misfits.parse().ok()?,
-        correlated: match correlated {
-            Some(rows) => Some(rows.parse().ok()?),
-            None => None,
-        },
+        correlated: correlated.map(str::parse).transpose().ok()?,
         slits: None,
     };
     Some((centre, has_comb))
@@ -167,6 +159,11 @@ fn five_decimals(word: &str) -> Option<f64> {
     (all(digits) && all(decimals) && decimals.len() == 5).then(|| word.parse().ok())?
 }
 
+/// What follows these words in the first line that begins with them.
+fn after<'a>(lines: &'a [String], words: &str) -> Option<&'a str> {
+    lines.iter().find_map(|line| line.strip_prefix(words))
+}
+
 /// What `calibration` answers of the calibration in use, as far as a program needs it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InUse {
@@ -192,13 +189,7 @@ pub struct RecordInUse {
 
 /// What the lines that came since `calibration` was asked say, once they say it.
 pub fn in_use(lines: &[String]) -> Option<InUse> {
-    let of = |key: &str| {
-        let answers = lines
-            .iter()
-            .filter_map(|line| line.strip_prefix("calibration "));
-        let mut values = answers.filter_map(|line| line.strip_prefix(key)?.strip_prefix(' '));
-        values.next()
-    };
+    let of = |key: &str| after(lines, &format!("calibration {key} "));
     let stored = of("stored")?.to_owned();
     if lines.iter().any(|line| line == "calibration none") {
         let record = None;
@@ -234,20 +225,14 @@ pub fn flat(lines: &[String]) -> Option<Vec<String>> {
 
 /// The rows lost and the lines dropped, once the answer to `status` says both.
 pub fn losses(lines: &[String]) -> Option<(u32, u32)> {
-    let number = |name: &str| {
-        let mut values = lines.iter().filter_map(|line| line.strip_prefix(name));
-        values.next()?.parse().ok()
-    };
+    let number = |words| after(lines, words)?.parse().ok();
     let (rows, dropped) = ("status rows lost ", "status lines dropped ");
     Some((number(rows)?, number(dropped)?))
 }
 
 /// The sensor head's name, once a line of the answer to `info` says it.
 pub fn head(lines: &[String]) -> Option<String> {
-    let mut heads = lines
-        .iter()
-        .filter_map(|line| line.strip_prefix("info sensor head "));
-    heads.next().map(str::to_owned)
+    after(lines, "info sensor head ").map(str::to_owned)
 }
 
 #[cfg(test)]
@@ -281,11 +266,8 @@ mod tests {
         };
         assert_eq!(centre(&lines(line)), Some(Ok(read)));
         let plain = line.strip_suffix(" m 3 c 2").expect("flags");
-        let unflagged = Centre {
-            misfits: 0,
-            correlated: None,
-            ..read
-        };
+        let mut unflagged = read;
+        (unflagged.misfits, unflagged.correlated) = (0, None);
         assert_eq!(centre(&lines(plain)), Some(Ok(unflagged)));
         // A byte lost anywhere leaves no centre, but for the digits of whole numbers.
         for at in 0..plain.len() {
@@ -303,19 +285,14 @@ mod tests {
         }
         // A shorter exposure is a word and a number more.
         let exposed = |us: &str| centre(&lines(&format!("{plain} t {us} m 3 c 2")));
-        let exposure_us = 187;
-        let short = Centre {
-            exposure_us,
-            ..read
-        };
+        let mut short = read;
+        short.exposure_us = 187;
         assert_eq!(exposed("187"), Some(Ok(short)));
         assert_eq!((exposed("9"), exposed("5601")), (None, None));
         // A line without a shape is no answer, and a shape of zeros is none.
         let (before, _) = plain.split_once(" w ").expect("a shape");
-        let without = Centre {
-            shape: None,
-            ..unflagged
-        };
+        let mut without = unflagged;
+        without.shape = None;
         assert_eq!(centre(&lines(before)), None);
         let zeros = format!("{before} w 0.00000 o{}", " 0.00000".repeat(5));
         assert_eq!(centre(&lines(&zeros)), Some(Ok(without)));
@@ -327,12 +304,7 @@ mod tests {
                      0.00000 0.00000 k 3 m 2";
         let slits = format!("slits - 912.12345/1830{} 2912.00001/7", " -".repeat(13));
         let both = format!("{first}\n{slits}");
-        let image = |x_px, height_counts| {
-            Some(SlitImage {
-                x_px,
-                height_counts,
-            })
-        };
+        let image = |x_px, height_counts| Some(SlitImage::new(x_px, height_counts));
         let read = centre(&lines(&both)).expect("an answer").expect("a centre");
         let images = read.slits.expect("images");
         assert_eq!((images[0], images[1]), (None, image(912.12345, 1830.0)));

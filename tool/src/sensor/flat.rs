@@ -7,7 +7,7 @@ use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::flat::Flat;
 
 use super::answers;
-use super::line::{ANSWER, FRAME, LineError, SAVE, is_echoed};
+use super::line::{ANSWER, FRAME, LineError, SAVE};
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -82,9 +82,7 @@ pub fn flat(
     if options.no_save {
         writeln!(output, "not saved: the map is used until the power goes")?;
     } else {
-        // The same map may be saved twice without harm.
-        let save = Flat::Save.to_string();
-        let saved = (session.line()).ask(&save, SAVE, |lines| is_echoed(lines, &save));
+        let saved = session.has_done(&Flat::Save.to_string(), SAVE);
         saved.context("the map is in use, but not saved")?;
         writeln!(output, "saved: the map is kept over a power cycle")?;
     }
@@ -127,7 +125,6 @@ fn take(session: &mut Session<'_>, kind: Kind) -> Result<String, LineError> {
     (session.line()).ask(&command, FRAME, |lines| answers::taken(lines, &command))
 }
 
-/// What the sensor says of its map.
 fn shown(session: &mut Session<'_>) -> Result<Vec<String>, LineError> {
     (session.line()).ask(&Flat::Show.to_string(), ANSWER, answers::flat)
 }

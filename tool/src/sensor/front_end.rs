@@ -16,9 +16,7 @@ use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::settings::{Setting, Value};
 
 use self::bench::{Bench, Taken};
-use super::line::LineError;
 use super::port::PortOption;
-use super::session::Session;
 use super::transfer::{record_in_use, transfer};
 use crate::pc::Pc;
 use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING};
@@ -88,7 +86,8 @@ pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) ->
     };
     // The map corrects rows with a spot only, so they could not be compared with dark rows.
     session.borrow_without_map()?;
-    let of_record = values(&mut session, &OF_RECORD)?;
+    let found = session.settings(&OF_RECORD)?;
+    let of_record = OF_RECORD.map(|setting| found.get(setting));
     let taken = Bench::new(&mut session, &geometry, limit).take(output)?;
     let front_end = front_end(&taken, geometry.polarity)?;
     report(&front_end, &geometry, output)?;
@@ -120,17 +119,11 @@ pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) ->
     Ok(())
 }
 
-/// The values of some settings.
-fn values(session: &mut Session<'_>, settings: &[Setting]) -> Result<Vec<Value>, LineError> {
-    settings.iter().map(|&it| session.value(it)).collect()
-}
-
 /// What the rows say of the front end.
 fn front_end(taken: &Taken, in_use: Polarity) -> Result<FrontEnd> {
     let line = &taken.photons.line;
     let gain = 1.0 / line.per_count;
-    let least = LEAST_GAIN.to_f64();
-    let largest = LARGEST_GAIN.to_f64();
+    let (least, largest) = (LEAST_GAIN.to_f64(), LARGEST_GAIN.to_f64());
     ensure!(
         (least..=largest).contains(&gain),
         "{gain:.2} electrons a count were measured, and a sensor uses {least:.0} to {largest:.0}: check that \
@@ -142,10 +135,9 @@ fn front_end(taken: &Taken, in_use: Polarity) -> Result<FrontEnd> {
     let read = line.dark - VARIANCE_OF_ROUNDING - line.per_count * ambient;
     let read_u = line.dark_u.hypot(line.per_count_u * ambient);
     let read_noise = read.max(0.0).sqrt();
-    let polarity = match (taken.is_inverted, in_use) {
-        (false, polarity) => polarity,
-        (true, Polarity::Rising) => Polarity::Falling,
-        (true, Polarity::Falling) => Polarity::Rising,
+    let polarity = match taken.is_inverted == (in_use == Polarity::Rising) {
+        true => Polarity::Falling,
+        false => Polarity::Rising,
     };
     let counts = |[value, u]: [f64; 2]| Estimate {
         value: Counts::from_f32(value as f32),
@@ -174,18 +166,19 @@ fn report(front_end: &FrontEnd, in_use: &Geometry, output: &mut dyn Write) -> Re
         black_level_counts: [black, black_u],
     } = ShownFrontEnd::of(front_end);
     let until_now = in_use.electrons_per_count();
-    let gain = format!("{gain:.2} electrons a count, u {gain_u:.2}");
-    writeln!(output, "gain         {gain} (until now {until_now})")?;
-    writeln!(output, "read noise   {noise:.2} counts, u {noise_u:.2}")?;
-    match saturation_counts {
-        Some([level, u]) => writeln!(output, "saturation   {level:.1} counts, u {u:.1}")?,
-        None => writeln!(
-            output,
-            "saturation   not measured: put a brighter target before the sensor, or raise `exposure limit`"
-        )?,
-    }
-    writeln!(output, "black level  {black:.2} counts, u {black_u:.2}")?;
-    writeln!(output, "polarity     the words {polarity} with light")?;
+    let saturation = match saturation_counts {
+        Some([level, u]) => format!("{level:.1} counts, u {u:.1}"),
+        None => "not measured: put a brighter target before the sensor, or raise `exposure limit`"
+            .into(),
+    };
+    writeln!(
+        output,
+        "gain         {gain:.2} electrons a count, u {gain_u:.2} (until now {until_now})\n\
+         read noise   {noise:.2} counts, u {noise_u:.2}\n\
+         saturation   {saturation}\n\
+         black level  {black:.2} counts, u {black_u:.2}\n\
+         polarity     the words {polarity} with light"
+    )?;
     if front_end.polarity != in_use.polarity {
         let until_now = "until now the firmware took it the other way round";
         writeln!(output, "             {until_now}")?;

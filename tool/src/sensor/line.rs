@@ -66,13 +66,8 @@ impl fmt::Debug for Line<'_> {
 /// Why a command has no answer.
 #[derive(Debug)]
 pub enum LineError {
-    /// The port cannot be opened.
-    Port {
-        /// Its name.
-        name: String,
-        /// What the system says.
-        error: serialport::Error,
-    },
+    /// The port of this name cannot be opened, as the system says.
+    Port(String, serialport::Error),
     /// No answer came, asked repeatedly.
     Silent {
         /// The port's name.
@@ -89,18 +84,10 @@ pub enum LineError {
         /// The answer.
         answer: String,
     },
-    /// The sensor started anew, and has forgotten what was set.
-    Restarted {
-        /// What it said.
-        banner: String,
-    },
-    /// The port stopped working.
-    Gone {
-        /// Its name.
-        name: String,
-        /// What the system says.
-        error: io::Error,
-    },
+    /// The sensor started anew, and has forgotten what was set. It said this.
+    Restarted(String),
+    /// The port of this name stopped working, as the system says.
+    Gone(String, io::Error),
 }
 
 impl LineError {
@@ -113,29 +100,31 @@ impl LineError {
 impl fmt::Display for LineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Port { name, error } => cannot_open(f, name, error),
+            Self::Port(name, error) => cannot_open(f, name, error),
             Self::Silent {
                 name,
                 command,
-                heard,
-            } => match heard {
-                None => write!(
-                    f,
-                    "no sensor answers `{command}` at {name}: check that this is the sensor's port and that \
-                     the sensor has power"
-                ),
-                Some(line) => write!(
-                    f,
-                    "`{command}` has no answer at {name}, where `{}` came last: check that this is the \
-                     sensor's port, and that its firmware knows that command (`info`, `help`)",
-                    line.escape_debug()
-                ),
-            },
+                heard: None,
+            } => write!(
+                f,
+                "no sensor answers `{command}` at {name}: check that this is the sensor's port and that the \
+                 sensor has power"
+            ),
+            Self::Silent {
+                name,
+                command,
+                heard: Some(line),
+            } => write!(
+                f,
+                "`{command}` has no answer at {name}, where `{}` came last: check that this is the sensor's \
+                 port, and that its firmware knows that command (`info`, `help`)",
+                line.escape_debug()
+            ),
             Self::Refused { command, answer } => {
                 write!(f, "the sensor answers `{command}` with `{answer}`")
             }
-            Self::Restarted { banner } => write!(f, "the sensor started anew: `{banner}`"),
-            Self::Gone { name, error } => {
+            Self::Restarted(banner) => write!(f, "the sensor started anew: `{banner}`"),
+            Self::Gone(name, error) => {
                 write!(f, "{name} stopped working ({error}): check the cable")
             }
         }
@@ -186,16 +175,16 @@ impl<'a> Line<'a> {
                 opened => break opened,
             }
         };
-        let port = port.map_err(|error| LineError::Port {
-            name: name.to_owned(),
-            error,
-        })?;
-        Ok(Self {
-            pc,
-            port,
-            name: name.to_owned(),
-            received: Vec::new(),
-        })
+        let name = name.to_owned();
+        match port {
+            Err(error) => Err(LineError::Port(name, error)),
+            Ok(port) => Ok(Self {
+                pc,
+                port,
+                name,
+                received: Vec::new(),
+            }),
+        }
     }
 
     /// The PC that the port belongs to.
@@ -239,8 +228,9 @@ impl<'a> Line<'a> {
         wait: Duration,
         answer: impl Fn(&[String]) -> Option<T>,
     ) -> Result<T, LineError> {
-        self.pass_over()?;
-        self.say(format!("{command}\r").as_bytes(), command)?;
+        // What has come so far is not about what is asked now.
+        self.wait_out(Duration::ZERO)?;
+        self.tell(command)?;
         let until = self.pc.now() + wait;
         let mut lines = Vec::new();
         while let Some(line) = self.line(until)? {
@@ -359,11 +349,6 @@ impl<'a> Line<'a> {
         Ok(())
     }
 
-    /// What has come so far is not about what is asked next.
-    fn pass_over(&mut self) -> Result<(), LineError> {
-        self.wait_out(Duration::ZERO)
-    }
-
     fn say(&mut self, bytes: &[u8], command: &str) -> Result<(), LineError> {
         self.port.write(bytes).map_err(|error| match error.kind() {
             io::ErrorKind::TimedOut => self.silent(command, None),
@@ -381,21 +366,17 @@ impl<'a> Line<'a> {
                     continue;
                 }
                 let line = String::from_utf8_lossy(&line).into_owned();
-                if is_banner(&line) {
-                    return Err(LineError::Restarted { banner: line });
-                }
-                return Ok(Some(line));
+                return match is_banner(&line) {
+                    true => Err(LineError::Restarted(line)),
+                    false => Ok(Some(line)),
+                };
             }
             if self.received.len() > LONGEST {
                 self.received.clear();
             }
-            let left = until.saturating_sub(self.pc.now());
-            match self.port.read(&mut bytes, left) {
-                Ok(0) => return Err(self.gone(io::ErrorKind::UnexpectedEof.into())),
-                Ok(count) => self.received.extend(bytes.iter().take(count)),
-                Err(error) if error.kind() == io::ErrorKind::TimedOut => return Ok(None),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(self.gone(error)),
+            match self.bytes(&mut bytes, until.saturating_sub(self.pc.now()))? {
+                0 if self.pc.now() >= until => return Ok(None),
+                count => self.received.extend(bytes.iter().take(count)),
             }
         }
     }
@@ -409,10 +390,7 @@ impl<'a> Line<'a> {
     }
 
     fn gone(&self, error: io::Error) -> LineError {
-        LineError::Gone {
-            name: self.name.clone(),
-            error,
-        }
+        LineError::Gone(self.name.clone(), error)
     }
 }
 
@@ -440,7 +418,6 @@ pub(super) fn is_echoed(lines: &[String], command: &str) -> Option<()> {
     (lines.last()? == command).then_some(())
 }
 
-/// What a sensor says when it starts.
 fn is_banner(line: &str) -> bool {
     line.starts_with("slitrange ") && line.contains(", started by ")
 }

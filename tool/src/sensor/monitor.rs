@@ -80,6 +80,9 @@ pub struct MonitorOptions {
 struct Monitor<'a> {
     options: &'a MonitorOptions,
     pc: &'a dyn Pc,
+    output: &'a mut dyn Write,
+    /// There is no view.
+    as_lines: bool,
     /// The sensor head and its port.
     sensor: String,
     /// The same, and what `monitor` changed for its time.
@@ -109,9 +112,12 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
     let session = options.port.open(pc)?;
     let sensor = format!("{} at {}", session.head(), session.port());
     let recording = options.csv.as_deref().map(Recording::create).transpose()?;
+    let mut screen = if options.plain { None } else { pc.screen()? };
     let mut monitor = Monitor {
         options,
         pc,
+        output,
+        as_lines: screen.is_none(),
         title: sensor.clone(),
         sensor,
         began,
@@ -123,14 +129,13 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         reading_came: began,
         results: 0,
     };
-    let mut screen = if options.plain { None } else { pc.screen()? };
-    let ended = monitor.run(session, &mut screen, output);
+    let ended = monitor.run(session, &mut screen);
     drop(screen);
     match ended {
         // Who reads the lines has read enough.
         Err(error) if is_broken_pipe(&error) => Ok(()),
         Err(error) => Err(error),
-        Ok(()) => monitor.sum_up(output),
+        Ok(()) => monitor.sum_up(),
     }
 }
 
@@ -149,27 +154,23 @@ impl<'a> Monitor<'a> {
         &mut self,
         session: Session<'a>,
         screen: &mut Option<Box<dyn Screen + '_>>,
-        output: &mut dyn Write,
     ) -> Result<()> {
         let mut link = self.start(session);
-        if screen.is_none() {
-            writeln!(output, "sensor {}", self.title)?;
+        if self.as_lines {
+            writeln!(self.output, "sensor {}", self.title)?;
         }
         let (mut drawn, mut progress, mut asked) = (None, self.pc.now(), self.pc.now());
         while !self.is_done() {
             link = match link {
-                Link::There(session) => self.listen(session, screen.is_none(), output)?,
-                Link::Gone(away, _) => match away.find_again() {
+                Link::There(session) => self.listen(session)?,
+                Link::Gone(away, _) => match away.find_again(TICK) {
                     Link::There(session) => self.start(session),
-                    gone => {
-                        self.pc.sleep(TICK);
-                        gone
-                    }
+                    gone => gone,
                 },
             };
             let now = self.pc.now();
             if let Link::There(session) = &mut link
-                && screen.is_some()
+                && !self.as_lines
                 && self.recording.is_none()
                 && now > asked + STATUS
             {
@@ -187,7 +188,9 @@ impl<'a> Monitor<'a> {
                 }
             } else if self.recording.is_some() && now >= progress + PROGRESS {
                 progress = now;
-                writeln!(output, "{}", self.progress())?;
+                let (seconds, line) = (self.time().as_secs_f64(), self.statistics.line());
+                let faults = self.statistics.all_faults();
+                writeln!(self.output, "{seconds:.0} s: {line}, {faults} faults")?;
             }
         }
         if let (Link::There(session), Some([_, now])) = (&mut link, &mut self.lost)
@@ -229,63 +232,37 @@ impl<'a> Monitor<'a> {
     }
 
     /// Takes the next line, if one comes.
-    fn listen(
-        &mut self,
-        mut session: Session<'a>,
-        as_lines: bool,
-        output: &mut dyn Write,
-    ) -> Result<Link<'a>> {
-        let came = session.line().next_line(TICK);
-        let now = self.pc.now();
-        let error = match came {
-            Ok(Some(line)) => {
-                self.heard = now;
-                self.take(&line, as_lines, output)?;
-                return Ok(Link::There(session));
-            }
-            Ok(None) if now < self.heard + SILENT => return Ok(Link::There(session)),
+    fn listen(&mut self, mut session: Session<'a>) -> Result<Link<'a>> {
+        let is_there = match session.line().next_line(TICK) {
+            Ok(Some(line)) => self.take(&line).map(Ok)?,
+            Ok(None) if self.pc.now() < self.heard + SILENT => return Ok(Link::There(session)),
             Ok(None) => match session.line().answers() {
-                Ok(true) => return Ok(self.heard_of(session, now)),
                 // Somebody else sent `stream off`.
-                Ok(false) => match session.stream() {
-                    Ok(()) => return Ok(self.heard_of(session, now)),
-                    Err(error) => error,
-                },
-                Err(error) => error,
+                Ok(false) => session.stream(),
+                streams => streams.map(|_| ()),
             },
-            Err(error) => error,
+            Err(error) => Err(error),
         };
-        self.go_away(session, &error, as_lines, output)
-    }
-
-    fn heard_of(&mut self, session: Session<'a>, now: Duration) -> Link<'a> {
-        self.heard = now;
-        Link::There(session)
-    }
-
-    fn go_away(
-        &mut self,
-        session: Session<'a>,
-        error: &LineError,
-        as_lines: bool,
-        output: &mut dyn Write,
-    ) -> Result<Link<'a>> {
-        let (why, at) = (error.to_string(), self.time());
+        let Err(error) = is_there else {
+            self.heard = self.pc.now();
+            return Ok(Link::There(session));
+        };
+        let (fault, at) = (error.to_string(), self.time());
+        if self.as_lines {
+            writeln!(self.output, "{:>9.3} s   {fault}", at.as_secs_f64())?;
+        }
         if let Some(recording) = &mut self.recording {
             recording.add(&FrameResult {
                 time_s: seconds(at),
                 kind: Kind::Gap,
-                fault: why.clone(),
+                fault: fault.clone(),
                 ..FrameResult::default()
             })?;
         }
-        if as_lines {
-            writeln!(output, "{:>9.3} s   {why}", at.as_secs_f64())?;
-        }
-        Ok(Link::Gone(session.leave(), why))
+        Ok(Link::Gone(session.leave(), fault))
     }
 
-    fn take(&mut self, line: &str, as_lines: bool, output: &mut dyn Write) -> Result<()> {
+    fn take(&mut self, line: &str) -> Result<()> {
         let at = self.time();
         let Some(mut result) = frame_result(line) else {
             match line.strip_prefix("status ") {
@@ -302,11 +279,11 @@ impl<'a> Monitor<'a> {
         result.time_s = seconds(at);
         if let Some(recording) = &mut self.recording {
             recording.add(&result)?;
-        } else if as_lines {
-            write!(output, "{:>9.3} s   ", at.as_secs_f64())?;
+        } else if self.as_lines {
+            write!(self.output, "{:>9.3} s   ", at.as_secs_f64())?;
             match result.distance_mm {
-                Some(mm) => writeln!(output, "{mm:>10.4} mm   {}", details(&result))?,
-                None => writeln!(output, "fault: {}", result.fault)?,
+                Some(mm) => writeln!(self.output, "{mm:>10.4} mm   {}", details(&result))?,
+                None => writeln!(self.output, "fault: {}", result.fault)?,
             }
         }
         self.latest = Some(result);
@@ -318,12 +295,9 @@ impl<'a> Monitor<'a> {
         let Some([_, (rows, dropped)]) = &mut self.lost else {
             return;
         };
-        let number = |name: &str| status.strip_prefix(name)?.parse().ok();
-        if let Some(lost) = number("rows lost ") {
-            *rows = lost;
-        }
-        if let Some(lost) = number("lines dropped ") {
-            *dropped = lost;
+        for (name, lost) in [("rows lost ", rows), ("lines dropped ", dropped)] {
+            let number = status.strip_prefix(name).and_then(|it| it.parse().ok());
+            *lost = number.unwrap_or(*lost);
         }
     }
 
@@ -362,36 +336,30 @@ impl<'a> Monitor<'a> {
         Ok(screen.draw(&mut |frame| view.draw(frame))?)
     }
 
-    fn progress(&self) -> String {
-        let (seconds, faults) = (self.time().as_secs_f64(), self.statistics.all_faults());
-        format!(
-            "{seconds:.0} s: {}, {faults} faults",
-            self.statistics.line()
-        )
-    }
-
     /// The text at the end of the command.
-    fn sum_up(&self, output: &mut dyn Write) -> Result<()> {
-        let statistics = &self.statistics;
-        let (seconds, line) = (self.time().as_secs_f64(), statistics.line());
-        writeln!(
-            output,
-            "{seconds:.1} s: {line}\n{}",
-            statistics.faults_line()
-        )?;
-        if let Some((rows, dropped)) = self.losses() {
+    fn sum_up(self) -> Result<()> {
+        let (lost, seconds) = (self.losses(), self.time().as_secs_f64());
+        let Self {
+            statistics, output, ..
+        } = self;
+        let (line, faults) = (statistics.line(), statistics.faults_line());
+        writeln!(output, "{seconds:.1} s: {line}\n{faults}")?;
+        if let Some((rows, dropped)) = lost {
             writeln!(output, "{rows} rows lost, {dropped} lines dropped")?;
         }
-        if statistics.missing > 0 {
-            let missing = statistics.missing;
-            writeln!(output, "{missing} results did not arrive, by their numbers")?;
-        }
-        if statistics.unreadable > 0 {
-            let unreadable = statistics.unreadable;
-            writeln!(
-                output,
-                "{unreadable} lines could not be read: check the cable"
-            )?;
+        for (count, what) in [
+            (
+                statistics.missing,
+                "results did not arrive, by their numbers",
+            ),
+            (
+                statistics.unreadable,
+                "lines could not be read: check the cable",
+            ),
+        ] {
+            if count > 0 {
+                writeln!(output, "{count} {what}")?;
+            }
         }
         if let Some(recording) = &self.recording {
             let (name, lines) = (recording.name(), recording.lines);

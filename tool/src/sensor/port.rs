@@ -23,10 +23,7 @@ impl PortOption {
     /// # Errors
     /// No port is named, and a sensor answers at none of the PC's ports, or at several.
     pub fn find(&self, pc: &dyn Pc) -> Result<String> {
-        match &self.port {
-            Some(port) => Ok(port.clone()),
-            None => find(pc),
-        }
+        self.port.clone().map_or_else(|| find(pc), Ok)
     }
 
     /// Opens a session with the sensor at the port.

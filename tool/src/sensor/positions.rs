@@ -269,25 +269,16 @@ fn ask(
 
 fn move_stage(command: &str, mm: f64) -> Result<()> {
     let line = command.replace("{}", &Millimetres(mm).to_string());
-    let status = shell(&line)
-        .status()
-        .with_context(|| format!("the stage's command `{line}` cannot be started"))?;
-    ensure!(
-        status.success(),
-        "the stage's command `{line}` failed: {status}"
-    );
-    Ok(())
-}
-
-fn shell(line: &str) -> Command {
-    let (name, option) = if cfg!(windows) {
-        ("cmd", "/C")
-    } else {
-        ("sh", "-c")
+    let (shell, option) = match cfg!(windows) {
+        true => ("cmd", "/C"),
+        false => ("sh", "-c"),
     };
-    let mut shell = Command::new(name);
-    shell.args([option, line]);
-    shell
+    let status = Command::new(shell).args([option, &line]).status();
+    let status =
+        status.with_context(|| format!("the stage's command `{line}` cannot be started"))?;
+    let failed = || format!("the stage's command `{line}` failed: {status}");
+    ensure!(status.success(), failed());
+    Ok(())
 }
 
 /// Whether a stage's command says where the distance goes.

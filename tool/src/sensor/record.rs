@@ -10,7 +10,7 @@ use slitrange::light::ambient::AmbientMode;
 use slitrange_device::protocol::packet::Decoder;
 use slitrange_device::settings::serial_line::{Baud, PixelStream};
 use slitrange_device::settings::trigger::Trigger;
-use slitrange_device::settings::{Setting, Settings, Value};
+use slitrange_device::settings::{Setting, Value};
 
 use super::answers;
 use super::line::ANSWER;
@@ -100,10 +100,7 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
 /// What the measurement of the rows needs.
 fn sensor(session: &mut Session<'_>) -> Result<Sensor> {
     let record = record_in_use(session)?;
-    let mut settings = Settings::default();
-    for &setting in Setting::ALL {
-        settings.set(session.value(setting)?);
-    }
+    let settings = session.settings(Setting::ALL)?;
     let lines = session.line().ask("calibration", ANSWER, |lines| {
         answers::in_use(lines).map(|_| lines.to_vec())
     })?;

@@ -5,6 +5,7 @@ pub mod scope;
 
 use std::fmt::Write as _;
 use std::io::Write;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -123,12 +124,11 @@ impl Image {
             let weight = self.gaussian(pixel);
             (light + weight * (count - level), squares + weight * weight)
         });
-        let height = if squares > 0.0 {
-            light / squares
-        } else {
-            self.height
-        };
-        Self { height, ..*self }
+        let height = (squares > 0.0).then_some(light / squares);
+        Self {
+            height: height.unwrap_or(self.height),
+            ..*self
+        }
     }
 }
 
@@ -184,17 +184,14 @@ impl RowAnswer {
             }
             counts.extend(line.counts);
         }
-        let black = match black {
-            "-" => None,
-            black => Some(black.parse().ok()?),
-        };
+        let black = Some(black).filter(|black| *black != "-");
         let is_whole = counts.len() == count && first + count <= pixels;
         is_whole.then_some(Self {
             pixels,
             first,
             counts,
             exposure: RowExposure::parse(exposure)?,
-            black,
+            black: black.map(str::parse).transpose().ok()?,
             saturated: saturated.parse().ok()?,
             centre: answers::centre(found)?,
         })
@@ -244,6 +241,12 @@ impl RowAnswer {
     /// The pixels and their counts.
     fn pixels(&self) -> impl Iterator<Item = (usize, f64)> {
         (self.first..).zip(self.counts.iter().map(|&count| count.into()))
+    }
+
+    /// Those in a range, to draw them.
+    fn points(&self, range: &Range<usize>) -> Vec<(f64, f64)> {
+        let shown = self.pixels().filter(|(pixel, _)| range.contains(pixel));
+        shown.map(|(pixel, count)| (pixel as f64, count)).collect()
     }
 
     /// Sigma of an image by the pixels above half of its height, in pixels. At least [`LEAST_WIDTH`].

@@ -144,17 +144,12 @@ pub fn run(
         )?;
     }
     let missing = positions::missing(&wanted, &file.done());
+    let settings: Vec<String> = settings(&setup).map(|it| it.to_string()).collect();
+    let (head, port, settings) = (session.head(), session.port(), settings.join(", "));
+    let (to_go, all) = (missing.len(), wanted.len());
     writeln!(
         output,
-        "sensor {} at {}, {}: {} of {} positions to go",
-        session.head(),
-        session.port(),
-        settings(&setup)
-            .map(|it| it.to_string())
-            .collect::<Vec<_>>()
-            .join(", "),
-        missing.len(),
-        wanted.len()
+        "sensor {head} at {port}, {settings}: {to_go} of {all} positions to go"
     )?;
     let walk = Walk {
         session,
@@ -173,17 +168,14 @@ pub fn run(
     write!(output, "{taken} points are in {path}")?;
     match left.as_slice() {
         [] => writeln!(output, ", and no position is left")?,
-        left => writeln!(
-            output,
-            "; {} of {} positions are left: {}",
-            left.len(),
-            wanted.len(),
-            list(left)
-        )?,
+        left => {
+            let (count, list) = (left.len(), list(left));
+            writeln!(output, "; {count} of {all} positions are left: {list}")?;
+        }
     }
     let stopped_by_hand = walk.context("stopped; run the same command again to go on")?;
     ensure!(
-        left.is_empty() || stopped_by_hand == Stopped::ByHand,
+        left.is_empty() || stopped_by_hand,
         "there is no point at {}: run the same command again to go on",
         list(&left)
     );
@@ -196,7 +188,6 @@ fn list(distances: &[f64]) -> String {
     format!("{} mm", words.join(", "))
 }
 
-/// Asks a sensor for its setup.
 fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     let record = session.calibration()?.record;
     let mut setup = Setup {
@@ -216,7 +207,6 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     Ok(setup)
 }
 
-/// The settings that points are taken with.
 fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
     let estimator = setup.estimator.map(Value::Estimator);
     let default = Setup::default().unnamed();
@@ -225,15 +215,6 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
         .into_iter()
         .chain(setup.black_level.map(Value::Black))
         .chain(others.filter(move |value| !default.contains(value)))
-}
-
-/// How a walk ended that nothing went wrong with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stopped {
-    /// A person said so, or skipped the positions that are left.
-    ByHand,
-    /// After the last position.
-    AtTheEnd,
 }
 
 /// The way through the positions.
@@ -247,48 +228,19 @@ struct Walk<'a> {
     output: &'a mut dyn Write,
 }
 
-/// Why there is no point at a position.
-#[derive(Debug)]
-enum NoPoint {
-    /// The sensor has no centre.
-    Fault(NoCentre),
-    /// The frames do not agree.
-    Scattered { least: f64, most: f64 },
-    /// The centre is that of a point at another distance.
-    Unmoved { x_px: f64, other_mm: f64 },
-    /// Somebody pressed Ctrl-C.
-    Interrupted,
-}
-
-impl std::fmt::Display for NoPoint {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Fault(NoCentre { fault, advice }) => write!(f, "{fault} ({advice})"),
-            Self::Scattered { least, most } => write!(
-                f,
-                "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let \
-                 the target come to rest)"
-            ),
-            Self::Unmoved { x_px, other_mm } => write!(
-                f,
-                "the centre, {x_px:.3} px, is that of the point at {other_mm} mm: the target did not move (move \
-                 it; or type t to take the point all the same)"
-            ),
-            Self::Interrupted => f.write_str("stopped by Ctrl-C"),
-        }
-    }
-}
+/// Why there is no point after Ctrl-C.
+const INTERRUPTED: &str = "stopped by Ctrl-C";
 
 impl Walk<'_> {
-    /// Takes the points that are missing, and gives how that ended.
-    fn through(mut self, missing: &[f64], file: &mut PointsFile) -> Result<Stopped> {
+    /// Takes the points that are missing, and gives whether a person stopped it, or skipped a position.
+    fn through(mut self, missing: &[f64], file: &mut PointsFile) -> Result<bool> {
         self.session.borrow_rows(MAX_ROWS as u16)?;
         // The places in `missing` of the points of this run, in the order in which they were taken.
         let mut done: Vec<usize> = Vec::new();
         let mut unmoved = None;
         let mut tries = 0;
         let mut index = 0;
-        let mut stopped = Stopped::AtTheEnd;
+        let mut stopped = false;
         loop {
             let position = missing.get(index).copied();
             let moved = match position {
@@ -312,8 +264,12 @@ impl Walk<'_> {
                         Ok(Ok(point)) => match at_rest(file.points(), &point) {
                             Some(other) => {
                                 unmoved = Some(point);
-                                let (x_px, other_mm) = (point.x_px, other.d_mm);
-                                Err((mm, NoPoint::Unmoved { x_px, other_mm }))
+                                let no_point = format!(
+                                    "the centre, {:.3} px, is that of the point at {} mm: the target did not \
+                                     move (move it; or type t to take the point all the same)",
+                                    point.x_px, other.d_mm
+                                );
+                                Err((mm, no_point))
                             }
                             None => Ok(point),
                         },
@@ -334,7 +290,7 @@ impl Walk<'_> {
                     }
                 },
                 Moved::Skip => {
-                    (stopped, unmoved) = (Stopped::ByHand, None);
+                    (stopped, unmoved) = (true, None);
                     index += 1;
                     continue;
                 }
@@ -348,8 +304,7 @@ impl Walk<'_> {
                     }
                     continue;
                 }
-                Moved::Quit if index < missing.len() => return Ok(Stopped::ByHand),
-                Moved::Quit => return Ok(stopped),
+                Moved::Quit => return Ok(stopped || index < missing.len()),
                 Moved::End => bail!("the input ended, with {} left", list(&missing[index..])),
             };
             match point {
@@ -374,27 +329,23 @@ impl Walk<'_> {
 
     /// Fails once somebody pressed Ctrl-C.
     fn check_interrupt(&mut self) -> Result<()> {
-        ensure!(
-            !self.session.line().pc().interrupted(),
-            "{}",
-            NoPoint::Interrupted
-        );
+        ensure!(!self.session.line().pc().interrupted(), INTERRUPTED);
         Ok(())
     }
 
-    /// What the sensor sees now.
-    fn point(&mut self, d_mm: f64) -> Result<Result<Taken, NoPoint>, LineError> {
+    /// What the sensor sees now, or why there is no point.
+    fn point(&mut self, d_mm: f64) -> Result<Result<Taken, String>, LineError> {
         // The frame under way began while the target moved.
         let _ = self.session.centre()?;
         let mut centres: Vec<Centre> = Vec::new();
         // A line that noise changed is made up for; twice as many frames are a target that is not at rest.
         for _ in 0..2 * self.frames {
             if self.session.line().pc().interrupted() {
-                return Ok(Err(NoPoint::Interrupted));
+                return Ok(Err(INTERRUPTED.to_owned()));
             }
             match self.centre()? {
                 Ok(centre) => centres.push(centre),
-                Err(no_centre) => return Ok(Err(NoPoint::Fault(no_centre))),
+                Err(NoCentre { fault, advice }) => return Ok(Err(format!("{fault} ({advice})"))),
             }
             if centres.len() >= self.frames {
                 let close = without_outlying(&centres);
@@ -404,7 +355,10 @@ impl Walk<'_> {
             }
         }
         let (least, most) = least_and_most(centres.iter().map(|centre| centre.x_px));
-        Ok(Err(NoPoint::Scattered { least, most }))
+        Ok(Err(format!(
+            "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let the \
+             target come to rest)"
+        )))
     }
 
     /// A frame's centre, of a sensor that is set as it was.
@@ -418,7 +372,7 @@ impl Walk<'_> {
             {
                 let (rows, estimator) = (centre.rows, centre.estimator);
                 let banner = format!("{rows} rows a frame, estimator {estimator}");
-                Err(LineError::Restarted { banner })
+                Err(LineError::Restarted(banner))
             }
             _ => Ok(answer),
         }
@@ -444,23 +398,24 @@ impl Walk<'_> {
     }
 
     fn report(&mut self, place: &str, point: &Taken) -> Result<()> {
-        let (mm, frames, misfits) = (Millimetres(point.d_mm), point.frames, point.misfits);
-        let (x_px, sigma_px, claimed_px) = (point.x_px, point.sigma_px, point.claimed_px);
-        write!(
+        let mm = Millimetres(point.d_mm);
+        let scatter = point.scatter_px.map(|it| format!(", scatter {it:.5}"));
+        let misfits = Some(point.misfits).filter(|rows| *rows > 0);
+        let misfits = misfits.map(|rows| format!("  {rows} rows do not look like their spot"));
+        let alike = point
+            .correlated
+            .map(|rows| format!("  rows err alike, worth {rows}"));
+        writeln!(
             self.output,
-            "{place}  {mm} mm  x {x_px:.5} px +- {sigma_px:.5} ({frames} frames"
+            "{place}  {mm} mm  x {:.5} px +- {:.5} ({} frames{}, claimed {:.5}){}{}",
+            point.x_px,
+            point.sigma_px,
+            point.frames,
+            scatter.unwrap_or_default(),
+            point.claimed_px,
+            misfits.unwrap_or_default(),
+            alike.unwrap_or_default()
         )?;
-        if let Some(scatter) = point.scatter_px {
-            write!(self.output, ", scatter {scatter:.5}")?;
-        }
-        write!(self.output, ", claimed {claimed_px:.5})")?;
-        if misfits > 0 {
-            write!(self.output, "  {misfits} rows do not look like their spot")?;
-        }
-        if let Some(rows) = point.correlated {
-            write!(self.output, "  rows err alike, worth {rows}")?;
-        }
-        writeln!(self.output)?;
         Ok(())
     }
 }
@@ -537,10 +492,8 @@ fn to_longest(centre: &Centre) -> f64 {
 /// of the frames has none.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
     let with_images = centres.iter().filter_map(|centre| {
-        let scaled = |image: SlitImage| SlitImage {
-            height_counts: image.height_counts * to_longest(centre),
-            ..image
-        };
+        let height = |image: SlitImage| image.height_counts * to_longest(centre);
+        let scaled = |image: SlitImage| SlitImage::new(image.x_px, height(image));
         Some(centre.slits?.map(|image| image.map(scaled)))
     });
     let frames: Vec<SlitImages> = with_images.collect();
@@ -553,12 +506,8 @@ fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
             return None;
         }
         let x_px = middle_mean(images.iter().map(|image| image.x_px).collect());
-        let height_counts = upper_median(images.iter().map(|image| image.height_counts));
-        let x_px = rounded(x_px);
-        (height_counts > 0.0).then_some(SlitImage {
-            x_px,
-            height_counts,
-        })
+        let height = upper_median(images.iter().map(|image| image.height_counts));
+        (height > 0.0).then_some(SlitImage::new(rounded(x_px), height))
     }))
 }
 
@@ -600,10 +549,7 @@ mod tests {
             exposure_us: 5600,
             rows: 64,
             estimator: 't',
-            shape: None,
-            misfits: 0,
-            correlated: None,
-            slits: None,
+            ..Centre::default()
         }
     }
 
@@ -617,27 +563,18 @@ mod tests {
         assert_eq!(point.sigma_px, 0.01291);
         assert_eq!(point.height_counts, Some(1000.0));
         // A height is that at the longest exposure.
-        let exposure_us = 560;
-        let short = Centre {
-            exposure_us,
-            ..centre(1800.0)
-        };
+        let mut short = centre(1800.0);
+        short.exposure_us = 560;
         assert_eq!(taken(700.0, &[short]).height_counts, Some(10_000.0));
         // Frames that agree better than chance: what the sensor claims counts.
         let point = taken(700.0, &[centre(1800.0); 4]);
         assert_eq!((point.scatter_px, point.sigma_px), (Some(0.0), 0.001));
         let single = taken(700.0, &[centre(1800.0)]);
         assert_eq!((single.scatter_px, single.sigma_px), (None, 0.002));
-        let flagged = Centre {
-            misfits: 2,
-            correlated: Some(5),
-            ..centre(1800.0)
-        };
-        let correlated = Some(3);
-        let worse = Centre {
-            correlated,
-            ..flagged
-        };
+        let mut flagged = centre(1800.0);
+        (flagged.misfits, flagged.correlated) = (2, Some(5));
+        let mut worse = flagged;
+        worse.correlated = Some(3);
         let point = taken(700.0, &[centre(1800.0), flagged, worse]);
         assert_eq!((point.misfits, point.correlated), (4, Some(3)));
     }
@@ -661,21 +598,12 @@ mod tests {
 
     #[test]
     fn an_image_is_the_mean_of_the_frames_that_have_it() {
-        let height_counts = 1000.0;
-        let image = |x_px| {
-            Some(SlitImage {
-                x_px,
-                height_counts,
-            })
-        };
+        let image = |x_px| Some(SlitImage::new(x_px, 1000.0));
         let with = |first, second| {
-            let mut slits = SlitImages::default();
+            let mut centre = centre(1800.0);
+            let slits = centre.slits.insert(SlitImages::default());
             (slits[0], slits[1]) = (first, second);
-            let slits = Some(slits);
-            Centre {
-                slits,
-                ..centre(1800.0)
-            }
+            centre
         };
         let frames = [
             with(image(900.0), None),

@@ -5,7 +5,7 @@ use std::time::Duration;
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::flat::Flat;
 use slitrange_device::settings::serial_line::{Baud, Format};
-use slitrange_device::settings::{Setting, Value};
+use slitrange_device::settings::{Setting, Settings, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
 use super::line::{ANSWER, FRAME, Line, LineError, RECONNECT, TRIES, is_echoed};
@@ -21,7 +21,6 @@ pub struct Session<'a> {
     line: Line<'a>,
     head: String,
     borrowed: Borrowed,
-    /// Whether readings stream in the session.
     streams: bool,
     /// Whether the sensor may send packets, or have another rate than 115200 baud.
     is_binary: bool,
@@ -35,8 +34,9 @@ pub struct Away<'a> {
 }
 
 impl<'a> Away<'a> {
-    /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers.
-    pub fn find_again(self) -> Link<'a> {
+    /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers, and then
+    /// a pause.
+    pub fn find_again(self, pause: Duration) -> Link<'a> {
         let answers = Line::open(self.pc, &self.port).and_then(|mut line| line.answers());
         let opened = match answers {
             Ok(_) | Err(LineError::Restarted { .. }) => Session::open(self.pc, &self.port),
@@ -47,7 +47,10 @@ impl<'a> Away<'a> {
                 session.borrowed = self.borrowed;
                 Link::There(session)
             }
-            Err(error) => Link::Gone(self, error.to_string()),
+            Err(error) => {
+                self.pc.sleep(pause);
+                Link::Gone(self, error.to_string())
+            }
         }
     }
 }
@@ -61,16 +64,6 @@ pub enum Link<'a> {
     Gone(Away<'a>, String),
 }
 
-impl Link<'_> {
-    /// Why the sensor went away. `None` if it answers.
-    pub fn why_gone(&self) -> Option<&str> {
-        match self {
-            Self::There(_) => None,
-            Self::Gone(_, why) => Some(why),
-        }
-    }
-}
-
 /// Rows and stream, as they are put back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Before {
@@ -80,7 +73,6 @@ pub struct Before {
     pub rows: Option<u16>,
 }
 
-/// What is put back.
 #[derive(Clone, Debug, Default)]
 struct Borrowed {
     before: Before,
@@ -117,24 +109,18 @@ impl<'a> Session<'a> {
             is_binary: false,
         };
         session.borrowed.before.streamed = streamed;
-        session.stop_echo()?;
+        session.borrowed.echo = session.value(Setting::Echo)? == Value::Echo(true);
+        if session.borrowed.echo {
+            // The echo of this line may be taken for its answer, which then still comes.
+            session.set(Command::Set(Value::Echo(false)))?;
+            session.line.synchronise()?;
+        }
         session.borrow(Value::Format(Format::Text))?;
         session.set(Command::Set(Value::Stream(false)))?;
         session.streams = false;
         let info = Command::Info.to_string();
         session.head = session.line.ask(&info, ANSWER, answers::head)?;
         Ok(session)
-    }
-
-    /// Switches the echo off for as long as the session lasts.
-    fn stop_echo(&mut self) -> Result<(), LineError> {
-        self.borrowed.echo = self.value(Setting::Echo)? == Value::Echo(true);
-        if self.borrowed.echo {
-            // The echo of this line may be taken for its answer, which then still comes.
-            self.set(Command::Set(Value::Echo(false)))?;
-            self.line.synchronise()?;
-        }
-        Ok(())
     }
 
     /// The same sensor once more after it went away or forgot what was set.
@@ -205,6 +191,20 @@ impl<'a> Session<'a> {
         })
     }
 
+    /// The values of some settings. The others are the factory's.
+    pub fn settings(&mut self, asked: &[Setting]) -> Result<Settings, LineError> {
+        let mut settings = Settings::default();
+        for &setting in asked {
+            settings.set(self.value(setting)?);
+        }
+        Ok(settings)
+    }
+
+    /// Says a command that may come twice without harm, and that the sensor repeats once it has done it.
+    pub fn has_done(&mut self, command: &str, wait: Duration) -> Result<(), LineError> {
+        (self.line).ask(command, wait, |lines| is_echoed(lines, command))
+    }
+
     /// Sets a value.
     pub fn set(&mut self, command: Command) -> Result<(), LineError> {
         self.line.ask(&command.to_string(), ANSWER, |lines| {
@@ -273,8 +273,7 @@ impl<'a> Session<'a> {
     }
 
     fn use_map(&mut self, on: bool) -> Result<(), LineError> {
-        let command = Flat::Use(on).to_string();
-        (self.line).ask(&command, ANSWER, |lines| is_echoed(lines, &command))
+        self.has_done(&Flat::Use(on).to_string(), ANSWER)
     }
 
     /// Has the sensor send packets at a rate until the session ends. The packets come from [`Session::line`].
@@ -339,15 +338,10 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Puts back what was set for the session.
     fn put_back(&mut self) -> Result<(), LineError> {
-        let Borrowed {
-            before: Before { streamed, rows },
-            echo,
-            map,
-            values,
-        } = std::mem::take(&mut self.borrowed);
-        let is_changed = echo || map || !values.is_empty() || rows.is_some();
+        let found = std::mem::take(&mut self.borrowed);
+        let (values, Before { streamed, rows }) = (found.values, found.before);
+        let is_changed = found.echo || found.map || !values.is_empty() || rows.is_some();
         if !is_changed && !streamed && !self.streams && !self.is_binary {
             return Ok(());
         }
@@ -359,20 +353,19 @@ impl<'a> Session<'a> {
         for value in values.into_iter().rev() {
             self.set(Command::Set(value))?;
         }
-        if map {
+        if found.map {
             self.use_map(true)?;
         }
         if let Some(rows) = rows {
             self.set(Command::Set(Value::Rows(rows)))?;
         }
         self.set(Command::Set(Value::Stream(streamed)))?;
-        match echo {
+        match found.echo {
             true => self.set(Command::Set(Value::Echo(true))),
             false => Ok(()),
         }
     }
 
-    /// The names of what is put back.
     fn changed(&self) -> String {
         let Borrowed { map, values, .. } = &self.borrowed;
         let values = values.iter().map(|value| value.setting().name());

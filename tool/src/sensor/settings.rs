@@ -14,7 +14,7 @@ use slitrange_device::protocol::command::{Command, Error, parse};
 use slitrange_device::settings::serial_line::Format;
 use slitrange_device::settings::{Affects, Setting, Settings, Value};
 
-use super::line::{SAVE, is_echoed};
+use super::line::SAVE;
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -135,7 +135,6 @@ pub fn settings(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Finds a setting by the words of its name.
 fn named(words: &[String]) -> Result<Setting> {
     let name = words.join(" ").to_ascii_lowercase();
     let setting = Setting::ALL.iter().find(|setting| setting.name() == name);
@@ -251,7 +250,6 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// Sets a value, and says what it was.
 fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
     let setting = new.setting();
     let before = value(session, setting)?;
@@ -291,7 +289,6 @@ fn to_toml(values: &[Value]) -> String {
     toml
 }
 
-/// Reads a file, and checks each value.
 fn read_file(file: &Path) -> Result<Vec<Value>> {
     let name = file.display();
     let text = std::fs::read_to_string(file).with_context(|| format!("{name} cannot be read"))?;
@@ -323,7 +320,6 @@ fn from_toml(text: &str) -> Result<Vec<Value>> {
     Ok(values)
 }
 
-/// Reads the words of a value of a setting.
 fn read_value(setting: Setting, words: &str) -> Result<Value> {
     let value = read(&format!("{} {words}", setting.name()))?;
     ensure!(
@@ -361,16 +357,13 @@ fn load(
     let what = if count == 1 { "setting" } else { "settings" };
     writeln!(output, "{count} {what} changed, {same} as before")?;
     if to_flash {
-        let save = Command::Save.to_string();
-        // The same may be saved twice without harm.
-        let saved = (session.line()).ask(&save, SAVE, |lines| is_echoed(lines, &save));
+        let saved = session.has_done(&Command::Save.to_string(), SAVE);
         saved.context("the settings are in use, but not saved")?;
         writeln!(output, "saved: they are kept over a power cycle")?;
     }
     Ok(())
 }
 
-/// Says where values differ.
 fn compare(
     (ours, here): (&[Value], &str),
     (theirs, there): (&[Value], &str),

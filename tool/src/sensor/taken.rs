@@ -9,7 +9,7 @@ use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use calibration::points::{Setup, Shape, SlitImages, TITLE, columns};
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::frame::comb::Slits;
@@ -143,24 +143,18 @@ pub struct PointsFile {
     path: PathBuf,
     /// At its end.
     file: File,
-    points: Vec<PointLine>,
-    /// The last line was cut off; what was left of it.
-    torn: Option<String>,
-    begun_with: Option<Before>,
-    /// The distances that were asked for, and the other distances at which a person took the points.
-    asked: Vec<(f64, f64)>,
+    content: Content,
 }
 
-/// What a file's text holds.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Content {
     /// The lines before the points.
     first: Vec<String>,
     points: Vec<PointLine>,
     /// Remarks below.
     remarks: Vec<String>,
+    /// The last line was cut off; what was left of it.
     torn: Option<String>,
-    /// The slits of the sensor.
     slits: Slits,
 }
 
@@ -196,118 +190,104 @@ impl PointsFile {
         if bytes.is_empty() || content.torn.is_some() {
             content.write(path)?;
         }
-        let file = open_to_append(path)?;
         Ok(Self {
             path: path.to_owned(),
-            begun_with: begun_with(&content.first),
-            asked: content
-                .remarks
-                .iter()
-                .filter_map(|line| parse_asked(line))
-                .collect(),
-            file,
-            points: content.points,
-            torn: content.torn,
+            file: open_to_append(path)?,
+            content,
         })
     }
 
     /// The points in it.
     pub fn points(&self) -> &[PointLine] {
-        &self.points
+        &self.content.points
     }
 
     /// The positions in millimetres that need no point any more: those of the points, and those for which a
     /// person took a point at another distance.
     pub fn done(&self) -> Vec<f64> {
-        let is_there = |at: f64| self.points.iter().any(|point| point.d_mm == at);
-        let asked = self.asked.iter().filter(|(_, at)| is_there(*at));
-        let distances = self.points.iter().map(|point| point.d_mm);
-        distances.chain(asked.map(|(asked, _)| *asked)).collect()
+        let mut done: Vec<f64> = self.points().iter().map(|point| point.d_mm).collect();
+        let asked = self.content.remarks.iter();
+        let asked: Vec<(f64, f64)> = asked.filter_map(|line| parse_asked(line)).collect();
+        let is_there = asked.iter().filter(|(_, at)| done.contains(at));
+        done.extend(is_there.map(|(asked, _)| *asked).collect::<Vec<f64>>());
+        done
     }
 
     /// How the sensor was set before the run that began the file, as far as a run changes that. `None` where
     /// the file does not say.
     pub fn begun_with(&self) -> Option<Before> {
-        self.begun_with
+        begun_with(&self.content.first)
     }
 
     /// What was left of its last line, if that was cut off when it was opened.
     pub fn torn(&self) -> Option<&str> {
-        self.torn.as_deref()
+        self.content.torn.as_deref()
     }
 
     /// Adds a point. It is on the disk when this returns.
     pub fn add(&mut self, point: Taken) -> Result<()> {
         let line = PointLine::from(&point);
         self.append(&line.text)?;
-        self.points.push(line);
+        self.content.points.push(line);
         Ok(())
     }
 
     /// Adds a point that stands for the position in millimetres that was asked for.
     pub fn add_for(&mut self, asked: f64, point: Taken) -> Result<()> {
         self.add(point)?;
-        if point.d_mm != asked {
-            let [of, at] = [asked, point.d_mm].map(Millimetres);
-            self.remark(&format!("{ASKED}{of}{TAKEN_AT}{at} mm"))?;
-            self.asked.push((asked, point.d_mm));
+        let [of, at] = [asked, point.d_mm].map(Millimetres);
+        match point.d_mm == asked {
+            true => Ok(()),
+            false => self.remark(&format!("{ASKED}{of}{TAKEN_AT}{at} mm")),
         }
-        Ok(())
     }
 
     /// Takes the last point back: its line becomes a remark. Gives its distance in millimetres.
     ///
     /// # Errors
-    /// The file could not be read or written.
+    /// The file could not be written.
     pub fn take_back(&mut self) -> Result<Option<f64>> {
-        let mut content = self.content()?;
-        let Some(point) = content.points.pop() else {
+        let Content {
+            points, remarks, ..
+        } = &mut self.content;
+        let Some(point) = points.pop() else {
             return Ok(None);
         };
-        content
-            .remarks
-            .push(format!("# taken back: {}", point.text));
-        content.write(&self.path)?;
+        remarks.push(format!("# taken back: {}", point.text));
+        self.content.write(&self.path)?;
         self.file = open_to_append(&self.path)?;
-        self.points.pop();
         Ok(Some(point.d_mm))
     }
 
     /// Adds a remark.
     pub fn remark(&mut self, text: &str) -> Result<()> {
-        self.append(&format!("# {}", text.escape_debug()))
+        let line = format!("# {}", text.escape_debug());
+        self.append(&line)?;
+        self.content.remarks.push(line);
+        Ok(())
     }
 
     fn append(&mut self, line: &str) -> Result<()> {
-        self.file
-            .write_all(format!("{line}\n").as_bytes())
+        let written = self.file.write_all(format!("{line}\n").as_bytes());
+        written
             .and_then(|()| self.file.sync_data())
             .with_context(|| {
-                format!(
-                    "{} cannot be written; the {} points in it are safe",
-                    self.path.display(),
-                    self.points.len()
-                )
+                let (path, count) = (self.path.display(), self.points().len());
+                format!("{path} cannot be written; the {count} points in it are safe")
             })
-    }
-
-    fn content(&self) -> Result<Content> {
-        let bytes = std::fs::read(&self.path)
-            .with_context(|| format!("{} cannot be read", self.path.display()))?;
-        Content::read(&bytes)
     }
 
     /// Puts the points in the order of their distances, as the fit wants them, and remarks below.
     ///
     /// # Errors
-    /// The file could not be read or written; it is then as it was.
-    pub fn put_in_order(self) -> Result<()> {
-        if self.points.is_sorted_by(|a, b| a.d_mm <= b.d_mm) {
+    /// The file could not be written; it is then as it was.
+    pub fn put_in_order(mut self) -> Result<()> {
+        if self.points().is_sorted_by(|a, b| a.d_mm <= b.d_mm) {
             return Ok(());
         }
-        let mut content = self.content()?;
-        content.points.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
-        content.write(&self.path)
+        let points = &mut self.content.points;
+        points.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
+        self.content.write(&self.path)
     }
 }
 
@@ -334,32 +314,28 @@ fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
     lines.extend(found.rows.map(|rows| format!("# {}", Value::Rows(rows))));
     lines.push(format!("# {}", Value::Stream(found.streamed)));
     lines.push(format!("# started {started}"));
-    lines.extend(
-        [
-            "# x_px: the mean of the frames' centres. sigma_px: the larger of the frames' scatter and what \
-             the sensor claims for a",
-            "# frame, over the square root of their number. Frames of a target at rest share its speckle, \
-             which is not in it: it",
-            "# shows as residuals of the fit. width_px and shape_0_px to shape_4_px: the spot's shape.",
-        ]
-        .map(str::to_owned),
-    );
-    if setup.slits == Slits::Comb {
-        let of_slits = "# slit_1_px, slit_1_counts and so on: the image of each slit of the comb, its centre \
-                        and its height.";
-        lines.push(of_slits.to_owned());
-    }
+    let of_comb = match setup.slits {
+        Slits::One => 3,
+        Slits::Comb => 4,
+    };
+    lines.extend(COLUMNS.lines().take(of_comb).map(str::to_owned));
     lines
 }
+
+/// What the columns hold. The last line is that of a comb.
+const COLUMNS: &str = "\
+    # x_px: the mean of the frames' centres. sigma_px: the larger of the frames' scatter and what the sensor \
+    claims for a\n\
+    # frame, over the square root of their number. Frames of a target at rest share its speckle, which is not \
+    in it: it\n\
+    # shows as residuals of the fit. width_px and shape_0_px to shape_4_px: the spot's shape.\n\
+    # slit_1_px, slit_1_counts and so on: the image of each slit of the comb, its centre and its height.";
 
 impl Content {
     fn read(bytes: &[u8]) -> Result<Self> {
         // Whatever stands after the last line end was not written to its end.
-        let end = bytes
-            .iter()
-            .rposition(|&byte| byte == b'\n')
-            .map_or(0, |at| at + 1);
-        let (whole, rest) = bytes.split_at(end);
+        let end = bytes.iter().rposition(|&byte| byte == b'\n');
+        let (whole, rest) = bytes.split_at(end.map_or(0, |at| at + 1));
         let mut content = Self {
             torn: (!rest.is_empty()).then(|| rest.escape_ascii().to_string()),
             ..Self::default()
@@ -372,11 +348,11 @@ impl Content {
         );
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
-            if line == header(Slits::Comb) {
-                content.slits = Slits::Comb;
-                break;
-            }
-            if line == header(Slits::One) {
+            if let Some(slits) = [Slits::One, Slits::Comb]
+                .iter()
+                .find(|it| line == header(**it))
+            {
+                content.slits = *slits;
                 break;
             }
             ensure!(
@@ -432,12 +408,14 @@ fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
     for comment in first.iter().filter_map(|line| line.strip_prefix('#')) {
         found.read_comment(comment)?;
     }
-    for (then, now) in found.unnamed().into_iter().zip(setup.unnamed()) {
-        ensure!(
-            then == now,
+    let other = |then: &str, now: &str| {
+        anyhow!(
             "its points were taken with `{then}`, and the sensor is set to `{now}`: set it to that, or take \
              another file"
-        );
+        )
+    };
+    for (then, now) in found.unnamed().into_iter().zip(setup.unnamed()) {
+        ensure!(then == now, other(&then.to_string(), &now.to_string()));
     }
     for ((name, then), (_, now)) in found.comments().into_iter().zip(setup.comments()) {
         if matches!(name, "slits" | "region" | "peak") {
@@ -454,10 +432,9 @@ fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
             continue;
         }
         match name {
-            "estimator" | "black" => bail!(
-                "its points were taken with `{name} {then}`, and the sensor is set to `{name} {now}`: set it \
-                 to that, or take another file"
-            ),
+            "estimator" | "black" => {
+                return Err(other(&format!("{name} {then}"), &format!("{name} {now}")));
+            }
             "head" => bail!(
                 "its points were taken with sensor head {then}, and this is {now}: take another file"
             ),
@@ -550,6 +527,11 @@ mod tests {
         (file, path)
     }
 
+    /// The same file once more.
+    fn again(path: &Path) -> PointsFile {
+        PointsFile::open(path, &setup(), BEFORE, "tomorrow").expect("a file")
+    }
+
     fn lines(points: &[Taken]) -> Vec<PointLine> {
         points.iter().map(PointLine::from).collect()
     }
@@ -568,14 +550,13 @@ mod tests {
             let (mut written, path) = file(&directory, &points);
             written.remark("failed at\n600 mm").expect("remarked");
             prop_assert_eq!(written.points(), lines(&points));
-            let again = || PointsFile::open(&path, &setup(), BEFORE, "tomorrow").expect("a file");
-            let read = again();
+            let read = again(&path);
             prop_assert_eq!(read.points(), lines(&points));
             prop_assert_eq!((read.torn(), read.begun_with()), (None, Some(BEFORE)));
             read.put_in_order().expect("in order");
             let mut sorted = points;
             sorted.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
-            let read = again();
+            let read = again(&path);
             prop_assert_eq!(read.points(), lines(&sorted));
             // The fit finds the same numbers.
             for (read, point) in Points::read(&path).expect("points").points.iter().zip(&sorted) {
@@ -618,7 +599,7 @@ mod tests {
             std::fs::write(&path, &bytes).expect("written");
             let torn = !bytes.ends_with(b"\n");
             for torn in [torn, false] {
-                let mut read = PointsFile::open(&path, &setup(), BEFORE, "tomorrow").expect("a file");
+                let mut read = again(&path);
                 prop_assert_eq!(read.points(), &left[..]);
                 prop_assert_eq!(read.torn().is_some(), torn);
                 read.remark("goes on").expect("remarked");
@@ -636,12 +617,14 @@ mod tests {
         file.add_for(610.0, point(610.0)).expect("added");
         file.add_for(640.0, point(646.0)).expect("added");
         assert_eq!(file.done(), [610.0, 646.0, 640.0]);
-        let again = || PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
-        assert_eq!(again().done(), [610.0, 646.0, 640.0]);
+        assert_eq!(again(&path).done(), [610.0, 646.0, 640.0]);
         assert_eq!(file.take_back().expect("taken back"), Some(646.0));
-        assert_eq!((file.done(), again().done()), (vec![610.0], vec![610.0]));
+        assert_eq!(
+            (file.done(), again(&path).done()),
+            (vec![610.0], vec![610.0])
+        );
         file.add(point(650.0)).expect("added");
-        assert_eq!(again().done(), [610.0, 650.0]);
+        assert_eq!(again(&path).done(), [610.0, 650.0]);
         let text = std::fs::read_to_string(&path).expect("text");
         assert!(
             text.contains("\n# taken back: ") && text.contains(",646.000,"),
@@ -681,19 +664,17 @@ mod tests {
             ..setup()
         };
         let images: SlitImages = std::array::from_fn(|slit| {
-            (slit != 3).then_some(SlitImage {
-                x_px: (900_000_001 + 100_000_000 * slit) as f64 / 1e6,
-                height_counts: 1830.5,
-            })
+            let x_px = (900_000_001 + 100_000_000 * slit) as f64 / 1e6;
+            (slit != 3).then_some(SlitImage::new(x_px, 1830.5))
         });
         let point = Taken {
             height_counts: Some(1011.0),
             slits: Some(images),
             ..PLAIN
         };
-        let mut file = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
-        file.add(point).expect("added");
-        let mut again = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
+        let open = || PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
+        open().add(point).expect("added");
+        let mut again = open();
         assert_eq!(again.points(), lines(&[point]));
         let nearer = Taken {
             x_px: 1800.0,
@@ -702,8 +683,7 @@ mod tests {
         };
         again.add(nearer).expect("added");
         again.put_in_order().expect("in order");
-        let again = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
-        assert_eq!(again.points(), lines(&[nearer, point]));
+        assert_eq!(open().points(), lines(&[nearer, point]));
         // The fit finds all of it.
         let read = Points::read(&path).expect("points");
         assert_eq!(read.setup.slits, Slits::Comb);
@@ -721,7 +701,6 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("points.csv");
         std::fs::write(&path, "").expect("written");
-        let file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("begun");
-        assert!(file.points().is_empty());
+        assert!(again(&path).points().is_empty());
     }
 }

@@ -87,11 +87,8 @@ pub struct ShowOptions {
 pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let from_file = record_file::read(&options.file)?;
     let mut session = options.port.open(pc)?;
-    let InUse {
-        record: before,
-        stored,
-    } = session.calibration()?;
-    let front_end = match (from_file.record().front_end, &before) {
+    let before = session.calibration()?;
+    let front_end = match (from_file.record().front_end, &before.record) {
         (None, Some(in_use)) if in_use.may_have_front_end => {
             record_in_use(&mut session)?.record().front_end
         }
@@ -112,14 +109,10 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         output,
         "record of sensor {number}, {date}, {bytes} bytes, CRC-32 {sum:08x}, for the sensor {head} at {port}"
     )?;
-    if let Some(RecordInUse { serial_number, .. }) = before
-        && serial_number != 0
-        && serial_number != record.serial_number
-    {
-        writeln!(
-            output,
-            "mind: the sensor's calibration until now was that of sensor {serial_number}"
-        )?;
+    let other = before.record.map(|it| it.serial_number);
+    if let Some(other) = other.filter(|it| ![0, number].contains(it)) {
+        let mind = "mind: the sensor's calibration until now was that of sensor";
+        writeln!(output, "{mind} {other}")?;
     }
     match (front_end, record.front_end) {
         (Some(_), _) => writeln!(
@@ -131,7 +124,7 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
             "mind: the front end of FILE replaces that of the sensor: {}",
             ShownFrontEnd::of(&of_file)
         )?,
-        (None, None) if stored == "other" => writeln!(
+        (None, None) if before.stored == "other" => writeln!(
             output,
             "mind: flash holds another record than the one in use. If its front end was measured, measure it \
              again: slitrange head measure"
@@ -167,10 +160,9 @@ pub(super) fn transfer(
     let mut tries = 1;
     loop {
         // A try before this one may have got as far as the flash.
-        let if_not_uploaded = if tries == 1 {
-            "nothing has changed, the sensor uses the calibration that it had"
-        } else {
-            "`calibrate show`, with FILE and --port, tells which calibration the sensor uses"
+        let if_not_uploaded = match tries {
+            1 => "nothing has changed, the sensor uses the calibration that it had",
+            _ => "`calibrate show`, with FILE and --port, tells which calibration the sensor uses",
         };
         let result = transfer_once(&mut session, written, settings, and_save, if_not_uploaded);
         let Err(error) = result else {
@@ -271,7 +263,7 @@ fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
                 Some(crc) => format!("it uses another record, CRC-32 {crc:08x}"),
                 None => "it has no calibration".to_owned(),
             };
-            return Err(LineError::Restarted { banner }).context(UNKNOWN);
+            return Err(LineError::Restarted(banner)).context(UNKNOWN);
         }
         if now.stored == "same" {
             return Ok(());

@@ -23,10 +23,8 @@ fn report_and_figure_name_the_slits() {
         .map(|um| Optics::nominal().behind(1e-6 * (f64::from(um) + 5.0 * normal())));
     for point in &mut points {
         point.slits = Some(slits.map(|slit| {
-            Some(SlitImage {
-                x_px: slit.centre(1e-3 * point.d_mm) + 0.001 * normal(),
-                height_counts: 800.0,
-            })
+            let x_px = slit.centre(1e-3 * point.d_mm) + 0.001 * normal();
+            Some(SlitImage::new(x_px, 800.0))
         }));
     }
     let comb = comb::fit(&points).expect("a fit").expect("a comb");

@@ -15,18 +15,15 @@ use crate::command::{begins, ends, says};
 
 use super::truth::{Truth, seeded, throw_off};
 
-/// A folder in which the command runs.
 struct Folder(tempfile::TempDir);
 
 impl Folder {
-    /// A folder with the file `points.csv`.
     fn with(points: &[Point]) -> Self {
         let folder = Self(tempfile::tempdir().expect("a directory"));
         folder.write("points.csv", points);
         folder
     }
 
-    /// A folder with 20 points of a nominal sensor.
     fn nominal() -> Self {
         Self::with(&Truth::nominal().points(20, 0.002, &mut seeded(3)))
     }

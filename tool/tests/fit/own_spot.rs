@@ -31,7 +31,6 @@ use super::truth::{FAR, NEAR, Truth, seeded};
 /// A sensor in front of a smooth target.
 struct Sensor {
     truth: Truth,
-    /// The skewness of the laser's spot.
     skewness: f64,
     estimator: Estimator,
 }
@@ -164,13 +163,11 @@ impl Sensor {
     }
 }
 
-/// A distance and a height.
 fn anywhere(random: &mut ChaCha8Rng) -> (f64, f64) {
     let distance = random.random_range(NEAR + 0.002..FAR - 0.002);
     (distance, 200.0 * 15f64.powf(random.random()))
 }
 
-/// What a calibration found.
 struct Calibrated {
     calibration: Calibration,
     errors: CalibrationErrors,
@@ -254,34 +251,27 @@ fn judge(estimator: Estimator, skewness: f64) -> [Judged; 2] {
 /// A skewness of 0.1 changes the row as much as a shift by 0.2 pixels, which is 90 um. Without a profile the
 /// sensor takes that light for a flaw, and u holds what a flaw may hide. The share of 1000 readings is known
 /// to 0.7 %.
-#[test]
-#[ignore = "takes 4 CPU s; run by .ci/run"]
-fn a_calibrated_sensor_is_right_whatever_its_laser() {
-    let [symmetric, symmetric_before] = judge(Estimator::PhaseTable, 0.0);
-    let [skewed, skewed_before] = judge(Estimator::PhaseTable, 0.1);
-    assert!((0.93..=0.97).contains(&symmetric.within));
-    assert!(skewed.within >= symmetric.within - 0.02);
-    for judged in [&symmetric, &symmetric_before, &skewed, &skewed_before] {
-        assert!(judged.flagged <= 0.01);
-    }
-    // The profile costs a symmetric spot nothing. It spares a skewed one most of its u.
-    assert!((symmetric.u_um / symmetric_before.u_um - 1.0).abs() < 0.02);
-    assert!(skewed.u_um < 0.03 * skewed_before.u_um);
-    assert!(skewed.rms_um < 1.2 * symmetric.rms_um);
-}
-
+///
 /// The weights of the adaptive estimator change with the spot's height and width, and with them its centre of
-/// a skewed spot. The profile does not hold that, but u does.
+/// a skewed spot. The profile does not hold that, but u does: it is twice that of phase-table.
 #[test]
-#[ignore = "takes 4 CPU s; run by .ci/run"]
-fn the_adaptive_estimator_is_as_right_with_a_skewed_laser() {
-    let [symmetric, symmetric_before] = judge(Estimator::Adaptive, 0.0);
-    let [skewed, skewed_before] = judge(Estimator::Adaptive, 0.1);
-    assert!((0.93..=0.97).contains(&symmetric.within));
-    assert!(skewed.within >= symmetric.within - 0.02);
-    assert!(skewed.flagged <= 0.01);
-    assert!((symmetric.u_um / symmetric_before.u_um - 1.0).abs() < 0.02);
-    // Twice that of phase-table.
-    assert!(skewed.u_um < 0.05 * skewed_before.u_um);
-    assert!(skewed.rms_um < 3.0 * symmetric.rms_um);
+#[ignore = "takes 8 CPU s; run by .ci/run"]
+fn a_calibrated_sensor_is_right_whatever_its_laser() {
+    for (estimator, of_u, of_rms) in [
+        (Estimator::PhaseTable, 0.03, 1.2),
+        (Estimator::Adaptive, 0.05, 3.0),
+    ] {
+        let [symmetric, symmetric_before] = judge(estimator, 0.0);
+        let [skewed, skewed_before] = judge(estimator, 0.1);
+        assert!((0.93..=0.97).contains(&symmetric.within));
+        assert!(skewed.within >= symmetric.within - 0.02);
+        assert!(skewed.flagged <= 0.01);
+        for judged in [&symmetric, &symmetric_before, &skewed_before] {
+            assert!(judged.flagged <= 0.01 || estimator == Estimator::Adaptive);
+        }
+        // The profile costs a symmetric spot nothing. It spares a skewed one most of its u.
+        assert!((symmetric.u_um / symmetric_before.u_um - 1.0).abs() < 0.02);
+        assert!(skewed.u_um < of_u * skewed_before.u_um);
+        assert!(skewed.rms_um < of_rms * symmetric.rms_um);
+    }
 }

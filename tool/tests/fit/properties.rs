@@ -5,9 +5,10 @@ use calibration::points::Points;
 use calibration::record::form::make;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use slitrange::base::units::Pixels;
 use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange_device::record::decode;
 use slitrange_device::record::encoded::EncodedRecord;
+use slitrange_device::record::{Record, decode};
 use slitrange_tool::fit::report::Report;
 
 /// The same cases in every run.
@@ -30,46 +31,30 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
     };
     let directory = tempfile::tempdir().expect("a directory");
     let mut any = false;
-    for form in [
-        None,
-        Some(Form::Eq1),
-        Some(Form::Corrected),
-        Some(Form::Table),
-    ] {
+    let forms = [Form::Eq1, Form::Corrected, Form::Table].map(Some);
+    for form in [None].into_iter().chain(forms) {
         let Ok(made) = make(&solved, form) else {
             continue;
         };
-        let record = slitrange_device::record::Record {
-            serial_number: 1,
-            date: slitrange_device::record::date::Date::new(2026, 1, 2).expect("a day"),
-            geometry: slitrange::row::sensor_heads::tcd1304dg(),
-            estimator: Default::default(),
-            black_level: slitrange::light::black_level::BlackLevel::Shielded,
+        let record = Record {
             calibration: made.calibration.clone(),
-            profile: None,
-            comb: None,
-            front_end: None,
             errors: CalibrationErrors::Unknown,
+            ..Record::nominal().expect("a record")
         };
         let written = EncodedRecord::new(record.clone()).expect("a record");
         let read = decode(written.bytes()).expect("a record");
         prop_assert_eq!(&read, &record);
         for centre in made.curve.even_steps(100) {
-            let at = slitrange::base::units::Pixels::from_bits((centre * 65536.0).round() as i32);
+            let at = Pixels::from_bits((centre * 65536.0).round() as i32);
             let Ok((distance, _)) = read.calibration.distance_at(at) else {
                 // An end may be rounded outwards by a step.
-                prop_assert!(
-                    (centre - made.curve.eq1.valid.0).abs() < 1e-4
-                        || (centre - made.curve.eq1.valid.1).abs() < 1e-4
-                );
+                let (first, last) = made.curve.eq1.valid;
+                prop_assert!((centre - first).abs() < 1e-4 || (centre - last).abs() < 1e-4);
                 continue;
             };
             let off = (distance.to_f64() - 1e6 * made.curve.distance(at.to_f64())).abs();
-            prop_assert!(
-                off <= made.error_um.max(0.02) * 1.5,
-                "{off} um, {} stated",
-                made.error_um
-            );
+            let stated = made.error_um;
+            prop_assert!(off <= stated.max(0.02) * 1.5, "{off} um, {stated} stated");
             if made.form == Form::Eq1 {
                 // Rounding of xp and of the centre: half a step of each.
                 let rounding = 0.02 + 1e6 * made.curve.slope(centre).abs() / 65536.0;
@@ -88,7 +73,6 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
 proptest! {
     #![proptest_config(cases(2000))]
 
-    /// Any text.
     #[test]
     fn any_text_is_fitted_or_refused_without_a_panic(
         text in concat!(

@@ -13,7 +13,7 @@ use slitrange_tool::screen::Key;
 use crate::command::{begins, says};
 
 use super::screen::Person;
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::StandIn;
 
 /// A program that notes its process and its options, says a few lines, and goes on as `rest` says.
 fn board(sensor: &StandIn, rest: &str) -> PathBuf {
@@ -60,7 +60,7 @@ struct Reader<'a>(&'a StandIn, String);
 impl Write for Reader<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.1.push_str(&String::from_utf8_lossy(bytes));
-        self.0.state().interrupted = self.1.contains("Ctrl-C ends it");
+        self.0.state().trouble.interrupted = self.1.contains("Ctrl-C ends it");
         Ok(bytes.len())
     }
 
@@ -79,7 +79,7 @@ fn options(scene: Option<&str>, monitor: bool) -> DemoOptions {
 
 #[test]
 fn the_board_is_started_and_its_port_is_named_and_ctrl_c_ends_it() {
-    let sensor = StandIn::new(1, Trouble::default());
+    let sensor = StandIn::new(1);
     let program = board(&sensor, "exec sleep 600");
     let with = DemoOptions {
         board: vec!["--rows".to_owned(), "4".to_owned()],
@@ -95,7 +95,7 @@ fn the_board_is_started_and_its_port_is_named_and_ctrl_c_ends_it() {
 
 #[test]
 fn the_live_view_shows_the_readings_of_the_board() {
-    let sensor = StandIn::new(2, Trouble::default());
+    let sensor = StandIn::new(2);
     let program = board(&sensor, "exec sleep 600");
     let person = Person::new(&sensor, &[(20, Key::Quit)]);
     let mut output = Vec::new();
@@ -111,7 +111,7 @@ fn the_live_view_shows_the_readings_of_the_board() {
 
 #[test]
 fn a_board_that_ends_is_an_error() {
-    let sensor = StandIn::new(3, Trouble::default());
+    let sensor = StandIn::new(3);
     let program = board(&sensor, "exit 3");
     let mut output = Vec::new();
     let ended = serve(&program, &options(None, false), &sensor, &mut output);
@@ -123,7 +123,7 @@ fn a_board_that_ends_is_an_error() {
 #[test]
 fn without_the_board_the_error_says_how_to_build_it() {
     // The program of this test has no virtual board beside it.
-    let sensor = StandIn::new(4, Trouble::default());
+    let sensor = StandIn::new(4);
     let error = sensor.refused("demo quiet-paper");
     says(&error, ["`cargo build --bin demo`"]);
 }

@@ -6,7 +6,7 @@ use super::stand_in::{StandIn, Trouble};
 
 #[test]
 fn a_person_darkens_and_lights_the_sensor() {
-    let sensor = StandIn::new(1, Trouble::default());
+    let sensor = StandIn::new(1);
     let output = done(sensor.type_in("head flat --port PORT", "\n\n"));
     let lines = [
         "sensor TCD1304DG at ",
@@ -24,8 +24,8 @@ fn a_person_darkens_and_lights_the_sensor() {
 
 #[test]
 fn wrong_light_is_asked_for_again() {
-    let sensor = StandIn::new(2, Trouble::default());
-    sensor.state().wrong_light = 1;
+    let sensor = StandIn::new(2);
+    sensor.state().trouble.wrong_light = 1;
     let flat = |typed| sensor.type_in("head flat --port PORT --no-save", typed);
     let output = done(flat("\n\n\n"));
     let error = "E20 the dark rows are 900 counts brighter at pixel 1760";
@@ -38,14 +38,14 @@ fn wrong_light_is_asked_for_again() {
 
 #[test]
 fn a_script_takes_dark_and_lit_rows_in_two_runs() {
-    let sensor = StandIn::new(3, Trouble::default());
+    let sensor = StandIn::new(3);
     let [dark, lit] = ["dark", "lit"].map(|only| format!("head flat --port PORT --only {only}"));
     says(&sensor.refused(&lit), ["E20 there are no dark rows"]);
     assert!(!sensor.done(&dark).contains("flat lit"));
     assert!(!sensor.state().has_saved_map);
     sensor.done(&lit);
     assert!(sensor.state().has_saved_map);
-    sensor.state().flash_works = false;
+    sensor.state().trouble.broken_flash = true;
     sensor.done(&dark);
     begins(&sensor.refused(&lit), "the map is in use, but not saved: ");
 }
@@ -53,13 +53,9 @@ fn a_script_takes_dark_and_lit_rows_in_two_runs() {
 /// Lines are lost and garbled, and the tool asks again.
 #[test]
 fn noise_on_the_line_does_not_matter() {
-    let trouble = Trouble {
-        lost: 0.05,
-        garbled: 0.05,
-        ..Trouble::default()
-    };
     for seed in 0..20 {
-        let sensor = StandIn::new(seed, trouble);
+        let sensor = StandIn::new(seed);
+        sensor.state().trouble = Trouble::of_line(0.05, 0.05);
         done(sensor.type_in("head flat --port PORT", "\n\n"));
         assert!(sensor.state().has_saved_map);
     }

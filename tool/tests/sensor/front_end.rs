@@ -89,19 +89,17 @@ fn head(number: u64) -> (Scene, Truth) {
 const MEASURE: &str = "head measure --port PORT";
 const NO_SAVE: &str = "head measure --port PORT --no-save";
 
-/// A sensor with a simulated head.
 fn sensor(scene: Scene, polarity: Polarity) -> StandIn {
-    let sensor = StandIn::new(1, Trouble::default());
+    let sensor = StandIn::new(1);
     sensor.state().light = Some(SimulatedHead::new(scene, polarity));
     sensor
 }
 
-/// What the sensor's record says of its front end.
 fn recorded(sensor: &StandIn) -> FrontEnd {
     found(sensor).expect("a front end")
 }
 
-/// The same. `None` if the record says nothing.
+/// What the sensor's record says of its front end.
 fn found(sensor: &StandIn) -> Option<FrontEnd> {
     sensor.state().record()?.record().front_end
 }
@@ -109,14 +107,11 @@ fn found(sensor: &StandIn) -> Option<FrontEnd> {
 /// A record with this serial number, and otherwise the one in use.
 fn with_number(sensor: &StandIn, serial_number: u32) -> EncodedRecord {
     let in_use = sensor.state().record().expect("a record");
-    let record = Record {
-        serial_number,
-        ..in_use.record().clone()
-    };
+    let mut record = in_use.record().clone();
+    record.serial_number = serial_number;
     EncodedRecord::new(record).expect("a record")
 }
 
-/// A record without its front end.
 fn without_front_end(record: &EncodedRecord) -> Record {
     Record {
         front_end: None,
@@ -181,26 +176,20 @@ fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -
         laser_before: laser,
     };
     let calibration = Calibration::nominal().expect("a curve");
+    let errors = CalibrationErrors::Unknown;
+    let mut of_outputs = scene.geometry();
+    of_outputs.polarity = polarity;
     let true_centre = simulation.true_centre(0, scene.distance);
     let (mut squares, mut readings) = (0.0, 0.0);
     for row in 0..4 * FRAMES {
         let outputs = simulation.row(row, scene.distance, times);
-        let of_outputs = Geometry {
-            polarity,
-            ..scene.geometry()
-        };
         let mut words = words(&outputs, &of_outputs);
         let Some(result) = measurement.row(&mut words) else {
             continue;
         };
         let measured = result.expect("a centre");
-        let reading = measured
-            .reading(
-                Some(&calibration),
-                &CalibrationErrors::Unknown,
-                Surface::Off,
-            )
-            .expect("in range");
+        let reading = measured.reading(Some(&calibration), &errors, Surface::Off);
+        let reading = reading.expect("in range");
         let (_, um_per_pixel) = calibration.distance_at(reading.centre).expect("in range");
         let error = (reading.centre.to_f64() - true_centre) * f64::from(um_per_pixel);
         squares += (error / reading.parts.noise.to_f64()).powi(2);
@@ -220,10 +209,8 @@ fn readings_claim_their_noise_after_a_measurement() {
         sensor.done(NO_SAVE);
         let found = recorded(&sensor);
         // What the firmware assumes: 10 electrons a count, and saturation at full scale.
-        let assumed = Geometry {
-            polarity: truth.polarity,
-            ..scene.sensor.geometry()
-        };
+        let mut assumed = scene.sensor.geometry();
+        assumed.polarity = truth.polarity;
         let before = pull(&scene, truth.polarity, &assumed, &truth);
         let after = pull(&scene, truth.polarity, &found.geometry(&assumed), &truth);
         println!(
@@ -291,10 +278,8 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     });
     sensor.write("own.record", own.expect("a record").bytes());
     let output = sensor.done("calibrate write --port PORT @own.record");
-    says(
-        &output,
-        ["with the front end that was measured on this sensor"],
-    );
+    let kept = "with the front end that was measured on this sensor";
+    says(&output, [kept]);
     let saved = || sensor.state().saved_record().expect("a record");
     assert_eq!(saved().record().serial_number, 7);
     assert!(saved().record().front_end.is_some());
@@ -304,7 +289,6 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     assert_eq!(saved().record().serial_number, 7);
 }
 
-/// A scene with a spot of another brightness.
 fn with_light(scene: &Scene, counts_per_second: f64) -> Scene {
     Scene {
         spot: scene.spot.map(|spot| Spot {
@@ -403,7 +387,7 @@ fn ctrl_c_ends_the_measurement_in_order() {
         sensor.state().type_line(line);
     }
     let before = sensor.state().settings();
-    sensor.state().interrupted = true;
+    sensor.state().trouble.interrupted = true;
     begins(&sensor.refused(MEASURE), "ended by Ctrl-C");
     assert_eq!(sensor.state().settings(), before);
     assert!(sensor.state().is_map_on());
@@ -421,7 +405,7 @@ fn a_tool_that_is_killed_loses_no_calibration() {
     ] {
         let sensor = sensor(scene.clone(), truth.polarity);
         sensor.state().start_with(Some(own.clone()));
-        sensor.state().kill_after = Some(uses);
+        sensor.state().trouble.kill_after = Some(uses);
         let ended = sensor.ends_before_it_is_killed(|| sensor.run(MEASURE).0.is_ok());
         ends += usize::from(ended);
         let saved = sensor.state().saved_record().expect("a record");
@@ -451,13 +435,8 @@ fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
 #[test]
 fn a_noisy_line_gives_the_same_front_end() {
     let (scene, truth) = head(4);
-    let trouble = Trouble {
-        lost: 0.002,
-        garbled: 0.002,
-        ..Trouble::default()
-    };
-    let sensor = StandIn::new(5, trouble);
-    sensor.state().light = Some(SimulatedHead::new(scene, truth.polarity));
+    let sensor = sensor(scene, truth.polarity);
+    sensor.state().trouble = Trouble::of_line(0.002, 0.002);
     sensor.done(MEASURE);
     let found = recorded(&sensor);
     for (name, _, over_u) in compare(&found, &truth) {

@@ -67,7 +67,7 @@ fn a_pseudo_terminal_is_a_port_and_belongs_to_one_program() {
     let port = path.to_str().expect("text");
     let mut sensor_side = File::from(ends.master);
     let sensor = std::thread::spawn(move || {
-        let sensor = StandIn::new(1, Trouble::default());
+        let sensor = StandIn::new(1);
         let mut bytes = [0; 1024];
         // An error once the other end is closed.
         while let Ok(count) = sensor_side.read(&mut bytes) {
@@ -99,7 +99,7 @@ fn a_pseudo_terminal_is_a_port_and_belongs_to_one_program() {
 
 #[test]
 fn a_stream_that_was_off_stays_off() {
-    let sensor = StandIn::new(2, Trouble::default());
+    let sensor = StandIn::new(2);
     sensor.state().type_line("stream off");
     drop(Session::open(&sensor, &sensor.port()).expect("a session"));
     assert!(!sensor.state().settings().stream);
@@ -113,16 +113,14 @@ fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     let file = error(&pc, "/etc/hostname");
     begins(&file, "/etc/hostname cannot be opened as a serial port: ");
 
-    let sensor = StandIn::new(3, Trouble::default());
+    let sensor = StandIn::new(3);
     sensor.state().trouble.lost = 1.0;
     let port = sensor.port();
-    assert_eq!(
-        error(&sensor, &port),
-        format!(
-            "no sensor answers `stream` at {port}: check that this is the sensor's port and that the sensor \
-             has power"
-        )
+    let silent = format!(
+        "no sensor answers `stream` at {port}: check that this is the sensor's port and that the sensor has \
+         power"
     );
+    assert_eq!(error(&sensor, &port), silent);
     sensor.state().trouble.lost = 0.0;
     let mut session = Session::open(&sensor, &port).expect("a session");
     let line = session.line();
@@ -138,7 +136,7 @@ fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
 
 #[test]
 fn a_sensor_that_starts_anew_is_noticed() {
-    let sensor = StandIn::new(4, Trouble::default());
+    let sensor = StandIn::new(4);
     let mut session = Session::open(&sensor, &sensor.port()).expect("a session");
     sensor.state().cut_power(Duration::ZERO);
     let error = session.value(Setting::Rows);
@@ -152,13 +150,9 @@ fn a_sensor_that_starts_anew_is_noticed() {
 /// Every fifth line is lost or garbled, in both directions. Every value still arrives unchanged.
 #[test]
 fn a_bad_line_slows_a_session_and_changes_no_value() {
-    let sensor = StandIn::new(5, Trouble::default());
+    let sensor = StandIn::new(5);
     let mut session = Session::open(&sensor, &sensor.port()).expect("a session");
-    sensor.state().trouble = Trouble {
-        lost: 0.1,
-        garbled: 0.1,
-        ..Trouble::default()
-    };
+    sensor.state().trouble = Trouble::of_line(0.1, 0.1);
     let (mut failed, mut set) = (0, 0);
     for rows in (1..=64).cycle().take(40) {
         match session.set(Command::Set(Value::Rows(rows))) {
@@ -183,7 +177,7 @@ fn a_bad_line_slows_a_session_and_changes_no_value() {
 #[test]
 fn a_setting_is_borrowed_for_a_session() {
     let continuous = Value::Trigger(Trigger::Continuous);
-    let sensor = StandIn::new(1, Trouble::default());
+    let sensor = StandIn::new(1);
     sensor.state().type_line("trigger serial");
     let mut session = Session::open(&sensor, &sensor.port()).expect("a sensor");
     session.borrow(continuous).expect("an answer");

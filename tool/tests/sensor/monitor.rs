@@ -9,7 +9,7 @@ use slitrange_tool::sensor::stream::{FrameResult, Kind};
 use crate::command::says;
 
 use super::screen::Person;
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::StandIn;
 
 fn recorded(sensor: &StandIn, name: &str) -> Vec<FrameResult> {
     let file = csv::Reader::from_path(sensor.path(name)).expect("the file");
@@ -24,7 +24,7 @@ fn lines_are_shown_and_the_stream_is_left_as_it_was() {
         ("stream off", "format text"),
         ("stream on", "format csv"),
     ] {
-        let sensor = StandIn::new(1, Trouble::default());
+        let sensor = StandIn::new(1);
         sensor.state().type_line(stream);
         sensor.state().type_line(format);
         let output = sensor.done("monitor --port PORT --count 20");
@@ -41,18 +41,12 @@ fn lines_are_shown_and_the_stream_is_left_as_it_was() {
 /// A line without `distance` has no distance to show.
 #[test]
 fn the_distance_is_added_to_the_columns_for_the_time_of_the_command() {
-    let sensor = StandIn::new(5, Trouble::default());
+    let sensor = StandIn::new(5);
     for line in ["output counter u", "units um", "echo on"] {
         sensor.state().type_line(line);
     }
     let found = sensor.state().settings();
-    let mut steps = 0;
-    sensor.each_step(move |state| {
-        steps += 1;
-        if steps == 500 {
-            state.unplug(Duration::from_secs(2));
-        }
-    });
+    sensor.at_steps([(500, |state| state.unplug(Duration::from_secs(2)))]);
     let output = sensor.done("monitor --port PORT --count 200");
     // In millimetres, although the lines are in micrometres.
     let deviation = "standard deviation 0.0007 mm";
@@ -66,11 +60,8 @@ fn the_distance_is_added_to_the_columns_for_the_time_of_the_command() {
 /// With `hold`, a sensor sends an earlier reading after a fault. With `rate`, it leaves readings out.
 #[test]
 fn held_readings_are_faults_and_what_rate_leaves_out_is_not_missing() {
-    let trouble = Trouble {
-        fault: 0.2,
-        ..Trouble::default()
-    };
-    let sensor = StandIn::new(6, trouble);
+    let sensor = StandIn::new(6);
+    sensor.state().trouble.fault = 0.2;
     sensor.state().type_line("output counter distance");
     for (line, name) in [("hold 1000", "hold"), ("rate 10", "rate")] {
         sensor.state().type_line(line);
@@ -87,7 +78,7 @@ fn held_readings_are_faults_and_what_rate_leaves_out_is_not_missing() {
 
 #[test]
 fn the_first_reading_comes_in_a_quarter_of_a_second() {
-    let sensor = StandIn::new(2, Trouble::default());
+    let sensor = StandIn::new(2);
     sensor.done("monitor --port PORT --count 1");
     let took = sensor.now();
     println!("{took:?}");
@@ -96,22 +87,13 @@ fn the_first_reading_comes_in_a_quarter_of_a_second() {
 
 #[test]
 fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
-    let trouble = Trouble {
-        fault: 0.05,
-        ..Trouble::default()
-    };
-    let sensor = StandIn::new(3, trouble);
-    let mut steps = 0;
-    // The steps are milliseconds while somebody waits.
-    sensor.each_step(move |state| {
-        steps += 1;
-        match steps {
-            1000 => state.unplug(Duration::from_secs(2)),
-            8000 => state.cut_power(Duration::from_millis(300)),
-            16_000 => state.cut_power(Duration::from_secs(8)),
-            _ => {}
-        }
-    });
+    let sensor = StandIn::new(3);
+    sensor.state().trouble.fault = 0.05;
+    sensor.at_steps([
+        (1000, |state| state.unplug(Duration::from_secs(2))),
+        (8000, |state| state.cut_power(Duration::from_millis(300))),
+        (16_000, |state| state.cut_power(Duration::from_secs(8))),
+    ]);
     let command = "monitor --port PORT --csv @run.csv --seconds 40";
     let output = sensor.done(command);
     let lines = recorded(&sensor, "run.csv");
@@ -143,7 +125,7 @@ fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
 
 #[test]
 fn the_live_view_shows_readings_faults_and_that_the_sensor_is_away() {
-    let sensor = StandIn::new(4, Trouble::default());
+    let sensor = StandIn::new(4);
     let person = Person::new(&sensor, &[(20, Key::Char(' ')), (10, Key::Quit)]);
     let (seen, output) = person.types("monitor --port PORT");
     says(&output, ["no faults"]);
@@ -158,15 +140,10 @@ fn the_live_view_shows_readings_faults_and_that_the_sensor_is_away() {
 
     // Without power, an old reading does not stay on the screen.
     sensor.state().trouble.fault = 0.0;
-    let mut steps = 0;
-    sensor.each_step(move |state| {
-        steps += 1;
-        match steps {
-            1000 => state.cut_power(Duration::from_secs(60)),
-            20_000 => state.unplug(Duration::from_secs(60)),
-            _ => {}
-        }
-    });
+    sensor.at_steps([
+        (1000, |state| state.cut_power(Duration::from_secs(60))),
+        (20_000, |state| state.unplug(Duration::from_secs(60))),
+    ]);
     let keys = [(25, Key::Char(' ')), (15, Key::Char(' ')), (30, Key::Quit)];
     let (seen, _) = Person::new(&sensor, &keys).types("monitor --port PORT");
     says(&seen[0], ["no reading for 2 s"]);

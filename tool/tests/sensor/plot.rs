@@ -5,15 +5,12 @@ use slitrange_tool::sensor::stream::{FrameResult, Kind};
 
 use crate::command::{ends, says};
 
-use super::stand_in::{NOISE_PX, StandIn, Trouble};
+use super::stand_in::{NOISE_PX, StandIn};
 
 #[test]
 fn a_recording_is_drawn() {
-    let trouble = Trouble {
-        fault: 0.002,
-        ..Trouble::default()
-    };
-    let sensor = StandIn::new(1, trouble);
+    let sensor = StandIn::new(1);
+    sensor.state().trouble.fault = 0.002;
     sensor.done("monitor --port PORT --csv @run.csv --count 3000");
     let output = sensor.done("plot @run.csv");
     ends(&output, &format!("drawn: {}\n", sensor.file("run.svg")));
@@ -71,7 +68,7 @@ fn a_run_ends_at_a_fault_and_at_a_pause() {
 
 #[test]
 fn another_file_is_an_error() {
-    let sensor = StandIn::new(2, Trouble::default());
+    let sensor = StandIn::new(2);
     sensor.write("points.csv", "distance_mm,x\n1,2\n");
     let error = sensor.refused("plot @points.csv");
     says(&error, ["is no recording of `slitrange monitor --csv`"]);

@@ -7,7 +7,7 @@ use slitrange_tool::sensor::port::PortOption;
 
 use crate::command::{begins, says};
 
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::StandIn;
 
 /// A PC with a sensor at each of its ports.
 struct Ports(Vec<StandIn>);
@@ -31,7 +31,6 @@ impl Pc for Ports {
     }
 }
 
-/// What hears nothing.
 fn silent(seed: u64) -> StandIn {
     let sensor = sensor(seed);
     sensor.state().trouble.lost = 1.0;
@@ -39,7 +38,7 @@ fn silent(seed: u64) -> StandIn {
 }
 
 fn sensor(seed: u64) -> StandIn {
-    StandIn::new(seed, Trouble::default())
+    StandIn::new(seed)
 }
 
 fn found(pc: &Ports) -> Result<String, String> {
@@ -71,11 +70,9 @@ fn no_sensor_and_several_are_errors_that_name_the_ports() {
     let pc = Ports(vec![silent(1), silent(2)]);
     let silent = found(&pc).expect_err("no sensor");
     begins(&silent, "no sensor is found: check ");
-    let ports = pc.ports().into_iter();
-    says(
-        &silent,
-        ports.map(|port| format!("\nno sensor answers at {port}")),
-    );
+    for port in pc.ports() {
+        says(&silent, [format!("\nno sensor answers at {port}")]);
+    }
 
     let pc = Ports(vec![sensor(1), sensor(2)]);
     let several = found(&pc).expect_err("two sensors");

@@ -11,7 +11,7 @@ use super::stand_in::{StandIn, Trouble};
 
 #[test]
 fn a_row_is_summarised_tabulated_and_drawn() {
-    let sensor = StandIn::new(1, Trouble::default());
+    let sensor = StandIn::new(1);
     let output = sensor.done("row --port PORT --csv @row.csv --figure @row.svg");
     let parts = [
         "sensor TCD1304DG at ",
@@ -51,14 +51,14 @@ fn a_row_is_summarised_tabulated_and_drawn() {
 
 #[test]
 fn a_window_is_a_hundred_pixels() {
-    let sensor = StandIn::new(2, Trouble::default());
+    let sensor = StandIn::new(2);
     let output = sensor.done("row --port PORT --window");
     says(&output, ["pixels 1752 to 1848 of 3648"]);
 }
 
 #[test]
 fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
-    let sensor = StandIn::new(4, Trouble::default());
+    let sensor = StandIn::new(4);
     let range = "row --port PORT --pixels 1700 1839 --figure @row.svg";
     let median = "pixels 1700 to 1839 of 3648: median 300 counts";
     says(&sensor.done(range), ["centre 1800.2", median]);
@@ -71,10 +71,8 @@ fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
 
     sensor.state().type_line("laser off");
     let dark = "laser off, black level 300.00 counts";
-    says(
-        &sensor.done(range),
-        ["no centre: laser off\n", dark, median],
-    );
+    let output = sensor.done(range);
+    says(&output, ["no centre: laser off\n", dark, median]);
 
     sensor.state().type_line("laser on");
     sensor.state().type_line("exposure 187");
@@ -90,7 +88,7 @@ fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
 
 #[test]
 fn a_range_off_the_row_is_cut_and_a_reversed_one_is_refused() {
-    let sensor = StandIn::new(5, Trouble::default());
+    let sensor = StandIn::new(5);
     let output = sensor.done("row --port PORT --pixels 3600 9999");
     says(&output, ["pixels 3600 to 3647 of 3648"]);
     let error = sensor.refused("row --port PORT --pixels 1839 1700");
@@ -112,7 +110,7 @@ fn read(bytes: &[u8]) -> Option<Option<RowAnswer>> {
 /// none. It reads the same values only if a line end or the last line is hit.
 #[test]
 fn any_changed_character_of_an_answer_is_noticed() {
-    let sensor = StandIn::new(6, Trouble::default());
+    let sensor = StandIn::new(6);
     let range = RowPart::Range {
         first: 1780,
         last: 1829,
@@ -160,7 +158,7 @@ fn any_changed_character_of_an_answer_is_noticed() {
 
 #[test]
 fn the_answer_states_exposure_black_level_and_saturation() {
-    let sensor = StandIn::new(7, Trouble::default());
+    let sensor = StandIn::new(7);
     sensor.state().type_line("exposure 187");
     let ask = |part| {
         let answer = sensor.state().row(part).into_bytes();
@@ -185,24 +183,14 @@ fn the_answer_states_exposure_black_level_and_saturation() {
 /// [`TRIES`] answers, the tool says so.
 #[test]
 fn spoilt_lines_are_never_shown() {
-    let trouble = Trouble {
-        lost: 0.01,
-        garbled: 0.01,
-        ..Trouble::default()
-    };
     let mut shown = 0;
     for seed in 0..20 {
-        let sensor = StandIn::new(seed, trouble);
-        if sensor
-            .run("row --port PORT --window --csv @row.csv")
-            .0
-            .is_ok()
-        {
+        let sensor = StandIn::new(seed);
+        sensor.state().trouble = Trouble::of_line(0.01, 0.01);
+        let (result, _) = sensor.run("row --port PORT --window --csv @row.csv");
+        if result.is_ok() {
             let table = sensor.text("row.csv");
-            let counts = table
-                .lines()
-                .skip(1)
-                .filter_map(|line| line.split(',').nth(1));
+            let counts = table.lines().filter_map(|line| line.split(',').nth(1));
             let highest = counts.filter_map(|count| count.parse::<u16>().ok()).max();
             assert!(highest.is_some_and(|highest| (2290..=2303).contains(&highest)));
             shown += 1;
@@ -211,10 +199,8 @@ fn spoilt_lines_are_never_shown() {
     println!("{shown} of 20 windows arrived");
     assert!(shown >= 18);
     // All of the 114 lines seldom arrive.
-    let lossy = Trouble {
-        lost: 0.2,
-        ..Trouble::default()
-    };
-    let error = StandIn::new(3, lossy).refused("row --port PORT");
+    let lossy = StandIn::new(3);
+    lossy.state().trouble.lost = 0.2;
+    let error = lossy.refused("row --port PORT");
     assert!(error.contains(&format!("{TRIES} tries")) || error.contains("no answer"));
 }

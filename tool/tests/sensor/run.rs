@@ -41,7 +41,9 @@ fn run_stage(sensor: &StandIn, positions: &[f64], more: &str) -> Ended {
 /// The same with ten positions and three frames each, killed a number of uses of the port after the file has
 /// `count` points. Gives whether the run ended before that.
 fn run_killed(sensor: &StandIn, count: usize, uses: usize) -> bool {
-    once_there_are(sensor, count, move |state| state.kill_after = Some(uses));
+    once_there_are(sensor, count, move |state| {
+        state.trouble.kill_after = Some(uses)
+    });
     sensor.ends_before_it_is_killed(|| run_stage(sensor, &TEN, "--frames 3").0.is_ok())
 }
 
@@ -55,12 +57,10 @@ fn once_there_are(sensor: &StandIn, count: usize, then: impl FnOnce(&mut State) 
     });
 }
 
-/// The file of points.
 fn points(sensor: &StandIn) -> Points {
     Points::read(&sensor.path("points.csv")).expect("points")
 }
 
-/// The lines that are points.
 fn lines(sensor: &StandIn) -> Vec<String> {
     lines_of(&sensor.path("points.csv"))
 }
@@ -89,11 +89,13 @@ fn noise(frames: u16) -> f64 {
     5.0 * NOISE_PX / f64::from(frames).sqrt()
 }
 
+/// How the error of a run begins that stopped.
+const STOPPED: &str = "stopped; run the same command again to go on: ";
+
 const TEN: [f64; 10] = [
     600.0, 630.0, 660.0, 700.0, 740.0, 790.0, 840.0, 900.0, 960.0, 1020.0,
 ];
 
-/// Writes the list of those positions.
 fn list(sensor: &StandIn, positions: &[f64]) {
     let text: Vec<String> = positions.iter().map(f64::to_string).collect();
     sensor.write("list.txt", text.join("\n"));
@@ -101,7 +103,7 @@ fn list(sensor: &StandIn, positions: &[f64]) {
 
 #[test]
 fn a_stage_goes_through_all_positions() {
-    let sensor = StandIn::new(10, Trouble::default());
+    let sensor = StandIn::new(10);
     let arguments = "--from 600 --to 1020 --points 12 --stage-command STAGE";
     done(run(&sensor, arguments, ""));
     let text = sensor.text("points.csv");
@@ -134,16 +136,14 @@ fn a_stage_goes_through_all_positions() {
     let set = sensor.state().settings();
     assert!(set.stream && set.rows == 16, "put back");
     // Once more: nothing is missing, nothing changes.
-    says(
-        &done(run(&sensor, arguments, "")),
-        ["0 of 12 positions to go"],
-    );
+    let again = done(run(&sensor, arguments, ""));
+    says(&again, ["0 of 12 positions to go"]);
     assert_eq!(sensor.text("points.csv"), text);
 }
 
 #[test]
 fn a_person_is_asked_and_asked_again() {
-    let sensor = StandIn::new(11, Trouble::default());
+    let sensor = StandIn::new(11);
     list(&sensor, &[600.0, 700.0, 800.0]);
     sensor.write("stage", "800");
     // The target stays at 800 mm. The first is skipped, the second said to be where it is, and the third left
@@ -156,13 +156,8 @@ fn a_person_is_asked_and_asked_again() {
     // On going on, that point stands for the position that it was typed for, and for the one that it is near.
     sensor.state().trouble.fault = 1.0;
     let output = done(run(&sensor, arguments, "799.5\n\n\ns\n"));
-    says(
-        &output,
-        [
-            "1 of 3 positions to go",
-            "there is a point at 799.5 mm already\n",
-        ],
-    );
+    let is_there = "there is a point at 799.5 mm already\n";
+    says(&output, ["1 of 3 positions to go", is_there]);
     ends(&output, "; 1 of 3 positions are left: 600 mm\n");
     let fault = "600 mm  too dim: 35.0 counts, needs 60.0 (a longer exposure, more laser power, a \
                  brighter target or less ambient light)";
@@ -187,7 +182,7 @@ fn move_by_hand(sensor: &StandIn, distances: &'static [f64]) {
 
 /// A list of the first of ten positions, and a person who moves the target to these distances.
 fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, &'static str) {
-    let sensor = StandIn::new(seed, Trouble::default());
+    let sensor = StandIn::new(seed);
     move_by_hand(&sensor, distances);
     list(&sensor, &TEN[..positions]);
     (sensor, "--positions @list.txt --frames 2")
@@ -199,8 +194,7 @@ fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, 
 fn the_end_of_the_input_is_an_error_while_positions_are_left() {
     let (sensor, arguments) = by_hand(30, &TEN, 4);
     let (result, output) = run(&sensor, arguments, "\n\n");
-    let error =
-        "stopped; run the same command again to go on: the input ended, with 660, 700 mm left";
+    let error = format!("{STOPPED}the input ended, with 660, 700 mm left");
     assert_eq!(result.expect_err("positions are left"), error);
     ends(&output, "; 2 of 4 positions are left: 660, 700 mm\n");
     // After the last position, the end of the input is the end.
@@ -222,14 +216,10 @@ fn a_target_that_nobody_moved_gives_no_second_point() {
     assert_eq!(lines(&sensor).len(), 2);
     let mut words = sensor.words("calibrate run --port PORT @points.csv --positions @list.txt");
     words.extend(["--frames", "2", "--stage-command", "true {}"].map(str::to_owned));
-    begins(
-        &refused(slitrange(&sensor, &words, "")),
-        "there is no point at 660 mm: ",
-    );
-    says(
-        &sensor.text("points.csv"),
-        ["\n# failed at 660.000 mm: the centre, "],
-    );
+    let error = refused(slitrange(&sensor, &words, ""));
+    begins(&error, "there is no point at 660 mm: ");
+    let remark = "\n# failed at 660.000 mm: the centre, ";
+    says(&sensor.text("points.csv"), [remark]);
 }
 
 #[test]
@@ -250,7 +240,7 @@ fn a_person_takes_points_back() {
 /// A ruler shows another distance than the one that was asked for. The run ends nevertheless.
 #[test]
 fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
-    let sensor = StandIn::new(33, Trouble::default());
+    let sensor = StandIn::new(33);
     move_by_hand(&sensor, &[612.0, 688.0, 812.0]);
     let arguments = "--from 600 --to 800 --points 3 --frames 2";
     let output = done(run(&sensor, arguments, "612\n688\n812 mm\n"));
@@ -261,32 +251,30 @@ fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
 /// Ctrl-C in the middle of a point: the points so far are in order, and the sensor is as it was.
 #[test]
 fn an_interrupted_run_keeps_its_points_and_puts_the_sensor_back() {
-    let sensor = StandIn::new(34, Trouble::default());
-    once_there_are(&sensor, 4, |state| state.interrupted = true);
+    let sensor = StandIn::new(34);
+    once_there_are(&sensor, 4, |state| state.trouble.interrupted = true);
     let (result, output) = run_stage(&sensor, &TEN, "--frames 3");
-    let error = "stopped; run the same command again to go on: stopped by Ctrl-C";
-    assert_eq!(result.expect_err("interrupted"), error);
+    let error = result.expect_err("interrupted");
+    assert_eq!(error, format!("{STOPPED}stopped by Ctrl-C"));
     says(&output, ["4 points are in "]);
     let set = sensor.state().settings();
     assert_eq!((set.rows, set.stream), (16, true));
     check(&sensor, &TEN[..4], noise(3));
-    sensor.state().interrupted = false;
+    sensor.state().trouble.interrupted = false;
     done(run_stage(&sensor, &TEN, "--frames 3"));
     check(&sensor, &TEN, noise(3));
 }
 
 #[test]
 fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
-    let sensor = StandIn::new(12, Trouble::default());
+    let sensor = StandIn::new(12);
     list(&sensor, &TEN);
     let mut words = sensor.words("calibrate run --port PORT @points.csv --positions @list.txt");
     let fails = format!("test {{}} != 660.000 && {}", sensor.stage_command());
     words.extend(["--stage-command".to_owned(), fails]);
     let error = refused(slitrange(&sensor, &words, ""));
-    begins(
-        &error,
-        "stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && ",
-    );
+    let command = "the stage's command `test 660.000 != 660.000 && ";
+    begins(&error, &format!("{STOPPED}{command}"));
     ends(&error, "failed: exit status: 1");
     let before = lines(&sensor);
     assert_eq!(before.len(), 2);
@@ -297,20 +285,11 @@ fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
 
 #[test]
 fn a_position_without_a_centre_is_remarked_and_taken_later() {
-    let fault = 1.0;
-    let sensor = StandIn::new(
-        13,
-        Trouble {
-            fault,
-            ..Trouble::default()
-        },
-    );
+    let sensor = StandIn::new(13);
+    sensor.state().trouble.fault = 1.0;
     let (result, output) = run_stage(&sensor, &[600.0, 700.0], "");
-    let error = result.expect_err("no point");
-    begins(
-        &error,
-        "there is no point at 600, 700 mm: run the same command again",
-    );
+    let none = "there is no point at 600, 700 mm: run the same command again";
+    begins(&result.expect_err("no point"), none);
     assert_eq!(output.matches("600 mm  too dim: ").count(), 3, "{output}");
     let remark = "\n# failed at 600.000 mm: too dim: 35.0 counts, needs 60.0 (";
     says(&sensor.text("points.csv"), [remark]);
@@ -322,7 +301,7 @@ fn a_position_without_a_centre_is_remarked_and_taken_later() {
 
 #[test]
 fn another_sensor_another_setting_or_another_file_is_refused() {
-    let sensor = StandIn::new(14, Trouble::default());
+    let sensor = StandIn::new(14);
     let run = || run_stage(&sensor, &[600.0, 700.0], "--frames 1");
     done(run());
     let text = sensor.text("points.csv");
@@ -385,7 +364,7 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
 /// The first record gave the sensor its serial number. Points can be added after that.
 #[test]
 fn points_are_added_once_the_sensor_has_a_number() {
-    let sensor = StandIn::new(18, Trouble::default());
+    let sensor = StandIn::new(18);
     let more = |positions: &[f64]| done(run_stage(&sensor, positions, ""));
     more(&[600.0, 700.0]);
     let mut record = EncodedRecord::nominal().expect("a record").record().clone();
@@ -398,7 +377,7 @@ fn points_are_added_once_the_sensor_has_a_number() {
 #[test]
 fn a_run_waits_for_an_unplugged_cable_and_for_power() {
     const MOMENT: Duration = Duration::from_millis(500);
-    let sensor = StandIn::new(15, Trouble::default());
+    let sensor = StandIn::new(15);
     // What was set, and not saved, is set again.
     sensor.state().type_line("estimator adaptive");
     let file = sensor.path("points.csv");
@@ -424,12 +403,10 @@ fn a_run_waits_for_an_unplugged_cable_and_for_power() {
 
 #[test]
 fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
-    let sensor = StandIn::new(16, Trouble::default());
+    let sensor = StandIn::new(16);
     once_there_are(&sensor, 3, |state| state.unplug(2 * RECONNECT));
-    begins(
-        &refused(run_stage(&sensor, &TEN, "")),
-        "stopped; run the same command again to go on: there is no serial port",
-    );
+    let error = refused(run_stage(&sensor, &TEN, ""));
+    begins(&error, &format!("{STOPPED}there is no serial port"));
     let before = lines(&sensor);
     assert!(before.len() >= 3);
     sensor.sleep(RECONNECT);
@@ -443,14 +420,13 @@ fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
 fn a_bad_line_loses_no_point() {
     const FRAMES: u16 = 4;
     for seed in 20..24 {
-        let trouble = Trouble {
-            lost: 0.02,
-            garbled: 0.03,
+        let sensor = StandIn::new(seed);
+        sensor.state().trouble = Trouble {
             late: 0.01,
             restart: 0.003,
             fault: 0.01,
+            ..Trouble::of_line(0.02, 0.03)
         };
-        let sensor = StandIn::new(seed, trouble);
         let mut before = BTreeSet::new();
         let mut runs = 0;
         while before.len() < TEN.len() {
@@ -473,7 +449,7 @@ fn a_bad_line_loses_no_point() {
 /// The settings from before the killed run are set again after the run that continues it.
 #[test]
 fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
-    let sensor = StandIn::new(19, Trouble::default());
+    let sensor = StandIn::new(19);
     assert!(!run_killed(&sensor, 1, 0));
     let set = || {
         let settings = sensor.state().settings();
@@ -492,7 +468,7 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
 /// then.
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
-    let sensor = StandIn::new(17, Trouble::default());
+    let sensor = StandIn::new(17);
     let mut random = ChaCha8Rng::seed_from_u64(17);
     let mut before = BTreeSet::new();
     for count in 0..=TEN.len() {
@@ -516,7 +492,7 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
 /// same pixels only, also after the sensor lost its settings with its power.
 #[test]
 fn a_run_with_a_region_goes_on_with_this_region() {
-    let sensor = StandIn::new(31, Trouble::default());
+    let sensor = StandIn::new(31);
     for line in ["region 1000 3000", "peak last"] {
         sensor.state().type_line(line);
     }
@@ -530,13 +506,8 @@ fn a_run_with_a_region_goes_on_with_this_region() {
         }
     });
     let output = done(run(&[600.0, 700.0, 800.0]));
-    says(
-        &output,
-        [
-            ", region 1000 3000, peak last: ",
-            "the sensor is back, and set as it was",
-        ],
-    );
+    let back = "the sensor is back, and set as it was";
+    says(&output, [", region 1000 3000, peak last: ", back]);
     let read = points(&sensor);
     assert_eq!(read.points.len(), 3);
     assert_eq!(Some(read.setup.region), Region::new(1000, 3000));
@@ -554,13 +525,11 @@ fn a_run_with_a_region_goes_on_with_this_region() {
 fn a_comb_is_calibrated_from_the_images_of_its_slits() {
     let positions: Vec<f64> = (0..30).map(|i| 560.0 + 18.0 * f64::from(i)).collect();
     let bad = Trouble {
-        lost: 0.01,
-        garbled: 0.02,
         restart: 0.01,
-        ..Trouble::default()
+        ..Trouble::of_line(0.01, 0.02)
     };
     for (seed, trouble) in [(20, Trouble::default()), (21, bad)] {
-        let sensor = StandIn::new(seed, Trouble::default());
+        let sensor = StandIn::new(seed);
         sensor.state().type_line("slits comb");
         sensor.state().trouble = trouble;
         let (mut result, mut output) = run_stage(&sensor, &positions, "--frames 3");
@@ -591,19 +560,11 @@ fn a_comb_is_calibrated_from_the_images_of_its_slits() {
         says(&output, ["black shielded, slits comb\n"]);
         assert_eq!(sensor.state().settings().slits, Slits::Comb);
         let output = sensor.done("calibrate show --port PORT");
-        let first = "\n   1     -7900    +0.0000";
-        says(
-            &output,
-            [
-                "slits         16, from -7900 to 6800 um; corrections",
-                first,
-            ],
-        );
+        let of_comb = "slits         16, from -7900 to 6800 um; corrections";
+        says(&output, [of_comb, "\n   1     -7900    +0.0000"]);
         // A record without a comb sets one slit.
-        sensor.write(
-            "one.record",
-            EncodedRecord::nominal().expect("a record").bytes(),
-        );
+        let nominal = EncodedRecord::nominal().expect("a record");
+        sensor.write("one.record", nominal.bytes());
         let output = sensor.done("calibrate write --no-save --port PORT @one.record");
         assert!(!output.contains("slits"), "{output}");
         assert_eq!(sensor.state().settings().slits, Slits::One);

@@ -1,5 +1,7 @@
 //! The row live: what the screen shows, and what keys change.
 
+use std::time::Duration;
+
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::centre::Estimator;
 use slitrange::spot::region::Region;
@@ -8,7 +10,7 @@ use slitrange_tool::screen::Key;
 use crate::command::says;
 
 use super::screen::Person;
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::StandIn;
 
 /// What is seen at each key, without the port's name.
 fn scope(sensor: &StandIn, keys: &[(usize, Key)]) -> (Vec<String>, String) {
@@ -22,7 +24,7 @@ fn scope(sensor: &StandIn, keys: &[(usize, Key)]) -> (Vec<String>, String) {
 
 #[test]
 fn the_window_and_the_whole_row_are_shown() {
-    let sensor = StandIn::new(1, Trouble::default());
+    let sensor = StandIn::new(1);
     let (seen, output) = scope(&sensor, &[(3, Key::Char('z')), (3, Key::Quit)]);
     insta::assert_snapshot!(seen.join("\n\n"));
     // No setting changed, and the stream is on as before.
@@ -32,7 +34,7 @@ fn the_window_and_the_whole_row_are_shown() {
 
 #[test]
 fn keys_change_exposure_and_estimator() {
-    let sensor = StandIn::new(2, Trouble::default());
+    let sensor = StandIn::new(2);
     let keys = [Key::Down, Key::Down, Key::Up, Key::Char('e'), Key::Quit].map(|key| (2, key));
     let (seen, output) = scope(&sensor, &keys);
     says(&seen[0], ["exposure 5600 us (auto)"]);
@@ -46,11 +48,9 @@ fn keys_change_exposure_and_estimator() {
     let exposure = Exposure::from_us(4480).expect("an exposure");
     assert_eq!(now.exposure, ExposureMode::Fixed(exposure));
     assert_eq!(now.estimator, Estimator::GaussNewton);
+    let exposure = "now exposure 4480 (it was exposure auto), ";
     let estimator = "now estimator gauss-newton (it was estimator adaptive), ";
-    says(
-        &output,
-        ["now exposure 4480 (it was exposure auto), ", estimator],
-    );
+    says(&output, [exposure, estimator]);
     // Back to auto.
     scope(&sensor, &[(2, Key::Char('a')), (2, Key::Quit)]);
     assert_eq!(sensor.state().settings().exposure, ExposureMode::Auto);
@@ -58,7 +58,7 @@ fn keys_change_exposure_and_estimator() {
 
 #[test]
 fn a_key_sets_the_region_around_the_spot_and_widens_it() {
-    let sensor = StandIn::new(6, Trouble::default());
+    let sensor = StandIn::new(6);
     let keys = ['r', 'r', 'z', 'R', 'r'].map(|key| (2, Key::Char(key)));
     let (seen, output) = scope(&sensor, &[&keys[..], &[(2, Key::Quit)]].concat());
     // Twelve widths of 8.006 px to both sides of 1800.25, and twice that.
@@ -86,7 +86,7 @@ fn a_key_sets_the_region_around_the_spot_and_widens_it() {
 
 #[test]
 fn without_a_spot_the_whole_row_is_shown_with_the_fault() {
-    let sensor = StandIn::new(3, Trouble::default());
+    let sensor = StandIn::new(3);
     sensor.state().spot_height = 0.0;
     let (seen, _) = scope(&sensor, &[(3, Key::Quit)]);
     says(&seen[0], ["no spot: ", "3648"]);
@@ -94,21 +94,15 @@ fn without_a_spot_the_whole_row_is_shown_with_the_fault() {
 
 #[test]
 fn it_goes_on_after_the_cable_was_out() {
-    let sensor = StandIn::new(4, Trouble::default());
-    let mut steps = 0;
-    sensor.each_step(move |state| {
-        steps += 1;
-        if steps == 300 {
-            state.unplug(std::time::Duration::from_secs(2));
-        }
-    });
+    let sensor = StandIn::new(4);
+    sensor.at_steps([(300, |state| state.unplug(Duration::from_secs(2)))]);
     let (seen, _) = scope(&sensor, &[(600, Key::Quit)]);
     says(&seen[0], ["centre 1800.2"]);
 }
 
 #[test]
 fn without_a_terminal_there_is_another_way() {
-    let sensor = StandIn::new(5, Trouble::default());
+    let sensor = StandIn::new(5);
     let error = sensor.refused("scope --port PORT");
     says(&error, ["`slitrange row --figure FILE`"]);
 }

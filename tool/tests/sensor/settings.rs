@@ -7,18 +7,16 @@ use slitrange_tool::pc::Pc;
 
 use crate::command::{begins, ends, says};
 
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::StandIn;
 
 fn sensor(seed: u64) -> StandIn {
-    StandIn::new(seed, Trouble::default())
+    StandIn::new(seed)
 }
 
-/// `slitrange settings` of a sensor: its output.
 fn settings(sensor: &StandIn, line: &str) -> String {
     sensor.done(&format!("settings --port PORT {line}"))
 }
 
-/// The error of the same.
 fn refused(sensor: &StandIn, line: &str) -> String {
     sensor.refused(&format!("settings --port PORT {line}"))
 }
@@ -110,10 +108,8 @@ fn a_sensor_stays_alone_on_its_line() {
     // Time goes on as soon as anything is sent.
     assert_eq!(sensor.now(), std::time::Duration::ZERO);
     assert_eq!(sensor.state().settings(), Settings::default());
-    assert_eq!(
-        settings(&sensor, "set address 0"),
-        "address 0 (as before)\n"
-    );
+    let output = settings(&sensor, "set address 0");
+    assert_eq!(output, "address 0 (as before)\n");
 }
 
 #[test]
@@ -133,18 +129,14 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
     says(&output, [format!("rows: 16 at {port}, 32 in {bench}\n")]);
     let (_, output) = on_second("load --flash");
     begins(&output, "rows: 16 -> 32\n");
-    says(
-        &output,
-        ["estimator: adaptive -> phase-table\n2 settings changed, "],
-    );
+    let changed = "estimator: adaptive -> phase-table\n2 settings changed, ";
+    says(&output, [changed]);
     ends(&output, "saved: they are kept over a power cycle\n");
     assert_eq!(on_second("compare").0, ExitCode::SUCCESS);
     begins(&on_second("load").1, "0 settings changed, ");
     second.state().type_line("rows 16");
-    says(
-        &on_second("load").1,
-        ["rows: 16 -> 32\n1 setting changed, "],
-    );
+    let changed = "rows: 16 -> 32\n1 setting changed, ";
+    says(&on_second("load").1, [changed]);
     // They are in flash: a start keeps them.
     assert_eq!(second.state().saved_rows(), Some(32));
     assert_eq!(second.state().settings(), first.state().settings());

@@ -25,11 +25,11 @@ use slitrange::frame::FrameCentre;
 use slitrange::frame::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
+use slitrange::row::Polarity;
 use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::row::pixels::map::MapSummary;
 use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
-use slitrange::row::{Geometry, Polarity};
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::input::{Echo, Input};
@@ -84,7 +84,7 @@ const START: Duration = Duration::from_millis(50);
 /// The most bytes that wait to be read. A sensor sends a row in a second, and the stand-in sends it at once.
 const KEPT: usize = 4096 * 4;
 
-/// What goes wrong, each with its probability a line.
+/// What goes wrong. The first five are probabilities for each line.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Trouble {
     /// A line to or from the sensor does not arrive.
@@ -97,27 +97,6 @@ pub struct Trouble {
     pub restart: f64,
     /// A frame has no centre.
     pub fault: f64,
-}
-
-/// What is known of the sensor while it runs.
-pub struct State {
-    pub trouble: Trouble,
-    session: Session,
-    actions: Actions,
-    /// What its flash holds.
-    flash: Stored,
-    /// Whether its flash takes anything.
-    pub flash_works: bool,
-    /// The stand-in's clock.
-    now: Duration,
-    /// When the sensor started.
-    started: Duration,
-    /// Results of frames since then.
-    results: u32,
-    /// The sensor has no power until then.
-    off_until: Option<Duration>,
-    /// The port is not there until then.
-    unplugged_until: Option<Duration>,
     /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it
     /// is lost.
     pub spoil: Option<(usize, bool)>,
@@ -125,29 +104,74 @@ pub struct State {
     pub deaf_after_piece: bool,
     /// So many times the light is wrong for a map of the pixels.
     pub wrong_light: usize,
-    /// The flash holds a map of the pixels.
-    pub has_saved_map: bool,
-    /// The height of the spot in a row, in counts.
-    pub spot_height: f64,
-    /// A simulated sensor head. If there is one, the rows come from it, and `spot_height` has no effect.
-    pub light: Option<SimulatedHead>,
+    pub broken_flash: bool,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
     /// The tool is killed after so many uses of its port.
     pub kill_after: Option<usize>,
     /// Somebody pressed Ctrl-C.
     pub interrupted: bool,
+}
+
+impl Trouble {
+    /// A bad line.
+    pub fn of_line(lost: f64, garbled: f64) -> Self {
+        Self {
+            lost,
+            garbled,
+            ..Self::default()
+        }
+    }
+}
+
+type EachStep = Box<dyn FnMut(&mut State)>;
+
+/// A step of the clock, and what happens at that step.
+type AtStep = (usize, fn(&mut State));
+
+/// The sensor itself, and what is known of it while it runs.
+pub struct State {
+    pub trouble: Trouble,
+    session: Session,
+    actions: Actions,
+    input: Input,
+    random: ChaCha8Rng,
+    flash: Stored,
+    now: Duration,
+    started: Duration,
+    /// Results of frames since then.
+    results: u32,
+    /// The sensor has no power until then.
+    off_until: Option<Duration>,
+    /// The port is not there until then.
+    unplugged_until: Option<Duration>,
+    /// How often the cable was pulled out.
+    plugged: usize,
+    pub has_saved_map: bool,
+    /// The height of the spot in a row, in counts.
+    pub spot_height: f64,
+    /// A simulated sensor head. If there is one, the rows come from it, and `spot_height` has no effect.
+    pub light: Option<SimulatedHead>,
     /// The tool is dead: nothing that its destructors do has any effect.
     killed: bool,
+    /// The file that says where the target is.
+    stage: PathBuf,
+    /// Where the target was in the latest frame.
+    seen_mm: Option<f64>,
+    /// What it said and nobody has read.
+    sent: VecDeque<u8>,
+    /// The line that comes in.
+    line: Vec<u8>,
+    centre_due: Option<Duration>,
+    streamed: Duration,
+    each_step: Option<EachStep>,
 }
 
 impl State {
-    /// The settings in use.
     pub fn settings(&self) -> Settings {
         *self.session.settings()
     }
 
-    /// The record in use.
     pub fn record(&self) -> Option<EncodedRecord> {
         encoded(self.session.record())
     }
@@ -162,17 +186,14 @@ impl State {
         Some(self.flash.configuration()?.settings.rows)
     }
 
-    /// Whether rows are corrected with a map of the pixels.
     pub fn is_map_on(&self) -> bool {
         self.session.is_map_on()
     }
 
-    /// Cuts the sensor's power for a time.
     pub fn cut_power(&mut self, time: Duration) {
         self.off_until = Some(self.now + time);
     }
 
-    /// Pulls the cable out for a time.
     pub fn unplug(&mut self, time: Duration) {
         self.unplugged_until = Some(self.now + time);
     }
@@ -196,8 +217,10 @@ impl State {
 
     /// Power comes. Gives the banner.
     fn start(&mut self) -> String {
-        self.session = new_session();
+        (self.session, self.input) = (new_session(), Input::new());
+        (self.off_until, self.centre_due) = (None, None);
         (self.started, self.results) = (self.now, 0);
+        self.line.clear();
         self.session.start(&self.flash, &mut self.actions);
         self.actions.text.as_str().to_owned()
     }
@@ -229,13 +252,13 @@ impl State {
         if !actions.save {
             return text;
         }
-        if self.restarts_on_save > 0 {
-            self.restarts_on_save -= 1;
+        if self.trouble.restarts_on_save > 0 {
+            self.trouble.restarts_on_save -= 1;
             self.cut_power(START);
             return text;
         }
         let result = match self.session.configuration() {
-            Some(configuration) if self.flash_works => {
+            Some(configuration) if !self.trouble.broken_flash => {
                 self.flash = Stored::Newest(configuration.cloned());
                 Ok(())
             }
@@ -266,14 +289,12 @@ fn words(centres_px: &[f64], height: f64) -> Vec<u16> {
 /// A sensor head that is simulated, before a target at rest.
 pub struct SimulatedHead {
     simulation: Simulation,
-    /// What light does to a word.
     polarity: Polarity,
     row: u64,
     laser_before: f64,
 }
 
 impl SimulatedHead {
-    /// A head that sees this scene.
     pub fn new(scene: Scene, polarity: Polarity) -> Self {
         Self {
             simulation: Simulation::new(scene),
@@ -294,10 +315,8 @@ impl SimulatedHead {
         };
         let distance = self.simulation.scene().distance;
         let outputs = self.simulation.row(self.row, distance, times);
-        let geometry = Geometry {
-            polarity: self.polarity,
-            ..tcd1304dg()
-        };
+        let mut geometry = tcd1304dg();
+        geometry.polarity = self.polarity;
         let mut words = frames::words(&outputs, &geometry);
         words.rotate_right(TCD1304DG_LEAD_IN);
         words
@@ -331,12 +350,12 @@ impl State {
         format!("{head}\r\n{}{ROW_END}\r\n", lines.collect::<String>())
     }
 
-    /// Does a job with the map of the pixels.
     fn do_flat(&mut self, job: Job) -> Option<Outcome> {
-        let result = self.flash_works.then_some(()).ok_or(StoreError::Flash);
+        let works = !self.trouble.broken_flash;
+        let result = works.then_some(()).ok_or(StoreError::Flash);
         Some(match job {
-            Job::Take(kind) if self.wrong_light > 0 => {
-                self.wrong_light -= 1;
+            Job::Take(kind) if self.trouble.wrong_light > 0 => {
+                self.trouble.wrong_light -= 1;
                 let (pixel, above) = (1760, 900);
                 let error = match kind {
                     Kind::Dark => TakeError::SpotInTheDark { pixel, above },
@@ -353,7 +372,7 @@ impl State {
                 Outcome::Taken(kind, Ok(taken))
             }
             Job::Save => {
-                self.has_saved_map |= self.flash_works;
+                self.has_saved_map |= works;
                 Outcome::Saved(result)
             }
             Job::Erase => Outcome::Erased(result),
@@ -383,88 +402,83 @@ fn encoded(record: Option<&Record>) -> Option<EncodedRecord> {
 
 /// A sensor, the PC that it is plugged into, and a directory for files.
 pub struct StandIn {
-    sensor: RefCell<Sensor>,
+    state: RefCell<State>,
     /// Holds the target's distance, and what a test writes.
     directory: tempfile::TempDir,
 }
 
 impl StandIn {
     /// A sensor with the nominal calibration.
-    pub fn new(seed: u64, trouble: Trouble) -> Self {
-        let state = State {
-            trouble,
+    pub fn new(seed: u64) -> Self {
+        let directory = tempfile::tempdir().expect("a directory");
+        let state = RefCell::new(State {
+            trouble: Trouble::default(),
             session: new_session(),
             actions: Actions::default(),
+            input: Input::new(),
+            random: ChaCha8Rng::seed_from_u64(seed),
             flash: Stored::Nothing,
-            flash_works: true,
             now: Duration::ZERO,
             started: Duration::ZERO,
             results: 0,
             off_until: None,
             unplugged_until: None,
-            spoil: None,
-            deaf_after_piece: false,
-            wrong_light: 0,
+            plugged: 0,
             has_saved_map: false,
             spot_height: 2000.0,
             light: None,
-            restarts_on_save: 0,
-            kill_after: None,
-            interrupted: false,
             killed: false,
-        };
-        let directory = tempfile::tempdir().expect("a directory");
-        let sensor = RefCell::new(Sensor {
-            state,
-            random: ChaCha8Rng::seed_from_u64(seed),
             stage: directory.path().join("stage"),
-            sent: VecDeque::new(),
-            plugged: 0,
-            input: Input::new(),
-            line: Vec::new(),
             seen_mm: None,
+            sent: VecDeque::new(),
+            line: Vec::new(),
             centre_due: None,
             streamed: Duration::ZERO,
             each_step: None,
         });
-        Self { sensor, directory }
+        Self { state, directory }
     }
 
     pub fn state(&self) -> RefMut<'_, State> {
-        RefMut::map(self.sensor.borrow_mut(), |sensor| &mut sensor.state)
+        self.state.borrow_mut()
     }
 
-    /// Calls a function at each step of the clock.
     pub fn each_step(&self, call: impl FnMut(&mut State) + 'static) {
-        self.sensor.borrow_mut().each_step = Some(Box::new(call));
+        self.state().each_step = Some(Box::new(call));
     }
 
-    /// The serial port's name.
+    /// Does something to the sensor at some steps of the clock, counted from now: milliseconds while somebody
+    /// waits.
+    pub fn at_steps<const N: usize>(&self, calls: [AtStep; N]) {
+        let mut step = 0;
+        self.each_step(move |state| {
+            step += 1;
+            let due = calls.iter().filter(|(at, _)| *at == step);
+            due.for_each(|(_, call)| call(state));
+        });
+    }
+
     pub fn port(&self) -> String {
         self.file("port")
     }
 
-    /// A file's path in the directory.
     pub fn path(&self, name: &str) -> PathBuf {
         self.directory.path().join(name)
     }
 
-    /// The same as text.
+    /// A file's path as text.
     pub fn file(&self, name: &str) -> String {
         self.path(name).to_str().expect("text").to_owned()
     }
 
-    /// The text of a file in the directory.
     pub fn text(&self, name: &str) -> String {
         std::fs::read_to_string(self.path(name)).expect("a file")
     }
 
-    /// Writes a file in the directory.
     pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         std::fs::write(self.path(name), bytes).expect("written");
     }
 
-    /// What moves the target.
     pub fn stage_command(&self) -> String {
         format!("echo {{}} > '{}'", self.file("stage"))
     }
@@ -486,29 +500,25 @@ impl StandIn {
         slitrange(self, &self.words(line), typed)
     }
 
-    /// The same where nobody types anything.
     pub fn run(&self, line: &str) -> Ended {
         self.type_in(line, "")
     }
 
-    /// The output of a command that succeeds.
     #[track_caller]
     pub fn done(&self, line: &str) -> String {
         done(self.run(line))
     }
 
-    /// The error of a command that fails.
     #[track_caller]
     pub fn refused(&self, line: &str) -> String {
         refused(self.run(line))
     }
 
-    /// Does something that may be killed by [`State::kill_after`]. Gives what it gives, or false if killed.
+    /// Does something that may be killed by [`Trouble::kill_after`]. Gives what it gives, or false if killed.
     pub fn ends_before_it_is_killed(&self, call: impl FnOnce() -> bool) -> bool {
         let ended = catch_unwind(AssertUnwindSafe(call));
         let mut state = self.state();
-        state.kill_after = None;
-        state.killed = false;
+        (state.trouble.kill_after, state.killed) = (None, false);
         match ended {
             Ok(ended) => ended,
             Err(reason) if reason.is::<Killed>() => false,
@@ -518,34 +528,34 @@ impl StandIn {
 
     /// Bytes come from the PC, and go back.
     pub fn exchange(&self, bytes: &[u8]) -> Vec<u8> {
-        let mut sensor = self.sensor.borrow_mut();
-        sensor.receive(bytes);
-        sensor.step();
-        sensor.sent.drain(..).collect()
+        let mut state = self.state();
+        state.receive(bytes);
+        state.step();
+        state.sent.drain(..).collect()
     }
 
     /// Lets time pass until `until`, or bytes are there for a port.
     fn wait(&self, until: Duration, for_bytes: bool) {
-        let mut sensor = self.sensor.borrow_mut();
-        sensor.step();
-        while sensor.state.now < until && !(for_bytes && !sensor.sent.is_empty()) {
-            sensor.state.now = until.min(sensor.state.now + STEP);
-            sensor.step();
+        let mut state = self.state();
+        state.step();
+        while state.now < until && !(for_bytes && !state.sent.is_empty()) {
+            state.now = until.min(state.now + STEP);
+            state.step();
         }
     }
 }
 
 impl Pc for StandIn {
     fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>> {
-        let mut sensor = self.sensor.borrow_mut();
-        sensor.step();
-        if sensor.state.unplugged_until.is_some() || port != self.port() {
+        let mut state = self.state();
+        state.step();
+        if state.unplugged_until.is_some() || port != self.port() {
             return Err(io::Error::from(io::ErrorKind::NotFound).into());
         }
-        sensor.sent.clear();
+        state.sent.clear();
         Ok(Box::new(Plug {
             pc: self,
-            plugged: sensor.plugged,
+            plugged: state.plugged,
         }))
     }
 
@@ -554,7 +564,7 @@ impl Pc for StandIn {
     }
 
     fn interrupted(&self) -> bool {
-        self.state().interrupted
+        self.state().trouble.interrupted
     }
 
     fn sleep(&self, time: Duration) {
@@ -565,7 +575,6 @@ impl Pc for StandIn {
 /// Why a panic is none.
 struct Killed;
 
-/// A port that is open.
 struct Plug<'a> {
     pc: &'a StandIn,
     /// How often the cable had been pulled out when it was opened.
@@ -575,19 +584,17 @@ struct Plug<'a> {
 impl Plug<'_> {
     /// Whether the port works, which it does until the cable is pulled out.
     fn works(&self) -> bool {
-        let mut sensor = self.pc.sensor.borrow_mut();
-        if let Some(0) = sensor.state.kill_after {
-            sensor.state.kill_after = None;
-            sensor.state.killed = true;
+        let mut state = self.pc.state();
+        if let Some(0) = state.trouble.kill_after {
+            (state.trouble.kill_after, state.killed) = (None, true);
             let killed: Box<dyn Any + Send> = Box::new(Killed);
-            drop(sensor);
+            drop(state);
             resume_unwind(killed);
         }
-        if let Some(left) = &mut sensor.state.kill_after {
+        if let Some(left) = &mut state.trouble.kill_after {
             *left -= 1;
         }
-        let plugged_in = sensor.state.unplugged_until.is_none() && self.plugged == sensor.plugged;
-        plugged_in && !sensor.state.killed
+        state.unplugged_until.is_none() && self.plugged == state.plugged && !state.killed
     }
 }
 
@@ -597,18 +604,18 @@ impl Port for Plug<'_> {
             return Ok(0);
         }
         self.pc.wait(self.pc.now() + wait, true);
-        let mut sensor = self.pc.sensor.borrow_mut();
-        if sensor.sent.is_empty() {
+        let sent = &mut self.pc.state().sent;
+        if sent.is_empty() {
             return Err(io::ErrorKind::TimedOut.into());
         }
-        io::Read::read(&mut sensor.sent, bytes)
+        io::Read::read(sent, bytes)
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         if !self.works() {
             return Err(io::ErrorKind::BrokenPipe.into());
         }
-        self.pc.sensor.borrow_mut().receive(bytes);
+        self.pc.state().receive(bytes);
         self.pc.sleep(STEP);
         Ok(())
     }
@@ -621,77 +628,47 @@ pub fn centre_px(mm: f64) -> f64 {
     curve.pole().to_f64() + k / (mm * 1e3 - curve.d().to_f64())
 }
 
-/// What a call at each step does.
-type EachStep = Box<dyn FnMut(&mut State)>;
-
-/// The sensor itself.
-struct Sensor {
-    state: State,
-    random: ChaCha8Rng,
-    stage: PathBuf,
-    /// What it said and nobody has read.
-    sent: VecDeque<u8>,
-    /// How often the cable was pulled out.
-    plugged: usize,
-    input: Input,
-    /// The line that comes in.
-    line: Vec<u8>,
-    /// Where the target was in the latest frame.
-    seen_mm: Option<f64>,
-    centre_due: Option<Duration>,
-    streamed: Duration,
-    each_step: Option<EachStep>,
-}
-
-impl Sensor {
+impl State {
     /// Does what is due.
     fn step(&mut self) {
-        if let Some(call) = &mut self.each_step {
-            call(&mut self.state);
+        if let Some(mut call) = self.each_step.take() {
+            call(self);
+            self.each_step = Some(call);
         }
-        let now = self.state.now;
-        if let Some(until) = self.state.unplugged_until {
+        let now = self.now;
+        if let Some(until) = self.unplugged_until {
             self.sent.clear();
             if now < until {
                 return;
             }
             self.plugged += 1;
-            self.state.unplugged_until = None;
+            self.unplugged_until = None;
         }
-        if let Some(until) = self.state.off_until {
+        if let Some(until) = self.off_until {
             if now < until {
                 return;
             }
-            self.start();
+            let banner = self.start();
+            self.say(&banner);
         }
         let next = self.streamed + Duration::from_millis(6);
         let is_due = match self.centre_due {
             Some(due) => now >= due,
-            None => self.state.settings().stream && now >= next,
+            None => self.settings().stream && now >= next,
         };
         if is_due {
             self.centre_due = None;
             self.streamed = now;
             let frame = Event::Frame(self.frame());
-            let text = self.state.take(frame);
+            let text = self.take(frame);
             self.say(&text);
         }
-    }
-
-    /// Power is back.
-    fn start(&mut self) {
-        self.state.off_until = None;
-        self.input = Input::new();
-        self.line.clear();
-        self.centre_due = None;
-        let banner = self.state.start();
-        self.say(&banner);
     }
 
     /// Bytes come in. Without power they are lost.
     fn receive(&mut self, bytes: &[u8]) {
         for &byte in bytes {
-            if self.state.off_until.is_some() {
+            if self.off_until.is_some() {
                 return;
             }
             self.line.push(byte);
@@ -704,8 +681,8 @@ impl Sensor {
 
     /// A line comes in, if it does.
     fn hear(&mut self, line: &[u8]) {
-        if self.random.random_bool(self.state.trouble.restart) {
-            self.state.cut_power(START);
+        if self.random.random_bool(self.trouble.restart) {
+            self.cut_power(START);
             return;
         }
         let Some(line) = self.noisy(line) else {
@@ -713,7 +690,7 @@ impl Sensor {
         };
         for byte in line {
             let mut echo = Echo::default();
-            let command = match self.state.settings().echo {
+            let command = match self.settings().echo {
                 true => self.input.type_in(byte, &mut echo),
                 false => self.input.take(byte),
             };
@@ -722,27 +699,23 @@ impl Sensor {
                 continue;
             };
             if command == Ok(Command::Centre) {
-                let late = self.random.random_bool(self.state.trouble.late);
-                let wait = if late {
-                    FRAME * 11 / 10
-                } else {
-                    Duration::ZERO
-                };
+                let late = self.random.random_bool(self.trouble.late);
+                let wait = FRAME * 11 / 10 * u32::from(late);
                 // Asked for twice, it is answered once.
-                self.centre_due.get_or_insert(self.state.now + wait);
+                self.centre_due.get_or_insert(self.now + wait);
             }
             let is_piece = matches!(command, Ok(Command::Upload(Step::Piece(_))));
-            let text = self.state.take(Event::Line(command));
+            let text = self.take(Event::Line(command));
             self.say(&text);
-            if is_piece && self.state.deaf_after_piece {
-                self.state.trouble.lost = 1.0;
+            if is_piece && self.trouble.deaf_after_piece {
+                self.trouble.lost = 1.0;
             }
         }
     }
 
     /// The frame that ends now. In the first one after a move, the target moved half of the time.
     fn frame(&mut self) -> Result<Measured, Fault> {
-        if self.random.random_bool(self.state.trouble.fault) {
+        if self.random.random_bool(self.trouble.fault) {
             return Err(Fault::TooDim {
                 amplitude: Counts::from_int(35),
                 needed: Counts::from_int(60),
@@ -755,7 +728,7 @@ impl Sensor {
             .unwrap_or(800.0);
         let before = self.seen_mm.replace(mm).unwrap_or(mm);
         let noise: f64 = StandardNormal.sample(&mut self.random);
-        let settings = self.state.settings();
+        let settings = self.settings();
         let centre = (centre_px(mm) + centre_px(before)) / 2.0 + NOISE_PX * noise;
         let exact = at_centre(centre);
         Ok(Measured {
@@ -785,7 +758,7 @@ impl Sensor {
             *image = Some(SlitCentre {
                 centre: slit.from_axis(Pixels::from_bits((x0 * 65536.0).round() as i32)),
                 height: 1500,
-                rows: NonZeroU16::new(self.state.settings().rows).expect("rows"),
+                rows: NonZeroU16::new(self.settings().rows).expect("rows"),
             });
         }
         Combined {
@@ -811,7 +784,7 @@ impl Sensor {
     fn noisy(&mut self, line: &[u8]) -> Option<Vec<u8>> {
         let begins = |step: &str| line.starts_with(format!("calibration {step}").as_bytes());
         let of_upload = ["begin", "data", "commit"].into_iter().any(begins);
-        let spoilt = match &mut self.state.spoil {
+        let spoilt = match &mut self.trouble.spoil {
             Some((0, lost)) if of_upload => Some(*lost),
             Some((before, _)) if of_upload => {
                 *before -= 1;
@@ -820,9 +793,9 @@ impl Sensor {
             _ => None,
         };
         if spoilt.is_some() {
-            self.state.spoil = None;
+            self.trouble.spoil = None;
         }
-        let trouble = self.state.trouble;
+        let trouble = self.trouble;
         if spoilt == Some(true) || self.random.random_bool(trouble.lost) {
             return None;
         }

@@ -14,8 +14,6 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::light::black_level::BlackLevel;
 use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange::row::Geometry;
-use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::piece::PIECE;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
@@ -44,20 +42,18 @@ const PROFILE: Profile = Profile {
 };
 
 fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
-    EncodedRecord::new(Record {
+    let record = Record {
         serial_number,
         date: Date::new(2026, 11, 21).expect("a day"),
-        geometry: tcd1304dg(),
         estimator: Estimator::Adaptive,
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         // The tables have a spot of their own.
         profile: (!matches!(calibration, Calibration::Eq1(_))).then_some(PROFILE),
-        comb: None,
-        front_end: None,
         calibration,
         errors: CalibrationErrors::Unknown,
-    })
-    .expect("a record")
+        ..Record::nominal().expect("a record")
+    };
+    EncodedRecord::new(record).expect("a record")
 }
 
 fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
@@ -79,12 +75,9 @@ fn kinds() -> Vec<EncodedRecord> {
     let lens = |centre: f64| 300.0 * (centre / 200.0).sin();
     let mut kinds = vec![Calibration::Eq1(curve.clone())];
     for count in [2, 33, MAX_KNOTS] {
-        kinds.push(Calibration::Table(
-            Table::new(&knots(count, distance)).expect("a table"),
-        ));
-        kinds.push(Calibration::Corrected(
-            Corrected::new(curve.clone(), &knots(count, lens)).expect("usable"),
-        ));
+        let table = Table::new(&knots(count, distance)).expect("a table");
+        let corrected = Corrected::new(curve.clone(), &knots(count, lens)).expect("usable");
+        kinds.extend([Calibration::Table(table), Calibration::Corrected(corrected)]);
     }
     (17..)
         .zip(kinds)
@@ -97,21 +90,21 @@ fn file(sensor: &StandIn, written: &EncodedRecord) {
     record_file::write(&sensor.path("record"), written, true).expect("written");
 }
 
+/// How the output of a record that is saved ends.
+const SAVED: &str = "saved: it is kept over a power cycle\n";
+
 const WRITE: &str = "calibrate write @record --port PORT";
 const NO_SAVE: &str = "calibrate write @record --port PORT --no-save";
 
 #[test]
 fn every_kind_of_record_is_written_and_read_back_unchanged() {
-    let sensor = StandIn::new(30, Trouble::default());
+    let sensor = StandIn::new(30);
     for written in kinds() {
         println!("{} bytes", written.bytes().len());
         file(&sensor, &written);
         let read = record_file::read(&sensor.path("record"));
         assert_eq!(read.expect("a record"), written);
-        ends(
-            &sensor.done(WRITE),
-            "saved: it is kept over a power cycle\n",
-        );
+        ends(&sensor.done(WRITE), SAVED);
         let state = sensor.state();
         assert_eq!(state.record().as_ref(), Some(&written));
         assert_eq!(state.saved_record().as_ref(), Some(&written));
@@ -129,7 +122,7 @@ fn every_kind_of_record_is_written_and_read_back_unchanged() {
 
 #[test]
 fn without_saving_the_flash_stays_as_it_is() {
-    let sensor = StandIn::new(31, Trouble::default());
+    let sensor = StandIn::new(31);
     let [first, second, ..] = &kinds()[..] else {
         panic!("two records")
     };
@@ -137,14 +130,12 @@ fn without_saving_the_flash_stays_as_it_is() {
     sensor.done(WRITE);
     file(&sensor, second);
     let output = sensor.done(NO_SAVE);
-    says(
-        &output,
-        ["mind: the sensor's calibration until now was that of sensor 17"],
-    );
+    let mind = "mind: the sensor's calibration until now was that of sensor 17";
+    says(&output, [mind]);
     ends(&output, "not saved: it is used until the power goes\n");
     assert_eq!(sensor.state().record().as_ref(), Some(second));
     assert_eq!(sensor.state().saved_record().as_ref(), Some(first));
-    sensor.state().flash_works = false;
+    sensor.state().trouble.broken_flash = true;
     let unsaved = "it is in use, but not saved: the sensor answers `save` with `E16 not saved";
     begins(&sensor.refused(WRITE), unsaved);
 }
@@ -153,32 +144,28 @@ fn without_saving_the_flash_stays_as_it_is() {
 /// alone would not help.
 #[test]
 fn a_record_is_written_again_after_power_fails_during_a_save() {
-    let sensor = StandIn::new(36, Trouble::default());
+    let sensor = StandIn::new(36);
     let [first, second, third, ..] = &kinds()[..] else {
         panic!("three records")
     };
     for written in [first, second] {
         file(&sensor, written);
-        sensor.state().restarts_on_save = 2;
-        ends(
-            &sensor.done(WRITE),
-            "saved: it is kept over a power cycle\n",
-        );
+        sensor.state().trouble.restarts_on_save = 2;
+        ends(&sensor.done(WRITE), SAVED);
         assert_eq!(sensor.state().saved_record().as_ref(), Some(written));
-        assert_eq!(sensor.state().restarts_on_save, 0);
+        assert_eq!(sensor.state().trouble.restarts_on_save, 0);
     }
     file(&sensor, third);
-    sensor.state().restarts_on_save = 3;
-    begins(
-        &sensor.refused(WRITE),
-        "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `",
-    );
+    sensor.state().trouble.restarts_on_save = 3;
+    let unknown = "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor \
+                   started anew: `";
+    begins(&sensor.refused(WRITE), unknown);
     assert_eq!(sensor.state().saved_record().as_ref(), Some(second));
 }
 
 #[test]
 fn another_record_is_not_replaced_unless_forced() {
-    let sensor = StandIn::new(37, Trouble::default());
+    let sensor = StandIn::new(37);
     let bytes = || std::fs::read(sensor.path("record")).expect("bytes");
     file(&sensor, &kinds()[2]);
     let before = bytes();
@@ -223,15 +210,13 @@ fn the_exit_code_tells_a_difference_from_an_error() {
 
 #[test]
 fn damaged_and_foreign_records_are_refused() {
-    let sensor = StandIn::new(32, Trouble::default());
+    let sensor = StandIn::new(32);
     let written = kinds().remove(0);
     let mut bytes = written.bytes().to_vec();
     bytes[9] ^= 4;
     sensor.write("record", &bytes);
-    says(
-        &sensor.refused(WRITE),
-        ["/record: the record is damaged, its CRC is "],
-    );
+    let damaged = "/record: the record is damaged, its CRC is ";
+    says(&sensor.refused(WRITE), [damaged]);
     // A version, and the CRC-32 of that byte.
     let later = [&[2], &0x3c0c_8ea1_u32.to_le_bytes()[..]].concat();
     for (bytes, reason) in [
@@ -250,14 +235,8 @@ fn damaged_and_foreign_records_are_refused() {
     let error = sensor.refused("calibrate show /nowhere/record");
     begins(&error, "/nowhere/record cannot be read: ");
 
-    let geometry = Geometry {
-        bits: 10,
-        ..tcd1304dg()
-    };
-    let other = Record {
-        geometry,
-        ..written.record().clone()
-    };
+    let mut other = written.record().clone();
+    other.geometry.bits = 10;
     file(&sensor, &EncodedRecord::new(other).expect("a record"));
     begins(
         &sensor.refused(WRITE),
@@ -266,26 +245,24 @@ fn damaged_and_foreign_records_are_refused() {
     );
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().start_with(None);
-    begins(
-        &sensor.refused("calibrate read --port PORT"),
-        "the sensor has no calibration (what it saved is unusable): write one",
-    );
+    let none = "the sensor has no calibration (what it saved is unusable): write one";
+    begins(&sensor.refused("calibrate read --port PORT"), none);
 }
 
 /// At each step of an upload, a byte of a line changes or the line is lost, in both directions.
 #[test]
 fn an_upload_succeeds_with_a_bad_line_at_any_step() {
-    let sensor = StandIn::new(33, Trouble::default());
+    let sensor = StandIn::new(33);
     let written = kinds().remove(2);
     file(&sensor, &written);
     let steps = written.bytes().len().div_ceil(PIECE) + 2;
     for step in 0..2 * steps {
         for lost in [false, true] {
             sensor.state().type_line("defaults");
-            sensor.state().spoil = Some((step, lost));
+            sensor.state().trouble.spoil = Some((step, lost));
             sensor.done(NO_SAVE);
             assert_eq!(sensor.state().record().as_ref(), Some(&written));
-            assert_eq!(sensor.state().spoil, None, "step {step}");
+            assert_eq!(sensor.state().trouble.spoil, None, "step {step}");
         }
     }
 }
@@ -297,13 +274,11 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let kinds = kinds();
     let mut done = 0;
     for seed in 40..44 {
-        let trouble = Trouble {
-            lost: 0.01,
-            garbled: 0.02,
+        let sensor = StandIn::new(seed);
+        sensor.state().trouble = Trouble {
             restart: 0.005,
-            ..Trouble::default()
+            ..Trouble::of_line(0.01, 0.02)
         };
-        let sensor = StandIn::new(seed, trouble);
         let (mut used, mut saved) = (EncodedRecord::nominal(), None);
         for written in &kinds[..5] {
             file(&sensor, written);
@@ -343,15 +318,15 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
 
 #[test]
 fn an_upload_that_is_interrupted_is_dropped() {
-    let sensor = StandIn::new(34, Trouble::default());
+    let sensor = StandIn::new(34);
     file(&sensor, &kinds()[2]);
     // Deaf from then on: it does not even hear that the upload is over.
-    sensor.state().deaf_after_piece = true;
+    sensor.state().trouble.deaf_after_piece = true;
     begins(
         &sensor.refused(WRITE),
         "nothing has changed, the sensor uses the calibration that it had: no sensor answers `stream` at ",
     );
-    sensor.state().deaf_after_piece = false;
+    sensor.state().trouble.deaf_after_piece = false;
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().trouble.lost = 0.0;
     // Another record goes through all the same.
@@ -363,7 +338,7 @@ fn an_upload_that_is_interrupted_is_dropped() {
 
 #[test]
 fn records_are_shown_and_compared() {
-    let sensor = StandIn::new(35, Trouble::default());
+    let sensor = StandIn::new(35);
     let kinds = kinds();
     for (name, kind) in [("eq1", 0), ("corrected", 2), ("table", 3)] {
         record_file::write(&sensor.path(name), &kinds[kind], true).expect("written");

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::ops::Range;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::light::ambient::AmbientMode;
 use slitrange::row::Geometry;
@@ -123,7 +123,6 @@ pub struct Taken {
 /// A sensor before a target at rest.
 pub struct Bench<'a, 'b> {
     session: &'a mut Session<'b>,
-    /// The longest exposure that may be used.
     limit: Exposure,
     full_scale: f64,
     is_inverted: bool,
@@ -133,9 +132,7 @@ pub struct Bench<'a, 'b> {
 
 /// The spot, as the search found it.
 struct Spot {
-    /// The pixels.
     window: Range<usize>,
-    /// The exposure, in us.
     exposure: u16,
     /// The height above the dark, in counts.
     height: f64,
@@ -162,14 +159,14 @@ impl<'a, 'b> Bench<'a, 'b> {
 
     /// Takes all rows.
     pub fn take(mut self, output: &mut dyn Write) -> Result<Taken> {
-        self.set(Value::Ambient(AmbientMode::Off))?;
-        self.set(Value::Laser(false))?;
+        self.session.borrow(Value::Ambient(AmbientMode::Off))?;
+        self.session.borrow(Value::Laser(false))?;
         let dark = self.rows(RowPart::Whole, RowExposure::Off, DARK_ROWS)?;
         let mut dark_rows = self.counts(&dark);
         let level = |rows: &[Vec<f64>]| mean(mean_row(rows).unwrap_or_default());
         let counts = level(&dark_rows);
         writeln!(output, "laser off: {DARK_ROWS} rows, {counts:.1} counts")?;
-        self.set(Value::Laser(true))?;
+        self.session.borrow(Value::Laser(true))?;
         let spot = self.find_spot(&dark_rows)?;
         if self.is_inverted {
             dark_rows = self.counts(&dark);
@@ -181,9 +178,8 @@ impl<'a, 'b> Bench<'a, 'b> {
             spot.height, spot.exposure
         )?;
         let whole = mean_row(&dark_rows).unwrap_or_default();
-        let Some(in_the_dark) = dark_point(&dark_rows) else {
-            bail!("the rows with the laser off have no pixels");
-        };
+        let in_the_dark = dark_point(&dark_rows);
+        let in_the_dark = in_the_dark.context("the rows with the laser off have no pixels")?;
         let dark = whole[spot.window.clone()].to_vec();
         let dark_level = level(&dark_rows);
 
@@ -230,9 +226,8 @@ impl<'a, 'b> Bench<'a, 'b> {
                 break;
             }
         }
-        let Some(photons) = photons else {
-            bail!("the noise does not grow with the light: {NOT_AT_REST}");
-        };
+        let dim = || format!("the noise does not grow with the light: {NOT_AT_REST}");
+        let photons = photons.with_context(dim)?;
         let line = &photons.line;
         ensure!(
             line.scatter <= MOST_SCATTER,
@@ -253,10 +248,6 @@ impl<'a, 'b> Bench<'a, 'b> {
             saturation,
             photons,
         })
-    }
-
-    fn set(&mut self, value: Value) -> Result<()> {
-        Ok(self.session.borrow(value)?)
     }
 
     /// Takes rows of an exposure. Rows that were exposed before it was set are left out.
@@ -293,7 +284,6 @@ impl<'a, 'b> Bench<'a, 'b> {
         Ok(rows)
     }
 
-    /// A count that rises with light.
     fn rising(&self, count: f64) -> f64 {
         match self.is_inverted {
             false => count,
@@ -308,12 +298,11 @@ impl<'a, 'b> Bench<'a, 'b> {
         rows.iter().map(row).collect()
     }
 
-    /// Takes rows of the window's pixels.
     fn exposed(&mut self, window: &Range<usize>, us: u16, count: usize) -> Result<Vec<Vec<f64>>> {
-        let Some(exposure) = Exposure::from_us(us) else {
-            bail!("the laser cannot be on for {us} us");
-        };
-        self.set(Value::Exposure(ExposureMode::Fixed(exposure)))?;
+        let exposure = Exposure::from_us(us);
+        let exposure = exposure.with_context(|| format!("the laser cannot be on for {us} us"))?;
+        let fixed = Value::Exposure(ExposureMode::Fixed(exposure));
+        self.session.borrow(fixed)?;
         let part = RowPart::Range {
             // A row has at most 4096 pixels.
             first: window.start as u16,

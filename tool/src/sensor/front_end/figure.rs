@@ -68,7 +68,6 @@ fn draw_noise(area: &Area<'_>, transfer: &Transfer, front_end: &FrontEnd) -> Res
     Ok(())
 }
 
-/// The height of the spot over the exposure.
 fn draw_light(area: &Area<'_>, taken: &Taken) -> Result<()> {
     let mut heights: Vec<(f64, f64)> = (taken.heights.iter())
         .map(|&(us, height)| (f64::from(us), height))

@@ -61,11 +61,9 @@ impl Statistics {
                 Some(mm)
             }
             (kind, _) => {
-                let is_held = kind == Kind::Held;
-                let fault = if is_held {
-                    HELD
-                } else {
-                    fault_kind(&result.fault)
+                let fault = match kind {
+                    Kind::Held => HELD,
+                    _ => fault_kind(&result.fault),
                 };
                 *self.faults.entry(fault.to_owned()).or_default() += 1;
                 None
@@ -129,9 +127,10 @@ mod tests {
     use super::*;
     use crate::sensor::stream::frame_result;
 
-    fn taken(lines: &[&str]) -> Statistics {
+    /// Of these lines, with `; ` between them.
+    fn taken(lines: &str) -> Statistics {
         let mut statistics = Statistics::default();
-        for (place, line) in lines.iter().enumerate() {
+        for (place, line) in lines.split("; ").enumerate() {
             let at = Duration::from_millis(100 * place as u64);
             statistics.take(at, &frame_result(line).expect("a result"));
         }
@@ -140,13 +139,7 @@ mod tests {
 
     #[test]
     fn mean_deviation_and_extremes_are_those_of_the_readings() {
-        let statistics = taken(&[
-            "d 1.0 mm",
-            "d 2.0 mm",
-            "f laser off",
-            "d 3.0 mm",
-            "d 6.0 mm",
-        ]);
+        let statistics = taken("d 1.0 mm; d 2.0 mm; f laser off; d 3.0 mm; d 6.0 mm");
         assert_eq!(statistics.readings.count, 4);
         assert_eq!(statistics.readings.mean(), Some(3.0));
         // 4 + 1 + 0 + 9 over 3.
@@ -157,18 +150,13 @@ mod tests {
         let rate = statistics.rate().expect("two results");
         assert!((rate - 10.0).abs() < 1e-9, "{rate}");
         assert_eq!(statistics.faults_line(), "faults: 1 laser off");
-        assert_eq!(taken(&["d 5.0 mm"]).readings.deviation(), None);
+        assert_eq!(taken("d 5.0 mm").readings.deviation(), None);
     }
 
     #[test]
     fn held_readings_are_no_readings() {
-        let statistics = taken(&[
-            "d 1.0 mm",
-            "d 1.0 mm g h 1",
-            "d 1.0 mm h 2 s",
-            "f laser off",
-            "d 3.0 mm g",
-        ]);
+        let lines = "d 1.0 mm; d 1.0 mm g h 1; d 1.0 mm h 2 s; f laser off; d 3.0 mm g";
+        let statistics = taken(lines);
         assert_eq!(statistics.readings.count, 2);
         // 1 + 1 over 1.
         assert_eq!(statistics.readings.deviation(), Some(2.0_f64.sqrt()));
@@ -195,15 +183,10 @@ mod tests {
 
     #[test]
     fn numbers_tell_what_is_missing() {
-        let statistics = taken(&[
-            "# 5 d 1.0 mm",
-            "# 6 d 1.0 mm",
-            "# 9 f laser off",
-            "# 10 d 1.0 mm",
-        ]);
-        assert_eq!(statistics.missing, 2);
+        let missing = |lines| taken(lines).missing;
+        let two = "# 5 d 1.0 mm; # 6 d 1.0 mm; # 9 f laser off; # 10 d 1.0 mm";
+        assert_eq!(missing(two), 2);
         // A restart is no loss.
-        let statistics = taken(&["# 500 d 1.0 mm", "# 1 d 1.0 mm", "# 3 d 1.0 mm"]);
-        assert_eq!(statistics.missing, 1);
+        assert_eq!(missing("# 500 d 1.0 mm; # 1 d 1.0 mm; # 3 d 1.0 mm"), 1);
     }
 }

@@ -5,13 +5,13 @@ use std::time::Duration;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Style};
-use ratatui::symbols::Marker;
 use ratatui::text::Line;
-use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Wrap};
+use ratatui::widgets::{Axis, Block, Chart, Paragraph, Wrap};
 use statistics::least_and_most;
 use tui_big_text::{BigText, PixelSize};
 
 use super::statistics::Statistics;
+use crate::screen::line;
 use crate::sensor::stream::FrameResult;
 
 /// What the view shows.
@@ -108,12 +108,7 @@ impl View<'_> {
                 .bounds([from, to])
                 .labels(names)
         };
-        let dataset = Dataset::default()
-            .marker(Marker::Braille)
-            .graph_type(GraphType::Line)
-            .style(Style::new().fg(Color::Cyan))
-            .data(&points);
-        let chart = Chart::new(vec![dataset])
+        let chart = Chart::new(vec![line(&points, Color::Cyan)])
             .x_axis(axis("s", times, 1))
             .y_axis(axis("mm", (least, most), 4));
         frame.render_widget(chart, area);
@@ -158,22 +153,16 @@ impl View<'_> {
 pub fn details(reading: &FrameResult) -> String {
     let rows = reading.rows_used.zip(reading.rows);
     let four = |value: Option<f64>| value.map(|it| format!("{it:.4}"));
+    let height = reading.height_counts.map(|it| format!("{it:.0}"));
+    let exposure = reading.exposure_us.map(|it| it.to_string());
     let mut text = String::new();
     for (name, value, unit) in [
         ("u", four(reading.u_mm), " mm"),
         ("r", four(reading.r_mm), " mm"),
         ("centre", four(reading.centre_px), " px"),
-        (
-            "height",
-            reading.height_counts.map(|it| format!("{it:.0}")),
-            " counts",
-        ),
+        ("height", height, " counts"),
         ("rows", rows.map(|(used, all)| format!("{used}/{all}")), ""),
-        (
-            "exposure",
-            reading.exposure_us.map(|it| it.to_string()),
-            " us",
-        ),
+        ("exposure", exposure, " us"),
         ("slits", reading.slits.map(|it| it.to_string()), ""),
     ] {
         text += &value.map_or(String::new(), |value| format!("{name} {value}{unit}  "));

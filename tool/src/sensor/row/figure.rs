@@ -43,7 +43,7 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
     };
     // The saturation is always in view: the room up to it is what one sets the exposure by.
     let top = 1.06 * saturated.max(highest.into());
-    let mut panel = panel(&above, &title, &all, (0.0, top), "counts")?;
+    let mut panel = panel(&above, &title, &all, (0.0, top))?;
     let windows = images.iter().filter(|image| answer.has(image.x_px));
     let windows = windows.map(|image| {
         let reach = image.reach_px();
@@ -61,7 +61,7 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
     for at in levels.iter().filter_map(|(_, at, _)| *at) {
         draw_level(&mut panel, &all, at)?;
     }
-    draw_pixels(&mut panel, answer, &all, |_, count| count)?;
+    draw_pixels(&mut panel, answer.points(&all))?;
     for (words, at, below) in levels {
         let Some(at) = at else { continue };
         let (x, y) = panel.backend_coord(&(all.start as f64, at));
@@ -103,7 +103,7 @@ fn draw_fit(
     let highest = images.iter().map(|image| image.height).fold(0.0, f64::max);
     let range = (level - 0.08 * highest, level + 1.25 * highest);
     let title = "pixels (blue) and fit (red)";
-    let mut panel = panel(middle, title, window, range, "counts")?;
+    let mut panel = panel(middle, title, window, range)?;
     for at in [Some(level), answer.black, Some(answer.saturated.into())] {
         if let Some(at) = at.filter(|at| (range.0..range.1).contains(at)) {
             draw_level(&mut panel, window, at)?;
@@ -112,15 +112,18 @@ fn draw_fit(
     let places = (window.start * 4..window.end * 4).map(|quarter| f64::from(quarter as u32) / 4.0);
     let line: Vec<(f64, f64)> = places.map(|pixel| (pixel, fit(pixel))).collect();
     axes::draw_line(&mut panel, line, FIT.stroke_width(2))?;
-    draw_pixels(&mut panel, answer, window, |_, count| count)?;
-    let left = |pixel: usize, count: f64| count - fit(pixel as f64);
-    let shown = answer.pixels().filter(|(pixel, _)| window.contains(pixel));
-    let most = shown.fold(1.0, |most: f64, (pixel, count)| {
-        left(pixel, count).abs().max(most)
-    });
+    let pixels = answer.points(window);
+    let left = pixels
+        .iter()
+        .map(|&(pixel, count)| (pixel, count - fit(pixel)));
+    let left: Vec<(f64, f64)> = left.collect();
+    draw_pixels(&mut panel, pixels)?;
+    let most = left
+        .iter()
+        .fold(1.0, |most: f64, (_, left)| left.abs().max(most));
     let title = "what the fit leaves";
-    let mut panel = self::panel(lowest, title, window, (-1.1 * most, 1.1 * most), "counts")?;
-    draw_pixels(&mut panel, answer, window, left)
+    let mut panel = self::panel(lowest, title, window, (-1.1 * most, 1.1 * most))?;
+    draw_pixels(&mut panel, left)
 }
 
 fn panel<'a, 'b>(
@@ -128,34 +131,22 @@ fn panel<'a, 'b>(
     title: &str,
     pixels: &Range<usize>,
     counts: (f64, f64),
-    name: &str,
 ) -> Result<Panel<'a, 'b>> {
     let ends = (pixels.start as f64, pixels.end as f64);
     let x = Axis::linear(ends, "pixel", 10, 0);
-    let y = Axis::linear(counts, name, 6, 0);
+    let y = Axis::linear(counts, "counts", 6, 0);
     axes::panel(area, title, 30, &x, &y)
 }
 
 fn draw_level(panel: &mut Panel<'_, '_>, pixels: &Range<usize>, level: f64) -> Result<()> {
     let line = vec![(pixels.start as f64, level), (pixels.end as f64, level)];
-    axes::draw_line(panel, line, LEVEL.stroke_width(1))?;
-    Ok(())
+    axes::draw_line(panel, line, LEVEL.stroke_width(1))
 }
 
-/// Draws something of each pixel: a line if there are many, otherwise dots.
-fn draw_pixels(
-    panel: &mut Panel<'_, '_>,
-    answer: &RowAnswer,
-    pixels: &Range<usize>,
-    of: impl Fn(usize, f64) -> f64,
-) -> Result<()> {
-    let shown = answer.pixels().filter(|(pixel, _)| pixels.contains(pixel));
-    let points = shown.map(|(pixel, count)| (pixel as f64, of(pixel, count)));
-    let points: Vec<(f64, f64)> = points.collect();
-    if points.len() > 300 {
-        axes::draw_line(panel, points, PIXELS.stroke_width(1))?;
-    } else {
-        axes::draw_dots(panel, points, 3, PIXELS.filled())?;
+/// Draws a line if there are many points, otherwise dots.
+fn draw_pixels(panel: &mut Panel<'_, '_>, points: Vec<(f64, f64)>) -> Result<()> {
+    match points.len() > 300 {
+        true => axes::draw_line(panel, points, PIXELS.stroke_width(1)),
+        false => axes::draw_dots(panel, points, 3, PIXELS.filled()),
     }
-    Ok(())
 }

@@ -15,12 +15,12 @@ use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::centre::Estimator;
 use slitrange::spot::region::Region;
 use slitrange_device::protocol::row_lines::{RowExposure, RowPart};
-use slitrange_device::settings::{Setting, Value};
+use slitrange_device::settings::{Setting, Settings, Value};
 
 use super::RowAnswer;
 use super::figure::window;
 use crate::pc::Pc;
-use crate::screen::Key;
+use crate::screen::{Key, line};
 use crate::sensor::line::LineError;
 use crate::sensor::port::PortOption;
 use crate::sensor::session::{Link, Session};
@@ -63,21 +63,14 @@ pub struct ScopeOptions {
 }
 
 /// The settings that keys change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct InUse {
-    exposure: ExposureMode,
-    estimator: Estimator,
-    region: Region,
-}
+const CHANGED: [Setting; 3] = [Setting::Exposure, Setting::Estimator, Setting::Region];
 
-/// What is shown.
 struct Scope {
     title: String,
-    /// Whether to show the whole row.
     whole: bool,
-    settings: InUse,
+    /// What the sensor uses of [`CHANGED`].
+    settings: Settings,
     row: Option<RowAnswer>,
-    /// When the latest rows came.
     came: VecDeque<Duration>,
     /// Rows that did not arrive whole.
     spoilt: u64,
@@ -89,7 +82,7 @@ struct Scope {
 /// In sentences: no sensor is found, or there is no terminal.
 pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let mut session = options.port.open(pc)?;
-    let before = InUse::of(&mut session)?;
+    let before = session.settings(&CHANGED)?;
     let Some(mut screen) = pc.screen()? else {
         bail!("`scope` needs a terminal; `slitrange row --figure FILE` draws one row into a file");
     };
@@ -115,20 +108,17 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
             }
         }
         link = match link {
-            Link::Gone(away, _) => match away.find_again() {
-                Link::There(mut session) => {
+            Link::Gone(away, _) => {
+                let mut found = away.find_again(PAUSE);
+                if let Link::There(session) = &mut found {
+                    silent = 0;
                     // One that started anew has forgotten what was set.
-                    if let Ok(now) = InUse::of(&mut session) {
+                    if let Ok(now) = session.settings(&CHANGED) {
                         scope.settings = now;
                     }
-                    silent = 0;
-                    Link::There(session)
                 }
-                gone => {
-                    pc.sleep(PAUSE);
-                    gone
-                }
-            },
+                found
+            }
             Link::There(mut session) => match scope.ask(&mut session) {
                 Ok(()) => {
                     silent = 0;
@@ -142,36 +132,11 @@ pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
                 Err(error) => Link::Gone(session.leave(), error.to_string()),
             },
         };
-        screen.draw(&mut |frame| scope.draw(frame, link.why_gone()))?;
-    }
-}
-
-impl InUse {
-    /// Those that the sensor uses.
-    fn of(session: &mut Session<'_>) -> Result<Self> {
-        let mut ask = |setting| session.value(setting);
-        let asked = (
-            ask(Setting::Exposure)?,
-            ask(Setting::Estimator)?,
-            ask(Setting::Region)?,
-        );
-        let (Value::Exposure(exposure), Value::Estimator(estimator), Value::Region(region)) = asked
-        else {
-            bail!("the sensor's answers do not belong to the questions: try again");
+        let away = match &link {
+            Link::There(_) => None,
+            Link::Gone(_, why) => Some(why.as_str()),
         };
-        Ok(Self {
-            exposure,
-            estimator,
-            region,
-        })
-    }
-
-    fn values(self) -> [Value; 3] {
-        [
-            Value::Exposure(self.exposure),
-            Value::Estimator(self.estimator),
-            Value::Region(self.region),
-        ]
+        screen.draw(&mut |frame| scope.draw(frame, away))?;
     }
 }
 
@@ -185,7 +150,6 @@ impl Scope {
         }
     }
 
-    /// Asks for a row.
     fn ask(&mut self, session: &mut Session<'_>) -> Result<(), LineError> {
         let command = self.part().to_string();
         match session.line().ask_once(&command, ROW, RowAnswer::read)? {
@@ -200,30 +164,28 @@ impl Scope {
         Ok(())
     }
 
-    /// Does what a key says.
     fn press(&mut self, key: Key, session: &mut Session<'_>) -> Result<(), LineError> {
         match key {
             Key::Char('z') => {
                 self.whole = !self.whole;
                 self.came.clear();
             }
-            Key::Char('a') => self.set_exposure(ExposureMode::Auto, session)?,
+            Key::Char('a') => self.set(Value::Exposure(ExposureMode::Auto), session)?,
             Key::Up | Key::Char('+') => self.change_exposure(STEP, session)?,
             Key::Down | Key::Char('-') => self.change_exposure(1.0 / STEP, session)?,
             Key::Char('e') => {
                 let mut from_this = (Estimator::ALL.iter().cycle())
                     .skip_while(|estimator| **estimator != self.settings.estimator);
                 if let Some(&next) = from_this.nth(1) {
-                    session.set_for_good(Value::Estimator(next))?;
-                    self.settings.estimator = next;
+                    self.set(Value::Estimator(next), session)?;
                 }
             }
             Key::Char('r') => {
                 if let Some(region) = self.next_region() {
-                    self.set_region(region, session)?;
+                    self.set(Value::Region(region), session)?;
                 }
             }
-            Key::Char('R') => self.set_region(Region::ALL, session)?,
+            Key::Char('R') => self.set(Value::Region(Region::ALL), session)?,
             _ => {}
         }
         Ok(())
@@ -252,9 +214,9 @@ impl Scope {
         Region::new(first as u16, (first + count - 1) as u16)
     }
 
-    fn set_region(&mut self, region: Region, session: &mut Session<'_>) -> Result<(), LineError> {
-        session.set_for_good(Value::Region(region))?;
-        self.settings.region = region;
+    fn set(&mut self, value: Value, session: &mut Session<'_>) -> Result<(), LineError> {
+        session.set_for_good(value)?;
+        self.settings.set(value);
         Ok(())
     }
 
@@ -271,30 +233,18 @@ impl Scope {
         let us = (f64::from(from.us()) * factor).round() as u16;
         let us = us.clamp(Exposure::SHORTEST.us(), Exposure::LONGEST.us());
         match Exposure::from_us(us) {
-            Some(exposure) => self.set_exposure(ExposureMode::Fixed(exposure), session),
+            Some(exposure) => self.set(Value::Exposure(ExposureMode::Fixed(exposure)), session),
             None => Ok(()),
         }
     }
 
-    fn set_exposure(
-        &mut self,
-        exposure: ExposureMode,
-        session: &mut Session<'_>,
-    ) -> Result<(), LineError> {
-        session.set_for_good(Value::Exposure(exposure))?;
-        self.settings.exposure = exposure;
-        Ok(())
-    }
-
-    /// Rows a second.
     fn rate(&self) -> Option<f64> {
         let time = *self.came.back()? - *self.came.front()?;
         (!time.is_zero()).then(|| (self.came.len() - 1) as f64 / time.as_secs_f64())
     }
 
-    /// Says what a key changed.
-    fn sum_up(&self, before: InUse, output: &mut dyn Write) -> Result<()> {
-        for (before, now) in before.values().into_iter().zip(self.settings.values()) {
+    fn sum_up(&self, before: Settings, output: &mut dyn Write) -> Result<()> {
+        for (before, now) in CHANGED.map(|it| (before.get(it), self.settings.get(it))) {
             if before != now {
                 let how_long = "until the power goes or `save`";
                 writeln!(output, "now {now} (it was {before}), {how_long}")?;
@@ -359,10 +309,8 @@ impl Scope {
             0 => String::new(),
             count => format!(", {count} rows arrived spoilt"),
         };
-        let InUse {
-            estimator, region, ..
-        } = self.settings;
-        let region = match region {
+        let estimator = self.settings.estimator;
+        let region = match self.settings.region {
             Region::ALL => String::new(),
             region => format!(", {}", Value::Region(region)),
         };
@@ -382,9 +330,7 @@ impl Scope {
         let is_window = !self.whole && !spot.is_empty();
         let shown = if is_window { spot.clone() } else { came };
         let (least, most) = (shown.start as f64, shown.end as f64);
-        let pixels = row.pixels().filter(|(pixel, _)| shown.contains(pixel));
-        let pixels = pixels.map(|(pixel, count)| (pixel as f64, count));
-        let pixels: Vec<(f64, f64)> = pixels.collect();
+        let pixels = row.points(&shown);
         let counts = match is_window {
             true => {
                 let height = images.iter().map(|image| image.height).fold(1.0, f64::max);
@@ -394,10 +340,10 @@ impl Scope {
         };
         let fit = row.fit();
         let steps = || (0..=400).map(|step| least + (most - least) * f64::from(step) / 400.0);
-        let fitted = fit
-            .iter()
-            .flat_map(|fit| steps().map(|pixel| (pixel, fit(pixel))));
-        let fitted: Vec<(f64, f64)> = fitted.collect();
+        let fitted: Vec<(f64, f64)> = match &fit {
+            Some(fit) => steps().map(|pixel| (pixel, fit(pixel))).collect(),
+            None => vec![],
+        };
         let across = |at: f64| [(least, at), (most, at)];
         let up = |at: usize| [(at as f64, counts.0), (at as f64, counts.1)];
         let black = row.black.map(across);
@@ -441,14 +387,6 @@ impl Scope {
             frame.render_widget(chart(sets, (least, most), range, "residuals"), below);
         }
     }
-}
-
-fn line(points: &[(f64, f64)], colour: Color) -> Dataset<'_> {
-    Dataset::default()
-        .marker(Marker::Braille)
-        .graph_type(GraphType::Line)
-        .style(colour)
-        .data(points)
 }
 
 fn dots(points: &[(f64, f64)]) -> Dataset<'_> {
