@@ -152,10 +152,7 @@ impl Cell {
             black_level: Some(BlackLevel::steady(
                 (8.0 * self.read_noise).clamp(60.0, 1000.0).round(),
             )),
-            spot: Some(Spot {
-                width: self.width,
-                counts_per_second: self.amplitude,
-            }),
+            spot: Some(Spot::new(self.width, self.amplitude)),
             shot_noise: self
                 .electrons_per_count
                 .map(|electrons_per_count| ShotNoise {

@@ -20,7 +20,7 @@
 //! **A gap.** [`Timing::gap`] pauses SCLK after a word, as if DMA had fed SPI1 too late.
 //!
 //! **Without a rate limit.** The words after the lead-in end with its last word if the head has no rate limit
-//! ([`SensorHead::without_rate_limit`](crate::SensorHead::without_rate_limit)). Only the last [`LAST`] words
+//! (`Conditions::has_rate_limit`). Only the last [`LAST`] words
 //! still take their time on SPI1.
 //!
 //! **When.** Only read-outs that are set up as the firmware's driver does it move in batches: words of 16

@@ -21,8 +21,8 @@
 //! input 3.5 SCLK after the start of each word. So the pixel that a word shows depends on when the firmware
 //! starts the burst.
 //!
-//! **Without a rate limit.** [`SensorHead::without_rate_limit`] makes a sensor head whose words after word 3
-//! come all at once. It tests which rate of rows the firmware sustains. Each word shows the pixel that it
+//! **Without a rate limit.** If `Conditions::has_rate_limit` is false, the words after word 3 come all at
+//! once. This tests which rate of rows the firmware sustains. Each word shows the pixel that it
 //! would show at the clocks' speed, and all limits stay.
 //!
 //! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
@@ -298,14 +298,6 @@ impl SensorHead {
             open_line: None,
             wiring_checked: false,
             violations: Violations::default(),
-        }
-    }
-
-    /// The same sensor head with words that come at once: see the module.
-    pub fn without_rate_limit(self) -> Self {
-        Self {
-            has_rate_limit: false,
-            ..self
         }
     }
 

@@ -10,7 +10,7 @@
 //!
 //! TIM5 is the firmware's clock. It says when a row is due. `RowTimer` can make it count faster, so that the
 //! same firmware takes more rows a second: see
-//! [`VirtualBoard::power_on_without_rate_limit`](crate::VirtualBoard::power_on_without_rate_limit).
+//! [`crate::row_rate`].
 
 use std::sync::Arc;
 

@@ -458,10 +458,7 @@ fn speckled(number: u64, speed: f64, wander: f64) -> HardFrame {
         seed: number,
         optics: Optics::nominal_on(sensor),
         sensor,
-        spot: Some(Spot {
-            width: 8.6,
-            counts_per_second: 175e3,
-        }),
+        spot: Some(Spot::new(8.6, 175e3)),
         laser_spot: Some(LaserSpot {
             waist: 1e-3,
             waist_distance: 0.8,

@@ -2,13 +2,10 @@
 //! or nothing changes.
 
 use simulator::scene::Scene;
+use slitrange::frame;
 use slitrange::frame::comb::Comb;
-use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::reading::uncertainty::Surface;
-use slitrange::{frame, sensor_heads};
 use slitrange_device::protocol::calibration::FlashStatus;
-use slitrange_device::protocol::line::ReadingLine;
 use slitrange_device::protocol::piece::Piece;
 use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::RecordError;
@@ -17,6 +14,7 @@ use virtual_board::VirtualBoard;
 use virtual_board::light::{Target, of_scene};
 
 use super::common::*;
+use super::identical::lines_of_pc;
 use super::records::{
     CENTRE, assert_shown, eq1, every_kind, longest, of_another_head, of_comb, pieces, read_back,
     record, send, shown, upload, written,
@@ -119,19 +117,8 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
         slits: record.slits(),
         ..Options::default()
     };
-    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
-    if let Some(comb) = &record.comb {
-        measurement.set_comb(comb.clone());
-    }
-    rows.iter()
-        .filter_map(|row| measurement.row(&mut row.words.clone()))
-        .map(|measured| {
-            let measured = measured.expect("a centre");
-            let reading =
-                measured.reading(Some(&record.calibration), &record.errors, Surface::Auto);
-            ReadingLine(&reading.expect("a distance")).to_string()
-        })
-        .collect()
+    let (calibration, comb) = (Some(&record.calibration), record.comb.clone());
+    lines_of_pc(rows, options, calibration, &record.errors, comb)
 }
 
 /// Whether the PC says these lines too, with this record. A frame begins with one of the first six rows.

@@ -125,7 +125,7 @@ fn a_map_lowers_the_error_and_survives_a_power_cycle() {
     status.assert_none(&["rows failed", "fault sensor silent"]);
     // While the map is computed, no reading is due.
     assert!(status.count("rows lost") <= 1, "{status:#?}");
-    assert_eq!(board.resets().expect("resets"), []);
+    assert_no_reset(&mut board);
 
     let mut board = power_cycle(board, paper(0.8));
     set(&mut board, "rows 16");

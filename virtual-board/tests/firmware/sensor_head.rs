@@ -6,6 +6,7 @@ use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
 use virtual_board::Row;
 use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
+use virtual_board::stm32f429::Stm32f429;
 
 use super::common::*;
 
@@ -78,21 +79,6 @@ fn rows_come_on_time() {
     }
 }
 
-/// The centre that the firmware finds is that of the light, to a twentieth of a pixel.
-#[test]
-fn centres_are_right() {
-    let (mut board, _) = boot(spot_at(CENTRE, 1500.0));
-    set(&mut board, "rows 4");
-    board.take_lines();
-    run_ms(&mut board, 300);
-    let results = take_results(&mut board);
-    assert!(results.len() > 5, "{results:#?}");
-    for line in &results {
-        let error = number(line, "x ", " ") - CENTRE;
-        assert!(error.abs() < 0.05, "{line}");
-    }
-}
-
 #[test]
 fn a_violated_limit_is_an_error_of_the_run() {
     let mut board = measuring(4);
@@ -109,18 +95,14 @@ fn a_violated_limit_is_an_error_of_the_run() {
 #[test]
 fn words_in_batches_are_the_same_as_words_one_by_one() {
     let run = |word_by_word: bool| {
-        let light = spot_at(CENTRE, 1500.0);
         // rigless's DMA counts a word when it ends.
         let conditions = Conditions {
             most_dma_latency: 0,
             ..full_speed()
         };
-        let mut board = CleanBoard::power_on(light, conditions);
+        let mut board = CleanBoard::power_on(spot_at(CENTRE, 1500.0), conditions);
         if word_by_word {
-            let switch = board.on_emulator(|session, _, _| {
-                session.board_mut().processor.move_word_by_word();
-            });
-            switch.expect("the emulator");
+            with_processor(&mut board, Stm32f429::move_word_by_word);
         }
         keep_all_rows(&mut board);
         run_ms(&mut board, 400);
@@ -169,12 +151,8 @@ fn words_in_batches_are_the_same_as_words_one_by_one() {
 #[test]
 fn slow_cores_reject_late_rows_and_move_no_centre() {
     for (millions, is_too_slow) in [(168, false), (84, false), (56, false), (36, true)] {
-        let conditions = Conditions {
-            instructions_per_second: millions * 1_000_000,
-            ..Conditions::default()
-        };
-        let light = spot_at(CENTRE, 1500.0);
-        let mut board = CleanBoard::power_on(light, conditions);
+        let conditions = conditions(|it| it.instructions_per_second = millions * 1_000_000);
+        let mut board = CleanBoard::power_on(spot_at(CENTRE, 1500.0), conditions);
         if is_too_slow {
             // The head sees the edges of the rows that the firmware rejects.
             board.expect_violations();
