@@ -91,12 +91,8 @@ impl HardFrame {
             ..Options::default()
         };
         let measured = measure_rows(&self.rows, &self.geometry, options, None)?;
-        let calibration = Calibration::Eq1(calibration());
-        measured.reading(
-            Some(&calibration),
-            &CalibrationErrors::Unknown,
-            Surface::Off,
-        )
+        let (calibration, errors) = (Calibration::Eq1(calibration()), CalibrationErrors::Unknown);
+        measured.reading(Some(&calibration), &errors, Surface::Off)
     }
 }
 
@@ -368,15 +364,8 @@ fn changing() -> Vec<FrameCase> {
         case("two spots in every row", "all rows agree, but no row can tell which spot is the laser's",
             Due::NoCentre,
             |number| {
-                let second = Second {
-                    share: 1.0,
-                    offset: 8.0,
-                    widths: 1.0,
-                };
-                let centre = middle(number);
-                frame(number, FULL, Truth::None, |_| {
-                    spot_at(centre).with(Flaw::Second(second))
-                })
+                let (centre, second) = (middle(number), Flaw::Second(Second::new(1.0, 8.0, 1.0)));
+                frame(number, FULL, Truth::None, |_| spot_at(centre).with(second))
             }),
         case("a slope of 2 counts a pixel in every row", "all rows agree, but all have the same error",
             Due::Honest, |number| {
