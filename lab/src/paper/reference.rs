@@ -8,8 +8,8 @@ use crate::paper::data_set::{DataSet, Target};
 use crate::paper::methods::RowEstimator;
 use crate::paper::row_mean::{RowFit, RowMean};
 use crate::paper::slit_path::{self, COLUMNS, RowTables};
-use simulator::least_squares;
-use simulator::sinc_fit::{self, Sinc};
+use simulator::least_squares::{self, Spot};
+use simulator::sinc_fit;
 
 /// Compares frames, the first capture at 16 positions of a data set. Gives root mean squares of the plain
 /// mean of rows, core less reference, in pixels: `gauss-newton` with equal weights less
@@ -63,9 +63,9 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
             amplitude: fit.amplitude,
             place: 0.0,
         });
-        let start = Sinc {
+        let start = Spot {
             centre: fit.centre,
-            zero: fit.width / 0.376,
+            extent: fit.width / 0.376,
             amplitude: fit.amplitude,
             level: fit.level,
         };

@@ -12,6 +12,13 @@ pub struct Part {
     pub weight: f64,
 }
 
+impl Part {
+    /// A part of this weight, shifted by so many metres.
+    pub const fn new(shift: f64, weight: f64) -> Self {
+        Self { shift, weight }
+    }
+}
+
 /// Light along a row, tabulated at even steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
@@ -65,21 +72,19 @@ impl Pattern {
                 near.iter().zip(weights).map(|(a, b)| a * b).sum()
             }
             // At the ends, where there is next to no light.
-            _ => (first..)
-                .zip(weights)
-                .filter_map(|(i, weight)| {
-                    let light = self.light.get(usize::try_from(i).ok()?)?;
-                    Some(light * weight)
-                })
-                .sum(),
+            _ => {
+                let light = |i| self.light.get(usize::try_from(i).ok()?);
+                let near = (first..).zip(weights);
+                near.filter_map(|(i, weight)| Some(light(i)? * weight))
+                    .sum()
+            }
         }
     }
 
     /// The sum of shifted patterns.
     pub fn spread(&self, parts: &[Part]) -> Self {
-        let farthest = parts
-            .iter()
-            .fold(0.0f64, |far, part| far.max(part.shift.abs()));
+        let shifts = parts.iter().map(|part| part.shift.abs());
+        let farthest = shifts.fold(0.0, f64::max);
         let more = (farthest / self.step).ceil() as usize + 2;
         let mut light = vec![0.0; self.light.len() + 2 * more];
         for part in parts {
@@ -108,12 +113,8 @@ impl Pattern {
     pub fn gathered(&self, pitch: f64) -> Self {
         // Gauss and Legendre's three places.
         let outer = 0.6f64.sqrt() * 0.5 * pitch;
-        self.spread(
-            &[(-outer, 5.0), (0.0, 8.0), (outer, 5.0)].map(|(shift, weight)| Part {
-                shift,
-                weight: weight / 18.0,
-            }),
-        )
+        let parts = [(-outer, 5.0), (0.0, 8.0), (outer, 5.0)];
+        self.spread(&parts.map(|(shift, weight)| Part::new(shift, weight / 18.0)))
     }
 
     /// The same, brighter.
@@ -194,10 +195,7 @@ mod tests {
             assert!((spread.at(place) - sum).abs() < 3e-5, "{place}");
         }
         // At the knots themselves a shift by knots is exact.
-        let shifted = pattern.spread(&[Part {
-            shift: 0.3,
-            weight: 1.0,
-        }]);
+        let shifted = pattern.spread(&[Part::new(0.3, 1.0)]);
         assert!((shifted.at(0.3) - 1.0).abs() < 1e-12);
     }
 
