@@ -35,10 +35,8 @@ fn the_catalogue_is_large_and_its_cases_differ() {
 #[test]
 fn no_case_gives_an_impossible_answer() {
     for estimator in Estimator::ALL {
-        let failures = CATALOGUE.failures(estimator);
-        let nonsense: Vec<_> = (failures.iter())
-            .filter(|failure| failure.what.starts_with("nonsense"))
-            .collect();
+        let mut nonsense = CATALOGUE.failures(estimator);
+        nonsense.retain(|failure| failure.contains(": nonsense"));
         assert!(nonsense.is_empty(), "{}: {nonsense:#?}", estimator.name());
     }
     for (case, found) in &CATALOGUE.calibrations {
@@ -54,7 +52,6 @@ const USED: [Estimator; 2] = [Estimator::Adaptive, Estimator::PhaseTable];
 fn the_used_estimators_give_the_expected_result_in_every_case() {
     for estimator in USED {
         let failures = CATALOGUE.failures(estimator);
-        let failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
         assert!(failures.is_empty(), "{}: {failures:#?}", estimator.name());
     }
 }

@@ -222,9 +222,7 @@ impl Scene {
         Self {
             black_level: Some(BlackLevel::steady(300.0)),
             spot: Some(Spot::new(8.6, 350_000.0)),
-            shot_noise: Some(ShotNoise {
-                electrons_per_count: 10.0,
-            }),
+            shot_noise: Some(ShotNoise::of(10.0)),
             read_noise: Some(ReadNoise { counts: 4.0 }),
             ..Self::dark(Sensor::Tcd1304dg)
         }

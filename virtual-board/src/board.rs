@@ -46,11 +46,7 @@ pub struct Nucleo {
     watched: Watched,
     instructions_per_second: u64,
 }
-store!(Nucleo {
-    values: [],
-    parts: [processor],
-    built: [watched, instructions_per_second]
-});
+store! { Nucleo { values: [], parts: [processor], built: [watched, instructions_per_second] } }
 
 /// What a board may be like.
 #[derive(Clone, Debug)]

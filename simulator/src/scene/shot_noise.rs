@@ -15,6 +15,13 @@ pub struct ShotNoise {
 }
 
 impl ShotNoise {
+    /// That of so many electrons a count.
+    pub const fn of(electrons_per_count: f64) -> Self {
+        Self {
+            electrons_per_count,
+        }
+    }
+
     /// Scatters the light of a row, in counts.
     ///
     /// A pixel has random numbers of its own, whatever the light of the others: more light in one changes no

@@ -36,9 +36,8 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let light = light(options, scene, target)?;
     let mut board = VirtualBoard::power_on_under(firmware, light, conditions)?;
     if let Some(command) = comb {
-        board
-            .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-            .context("the firmware did not start")?;
+        let banner = board.run_until_line(|line| line.starts_with("slitrange "), PATIENCE);
+        banner.context("the firmware did not start")?;
         board.tell(&command, PATIENCE)?;
     }
     let mut terminal = PseudoTerminal::open()?;
