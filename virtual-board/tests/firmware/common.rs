@@ -225,6 +225,12 @@ pub fn change_serial_port(board: &mut VirtualBoard, change: fn(u64) -> u64) {
     });
 }
 
+/// Garbles so many of a million bytes that the firmware receives from now on.
+pub fn garble(board: &mut VirtualBoard, noise: u32, framing: u32) {
+    let done = board.garble_serial_line(noise, framing, 3);
+    done.expect("the emulator");
+}
+
 /// Switches off SPI1's requests for DMA, as a flipped bit in its register would.
 pub fn stop_the_transfer(board: &mut VirtualBoard) {
     with_processor(board, |it| {

@@ -229,8 +229,7 @@ fn a_power_cut_in_the_very_first_save_leaves_the_nominal_calibration_or_none() {
     for count in 0..count {
         for cut in [Cut::After(count), Cut::During(count, count as u64)] {
             let kept = kept::read(&cut.leaves(history));
-            let is =
-                [Stored::Nothing, Stored::Unusable, new.clone()].map(|possible| possible == kept);
+            let is = [&Stored::Nothing, &Stored::Unusable, &new].map(|it| *it == kept);
             assert!(is.contains(&true), "{cut:?}: {kept:?}");
             for (found, is) in found.iter_mut().zip(is) {
                 *found += usize::from(is);

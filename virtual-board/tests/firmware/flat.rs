@@ -169,10 +169,8 @@ fn a_power_cut_leaves_the_old_map_or_the_new_one() {
     assert_eq!(stored, StoredMap::Newest);
     assert!(old != new, "noise");
     let mut interrupted = 0;
-    for count in (0..operations)
-        .step_by(331)
-        .chain([1, 2, 3, operations - 1])
-    {
+    let near_the_ends = [1, 2, 3, operations - 1];
+    for count in (0..operations).step_by(331).chain(near_the_ends) {
         for contents in [history.after(count), history.torn_after(count, 7)] {
             let (stored, map) = kept::map_in(&contents);
             let map = map.expect("a map");

@@ -104,12 +104,10 @@ fn widest_front_end() -> FrontEnd {
         value: Counts::from_int(value),
         u: Counts::from_int(4095),
     };
+    let (value, u) = (LARGEST_GAIN, LARGEST_GAIN);
     FrontEnd {
         polarity: Polarity::Falling,
-        gain: Estimate {
-            value: LARGEST_GAIN,
-            u: LARGEST_GAIN,
-        },
+        gain: Estimate { value, u },
         read_noise: counts(32),
         saturation: Some(counts(4095)),
         black_level: counts(3960),
@@ -120,9 +118,8 @@ fn widest_front_end() -> FrontEnd {
 pub fn longest_of_comb() -> EncodedRecord {
     let most = Pixels::from_int(LARGEST_CORRECTION);
     let places = (0..8).map(|i| i - 16_384).chain((0..8).map(|i| i + 8_193));
-    let slits: Vec<SlitMap> = places
-        .map(|place| SlitMap::nominal(place).corrected([most; CORRECTIONS]))
-        .collect();
+    let slit = |place| SlitMap::nominal(place).corrected([most; CORRECTIONS]);
+    let slits: Vec<SlitMap> = places.map(slit).collect();
     written(Record {
         comb: Comb::new(&slits),
         front_end: Some(widest_front_end()),
@@ -150,13 +147,12 @@ pub fn every_kind() -> [EncodedRecord; 4] {
 fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
     let (first, last) = NOMINAL.expect("a curve").valid();
     let step = (last.to_bits() - first.to_bits()) / (count - 1);
-    (0..count)
-        .map(|i| Pixels::from_bits(first.to_bits() + i * step))
-        .map(|centre| Knot {
-            centre,
-            value: value(centre),
-        })
-        .collect()
+    let knot = |i| {
+        let centre = Pixels::from_bits(first.to_bits() + i * step);
+        let value = value(centre);
+        Knot { centre, value }
+    };
+    (0..count).map(knot).collect()
 }
 
 /// The longest record: the largest number of knots. Centres beyond 2048 pixels, residuals beyond 0.52 m and a
@@ -169,12 +165,8 @@ pub fn longest() -> EncodedRecord {
         })
         .collect();
     let (first, last) = (knots[0].centre, knots[MAX_KNOTS - 1].centre);
-    let curve = Eq1::new(
-        Micrometres::from_int(-8_000_000),
-        1 << 54,
-        Pixels::from_int(-32_768),
-        first..=last,
-    );
+    let (d, pole) = (Micrometres::from_int(-8_000_000), Pixels::from_int(-32_768));
+    let curve = Eq1::new(d, 1 << 54, pole, first..=last);
     let corrected = Corrected::new(curve.expect("a curve"), &knots);
     written(record(Calibration::Corrected(corrected.expect("usable"))))
 }
@@ -212,9 +204,8 @@ pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
 
 /// The answer to `calibration`.
 pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
-    ask_until(board, "calibration", |line| {
-        line.starts_with("calibration stored ")
-    })
+    let is_last = |line: &str| line.starts_with("calibration stored ");
+    ask_until(board, "calibration", is_last)
 }
 
 /// Asserts that the board shows the record as the core does.

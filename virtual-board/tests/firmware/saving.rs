@@ -46,12 +46,7 @@ fn saved_settings_are_used_after_a_power_cycle() {
     let mut board = power_cycle(board, paper());
     assert_shown(&mut board, Some(&own), stored);
     assert_eq!(read_back(&mut board), own.bytes());
-    for command in [
-        "rows 7",
-        "mean plain",
-        "estimator gauss-newton",
-        "black fixed 300",
-    ] {
+    for command in "rows 7,mean plain,estimator gauss-newton,black fixed 300".split(',') {
         let (name, _) = command.split_once(' ').expect("a value");
         assert_eq!(ask(&mut board, name), command);
     }
@@ -187,9 +182,8 @@ fn the_watchdog_resets_if_the_flash_never_answers() {
     run_ms(&mut board, 100);
     let (register, word) = FLASH_INTERRUPT_OFF;
     board.probe_writes(register, word);
-    let banner = board
-        .run_until_line(|line| line.contains("slitrange "), 3 * PATIENCE)
-        .expect("a banner");
+    let banner = board.run_until_line(|line| line.contains("slitrange "), 3 * PATIENCE);
+    let banner = banner.expect("a banner");
     assert!(banner.text.ends_with("started by watchdog"), "{banner}");
     let shown = shown(&mut board);
     assert_eq!(shown[shown.len() - 1], "calibration stored none");

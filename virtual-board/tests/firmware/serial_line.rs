@@ -101,12 +101,10 @@ fn noise_and_framing_errors_are_counted_and_the_line_still_works() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     // A tenth of the bytes each.
-    board
-        .garble_serial_line(100_000, 100_000, 1)
-        .expect("the emulator");
+    garble(&mut board, 100_000, 100_000);
     let (start, lines) = flood(&mut board, &random_bytes(2));
     assert_measures_on(&lines, start);
-    board.garble_serial_line(0, 0, 1).expect("the emulator");
+    garble(&mut board, 0, 0);
     // The garbled bytes may have ended within a line.
     say(&mut board, "", 20);
     board.take_lines();

@@ -1,7 +1,5 @@
 //! Tests of the watchdog, and of the cause that the banner names after a start.
 
-use std::time::Duration;
-
 use rigless::soc::stm32f427::generated::usart6::cr1;
 use virtual_board::{Nanos, OpenLine, VirtualBoard};
 
@@ -165,9 +163,8 @@ fn a_stack_that_is_too_deep_ends_in_a_reset() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     let end_of_statics = firmware().address_of("__sheap").expect("the statics' end");
-    let guard = u32::try_from(end_of_statics)
-        .expect("an address")
-        .next_multiple_of(4096);
+    let guard = u32::try_from(end_of_statics).expect("an address");
+    let guard = guard.next_multiple_of(4096);
     // An interrupt pushes 32 bytes or more.
     let (below, above) = (guard + 4096 + 16, guard + 8192);
     let more = rows_of_a_hang(&mut board, above);
@@ -186,9 +183,8 @@ fn a_stack_that_is_too_deep_ends_in_a_reset() {
 #[test]
 fn without_the_external_clock_the_firmware_starts_and_says_so() {
     let mut board = CleanBoard::power_on(paper(), conditions(|it| it.has_clock = false));
-    let banner = board
-        .run_until_line(|line| line.contains("slitrange "), Duration::from_secs(6))
-        .expect("a banner");
+    let banner = board.run_until_line(|line| line.contains("slitrange "), 6 * PATIENCE);
+    let banner = banner.expect("a banner");
     println!("{banner} after {:.1} s", board.now() as f64 * 1e-9);
     let end = ", started by power-on, without its external clock";
     assert!(banner.text.ends_with(end), "{banner}");
