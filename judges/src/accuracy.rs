@@ -310,7 +310,6 @@ impl Rows {
     }
 }
 
-/// What adds up over rows.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     centres: u64,

@@ -65,7 +65,6 @@ const HALF_WORD: u64 = 1;
 /// Memory to peripheral (RM0090 section 10.5.5).
 const TO_PERIPHERAL: u64 = 1;
 
-/// The registers of a stream.
 struct Stream {
     control: Dma2,
     count: Dma2,
@@ -116,7 +115,6 @@ pub(crate) fn memory_addresses(registers: &Registers) -> Vec<u64> {
     addresses
 }
 
-/// The state of a read-out.
 #[derive(Debug)]
 enum State {
     /// rigless moves every word.
@@ -285,7 +283,6 @@ pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>, timing: Timing) -> (BurstSp
     (spi, dma)
 }
 
-/// SPI1.
 #[derive(Debug)]
 pub(crate) struct BurstSpi {
     /// rigless's model, to which the converter is connected.
@@ -448,7 +445,6 @@ impl Device for BurstSpi {
     }
 }
 
-/// DMA2.
 #[derive(Debug)]
 pub(crate) struct BurstDma {
     dma: Dma,

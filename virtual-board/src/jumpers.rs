@@ -70,7 +70,6 @@ pub enum Miso {
     NoPullUp,
 }
 
-/// An edge of a wire.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Edge {
     /// ICG went high, or low.
@@ -91,7 +90,6 @@ const TIM2: usize = 0;
 const TIM3: usize = 1;
 const TIM8: usize = 1;
 
-/// TIM3's counter.
 const TIM3_COUNTER: u64 = 0x4000_0424;
 
 /// Pins, their ports and the functions that connect them to their timers (STM32F429 data sheet, table 12).
@@ -214,7 +212,6 @@ fn drive_tim8(
     });
 }
 
-/// Drives channel 2 of TIM3.
 fn drive_tim3(part: &mut Stm32f427, high: bool, now: Nanos) {
     let channel = Channel::new(2).expect("1 to 4");
     part.drive_timer(VirtualNanos(now), TIM3, |timer, registers, context| {

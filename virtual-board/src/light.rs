@@ -29,7 +29,6 @@ struct Place {
 /// The target as an exposure saw it.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
-    /// The end of the exposure.
     end: Nanos,
     /// The distance at its middle, in metres.
     distance: f64,

@@ -46,7 +46,6 @@ struct Log {
 /// A function to run on the emulator's thread, between two instructions.
 type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
 
-/// The emulator's next order.
 enum Order {
     RunTo(Nanos),
     Do(Errand),

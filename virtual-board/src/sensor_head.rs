@@ -195,7 +195,6 @@ impl Pin {
     }
 }
 
-/// The read-out that is under way.
 #[derive(Debug)]
 struct ReadOut {
     exposure: Exposure,
@@ -684,7 +683,6 @@ impl SensorHead {
         self.row_count += 1;
     }
 
-    /// Reports a violation.
     pub(crate) fn violated(&mut self, at: Nanos, what: impl Into<String>) {
         self.violations.add(at, what);
     }

@@ -108,7 +108,6 @@ fn image_beside_the_spot(light: &mut [f32]) {
 }
 
 impl Light {
-    /// The scene in this light.
     fn scene(&self) -> Scene {
         Scene {
             ambient: self.ambient,

@@ -143,7 +143,6 @@ impl Jumps {
         self.worst_over_claim = self.worst_over_claim.or(at(over_claim));
     }
 
-    /// The results of both.
     fn and(self, other: Self) -> Self {
         let sums = |a: [u64; Fault::KINDS], b: [u64; Fault::KINDS]| {
             std::array::from_fn(|kind| a[kind] + b[kind])

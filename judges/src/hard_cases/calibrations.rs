@@ -48,7 +48,6 @@ struct Made {
 struct Refusal {
     /// The error's name, as the code has it.
     name: String,
-    /// What it says to a person.
     words: String,
 }
 

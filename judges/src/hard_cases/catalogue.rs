@@ -35,7 +35,6 @@ pub fn rows() -> Vec<RowCase> {
 
 type Words = &'static str;
 
-/// The cases of a group.
 struct Cases {
     group: Words,
     all: Vec<RowCase>,
@@ -92,7 +91,6 @@ fn high(width: f64, amplitude: f64) -> Recipe {
     Recipe::clean(width).spot(|spot| spot.amplitude = amplitude)
 }
 
-/// A clean spot with a flaw.
 fn with(flaw: Flaw) -> Recipe {
     Recipe::clean(WIDTH).with(flaw)
 }
@@ -128,7 +126,6 @@ fn clean_spot(recipe: &Recipe) -> bound::Spot {
 fn no_spot() -> Vec<RowCase> {
     const SILENT: Due = Due::Fault(&["sensor silent"]);
     const NONE: Due = Due::NoCentre;
-    /// Rows of a number.
     type Rows = fn(u64) -> Vec<u16>;
     #[rustfmt::skip] // A case a line.
     let patterns: [(&str, &str, Due, Rows); 15] = [

@@ -129,7 +129,6 @@ pub fn is_flagged(reading: &Reading) -> bool {
     2 * reading.misfits > reading.rows_used || reading.correlated.is_some()
 }
 
-/// The frame's spot.
 fn middle(number: u64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     240.0 + 32.0 * ((number as f64 + 0.5) * GOLDEN).fract()
@@ -181,7 +180,6 @@ fn full(number: u64, recipe: impl Fn(u64, Recipe) -> Recipe) -> HardFrame {
     steady(number, FULL, recipe)
 }
 
-/// The same without a change.
 fn clean(number: u64) -> HardFrame {
     full(number, |_, recipe| recipe)
 }

@@ -118,7 +118,6 @@ fn head() -> String {
     format!("| case | why it is hard | expected |{letters}\n|---|---|---|{rules}")
 }
 
-/// A line of a table of estimators.
 fn line(name: &str, why: &str, due: &str, outcomes: &[Outcome]) -> String {
     let cells: Vec<String> = outcomes.iter().map(cell).collect();
     format!("| {name} | {why} | {due} | {} |\n", cells.join(" | "))

@@ -7,7 +7,6 @@ use crate::hard_cases::Truth;
 use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
 
-/// Number of estimators.
 const ESTIMATORS: usize = Estimator::ALL.len();
 
 /// What came of many rows for an estimator.
@@ -70,7 +69,6 @@ pub struct Tally {
     pub seeds: Vec<u64>,
 }
 
-/// Seeds that are kept.
 const SEEDS: usize = 24;
 
 impl Tally {

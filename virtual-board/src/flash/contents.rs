@@ -21,7 +21,6 @@ pub const SECTORS: usize = 4;
 /// Bytes of all four sectors.
 pub const BYTES: usize = SECTORS * SECTOR_BYTES;
 
-/// An erased byte.
 const ERASED: u8 = 0xFF;
 
 /// An operation that changes flash.

@@ -144,7 +144,6 @@ pub(crate) fn attach(processor: &mut Stm32f429, head: &Arc<SharedHead>) {
     edges.attach_selected(chip(HeadPinName::Sh), select("GPIOF", 13, Level::High));
 }
 
-/// Which of the head's pins a chip stands for.
 #[derive(Clone, Copy, Debug)]
 enum HeadPinName {
     ChipSelect,

@@ -14,7 +14,6 @@ use super::common::*;
 /// The most lines before an answer. Results never end, so this limit ends a failed test.
 const LINES: usize = 200;
 
-/// A running demo, and its terminal.
 struct Demo {
     process: Child,
     terminal: BufReader<File>,

@@ -25,7 +25,6 @@ fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
     settings
 }
 
-/// Pixels that see light.
 fn light_pixels() -> usize {
     sensor_heads::tcd1304dg().light.len()
 }
@@ -70,7 +69,6 @@ impl Answer {
         answer
     }
 
-    /// The pixels.
     fn window(&self) -> Range<f64> {
         let end = self.first + self.counts.len();
         self.first as f64..end as f64

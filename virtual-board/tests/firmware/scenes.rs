@@ -10,7 +10,6 @@ use super::common::*;
 /// The largest allowed error of a reading in pixels: four standard deviations of the strongest speckle.
 const GROSS: f64 = 3.5;
 
-/// The expected results for a scene at the firmware's exposure.
 #[derive(Debug, PartialEq)]
 enum Expected {
     Reading,

@@ -54,7 +54,6 @@ const RESULTS_OF_TARGETS: usize = 58;
 /// How long a sensor warms up, in seconds of the scene. The board does not run meanwhile.
 const WARM_UP: f64 = 600.0;
 
-/// The calibration of the sensor.
 const RECORD: &[u8] = include_bytes!("paper.record");
 
 /// The demo's results.
@@ -120,7 +119,6 @@ pub fn slits_command(scene: &Scene) -> String {
     format!("slits {}", slits_of(scene).name())
 }
 
-/// The record of the demo's sensor with these slits.
 fn record(slits: Slits) -> Result<EncodedRecord> {
     let paper = record::decode(RECORD).context("the demo's record")?;
     let errors = match (slits, paper.errors) {
@@ -177,7 +175,6 @@ fn scene_by_name(options: &Options) -> Result<(Scene, f64)> {
     Ok((scene, distance))
 }
 
-/// The time of a frame.
 fn frame(rows: u16) -> Duration {
     Duration::from_millis(6) * u32::from(rows)
 }
