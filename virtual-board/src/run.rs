@@ -378,14 +378,6 @@ impl VirtualBoard {
         words.with_context(|| format!("reading words from {address:#010x} on"))
     }
 
-    /// Writes the 32-bit word of RAM at `address`.
-    ///
-    /// # Errors
-    /// As [`VirtualBoard::write_words`].
-    pub fn write_word(&mut self, address: u64, word: u32) -> Result<()> {
-        self.write_words(address, vec![word])
-    }
-
     /// Writes 32-bit words of RAM, the first at `address`.
     ///
     /// # Errors

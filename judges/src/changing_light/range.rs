@@ -9,7 +9,7 @@ use slitrange::measurement::Options;
 use statistics::{mean, rms};
 
 use super::jumps::LEAST_POWER;
-use super::{BRIGHTEST, Sensor, scene};
+use super::{BRIGHTEST, Comparison, Sensor, scene};
 
 /// Frames that a sensor has to settle before frames count.
 const TO_SETTLE: usize = 3;
@@ -61,11 +61,8 @@ impl Frames {
         let (flagged, good): (Vec<_>, Vec<_>) = readings
             .map(|measured| sensor.compare(measured))
             .partition(|it| it.is_flagged);
-        let beyond = |claims| {
-            good.iter()
-                .filter(|it| it.error_over_claim() > claims)
-                .count()
-        };
+        let claims = good.iter().map(Comparison::error_over_claim);
+        let beyond = |most| claims.clone().filter(|&it| it > most).count();
         Self {
             exposure_us: exposure.map_or(0, Exposure::us),
             frames,

@@ -152,7 +152,7 @@ impl Serving<'_> {
             estimator,
             is_first,
         };
-        self.board.write_word(self.asked, order.to_word())?;
+        self.board.write_words(self.asked, vec![order.to_word()])?;
         let asked_at = self.board.now();
         while self.board.read_word(self.asked)? != 0 {
             self.board.run_for(Duration::from_micros(250))?;
