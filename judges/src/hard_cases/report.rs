@@ -68,14 +68,11 @@ impl Catalogue {
     /// The tables of docs/hard-cases.md.
     pub fn markdown(&self) -> String {
         let mut text = String::new();
-        let total = self.count();
-        _ = writeln!(
-            text,
-            "{total} cases: {} of rows ({ROWS} rows each), {} of frames ({FRAMES} frames each), {} of \
-             calibrations.\n",
-            self.rows.len(),
-            self.frames.len(),
-            self.calibrations.len()
+        let (total, rows, frames) = (self.count(), self.rows.len(), self.frames.len());
+        let others = self.calibrations.len();
+        text += &format!(
+            "{total} cases: {rows} of rows ({ROWS} rows each), {frames} of frames ({FRAMES} frames each), \
+             {others} of calibrations.\n\n"
         );
         text += "| estimator | letter | cases that failed |\n|---|---|---:|\n";
         for estimator in Estimator::ALL {

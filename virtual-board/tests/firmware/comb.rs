@@ -168,14 +168,11 @@ fn assert_rate(frame: u16, seconds: u64) {
     let run = board.statistics().since(&began);
     let (rows, elapsed, free) = (run.rows as f64, run.seconds, run.asleep());
     let status = Status::ask(&mut board);
+    let (a_second, of_row) = (rows / elapsed, run.instructions as f64 / rows);
+    let slowest = status.count("slowest row cycles");
+    println!("{frame} rows a frame, {elapsed:.1} s: {rows} rows, {a_second:.2} a second");
     println!(
-        "{frame} rows a frame, {elapsed:.1} s: {rows} rows, {:.2} a second, {} lost; {:.0} instructions a \
-         row, {:.1} % of the time free; the slowest row took {}",
-        rows / elapsed,
-        status.count("rows lost"),
-        run.instructions as f64 / rows,
-        100.0 * free,
-        status.count("slowest row cycles"),
+        "{of_row:.0} instructions a row, {free:.3} of the time free; the slowest row took {slowest}"
     );
     status.assert_nothing_lost();
     assert_eq!(status.faults(), before.faults(), "{status:#?}");

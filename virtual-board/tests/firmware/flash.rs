@@ -160,13 +160,14 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new_configuration() {
             torn.extend(seeds.map(|seed| is_new(Cut::During(number, seed))));
         }
         let new = |cuts: &[bool]| cuts.iter().filter(|&&new| new).count();
-        println!(
-            "a save {what}, {count} operations: of {} cuts between them {} leave the new, of {} torn ones {}",
-            plain.len(),
-            new(&plain),
-            torn.len(),
-            new(&torn)
-        );
+        println!("a save {what}, {count} operations");
+        for (name, cuts) in [("between operations", plain), ("in an operation", torn)] {
+            println!(
+                "of {} cuts {name} {} leave the new one",
+                cuts.len(),
+                new(&cuts)
+            );
+        }
         assert!(count > 300, "{count} operations");
     }
 }

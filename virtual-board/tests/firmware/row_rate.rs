@@ -28,13 +28,9 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
     let shown: Vec<Row> = kept_rows(&mut board);
     let status = Status::ask(&mut board);
     status.assert_none(&["rows failed"]);
-    println!(
-        "{rows_per_second} rows a second, {rows} a frame: {read} rows, {} lines; the slowest row \
-         took {}; the core is busy for {:.1} % of the time",
-        lines.len(),
-        status.count("slowest row cycles"),
-        100.0 * busy
-    );
+    let (count, slowest) = (lines.len(), status.count("slowest row cycles"));
+    println!("{rows_per_second} rows a second, {rows} a frame: {read} rows, {count} lines");
+    println!("the slowest row took {slowest}; the core is busy for {busy:.3} of the time");
     assert_same_lines(&shown, rows, &lines);
 }
 
