@@ -63,9 +63,8 @@ pub fn measure_rows(
     };
     let mut measurement = Measurement::new(geometry.clone(), options);
     measurement.set(options, profile);
-    let complete = rows
-        .iter()
-        .filter_map(|row| measurement.row(&mut row.clone()));
+    let frames = rows.iter().map(|row| measurement.row(&mut row.clone()));
+    let complete = frames.flatten();
     complete.last().unwrap_or(Err(Fault::SensorSilent))
 }
 

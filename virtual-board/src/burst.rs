@@ -339,9 +339,8 @@ impl BurstSpi {
                 let pace = Pace::new(context.now().0, bit_hz, &burst.head, burst.timing);
                 burst.state = State::Running { words, pace };
                 set_busy(registers, true);
-                self.next = burst
-                    .next_end()
-                    .map(|end| context.schedule(VirtualNanos(end)));
+                let end = burst.next_end();
+                self.next = end.map(|end| context.schedule(VirtualNanos(end)));
             }
             State::Running { .. } if !runs => {
                 burst.state = State::Idle;
@@ -382,10 +381,8 @@ impl Device for BurstSpi {
         let mut burst = lock(&self.burst);
         burst.catch_up(context);
         let ends = burst.left() == 0;
-        self.next = burst
-            .next_end()
-            .filter(|_| !ends)
-            .map(|end| context.schedule(VirtualNanos(end)));
+        let end = burst.next_end().filter(|_| !ends);
+        self.next = end.map(|end| context.schedule(VirtualNanos(end)));
         if ends {
             burst.state = State::Idle;
             drop(burst);

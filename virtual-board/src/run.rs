@@ -385,10 +385,8 @@ impl VirtualBoard {
     pub fn write_words(&mut self, address: u64, words: Vec<u32>) -> Result<()> {
         ensure_word(address)?;
         let written = self.on_emulator(move |_, host, _| {
-            (address..)
-                .step_by(4)
-                .zip(words)
-                .try_for_each(|(address, word)| host.write(address, Width::W32, word.into()))
+            let mut words = (address..).step_by(4).zip(words);
+            words.try_for_each(|(address, word)| host.write(address, Width::W32, word.into()))
         })?;
         written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
     }
@@ -570,10 +568,8 @@ impl VirtualBoard {
     /// is the same however the caller divides it.
     fn next_step(&self) -> Nanos {
         let step = (self.now() / STEP + 1) * STEP;
-        self.line()
-            .next_due()
-            .filter(|&due| due > self.now())
-            .map_or(step, |due| due.min(step))
+        let due = self.line().next_due().filter(|&due| due > self.now());
+        due.map_or(step, |due| due.min(step))
     }
 
     fn run_to(&mut self, deadline: Nanos) -> Result<()> {
@@ -599,10 +595,8 @@ impl VirtualBoard {
     fn violations(&self) -> Vec<String> {
         let of_flash = self.flash().violations();
         let head = self.head.lock();
-        let mut lines: Vec<String> = (head.violations().iter())
-            .chain(&of_flash)
-            .map(Violation::to_string)
-            .collect();
+        let all = head.violations().iter().chain(&of_flash);
+        let mut lines: Vec<String> = all.map(Violation::to_string).collect();
         drop(head);
         let more = self.violation_count() - lines.len() as u64;
         if more > 0 {
@@ -620,9 +614,8 @@ impl VirtualBoard {
     }
 
     fn order(&mut self, order: Order) -> Result<()> {
-        self.orders
-            .send(order)
-            .map_err(|_| self.what_ended_the_run())
+        let sent = self.orders.send(order);
+        sent.map_err(|_| self.what_ended_the_run())
     }
 
     fn await_stop(&mut self) -> Result<()> {

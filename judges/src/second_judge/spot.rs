@@ -84,13 +84,11 @@ fn slit(fresnel_number: f64, blur: f64) -> Shape {
     const GRID: usize = 64;
     // 40 widths of 0.38.
     const END: usize = 18 * GRID;
-    let sharp: Vec<f64> = (0..=END)
-        .map(|i| slit_intensity(fresnel_number, i as f64 / GRID as f64))
-        .collect();
+    let intensity = |i| slit_intensity(fresnel_number, i as f64 / GRID as f64);
+    let sharp: Vec<f64> = (0..=END).map(intensity).collect();
     let reach = (5.0 * blur * GRID as f64) as i64;
-    let weights: Vec<f64> = (-reach..=reach)
-        .map(|k| (-0.5 * (k as f64 / GRID as f64 / blur).powi(2)).exp())
-        .collect();
+    let weight = |k| (-0.5 * (k as f64 / GRID as f64 / blur).powi(2)).exp();
+    let weights: Vec<f64> = (-reach..=reach).map(weight).collect();
     let total: f64 = weights.iter().sum();
     let blurred: Vec<f64> = (0..=END as i64)
         .map(|i| {

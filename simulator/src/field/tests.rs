@@ -19,9 +19,8 @@ impl View {
 
 /// Places of `count` pixels about the geometric centre, every `step`-th.
 fn pixels(count: usize, step: usize) -> Vec<f64> {
-    (0..count / step)
-        .map(|i| ((i * step) as f64 - 0.5 * count as f64) * PIXEL)
-        .collect()
+    let place = |i| ((i * step) as f64 - 0.5 * count as f64) * PIXEL;
+    (0..count / step).map(place).collect()
 }
 
 /// A surface just large enough for a beam of a 1/e^2 diameter, at the table's middle.
@@ -182,9 +181,8 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     let check = |name: &str, sums: &[f64], mean: &Image| {
         let n = f64::from(SURFACES);
         let deviations = sums.iter().zip(&mean.light);
-        let deviations: Vec<f64> = deviations
-            .map(|(sum, &mean)| (sum / n / f64::from(mean) - 1.0) * n.sqrt())
-            .collect();
+        let deviation = |(sum, &mean): (&f64, &f32)| (sum / n / f64::from(mean) - 1.0) * n.sqrt();
+        let deviations: Vec<f64> = deviations.map(deviation).collect();
         let worst = deviations
             .iter()
             .fold(0.0f64, |worst, d| worst.max(d.abs()));

@@ -103,10 +103,8 @@ impl Shape {
         };
         let parts = Parts::new(scene, surface, distance, width);
         let height = parts.height(&point);
-        let pattern = point
-            .spread(&parts.of_surface())
-            .scaled(1.0 / height)
-            .gathered(optics.pitch);
+        let pattern = point.spread(&parts.of_surface()).scaled(1.0 / height);
+        let pattern = pattern.gathered(optics.pitch);
         Self {
             patterns: vec![pattern],
             rows: heights(scene, distance)
@@ -146,8 +144,8 @@ impl Shape {
             }
             let pattern = (point.along)(place)
                 .spread(&of_surface)
-                .scaled(1.0 / height)
-                .gathered(scene.optics.pitch);
+                .scaled(1.0 / height);
+            let pattern = pattern.gathered(scene.optics.pitch);
             shape.rows[row] = Some((shape.patterns.len(), 1.0));
             shape.rows[rows - 1 - row] = shape.rows[row];
             shape.patterns.push(pattern);
@@ -269,9 +267,8 @@ fn heights(scene: &Scene, distance: f64) -> Vec<f64> {
                 .pattern(Diffraction::Fresnel, reach)
                 .spread(&gaussian_parts(blur, blur / 4.0))
                 .gathered(scene.sensor.pixel_height());
-            (0..rows)
-                .map(|row| (pattern.at(place_across(scene, row)) / pattern.at(0.0)).max(0.0))
-                .collect()
+            let light = |row| pattern.at(place_across(scene, row)) / pattern.at(0.0);
+            (0..rows).map(|row| light(row).max(0.0)).collect()
         }
         _ => (0..rows)
             .map(|row| gaussian_height(scene, 0.0, distance, row))

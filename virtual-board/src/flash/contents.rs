@@ -134,8 +134,8 @@ impl Contents {
     fn sector(&mut self, number: usize) -> &mut [u8] {
         let index = number
             .checked_sub(FIRST_SECTOR)
-            .filter(|&index| index < SECTORS)
-            .unwrap_or_else(|| panic!("sector {number} is not one of the four"));
+            .filter(|&index| index < SECTORS);
+        let index = index.unwrap_or_else(|| panic!("sector {number} is not one of the four"));
         &mut self.0[index * SECTOR_BYTES..][..SECTOR_BYTES]
     }
 

@@ -76,9 +76,8 @@ mod tests {
             Operation::Erase { sector: 12 },
             Operation::Erase { sector: 13 },
         ];
-        history.done = (operations.into_iter().zip(1..))
-            .map(|(operation, at)| Done { at, operation })
-            .collect();
+        let done = operations.into_iter().zip(1..);
+        history.done = done.map(|(operation, at)| Done { at, operation }).collect();
         let words = |contents: Contents| [BASE, address].map(|at| contents.read(at, 4));
         let states = [0, 1, 2, 3, 4].map(|count| words(history.after(count)));
         let (old, erased) = (0x5555_5555, 0xFFFF_FFFF);

@@ -172,11 +172,10 @@ fn a_hundred_jumps_of_the_brightness_cost_at_most_a_frame_each() {
 
 /// What `cargo demo --scene reflectivity --json` prints.
 fn demo_of_reflectivity(options: &[&str]) -> serde_json::Value {
-    let output = Command::new(env!("CARGO_BIN_EXE_demo"))
-        .args(["--scene", "reflectivity", "--json"])
-        .args(options)
-        .output()
-        .expect("the demo starts");
+    let mut demo = Command::new(env!("CARGO_BIN_EXE_demo"));
+    demo.args(["--scene", "reflectivity", "--json"])
+        .args(options);
+    let output = demo.output().expect("the demo starts");
     assert!(output.status.success(), "{output:?}");
     serde_json::from_slice(&output.stdout).expect("JSON")
 }

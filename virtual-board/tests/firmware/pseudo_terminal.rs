@@ -29,12 +29,9 @@ impl Drop for Demo {
 
 impl Demo {
     fn start(arguments: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_demo"))
-            .arg("--pty")
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("the demo starts");
+        let mut demo = Command::new(env!("CARGO_BIN_EXE_demo"));
+        demo.arg("--pty").args(arguments).stdout(Stdio::piped());
+        let mut process = demo.spawn().expect("the demo starts");
         let mut stdout = BufReader::new(process.stdout.take().expect("a pipe"));
         let mut line = String::new();
         stdout.read_line(&mut line).expect("a first line");

@@ -57,10 +57,8 @@ impl Report {
             Some(place) => words.get(place + 1).copied().unwrap_or_default(),
             None => default,
         };
-        let last = ["k", "t", "n"]
-            .into_iter()
-            .find_map(place)
-            .unwrap_or_default();
+        let last = ["k", "t", "n"].into_iter().find_map(place);
+        let last = last.unwrap_or_default();
         let used = value("n", "").split('/').next().unwrap_or_default();
         Ok(Some(Self::Reading(Reading {
             distance: number(line, value("d", ""))?,

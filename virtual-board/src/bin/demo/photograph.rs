@@ -168,9 +168,8 @@ fn fit(photograph: &Photograph, y: usize, reading: &Reading) -> Option<(Gaussian
 impl Summary {
     fn in_words(&self) -> String {
         let faults = self.faults.iter();
-        let faults: Vec<String> = faults
-            .map(|(name, count)| format!("{count} {name}"))
-            .collect();
+        let faults = faults.map(|(name, count)| format!("{count} {name}"));
+        let faults: Vec<String> = faults.collect();
         let compared = match (self.rms_sigma, self.max_sigma, self.mean_width_px) {
             (Some(rms), Some(largest), Some(width)) => format!(
                 "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: {rms:.4} sigma RMS \
