@@ -15,7 +15,8 @@ static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
 fn the_catalogue_is_large_and_its_cases_differ() {
     let cases = hard_cases::rows();
     let names: HashSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
-    println!("{} cases of rows, {} of all", cases.len(), CATALOGUE.count());
+    let (rows, all) = (cases.len(), CATALOGUE.count());
+    println!("{rows} cases of rows, {all} of all");
     assert!(cases.len() >= 150);
     assert_eq!(names.len(), cases.len());
     // Each group's cases are together.
