@@ -6,8 +6,8 @@ use crate::least_squares::{Spot, fit_shape};
 /// The fit takes the pixels within this many zeros of the start.
 const HALF_WINDOW: f64 = 3.0;
 
-/// Fits the pixels around a start that is good to a fraction of the spot's width. The extent of sinc^2 is from
-/// its centre to the first zero. `None` where no fit is found.
+/// Fits the pixels around a start that is good to a fraction of the spot's width. The extent of sinc^2 is
+/// from its centre to the first zero. `None` where no fit is found.
 pub fn fit_from(row: &[f64], start: Spot) -> Option<Spot> {
     let reach = HALF_WINDOW * start.extent;
     let first = (start.centre - reach).round().max(0.0) as usize;

@@ -1,9 +1,9 @@
 //! Which rate of rows the firmware sustains with nothing lost. The sensor head has no rate limit of its own,
 //! and rows are due as often as the caller asks for.
 //!
-//! The firmware is the one that is flashed. Its clock (TIM5) runs faster than on silicon, so all its times are
-//! shorter by one factor: the row's period, timeouts, and the uptime that it states. The core executes as many
-//! instructions a second as before. A row's words are in memory about 10 us after the row is due.
+//! The firmware is the one that is flashed. Its clock (TIM5) runs faster than on silicon, so all its times
+//! are shorter by one factor: the row's period, timeouts, and the uptime that it states. The core executes as
+//! many instructions a second as before. A row's words are in memory about 10 us after the row is due.
 
 use std::time::Duration;
 

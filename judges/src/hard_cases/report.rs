@@ -48,8 +48,8 @@ impl Catalogue {
         self.rows.len() + self.frames.len() + self.calibrations.len()
     }
 
-    /// The names of the cases of which something else came than was due with an estimator, each with what came.
-    /// A calibration that fails does so with every estimator.
+    /// The names of the cases of which something else came than was due with an estimator, each with what
+    /// came. A calibration that fails does so with every estimator.
     pub fn failures(&self, estimator: Estimator) -> Vec<String> {
         let rows = self.rows.iter().map(|(case, all)| (&*case.name, all));
         let frames = self.frames.iter().map(|(case, all)| (case.name, all));

@@ -172,8 +172,8 @@ impl Summary {
         let faults: Vec<String> = faults.collect();
         let compared = match (self.rms_sigma, self.max_sigma, self.mean_width_px) {
             (Some(rms), Some(largest), Some(width)) => format!(
-                "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: {rms:.4} sigma RMS \
-                 from the least-squares fit, {largest:.4} at most, sigma {width:.1} px",
+                "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: {rms:.4} sigma \
+                 RMS from the least-squares fit, {largest:.4} at most, sigma {width:.1} px",
                 self.compared
             ),
             _ => "none of them bright".to_owned(),
