@@ -2,7 +2,7 @@
 //! rows. Every figure asserted is printed.
 
 use crate::support::{self, *};
-use judges::accuracy::{Before, Outcome, Phases, Rows};
+use judges::accuracy::{Outcome, Phases, Rows};
 use phase_tables::{LEAST_SQUARES, gaussian};
 
 /// A noise: its name in a table, the spot's height, the noise, and a seed.
@@ -134,10 +134,6 @@ const WIDTHS_OF_ADAPTIVE: [f64; 10] = [1.2, 1.58, 2.0, 3.0, 4.61, 6.72, 8.0, 10.
 /// noise, and 1.04 in shot noise.
 fn of_adaptive(noises: &[Noise], widths: &[f64]) -> Table {
     const ROWS: u64 = 20_000;
-    const WAYS: [(Estimator, Before); 2] = [
-        (Estimator::Adaptive, Before::Known),
-        (Estimator::Adaptive, Before::Unknown),
-    ];
     let (title, left) = kind(noises);
     let limit = if left == "SNR" { 1.03 } else { 1.04 };
     let title =
@@ -147,7 +143,10 @@ fn of_adaptive(noises: &[Noise], widths: &[f64]) -> Table {
         let outcomes = widths.iter().map(|&width| {
             let mut rows = Rows::of(cell_of(noise, width, ROWS));
             rows.pixels = rows.cell.pixels();
-            rows.run_each(&WAYS)
+            rows.run_by(&[true, false], |is_known, row, spot, before, geometry| {
+                let before = before.filter(|_| is_known);
+                centre::centre(Estimator::Adaptive, row, spot, before, geometry)
+            })
         });
         let outcomes: Vec<_> = outcomes.collect();
         for (i, how) in ["in series", "alone"].into_iter().enumerate() {

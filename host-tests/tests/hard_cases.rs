@@ -15,7 +15,8 @@ static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
 fn the_catalogue_is_large_and_its_cases_differ() {
     let cases = hard_cases::rows();
     let names: HashSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
-    println!("{} cases of rows, {} of all", cases.len(), CATALOGUE.len());
+    let (rows, all) = (cases.len(), CATALOGUE.count());
+    println!("{rows} cases of rows, {all} of all");
     assert!(cases.len() >= 150);
     assert_eq!(names.len(), cases.len());
     // Each group's cases are together.
@@ -36,7 +37,7 @@ fn the_catalogue_is_large_and_its_cases_differ() {
 fn no_case_gives_an_impossible_answer() {
     for estimator in Estimator::ALL {
         let mut nonsense = CATALOGUE.failures(estimator);
-        nonsense.retain(|failure| failure.what.starts_with("nonsense"));
+        nonsense.retain(|failure| failure.contains(": nonsense"));
         assert!(nonsense.is_empty(), "{}: {nonsense:#?}", estimator.name());
     }
     for (case, found) in &CATALOGUE.calibrations {
@@ -52,7 +53,6 @@ const USED: [Estimator; 2] = [Estimator::Adaptive, Estimator::PhaseTable];
 fn the_used_estimators_give_the_expected_result_in_every_case() {
     for estimator in USED {
         let failures = CATALOGUE.failures(estimator);
-        let failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
         assert!(failures.is_empty(), "{}: {failures:#?}", estimator.name());
     }
 }

@@ -6,8 +6,9 @@ use crate::support::*;
 use judges::accuracy::Phases;
 use judges::measured_profile::MeasuredProfile;
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, set};
+use simulator::least_squares::Spot;
 use simulator::profiles::Blur;
-use simulator::sinc_fit::{Sinc, fit_from};
+use simulator::sinc_fit::fit_from;
 use slitrange::centre::tables::MIXES;
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
@@ -317,9 +318,9 @@ fn read(curve: &Curve, cells: &[Cell], estimator: Estimator) -> [f64; 4] {
 /// The fit in f64, from where the default estimator found the spot.
 fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
     let row: Vec<f64> = light.iter().map(|&count| f64::from(count)).collect();
-    let start = Sinc {
+    let start = Spot {
         centre: start.centre.to_f64(),
-        zero: 2.66 * start.width.to_f64(),
+        extent: 2.66 * start.width.to_f64(),
         amplitude: start.amplitude.to_f64(),
         level: row[0],
     };

@@ -147,23 +147,14 @@ impl Cell {
 
     /// The same with rows of another length.
     pub fn scene_of(&self, pixels: usize) -> Scene {
+        let counts = self.read_noise;
+        let black_level = (8.0 * counts).clamp(60.0, 1000.0).round();
         Scene {
             seed: self.seed,
-            black_level: Some(BlackLevel::steady(
-                (8.0 * self.read_noise).clamp(60.0, 1000.0).round(),
-            )),
-            spot: Some(Spot {
-                width: self.width,
-                counts_per_second: self.amplitude,
-            }),
-            shot_noise: self
-                .electrons_per_count
-                .map(|electrons_per_count| ShotNoise {
-                    electrons_per_count,
-                }),
-            read_noise: (self.read_noise > 0.0).then_some(ReadNoise {
-                counts: self.read_noise,
-            }),
+            black_level: Some(BlackLevel::steady(black_level)),
+            spot: Some(Spot::new(self.width, self.amplitude)),
+            shot_noise: self.electrons_per_count.map(ShotNoise::of),
+            read_noise: (self.read_noise > 0.0).then_some(ReadNoise { counts }),
             ..Scene::dark(Sensor::Row(pixels))
         }
     }
@@ -239,15 +230,6 @@ pub struct Rows {
     pub pixels: usize,
 }
 
-/// Whether an estimator is given what it found in the row before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Before {
-    /// It is, except in a series' first row.
-    Known,
-    /// Never.
-    Unknown,
-}
-
 impl Rows {
     /// Rows with nothing amiss, so long that the noise is known on them as well as on a sensor's.
     pub fn of(cell: Cell) -> Self {
@@ -288,37 +270,24 @@ impl Rows {
 
     /// Runs methods other than the firmware's estimators: `find` is [`centre::centre`] for them.
     pub fn run_by<M: Copy + Sync>(&self, methods: &[M], find: impl Find<M>) -> Vec<Outcome> {
-        let known = |&method| (method, Before::Known);
-        self.run_all(&methods.iter().map(known).collect::<Vec<_>>(), find)
-    }
-
-    /// Runs estimators that know the row before, and estimators that do not.
-    pub fn run_each(&self, estimators: &[(Estimator, Before)]) -> Vec<Outcome> {
-        self.run_all(estimators, centre::centre)
-    }
-
-    fn run_all<M: Copy + Sync>(&self, methods: &[(M, Before)], find: impl Find<M>) -> Vec<Outcome> {
         let (scene, gross) = (self.cell.scene_of(self.pixels), self.cell.gross());
         let series: Vec<Vec<Sums>> = (0..self.cell.rows.div_ceil(SERIES))
             .into_par_iter()
             .map(|series| self.run_series(&scene, series, methods, &find, gross))
             .collect();
-        (0..methods.len())
-            .map(|i| {
-                let mut total = Sums::default();
-                for sums in &series {
-                    total.add(&sums[i]);
-                }
-                total.outcome(&self.cell)
-            })
-            .collect()
+        let outcome = |i: usize| {
+            let mut total = Sums::default();
+            series.iter().for_each(|sums| total.add(&sums[i]));
+            total.outcome(&self.cell)
+        };
+        (0..methods.len()).map(outcome).collect()
     }
 
     fn run_series<M: Copy>(
         &self,
         scene: &Scene,
         series: u64,
-        methods: &[(M, Before)],
+        methods: &[M],
         find: &impl Find<M>,
         gross: f64,
     ) -> Vec<Sums> {
@@ -330,19 +299,17 @@ impl Rows {
             let (counts, truth) = self.row(scene, row);
             let row = Row::new(&counts, &[], 4095).expect("quantised to 12 bits");
             let spot = spot::find(&row).map(|(spot, _)| spot);
-            for ((&(method, knows), sums), before) in methods.iter().zip(&mut sums).zip(&mut before)
-            {
+            for ((&method, sums), before) in methods.iter().zip(&mut sums).zip(&mut before) {
                 let centre = spot
                     .and_then(|spot| find(method, &row, &spot, before.as_ref(), &scene.geometry()));
                 sums.count(centre, truth, gross);
-                *before = centre.ok().filter(|_| knows == Before::Known);
+                *before = centre.ok();
             }
         }
         sums
     }
 }
 
-/// What adds up over rows.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     centres: u64,

@@ -7,13 +7,12 @@ pub mod range;
 
 use std::collections::VecDeque;
 
-use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
+use simulator::scene::{Exposure as Times, Scene, Simulation};
 use slitrange::Calibration;
 use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::Measured;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
@@ -50,11 +49,7 @@ pub struct Sensor {
 impl Sensor {
     /// A sensor that sees this scene, in which the spot has [`BRIGHTEST`] for a reflectivity of 1.
     pub fn new(scene: Scene, options: Options) -> Self {
-        let spot = scene.spot.map(|spot| Spot {
-            counts_per_second: BRIGHTEST,
-            ..spot
-        });
-        let scene = Scene { spot, ..scene };
+        let scene = scene.with_height(BRIGHTEST);
         let measurement = Measurement::new(scene.geometry(), options);
         let first = measurement.next_exposure();
         Self {

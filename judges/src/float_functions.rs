@@ -75,10 +75,8 @@ pub fn fitted_centre(exp: Exp, geometry: &Geometry, light: &[u16]) -> Option<f64
     let first = (found.centre.to_f64() as usize).saturating_sub(HALF_WINDOW);
     let end = (first + 2 * HALF_WINDOW).min(light.len());
     let level = background.level.to_f32();
-    let samples: Vec<f32> = light[first..end]
-        .iter()
-        .map(|&count| f32::from(count) - level)
-        .collect();
+    let light = light[first..end].iter();
+    let samples: Vec<f32> = light.map(|&count| f32::from(count) - level).collect();
     let width = found.width.to_f32();
     let mut at = Parameters {
         centre: (found.centre.to_f64() - first as f64) as f32,
@@ -108,10 +106,8 @@ fn step(exp: Exp, samples: &[f32], at: Parameters, noise: f32, shot: f32) -> Opt
         matrix += weight * gradient * gradient.transpose();
         vector += weight * residual * gradient;
     }
-    let solved = matrix
-        .cast::<f64>()
-        .cholesky()?
-        .solve(&vector.cast::<f64>());
+    let solved = matrix.cast::<f64>().cholesky()?;
+    let solved = solved.solve(&vector.cast::<f64>());
     let [b, a, s, c] = [solved[0], solved[1], solved[2], solved[3]].map(|it| it as f32);
     Some(Parameters {
         centre: at.centre + c.clamp(-1.0, 1.0) * at.s,

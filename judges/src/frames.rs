@@ -8,8 +8,7 @@ use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::SpotShape;
 use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
 use slitrange::row::pixels::PixelErrors;
@@ -64,9 +63,8 @@ pub fn measure_rows(
     };
     let mut measurement = Measurement::new(geometry.clone(), options);
     measurement.set(options, profile);
-    let complete = rows
-        .iter()
-        .filter_map(|row| measurement.row(&mut row.clone()));
+    let frames = rows.iter().map(|row| measurement.row(&mut row.clone()));
+    let complete = frames.flatten();
     complete.last().unwrap_or(Err(Fault::SensorSilent))
 }
 

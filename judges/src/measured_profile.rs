@@ -33,11 +33,8 @@ impl MeasuredProfile {
     /// # Panics
     /// Where there are no rows, or they do not reach far enough beyond the spot.
     pub fn of(rows: &[(Vec<u16>, RowCentre)]) -> Self {
-        let width = rows
-            .iter()
-            .map(|(_, centre)| centre.width.to_f64())
-            .sum::<f64>()
-            / rows.len() as f64;
+        let widths = rows.iter().map(|(_, centre)| centre.width.to_f64());
+        let width = widths.sum::<f64>() / rows.len() as f64;
         // Where no profile is known yet, the gaussian tells height and level of a row.
         let mut known = Self {
             width,
@@ -50,9 +47,8 @@ impl MeasuredProfile {
             let samples = rows.iter().flat_map(|(counts, centre)| {
                 let samples = known.around(counts, centre);
                 let [level, height] = known.scale(&samples);
-                samples
-                    .into_iter()
-                    .map(move |(place, count)| (place, (count - level) / height))
+                let scaled = move |(place, count)| (place, (count - level) / height);
+                samples.into_iter().map(scaled)
             });
             known.coefficients = fit(samples);
             known.normalise();
@@ -86,15 +82,10 @@ impl MeasuredProfile {
 
     /// The pixels within reach of a centre: their places in widths, and their counts.
     fn around(&self, counts: &[u16], centre: &RowCentre) -> Vec<(f64, f64)> {
-        counts
-            .iter()
-            .enumerate()
-            .map(|(i, &count)| {
-                (
-                    (i as f64 - centre.centre.to_f64()) / self.width,
-                    f64::from(count),
-                )
-            })
+        let place = |i: usize| (i as f64 - centre.centre.to_f64()) / self.width;
+        let samples = counts.iter().enumerate();
+        samples
+            .map(|(i, &count)| (place(i), f64::from(count)))
             .filter(|(place, _)| place.abs() < REACH)
             .collect()
     }
@@ -153,7 +144,6 @@ fn fit(samples: impl Iterator<Item = (f64, f64)>) -> DVector<f64> {
             }
         }
     }
-    Cholesky::new(normal)
-        .expect("samples all over the reach")
-        .solve(&right)
+    let normal = Cholesky::new(normal).expect("samples all over the reach");
+    normal.solve(&right)
 }

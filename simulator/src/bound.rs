@@ -37,6 +37,12 @@ impl Spot {
         self.bound_from(centre, 0..=last)
     }
 
+    /// The variance of a pixel that has this share of the height, in square counts.
+    pub fn variance(&self, light: f64) -> f64 {
+        let of_shot = |electrons| self.amplitude * light / electrons;
+        self.noise * self.noise + 1.0 / 12.0 + self.electrons_per_count.map_or(0.0, of_shot)
+    }
+
     fn reach(&self) -> i32 {
         (6.0 * self.width + 3.0).ceil() as i32
     }
@@ -51,24 +57,15 @@ impl Spot {
                 (gaussian(offset - h, self.width) - gaussian(offset + h, self.width)) / (2.0 * h);
             let by_width =
                 (gaussian(offset, self.width + h) - gaussian(offset, self.width - h)) / (2.0 * h);
-            let gradient = Vector4::new(
-                self.amplitude * by_centre,
-                light,
-                1.0,
-                self.amplitude * by_width,
-            );
-            let shot = self
-                .electrons_per_count
-                .map_or(0.0, |electrons| self.amplitude * light / electrons);
-            information +=
-                gradient * gradient.transpose() / (self.noise * self.noise + 1.0 / 12.0 + shot);
+            let (by_centre, by_width) = (self.amplitude * by_centre, self.amplitude * by_width);
+            let gradient = Vector4::new(by_centre, light, 1.0, by_width);
+            information += gradient * gradient.transpose() / self.variance(light);
         }
         // Columns differ by orders of magnitude: scaled to a unit diagonal before the inversion.
         let scale = information.diagonal().map(|value| 1.0 / value.sqrt());
         let scaled = Matrix4::from_diagonal(&scale) * information * Matrix4::from_diagonal(&scale);
-        let inverse = scaled
-            .try_inverse()
-            .expect("four derivatives of a gaussian are independent");
+        let inverse = scaled.try_inverse();
+        let inverse = inverse.expect("four derivatives of a gaussian are independent");
         inverse[(0, 0)].sqrt() * scale[0]
     }
 

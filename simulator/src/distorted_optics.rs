@@ -147,10 +147,10 @@ fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
         let step = normal.0.try_inverse()? * normal.1;
         (offset, k, pole) = (offset + step.x, k + step.y, pole + step.z);
     }
-    let largest = points
+    let residuals = points
         .iter()
-        .map(|&(x, d)| residual(offset, k, pole, x, d).abs())
-        .fold(0.0, f64::max);
+        .map(|&(x, d)| residual(offset, k, pole, x, d).abs());
+    let largest = residuals.fold(0.0, f64::max);
     largest.is_finite().then_some(largest)
 }
 
@@ -268,9 +268,8 @@ mod tests {
     fn an_unknown_geometry_departs_from_eq_1_as_asked() {
         let mut outwards = 0;
         for (seed, optics) in unknown() {
-            let points: Vec<(f64, f64)> = distances(0.60, 1.02)
-                .map(|distance| (optics.centre(distance), distance))
-                .collect();
+            let point = |distance| (optics.centre(distance), distance);
+            let points: Vec<(f64, f64)> = distances(0.60, 1.02).map(point).collect();
             let largest = largest_residual_of_best(&points);
             if seed < 5 {
                 let (third, fifth) = (optics.third, optics.fifth);
@@ -290,9 +289,8 @@ mod tests {
         let nominal = Optics::nominal();
         let mut errors = vec![];
         for (seed, optics) in unknown() {
-            let error = distances(0.60, 1.02)
-                .map(|distance| (nominal.distance(optics.centre(distance)) - distance).abs())
-                .fold(0.0, f64::max);
+            let error = |distance| (nominal.distance(optics.centre(distance)) - distance).abs();
+            let error = distances(0.60, 1.02).map(error).fold(0.0, f64::max);
             errors.push(error);
             for distance in distances(0.60, 1.02) {
                 let centre = optics.centre(distance);

@@ -66,7 +66,7 @@ pub fn fit_near(row: &[f64], near: f64) -> Option<Gaussian> {
             break;
         }
         window = from..to;
-        best = fit_from(&row[window.clone()], from, best)?;
+        best = fit(&row[window.clone()], from, best, vec![1.0; window.len()])?;
     }
     Some(best)
 }
@@ -82,9 +82,8 @@ pub fn fit_weighted(
 ) -> Option<Gaussian> {
     let mut best = start;
     for _ in 0..30 {
-        let weights = (first..)
-            .take(pixels.len())
-            .map(|i| weight(&best, i as f64));
+        let numbers = (first..).take(pixels.len());
+        let weights = numbers.map(|i| weight(&best, i as f64));
         let found = fit(pixels, first, best, weights.map(f64::sqrt).collect())?;
         let step = found.centre - best.centre;
         best = found;
@@ -93,11 +92,6 @@ pub fn fit_weighted(
         }
     }
     None
-}
-
-/// Fits the pixels given, the first of which has number `first`.
-fn fit_from(pixels: &[f64], first: usize, start: Gaussian) -> Option<Gaussian> {
-    fit(pixels, first, start, vec![1.0; pixels.len()])
 }
 
 fn fit(pixels: &[f64], first: usize, start: Gaussian, root_weights: Vec<f64>) -> Option<Gaussian> {
@@ -122,12 +116,16 @@ fn fit(pixels: &[f64], first: usize, start: Gaussian, root_weights: Vec<f64>) ->
 
 /// A spot of some shape on a level. The shape is of height 1, and gives its value and derivative so many
 /// extents from its centre.
-#[derive(Clone, Copy)]
-pub(crate) struct Spot {
-    pub(crate) centre: f64,
-    pub(crate) extent: f64,
-    pub(crate) amplitude: f64,
-    pub(crate) level: f64,
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// Centre in pixels.
+    pub centre: f64,
+    /// The unit of the shape's places, in pixels.
+    pub extent: f64,
+    /// Height in counts.
+    pub amplitude: f64,
+    /// Level beneath, in counts.
+    pub level: f64,
 }
 
 /// Fits the pixels given, the first of which has number `first`, by the Levenberg-Marquardt method.

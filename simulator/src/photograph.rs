@@ -62,9 +62,8 @@ impl Photograph {
 
         let bytes_each = if white > 255 { 2 } else { 1 };
         let count = width.checked_mul(height).context("its size overflows")?;
-        let wanted = count
-            .checked_mul(bytes_each)
-            .context("its size overflows")?;
+        let wanted = count.checked_mul(bytes_each);
+        let wanted = wanted.context("its size overflows")?;
         let raster = rest.get(..wanted).with_context(|| {
             format!(
                 "{width} x {height} pixels of {bytes_each} bytes are {wanted} bytes, and it has {}",
@@ -133,10 +132,8 @@ fn header_number(rest: &mut &[u8], what: &str) -> Result<usize> {
     loop {
         match rest {
             [b'#', ..] => {
-                let end = rest
-                    .iter()
-                    .position(|&byte| byte == b'\n' || byte == b'\r')
-                    .unwrap_or(rest.len());
+                let end = rest.iter().position(|byte| b"\n\r".contains(byte));
+                let end = end.unwrap_or(rest.len());
                 *rest = &rest[end..];
             }
             [first, tail @ ..] if first.is_ascii_whitespace() => *rest = tail,
@@ -160,10 +157,8 @@ mod tests {
     fn on_the_sensor_a_picture_is_in_the_middle_and_its_borders_go_on() {
         let pixels: Vec<u8> = (0..100).collect();
         let file = [b"P5 100 1 255\n".as_slice(), &pixels].concat();
-        let (light, first) = Photograph::parse(&file)
-            .expect("a picture")
-            .on_sensor(0)
-            .expect("a row");
+        let picture = Photograph::parse(&file).expect("a picture");
+        let (light, first) = picture.on_sensor(0).expect("a row");
         assert_eq!((light.len(), first), (3648, 1774));
         let counts = |value: u8| f32::from(value) / 255.0 * 4095.0;
         let at = |pixel: usize| light[pixel];

@@ -112,10 +112,8 @@ pub fn blurred_slit(deviation: f64, blur: Blur) -> Curve {
         })
         .collect();
     let light = |place: f64| {
-        let light = points
-            .iter()
-            .map(|(at, weight)| weight * sinc(PI * (place - at) / 2.66).powi(2));
-        light.sum::<f64>()
+        let of_point = |(at, weight): &(f64, f64)| weight * sinc(PI * (place - at) / 2.66).powi(2);
+        points.iter().map(of_point).sum::<f64>()
     };
     Curve::in_widths(light, 1.0)
 }
@@ -128,17 +126,15 @@ fn sinc(u: f64) -> f64 {
 /// that falls to 1/e within a sigma, convolved with the gaussian. Its skewness is 0.71.
 pub fn tailed() -> Curve {
     // With both lengths 1: exp(1/2 - x) erfc((1 - x)/sqrt 2), up to a factor.
-    Curve::in_widths(
-        |x| {
-            let inner = (1.0 - x) / SQRT_2;
-            // erfc underflows where the exponential overflows.
-            match inner > 20.0 {
-                true => 0.0,
-                false => (0.5 - x).exp() * libm::erfc(inner),
-            }
-        },
-        1.4,
-    )
+    let light = |x: f64| {
+        let inner = (1.0 - x) / SQRT_2;
+        // erfc underflows where the exponential overflows.
+        match inner > 20.0 {
+            true => 0.0,
+            false => (0.5 - x).exp() * libm::erfc(inner),
+        }
+    };
+    Curve::in_widths(light, 1.4)
 }
 
 /// A slit in front of the sensor and a laser spot on the target, in metres.
@@ -254,15 +250,10 @@ pub fn bound(curve: &Curve, spot: &bound::Spot, reach: f64) -> f64 {
             // In units of the width and of the height, so that the matrix can be inverted.
             let gradient = spot.amplitude
                 * Vector4::new(by_centre * spot.width, light, 1.0, by_width * spot.width);
-            let shot = spot
-                .electrons_per_count
-                .map_or(0.0, |electrons| spot.amplitude * light / electrons);
-            information +=
-                gradient * gradient.transpose() / (spot.noise * spot.noise + 1.0 / 12.0 + shot);
+            information += gradient * gradient.transpose() / spot.variance(light);
         }
-        let inverse = information
-            .try_inverse()
-            .expect("four derivatives of a profile are independent");
+        let inverse = information.try_inverse();
+        let inverse = inverse.expect("four derivatives of a profile are independent");
         inverse[(0, 0)] * spot.width * spot.width
     };
     mean(phases.iter().map(|&phase| variance(phase))).sqrt()

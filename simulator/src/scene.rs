@@ -205,6 +205,14 @@ impl Scene {
         self.sensor.period().max(self.exposure)
     }
 
+    /// The scene with a spot of another height, in counts a second.
+    pub fn with_height(mut self, counts_per_second: f64) -> Self {
+        if let Some(spot) = &mut self.spot {
+            spot.counts_per_second = counts_per_second;
+        }
+        self
+    }
+
     /// White paper in a dim room, on the TCD1304DG: no ambient light, no speckle.
     ///
     /// The spot is that of a 2 mm laser spot through a 200 um slit 50 mm from the sensor: sigma 69 um, 8.6
@@ -213,13 +221,8 @@ impl Scene {
     pub fn white_paper() -> Self {
         Self {
             black_level: Some(BlackLevel::steady(300.0)),
-            spot: Some(Spot {
-                width: 8.6,
-                counts_per_second: 350_000.0,
-            }),
-            shot_noise: Some(ShotNoise {
-                electrons_per_count: 10.0,
-            }),
+            spot: Some(Spot::new(8.6, 350_000.0)),
+            shot_noise: Some(ShotNoise::of(10.0)),
             read_noise: Some(ReadNoise { counts: 4.0 }),
             ..Self::dark(Sensor::Tcd1304dg)
         }

@@ -1,8 +1,7 @@
 //! The sensors that a scene can be seen by.
 
 use serde::{Deserialize, Serialize};
-use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity};
+use slitrange::row::{Geometry, Polarity, sensor_heads};
 
 /// A sensor: pixels of a row, rows that are exposed at once, and their sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

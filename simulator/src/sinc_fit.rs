@@ -3,26 +3,13 @@
 
 use crate::least_squares::{Spot, fit_shape};
 
-/// sinc^2 on a level.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sinc {
-    /// Centre in pixels.
-    pub centre: f64,
-    /// From the centre to the first zero, in pixels.
-    pub zero: f64,
-    /// Height in counts.
-    pub amplitude: f64,
-    /// Level beneath, in counts.
-    pub level: f64,
-}
-
 /// The fit takes the pixels within this many zeros of the start.
 const HALF_WINDOW: f64 = 3.0;
 
-/// Fits the pixels around a start that is good to a fraction of the spot's width. `None` where no fit is
-/// found.
-pub fn fit_from(row: &[f64], start: Sinc) -> Option<Sinc> {
-    let reach = HALF_WINDOW * start.zero;
+/// Fits the pixels around a start that is good to a fraction of the spot's width. The extent of sinc^2 is
+/// from its centre to the first zero. `None` where no fit is found.
+pub fn fit_from(row: &[f64], start: Spot) -> Option<Spot> {
+    let reach = HALF_WINDOW * start.extent;
     let first = (start.centre - reach).round().max(0.0) as usize;
     let last = (start.centre + reach).round() as usize;
     let pixels = row.get(first..=last.min(row.len() - 1))?;
@@ -30,19 +17,7 @@ pub fn fit_from(row: &[f64], start: Sinc) -> Option<Sinc> {
         let (height, slope) = sinc(u);
         (height * height, 2.0 * height * slope)
     };
-    let start = Spot {
-        centre: start.centre,
-        extent: start.zero,
-        amplitude: start.amplitude,
-        level: start.level,
-    };
-    let found = fit_shape(square, pixels, first, start, vec![1.0; pixels.len()])?;
-    Some(Sinc {
-        centre: found.centre,
-        zero: found.extent,
-        amplitude: found.amplitude,
-        level: found.level,
-    })
+    fit_shape(square, pixels, first, start, vec![1.0; pixels.len()])
 }
 
 /// sin(pi u) / (pi u) and its derivative by u.
@@ -60,26 +35,26 @@ mod tests {
 
     #[test]
     fn finds_a_noiseless_pattern() {
-        let truth = Sinc {
+        let truth = Spot {
             centre: 312.34,
-            zero: 22.0,
+            extent: 22.0,
             amplitude: 1500.0,
             level: 180.0,
         };
         let row: Vec<f64> = (0..900)
             .map(|i| {
-                let (height, _) = sinc((f64::from(i) - truth.centre) / truth.zero);
+                let (height, _) = sinc((f64::from(i) - truth.centre) / truth.extent);
                 truth.level + truth.amplitude * height * height
             })
             .collect();
-        let start = Sinc {
+        let start = Spot {
             centre: 309.0,
-            zero: 19.0,
+            extent: 19.0,
             amplitude: 1000.0,
             level: 100.0,
         };
         let found = fit_from(&row, start).expect("a fit");
-        let off = [found.centre - truth.centre, found.zero - truth.zero];
+        let off = [found.centre - truth.centre, found.extent - truth.extent];
         assert!(off.iter().all(|it| it.abs() < 1e-6), "{found:?}");
     }
 }

@@ -11,6 +11,7 @@ use simulator::optics::Optics;
 use simulator::scene::{Scene, Simulation};
 use slitrange_tool::pc::Pc as _;
 use statistics::rms;
+use virtual_board::board::Conditions;
 use virtual_board::light::{Target, of_scene_through};
 use virtual_board::stage::Stage;
 use virtual_board::{Firmware, SharedFlash, VirtualBoard};
@@ -38,8 +39,11 @@ struct Bench {
 impl Bench {
     fn power_on(&self) -> VirtualBoard {
         let light = of_scene_through(self.optics, self.scene.clone(), self.target.clone());
-        VirtualBoard::power_on_with_flash(&self.firmware, light, self.flash.clone())
-            .expect("the board starts")
+        let conditions = Conditions {
+            flash: self.flash.clone(),
+            ..Conditions::default()
+        };
+        VirtualBoard::power_on_under(&self.firmware, light, conditions).expect("the board starts")
     }
 
     /// Powers the sensor on, works with it at a PC, and cuts its power.

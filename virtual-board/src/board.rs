@@ -11,6 +11,7 @@ use rigless::snapshot::store;
 
 use crate::Nanos;
 use crate::burst::Timing;
+use crate::flash::SharedFlash;
 use crate::flash_times::{FlashTimes, SHORTEST_ERASE};
 use crate::jumpers::Jumpers;
 use crate::sensor_head::pins::{self, SharedHead};
@@ -45,15 +46,15 @@ pub struct Nucleo {
     watched: Watched,
     instructions_per_second: u64,
 }
-store!(Nucleo {
-    values: [],
-    parts: [processor],
-    built: [watched, instructions_per_second]
-});
+store! { Nucleo { values: [], parts: [processor], built: [watched, instructions_per_second] } }
 
 /// What a board may be like.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Conditions {
+    /// The flash. If it is another board's, drop that board first: it could still write.
+    pub flash: SharedFlash,
+    /// Whether the words of a row take their time ([`crate::sensor_head`]).
+    pub has_rate_limit: bool,
     /// Instructions that the core executes in a second. Silicon executes fewer than it has clocks, because
     /// it waits for flash. The environment variable `SLITRANGE_MIPS` changes the default, in millions:
     /// `SLITRANGE_MIPS=84 cargo test firmware::` runs all tests on a slower core.
@@ -77,6 +78,8 @@ pub struct Conditions {
 impl Default for Conditions {
     fn default() -> Self {
         Self {
+            flash: SharedFlash::default(),
+            has_rate_limit: true,
             instructions_per_second: default_speed(),
             has_clock: true,
             row_timer_speed: 1.0,

@@ -20,7 +20,7 @@
 //! **A gap.** [`Timing::gap`] pauses SCLK after a word, as if DMA had fed SPI1 too late.
 //!
 //! **Without a rate limit.** The words after the lead-in end with its last word if the head has no rate limit
-//! ([`SensorHead::without_rate_limit`](crate::SensorHead::without_rate_limit)). Only the last [`LAST`] words
+//! (`Conditions::has_rate_limit`). Only the last [`LAST`] words
 //! still take their time on SPI1.
 //!
 //! **When.** Only read-outs that are set up as the firmware's driver does it move in batches: words of 16
@@ -31,8 +31,8 @@ use std::sync::{Arc, Mutex};
 
 use rigless::device::{Device, DeviceContext as Context, RegisterFile as Registers, RequestChange};
 use rigless::soc::Width;
-use rigless::soc::stm32f427::generated::dma2::{self, s0cr, s0fcr};
-use rigless::soc::stm32f427::generated::spi1::{self, cr1, cr2, sr};
+use rigless::soc::stm32f427::generated::dma2::{Register as Dma2, s0cr, s0fcr};
+use rigless::soc::stm32f427::generated::spi1::{Register as Spi1, cr1, cr2, sr};
 use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::spi::Spi;
@@ -65,35 +65,30 @@ const HALF_WORD: u64 = 1;
 /// Memory to peripheral (RM0090 section 10.5.5).
 const TO_PERIPHERAL: u64 = 1;
 
-/// The registers of a stream.
 struct Stream {
-    control: dma2::Register,
-    count: dma2::Register,
-    peripheral: dma2::Register,
-    memory: dma2::Register,
-    second_memory: dma2::Register,
-    fifo: dma2::Register,
+    control: Dma2,
+    count: Dma2,
+    peripheral: Dma2,
+    memory: Dma2,
+    second_memory: Dma2,
+    fifo: Dma2,
 }
 
-/// The streams that receive from SPI1 (RM0090 table 44).
-const RECEIVERS: [Stream; 2] = {
-    use dma2::Register::*;
+/// The streams that serve SPI1 (RM0090 table 44): those that receive from it, and then those that send to it.
+const STREAMS: [Stream; 4] = {
+    use Dma2::*;
     [
         stream([S0cr, S0ndtr, S0par, S0m0ar, S0m1ar, S0fcr]),
         stream([S2cr, S2ndtr, S2par, S2m0ar, S2m1ar, S2fcr]),
-    ]
-};
-
-/// The streams that send to SPI1 (RM0090 table 44).
-const SENDERS: [Stream; 2] = {
-    use dma2::Register::*;
-    [
         stream([S3cr, S3ndtr, S3par, S3m0ar, S3m1ar, S3fcr]),
         stream([S5cr, S5ndtr, S5par, S5m0ar, S5m1ar, S5fcr]),
     ]
 };
 
-const fn stream(registers: [dma2::Register; 6]) -> Stream {
+/// How many of [`STREAMS`] receive.
+const RECEIVERS: usize = 2;
+
+const fn stream(registers: [Dma2; 6]) -> Stream {
     let [control, count, peripheral, memory, second_memory, fifo] = registers;
     Stream {
         control,
@@ -105,15 +100,13 @@ const fn stream(registers: [dma2::Register; 6]) -> Stream {
     }
 }
 
-/// The streams that serve SPI1.
-fn streams() -> impl Iterator<Item = &'static Stream> {
-    RECEIVERS.iter().chain(&SENDERS)
-}
-
 /// The memory addresses of the streams that serve the converter.
 pub(crate) fn memory_addresses(registers: &Registers) -> Vec<u64> {
     let mut addresses = Vec::new();
-    for stream in streams().filter(|it| registers.get(it.peripheral) == SPI1_DATA) {
+    for stream in STREAMS
+        .iter()
+        .filter(|it| registers.get(it.peripheral) == SPI1_DATA)
+    {
         addresses.push(registers.get(stream.memory));
         if s0cr::DBM.is_set(registers.get(stream.control)) {
             addresses.push(registers.get(stream.second_memory));
@@ -122,7 +115,6 @@ pub(crate) fn memory_addresses(registers: &Registers) -> Vec<u64> {
     addresses
 }
 
-/// The state of a read-out.
 #[derive(Debug)]
 enum State {
     /// rigless moves every word.
@@ -282,18 +274,15 @@ pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>, timing: Timing) -> (BurstSp
         next: None,
         burst: Arc::clone(&burst),
     };
-    (
-        spi,
-        BurstDma {
-            dma,
-            enabled: [false; 4],
-            shortens: true,
-            burst,
-        },
-    )
+    let dma = BurstDma {
+        dma,
+        enabled: [false; 4],
+        shortens: true,
+        burst,
+    };
+    (spi, dma)
 }
 
-/// SPI1.
 #[derive(Debug)]
 pub(crate) struct BurstSpi {
     /// rigless's model, to which the converter is connected.
@@ -332,10 +321,10 @@ impl BurstSpi {
             return call(&mut self.spi, registers);
         }
         let requests = cr2::RXDMAEN.mask() | cr2::TXDMAEN.mask();
-        let control = registers.get(spi1::Register::Cr2);
-        registers.set(spi1::Register::Cr2, control & !requests);
+        let control = registers.get(Spi1::Cr2);
+        registers.set(Spi1::Cr2, control & !requests);
         let result = call(&mut self.spi, registers);
-        registers.set(spi1::Register::Cr2, control);
+        registers.set(Spi1::Cr2, control);
         result
     }
 
@@ -345,14 +334,13 @@ impl BurstSpi {
         let runs = clocks_words(registers) && self.clock_hz > 0;
         match burst.state {
             State::Ready(words) if runs => {
-                let divider = 2 << cr1::BR.get(registers.get(spi1::Register::Cr1));
+                let divider = 2 << cr1::BR.get(registers.get(Spi1::Cr1));
                 let bit_hz = (self.clock_hz / divider).max(1);
                 let pace = Pace::new(context.now().0, bit_hz, &burst.head, burst.timing);
                 burst.state = State::Running { words, pace };
                 set_busy(registers, true);
-                self.next = burst
-                    .next_end()
-                    .map(|end| context.schedule(VirtualNanos(end)));
+                let end = burst.next_end();
+                self.next = end.map(|end| context.schedule(VirtualNanos(end)));
             }
             State::Running { .. } if !runs => {
                 burst.state = State::Idle;
@@ -365,10 +353,7 @@ impl BurstSpi {
 
 /// Whether SPI1 is on as a master of plain 16-bit words, both ways by DMA.
 fn clocks_words(registers: &Registers) -> bool {
-    let (first, second) = (
-        registers.get(spi1::Register::Cr1),
-        registers.get(spi1::Register::Cr2),
-    );
+    let (first, second) = (registers.get(Spi1::Cr1), registers.get(Spi1::Cr2));
     let needed = cr1::SPE.mask() | cr1::MSTR.mask() | cr1::DFF.mask();
     let other =
         cr1::RXONLY.mask() | cr1::CRCEN.mask() | cr1::BIDIMODE.mask() | cr1::LSBFIRST.mask();
@@ -379,82 +364,52 @@ fn clocks_words(registers: &Registers) -> bool {
 }
 
 fn set_busy(registers: &mut Registers, busy: bool) {
-    let status = registers.get(spi1::Register::Sr);
-    registers.set(spi1::Register::Sr, sr::BSY.set(status, busy.into()));
+    let status = registers.get(Spi1::Sr);
+    registers.set(Spi1::Sr, sr::BSY.set(status, busy.into()));
 }
 
 impl Device for BurstSpi {
-    type Register = spi1::Register;
+    type Register = Spi1;
 
-    fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: EventId, at: &mut Registers, context: &mut Context<'_>) {
         if self.next != Some(event) {
-            self.inner(registers, |spi, registers| {
-                Device::on_event(spi, event, registers, context)
-            });
+            self.inner(at, |spi, at| Device::on_event(spi, event, at, context));
             return;
         }
         // If SPI1 or its requests were switched off without a register access, the words stop here.
-        self.look(registers, context);
+        self.look(at, context);
         let mut burst = lock(&self.burst);
         burst.catch_up(context);
         let ends = burst.left() == 0;
-        self.next = burst
-            .next_end()
-            .filter(|_| !ends)
-            .map(|end| context.schedule(VirtualNanos(end)));
+        let end = burst.next_end().filter(|_| !ends);
+        self.next = end.map(|end| context.schedule(VirtualNanos(end)));
         if ends {
             burst.state = State::Idle;
             drop(burst);
-            set_busy(registers, false);
+            set_busy(at, false);
             // Now rigless's model requests DMA for the last words.
-            let control = registers.get(spi1::Register::Cr2);
-            Device::write(
-                &mut self.spi,
-                spi1::Register::Cr2,
-                control,
-                registers,
-                context,
-            );
+            let control = at.get(Spi1::Cr2);
+            Device::write(&mut self.spi, Spi1::Cr2, control, at, context);
         }
     }
 
-    fn read(
-        &mut self,
-        register: spi1::Register,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) -> Option<u64> {
+    fn read(&mut self, what: Spi1, at: &mut Registers, context: &mut Context<'_>) -> Option<u64> {
         lock(&self.burst).catch_up(context);
-        self.inner(registers, |spi, registers| {
-            Device::read(spi, register, registers, context)
-        })
+        self.inner(at, |spi, at| Device::read(spi, what, at, context))
     }
 
-    fn write(
-        &mut self,
-        register: spi1::Register,
-        value: u64,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) {
+    fn write(&mut self, what: Spi1, value: u64, at: &mut Registers, context: &mut Context<'_>) {
         lock(&self.burst).catch_up(context);
-        self.inner(registers, |spi, registers| {
-            Device::write(spi, register, value, registers, context);
-        });
-        self.look(registers, context);
+        self.inner(at, |spi, at| Device::write(spi, what, value, at, context));
+        self.look(at, context);
     }
 
-    fn on_request(
-        &mut self,
-        change: RequestChange,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) {
+    fn on_request(&mut self, change: RequestChange, at: &mut Registers, context: &mut Context<'_>) {
         lock(&self.burst).catch_up(context);
-        Device::on_request(&mut self.spi, change, registers, context);
+        Device::on_request(&mut self.spi, change, at, context);
     }
 
-    fn on_clock(&mut self, hz: u64, registers: &mut Registers, context: &mut Context<'_>) {
+    fn on_clock(&mut self, hz: u64, at: &mut Registers, context: &mut Context<'_>) {
         let mut burst = lock(&self.burst);
         burst.catch_up(context);
         if matches!(burst.state, State::Running { .. }) {
@@ -465,9 +420,7 @@ impl Device for BurstSpi {
         }
         drop(burst);
         self.clock_hz = hz;
-        self.inner(registers, |spi, registers| {
-            Device::on_clock(spi, hz, registers, context)
-        });
+        self.inner(at, |spi, at| Device::on_clock(spi, hz, at, context));
     }
 
     fn on_refused(&mut self, _: u64, _: &mut Registers, context: &mut Context<'_>) {
@@ -475,7 +428,7 @@ impl Device for BurstSpi {
     }
 
     forward! { Device for spi:
-        fn peek(&self, register: spi1::Register, registers: &Registers, now: VirtualNanos) -> Option<u64>;
+        fn peek(&self, register: Spi1, registers: &Registers, now: VirtualNanos) -> Option<u64>;
     }
 
     fn reset(&mut self) {
@@ -489,11 +442,10 @@ impl Device for BurstSpi {
     }
 }
 
-/// DMA2.
 #[derive(Debug)]
 pub(crate) struct BurstDma {
     dma: Dma,
-    /// Whether each of [`RECEIVERS`] and [`SENDERS`] is on.
+    /// Whether each of [`STREAMS`] is on.
     enabled: [bool; 4],
     /// Whether words may move in batches now.
     pub(crate) shortens: bool,
@@ -501,6 +453,12 @@ pub(crate) struct BurstDma {
 }
 
 impl BurstDma {
+    /// Ends the read-out: all streams are off.
+    fn give_up(&mut self) {
+        self.enabled = [false; 4];
+        lock(&self.burst).state = State::Idle;
+    }
+
     /// Shortens a stream that is being switched on by the words of the batches, so that rigless moves only
     /// the last words.
     fn shorten(
@@ -565,80 +523,53 @@ impl BurstDma {
 /// Whether a stream that is being switched on is plain: it moves one half word between SPI1 and memory for
 /// each request, and then ends.
 fn is_plain(stream: &Stream, direction: u64, registers: &Registers) -> bool {
-    let free = [
-        s0cr::EN,
-        s0cr::DMEIE,
-        s0cr::TEIE,
-        s0cr::TCIE,
-        s0cr::MINC,
-        s0cr::PL,
-    ];
+    use s0cr::{CHSEL, DIR, DMEIE, EN, MINC, MSIZE, PL, PSIZE, TCIE, TEIE};
+    let free = [EN, DMEIE, TEIE, TCIE, MINC, PL];
     let free = free.iter().fold(0, |mask, field| mask | field.mask());
-    let mut plain = s0cr::CHSEL.set(0, CHANNEL);
-    plain = s0cr::DIR.set(plain, direction);
-    plain = s0cr::PSIZE.set(plain, HALF_WORD);
-    plain = s0cr::MSIZE.set(plain, HALF_WORD);
+    let mut plain = DIR.set(CHSEL.set(0, CHANNEL), direction);
+    plain = MSIZE.set(PSIZE.set(plain, HALF_WORD), HALF_WORD);
     registers.get(stream.control) & !free == plain
         && registers.get(stream.peripheral) == SPI1_DATA
         && !s0fcr::DMDIS.is_set(registers.get(stream.fifo))
 }
 
 impl Device for BurstDma {
-    type Register = dma2::Register;
+    type Register = Dma2;
 
-    fn write(
-        &mut self,
-        register: dma2::Register,
-        value: u64,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) {
+    fn write(&mut self, what: Dma2, value: u64, at: &mut Registers, context: &mut Context<'_>) {
         lock(&self.burst).catch_up(context);
-        let streams = streams().enumerate();
-        for (index, stream) in streams.filter(|(_, stream)| stream.control == register) {
+        let streams = STREAMS.iter().enumerate();
+        for (index, stream) in streams.filter(|(_, stream)| stream.control == what) {
             let was_enabled = std::mem::replace(&mut self.enabled[index], s0cr::EN.is_set(value));
             match (was_enabled, self.enabled[index]) {
-                (false, true) if index < RECEIVERS.len() => {
-                    self.receive(stream, registers, context)
-                }
-                (false, true) => self.send(stream, registers, context),
+                (false, true) if index < RECEIVERS => self.receive(stream, at, context),
+                (false, true) => self.send(stream, at, context),
                 // The firmware gave the read-out up.
                 (true, false) => lock(&self.burst).state = State::Idle,
                 _ => {}
             }
         }
-        Device::write(&mut self.dma, register, value, registers, context);
+        Device::write(&mut self.dma, what, value, at, context);
     }
 
-    fn read(
-        &mut self,
-        register: dma2::Register,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) -> Option<u64> {
+    fn read(&mut self, what: Dma2, at: &mut Registers, context: &mut Context<'_>) -> Option<u64> {
         let mut burst = lock(&self.burst);
         burst.move_words(context, Pace::count_of_word);
-        let is_on = |it: &Stream| s0cr::EN.is_set(registers.get(it.control));
-        if streams().any(|it| it.count == register && is_on(it)) {
-            return Some(registers.get(register) + burst.left());
+        let is_on = |it: &Stream| s0cr::EN.is_set(at.get(it.control));
+        if STREAMS.iter().any(|it| it.count == what && is_on(it)) {
+            return Some(at.get(what) + burst.left());
         }
         drop(burst);
-        Device::read(&mut self.dma, register, registers, context)
+        Device::read(&mut self.dma, what, at, context)
     }
 
-    fn on_access(
-        &mut self,
-        token: u64,
-        value: u64,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) {
+    fn on_access(&mut self, token: u64, value: u64, at: &mut Registers, context: &mut Context<'_>) {
         if token == TOKEN {
             return;
         }
-        Device::on_access(&mut self.dma, token, value, registers, context);
-        for (enabled, stream) in self.enabled.iter_mut().zip(streams()) {
-            *enabled = s0cr::EN.is_set(registers.get(stream.control));
+        Device::on_access(&mut self.dma, token, value, at, context);
+        for (enabled, stream) in self.enabled.iter_mut().zip(&STREAMS) {
+            *enabled = s0cr::EN.is_set(at.get(stream.control));
         }
     }
 
@@ -655,14 +586,12 @@ impl Device for BurstDma {
     }
 
     fn reset(&mut self) {
-        self.enabled = [false; 4];
-        lock(&self.burst).state = State::Idle;
+        self.give_up();
         Device::reset(&mut self.dma);
     }
 
     fn reset_line(&mut self, registers: &mut Registers, context: &mut Context<'_>) {
-        self.enabled = [false; 4];
-        lock(&self.burst).state = State::Idle;
+        self.give_up();
         Device::reset_line(&mut self.dma, registers, context);
     }
 }

@@ -60,10 +60,7 @@ impl Firmware {
         if std::io::stderr().is_terminal() {
             command.stderr(Stdio::inherit());
         }
-        let output = command.output().with_context(|| {
-            let cargo = command.get_program().to_string_lossy();
-            format!("{cargo} did not start")
-        })?;
+        let output = command.output().context("cargo did not start")?;
         if !output.status.success() {
             bail!(
                 "the chip's program {package} did not build ({}); to see why, run\n\
@@ -84,23 +81,17 @@ impl Firmware {
     /// The file cannot be read, is no ELF file, or has no defmt table.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path)
-            .with_context(|| format!("reading the firmware {}", path.display()))?;
-        let symbols = Symbols::read(&bytes, rigless::cpu::armv7m::code_address)
-            .with_context(|| format!("reading the symbols of {}", path.display()))?;
-        let log_table = defmt_decoder::Table::parse(&bytes)
-            .with_context(|| format!("reading the defmt table of {}", path.display()))?
-            .with_context(|| {
-                format!(
-                    "{} has no defmt table: link it with -Tdefmt.x",
-                    path.display()
-                )
-            })?;
-        let image =
-            Image::new(path, bytes, None).with_context(|| format!("loading {}", path.display()))?;
+        Self::of_file(path).with_context(|| format!("loading the firmware {}", path.display()))
+    }
+
+    fn of_file(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path)?;
+        let symbols = Symbols::read(&bytes, rigless::cpu::armv7m::code_address)?;
+        let log_table = defmt_decoder::Table::parse(&bytes)?;
+        let log_table = log_table.context("it has no defmt table: link it with -Tdefmt.x")?;
         Ok(Self {
             path: path.to_owned(),
-            image,
+            image: Image::new(path, bytes, None)?,
             symbols,
             log_table: Arc::new(log_table),
             warm_cores: WarmCores::default(),
@@ -163,16 +154,13 @@ mod tests {
 
     #[test]
     fn the_executable_is_found_among_cargos_messages() {
-        let messages =
-            br#"{"reason":"compiler-artifact","target":{"name":"libm"},"executable":null}
+        let end = r#"{"reason":"build-finished","success":true}"#;
+        let messages = r#"{"reason":"compiler-artifact","target":{"name":"libm"},"executable":null}
 {"reason":"compiler-artifact","target":{"name":"slitrange"},"executable":"/t/release/slitrange"}
-{"reason":"build-finished","success":true}"#;
+"#;
         let path = Some(PathBuf::from("/t/release/slitrange"));
-        assert_eq!(executable(messages), path);
-        assert_eq!(
-            executable(br#"{"reason":"build-finished","success":true}"#),
-            None
-        );
+        assert_eq!(executable((messages.to_owned() + end).as_bytes()), path);
+        assert_eq!(executable(end.as_bytes()), None);
     }
 
     #[test]

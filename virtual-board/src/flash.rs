@@ -49,7 +49,6 @@ const WORDS: u64 = 2;
 #[derive(Clone, Debug)]
 pub struct SharedFlash(Arc<Mutex<Flash>>);
 
-/// What is shared.
 #[derive(Debug)]
 struct Flash {
     contents: Contents,

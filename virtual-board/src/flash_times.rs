@@ -15,7 +15,6 @@ use crate::forward::forward;
 /// How long an erase of a sector takes in rigless, ns.
 pub(crate) const SHORTEST_ERASE: Nanos = 400_000_000;
 
-/// The flash interface.
 #[derive(Debug)]
 pub(crate) struct FlashTimes {
     interface: Flash,

@@ -40,9 +40,7 @@ pub(crate) fn find_trap(image: &Image) -> Option<u32> {
     image.segments().find_map(|(address, bytes)| {
         // Segments begin at whole words and an instruction at a whole halfword.
         let (halfwords, _) = bytes.as_chunks::<2>();
-        let index = halfwords
-            .iter()
-            .position(|&halfword| halfword == JUMP_TO_ITSELF)?;
+        let index = halfwords.iter().position(|&it| it == JUMP_TO_ITSELF)?;
         u32::try_from(address + 2 * index as u64).ok()
     })
 }

@@ -7,6 +7,7 @@
 //! counted as its words, when chip select rises. Interrupts, flags and polarities of the captures are
 //! rigless's.
 
+use rigless::device::Device;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::soc::stm32f427::Stm32f427;
@@ -69,15 +70,12 @@ pub enum Miso {
     NoPullUp,
 }
 
-/// An edge of a wire.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Edge {
-    Icg {
-        high: bool,
-    },
-    Sh {
-        high: bool,
-    },
+    /// ICG went high, or low.
+    Icg(bool),
+    /// SH went high, or low.
+    Sh(bool),
     ChipSelectFell,
     /// Chip select rose after so many words, the first and the last of which ended at these instants.
     ChipSelectRose {
@@ -92,7 +90,6 @@ const TIM2: usize = 0;
 const TIM3: usize = 1;
 const TIM8: usize = 1;
 
-/// TIM3's counter.
 const TIM3_COUNTER: u64 = 0x4000_0424;
 
 /// Pins, their ports and the functions that connect them to their timers (STM32F429 data sheet, table 12).
@@ -113,12 +110,12 @@ impl Jumpers {
     pub(crate) fn drive(&self, edge: Edge, processor: &mut Stm32f429, now: Nanos) {
         let part = &mut processor.part;
         match edge {
-            Edge::Icg { high } if !self.lacks_icg && is_connected(part, ICG) => {
+            Edge::Icg(high) if !self.lacks_icg && is_connected(part, ICG) => {
                 let late = [self.late.icg_falls, self.late.icg_rises][usize::from(high)];
                 let captured = [tim1::Register::Ccr2, tim1::Register::Ccr1][usize::from(high)];
                 drive_tim8(part, 1, high, captured, late, now);
             }
-            Edge::Sh { high } if !self.lacks_sh && is_connected(part, SH) => {
+            Edge::Sh(high) if !self.lacks_sh && is_connected(part, SH) => {
                 let late = [self.late.sh_falls, self.late.sh_rises][usize::from(high)];
                 let captured = [tim1::Register::Ccr4, tim1::Register::Ccr3][usize::from(high)];
                 drive_tim8(part, 3, high, captured, late, now);
@@ -130,10 +127,7 @@ impl Jumpers {
                 if !self.lacks_sclk && is_connected(part, SCLK) && counts_sclk(part) {
                     let bits = u64::from(limits::WORD_BITS);
                     let edges = (words as u64 * bits).saturating_sub(self.lost_edges.into());
-                    let counter = {
-                        let (_, registers) = part.timer(TIM3);
-                        registers.get(tim2::Register::Cnt)
-                    };
+                    let counter = part.timer(TIM3).1.get(tim2::Register::Cnt);
                     let counter = (counter + edges) & 0xFFFF;
                     // A write to a register that the model has.
                     let _ = part.write(VirtualNanos(now), TIM3_COUNTER, Width::W32, counter);
@@ -175,9 +169,7 @@ impl Jumpers {
             true => (since_rise + PERIOD / 2) % PERIOD,
         };
         let (timer, registers) = processor.part.advanced_timer(TIM8);
-        let count =
-            rigless::device::Device::peek(timer, Register::Cnt, registers, VirtualNanos(now));
-        let Some(count) = count else {
+        let Some(count) = Device::peek(timer, Register::Cnt, registers, VirtualNanos(now)) else {
             return;
         };
         registers.set(Register::Ccr2, count.wrapping_sub(since) & 0xFFFF);
@@ -220,7 +212,6 @@ fn drive_tim8(
     });
 }
 
-/// Drives channel 2 of TIM3.
 fn drive_tim3(part: &mut Stm32f427, high: bool, now: Nanos) {
     let channel = Channel::new(2).expect("1 to 4");
     part.drive_timer(VirtualNanos(now), TIM3, |timer, registers, context| {

@@ -99,15 +99,9 @@ impl Device for LaserTimer {
         self.runs = cr1::CEN.is_set(registers.get(Register::Cr1));
     }
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) {
-        Device::write(&mut self.timer, register, value, registers, context);
-        self.watch(register, registers, context.now());
+    fn write(&mut self, what: Register, value: u64, at: &mut Registers, context: &mut Context<'_>) {
+        Device::write(&mut self.timer, what, value, at, context);
+        self.watch(what, at, context.now());
     }
 
     forward! { Device for timer:

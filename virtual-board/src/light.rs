@@ -29,7 +29,6 @@ struct Place {
 /// The target as an exposure saw it.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
-    /// The end of the exposure.
     end: Nanos,
     /// The distance at its middle, in metres.
     distance: f64,
@@ -195,9 +194,8 @@ mod tests {
     /// The centre of the spot near a pixel.
     fn centre_near(outputs: &[f32], near: f64) -> f64 {
         let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
-        least_squares::fit_near(&counts, near)
-            .expect("a spot")
-            .centre
+        let spot = least_squares::fit_near(&counts, near);
+        spot.expect("a spot").centre
     }
 
     /// The scene's own geometry puts the spot some pixels away.

@@ -132,9 +132,10 @@ impl PseudoTerminal {
         // The lines are not needed, and would pile up.
         board.take_lines();
         match self.board_side.write(&said) {
-            Ok(_) => Ok(()),
-            Err(error) if is_idle(error.kind()) => Ok(()),
-            Err(error) => Err(error).context("writing to the pseudo-terminal"),
+            Err(error) if !is_idle(error.kind()) => {
+                Err(error).context("writing to the pseudo-terminal")
+            }
+            _ => Ok(()),
         }
     }
 }

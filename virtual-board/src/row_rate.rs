@@ -1,15 +1,23 @@
-//! Which rate of rows the firmware sustains with nothing lost. The sensor head has no rate limit of its own:
-//! see [`VirtualBoard::power_on_without_rate_limit`].
+//! Which rate of rows the firmware sustains with nothing lost. The sensor head has no rate limit of its own,
+//! and rows are due as often as the caller asks for.
+//!
+//! The firmware is the one that is flashed. Its clock (TIM5) runs faster than on silicon, so all its times
+//! are shorter by one factor: the row's period, timeouts, and the uptime that it states. The core executes as
+//! many instructions a second as before. A row's words are in memory about 10 us after the row is due.
 
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use simulator::scene::{Scene, Spot};
+use simulator::scene::Scene;
 
+use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use crate::{Exposure, Firmware, LightSource, Nanos, VirtualBoard};
 
 /// Rows of light that come one after the other, again and again.
 const LIGHT: u64 = 61;
+
+/// The firmware's time from one row to the next by its own clock, s (`ROW_PERIOD`).
+const FIRMWARE_ROW_PERIOD: f64 = 5.7e-3;
 
 /// The longest wait for an answer or for rows.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -23,13 +31,7 @@ const TOGETHER: u64 = 40;
 /// White paper whose spot moves by half a pixel, with noise. The rows are made beforehand, because a run
 /// takes thousands.
 pub fn light() -> LightSource {
-    let scene = Scene {
-        spot: Some(Spot {
-            width: 8.6,
-            counts_per_second: 2000.0,
-        }),
-        ..Scene::white_paper()
-    };
+    let scene = Scene::white_paper().with_height(2000.0);
     let rows: Vec<Vec<f32>> = (0..LIGHT)
         .map(|row| scene.row_with_centre(row, 1800.0 + row as f64 / 128.0, 1.0))
         .collect();
@@ -43,7 +45,14 @@ pub fn light() -> LightSource {
 /// # Errors
 /// The emulator fails, or the firmware does not answer.
 pub fn start(firmware: &Firmware, rows_per_second: f64, rows: u16) -> Result<VirtualBoard> {
-    let mut board = VirtualBoard::power_on_without_rate_limit(firmware, light(), rows_per_second)?;
+    // The rates that the pages state are those of one instruction a cycle.
+    let conditions = Conditions {
+        has_rate_limit: false,
+        instructions_per_second: INSTRUCTIONS_PER_SECOND,
+        row_timer_speed: rows_per_second * FIRMWARE_ROW_PERIOD,
+        ..Conditions::default()
+    };
+    let mut board = VirtualBoard::power_on_under(firmware, light(), conditions)?;
     let starts = |line: &str| line.starts_with("slitrange ");
     board.run_until_line(starts, PATIENCE)?;
     board.tell("exposure 5600", PATIENCE)?;

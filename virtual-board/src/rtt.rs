@@ -41,25 +41,19 @@ pub(crate) fn set_blocking(host: &mut dyn Host, block: u64) -> anyhow::Result<()
 /// # Errors
 /// The control block is not in RAM.
 pub(crate) fn size_and_place(host: &mut dyn Host, block: u64) -> anyhow::Result<[u64; 2]> {
-    Ok([
-        host.read(block + SIZE, Width::W32)?,
-        host.read(block + WRITE, Width::W32)?,
-    ])
+    let mut word = |offset| host.read(block + offset, Width::W32);
+    Ok([word(SIZE)?, word(WRITE)?])
 }
 
 /// Moves the contents of up-channel 0 into `bytes`, and frees the channel for the firmware. `block` is the
 /// address of the control block. Does nothing until the firmware has set the block up.
 pub(crate) fn drain(host: &mut dyn Host, block: u64, bytes: &mut Vec<u8>) {
-    let mut word = |at: u64| host.read(at, Width::W32).ok();
-    if word(block) != Some(u64::from(u32::from_le_bytes(*b"SEGG"))) {
+    let mut word = |offset| host.read(block + offset, Width::W32).ok();
+    if word(0) != Some(u64::from(u32::from_le_bytes(*b"SEGG"))) {
         return;
     }
-    let (Some(buffer), Some(size), Some(write), Some(mut read)) = (
-        word(block + BUFFER),
-        word(block + SIZE),
-        word(block + WRITE),
-        word(block + READ),
-    ) else {
+    let words = [word(BUFFER), word(SIZE), word(WRITE), word(READ)];
+    let [Some(buffer), Some(size), Some(write), Some(mut read)] = words else {
         return;
     };
     // The firmware writes both, and may have overwritten them in a crash.
@@ -91,9 +85,7 @@ pub(crate) fn decode(table: &Table, bytes: &mut Vec<u8>) -> Vec<Message> {
         match decoder.decode() {
             Ok(frame) => messages.push(Message {
                 level: frame.level().map(|level| level.as_str().to_owned()),
-                timestamp: frame
-                    .display_timestamp()
-                    .map(|timestamp| timestamp.to_string()),
+                timestamp: frame.display_timestamp().map(|time| time.to_string()),
                 text: frame.display_message().to_string(),
             }),
             Err(DecodeError::Malformed) => {}

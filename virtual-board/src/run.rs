@@ -32,9 +32,6 @@ use crate::{Nanos, Violation};
 /// much.
 const STEP: Nanos = 1_000_000;
 
-/// The firmware's time from one row to the next by its own clock, s (`ROW_PERIOD`).
-const FIRMWARE_ROW_PERIOD: f64 = 5.7e-3;
-
 /// The core-coupled RAM and the other RAM: where each begins and ends (RM0090 section 2.3.1).
 const RAM: [(u64, u64); 2] = [(0x1000_0000, 0x1001_0000), (0x2000_0000, 0x2003_0000)];
 
@@ -49,7 +46,6 @@ struct Log {
 /// A function to run on the emulator's thread, between two instructions.
 type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
 
-/// The emulator's next order.
 enum Order {
     RunTo(Nanos),
     Do(Errand),
@@ -111,59 +107,16 @@ impl VirtualBoard {
     /// # Errors
     /// The emulator refuses the board or the firmware.
     pub fn power_on(firmware: &Firmware, light: LightSource) -> Result<Self> {
-        Self::power_on_with_flash(firmware, light, SharedFlash::default())
-    }
-
-    /// As [`VirtualBoard::power_on`], with the flash of another board. Drop the other board first: it could
-    /// still write.
-    ///
-    /// # Errors
-    /// The emulator refuses the board or the firmware, or the firmware uses the sectors of `flash`.
-    pub fn power_on_with_flash(
-        firmware: &Firmware,
-        light: LightSource,
-        flash: SharedFlash,
-    ) -> Result<Self> {
-        let head = SensorHead::new(light);
-        Self::start(firmware, head, flash, Conditions::default())
-    }
-
-    /// As [`VirtualBoard::power_on`], with a sensor head that has no rate limit of its own, and rows that are
-    /// due `rows_per_second` times a second.
-    ///
-    /// The firmware is the one that is flashed. Its clock (TIM5) runs faster than on silicon, so all its
-    /// times are shorter by one factor: the row's period, timeouts, and the uptime that it states. The core
-    /// executes as many instructions a second as before. A row's words are in memory about 10 us after the
-    /// row is due.
-    pub fn power_on_without_rate_limit(
-        firmware: &Firmware,
-        light: LightSource,
-        rows_per_second: f64,
-    ) -> Result<Self> {
-        let head = SensorHead::new(light).without_rate_limit();
-        // The rates that the pages state are those of one instruction a cycle.
-        let conditions = Conditions {
-            instructions_per_second: INSTRUCTIONS_PER_SECOND,
-            row_timer_speed: rows_per_second * FIRMWARE_ROW_PERIOD,
-            ..Conditions::default()
-        };
-        Self::start(firmware, head, SharedFlash::default(), conditions)
+        Self::power_on_under(firmware, light, Conditions::default())
     }
 
     /// As [`VirtualBoard::power_on`], under other conditions.
+    ///
+    /// # Errors
+    /// The emulator refuses the board or the firmware, or the firmware uses the sectors of the flash.
     pub fn power_on_under(
         firmware: &Firmware,
         light: LightSource,
-        conditions: Conditions,
-    ) -> Result<Self> {
-        let head = SensorHead::new(light);
-        Self::start(firmware, head, SharedFlash::default(), conditions)
-    }
-
-    fn start(
-        firmware: &Firmware,
-        head: SensorHead,
-        flash: SharedFlash,
         conditions: Conditions,
     ) -> Result<Self> {
         for (address, bytes) in firmware.image.segments() {
@@ -175,7 +128,10 @@ impl VirtualBoard {
                  where the calibration is kept: does memory.x reserve it?"
             );
         }
+        let flash = conditions.flash.clone();
         flash.power_on(conditions.flash_word);
+        let mut head = SensorHead::new(light);
+        head.has_rate_limit = conditions.has_rate_limit;
         let head = SharedHead::new(head);
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
@@ -246,16 +202,24 @@ impl VirtualBoard {
         mut wanted: impl FnMut(&str) -> bool,
         timeout: Duration,
     ) -> Result<Line> {
+        let line = self.run_until(timeout, |board| board.line().find(&mut wanted))?;
+        line.with_context(|| {
+            let tail = self.line().tail();
+            format!("the awaited line did not come within {timeout:?}; the last that came: {tail}")
+        })
+    }
+
+    /// Lets the board run until `find` finds something, or for `timeout`.
+    fn run_until<T>(
+        &mut self,
+        timeout: Duration,
+        mut find: impl FnMut(&mut Self) -> Option<T>,
+    ) -> Result<Option<T>> {
         let deadline = self.now() + nanos(timeout);
         loop {
-            if let Some(line) = self.line().find(&mut wanted) {
-                return Ok(line);
-            }
-            if self.now() >= deadline {
-                bail!(
-                    "the awaited line did not come within {timeout:?}; the last that came: {}",
-                    self.line().tail()
-                );
+            let found = find(self);
+            if found.is_some() || self.now() >= deadline {
+                return Ok(found);
             }
             self.run_to(deadline.min(self.next_step()))?;
         }
@@ -266,19 +230,11 @@ impl VirtualBoard {
     /// # Errors
     /// The rows are not read within `timeout` of virtual time.
     pub fn run_until_rows(&mut self, count: u64, timeout: Duration) -> Result<()> {
-        let deadline = self.now() + nanos(timeout);
-        let first = self.head.lock().row_count();
-        loop {
-            let read = self.head.lock().row_count() - first;
-            if read >= count {
-                return Ok(());
-            }
-            ensure!(
-                self.now() < deadline,
-                "{read} of {count} rows were read within {timeout:?}"
-            );
-            self.run_to(deadline.min(self.next_step()))?;
-        }
+        let first = self.statistics().rows;
+        let read = |board: &Self| board.statistics().rows - first;
+        let all = self.run_until(timeout, |board| (read(board) >= count).then_some(()))?;
+        let read = read(self);
+        all.with_context(|| format!("{read} of {count} rows were read within {timeout:?}"))
     }
 
     /// Sends `text` to the firmware from now on.
@@ -422,14 +378,6 @@ impl VirtualBoard {
         words.with_context(|| format!("reading words from {address:#010x} on"))
     }
 
-    /// Writes the 32-bit word of RAM at `address`.
-    ///
-    /// # Errors
-    /// As [`VirtualBoard::write_words`].
-    pub fn write_word(&mut self, address: u64, word: u32) -> Result<()> {
-        self.write_words(address, vec![word])
-    }
-
     /// Writes 32-bit words of RAM, the first at `address`.
     ///
     /// # Errors
@@ -437,10 +385,8 @@ impl VirtualBoard {
     pub fn write_words(&mut self, address: u64, words: Vec<u32>) -> Result<()> {
         ensure_word(address)?;
         let written = self.on_emulator(move |_, host, _| {
-            (address..)
-                .step_by(4)
-                .zip(words)
-                .try_for_each(|(address, word)| host.write(address, Width::W32, word.into()))
+            let mut words = (address..).step_by(4).zip(words);
+            words.try_for_each(|(address, word)| host.write(address, Width::W32, word.into()))
         })?;
         written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
     }
@@ -607,18 +553,14 @@ impl VirtualBoard {
         let mut faults = gaps(&finished.session);
         let contentions = finished.session.board().processor.contentions();
         if contentions > 0 {
-            faults.push(format!(
-                "{contentions} words on SPI1 had two chips selected"
-            ));
+            let what = format!("{contentions} words on SPI1 had two chips selected");
+            faults.push(what);
         }
         if !self.expects_violations {
             faults.extend(self.violations());
         }
-        ensure!(
-            faults.is_empty(),
-            "the run was not clean:\n  {}",
-            faults.join("\n  ")
-        );
+        let faults = faults.join("\n  ");
+        ensure!(faults.is_empty(), "the run was not clean:\n  {faults}");
         Ok(statistics)
     }
 
@@ -626,10 +568,8 @@ impl VirtualBoard {
     /// is the same however the caller divides it.
     fn next_step(&self) -> Nanos {
         let step = (self.now() / STEP + 1) * STEP;
-        self.line()
-            .next_due()
-            .filter(|&due| due > self.now())
-            .map_or(step, |due| due.min(step))
+        let due = self.line().next_due().filter(|&due| due > self.now());
+        due.map_or(step, |due| due.min(step))
     }
 
     fn run_to(&mut self, deadline: Nanos) -> Result<()> {
@@ -655,10 +595,8 @@ impl VirtualBoard {
     fn violations(&self) -> Vec<String> {
         let of_flash = self.flash().violations();
         let head = self.head.lock();
-        let mut lines: Vec<String> = (head.violations().iter())
-            .chain(&of_flash)
-            .map(Violation::to_string)
-            .collect();
+        let all = head.violations().iter().chain(&of_flash);
+        let mut lines: Vec<String> = all.map(Violation::to_string).collect();
         drop(head);
         let more = self.violation_count() - lines.len() as u64;
         if more > 0 {
@@ -676,9 +614,8 @@ impl VirtualBoard {
     }
 
     fn order(&mut self, order: Order) -> Result<()> {
-        self.orders
-            .send(order)
-            .map_err(|_| self.what_ended_the_run())
+        let sent = self.orders.send(order);
+        sent.map_err(|_| self.what_ended_the_run())
     }
 
     fn await_stop(&mut self) -> Result<()> {
@@ -739,34 +676,33 @@ fn joined(
 /// Lists what the firmware did that the emulated processor does not model, or that the manual forbids.
 fn gaps(session: &Session<Nucleo>) -> Vec<String> {
     let mut gaps: Vec<String> = session.unmapped().iter().map(ToString::to_string).collect();
-    gaps.extend(
-        session
-            .refused()
-            .iter()
-            .map(|(address, fault)| format!("refused at={address:#010x} {fault:?}")),
-    );
-    gaps.extend(session.unimplemented().values().map(|gap| {
+    for (address, fault) in session.refused() {
+        gaps.push(format!("refused at={address:#010x} {fault:?}"));
+    }
+    for gap in session.unimplemented().values() {
         let (instance, register) = (gap.instance, gap.register);
         let (reads, writes, pc) = (gap.reads, gap.writes, gap.program_counter);
-        format!(
-            "unimplemented {instance}.{register}: {reads} reads, {writes} writes, \
-                 first from pc={pc:#010x}"
-        )
-    }));
-    gaps.extend(session.undefined().iter().map(|(address, gap)| {
-        format!(
-            "undefined at={address:#010x} in {}, first from pc={:#010x}",
-            gap.instance, gap.program_counter
-        )
-    }));
-    gaps.extend(session.unrouted().iter().map(|(instance, number)| {
-        format!("the core has no line for interrupt {number} of {instance}")
-    }));
-    gaps.extend(
-        session
-            .told()
-            .map(|told| format!("{}.{}: {}", told.instance, told.register, told.reason)),
-    );
+        gaps.push(format!(
+            "unimplemented {instance}.{register}: {reads} reads, {writes} writes, first from pc={pc:#010x}"
+        ));
+    }
+    for (address, gap) in session.undefined() {
+        let (instance, pc) = (gap.instance, gap.program_counter);
+        gaps.push(format!(
+            "undefined at={address:#010x} in {instance}, first from pc={pc:#010x}"
+        ));
+    }
+    for (instance, number) in session.unrouted() {
+        gaps.push(format!(
+            "the core has no line for interrupt {number} of {instance}"
+        ));
+    }
+    for told in session.told() {
+        gaps.push(format!(
+            "{}.{}: {}",
+            told.instance, told.register, told.reason
+        ));
+    }
     gaps
 }
 

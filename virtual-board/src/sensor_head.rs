@@ -10,7 +10,7 @@
 //! | PA5, PA6 (SPI1) | the converter's SCLK and DOUT; its DIN is at ground |
 //! | PD15 (TIM4 channel 4) | the laser, on while high |
 //!
-//! [`SensorHead`] is the state machine. It does not know the emulator: it takes edges and words with their
+//! [`SensorHead`] is the state machine. It does not need the emulator: it takes edges and words with their
 //! instants, and gives words. `pins` connects it to the emulated processor.
 //!
 //! **Exposure.** SH high moves the photodiodes' charge to the shift register, so an exposure lasts from the
@@ -21,8 +21,8 @@
 //! input 3.5 SCLK after the start of each word. So the pixel that a word shows depends on when the firmware
 //! starts the burst.
 //!
-//! **Without a rate limit.** [`SensorHead::without_rate_limit`] makes a sensor head whose words after word 3
-//! come all at once. It tests which rate of rows the firmware sustains. Each word shows the pixel that it
+//! **Without a rate limit.** If `Conditions::has_rate_limit` is false, the words after word 3 come all at
+//! once. This tests which rate of rows the firmware sustains. Each word shows the pixel that it
 //! would show at the clocks' speed, and all limits stay.
 //!
 //! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
@@ -39,6 +39,7 @@ pub(crate) mod pins;
 mod wiring;
 
 pub use limits::PIXELS;
+pub use rigless::device::Level;
 
 /// Full scale of the 12-bit converter, counts.
 pub const FULL_SCALE: u16 = 4095;
@@ -93,15 +94,6 @@ pub struct Row {
     pub words: Vec<u16>,
 }
 
-/// A pin's level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
-    /// Ground.
-    Low,
-    /// Supply.
-    High,
-}
-
 /// What happens at the head's wires.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Edge {
@@ -134,10 +126,9 @@ impl Clocks {
 
     /// How long a word takes, ns; 0 if SCLK does not run.
     fn word_time(&self) -> f64 {
-        if self.serial_hz > 0.0 {
-            f64::from(limits::WORD_BITS) * 1e9 / self.serial_hz
-        } else {
-            0.0
+        match self.serial_hz {
+            hz if hz > 0.0 => f64::from(limits::WORD_BITS) * 1e9 / hz,
+            _ => 0.0,
         }
     }
 }
@@ -204,7 +195,6 @@ impl Pin {
     }
 }
 
-/// The read-out that is under way.
 #[derive(Debug)]
 struct ReadOut {
     exposure: Exposure,
@@ -298,14 +288,6 @@ impl SensorHead {
             open_line: None,
             wiring_checked: false,
             violations: Violations::default(),
-        }
-    }
-
-    /// The same sensor head with words that come at once: see the module.
-    pub fn without_rate_limit(self) -> Self {
-        Self {
-            has_rate_limit: false,
-            ..self
         }
     }
 
@@ -701,7 +683,6 @@ impl SensorHead {
         self.row_count += 1;
     }
 
-    /// Reports a violation.
     pub(crate) fn violated(&mut self, at: Nanos, what: impl Into<String>) {
         self.violations.add(at, what);
     }
@@ -730,10 +711,7 @@ fn quantised(counts: f32) -> u16 {
 /// Lists what is wrong with the clocks of a read-out.
 fn clock_faults(clocks: Clocks) -> Vec<String> {
     let mut faults = Vec::new();
-    let Clocks {
-        master_hz,
-        serial_hz,
-    } = clocks;
+    let (master_hz, serial_hz) = (clocks.master_hz, clocks.serial_hz);
     if master_hz <= 0.0 {
         let what = "the master clock fM does not run during a read-out (TCD1304 timing chart)";
         return vec![what.to_owned()];
@@ -750,11 +728,11 @@ fn clock_faults(clocks: Clocks) -> Vec<String> {
     }
     let pixel = clocks.pixel_time();
     let conversion = f64::from(limits::WORD_BITS) * 1e9 / serial_hz;
-    if (pixel / conversion - 1.0).abs() > limits::RATE_MISMATCH {
+    let most = limits::RATE_MISMATCH;
+    if (pixel / conversion - 1.0).abs() > most {
         faults.push(format!(
             "a pixel lasts {pixel:.3} ns (4 / fM) and a conversion {conversion:.3} ns (16 / SCLK); \
-             they may differ by {}",
-            limits::RATE_MISMATCH
+             they may differ by {most}"
         ));
     }
     faults

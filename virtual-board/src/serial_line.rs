@@ -119,10 +119,9 @@ impl SerialLine {
             let unfinished = String::from_utf8_lossy(&self.unfinished);
             tail += &format!("\n  (unfinished) {unfinished}");
         }
-        if tail.is_empty() {
-            "nothing".to_owned()
-        } else {
-            tail
+        match tail.as_str() {
+            "" => "nothing".to_owned(),
+            _ => tail,
         }
     }
 }
@@ -132,11 +131,7 @@ impl SerialLine {
 pub(crate) struct FarEnd {
     pub(crate) line: Arc<Mutex<SerialLine>>,
 }
-store!(FarEnd {
-    values: [],
-    parts: [],
-    built: [line]
-});
+store! { FarEnd { values: [], parts: [], built: [line] } }
 
 impl uart::Peer for FarEnd {
     fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
@@ -154,11 +149,7 @@ impl uart::Peer for FarEnd {
 pub(crate) struct DriverEnable {
     pub(crate) line: Arc<Mutex<SerialLine>>,
 }
-store!(DriverEnable {
-    values: [],
-    parts: [],
-    built: [line]
-});
+store! { DriverEnable { values: [], parts: [], built: [line] } }
 
 impl DriverEnable {
     fn edge(&self, rises: bool, now: Nanos) {

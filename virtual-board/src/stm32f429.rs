@@ -7,11 +7,10 @@
 //! carries the clock, so these events have no effect. `LazyTimer` skips them. An access to a register first
 //! catches up with all skipped events, so the firmware sees no difference. A read of the counter, which a
 //! firmware may do for each row, is computed without them.
-
 //!
 //! TIM5 is the firmware's clock. It says when a row is due. `RowTimer` can make it count faster, so that the
 //! same firmware takes more rows a second: see
-//! [`VirtualBoard::power_on_without_rate_limit`](crate::VirtualBoard::power_on_without_rate_limit).
+//! [`crate::row_rate`].
 
 use std::sync::Arc;
 
@@ -23,8 +22,8 @@ use rigless::edge::Pulse;
 use rigless::mcu::Mcu;
 use rigless::snapshot::{self, Reader, Store, Writer};
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::tim1::{Register, cr1, cr2, smcr};
-use rigless::soc::stm32f427::generated::tim2;
+use rigless::soc::stm32f427::generated::tim1::{Register as Tim1, cr1, cr2, smcr};
+use rigless::soc::stm32f427::generated::tim2::Register as Tim5;
 use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::spi::Spi;
@@ -162,7 +161,7 @@ fn take_dma2(part: &mut Stm32f427) -> Dma {
 
 /// The timer clocks of TIM1's period.
 fn period_clocks(registers: &Registers) -> u64 {
-    (registers.get(Register::Psc) + 1) * (registers.get(Register::Arr) + 1)
+    (registers.get(Tim1::Psc) + 1) * (registers.get(Tim1::Arr) + 1)
 }
 
 impl Mcu for Stm32f429 {
@@ -250,27 +249,27 @@ impl LazyTimer {
     fn sleeps(&self, registers: &Registers, now: VirtualNanos) -> bool {
         now.0 >= self.awake_until
             && period_clocks(registers) < SLOW
-            && registers.get(Register::Dier) == 0
-            && !cr1::OPM.is_set(registers.get(Register::Cr1))
-            && cr2::MMS.get(registers.get(Register::Cr2)) == 0
-            && smcr::SMS.get(registers.get(Register::Smcr)) == 0
+            && registers.get(Tim1::Dier) == 0
+            && !cr1::OPM.is_set(registers.get(Tim1::Cr1))
+            && cr2::MMS.get(registers.get(Tim1::Cr2)) == 0
+            && smcr::SMS.get(registers.get(Tim1::Smcr)) == 0
     }
 
     /// The counter's value while its wraps are skipped; `None` if it cannot be computed. A counter that
     /// counts up then wraps at 2^16, so its value modulo a period that divides 2^16 is right.
     fn slept_count(&self, registers: &Registers, now: VirtualNanos) -> Option<u64> {
-        let control = registers.get(Register::Cr1);
+        let control = registers.get(Tim1::Cr1);
         let counts_up = !cr1::DIR.is_set(control) && cr1::CMS.get(control) == 0;
-        let period = registers.get(Register::Arr) + 1;
+        let period = registers.get(Tim1::Arr) + 1;
         if !(counts_up && period.is_power_of_two()) {
             return None;
         }
-        Device::peek(&self.timer, Register::Cnt, registers, now).map(|count| count % period)
+        Device::peek(&self.timer, Tim1::Cnt, registers, now).map(|count| count % period)
     }
 }
 
 impl Device for LazyTimer {
-    type Register = Register;
+    type Register = Tim1;
 
     fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>) {
         if !self.sleeps(registers, context.now()) {
@@ -278,34 +277,23 @@ impl Device for LazyTimer {
         }
     }
 
-    fn read(
-        &mut self,
-        register: Register,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) -> Option<u64> {
-        if register == Register::Cnt
-            && self.sleeps(registers, context.now())
-            && let Some(count) = self.slept_count(registers, context.now())
+    fn read(&mut self, what: Tim1, at: &mut Registers, context: &mut Context<'_>) -> Option<u64> {
+        if what == Tim1::Cnt
+            && self.sleeps(at, context.now())
+            && let Some(count) = self.slept_count(at, context.now())
         {
             return Some(count);
         }
-        Device::read(&mut self.timer, register, registers, context)
+        Device::read(&mut self.timer, what, at, context)
     }
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) {
+    fn write(&mut self, what: Tim1, value: u64, at: &mut Registers, context: &mut Context<'_>) {
         self.awake_until = context.now().0 + AWAKE_AFTER_WRITE;
-        Device::write(&mut self.timer, register, value, registers, context);
+        Device::write(&mut self.timer, what, value, at, context);
     }
 
     forward! { Device for timer:
-        fn peek(&self, register: Register, registers: &Registers, now: VirtualNanos) -> Option<u64>;
+        fn peek(&self, register: Tim1, registers: &Registers, now: VirtualNanos) -> Option<u64>;
         fn layout(&self) -> &'static [RegisterSpec];
     }
 
@@ -340,22 +328,21 @@ fn faster(hz: u64, speed: f64) -> u64 {
 }
 
 impl Device for RowTimer {
-    type Register = tim2::Register;
+    type Register = Tim5;
 
     fn on_clock(&mut self, hz: u64, registers: &mut Registers, context: &mut Context<'_>) {
         Device::on_clock(&mut self.timer, faster(hz, self.speed), registers, context);
     }
 
     forward! { Device for timer:
-        fn peek(&self, register: tim2::Register, registers: &Registers, now: VirtualNanos) -> Option<u64>;
+        fn peek(&self, register: Tim5, registers: &Registers, now: VirtualNanos) -> Option<u64>;
         fn layout(&self) -> &'static [RegisterSpec];
     }
 
     forward! { Device for timer:
         fn on_event(&mut self, event: EventId, registers: &mut Registers, context: &mut Context<'_>);
-        fn read(&mut self, what: tim2::Register, at: &mut Registers, context: &mut Context<'_>)
-            -> Option<u64>;
-        fn write(&mut self, what: tim2::Register, value: u64, at: &mut Registers, context: &mut Context<'_>);
+        fn read(&mut self, what: Tim5, at: &mut Registers, context: &mut Context<'_>) -> Option<u64>;
+        fn write(&mut self, what: Tim5, value: u64, at: &mut Registers, context: &mut Context<'_>);
         fn on_request(&mut self, change: RequestChange, at: &mut Registers, context: &mut Context<'_>);
         fn reset(&mut self);
         fn reset_line(&mut self, registers: &mut Registers, context: &mut Context<'_>);

@@ -43,18 +43,12 @@ fn interrupt(registers: &Registers, context: &mut Context<'_>) {
 impl Device for Trigger {
     type Register = Register;
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut Registers,
-        context: &mut Context<'_>,
-    ) {
-        match register {
+    fn write(&mut self, what: Register, value: u64, at: &mut Registers, context: &mut Context<'_>) {
+        match what {
             // A one clears.
-            Register::Pr => registers.set(Register::Pr, registers.get(Register::Pr) & !value),
-            register => registers.set(register, value),
+            Register::Pr => at.set(Register::Pr, at.get(Register::Pr) & !value),
+            register => at.set(register, value),
         }
-        interrupt(registers, context);
+        interrupt(at, context);
     }
 }

@@ -146,11 +146,10 @@ impl BoardCore {
             return;
         }
         self.is_settled = true;
-        let Some(warm) = self.pool.take(&self.places()) else {
-            return;
-        };
-        // On an error the board stays where it is.
-        let _ = self.move_to(warm);
+        if let Some(warm) = self.pool.take(&self.places()) {
+            // On an error the board stays where it is.
+            let _ = self.move_to(warm);
+        }
     }
 
     fn places(&self) -> Vec<Place> {

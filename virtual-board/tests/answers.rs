@@ -8,7 +8,6 @@ use answers_on_chip::answers::{Estimators, MOST_WORDS, ROWS};
 use answers_on_chip::mailbox::{self, Header};
 use judges::hard_cases;
 use slitrange::centre::Estimator;
-use slitrange::row::Geometry;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
 
 /// A row of a case.
@@ -31,16 +30,11 @@ fn questions(one_in: usize) -> Vec<Question> {
     let rows = |case: hard_cases::RowCase| {
         (0..u64::from(ROWS)).map(move |number| {
             let row = case.row(number);
-            let Geometry {
-                bits,
-                shot_variance_per_count_q16,
-                ..
-            } = row.geometry;
             let header = Header {
                 pixels: row.light.len().try_into().expect("rows are short"),
-                bits,
+                bits: row.geometry.bits,
                 first: number == 0,
-                shot_variance_per_count_q16,
+                shot_variance_per_count_q16: row.geometry.shot_variance_per_count_q16,
             };
             Question {
                 case: case.name.clone(),
@@ -86,10 +80,9 @@ struct Chip {
 
 impl Chip {
     fn power_on() -> Self {
-        let program =
-            Firmware::build_package("answers-on-chip").expect("the chip's program builds");
-        let mut board =
-            VirtualBoard::power_on(&program, Box::new(|_| vec![0.0; PIXELS])).expect("a board");
+        let program = Firmware::build_package("answers-on-chip").expect("it builds");
+        let board = VirtualBoard::power_on(&program, Box::new(|_| vec![0.0; PIXELS]));
+        let mut board = board.expect("a board");
         // The program clears 64 KB of memory before it waits, one word in a few instructions.
         board.run_for(Duration::from_millis(2)).expect("a run");
         let address = |name| program.address_of(name).expect("the program has it");
@@ -103,11 +96,10 @@ impl Chip {
 
     /// Sends the rows and waits for all words of the answers.
     fn ask(&mut self, questions: &[Question]) -> Vec<u32> {
-        let mut words: Vec<u32> = questions
+        let words = questions
             .iter()
-            .flat_map(|question| mailbox::words(question.header, &question.light))
-            .collect();
-        words.push(0);
+            .flat_map(|it| mailbox::words(it.header, &it.light));
+        let words: Vec<u32> = words.chain([0]).collect();
         assert!(words.len() <= mailbox::ROWS, "{} words", words.len());
         let asked = self.asked;
         self.board.write_words(self.rows, words).expect("RAM");
@@ -232,18 +224,12 @@ fn check_answers(one_in: usize) {
         (compare(one), other.join().expect("the same answers"))
     });
     let (centres, faults) = (one.centres + other.centres, one.faults + other.faults);
-    println!(
-        "{} rows, {centres} centres and {faults} faults of the estimators alone, \
-         and what becomes of them: {} words are the same",
-        questions.len(),
-        one.words + other.words
-    );
+    let (rows, words) = (questions.len(), one.words + other.words);
+    println!("{rows} rows, {centres} centres and {faults} faults of the estimators alone");
+    println!("{words} words are the same");
     let estimators = Estimator::ALL.len();
-    assert!(
-        questions.len() >= 300 / one_in
-            && centres >= 200 * estimators / one_in
-            && faults >= 50 * estimators / one_in
-    );
+    assert!(rows >= 300 / one_in && centres >= 200 * estimators / one_in);
+    assert!(faults >= 50 * estimators / one_in);
 
     // The comparison notices a change of one count in one pixel.
     let clean = one.clean.expect("a row whose spot all estimators find");

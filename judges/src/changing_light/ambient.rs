@@ -108,7 +108,6 @@ fn image_beside_the_spot(light: &mut [f32]) {
 }
 
 impl Light {
-    /// The scene in this light.
     fn scene(&self) -> Scene {
         Scene {
             ambient: self.ambient,
@@ -154,13 +153,10 @@ impl Light {
         let electrons = scene.shot_noise.map(|it| it.electrons_per_count);
         let at_the_spot = scene.optics.centre(scene.distance) - 1823.5;
         let brightness = |counts: f64, slope: f64| counts + slope * at_the_spot;
-        let counts = ROW_PERIOD
-            * (self
-                .ambient
-                .map_or(0.0, |it| brightness(it.counts_per_second, it.slope))
-                + self
-                    .lamps
-                    .map_or(0.0, |it| brightness(it.counts_per_second, it.slope)));
+        let ambient_light =
+            (self.ambient).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
+        let lamps = (self.lamps).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
+        let counts = ROW_PERIOD * (ambient_light + lamps);
         // The pixels' own differences are noise too, unless they are subtracted. All rows of a frame have
         // the same.
         let pattern = match (self.pattern, ambient) {

@@ -55,10 +55,9 @@ pub struct Worst {
 
 impl Worst {
     fn or(self, other: Self) -> Self {
-        if other.ratio > self.ratio {
-            other
-        } else {
-            self
+        match other.ratio > self.ratio {
+            true => other,
+            false => self,
         }
     }
 }
@@ -121,10 +120,9 @@ impl Jumps {
         let measured = match result {
             Ok(measured) => measured,
             Err(fault) => {
-                let faults = if place.is_first {
-                    &mut self.first_faults
-                } else {
-                    &mut self.later_faults
+                let faults = match place.is_first {
+                    true => &mut self.first_faults,
+                    false => &mut self.later_faults,
                 };
                 faults[fault.kind()] += 1;
                 return;
@@ -143,7 +141,6 @@ impl Jumps {
         self.worst_over_claim = self.worst_over_claim.or(at(over_claim));
     }
 
-    /// The results of both.
     fn and(self, other: Self) -> Self {
         let sums = |a: [u64; Fault::KINDS], b: [u64; Fault::KINDS]| {
             std::array::from_fn(|kind| a[kind] + b[kind])

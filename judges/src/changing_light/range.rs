@@ -9,7 +9,7 @@ use slitrange::measurement::Options;
 use statistics::{mean, rms};
 
 use super::jumps::LEAST_POWER;
-use super::{BRIGHTEST, Sensor, scene};
+use super::{BRIGHTEST, Comparison, Sensor, scene};
 
 /// Frames that a sensor has to settle before frames count.
 const TO_SETTLE: usize = 3;
@@ -58,14 +58,10 @@ impl Frames {
         let results = sensor.frames(reflectivity, frames);
         let readings = results.iter().flatten();
         let exposure = readings.clone().last().and_then(|it| it.frame.exposure);
-        let (flagged, good): (Vec<_>, Vec<_>) = readings
-            .map(|measured| sensor.compare(measured))
-            .partition(|it| it.is_flagged);
-        let beyond = |claims| {
-            good.iter()
-                .filter(|it| it.error_over_claim() > claims)
-                .count()
-        };
+        let compared = readings.map(|measured| sensor.compare(measured));
+        let (flagged, good): (Vec<_>, Vec<_>) = compared.partition(|it| it.is_flagged);
+        let claims = good.iter().map(Comparison::error_over_claim);
+        let beyond = |most| claims.clone().filter(|&it| it > most).count();
         Self {
             exposure_us: exposure.map_or(0, Exposure::us),
             frames,
@@ -122,9 +118,8 @@ impl Target {
         sensor.frames(reflectivity * brighter, TO_SETTLE);
         let auto_lowest = Frames::measure(&mut sensor, reflectivity, frames);
         let longest = fixed(Exposure::LONGEST);
-        let best = fixed_exposures(reflectivity)
-            .map(fixed)
-            .chain([longest])
+        let fixed = fixed_exposures(reflectivity).map(fixed).chain([longest]);
+        let best = fixed
             .filter(|it| it.faults == 0)
             .min_by(|a, b| a.rms_um.total_cmp(&b.rms_um));
         Self {

@@ -48,7 +48,6 @@ struct Made {
 struct Refusal {
     /// The error's name, as the code has it.
     name: String,
-    /// What it says to a person.
     words: String,
 }
 
@@ -99,9 +98,8 @@ impl CalibrationCase {
             Calibration::Eq1(_) => Some(d + k / (x - pole)),
             Calibration::Table(_) => Some(at_knot()?.value.to_f64()),
             Calibration::Corrected(corrected) => {
-                let base = corrected
-                    .curve()
-                    .distance_at(Pixels::from_bits((x * 65536.0) as i32));
+                let centre = Pixels::from_bits((x * 65536.0) as i32);
+                let base = corrected.curve().distance_at(centre);
                 Some(base.ok()?.0.to_f64() + at_knot()?.value.to_f64())
             }
         }
@@ -196,9 +194,8 @@ fn corrected(places: &[(f64, f64)]) -> Made {
 
 /// So many knots 8 pixels apart, 400 um from one to the next.
 fn many(knots: usize) -> Vec<(f64, f64)> {
-    (0..knots)
-        .map(|i| (8.0 * i as f64, 1e6 - 400.0 * i as f64))
-        .collect()
+    let knot = |i: usize| (8.0 * i as f64, 1e6 - 400.0 * i as f64);
+    (0..knots).map(knot).collect()
 }
 
 /// Rounding to Q24.8 is off by half of a 256th, and f64's own rounding by less.

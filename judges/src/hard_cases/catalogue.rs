@@ -35,7 +35,6 @@ pub fn rows() -> Vec<RowCase> {
 
 type Words = &'static str;
 
-/// The cases of a group.
 struct Cases {
     group: Words,
     all: Vec<RowCase>,
@@ -92,6 +91,10 @@ fn high(width: f64, amplitude: f64) -> Recipe {
     Recipe::clean(width).spot(|spot| spot.amplitude = amplitude)
 }
 
+fn with(flaw: Flaw) -> Recipe {
+    Recipe::clean(WIDTH).with(flaw)
+}
+
 /// A clean spot on so many pixels.
 fn on(pixels: usize, width: f64) -> Recipe {
     Recipe {
@@ -102,11 +105,7 @@ fn on(pixels: usize, width: f64) -> Recipe {
 
 /// A second spot of a share of the height, so many widths off.
 fn second(share: f64, offset: f64) -> Flaw {
-    Flaw::Second(Second {
-        share,
-        offset,
-        widths: 1.0,
-    })
+    Flaw::Second(Second::new(share, offset, 1.0))
 }
 
 /// A step of 50 counts, so many widths off.
@@ -127,7 +126,6 @@ fn clean_spot(recipe: &Recipe) -> bound::Spot {
 fn no_spot() -> Vec<RowCase> {
     const SILENT: Due = Due::Fault(&["sensor silent"]);
     const NONE: Due = Due::NoCentre;
-    /// Rows of a number.
     type Rows = fn(u64) -> Vec<u16>;
     #[rustfmt::skip] // A case a line.
     let patterns: [(&str, &str, Due, Rows); 15] = [
@@ -240,18 +238,13 @@ fn saturation() -> Vec<RowCase> {
         let width = (top / 3.0).max(1.0);
         let times = (0.5 * (0.5 * top / width).powi(2)).exp();
         let why = "the top is flat: no pixel is the highest";
-        cases.honest(
-            format!("a flat top of {top} pixels"),
-            why,
-            high(width, times * 3795.0),
-        );
+        let name = format!("a flat top of {top} pixels");
+        cases.honest(name, why, high(width, times * 3795.0));
     }
     for blooming in [0.3, 1.0] {
-        cases.honest(
-            format!("blooms {} % to both sides", 100.0 * blooming),
-            "charge flows over into the flanks",
-            high(WIDTH, 6000.0).with(Flaw::FullWell(3600.0, blooming)),
-        );
+        let name = format!("blooms {} % to both sides", 100.0 * blooming);
+        let recipe = high(WIDTH, 6000.0).with(Flaw::FullWell(3600.0, blooming));
+        cases.honest(name, "charge flows over into the flanks", recipe);
     }
     for share in [0.1, 0.5, 0.9] {
         let name = format!("blooms {} % to one side", 100.0 * share);
@@ -290,11 +283,8 @@ fn width() -> Vec<RowCase> {
     for (name, step) in [("narrow", 4.5), ("middle", 16.5), ("wide", 28.5)] {
         let width = fine.narrowest * fine.ratio.powf(step);
         let why = "no table fits exactly";
-        let case = cases.clean(
-            format!("between two tables, {name}"),
-            why,
-            Recipe::clean(width),
-        );
+        let name = format!("between two tables, {name}");
+        let case = cases.clean(name, why, Recipe::clean(width));
         // Narrow ones are flagged: they could be bad pixels.
         if width < 1.25 {
             case.due = Due::Honest;
@@ -331,14 +321,17 @@ fn edge() -> Vec<RowCase> {
     cases.all
 }
 
+/// A spot on a background that rises by so many counts a pixel.
+fn sloped(width: f64, slope: f64) -> Recipe {
+    high(width, 1200.0).on_level(60.0).with(Flaw::Slope(slope))
+}
+
 fn background() -> Vec<RowCase> {
     let mut cases = Cases::of("Background");
     for slope in [0.1, 0.3, 1.0, 2.0, -2.0, 5.0] {
-        let case = cases.honest(
-            format!("slope of {slope} counts a pixel"),
-            "one flank stands higher than the other",
-            high(WIDTH, 1200.0).on_level(60.0).with(Flaw::Slope(slope)),
-        );
+        let name = format!("slope of {slope} counts a pixel");
+        let why = "one flank stands higher than the other";
+        let case = cases.honest(name, why, sloped(WIDTH, slope));
         // The slope's own light makes noise of up to three times the spot's: five times that bound.
         if slope.abs() <= 2.0 {
             case.repair_within = Some(0.3);
@@ -347,21 +340,17 @@ fn background() -> Vec<RowCase> {
     for slope in [2.0, 5.0] {
         let name = format!("slope of {slope} counts a pixel, sigma {NARROW}");
         let why = "one flank of a narrow spot stands higher than the other";
-        cases.honest(
-            name,
-            why,
-            high(NARROW, 1200.0).on_level(60.0).with(Flaw::Slope(slope)),
-        );
+        cases.honest(name, why, sloped(NARROW, slope));
     }
     for offset in [-12.0, -5.0, -2.0, 0.0, 2.0, 5.0] {
         let name = format!("step of 50 counts {offset} sigma from the spot");
         let why = "the black level is wrong by 50 counts on one side";
-        cases.honest(name, why, Recipe::clean(WIDTH).with(step(offset)));
+        cases.honest(name, why, with(step(offset)));
     }
     for counts in [50.0, 300.0, -200.0] {
         let name = format!("black level bends by {counts} counts");
         let why = "it drifts while the row is read";
-        cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::Sag(counts)));
+        cases.honest(name, why, with(Flaw::Sag(counts)));
     }
     for black_level in [0.0, 1000.0] {
         let name = format!("black level of {black_level} counts");
@@ -369,25 +358,18 @@ fn background() -> Vec<RowCase> {
         cases.clean(name, why, Recipe::clean(WIDTH).on_level(black_level));
     }
     let why = "most of the counts are black level, not spot";
-    cases.clean(
-        "black level above the signal",
-        why,
-        high(WIDTH, 200.0).on_level(3700.0),
-    );
+    let recipe = high(WIDTH, 200.0).on_level(3700.0);
+    cases.clean("black level above the signal", why, recipe);
     let why = "the spot's top and half of the noise are cut off";
-    cases.add(
-        "black level at full scale",
-        why,
-        Due::NoCentre,
-        high(WIDTH, 200.0).on_level(4090.0),
-    );
+    let recipe = high(WIDTH, 200.0).on_level(4090.0);
+    cases.add("black level at full scale", why, Due::NoCentre, recipe);
     let why = "the spot's flanks are cut off at zero";
     let below = Recipe::clean(WIDTH).on_level(-300.0);
     cases.honest("black level below zero", why, below);
     for counts in [300.0, 1500.0] {
         let name = format!("a lamp of {counts} counts at one end");
         let why = "a background that is bent and sloped under the spot";
-        cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::Glow(counts)));
+        cases.honest(name, why, with(Flaw::Glow(counts)));
     }
     for (share, widths, offset) in [
         (0.05, 6.0, 0.0),
@@ -395,17 +377,13 @@ fn background() -> Vec<RowCase> {
         (0.05, 15.0, 5.0),
         (0.2, 8.0, 4.0),
     ] {
+        let percent = 100.0 * share;
+        let name = format!("flare of {percent} %, {widths} times as wide, {offset} sigma off");
+        let why = "a wide ghost under the spot tilts the background";
         cases.honest(
-            format!(
-                "flare of {} %, {widths} times as wide, {offset} sigma off",
-                100.0 * share
-            ),
-            "a wide ghost under the spot tilts the background",
-            Recipe::clean(WIDTH).with(Flaw::Ghost(Second {
-                share,
-                widths,
-                offset,
-            })),
+            name,
+            why,
+            with(Flaw::Ghost(Second::new(share, offset, widths))),
         );
     }
     cases.all
@@ -452,16 +430,12 @@ fn bad_pixels() -> Vec<RowCase> {
     for share in [0.01, 0.05] {
         let name = format!("pixels differ by {} % in response", 100.0 * share);
         let why = "the brighter the light, the larger the pixels' errors";
-        cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::Response(share)));
+        cases.honest(name, why, with(Flaw::Response(share)));
     }
     for counts in [5.0, 30.0] {
         let name = format!("unlit pixels differ by {counts} counts");
         let why = "a fixed pattern looks like noise, and averaging does not remove it";
-        cases.honest(
-            name,
-            why,
-            Recipe::clean(WIDTH).with(Flaw::FixedPattern(counts)),
-        );
+        cases.honest(name, why, with(Flaw::FixedPattern(counts)));
     }
     cases.all
 }
@@ -470,7 +444,7 @@ fn second_spot() -> Vec<RowCase> {
     let mut cases = Cases::of("A second spot");
     for offset in [2.0, 3.0, 5.0, 6.0, 10.0, 20.0] {
         for share in [0.05, 0.1, 0.5, 0.8, 1.0, 1.2] {
-            let recipe = Recipe::clean(WIDTH).with(second(share, offset));
+            let recipe = with(second(share, offset));
             let why = match share {
                 share if share > 0.75 => "which of the two is the laser's?",
                 _ if offset < 4.0 => "it merges with the spot and moves it",
@@ -498,14 +472,14 @@ fn second_spot() -> Vec<RowCase> {
         let percent = 100.0 * share;
         let name = format!("second spot of {percent:.0} % at {offset} sigma, sigma {NARROW}");
         let why = "the spot has few pixels";
-        cases.add(
-            name,
-            why,
-            due,
-            Recipe::clean(NARROW).with(second(share, offset)),
-        );
+        let recipe = Recipe::clean(NARROW).with(second(share, offset));
+        cases.add(name, why, due, recipe);
     }
     cases.all
+}
+
+fn lopsided(width: f64, share: f64) -> Recipe {
+    Recipe::clean(width).spot(|spot| spot.shape = Shape::Lopsided(share))
 }
 
 fn shapes() -> Vec<RowCase> {
@@ -522,19 +496,12 @@ fn shapes() -> Vec<RowCase> {
         }
     }
     for share in [0.05, 0.1, 0.2, 0.3, -0.3] {
-        cases.honest(
-            format!("right side {} % wider", 100.0 * share),
-            "it has no single centre: peak and centroid differ",
-            Recipe::clean(WIDTH).spot(|spot| spot.shape = Shape::Lopsided(share)),
-        );
+        let name = format!("right side {} % wider", 100.0 * share);
+        let why = "it has no single centre: peak and centroid differ";
+        cases.honest(name, why, lopsided(WIDTH, share));
     }
     let name = format!("right side 30 % wider, sigma {NARROW}");
-    let why = "the spot has few pixels";
-    cases.honest(
-        name,
-        why,
-        Recipe::clean(NARROW).spot(|spot| spot.shape = Shape::Lopsided(0.3)),
-    );
+    cases.honest(name, "the spot has few pixels", lopsided(NARROW, 0.3));
     cases.all
 }
 
@@ -544,75 +511,48 @@ fn interference() -> Vec<RowCase> {
         for counts in [5.0, 50.0] {
             let name = format!("ripple of {counts} counts every {period} pixels");
             let why = "ripple of a supply or a clock gets into the signal";
-            cases.honest(
-                name,
-                why,
-                Recipe::clean(WIDTH).with(Flaw::Ripple(counts, period)),
-            );
+            cases.honest(name, why, with(Flaw::Ripple(counts, period)));
         }
     }
     let name = "odd pixels 40 counts higher";
     let why = "two output amplifiers differ";
-    cases.honest(name, why, Recipe::clean(WIDTH).with(Flaw::OddEven(40.0)));
+    cases.honest(name, why, with(Flaw::OddEven(40.0)));
     for share in [0.001, 0.01, 0.05] {
         for width in [WIDTH, NARROW] {
-            let name = format!(
-                "{} % of the pixels are impulses, sigma {width}",
-                100.0 * share
-            );
+            let percent = 100.0 * share;
+            let name = format!("{percent} % of the pixels are impulses, sigma {width}");
             let why = "interference: some pixels have random counts";
             cases.honest(name, why, Recipe::clean(width).with(Flaw::Impulses(share)));
         }
     }
-    cases.clean(
-        "no shot noise, strong read noise",
-        "the default weights are made for another mix of noise",
-        Recipe {
-            read_noise: 40.0,
-            electrons_per_count: None,
-            ..Recipe::clean(WIDTH)
-        },
-    );
+    let noisy = |read_noise, electrons_per_count| Recipe {
+        read_noise,
+        electrons_per_count,
+        ..Recipe::clean(WIDTH)
+    };
+    let name = "no shot noise, strong read noise";
+    let why = "the default weights are made for another mix of noise";
+    cases.clean(name, why, noisy(40.0, None));
     let name = "half an electron a count";
     let why = "the spot's top is much noisier than the background";
-    cases.clean(
-        name,
-        why,
-        Recipe {
-            electrons_per_count: Some(0.5),
-            ..Recipe::clean(WIDTH)
-        },
-    );
+    cases.clean(name, why, noisy(2.0, Some(0.5)));
     cases.all
 }
 
 fn converter() -> Vec<RowCase> {
     let mut cases = Cases::of("Converter");
     for bits in [8u32, 6, 4, 2, 1] {
-        cases.honest(
-            format!("{bits} of 12 bits"),
-            match bits {
-                1 => "a pixel is either lit or not",
-                _ => "steps are larger than the noise",
-            },
-            Recipe::clean(WIDTH).with(Flaw::Steps(f64::from(1u32 << (12 - bits)))),
-        );
+        let why = match bits {
+            1 => "a pixel is either lit or not",
+            _ => "steps are larger than the noise",
+        };
+        let steps = Flaw::Steps(f64::from(1u32 << (12 - bits)));
+        cases.honest(format!("{bits} of 12 bits"), why, with(steps));
     }
-    for (bit, high) in [
-        (0, true),
-        (4, true),
-        (7, false),
-        (10, false),
-        (10, true),
-        (11, true),
-    ] {
-        let name = format!("bit {bit} stuck at {}", u8::from(high));
+    for (bit, at) in [(0, 1), (4, 1), (7, 0), (10, 0), (10, 1), (11, 1)] {
+        let name = format!("bit {bit} stuck at {at}");
         let why = "counts jump where the bit should have changed";
-        cases.honest(
-            name,
-            why,
-            Recipe::clean(WIDTH).with(Flaw::StuckBit(bit, high)),
-        );
+        cases.honest(name, why, with(Flaw::StuckBit(bit, at == 1)));
     }
     cases.all
 }
@@ -621,12 +561,12 @@ fn short_rows() -> Vec<RowCase> {
     let mut cases = Cases::of("Short rows");
     for pixels in [8, 31] {
         let place = Place::At(pixels as f64 / 2.0);
-        cases.add(
-            format!("{pixels} pixels"),
+        let recipe = on(pixels, NARROW).spot(|spot| spot.place = place);
+        let (why, due) = (
             "too few pixels to know the background",
             Due::Fault(&["no spot"]),
-            on(pixels, NARROW).spot(|spot| spot.place = place),
         );
+        cases.add(format!("{pixels} pixels"), why, due, recipe);
     }
     for (pixels, width) in [
         (32, 1.5),

@@ -103,16 +103,20 @@ impl fmt::Display for Flaw {
             Self::Dead(bad) => write!(f, "dead pixels: {bad}"),
             Self::Stuck(bad) => write!(f, "stuck pixels: {bad}"),
             Self::Response(share) => write!(f, "pixels differ in response by {}", percent(share)),
-            Self::FullWell(counts, blooming) => write!(
-                f,
-                "a pixel holds {counts:.1} counts, and {} of the rest flows over to both sides",
-                percent(blooming)
-            ),
-            Self::Smear(share) => write!(
-                f,
-                "{} of what is beyond full scale flows to the next pixel",
-                percent(share)
-            ),
+            Self::FullWell(counts, blooming) => {
+                let rest = percent(blooming);
+                write!(
+                    f,
+                    "a pixel holds {counts:.1} counts, and {rest} of the rest flows over to both sides"
+                )
+            }
+            Self::Smear(share) => {
+                let share = percent(share);
+                write!(
+                    f,
+                    "{share} of what is beyond full scale flows to the next pixel"
+                )
+            }
             Self::FixedPattern(counts) => write!(f, "unlit pixels differ by {counts:.2} counts"),
             Self::Step(counts, offset) => write!(
                 f,
@@ -146,11 +150,7 @@ impl fmt::Display for Second {
 
 impl fmt::Display for Bad {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            counts,
-            pixels,
-            from_spot: (near, far),
-        } = self;
+        let (counts, pixels, (near, far)) = (self.counts, self.pixels, self.from_spot);
         write!(
             f,
             "{pixels} side by side of {counts:.1} counts, {near:.2} to {far:.2} widths from the spot"
@@ -159,6 +159,15 @@ impl fmt::Display for Bad {
 }
 
 impl Second {
+    /// One of this height, at this distance, and so wide, each over the spot's.
+    pub const fn new(share: f64, offset: f64, widths: f64) -> Self {
+        Self {
+            share,
+            offset,
+            widths,
+        }
+    }
+
     /// Of two spots the higher is the laser's where it is higher by a quarter or more, as far as both are on
     /// the row: a reflection is dimmer than what it reflects. Where they are more alike nobody can tell.
     /// Where their light has one peak it is one spot that is not symmetric, and its centre is anywhere from
@@ -269,15 +278,9 @@ impl Flaw {
             }
             .add(counts, 1.0),
             Self::Glow(height) => add(counts, |i| height * (-4.0 * i / last).exp()),
-            Self::Hot(bad) => {
-                for count in bad.of(counts, site, random) {
-                    *count += bad.counts as f32;
-                }
-            }
+            Self::Hot(bad) => add(bad.of(counts, site, random), |_| bad.counts),
             Self::Dead(bad) | Self::Stuck(bad) => {
-                for count in bad.of(counts, site, random) {
-                    *count = bad.counts as f32;
-                }
+                bad.of(counts, site, random).fill(bad.counts as f32);
             }
             Self::Response(deviation) => {
                 let normals = random::normals_of(random, counts.len());
@@ -307,9 +310,7 @@ impl Flaw {
             }
             Self::Step(height, offset) => {
                 let from = (site.middle() + offset * site.width()).clamp(0.0, last) as usize;
-                for count in &mut counts[from..] {
-                    *count += height as f32;
-                }
+                add(&mut counts[from..], |_| height);
             }
             Self::Sag(height) => add(counts, |i| height * (0.5 * TAU * i / last).sin()),
             Self::Ripple(height, period) => {
@@ -372,11 +373,7 @@ mod tests {
     #[test]
     fn the_higher_spot_counts_unless_two_spots_are_similar_or_have_one_peak() {
         let truth = |share, offset| {
-            let second = Second {
-                share,
-                offset,
-                widths: 1.0,
-            };
+            let second = Second::new(share, offset, 1.0);
             second.truth(Truth::Centre(100.0), 100.0, 10.0, 512)
         };
         assert_eq!(truth(0.5, 5.0), Truth::Centre(100.0));

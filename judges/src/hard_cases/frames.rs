@@ -91,12 +91,8 @@ impl HardFrame {
             ..Options::default()
         };
         let measured = measure_rows(&self.rows, &self.geometry, options, None)?;
-        let calibration = Calibration::Eq1(calibration());
-        measured.reading(
-            Some(&calibration),
-            &CalibrationErrors::Unknown,
-            Surface::Off,
-        )
+        let (calibration, errors) = (Calibration::Eq1(calibration()), CalibrationErrors::Unknown);
+        measured.reading(Some(&calibration), &errors, Surface::Off)
     }
 }
 
@@ -133,7 +129,6 @@ pub fn is_flagged(reading: &Reading) -> bool {
     2 * reading.misfits > reading.rows_used || reading.correlated.is_some()
 }
 
-/// The frame's spot.
 fn middle(number: u64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     240.0 + 32.0 * ((number as f64 + 0.5) * GOLDEN).fract()
@@ -185,7 +180,6 @@ fn full(number: u64, recipe: impl Fn(u64, Recipe) -> Recipe) -> HardFrame {
     steady(number, FULL, recipe)
 }
 
-/// The same without a change.
 fn clean(number: u64) -> HardFrame {
     full(number, |_, recipe| recipe)
 }
@@ -368,15 +362,8 @@ fn changing() -> Vec<FrameCase> {
         case("two spots in every row", "all rows agree, but no row can tell which spot is the laser's",
             Due::NoCentre,
             |number| {
-                let second = Second {
-                    share: 1.0,
-                    offset: 8.0,
-                    widths: 1.0,
-                };
-                let centre = middle(number);
-                frame(number, FULL, Truth::None, |_| {
-                    spot_at(centre).with(Flaw::Second(second))
-                })
+                let (centre, second) = (middle(number), Flaw::Second(Second::new(1.0, 8.0, 1.0)));
+                frame(number, FULL, Truth::None, |_| spot_at(centre).with(second))
             }),
         case("a slope of 2 counts a pixel in every row", "all rows agree, but all have the same error",
             Due::Honest, |number| {
@@ -458,10 +445,7 @@ fn speckled(number: u64, speed: f64, wander: f64) -> HardFrame {
         seed: number,
         optics: Optics::nominal_on(sensor),
         sensor,
-        spot: Some(Spot {
-            width: 8.6,
-            counts_per_second: 175e3,
-        }),
+        spot: Some(Spot::new(8.6, 175e3)),
         laser_spot: Some(LaserSpot {
             waist: 1e-3,
             waist_distance: 0.8,

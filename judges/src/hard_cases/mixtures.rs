@@ -99,10 +99,11 @@ kinds! {
 /// noise, whole on the row.
 pub fn clean(seed: u64) -> RandomRow {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let (kinds, recipe) = (vec![], clean_recipe(&mut random));
     RandomRow {
         seed,
-        kinds: vec![],
-        recipe: clean_recipe(&mut random),
+        kinds,
+        recipe,
     }
 }
 
@@ -136,27 +137,19 @@ impl RandomRow {
 }
 
 fn clean_recipe(random: &mut ChaCha8Rng) -> Recipe {
-    let shapes = [
-        Shape::Gaussian,
-        Shape::SincSquared,
-        Shape::Fresnel,
-        Shape::LaserSpot,
-    ];
+    use Shape::{Fresnel, Gaussian, LaserSpot, SincSquared};
+    let shapes = [Gaussian, SincSquared, Fresnel, LaserSpot];
     let shape = shapes[random.random_range(0..shapes.len())];
     let width = log_even(random, 0.8, 30.0);
     let read_noise = log_even(random, 0.5, 8.0);
-    let electrons_per_count = random
-        .random_bool(0.75)
-        .then(|| log_even(random, 2.0, 20.0));
+    let has_shot_noise = random.random_bool(0.75);
+    let electrons_per_count = has_shot_noise.then(|| log_even(random, 2.0, 20.0));
     let black_level = random.random_range(60.0..400.0);
     // Nothing is cut off at full scale: five standard deviations of a bright pixel's noise.
     let bright = electrons_per_count.map_or(0.0, |electrons| 4000.0 / electrons);
     let highest = 4094.0 - black_level - 5.0 * (read_noise * read_noise + bright).sqrt();
-    let amplitude = log_even(
-        random,
-        dimmest(width, read_noise, electrons_per_count),
-        highest,
-    );
+    let dimmest = dimmest(width, read_noise, electrons_per_count);
+    let amplitude = log_even(random, dimmest, highest);
     let pixels = if width < 12.0 { 512 } else { 1024 };
     // Whole: five sigma, where a gaussian has a millionth of its height left.
     let margin = 5.0 * width + 2.0;
@@ -230,19 +223,17 @@ impl Kind {
                 let slope = random.random_range(0.0..5.0);
                 Flaw::Slope(either_sign(random, slope))
             }
-            Self::Step => Flaw::Step(
-                random.random_range(-50.0..50.0),
-                random.random_range(-12.0..12.0),
-            ),
+            Self::Step => {
+                let counts = random.random_range(-50.0..50.0);
+                Flaw::Step(counts, random.random_range(-12.0..12.0))
+            }
             Self::Sag => Flaw::Sag(random.random_range(-300.0..300.0)),
             Self::Glow => Flaw::Glow(random.random_range(0.0..1500.0)),
             Self::Ghost => {
                 let offset = random.random_range(0.0..6.0);
-                Flaw::Ghost(Second {
-                    share: log_even(random, 0.01, 0.2),
-                    widths: random.random_range(4.0..15.0),
-                    offset: either_sign(random, offset),
-                })
+                let share = log_even(random, 0.01, 0.2);
+                let widths = random.random_range(4.0..15.0);
+                Flaw::Ghost(Second::new(share, either_sign(random, offset), widths))
             }
             Self::Hot => {
                 let counts = log_even(random, 50.0, 3000.0);
@@ -258,10 +249,8 @@ impl Kind {
             Self::FixedPattern => Flaw::FixedPattern(log_even(random, 1.0, 30.0)),
             Self::FullWell => {
                 set_height(recipe, 3600.0, random);
-                Flaw::FullWell(
-                    random.random_range(1500.0..4000.0),
-                    random.random_range(0.0..1.0),
-                )
+                let well = random.random_range(1500.0..4000.0);
+                Flaw::FullWell(well, random.random_range(0.0..1.0))
             }
             Self::Smear => {
                 set_height(recipe, 3600.0, random);

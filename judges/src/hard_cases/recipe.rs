@@ -183,10 +183,7 @@ impl Recipe {
         self.apply(Stage::Light, &mut counts, &scene, &mut random);
         if let Some(electrons_per_count) = self.electrons_per_count {
             let mut noise = random::of_row(seed, Effect::ShotNoise, number);
-            ShotNoise {
-                electrons_per_count,
-            }
-            .apply(&mut counts, &mut noise);
+            ShotNoise::of(electrons_per_count).apply(&mut counts, &mut noise);
         }
         self.apply(Stage::Charge, &mut counts, &scene, &mut random);
         let level = self.black_level as f32;

@@ -1,6 +1,6 @@
 //! The catalogue's table, and the rates of confident errors, as text.
 
-use std::fmt::{self, Write as _};
+use std::fmt::Write as _;
 
 use rayon::prelude::*;
 use slitrange::base::fault::Fault;
@@ -30,53 +30,27 @@ pub struct Catalogue {
     pub calibrations: Vec<(CalibrationCase, Found)>,
 }
 
-/// A case of which something else came than was due.
-#[derive(Clone, Copy, Debug)]
-pub struct Failure<'a> {
-    /// Its name.
-    pub case: &'a str,
-    /// What came.
-    pub what: &'a str,
-}
-
-impl fmt::Display for Failure<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.case, self.what)
-    }
-}
-
 impl Catalogue {
     /// Runs it.
     pub fn run() -> Self {
+        let (rows, frames) = (rows().into_par_iter(), frames().into_par_iter());
         Self {
-            rows: rows()
-                .into_par_iter()
-                .map(|case| (case.clone(), case.run()))
-                .collect(),
-            frames: frames()
-                .into_par_iter()
-                .map(|case| (case, case.run()))
-                .collect(),
-            calibrations: calibrations()
-                .into_iter()
+            rows: rows.map(|case| (case.clone(), case.run())).collect(),
+            frames: frames.map(|case| (case, case.run())).collect(),
+            calibrations: (calibrations().into_iter())
                 .map(|case| (case.clone(), case.run()))
                 .collect(),
         }
     }
 
     /// Number of cases.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.rows.len() + self.frames.len() + self.calibrations.len()
     }
 
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The cases of which something else came than was due with an estimator, and what. A calibration that
-    /// fails does so with every estimator.
-    pub fn failures(&self, estimator: Estimator) -> Vec<Failure<'_>> {
+    /// The names of the cases of which something else came than was due with an estimator, each with what
+    /// came. A calibration that fails does so with every estimator.
+    pub fn failures(&self, estimator: Estimator) -> Vec<String> {
         let rows = self.rows.iter().map(|(case, all)| (&*case.name, all));
         let frames = self.frames.iter().map(|(case, all)| (case.name, all));
         let of_estimators = rows.chain(frames).flat_map(|(case, outcomes)| {
@@ -87,32 +61,24 @@ impl Catalogue {
             .filter(|(_, found)| !found.is_due)
             .map(|(case, found)| (case.name, &*found.answer));
         let failures = of_estimators.chain(calibrations);
-        failures
-            .map(|(case, what)| Failure { case, what })
-            .collect()
+        let failures = failures.map(|(case, what)| format!("{case}: {what}"));
+        failures.collect()
     }
 
     /// The tables of docs/hard-cases.md.
     pub fn markdown(&self) -> String {
         let mut text = String::new();
-        let total = self.len();
-        _ = writeln!(
-            text,
-            "{total} cases: {} of rows ({ROWS} rows each), {} of frames ({FRAMES} frames each), {} of \
-             calibrations.\n",
-            self.rows.len(),
-            self.frames.len(),
-            self.calibrations.len()
+        let (total, rows, frames) = (self.count(), self.rows.len(), self.frames.len());
+        let others = self.calibrations.len();
+        text += &format!(
+            "{total} cases: {rows} of rows ({ROWS} rows each), {frames} of frames ({FRAMES} frames each), \
+             {others} of calibrations.\n\n"
         );
         text += "| estimator | letter | cases that failed |\n|---|---|---:|\n";
         for estimator in Estimator::ALL {
-            _ = writeln!(
-                text,
-                "| {} | {} | {} |",
-                estimator.name(),
-                estimator.letter(),
-                self.failures(estimator).len()
-            );
+            let (name, letter) = (estimator.name(), estimator.letter());
+            let failed = self.failures(estimator).len();
+            _ = writeln!(text, "| {name} | {letter} | {failed} |");
         }
         for group in self.rows.chunk_by(|(a, _), (b, _)| a.group == b.group) {
             _ = writeln!(text, "\n### {}\n\n{}", group[0].0.group, head());
@@ -145,14 +111,10 @@ impl Catalogue {
 fn head() -> String {
     let letters = Estimator::ALL.map(|estimator| format!(" {} |", estimator.letter()));
     let rules = Estimator::ALL.map(|_| "---|");
-    format!(
-        "| case | why it is hard | expected |{}\n|---|---|---|{}",
-        letters.concat(),
-        rules.concat()
-    )
+    let (letters, rules) = (letters.concat(), rules.concat());
+    format!("| case | why it is hard | expected |{letters}\n|---|---|---|{rules}")
 }
 
-/// A line of a table of estimators.
 fn line(name: &str, why: &str, due: &str, outcomes: &[Outcome]) -> String {
     let cells: Vec<String> = outcomes.iter().map(cell).collect();
     format!("| {name} | {why} | {due} | {} |\n", cells.join(" | "))
@@ -186,10 +148,8 @@ fn cell(Outcome { said, failure, .. }: &Outcome) -> String {
         count if count == said.len() => Some(name.to_owned()),
         count => Some(format!("{name} {count}")),
     };
-    parts.extend(count(
-        "flag",
-        said.iter().filter(|said| said.is_flagged()).count(),
-    ));
+    let flagged = said.iter().filter(|said| said.is_flagged());
+    parts.extend(count("flag", flagged.count()));
     for (kind, name) in FAULTS.into_iter().enumerate() {
         let of_kind = |said: &&Said| matches!(said, Said::Fault(fault) if fault.kind() == kind);
         parts.extend(count(name, said.iter().filter(of_kind).count()));
@@ -198,11 +158,8 @@ fn cell(Outcome { said, failure, .. }: &Outcome) -> String {
 }
 
 fn emphasised(text: &str, is: bool) -> String {
-    if is {
-        format!("**{text}**")
-    } else {
-        text.into()
-    }
+    let stars = if is { "**" } else { "" };
+    format!("{stars}{text}{stars}")
 }
 
 /// Short names of the kinds of fault, in their order.
@@ -223,10 +180,9 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
         clean.rows, mixtures.rows
     );
     for (i, estimator) in Estimator::ALL.iter().enumerate() {
-        let errors =
-            |tally: &Tally, count: u64| format!("{:.1}", 1e6 * count as f64 / tally.rows as f64);
-        let share =
-            |tally: &Tally, count: u64| format!("{:.2}", 1e2 * count as f64 / tally.rows as f64);
+        let of = |all: f64, tally: &Tally, count: u64| all * count as f64 / tally.rows as f64;
+        let errors = |tally, count| format!("{:.1}", of(1e6, tally, count));
+        let share = |tally, count| format!("{:.2}", of(1e2, tally, count));
         let (c, m) = (&clean.checked[i], &mixtures.checked[i]);
         let cells = [
             estimator.name().into(),
@@ -250,13 +206,8 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
     for (kind, name) in kinds {
         let of_kind = &mixtures.kinds[kind as usize];
         let rate = |errors: u64| 1e6 * errors as f64 / of_kind.rows.max(1) as f64;
-        _ = writeln!(
-            text,
-            "| {name} | {} | {:.0} | {:.0} |",
-            of_kind.rows,
-            rate(of_kind.checked),
-            rate(of_kind.alone)
-        );
+        let (rows, checked, alone) = (of_kind.rows, rate(of_kind.checked), rate(of_kind.alone));
+        _ = writeln!(text, "| {name} | {rows} | {checked:.0} | {alone:.0} |");
     }
     text
 }

@@ -7,7 +7,6 @@ use crate::hard_cases::Truth;
 use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
 
-/// Number of estimators.
 const ESTIMATORS: usize = Estimator::ALL.len();
 
 /// What came of many rows for an estimator.
@@ -70,7 +69,6 @@ pub struct Tally {
     pub seeds: Vec<u64>,
 }
 
-/// Seeds that are kept.
 const SEEDS: usize = 24;
 
 impl Tally {
@@ -92,11 +90,8 @@ impl Tally {
                 tally.seeds.push(random_row.seed);
             }
             for kind in &random_row.kinds {
-                tally.kinds[*kind as usize] = OfKind {
-                    rows: 1,
-                    checked,
-                    alone,
-                };
+                let of_kind = &mut tally.kinds[*kind as usize];
+                (of_kind.rows, of_kind.checked, of_kind.alone) = (1, checked, alone);
             }
         }
         tally
@@ -104,10 +99,8 @@ impl Tally {
 
     fn add(mut self, other: Self) -> Self {
         self.rows += other.rows;
-        for (counts, other) in self.checked.iter_mut().zip(other.checked) {
-            counts.add(other);
-        }
-        for (counts, other) in self.alone.iter_mut().zip(other.alone) {
+        let all = self.checked.iter_mut().chain(&mut self.alone);
+        for (counts, other) in all.zip(other.checked.into_iter().chain(other.alone)) {
             counts.add(other);
         }
         for (of_kind, other) in self.kinds.iter_mut().zip(other.kinds) {
@@ -127,12 +120,10 @@ impl Tally {
         draw: fn(u64) -> RandomRow,
         done: &(impl Fn() + Sync),
     ) -> Self {
-        seeds
-            .into_par_iter()
-            .fold(Self::default, |tally, seed| {
-                done();
-                tally.add(Self::of(&draw(seed)))
-            })
-            .reduce(Self::default, Self::add)
+        let tallies = seeds.into_par_iter().fold(Self::default, |tally, seed| {
+            done();
+            tally.add(Self::of(&draw(seed)))
+        });
+        tallies.reduce(Self::default, Self::add)
     }
 }

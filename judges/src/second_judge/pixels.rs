@@ -15,7 +15,7 @@ pub fn blooming_tail(plan: &mut Plan, random: &mut Rng) {
     let leak = log_even(random, 0.02, 0.3);
     let lost = 1.0 - (-1.0 / log_even(random, 1.0, 15.0)).exp();
     let is_right = random.random_bool(0.5);
-    plan.charge(move |pixels, _, _| {
+    plan.charge.add(move |pixels, _, _| {
         let mut carried = 0.0;
         let mut fill = |pixel: &mut f64| {
             let excess = (*pixel - well).max(0.0);
@@ -43,7 +43,7 @@ pub fn lag(plan: &mut Plan, random: &mut Rng) {
     // A frame in which the spot moves by more than 1.5 of its widths has no centre.
     plan.speed = step.clamp(-0.1 * plan.spot.width, 0.1 * plan.spot.width);
     let speed = plan.speed;
-    plan.light(move |pixels, moment, _| {
+    plan.light.add(move |pixels, moment, _| {
         // Before the frame it moved faster, and came to this place in the row before the first.
         let step = if moment.row == 0 { step } else { speed };
         for age in 1..=ROWS {
@@ -70,27 +70,31 @@ fn block(plan: &Plan, random: &mut Rng, most: usize) -> std::ops::Range<usize> {
 pub fn hot_block(plan: &mut Plan, random: &mut Rng) {
     let block = block(plan, random, 4);
     let counts = log_even(random, 30.0, 3000.0);
-    plan.light(move |pixels, _, _| add(&mut pixels[block.clone()], |_| counts));
+    plan.light
+        .add(move |pixels, _, _| add(&mut pixels[block.clone()], |_| counts));
 }
 
 /// Pixels that see no light.
 pub fn dead_block(plan: &mut Plan, random: &mut Rng) {
     let block = block(plan, random, 6);
-    plan.charge(move |pixels, _, _| pixels[block.clone()].fill(0.0));
+    plan.charge
+        .add(move |pixels, _, _| pixels[block.clone()].fill(0.0));
 }
 
 /// A pixel that always reads the same.
 pub fn stuck(plan: &mut Plan, random: &mut Rng) {
     let block = block(plan, random, 1);
     let value = random.random_range(0.0..FULL_SCALE);
-    plan.volts(move |pixels, _, _| pixels[block.clone()].fill(value));
+    plan.volts
+        .add(move |pixels, _, _| pixels[block.clone()].fill(value));
 }
 
 /// Dark currents that differ.
 pub fn uneven_dark(plan: &mut Plan, random: &mut Rng) {
     let deviation = log_even(random, 1.0, 8.0);
     let offsets = normals(plan, random);
-    plan.charge(move |pixels, _, _| add(pixels, |i| deviation * offsets[i as usize]));
+    plan.charge
+        .add(move |pixels, _, _| add(pixels, |i| deviation * offsets[i as usize]));
 }
 
 /// Pixels of unlike sizes.
@@ -98,7 +102,7 @@ pub fn uneven_response(plan: &mut Plan, random: &mut Rng) {
     let deviation = log_even(random, 0.003, 0.04);
     let responses = normals(plan, random);
     plan.leave_room(2.0 * deviation * plan.spot.height);
-    plan.light(move |pixels, _, _| {
+    plan.light.add(move |pixels, _, _| {
         for (pixel, response) in pixels.iter_mut().zip(&responses) {
             *pixel *= 1.0 + deviation * response;
         }
@@ -116,7 +120,7 @@ pub fn odd_even(plan: &mut Plan, random: &mut Rng) {
     let gain = side(random) * random.random_range(0.0..0.06);
     let offset = side(random) * random.random_range(0.0..20.0);
     plan.leave_room(0.06 * plan.spot.height + 20.0);
-    plan.charge(move |pixels, _, _| {
+    plan.charge.add(move |pixels, _, _| {
         for pixel in pixels.iter_mut().skip(1).step_by(2) {
             *pixel = *pixel * (1.0 + gain) + offset;
         }

@@ -23,8 +23,22 @@ pub struct Moment {
 /// A transmission at a place in pixels.
 type Glass = Box<dyn Fn(f64) -> f64>;
 
-/// A change of pixels, in counts.
+/// Changes of pixels, in counts.
+#[derive(Default)]
+pub struct Changes<T>(Vec<Change<T>>);
+
 type Change<T> = Box<dyn Fn(&mut [T], &Moment, &mut Rng)>;
+
+impl<T> Changes<T> {
+    /// One change more.
+    pub fn add(&mut self, change: impl Fn(&mut [T], &Moment, &mut Rng) + 'static) {
+        self.0.push(Box::new(change));
+    }
+
+    fn apply(&self, pixels: &mut [T], moment: &Moment, random: &mut Rng) {
+        self.0.iter().for_each(|it| it(pixels, moment, random));
+    }
+}
 
 /// A frame to be.
 pub struct Plan {
@@ -41,15 +55,15 @@ pub struct Plan {
     /// What lies before the sensor, and dims the spot.
     glass: Vec<Glass>,
     /// Other light, and pixels that see it differently: before the shot noise.
-    light: Vec<Change<f64>>,
+    pub light: Changes<f64>,
     /// Charge in the pixels.
-    charge: Vec<Change<f64>>,
+    pub charge: Changes<f64>,
     /// Voltages at the converter, black level included.
-    volts: Vec<Change<f64>>,
+    pub volts: Changes<f64>,
     /// Counts of the light pixels.
-    counts: Vec<Change<u16>>,
+    pub counts: Changes<u16>,
     /// Words of the read-out.
-    words: Vec<Change<u16>>,
+    pub words: Changes<u16>,
 }
 
 /// The least height of the spot that a calibration sees, in counts: a person takes care that it is bright.
@@ -97,11 +111,11 @@ impl Plan {
             speed,
             truth: Truth::Centre(centre),
             glass: vec![],
-            light: vec![],
-            charge: vec![],
-            volts: vec![],
-            counts: vec![],
-            words: vec![],
+            light: Changes::default(),
+            charge: Changes::default(),
+            volts: Changes::default(),
+            counts: Changes::default(),
+            words: Changes::default(),
         }
     }
 
@@ -127,39 +141,14 @@ impl Plan {
         self.glass.push(Box::new(transmission));
     }
 
-    /// Changes the light before its shot noise.
-    pub fn light(&mut self, change: impl Fn(&mut [f64], &Moment, &mut Rng) + 'static) {
-        self.light.push(Box::new(change));
-    }
-
     /// Adds to the light of each pixel, before its shot noise, what a function gives for the pixel's number.
     pub fn add_light(&mut self, added: impl Fn(f64) -> f64 + 'static) {
-        self.light(move |pixels, _, _| add(pixels, &added));
+        self.light.add(move |pixels, _, _| add(pixels, &added));
     }
 
     /// Adds to the voltage of each pixel what a function gives for the pixel's number.
     pub fn add_volts(&mut self, added: impl Fn(f64) -> f64 + 'static) {
-        self.volts(move |pixels, _, _| add(pixels, &added));
-    }
-
-    /// Changes the charge in the pixels.
-    pub fn charge(&mut self, change: impl Fn(&mut [f64], &Moment, &mut Rng) + 'static) {
-        self.charge.push(Box::new(change));
-    }
-
-    /// Changes the voltages at the converter.
-    pub fn volts(&mut self, change: impl Fn(&mut [f64], &Moment, &mut Rng) + 'static) {
-        self.volts.push(Box::new(change));
-    }
-
-    /// Changes the counts of the light pixels.
-    pub fn counts(&mut self, change: impl Fn(&mut [u16], &Moment, &mut Rng) + 'static) {
-        self.counts.push(Box::new(change));
-    }
-
-    /// Changes the words of the read-out.
-    pub fn words(&mut self, change: impl Fn(&mut [u16], &Moment, &mut Rng) + 'static) {
-        self.words.push(Box::new(change));
+        self.volts.add(move |pixels, _, _| add(pixels, &added));
     }
 
     /// Takes the frame's rows.
@@ -212,24 +201,15 @@ impl Plan {
     }
 
     fn row(&self, mut pixels: Vec<f64>, moment: &Moment, random: &mut Rng) -> Vec<u16> {
-        let apply = |changes: &[Change<f64>], pixels: &mut Vec<f64>, random: &mut Rng| {
-            for change in changes {
-                change(pixels, moment, random);
-            }
-        };
-        apply(&self.light, &mut pixels, random);
+        self.light.apply(&mut pixels, moment, random);
         self.sensor.expose(&mut pixels, random);
-        apply(&self.charge, &mut pixels, random);
+        self.charge.apply(&mut pixels, moment, random);
         self.sensor.amplify(&mut pixels, random);
-        apply(&self.volts, &mut pixels, random);
+        self.volts.apply(&mut pixels, moment, random);
         let mut counts: Vec<u16> = pixels.into_iter().map(convert).collect();
-        for change in &self.counts {
-            change(&mut counts, moment, random);
-        }
+        self.counts.apply(&mut counts, moment, random);
         let mut words = self.sensor.words(&counts, random);
-        for change in &self.words {
-            change(&mut words, moment, random);
-        }
+        self.words.apply(&mut words, moment, random);
         words
     }
 }

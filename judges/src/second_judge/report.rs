@@ -28,12 +28,9 @@ fn pixels(error: f64) -> String {
 impl Report {
     /// The share of confident errors in all frames, with one of [`JUDGED`].
     pub fn frames_in_error(&self, judged: usize) -> f64 {
-        let sum = |count: fn(&Tally) -> u64| -> u64 {
-            (self.kinds.iter())
-                .map(|kind| count(&kind.frames[judged]))
-                .sum()
-        };
-        sum(|tally| tally.errors) as f64 / sum(|tally| tally.count).max(1) as f64
+        let tallies = self.kinds.iter().map(|kind| &kind.frames[judged]);
+        let errors: u64 = tallies.clone().map(|tally| tally.errors).sum();
+        errors as f64 / tallies.map(|tally| tally.count).sum::<u64>().max(1) as f64
     }
 
     /// A table of all kinds.
@@ -53,11 +50,11 @@ impl Report {
             let cells = [cells(&report.rows), cells(&report.frames)].concat();
             _ = writeln!(text, "| {} | {} |", report.kind.name, cells.join(" | "));
         }
+        let [all, never] = [0, 2].map(|judged| per_cent(self.frames_in_error(judged)));
+        let of_never = format!("of a sensor that was never calibrated: {never} %.");
         _ = writeln!(
             text,
-            "\nConfident errors in all frames: {} %; of a sensor that was never calibrated: {} %.",
-            per_cent(self.frames_in_error(0)),
-            per_cent(self.frames_in_error(2))
+            "\nConfident errors in all frames: {all} %; {of_never}"
         );
         text
     }

@@ -130,9 +130,8 @@ mod tests {
         let mut random = Rng::seed_from_u64(1);
         for expected in [3.0, 61.0, 5000.0] {
             let count = 20_000;
-            let drawn: Vec<f64> = (0..count)
-                .map(|_| electrons(expected, &mut random))
-                .collect();
+            let drawn = (0..count).map(|_| electrons(expected, &mut random));
+            let drawn: Vec<f64> = drawn.collect();
             let (mean, variance) = (statistics::mean(&drawn), statistics::variance(&drawn));
             // Five standard deviations of the mean; of the variance, five times sqrt(2 / count) is 5 %.
             assert!((mean - expected).abs() < 5.0 * (expected / f64::from(count)).sqrt());

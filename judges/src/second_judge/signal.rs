@@ -33,7 +33,7 @@ pub fn step(plan: &mut Plan, random: &mut Rng) {
     let counts = side(random) * log_even(random, 3.0, 60.0);
     let from = plan.spot.centre + random.random_range(-3.0..3.0) * plan.spot.width;
     plan.leave_room(60.0);
-    plan.volts(move |pixels, _, _| {
+    plan.volts.add(move |pixels, _, _| {
         let pixels = pixels.iter_mut().skip(from as usize);
         pixels.for_each(|pixel| *pixel += counts);
     });
@@ -46,7 +46,7 @@ pub fn flicker(plan: &mut Plan, random: &mut Rng) {
     let phase = TAU * random.random::<f64>();
     let pixels = plan.sensor.pixels as f64;
     plan.leave_room(1.5 * counts);
-    plan.light(move |light, moment, _| {
+    plan.light.add(move |light, moment, _| {
         let wave = (TAU * 100.0 * 5.7e-3 * moment.row as f64 + phase).sin();
         let level = 0.5 * counts * (1.0 + wave);
         add(light, |i| {
@@ -83,7 +83,7 @@ pub fn slow_noise(plan: &mut Plan, random: &mut Rng) {
     let deviation = plan.sensor.read_noise * log_even(random, 0.5, 4.0);
     let kept = (-1.0 / log_even(random, 3.0, 60.0)).exp();
     let fresh = deviation * (1.0 - kept * kept).sqrt();
-    plan.volts(move |pixels, _, random| {
+    plan.volts.add(move |pixels, _, random| {
         let first: f64 = StandardNormal.sample(random);
         let mut level = deviation * first;
         for pixel in pixels {
@@ -97,7 +97,7 @@ pub fn slow_noise(plan: &mut Plan, random: &mut Rng) {
 /// Sparks: other pixels in each row.
 pub fn impulses(plan: &mut Plan, random: &mut Rng) {
     let share = log_even(random, 0.001, 0.03);
-    plan.volts(move |pixels, _, random| {
+    plan.volts.add(move |pixels, _, random| {
         for pixel in pixels {
             if random.random_bool(share) {
                 *pixel = random.random_range(0.0..FULL_SCALE);

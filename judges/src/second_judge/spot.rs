@@ -57,12 +57,16 @@ impl Shape {
 
     /// The height at a distance from the centre in widths.
     fn at(&self, widths: f64) -> f64 {
-        let place = widths.abs() * STEPS as f64;
-        let i = place as usize;
-        match self.values.get(i..i + 2) {
-            Some(&[near, far]) => near + (far - near) * (place - i as f64),
-            _ => 0.0,
-        }
+        between(&self.values, widths.abs() * STEPS as f64)
+    }
+}
+
+/// The value at a place of a table, by linear interpolation; 0 beyond its end.
+fn between(table: &[f64], place: f64) -> f64 {
+    let i = place as usize;
+    match table.get(i..i + 2) {
+        Some(&[near, far]) => near + (far - near) * (place - i as f64),
+        _ => 0.0,
     }
 }
 
@@ -80,13 +84,11 @@ fn slit(fresnel_number: f64, blur: f64) -> Shape {
     const GRID: usize = 64;
     // 40 widths of 0.38.
     const END: usize = 18 * GRID;
-    let sharp: Vec<f64> = (0..=END)
-        .map(|i| slit_intensity(fresnel_number, i as f64 / GRID as f64))
-        .collect();
+    let intensity = |i| slit_intensity(fresnel_number, i as f64 / GRID as f64);
+    let sharp: Vec<f64> = (0..=END).map(intensity).collect();
     let reach = (5.0 * blur * GRID as f64) as i64;
-    let weights: Vec<f64> = (-reach..=reach)
-        .map(|k| (-0.5 * (k as f64 / GRID as f64 / blur).powi(2)).exp())
-        .collect();
+    let weight = |k| (-0.5 * (k as f64 / GRID as f64 / blur).powi(2)).exp();
+    let weights: Vec<f64> = (-reach..=reach).map(weight).collect();
     let total: f64 = weights.iter().sum();
     let blurred: Vec<f64> = (0..=END as i64)
         .map(|i| {
@@ -97,14 +99,7 @@ fn slit(fresnel_number: f64, blur: f64) -> Shape {
             sum / total
         })
         .collect();
-    let at = |u: f64| {
-        let place = u * GRID as f64;
-        let i = place as usize;
-        match blurred.get(i..i + 2) {
-            Some(&[near, far]) => near + (far - near) * (place - i as f64),
-            _ => 0.0,
-        }
-    };
+    let at = |u: f64| between(&blurred, u * GRID as f64);
     let name = format!("slit of Fresnel number {fresnel_number}, blurred by {blur}");
     Shape::of(name, at, 1.5)
 }
@@ -189,9 +184,8 @@ impl Spot {
             width if width < 4.0 => 6,
             _ => 4,
         };
-        let offsets: Vec<f64> = (0..points)
-            .map(|k| (k as f64 + 0.5) / points as f64 - 0.5)
-            .collect();
+        let offset = |k| (k as f64 + 0.5) / points as f64 - 0.5;
+        let offsets: Vec<f64> = (0..points).map(offset).collect();
         for (i, pixel) in pixels.iter_mut().enumerate() {
             let light = offsets.iter().map(|offset| {
                 let place = i as f64 + offset;

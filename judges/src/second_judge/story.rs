@@ -17,24 +17,13 @@ impl Frame {
     /// Tells the story, in lines.
     pub fn story(&self, kind: &Kind) -> String {
         let mut text = format!("{}: {}\n", kind.name, kind.what);
-        let (sensor, spot) = (self.sensor, self.spot);
-        _ = writeln!(
-            text,
-            "sensor: black level {:.1} counts, read noise {:.2} counts, {:.1} electrons a count\n\
-             spot: {:?}, width {:.3} px, height {:.1} counts\n\
-             truth: {:?}\n\n\
-             {:>8} {:>9} {:>9} {:>9}",
-            sensor.black,
-            sensor.read_noise,
-            sensor.electrons,
-            spot.shape,
-            spot.width,
-            spot.height,
-            self.truth,
-            "pixel",
-            "counts",
-            "clean",
-            "fault"
+        let (sensor, spot, truth) = (self.sensor, self.spot, self.truth);
+        let (black, noise, electrons) = (sensor.black, sensor.read_noise, sensor.electrons);
+        let (shape, width, height) = (spot.shape, spot.width, spot.height);
+        text += &format!(
+            "sensor: black level {black:.1} counts, read noise {noise:.2} counts, {electrons:.1} electrons a \
+             count\nspot: {shape:?}, width {width:.3} px, height {height:.1} counts\ntruth: {truth:?}\n\n\
+             \x20  pixel    counts     clean     fault\n"
         );
         // The mean of the frame's rows, above the black level; a clean spot, whole.
         let seen = self.mean();
@@ -92,14 +81,13 @@ fn words(verdict: &Verdict) -> String {
             claim,
             is_flagged,
             misfits,
-        } => format!(
-            "off by {error:.3} px, claims {claim:.4} px, {misfits} rows doubtful{}{}",
-            if is_flagged { ", flagged" } else { "" },
-            if verdict.is_confident_error() {
-                ", CONFIDENT ERROR"
-            } else {
-                ""
-            }
-        ),
+        } => {
+            let end = match (is_flagged, verdict.is_confident_error()) {
+                (true, _) => ", flagged",
+                (_, true) => ", CONFIDENT ERROR",
+                _ => "",
+            };
+            format!("off by {error:.3} px, claims {claim:.4} px, {misfits} rows doubtful{end}")
+        }
     }
 }

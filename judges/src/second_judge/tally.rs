@@ -107,12 +107,12 @@ impl Frame {
             Err(fault) => return Verdict::Fault(fault),
         };
         let found = measured.frame;
-        let pixels = if kind.claim == Claim::CentreAndPixels {
-            let (width, height) = (found.width, found.amplitude);
-            let part = (measured.pixels).of_centre(estimator, width, height, measured.ambient);
-            f64::from(part)
-        } else {
-            0.0
+        let (width, height, pixels) = (found.width, found.amplitude, measured.pixels);
+        let pixels = match kind.claim {
+            Claim::Centre => 0.0,
+            Claim::CentreAndPixels => pixels
+                .of_centre(estimator, width, height, measured.ambient)
+                .into(),
         };
         Verdict::Centre {
             error: self.truth.error(found.centre.to_f64()),

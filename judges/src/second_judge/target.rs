@@ -84,7 +84,7 @@ pub fn second_reflection(plan: &mut Plan, random: &mut Rng) {
 /// Adds a spot of the same shape: height as a share, distance and width in widths of the spot. It moves with
 /// the spot.
 pub fn add_spot(plan: &mut Plan, share: f64, offset: f64, widths: f64) {
-    plan.light(move |pixels, moment, _| {
+    plan.light.add(move |pixels, moment, _| {
         let spot = moment.spot;
         let other = Spot {
             height: share * spot.height,

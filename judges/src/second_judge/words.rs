@@ -12,7 +12,7 @@ use crate::second_judge::{ROWS_OF_FRAME, Rng, log_even};
 pub fn missing_codes(plan: &mut Plan, random: &mut Rng) {
     let spacing = 1u16 << random.random_range(5..=9);
     let missing = (log_even(random, 2.0, 24.0) as u16).min(spacing / 4);
-    plan.counts(move |counts, _, _| {
+    plan.counts.add(move |counts, _, _| {
         let half = missing / 2;
         for count in counts {
             // From the start of a gap: codes 0 to `missing` - 1 are missing.
@@ -45,7 +45,8 @@ pub fn lost_word(plan: &mut Plan, random: &mut Rng) {
     };
     let place = (centre + widths * plan.spot.width).round() as usize;
     let word = plan.sensor.geometry().light.start + place;
-    plan.words(move |words, _, _| words.copy_within(word + 1.., word));
+    plan.words
+        .add(move |words, _, _| words.copy_within(word + 1.., word));
 }
 
 /// Rows whose words come late by a few. In a single row nothing tells that, so its truth is the shifted
@@ -58,7 +59,7 @@ pub fn slip(plan: &mut Plan, random: &mut Rng) {
         rows = vec![0];
         plan.truth = Truth::Centre(plan.spot.centre + late as f64);
     }
-    plan.words(move |words, moment, _| {
+    plan.words.add(move |words, moment, _| {
         if rows.contains(&moment.row) {
             let end = words.len() - late;
             words.copy_within(..end, late);
@@ -72,7 +73,7 @@ pub fn lost_clock(plan: &mut Plan, random: &mut Rng) {
     let bits = random.random_range(1..=3);
     let is_lost = random.random_bool(0.5);
     let from = random.random_range(0..plan.sensor.geometry().light.end);
-    plan.words(move |words, _, _| {
+    plan.words.add(move |words, _, _| {
         let all = words.to_vec();
         for i in from..words.len() {
             let next = all.get(i + 1).copied().unwrap_or_default();

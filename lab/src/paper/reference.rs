@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use crate::paper::data_set::{DataSet, Target};
 use crate::paper::row_mean::{self, RowFit};
 use crate::paper::slit_path::{self, COLUMNS};
-use simulator::least_squares;
-use simulator::sinc_fit::{self, Sinc};
+use simulator::least_squares::{self, Spot};
+use simulator::sinc_fit;
 
 /// Compares frames, the first capture at 16 positions of a data set. Gives root mean squares of the plain
 /// mean of rows, core less reference, in pixels: `gauss-newton` with equal weights less
@@ -61,9 +61,9 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
             amplitude: fit.amplitude,
             place: 0.0,
         });
-        let start = Sinc {
+        let start = Spot {
             centre: fit.centre,
-            zero: fit.width / 0.376,
+            extent: fit.width / 0.376,
             amplitude: fit.amplitude,
             level: fit.level,
         };

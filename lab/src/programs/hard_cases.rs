@@ -110,7 +110,7 @@ fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
     if !clean.seeds.is_empty() {
         println!("and of clean rows with seeds {:?}", clean.seeds);
     }
-    println!("\n{} cases", catalogue.len());
+    println!("\n{} cases", catalogue.count());
     for estimator in Estimator::ALL {
         let failures = catalogue.failures(estimator);
         println!("{}: {} failed", estimator.name(), failures.len());

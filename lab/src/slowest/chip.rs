@@ -55,7 +55,8 @@ impl Chip {
         for questions in questions.chunks(QUESTIONS) {
             let words = questions.iter().flat_map(Question::to_words).collect();
             self.board.write_words(self.words, words)?;
-            self.board.write_word(self.asked, questions.len() as u32)?;
+            self.board
+                .write_words(self.asked, vec![questions.len() as u32])?;
             self.wait()?;
             counts.extend(self.board.read_words(self.counted, questions.len())?);
         }

@@ -83,9 +83,8 @@ impl Laser {
             }];
         }
         let n = self.wavelengths as f64;
-        let medians: Vec<f64> = (0..self.wavelengths)
-            .map(|i| normal_quantile((i as f64 + 0.5) / n))
-            .collect();
+        let median = |i| normal_quantile((i as f64 + 0.5) / n);
+        let medians: Vec<f64> = (0..self.wavelengths).map(median).collect();
         let deviation = self.wavenumber_deviation() / (2.0 * PI) / rms(&medians);
         medians
             .iter()

@@ -154,12 +154,8 @@ impl<'a> Pupil<'a> {
             pupil.multiply_elements(&self.transmission);
             at_v.set_product(&fields, &pupil.transposed());
             waves.set_product(&at_v, &self.along);
-            waves
-                .row_sums()
-                .iter()
-                .zip(&light)
-                .map(|(sum, (_, light))| sum * light)
-                .sum()
+            let pairs = waves.row_sums().into_iter().zip(&light);
+            pairs.map(|(sum, (_, light))| sum * light).sum()
         };
         image.iter().map(|&place| mean_at(place)).collect()
     }

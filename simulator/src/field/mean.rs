@@ -49,10 +49,8 @@ pub fn lens_mean(
     let lit = Lit::new(laser, scattering, view);
     let pupil = Pupil::new(&lit, laser, lens, field, reach(columns, rows));
     let (mean, density) = pupil.mean_at_centre();
-    let places: Vec<(f64, f64)> = rows
-        .iter()
-        .flat_map(|&y| columns.iter().map(move |&x| (x, y)))
-        .collect();
+    let row = |&y: &f64| columns.iter().map(move |&x| (x, y));
+    let places: Vec<(f64, f64)> = rows.iter().flat_map(row).collect();
     let light = pupil.mean_at(&places);
     Image {
         columns: columns.len(),

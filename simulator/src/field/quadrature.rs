@@ -35,10 +35,8 @@ mod tests {
     fn powers_are_integrated_exactly() {
         for nodes in [2, 8, 12, 24] {
             for power in (0..2 * nodes as i32).step_by(2) {
-                let sum: f64 = gauss_legendre(nodes)
-                    .iter()
-                    .map(|(x, weight)| 2.0 * weight * x.powi(power))
-                    .sum();
+                let term = |(x, weight): &(f64, f64)| 2.0 * weight * x.powi(power);
+                let sum: f64 = gauss_legendre(nodes).iter().map(term).sum();
                 let exact = 2.0 / f64::from(power + 1);
                 assert!((sum - exact).abs() < 1e-13, "{nodes} {power}: {sum}");
             }

@@ -156,10 +156,7 @@ impl<'a> RowSums<'a> {
         Self {
             lit,
             surface,
-            beams: surface
-                .laser
-                .spectrum()
-                .iter()
+            beams: (surface.laser.spectrum().iter())
                 .map(|line| beam(line.wavenumber))
                 .collect(),
             tilts: Matrix::from_fn(u.len(), lit.half, |pair, m| {

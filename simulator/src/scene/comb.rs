@@ -383,10 +383,8 @@ mod tests {
         let temperature = scene.temperature.expect("listed");
         let time = row as f64 * scene.period();
         let scale = temperature.scale(time);
-        let expected = temperature
-            .optics(&scene.optics, time)
-            .behind(scale * place)
-            .centre(scene.distance);
+        let warm = temperature.optics(&scene.optics, time);
+        let expected = warm.behind(scale * place).centre(scene.distance);
         let light = light(&scene, row, scene.distance);
         let found = least_squares::fit_near(&light, expected).expect("a spot");
         let moved = expected - scene.openings()[0].centre(scene.distance);

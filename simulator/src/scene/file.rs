@@ -29,9 +29,7 @@ pub fn names() -> Result<Vec<String>> {
     let mut names = vec![];
     for entry in std::fs::read_dir(&folder).with_context(|| folder.display().to_string())? {
         let path = entry?.path();
-        if path
-            .extension()
-            .is_some_and(|extension| extension == "toml")
+        if path.extension().is_some_and(|it| it == "toml")
             && let Some(name) = path.file_stem()
         {
             names.push(name.to_string_lossy().into_owned());
@@ -176,13 +174,8 @@ impl Scene {
     }
 
     fn check_lens(&self) -> Result<()> {
-        let of_a_lens = [
-            Effect::Defocus,
-            Effect::Coma,
-            Effect::Distortion,
-            Effect::Flare,
-        ];
-        for effect in of_a_lens {
+        use Effect::{Coma, Defocus, Distortion, Flare};
+        for effect in [Defocus, Coma, Distortion, Flare] {
             ensure!(
                 matches!(self.optics.aperture, Aperture::Lens { .. }) || !self.lists(effect),
                 "[{}] is a lens's, and there is a slit: make optics.aperture a lens, or leave the effect out",
@@ -289,44 +282,36 @@ fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
     }
 }
 
-fn finite(name: &str, value: f64, unit: &str) -> Result<()> {
-    ensure!(
-        value.is_finite(),
-        "{name} is {value} {unit}: give it a number"
-    );
+/// An error that says what a number must be, where it is not.
+fn rule(holds: bool, name: &str, value: f64, unit: &str, must: &str) -> Result<()> {
+    ensure!(holds, "{name} is {value} {unit}: {must}");
     Ok(())
+}
+
+fn finite(name: &str, value: f64, unit: &str) -> Result<()> {
+    rule(value.is_finite(), name, value, unit, "give it a number")
 }
 
 fn not_negative(name: &str, value: f64, unit: &str) -> Result<()> {
     finite(name, value, unit)?;
-    ensure!(
-        value >= 0.0,
-        "{name} is {value} {unit}: it cannot be below 0"
-    );
-    Ok(())
+    rule(value >= 0.0, name, value, unit, "it cannot be below 0")
 }
 
 fn above_zero(name: &str, value: f64, unit: &str) -> Result<()> {
     finite(name, value, unit)?;
-    ensure!(value > 0.0, "{name} is {value} {unit}: it must be above 0");
-    Ok(())
+    rule(value > 0.0, name, value, unit, "it must be above 0")
 }
 
 fn at_least(least: f64) -> impl Fn(&str, f64, &str) -> Result<()> {
     move |name, value, unit| {
         finite(name, value, unit)?;
-        ensure!(
-            value >= least,
-            "{name} is {value} {unit}: it must be {least} {unit} or more"
-        );
-        Ok(())
+        let must = format!("it must be {least} {unit} or more");
+        rule(value >= least, name, value, unit, &must)
     }
 }
 
 fn share(name: &str, value: f64, _: &str) -> Result<()> {
-    ensure!(
-        (0.0..=1.0).contains(&value),
-        "{name} is {value}: it is a share, from 0 to 1"
-    );
+    let is_share = (0.0..=1.0).contains(&value);
+    ensure!(is_share, "{name} is {value}: it is a share, from 0 to 1");
     Ok(())
 }

@@ -26,9 +26,8 @@ impl HotPixels {
         let mut random = random::of_line(seed, Effect::HotPixels, line);
         // A number for every pixel: more of a share adds pixels, and takes none away.
         let hot = (0..pixels).map(|_| random.random::<f64>() < self.share);
-        hot.enumerate()
-            .filter_map(|(pixel, hot)| hot.then_some(pixel))
-            .collect()
+        let places = hot.enumerate().filter(|(_, hot)| *hot);
+        places.map(|(pixel, _)| pixel).collect()
     }
 
     /// Adds the dark current of the hot ones to a row of light.

@@ -103,10 +103,8 @@ impl Shape {
         };
         let parts = Parts::new(scene, surface, distance, width);
         let height = parts.height(&point);
-        let pattern = point
-            .spread(&parts.of_surface())
-            .scaled(1.0 / height)
-            .gathered(optics.pitch);
+        let pattern = point.spread(&parts.of_surface()).scaled(1.0 / height);
+        let pattern = pattern.gathered(optics.pitch);
         Self {
             patterns: vec![pattern],
             rows: heights(scene, distance)
@@ -146,8 +144,8 @@ impl Shape {
             }
             let pattern = (point.along)(place)
                 .spread(&of_surface)
-                .scaled(1.0 / height)
-                .gathered(scene.optics.pitch);
+                .scaled(1.0 / height);
+            let pattern = pattern.gathered(scene.optics.pitch);
             shape.rows[row] = Some((shape.patterns.len(), 1.0));
             shape.rows[rows - 1 - row] = shape.rows[row];
             shape.patterns.push(pattern);
@@ -213,14 +211,8 @@ impl LensPoint {
                 true => libm::exp(-0.5 * (off / sigma_across).powi(2)),
                 false => 1.0,
             };
-            let parts: Vec<Part> = rays
-                .iter()
-                .map(|ray| Part {
-                    shift: ray.x,
-                    weight: ray.weight * light(place - ray.y),
-                })
-                .collect();
-            point.spread(&parts)
+            let part = |ray: &Ray| Part::new(ray.x, ray.weight * light(place - ray.y));
+            point.spread(&rays.iter().map(part).collect::<Vec<_>>())
         };
         Self {
             along: Box::new(along),
@@ -275,9 +267,8 @@ fn heights(scene: &Scene, distance: f64) -> Vec<f64> {
                 .pattern(Diffraction::Fresnel, reach)
                 .spread(&gaussian_parts(blur, blur / 4.0))
                 .gathered(scene.sensor.pixel_height());
-            (0..rows)
-                .map(|row| (pattern.at(place_across(scene, row)) / pattern.at(0.0)).max(0.0))
-                .collect()
+            let light = |row| pattern.at(place_across(scene, row)) / pattern.at(0.0);
+            (0..rows).map(|row| light(row).max(0.0)).collect()
         }
         _ => (0..rows)
             .map(|row| gaussian_height(scene, 0.0, distance, row))
@@ -357,10 +348,8 @@ impl<'a> Parts<'a> {
 
     /// Where the light goes, from a surface that is equally bright everywhere.
     fn even(&self) -> impl Iterator<Item = Part> {
-        self.places.iter().map(|part| Part {
-            shift: part.shift * self.scale,
-            weight: part.weight,
-        })
+        let part = |part: &Part| Part::new(part.shift * self.scale, part.weight);
+        self.places.iter().map(part)
     }
 
     /// Where the light goes from the surface.
@@ -369,12 +358,9 @@ impl<'a> Parts<'a> {
             self.surface
                 .map_or(1.0, |(surface, middle)| surface.reflectance(middle + place))
         };
-        self.even()
-            .zip(&self.places)
-            .map(|(part, place)| Part {
-                weight: part.weight * reflectance(place.shift),
-                ..part
-            })
+        let pairs = self.even().zip(&self.places);
+        pairs
+            .map(|(part, at)| Part::new(part.shift, part.weight * reflectance(at.shift)))
             .collect()
     }
 
@@ -390,19 +376,11 @@ impl<'a> Parts<'a> {
 /// but for e^-(2 pi^2 / step^2) with the step in sigma). One part for a point.
 fn gaussian_parts(sigma: f64, step: f64) -> Vec<Part> {
     if sigma == 0.0 {
-        return vec![Part {
-            shift: 0.0,
-            weight: 1.0,
-        }];
+        return vec![Part::new(0.0, 1.0)];
     }
     let half = (5.0 * sigma / step).ceil() as i64;
-    let mut parts: Vec<Part> = (-half..=half)
-        .map(|i| i as f64 * step)
-        .map(|shift| Part {
-            shift,
-            weight: libm::exp(-0.5 * (shift / sigma).powi(2)),
-        })
-        .collect();
+    let part = |shift: f64| Part::new(shift, libm::exp(-0.5 * (shift / sigma).powi(2)));
+    let mut parts: Vec<Part> = (-half..=half).map(|i| part(i as f64 * step)).collect();
     let sum: f64 = parts.iter().map(|part| part.weight).sum();
     parts.iter_mut().for_each(|part| part.weight /= sum);
     parts

@@ -15,6 +15,13 @@ pub struct ShotNoise {
 }
 
 impl ShotNoise {
+    /// That of so many electrons a count.
+    pub const fn of(electrons_per_count: f64) -> Self {
+        Self {
+            electrons_per_count,
+        }
+    }
+
     /// Scatters the light of a row, in counts.
     ///
     /// A pixel has random numbers of its own, whatever the light of the others: more light in one changes no
@@ -119,27 +126,22 @@ mod tests {
     #[test]
     fn many_electrons_are_nearly_as_many_as_they_should_be() {
         const STEPS: u32 = 1 << 18;
-        let mean = FEW;
         let (mut wrong, mut sum, mut squares) = (0, 0.0, 0.0);
         for step in 0..STEPS {
             let word = (step << 14) + (1 << 13);
             let share = (f64::from(word) + 0.5) / 4_294_967_296.0;
-            let electrons = many_electrons(mean, normal_quantile(share) as f32);
-            let off = f64::from(electrons - few_electrons(mean, word));
+            let electrons = many_electrons(FEW, normal_quantile(share) as f32);
+            let off = f64::from(electrons - few_electrons(FEW, word));
             assert!(off.abs() <= 1.0);
             wrong += u32::from(off != 0.0);
             sum += off;
-            let from_mean = f64::from(electrons - mean);
+            let from_mean = f64::from(electrons - FEW);
             squares += from_mean * from_mean - (from_mean - off).powi(2);
         }
         let steps = f64::from(STEPS);
-        println!(
-            "one in {:.0} is off; mean by {:.1e}, variance by {:.1e}",
-            steps / f64::from(wrong),
-            sum / steps,
-            squares / steps
-        );
+        let (one_in, mean, variance) = (steps / f64::from(wrong), sum / steps, squares / steps);
+        println!("one in {one_in:.0} is off; mean by {mean:.1e}, variance by {variance:.1e}");
         assert!(wrong * 400 <= STEPS);
-        assert!((sum / steps).abs() < 1e-4 && (squares / steps).abs() < 2e-3);
+        assert!(mean.abs() < 1e-4 && variance.abs() < 2e-3);
     }
 }

@@ -192,10 +192,8 @@ impl Simulation {
             ..Scene::dark(sensor)
         };
         let row = spot.row(sensor.rows() / 2, distance, 1.0);
-        let light: Vec<f64> = row[sensor.geometry().light]
-            .iter()
-            .map(|&light| f64::from(light))
-            .collect();
+        let light = row[sensor.geometry().light].iter();
+        let light: Vec<f64> = light.map(|&light| f64::from(light)).collect();
         least_squares::fit_near(&light, spot.optics.centre(distance))
             .map_or(f64::NAN, |gaussian| gaussian.width)
     }

@@ -95,10 +95,9 @@ impl Speckle {
         laser.wavelengths = ((2.0 / PI * phase * phase).ceil() as usize).clamp(5, 15);
         // The beam reaches to 2.25 times its radius; half as far again is what a target may come to
         // (Scene::check_distance).
-        let diameter = [NEAREST, scene.distance, FARTHEST * scene.distance]
-            .map(|distance| spot.diameter(distance, wavelength))
-            .into_iter()
-            .fold(0.0, f64::max);
+        let distances = [NEAREST, scene.distance, FARTHEST * scene.distance];
+        let diameters = distances.map(|distance| spot.diameter(distance, wavelength));
+        let diameter = diameters.into_iter().fold(0.0, f64::max);
         let size = (2.4 * diameter).max(Scattering::surface().size[0]);
         let scattering = Scattering {
             polarisations: usize::from(self.polarisations),
@@ -218,9 +217,8 @@ impl RoughSurface {
         let pixel = scene.sensor.pixel_height();
         let mut light = vec![vec![]; count];
         if count > 1 {
-            let lit: Vec<usize> = (0..count)
-                .filter(|&row| place_across(scene, row).abs() <= reach)
-                .collect();
+            let is_lit = |row: &usize| place_across(scene, *row).abs() <= reach;
+            let lit: Vec<usize> = (0..count).filter(is_lit).collect();
             let parts = within(pixel, detail / 3.0);
             let places: Vec<f64> = lit
                 .iter()
@@ -280,9 +278,8 @@ fn columns(detail: f64, reach: f64) -> (f64, Vec<f64>) {
 /// The middles of even parts of a height, no higher than `step`, from the height's middle.
 fn within(height: f64, step: f64) -> Vec<f64> {
     let count = (height / step).ceil().max(1.0);
-    (0..count as usize)
-        .map(|i| ((i as f64 + 0.5) / count - 0.5) * height)
-        .collect()
+    let middle = |i| ((i as f64 + 0.5) / count - 0.5) * height;
+    (0..count as usize).map(middle).collect()
 }
 
 /// Mean of some rows of an image.

@@ -19,6 +19,14 @@ pub struct Spot {
 }
 
 impl Spot {
+    /// A spot of this width in pixels and height in counts a second.
+    pub const fn new(width: f64, counts_per_second: f64) -> Self {
+        Self {
+            width,
+            counts_per_second,
+        }
+    }
+
     /// Adds the gaussian to a row of light, `amplitude` counts high at pixel `centre`.
     pub fn add(&self, light: &mut [f32], centre: f64, amplitude: f64) {
         for (i, light) in within(light, centre, self.width) {

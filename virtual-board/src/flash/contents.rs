@@ -21,7 +21,6 @@ pub const SECTORS: usize = 4;
 /// Bytes of all four sectors.
 pub const BYTES: usize = SECTORS * SECTOR_BYTES;
 
-/// An erased byte.
 const ERASED: u8 = 0xFF;
 
 /// An operation that changes flash.
@@ -111,10 +110,8 @@ impl Contents {
             }
             Operation::Program { address, word } => {
                 let spared = random.random::<u32>();
-                self.apply(Operation::Program {
-                    address,
-                    word: word | spared,
-                });
+                let word = word | spared;
+                self.apply(Operation::Program { address, word });
             }
         }
     }
@@ -130,18 +127,15 @@ impl Contents {
     /// The `count` bytes from `address` on, as one number. The caller has checked the range.
     pub(super) fn read(&self, address: u64, count: u32) -> u64 {
         let from = (address - BASE) as usize;
-        let bytes = &self.0[from..from + count as usize];
-        bytes
-            .iter()
-            .rev()
-            .fold(0, |value, &byte| value << 8 | u64::from(byte))
+        let bytes = self.0[from..from + count as usize].iter().rev();
+        bytes.fold(0, |value, &byte| value << 8 | u64::from(byte))
     }
 
     fn sector(&mut self, number: usize) -> &mut [u8] {
         let index = number
             .checked_sub(FIRST_SECTOR)
-            .filter(|&index| index < SECTORS)
-            .unwrap_or_else(|| panic!("sector {number} is not one of the four"));
+            .filter(|&index| index < SECTORS);
+        let index = index.unwrap_or_else(|| panic!("sector {number} is not one of the four"));
         &mut self.0[index * SECTOR_BYTES..][..SECTOR_BYTES]
     }
 
@@ -169,10 +163,8 @@ mod tests {
         contents.apply(program(BASE + 4, 0xFF00_FFFF));
         contents.apply(program(BASE + BYTES as u64 - 4, 0));
         assert_eq!(contents.read(BASE + 4, 4), 0xF000_1234);
-        assert_eq!(
-            contents.bytes()[..9],
-            [255, 255, 255, 255, 0x34, 0x12, 0x00, 0xF0, 255]
-        );
+        let bytes = [255, 255, 255, 255, 0x34, 0x12, 0x00, 0xF0, 255];
+        assert_eq!(contents.bytes()[..9], bytes);
         contents.apply(Operation::Erase { sector: 12 });
         assert_eq!(contents.read(BASE + 4, 4), 0xFFFF_FFFF);
         assert_eq!(contents.read(BASE + BYTES as u64 - 4, 4), 0);
@@ -220,10 +212,8 @@ mod tests {
     fn contents_of_the_wrong_size_are_refused() {
         let whole = Contents::new(vec![ERASED; BYTES]).expect("four sectors");
         assert_eq!(whole, Contents::erased());
-        let error = Contents::new(vec![0; 7])
-            .expect_err("too short")
-            .to_string();
-        assert!(error.starts_with("7 bytes"), "{error}");
+        let error = Contents::new(vec![0; 7]).expect_err("too short");
+        assert!(error.to_string().starts_with("7 bytes"), "{error}");
     }
 
     #[test]

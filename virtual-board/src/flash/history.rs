@@ -33,11 +33,8 @@ impl History {
 
     /// How often one of the sectors 12 to 15 was erased.
     pub fn erases_of(&self, sector: usize) -> usize {
-        let erase = Operation::Erase { sector };
-        self.done
-            .iter()
-            .filter(|done| done.operation == erase)
-            .count()
+        let is_erase = |done: &&Done| done.operation == Operation::Erase { sector };
+        self.done.iter().filter(is_erase).count()
     }
 
     /// What flash held after the first `count` operations.
@@ -79,20 +76,14 @@ mod tests {
             Operation::Erase { sector: 12 },
             Operation::Erase { sector: 13 },
         ];
-        history.done = (operations.into_iter().zip(1..))
-            .map(|(operation, at)| Done { at, operation })
-            .collect();
+        let done = operations.into_iter().zip(1..);
+        history.done = done.map(|(operation, at)| Done { at, operation }).collect();
         let words = |contents: Contents| [BASE, address].map(|at| contents.read(at, 4));
         let states = [0, 1, 2, 3, 4].map(|count| words(history.after(count)));
         let (old, erased) = (0x5555_5555, 0xFFFF_FFFF);
-        let expected = [
-            [old, old],
-            [old, erased],
-            [old, 0xAA],
-            [erased, 0xAA],
-            [erased; 2],
-        ];
-        assert_eq!(states, expected);
+        let ends = [[old, old], [old, erased], [old, 0xAA]];
+        assert_eq!(states[..3], ends);
+        assert_eq!(states[3..], [[erased, 0xAA], [erased, erased]]);
         assert_eq!((history.erases_of(12), history.erases_of(13)), (1, 2));
         // The power cut is in the second operation, which clears 28 bits. With this seed it clears some of
         // them.

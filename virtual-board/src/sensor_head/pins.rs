@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use rigless::chip::{Timeline, spi};
-use rigless::device::Level as WireLevel;
 use rigless::snapshot::store;
 use rigless::soc::stm32f427::generated::spi1;
 use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
@@ -101,11 +100,9 @@ impl SharedHead {
             let buffers = burst::memory_addresses(registers);
             let laser_pin = laser::is_pin_connected(&processor.part);
             let icg_rose = self.icg_rose.swap(false, Ordering::Relaxed);
-            let part = icg_rose
-                .then(|| processor.part_of_master_clock(now))
-                .flatten();
+            let part = processor.part_of_master_clock(now);
             let mut head = self.lock();
-            if let Some(part) = part {
+            if let Some(part) = part.filter(|_| icg_rose) {
                 head.icg_rose_at(part, now);
             }
             if head.wants_wiring() {
@@ -122,14 +119,14 @@ impl SharedHead {
     }
 }
 
-fn select(port: &'static str, number: u8, active: WireLevel) -> Select {
+fn select(port: &'static str, number: u8, active: Level) -> Select {
     let pin = PortPin::new(number).expect("a port has sixteen pins");
     Select { port, pin, active }
 }
 
 /// Connects the enable pin of the serial line's driver, PD12.
 pub(crate) fn attach_driver(processor: &mut Stm32f429, driver: DriverEnable) {
-    let select = select("GPIOD", 12, WireLevel::High);
+    let select = select("GPIOD", 12, Level::High);
     processor.part.spi[EDGE_BUS].attach_selected(driver, select);
 }
 
@@ -139,15 +136,14 @@ pub(crate) fn attach(processor: &mut Stm32f429, head: &Arc<SharedHead>) {
         pin,
         head: Arc::clone(head),
     };
-    let chip_select = select("GPIOD", 14, WireLevel::Low);
+    let chip_select = select("GPIOD", 14, Level::Low);
     let converter = processor.converter_bus();
     converter.attach_selected(chip(HeadPinName::ChipSelect), chip_select);
     let edges = &mut processor.part.spi[EDGE_BUS];
-    edges.attach_selected(chip(HeadPinName::Icg), select("GPIOF", 12, WireLevel::High));
-    edges.attach_selected(chip(HeadPinName::Sh), select("GPIOF", 13, WireLevel::High));
+    edges.attach_selected(chip(HeadPinName::Icg), select("GPIOF", 12, Level::High));
+    edges.attach_selected(chip(HeadPinName::Sh), select("GPIOF", 13, Level::High));
 }
 
-/// Which of the head's pins a chip stands for.
 #[derive(Clone, Copy, Debug)]
 enum HeadPinName {
     ChipSelect,
@@ -161,18 +157,14 @@ struct HeadPin {
     pin: HeadPinName,
     head: Arc<SharedHead>,
 }
-store!(HeadPin {
-    values: [],
-    parts: [],
-    built: [pin, head]
-});
+store! { HeadPin { values: [], parts: [], built: [pin, head] } }
 
 impl HeadPin {
     fn edge(&self, selected: bool, now: Nanos) {
         let mut head = self.head.lock();
         self.head.note(match (self.pin, selected) {
-            (HeadPinName::Icg, high) => Edge::Icg { high },
-            (HeadPinName::Sh, high) => Edge::Sh { high },
+            (HeadPinName::Icg, high) => Edge::Icg(high),
+            (HeadPinName::Sh, high) => Edge::Sh(high),
             (HeadPinName::ChipSelect, true) => Edge::ChipSelectFell,
             (HeadPinName::ChipSelect, false) => {
                 let (words, first, last) = head.clocked();
@@ -181,7 +173,7 @@ impl HeadPin {
         });
         // Only the converter's chip select is active low.
         let is_high = selected != matches!(self.pin, HeadPinName::ChipSelect);
-        let level = if is_high { Level::High } else { Level::Low };
+        let level = Level::from(is_high);
         match self.pin {
             HeadPinName::ChipSelect => head.chip_select(level, now),
             HeadPinName::Icg => {

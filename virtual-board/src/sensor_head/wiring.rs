@@ -44,11 +44,7 @@ pub(crate) fn faults(processor: &mut Stm32f427) -> Vec<String> {
     let mut faults: Vec<String> = Vec::new();
     for (name, port, number, function, speed, pull) in PINS {
         let pin = Pin::of(processor, port, number);
-        let mode = if function.is_some() {
-            ALTERNATE
-        } else {
-            OUTPUT
-        };
+        let mode = function.map_or(OUTPUT, |_| ALTERNATE);
         for (what, found, wanted) in [
             ("mode", pin.mode, Some(mode)),
             ("function", pin.function, function),
@@ -56,9 +52,8 @@ pub(crate) fn faults(processor: &mut Stm32f427) -> Vec<String> {
             ("pull", pin.pull, pull),
         ] {
             if let Some(wanted) = wanted.filter(|&wanted| wanted != found) {
-                faults.push(format!(
-                    "{name} has {what} {found}, and needs {wanted} (RM0090 section 8.4)"
-                ));
+                let needs = format!("and needs {wanted} (RM0090 section 8.4)");
+                faults.push(format!("{name} has {what} {found}, {needs}"));
             }
         }
     }

@@ -6,13 +6,12 @@ use std::time::Duration;
 use simulator::scene::Scene;
 use slitrange::Calibration;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::measurement::Options;
 use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{LightSource, VirtualBoard};
 
 use super::common::*;
-use super::identical::{assert_same, on_this_pc, run, with_fixed_exposure};
+use super::identical::{options, run_as_on_this_pc};
 
 fn beside_a_window() -> LightSource {
     let scene = Scene::load("sunlit").expect("a scene");
@@ -23,23 +22,18 @@ fn beside_a_window() -> LightSource {
 /// The lines are those of the core on a PC, which gets the same rows.
 #[test]
 fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
-    let (shown, chip) = run(beside_a_window(), &["ambient subtract"], 320);
+    let settings = options(|it| it.ambient = AmbientMode::Subtract);
+    let (calibration, commands) = (Calibration::nominal(), ["ambient subtract"]);
+    let light = beside_a_window();
+    let (shown, chip, kinds) =
+        run_as_on_this_pc(light, &commands, 320, 1, settings, calibration.as_ref());
     let on: Vec<bool> = shown.iter().map(|row| row.exposure.laser > 0).collect();
     let alternate = on.iter().rev().take(200).collect::<Vec<_>>();
     assert!(alternate.windows(2).all(|pair| pair[0] != pair[1]));
-    let settings = Options {
-        ambient: AmbientMode::Subtract,
-        ..with_fixed_exposure()
-    };
-    let calibration = Calibration::nominal();
-    let chip = &chip[1..];
-    let pc = on_this_pc(chip, &shown, settings, calibration.as_ref());
-    let kinds = assert_same(chip, &pc, 1);
-    println!("{kinds:?}\n{}", chip[0]);
     assert!(kinds["reading"] >= 6 && kinds.len() == 1, "{kinds:?}");
     let optics = Scene::white_paper().optics;
     let truth = 1e3 * optics.distance(optics.centre(0.8));
-    for line in chip {
+    for line in &chip {
         let error = number(line, "d ", " mm") - truth;
         assert!(error.abs() < 5.0 * number(line, " r ", " x"), "{line}");
     }
@@ -55,7 +49,7 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     run_ms(&mut board, 4_000);
     let lines = results(&mut board, 1);
     assert_readings(&lines);
-    assert!(board.resets().expect("resets").is_empty());
+    assert_no_reset(&mut board);
     let mut cycles = BTreeSet::new();
     for _ in 0..12 {
         let status = Status::ask(&mut board);

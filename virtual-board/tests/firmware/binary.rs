@@ -1,7 +1,6 @@
 //! Tests of `format binary`: packets from the firmware as it is flashed.
 
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::packet::{
     Decoder, FrameResult, Message, PacketError, RowHead, unpack,
@@ -162,7 +161,7 @@ fn the_answer_to_baud_is_at_the_old_rate_and_all_later_bytes_are_at_the_new_one(
 #[test]
 fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
     // A slower core loses bytes of commands at this rate (docs/hardware.md).
-    let mut board = measuring_at_full_speed(16);
+    let mut board = measuring_under(full_speed(), 16);
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);
     say(&mut board, "pixels rows", 50);

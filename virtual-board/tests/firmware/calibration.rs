@@ -2,13 +2,10 @@
 //! or nothing changes.
 
 use simulator::scene::Scene;
+use slitrange::frame;
 use slitrange::frame::comb::Comb;
-use slitrange::measurement::Measurement;
 use slitrange::measurement::Options;
-use slitrange::reading::uncertainty::Surface;
-use slitrange::{frame, sensor_heads};
 use slitrange_device::protocol::calibration::FlashStatus;
-use slitrange_device::protocol::line::ReadingLine;
 use slitrange_device::protocol::piece::Piece;
 use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::RecordError;
@@ -17,6 +14,7 @@ use virtual_board::VirtualBoard;
 use virtual_board::light::{Target, of_scene};
 
 use super::common::*;
+use super::identical::lines_of_pc;
 use super::records::{
     CENTRE, assert_shown, eq1, every_kind, longest, of_another_head, of_comb, pieces, read_back,
     record, send, shown, upload, written,
@@ -119,19 +117,8 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
         slits: record.slits(),
         ..Options::default()
     };
-    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
-    if let Some(comb) = &record.comb {
-        measurement.set_comb(comb.clone());
-    }
-    rows.iter()
-        .filter_map(|row| measurement.row(&mut row.words.clone()))
-        .map(|measured| {
-            let measured = measured.expect("a centre");
-            let reading =
-                measured.reading(Some(&record.calibration), &record.errors, Surface::Auto);
-            ReadingLine(&reading.expect("a distance")).to_string()
-        })
-        .collect()
+    let (calibration, comb) = (Some(&record.calibration), record.comb.clone());
+    lines_of_pc(rows, options, calibration, &record.errors, comb)
 }
 
 /// Whether the PC says these lines too, with this record. A frame begins with one of the first six rows.
@@ -174,11 +161,8 @@ fn a_refused_upload_changes_nothing() {
     for (at, piece) in all.iter().enumerate().take(8).skip(1) {
         let expected = 16 * at;
         let (skipped, offset) = (&all[at + 2], 16 * (at + 2));
-        assert_refused(
-            &mut board,
-            &skipped.to_string(),
-            Refusal::WrongOffset { offset, expected },
-        );
+        let wrong = Refusal::WrongOffset { offset, expected };
+        assert_refused(&mut board, &skipped.to_string(), wrong);
         set(&mut board, &piece.to_string());
         // A repeated piece is accepted: the answer to the first one may have been lost.
         set(&mut board, &piece.to_string());
@@ -188,14 +172,9 @@ fn a_refused_upload_changes_nothing() {
     let answer = ask(&mut board, &garbled);
     assert!(answer.starts_with("E7 checksum "), "{answer}");
     let (came, beyond) = (128, Piece::new(announced as u16, &[0]).expect("a piece"));
-    assert_refused(
-        &mut board,
-        &beyond.to_string(),
-        Refusal::TooLong {
-            end: announced + 1,
-            announced,
-        },
-    );
+    let end = announced + 1;
+    let too_long = Refusal::TooLong { end, announced };
+    assert_refused(&mut board, &beyond.to_string(), too_long);
     assert_refused(&mut board, commit, Refusal::Incomplete { came, announced });
     assert_eq!(in_use(&mut board), before);
     set(&mut board, "calibration abort");
@@ -210,21 +189,15 @@ fn a_refused_upload_changes_nothing() {
     assert!(answer.starts_with(damage), "{answer}");
     assert_refused(&mut board, commit, Refusal::NoUpload);
     send(&mut board, &[1, 2, 3]);
-    assert_refused(
-        &mut board,
-        commit,
-        Refusal::Record(RecordError::Short { bytes: 3 }),
-    );
+    let short = Refusal::Record(RecordError::Short { bytes: 3 });
+    assert_refused(&mut board, commit, short);
 
     send(&mut board, written(of_another_head()).bytes());
     assert_refused(&mut board, commit, Refusal::OtherSensor);
 
     let (offset, bytes) = (eq1().bytes().len() as u16, eq1().bytes().len());
-    assert_refused(
-        &mut board,
-        &format!("calibration data {offset}"),
-        Refusal::NoPiece { offset, bytes },
-    );
+    let no_piece = Refusal::NoPiece { offset, bytes };
+    assert_refused(&mut board, &format!("calibration data {offset}"), no_piece);
     assert_eq!(in_use(&mut board), before);
     assert_readings(&fresh_results(&mut board, 2));
     Status::ask(&mut board).assert_nothing_lost();
@@ -235,9 +208,7 @@ fn a_refused_upload_changes_nothing() {
 fn an_upload_over_a_noisy_line_arrives_whole() {
     let mut board = measuring(4);
     stop_the_stream(&mut board);
-    board
-        .garble_serial_line(10_000, 10_000, 3)
-        .expect("the emulator");
+    garble(&mut board, 10_000, 10_000);
     let [_, _, cubic, ..] = every_kind();
     let bytes = cubic.bytes();
     let mut lines = vec![format!("calibration begin {}", bytes.len())];
@@ -253,7 +224,7 @@ fn an_upload_over_a_noisy_line_arrives_whole() {
             board.take_lines();
         }
     }
-    board.garble_serial_line(0, 0, 3).expect("the emulator");
+    garble(&mut board, 0, 0);
     println!("{} lines, {again} sent again", lines.len());
     assert!(again >= 10, "{again}");
     set(&mut board, "calibration commit");

@@ -14,16 +14,15 @@ use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSur
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 use std::collections::BTreeMap;
-use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
+use virtual_board::board::Conditions;
 use virtual_board::light::{LIGHT, Target, of_scene};
-use virtual_board::trace::Call;
 use virtual_board::upload::upload;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::common::*;
 use super::faults::{assert_all_are, assert_distance_gives_advice};
 use super::identical::{
-    assert_same, calibrated_on_this_pc, logarithmic, on_this_pc, run, with_fixed_exposure,
+    assert_same, calibrated_on_this_pc, logarithmic, options, run_as_on_this_pc,
 };
 use super::records;
 
@@ -55,11 +54,7 @@ fn even(pitch: f64) -> Comb {
 
 /// Options for a comb with `rows` rows in a frame.
 fn settings(rows: u16) -> Options {
-    Options {
-        rows,
-        slits: Slits::Comb,
-        ..with_fixed_exposure()
-    }
+    options(|it| (it.rows, it.slits) = (rows, Slits::Comb))
 }
 
 /// Starts a board, and sends it `slits comb`.
@@ -173,14 +168,11 @@ fn assert_rate(frame: u16, seconds: u64) {
     let run = board.statistics().since(&began);
     let (rows, elapsed, free) = (run.rows as f64, run.seconds, run.asleep());
     let status = Status::ask(&mut board);
+    let (a_second, of_row) = (rows / elapsed, run.instructions as f64 / rows);
+    let slowest = status.count("slowest row cycles");
+    println!("{frame} rows a frame, {elapsed:.1} s: {rows} rows, {a_second:.2} a second");
     println!(
-        "{frame} rows a frame, {elapsed:.1} s: {rows} rows, {:.2} a second, {} lost; {:.0} instructions a \
-         row, {:.1} % of the time free; the slowest row took {}",
-        rows / elapsed,
-        status.count("rows lost"),
-        run.instructions as f64 / rows,
-        100.0 * free,
-        status.count("slowest row cycles"),
+        "{of_row:.0} instructions a row, {free:.3} of the time free; the slowest row took {slowest}"
     );
     status.assert_nothing_lost();
     assert_eq!(status.faults(), before.faults(), "{status:#?}");
@@ -198,31 +190,6 @@ fn a_comb_keeps_the_sensors_rate_with_half_of_the_time_free() {
 #[ignore = "takes 4 CPU s; run by .ci/run"]
 fn a_comb_keeps_the_sensors_rate_in_long_frames() {
     assert_rate(64, 1);
-}
-
-/// Instructions from a row's words to its centre: the middle one and the most, of rows that do not end a
-/// frame, and of those that do.
-#[test]
-#[ignore = "a trace takes 8 s; .ci/run runs it"]
-fn a_row_of_a_comb_costs_less_than_half_of_its_time() {
-    let mut board = measuring_under(recurring(), 16, full_speed());
-    fresh_results(&mut board, 2);
-    board.take_calls();
-    board.trace_calls_of(firmware().address_of("measure_row").expect("a function"));
-    board.run_until_rows(18, PATIENCE).expect("rows");
-    let mut all: Vec<u64> = board.take_calls().iter().map(Call::instructions).collect();
-    assert!(all.len() >= 16, "{} rows", all.len());
-    let mean = all.iter().sum::<u64>() as f64 / all.len() as f64;
-    let period = INSTRUCTIONS_PER_SECOND as f64 / ROWS_PER_SECOND;
-    all.sort_unstable();
-    println!(
-        "{} rows: {mean:.0} instructions on average, {} in the middle, {} at most, of {period:.0} in a row's \
-         time",
-        all.len(),
-        all[all.len() / 2],
-        all[all.len() - 1],
-    );
-    assert!(mean < 0.5 * period, "{mean} of {period}");
 }
 
 #[test]
@@ -254,10 +221,7 @@ pub fn any_combs(seed: u64) -> LightSource {
             0 => logarithmic(&mut random, 4.0, 12_000.0),
             _ => logarithmic(&mut random, 60.0, 3500.0),
         };
-        let spot = Spot {
-            width,
-            counts_per_second: height,
-        };
+        let spot = Spot::new(width, height);
         let distance = random.random_range(0.5..1.2);
         let place = random.random_range(0.0..LIGHT.len() as f64);
         let strength = random.random_range(0.1..1.5);
@@ -294,10 +258,7 @@ fn frames_of_combs(seed: u64) -> LightSource {
         (comb.slits).retain(|_| random.random_range(0.0..1.0) > missing);
         let scene = Scene {
             seed,
-            spot: Some(Spot {
-                width: 8.6,
-                counts_per_second: logarithmic(&mut random, 60.0, 3500.0),
-            }),
+            spot: Some(Spot::new(8.6, logarithmic(&mut random, 60.0, 3500.0))),
             ..behind(comb)
         };
         distance += 2e-6;
@@ -312,14 +273,11 @@ fn every_row_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
         (Calibration::nominal(), "calibration on"),
         (None, "calibration off"),
     ] {
-        let commands = [command, "slits comb", "rows 1"];
-        let (rows, chip) = run(any_combs(11), &commands, ROWS);
+        let (commands, light) = ([command, "slits comb", "rows 1"], any_combs(11));
         // The first lines may still belong to frames of 16 rows.
-        let chip = &chip[2..];
-        let pc = on_this_pc(chip, &rows, settings(1), calibration.as_ref());
+        let (_, chip, kinds) =
+            run_as_on_this_pc(light, &commands, ROWS, 2, settings(1), calibration.as_ref());
         assert!(chip.len() >= 180, "{}", chip.len());
-        let kinds = assert_same(chip, &pc, 2);
-        println!("{command}: {} lines are the same: {kinds:?}", chip.len());
         let mut slits = BTreeMap::new();
         for line in chip.iter().filter(|line| is_reading(line)) {
             *slits.entry(slits_of(line)).or_insert(0) += 1;
@@ -339,14 +297,11 @@ fn every_row_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
 fn every_frame_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
     for (rows, of_all) in [(5, 150), (16, 400)] {
         let commands = ["slits comb", &format!("rows {rows}")];
-        let (shown, chip) = run(frames_of_combs(12), &commands, of_all);
-        let calibration = Calibration::nominal();
-        let chip = &chip[2..];
-        let pc = on_this_pc(chip, &shown, settings(rows), calibration.as_ref());
-        let kinds = assert_same(chip, &pc, 1);
-        let frames = chip.len();
-        println!("{frames} frames of {rows} rows are the same: {kinds:?}");
-        assert!(frames >= 20);
+        let (light, calibration) = (frames_of_combs(12), Calibration::nominal());
+        let settings = settings(rows);
+        let (_, chip, kinds) =
+            run_as_on_this_pc(light, &commands, of_all, 2, settings, calibration.as_ref());
+        assert!(chip.len() >= 20);
         assert!(kinds["reading"] >= 10, "{kinds:?}");
     }
 }

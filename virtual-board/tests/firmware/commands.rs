@@ -28,9 +28,8 @@ const HARDWARE: Hardware = Hardware {
 
 #[test]
 fn the_banner_names_the_device_and_the_cause_of_the_start() {
-    let (_board, banner) = boot(paper());
-    let expected = Banner(&HARDWARE, StartCause::PowerOn).to_string();
-    assert_eq!(banner.text, expected);
+    let banner = boot(paper()).1.text;
+    assert_eq!(banner, Banner(&HARDWARE, StartCause::PowerOn).to_string());
 }
 
 /// Asserts that a command has these lines as its answer.

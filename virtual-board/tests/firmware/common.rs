@@ -5,11 +5,13 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use rigless::soc::stm32f427::generated::spi1;
-use simulator::scene::{Scene, Spot};
+use rigless::soc::stm32f427::generated::usart6::Register::Cr1;
+use simulator::scene::Scene;
 use slitrange::base::fault::Fault;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::port_pin::{OUTPUT, Pin};
+use virtual_board::stm32f429::Stm32f429;
 use virtual_board::{
     Exposure, Firmware, LightSource, Line, Row, SharedFlash, Statistics, VirtualBoard,
 };
@@ -30,13 +32,17 @@ pub fn slower_sampling() -> f64 {
     30.0 * (cycles_an_instruction() - 1.0) / 256.0
 }
 
+/// The default conditions with a change.
+pub fn conditions(change: impl FnOnce(&mut Conditions)) -> Conditions {
+    let mut conditions = Conditions::default();
+    change(&mut conditions);
+    conditions
+}
+
 /// A board with one instruction a cycle, whatever `SLITRANGE_MIPS` says: for tests of figures that hold at
 /// this speed only.
 pub fn full_speed() -> Conditions {
-    Conditions {
-        instructions_per_second: INSTRUCTIONS_PER_SECOND,
-        ..Conditions::default()
-    }
+    conditions(|it| it.instructions_per_second = INSTRUCTIONS_PER_SECOND)
 }
 
 /// SPI1, which serves the converter.
@@ -109,10 +115,7 @@ pub fn boot_under(light: LightSource, conditions: Conditions) -> (CleanBoard, Li
 
 /// Boots a board that has this flash.
 pub fn boot_with(flash: &SharedFlash, light: LightSource) -> CleanBoard {
-    let board = VirtualBoard::power_on_with_flash(firmware(), light, flash.clone());
-    let mut board = CleanBoard::of(board);
-    await_banner(&mut board);
-    board
+    boot_under(light, conditions(|it| it.flash = flash.clone())).0
 }
 
 /// Cuts the power and restores it, in this light.
@@ -171,14 +174,12 @@ pub fn say(board: &mut VirtualBoard, line: &str, ms: u64) {
 
 /// A board with white paper at [`DISTANCE`] and `rows` rows in a frame.
 pub fn measuring(rows: u16) -> CleanBoard {
-    let (mut board, _) = boot(paper());
-    set(&mut board, &format!("rows {rows}"));
-    board
+    measuring_under(Conditions::default(), rows)
 }
 
-/// As [`measuring`], on a board with one instruction a cycle.
-pub fn measuring_at_full_speed(rows: u16) -> CleanBoard {
-    let (mut board, _) = boot_under(paper(), full_speed());
+/// The same under these conditions.
+pub fn measuring_under(conditions: Conditions, rows: u16) -> CleanBoard {
+    let (mut board, _) = boot_under(paper(), conditions);
     set(&mut board, &format!("rows {rows}"));
     board
 }
@@ -192,14 +193,7 @@ pub fn paper() -> LightSource {
 pub fn spot_at(centre: f64, height: f64) -> LightSource {
     // The scene's light is per second. With an exposure of one second it is the height, whatever the
     // firmware's exposure is.
-    let scene = Scene::white_paper();
-    let scene = Scene {
-        spot: scene.spot.map(|spot| Spot {
-            counts_per_second: height,
-            ..spot
-        }),
-        ..scene
-    };
+    let scene = Scene::white_paper().with_height(height);
     let mut row = 0;
     Box::new(move |_: &Exposure| {
         row += 1;
@@ -213,23 +207,49 @@ pub fn run_into_a_row(board: &mut VirtualBoard) {
     run_ms(board, 3);
 }
 
+/// Looks at the emulated processor, or changes it.
+pub fn with_processor<T: Send + 'static>(
+    board: &mut VirtualBoard,
+    errand: impl FnOnce(&mut Stm32f429) -> T + Send + 'static,
+) -> T {
+    let done = board.on_emulator(|session, _, _| errand(&mut session.board_mut().processor));
+    done.expect("the emulator")
+}
+
+/// Changes the control register of the serial port, as a flipped bit would.
+pub fn change_serial_port(board: &mut VirtualBoard, change: fn(u64) -> u64) {
+    // USART3, in rigless's order.
+    with_processor(board, move |it| {
+        let (_, registers) = it.part.serial_port(2);
+        registers.set(Cr1, change(registers.get(Cr1)));
+    });
+}
+
+/// Garbles so many of a million bytes that the firmware receives from now on.
+pub fn garble(board: &mut VirtualBoard, noise: u32, framing: u32) {
+    let done = board.garble_serial_line(noise, framing, 3);
+    done.expect("the emulator");
+}
+
 /// Switches off SPI1's requests for DMA, as a flipped bit in its register would.
 pub fn stop_the_transfer(board: &mut VirtualBoard) {
-    board
-        .on_emulator(|session, _, _| {
-            let (_, registers) = session.board_mut().processor.part.serial(CONVERTER_BUS);
-            registers.set(spi1::Register::Cr2, 0);
-        })
-        .expect("the emulator");
+    with_processor(board, |it| {
+        it.part.serial(CONVERTER_BUS).1.set(spi1::Register::Cr2, 0)
+    });
+}
+
+/// Asserts that the chip has not reset since power-on.
+#[track_caller]
+pub fn assert_no_reset(board: &mut VirtualBoard) {
+    assert_eq!(board.resets().expect("resets"), []);
 }
 
 /// The level of PE11, the switching output. `None` if the pin is no output.
 pub fn switching_output(board: &mut VirtualBoard) -> Option<bool> {
-    let level = board.on_emulator(|session, _, _| {
-        let pin = Pin::of(&session.board_mut().processor.part, "GPIOE", 11);
+    with_processor(board, |it| {
+        let pin = Pin::of(&it.part, "GPIOE", 11);
         (pin.mode == OUTPUT).then_some(pin.is_high)
-    });
-    level.expect("the emulator")
+    })
 }
 
 /// Whether a line is a frame's result: a reading or a fault.
@@ -263,9 +283,8 @@ pub fn kept_rows(board: &mut VirtualBoard) -> Vec<Row> {
 pub fn ask(board: &mut VirtualBoard, command: &str) -> String {
     board.send(&format!("{command}\r\n"));
     let answer = board.run_until_line(|line| !is_result(line), PATIENCE);
-    answer
-        .unwrap_or_else(|error| panic!("no answer to {command:?}: {error:#}"))
-        .text
+    let answer = answer.unwrap_or_else(|error| panic!("no answer to {command:?}: {error:#}"));
+    answer.text
 }
 
 /// Sends a command that sets a value. The answer must be the same text.
@@ -322,9 +341,8 @@ pub fn save(board: &mut VirtualBoard) {
 
 /// The next `count` results.
 pub fn results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
-    (0..count)
-        .map(|_| await_line(board, is_result).text)
-        .collect()
+    let result = |_| await_line(board, is_result).text;
+    (0..count).map(result).collect()
 }
 
 /// The next `count` results of frames that began after this call. It skips two: one that waits for the serial
@@ -351,10 +369,8 @@ impl Status {
     /// The count under `name`.
     pub fn count(&self, name: &str) -> u64 {
         let name = format!("status {name} ");
-        let count = self
-            .0
-            .iter()
-            .find_map(|line| line.strip_prefix(&name)?.parse().ok());
+        let mut lines = self.0.iter();
+        let count = lines.find_map(|line| line.strip_prefix(&name)?.parse().ok());
         count.unwrap_or_else(|| panic!("no count of {name:?} in {self:#?}"))
     }
 
@@ -380,14 +396,13 @@ impl Status {
 
 /// The number between `before` and `after` in a line.
 pub fn number(line: &str, before: &str, after: &str) -> f64 {
-    line.split_once(before)
-        .and_then(|(_, rest)| {
-            let end = if after.is_empty() {
-                rest.len()
-            } else {
-                rest.find(after)?
-            };
-            rest[..end].parse().ok()
-        })
-        .unwrap_or_else(|| panic!("no number between {before:?} and {after:?} in {line:?}"))
+    let parse = || {
+        let (_, rest) = line.split_once(before)?;
+        let number = match after {
+            "" => rest,
+            after => rest.split_once(after)?.0,
+        };
+        number.parse().ok()
+    };
+    parse().unwrap_or_else(|| panic!("no number between {before:?} and {after:?} in {line:?}"))
 }

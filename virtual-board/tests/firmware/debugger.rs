@@ -10,10 +10,8 @@ const DISDEFWBUF: u64 = 1 << 1;
 #[test]
 fn the_start_switches_the_write_buffer_off() {
     let mut board = measuring(4);
-    let register = board
-        .probe_reads(ACTLR)
-        .expect("a run")
-        .expect("a register");
+    let register = board.probe_reads(ACTLR).expect("a run");
+    let register = register.expect("a register");
     assert_eq!(register & DISDEFWBUF, DISDEFWBUF, "{register:#x}");
 }
 
@@ -25,9 +23,7 @@ fn a_log_that_nobody_reads_stops_nothing() {
     board.lose_log_reader().expect("a log");
     let [size, mut place] = board.log_size_and_place().expect("a log");
     // Each of these bytes makes embassy's driver log an error.
-    board
-        .garble_serial_line(1_000_000, 0, 1)
-        .expect("the emulator");
+    garble(&mut board, 1_000_000, 0);
     let mut logged = 0;
     while logged <= 2 * size {
         board.send("?");
@@ -38,10 +34,10 @@ fn a_log_that_nobody_reads_stops_nothing() {
         assert!(board.now() < 20_000_000_000, "{logged} of {size} bytes");
     }
     println!("{logged} bytes in a buffer of {size}");
-    board.garble_serial_line(0, 0, 1).expect("the emulator");
+    garble(&mut board, 0, 0);
     board.send("\r\n");
     let lines = fresh_results(&mut board, 4);
     assert_readings(&lines);
-    assert_eq!(board.resets().expect("resets"), []);
+    assert_no_reset(&mut board);
     Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "rows late"]);
 }

@@ -138,11 +138,7 @@ fn two_spots(first: f64, second: f64) -> LightSource {
     let mut light = spot_at(first, BRIGHT);
     Box::new(move |exposure| {
         let mut counts = light(exposure);
-        Spot {
-            width: 8.6,
-            counts_per_second: 0.0,
-        }
-        .add(&mut counts[LIGHT], second, 0.95 * BRIGHT);
+        Spot::new(8.6, 0.0).add(&mut counts[LIGHT], second, 0.95 * BRIGHT);
         counts
     })
 }
@@ -310,12 +306,10 @@ fn an_impossible_word_spoils_only_its_own_row() {
     let mut board = measuring(1);
     assert_all_measure(&fresh_results(&mut board, 2));
     // A bit above the converter's twelve.
-    board
-        .on_emulator(|session, _, _| {
-            let bus = session.board_mut().processor.converter_bus();
-            bus.place_mut(0).expect("a converter").flip(1 << 15);
-        })
-        .expect("the emulator");
+    with_processor(&mut board, |it| {
+        let converter = it.converter_bus().place_mut(0);
+        converter.expect("a converter").flip(1 << 15);
+    });
     let lines = results(&mut board, 10);
     let (readings, faults): (Vec<_>, Vec<_>) = lines.iter().partition(|line| is_reading(line));
     assert_eq!(faults, ["f sensor silent"], "{lines:#?}");

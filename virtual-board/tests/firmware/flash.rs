@@ -160,13 +160,14 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new_configuration() {
             torn.extend(seeds.map(|seed| is_new(Cut::During(number, seed))));
         }
         let new = |cuts: &[bool]| cuts.iter().filter(|&&new| new).count();
-        println!(
-            "a save {what}, {count} operations: of {} cuts between them {} leave the new, of {} torn ones {}",
-            plain.len(),
-            new(&plain),
-            torn.len(),
-            new(&torn)
-        );
+        println!("a save {what}, {count} operations");
+        for (name, cuts) in [("between operations", plain), ("in an operation", torn)] {
+            println!(
+                "of {} cuts {name} {} leave the new one",
+                cuts.len(),
+                new(&cuts)
+            );
+        }
         assert!(count > 300, "{count} operations");
     }
 }
@@ -229,8 +230,7 @@ fn a_power_cut_in_the_very_first_save_leaves_the_nominal_calibration_or_none() {
     for count in 0..count {
         for cut in [Cut::After(count), Cut::During(count, count as u64)] {
             let kept = kept::read(&cut.leaves(history));
-            let is =
-                [Stored::Nothing, Stored::Unusable, new.clone()].map(|possible| possible == kept);
+            let is = [&Stored::Nothing, &Stored::Unusable, &new].map(|it| *it == kept);
             assert!(is.contains(&true), "{cut:?}: {kept:?}");
             for (found, is) in found.iter_mut().zip(is) {
                 *found += usize::from(is);

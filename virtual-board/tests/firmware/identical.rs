@@ -12,10 +12,10 @@ use slitrange::base::fault::Fault;
 use slitrange::centre::{self, Estimator};
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
+use slitrange::frame::comb::Comb;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::{sensor_heads, spot};
 use slitrange_device::protocol::line::{FaultLine, ReadingLine};
@@ -43,10 +43,10 @@ fn any_spots(seed: u64) -> LightSource {
             seed,
             second_reflection: (row % 6 == 0).then_some(second),
             black_level: Some(scene::BlackLevel::steady(random.random_range(50.0..800.0))),
-            spot: Some(Spot {
-                width: logarithmic(&mut random, 0.8, 130.0),
-                counts_per_second: logarithmic(&mut random, 4.0, 12_000.0),
-            }),
+            spot: Some(Spot::new(
+                logarithmic(&mut random, 0.8, 130.0),
+                logarithmic(&mut random, 4.0, 12_000.0),
+            )),
             ..Scene::white_paper()
         };
         scene.row_with_centre(row, random.random_range(-20.0..3668.0), 1.0)
@@ -62,10 +62,7 @@ fn spots_nearby(seed: u64) -> LightSource {
         row += 1;
         let scene = Scene {
             seed,
-            spot: Some(Spot {
-                width: 8.6,
-                counts_per_second: logarithmic(&mut random, 8.0, 12_000.0),
-            }),
+            spot: Some(Spot::new(8.6, logarithmic(&mut random, 8.0, 12_000.0))),
             ..Scene::white_paper()
         };
         let scatter = if row % 100 < 50 { 0.0 } else { 2.0 };
@@ -82,7 +79,7 @@ pub fn logarithmic(random: &mut ChaCha8Rng, least: f64, most: f64) -> f64 {
 
 /// Every row since the start of the firmware, and the results after the commands took effect. The exposure is
 /// fixed unless a command says otherwise.
-pub fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<String>) {
+fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<String>) {
     let (mut board, _) = boot(light);
     keep_all_rows(&mut board);
     for command in [&["exposure 5600"], commands].concat() {
@@ -102,12 +99,32 @@ pub fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<S
     (shown, lines)
 }
 
-/// The settings on the PC that go with [`run`].
-pub fn with_fixed_exposure() -> Options {
-    Options {
+/// The settings on the PC that go with [`run`], with a change.
+pub fn options(change: impl FnOnce(&mut Options)) -> Options {
+    let mut options = Options {
         exposure: ExposureMode::Fixed(exposure::Exposure::LONGEST),
         ..Options::default()
-    }
+    };
+    change(&mut options);
+    options
+}
+
+/// Runs a board, and asserts that its lines from number `first` on are the PC's. Gives all rows, these lines,
+/// and the number of lines of each kind.
+pub fn run_as_on_this_pc(
+    light: LightSource,
+    commands: &[&str],
+    rows: u64,
+    first: usize,
+    options: Options,
+    calibration: Option<&Calibration>,
+) -> (Vec<Row>, Vec<String>, BTreeMap<String, usize>) {
+    let (shown, mut chip) = run(light, commands, rows);
+    chip.drain(..first);
+    let pc = on_this_pc(&chip, &shown, options, calibration);
+    let kinds = assert_same(&chip, &pc, if options.rows == 1 { 2 } else { 1 });
+    println!("{commands:?}: {} lines are the same: {kinds:?}", chip.len());
+    (shown, chip, kinds)
 }
 
 /// For how long the laser was on in a row, if the setting does not say so.
@@ -120,7 +137,7 @@ fn exposure(row: &Row, options: &Options) -> Option<exposure::Exposure> {
 }
 
 /// The PC's lines from the chip's first line on, of a sensor that nobody calibrated.
-pub fn on_this_pc(
+fn on_this_pc(
     chip: &[String],
     rows: &[Row],
     options: Options,
@@ -144,7 +161,7 @@ pub fn calibrated_on_this_pc(
         _ => options.rows,
     };
     let mut pc = (0..usize::from(of_frame))
-        .map(|first| lines_of_pc(&rows[first..], options, calibration, errors))
+        .map(|first| lines_of_pc(&rows[first..], options, calibration, errors, None))
         .find(|pc| pc.contains(&chip[0]))
         .unwrap_or_else(|| panic!("the PC nowhere says {}", chip[0]));
     let is_there = |pc: &[String]| pc.iter().zip(chip).take(4).all(|(pc, chip)| pc == chip);
@@ -152,14 +169,16 @@ pub fn calibrated_on_this_pc(
     pc.split_off(from.unwrap_or_else(|| panic!("the PC nowhere says {:#?}", &chip[..4])))
 }
 
-/// The line for each frame of the rows, with a calibration's uncertainties.
+/// The line for each frame of the rows, with a calibration's uncertainties, and a comb if it is not nominal.
 pub fn lines_of_pc(
     rows: &[Row],
     options: Options,
     calibration: Option<&Calibration>,
     errors: &CalibrationErrors,
+    comb: Option<Comb>,
 ) -> Vec<String> {
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), options);
+    comb.into_iter().for_each(|comb| measurement.set_comb(comb));
     let subtracts = options.ambient == AmbientMode::Subtract;
     rows.iter()
         // The laser is off until the firmware knows its settings.
@@ -213,20 +232,20 @@ fn every_row_gives_the_same_line_on_the_chip_and_on_a_pc() {
         (Calibration::nominal(), "calibration on"),
         (None, "calibration off"),
     ] {
-        let (rows, chip) = run(any_spots(5), &[command, "rows 1"], ROWS);
-        let options = Options {
-            rows: 1,
-            ..with_fixed_exposure()
-        };
         // The first line may still belong to a frame of 16 rows.
-        let chip = &chip[1..];
-        let pc = on_this_pc(chip, &rows, options, calibration.as_ref());
+        let (commands, options) = ([command, "rows 1"], options(|it| it.rows = 1));
+        let (rows, chip, kinds) = run_as_on_this_pc(
+            any_spots(5),
+            &commands,
+            ROWS,
+            1,
+            options,
+            calibration.as_ref(),
+        );
         assert!(chip.len() >= 300, "{}", chip.len());
-        let kinds = assert_same(chip, &pc, 2);
-        println!("{command}: {} lines are the same: {kinds:?}", chip.len());
 
         let mut blocks = BTreeMap::new();
-        for block in rows[rows.len() - pc.len()..].iter().filter_map(block_of) {
+        for block in rows[rows.len() - chip.len()..].iter().filter_map(block_of) {
             *blocks.entry(block).or_insert(0) += 1;
         }
         println!("centres by pixels in a sample: {blocks:?}");
@@ -258,24 +277,15 @@ fn every_frame_gives_the_same_line_on_the_chip_and_on_a_pc() {
     ] {
         let set_mean = format!("mean {}", mean.name());
         let commands = ["black frame", &set_mean, &format!("rows {rows}")];
-        let (shown, chip) = run(spots_nearby(6), &commands, of_all);
-        let options = Options {
-            rows,
-            mean,
-            black_level: BlackLevel::Frame,
-            ..with_fixed_exposure()
-        };
-        let calibration = Calibration::nominal();
-        let chip = &chip[1..];
-        let pc = on_this_pc(chip, &shown, options, calibration.as_ref());
+        let options = options(|it| {
+            (it.rows, it.mean, it.black_level) = (rows, mean, BlackLevel::Frame);
+        });
+        let (light, calibration) = (spots_nearby(6), Calibration::nominal());
+        let (_, chip, kinds) =
+            run_as_on_this_pc(light, &commands, of_all, 1, options, calibration.as_ref());
         assert!(chip.len() >= 20);
-        let kinds = assert_same(chip, &pc, 1);
         let alike = chip.iter().filter(|line| line.contains(" c ")).count();
-        println!(
-            "{} frames of {rows} rows are the same, mean {}: {kinds:?}, {alike} of rows that err alike",
-            chip.len(),
-            mean.name()
-        );
+        println!("{alike} of rows that err alike");
         assert!(kinds["reading"] >= 15, "{kinds:?}");
         assert!(rows < 8 || alike >= 5, "{alike}");
     }
@@ -307,18 +317,12 @@ fn assert_same_lines(estimators: &[Estimator]) {
             (Calibration::nominal(), "calibration on", "reading"),
             (None, "calibration off", "not calibrated"),
         ] {
-            let (rows, chip) = run(any_spots(7), &[switch, "rows 1", &command], ROWS);
-            let options = Options {
-                estimator,
-                rows: 1,
-                ..with_fixed_exposure()
-            };
+            let (commands, light) = ([switch, "rows 1", &command], any_spots(7));
+            let options = options(|it| (it.rows, it.estimator) = (1, estimator));
             // The first two lines may still be from the estimator before.
-            let chip = &chip[2..];
-            let pc = on_this_pc(chip, &rows, options, calibration.as_ref());
+            let (_, chip, kinds) =
+                run_as_on_this_pc(light, &commands, ROWS, 2, options, calibration.as_ref());
             assert!(chip.len() >= 40);
-            let kinds = assert_same(chip, &pc, 2);
-            println!("{command}, {switch}: {kinds:?}");
             assert!(kinds[centre] >= 5, "{kinds:?}");
         }
     }

@@ -18,7 +18,7 @@ use virtual_board::VirtualBoard;
 use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
 
 use super::common::*;
-use super::records::assert_shown;
+use super::records::{assert_shown, written};
 
 /// The configuration of a sensor with a record and so many rows in a frame.
 pub fn configuration(record: Record, rows: u16, mean: Mean) -> Configuration {
@@ -72,7 +72,7 @@ pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Stored) -> Option<Encode
     let calibration = match kept {
         Stored::Nothing => EncodedRecord::nominal(),
         Stored::Newest(saved) | Stored::Older(saved) => match saved.record.clone() {
-            Some(record) => Some(EncodedRecord::new(record).expect("a usable one")),
+            Some(record) => Some(written(record)),
             None => EncodedRecord::nominal(),
         },
         Stored::Later(_) | Stored::Unusable => None,

@@ -6,13 +6,13 @@ use std::time::Duration;
 use judges::changing_light::{self, BRIGHTEST};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
-use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
+use simulator::scene::{Exposure as Times, Scene, Simulation};
 use slitrange::Calibration;
 use slitrange::measurement::Options;
 use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
 
 use super::common::*;
-use super::identical::{assert_same, logarithmic, on_this_pc, run};
+use super::identical::{logarithmic, run_as_on_this_pc};
 
 /// For how long the laser was on since power-on.
 fn laser_time(board: &mut VirtualBoard) -> Nanos {
@@ -116,12 +116,7 @@ fn the_laser_goes_off_when_the_firmware_stops() {
 
 /// White paper's spot on targets whose brightness jumps to any value within 10,000 to 1, every `rows` rows.
 fn jumping(rows: u64) -> LightSource {
-    let scene = changing_light::scene();
-    let spot = scene.spot.map(|spot| Spot {
-        counts_per_second: BRIGHTEST,
-        ..spot
-    });
-    let simulation = Simulation::new(Scene { spot, ..scene });
+    let simulation = Simulation::new(changing_light::scene().with_height(BRIGHTEST));
     let mut random = ChaCha8Rng::seed_from_u64(19);
     let (mut row, mut reflectivity) = (0, 1.0);
     Box::new(move |exposure: &Exposure| {
@@ -144,11 +139,10 @@ fn jumping(rows: u64) -> LightSource {
 fn assert_jumps_are_followed(jumps: u64) {
     // A frame and a half, and some: jumps come anywhere in a frame.
     const ROWS: u64 = 39;
-    let (shown, chip) = run(jumping(ROWS), &["exposure auto"], jumps * ROWS);
-    let chip = &chip[1..];
-    let calibration = Calibration::nominal();
-    let pc = on_this_pc(chip, &shown, Options::default(), calibration.as_ref());
-    let kinds = assert_same(chip, &pc, 1);
+    let (options, calibration) = (Options::default(), Calibration::nominal());
+    let (light, commands, rows) = (jumping(ROWS), ["exposure auto"], jumps * ROWS);
+    let (_, chip, kinds) =
+        run_as_on_this_pc(light, &commands, rows, 1, options, calibration.as_ref());
     let optics = Scene::white_paper().optics;
     let truth = optics.centre(DISTANCE);
     let mm_per_pixel = 1e3 * optics.metres_per_pixel(truth).abs();
@@ -178,11 +172,10 @@ fn a_hundred_jumps_of_the_brightness_cost_at_most_a_frame_each() {
 
 /// What `cargo demo --scene reflectivity --json` prints.
 fn demo_of_reflectivity(options: &[&str]) -> serde_json::Value {
-    let output = Command::new(env!("CARGO_BIN_EXE_demo"))
-        .args(["--scene", "reflectivity", "--json"])
-        .args(options)
-        .output()
-        .expect("the demo starts");
+    let mut demo = Command::new(env!("CARGO_BIN_EXE_demo"));
+    demo.args(["--scene", "reflectivity", "--json"])
+        .args(options);
+    let output = demo.output().expect("the demo starts");
     assert!(output.status.success(), "{output:?}");
     serde_json::from_slice(&output.stdout).expect("JSON")
 }

@@ -14,7 +14,6 @@ use super::common::*;
 /// The most lines before an answer. Results never end, so this limit ends a failed test.
 const LINES: usize = 200;
 
-/// A running demo, and its terminal.
 struct Demo {
     process: Child,
     terminal: BufReader<File>,
@@ -30,26 +29,16 @@ impl Drop for Demo {
 
 impl Demo {
     fn start(arguments: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_demo"))
-            .arg("--pty")
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("the demo starts");
-        let stdout = process.stdout.take().expect("a pipe");
+        let mut demo = Command::new(env!("CARGO_BIN_EXE_demo"));
+        demo.arg("--pty").args(arguments).stdout(Stdio::piped());
+        let mut process = demo.spawn().expect("the demo starts");
+        let mut stdout = BufReader::new(process.stdout.take().expect("a pipe"));
         let mut line = String::new();
-        BufReader::new(stdout)
-            .read_line(&mut line)
-            .expect("a first line");
-        let path = line
-            .trim_end()
-            .strip_prefix("serial line: ")
-            .unwrap_or_else(|| panic!("no path in {line:?}"));
-        let terminal = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(path)
-            .unwrap_or_else(|error| panic!("{path}: {error}"));
+        stdout.read_line(&mut line).expect("a first line");
+        let path = line.trim_end().strip_prefix("serial line: ");
+        let path = path.unwrap_or_else(|| panic!("no path in {line:?}"));
+        let terminal = OpenOptions::new().read(true).write(true).open(path);
+        let terminal = terminal.unwrap_or_else(|error| panic!("{path}: {error}"));
         let terminal = BufReader::new(terminal);
         Self { process, terminal }
     }
@@ -180,29 +169,29 @@ fn saved_settings_survive_a_restart_of_the_demo() {
 #[test]
 fn a_distance_in_metres_is_refused() {
     for metres in ["0.8", "9000", "far"] {
-        let output = Command::new(env!("CARGO_BIN_EXE_demo"))
-            .args(["--distance", metres])
-            .output()
-            .expect("the demo starts");
-        let message = String::from_utf8_lossy(&output.stderr);
-        assert!(!output.status.success());
         let range = "must be 10 to 8380 millimetres (800, not 0.8)";
-        assert!(message.contains(range), "{message}");
+        assert_refused(&["--distance", metres], &[range]);
     }
+}
+
+/// Asserts that the demo does not start with these arguments, and says all of these words.
+fn assert_refused(arguments: &[&str], words: &[&str]) {
+    let demo = Command::new(env!("CARGO_BIN_EXE_demo"))
+        .args(arguments)
+        .output();
+    let demo = demo.expect("the demo starts");
+    let message = String::from_utf8_lossy(&demo.stderr);
+    assert!(!demo.status.success());
+    assert!(words.iter().all(|it| message.contains(it)), "{message}");
 }
 
 #[test]
 fn a_flash_file_of_the_wrong_size_is_refused() {
     let file = no_file("no-flash");
     fs::write(&file, [0; 100]).expect("a file");
-    let output = Command::new(env!("CARGO_BIN_EXE_demo"))
-        .args(["--pty", "--flash", name(&file)])
-        .output()
-        .expect("the demo starts");
-    let message = String::from_utf8_lossy(&output.stderr);
-    println!("{message}");
-    assert!(!output.status.success());
-    let names_both = message.contains("no-flash") && message.contains("100 bytes");
-    assert!(names_both, "{message}");
+    assert_refused(
+        &["--pty", "--flash", name(&file)],
+        &["no-flash", "100 bytes"],
+    );
     fs::remove_file(&file).expect("the file");
 }

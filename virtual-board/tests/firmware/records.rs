@@ -14,8 +14,7 @@ use slitrange::distance::table::Table;
 use slitrange::frame::comb::{Comb, SlitMap};
 use slitrange::light::black_level::BlackLevel;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity};
+use slitrange::row::{Geometry, Polarity, sensor_heads};
 use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use slitrange_device::protocol::piece::Piece;
 use slitrange_device::record::Record;
@@ -128,13 +127,12 @@ pub fn every_kind() -> [EncodedRecord; 4] {
 fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
     let (first, last) = NOMINAL.expect("a curve").valid();
     let step = (last.to_bits() - first.to_bits()) / (count - 1);
-    (0..count)
-        .map(|i| Pixels::from_bits(first.to_bits() + i * step))
-        .map(|centre| Knot {
-            centre,
-            value: value(centre),
-        })
-        .collect()
+    let knot = |i| {
+        let centre = Pixels::from_bits(first.to_bits() + i * step);
+        let value = value(centre);
+        Knot { centre, value }
+    };
+    (0..count).map(knot).collect()
 }
 
 /// The longest record without a comb and a front end.
@@ -175,9 +173,8 @@ pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
 
 /// The answer to `calibration`.
 pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
-    ask_until(board, "calibration", |line| {
-        line.starts_with("calibration stored ")
-    })
+    let is_last = |line: &str| line.starts_with("calibration stored ");
+    ask_until(board, "calibration", is_last)
 }
 
 /// Asserts that the board shows the record as the core does.

@@ -18,7 +18,13 @@ use super::common::*;
 /// 114 lines of some 110 characters at 115,200 baud take 1.1 s.
 const SENDING: Duration = Duration::from_secs(3);
 
-/// Pixels that see light.
+/// The default settings with a change.
+fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
+    let mut settings = Settings::default();
+    change(&mut settings);
+    settings
+}
+
 fn light_pixels() -> usize {
     sensor_heads::tcd1304dg().light.len()
 }
@@ -63,7 +69,6 @@ impl Answer {
         answer
     }
 
-    /// The pixels.
     fn window(&self) -> Range<f64> {
         let end = self.first + self.counts.len();
         self.first as f64..end as f64
@@ -113,7 +118,6 @@ fn answer_as_here(board: &mut VirtualBoard, part: RowPart, settings: Settings) -
     answer
 }
 
-/// Boots a board that keeps all rows.
 fn boot_keeping(light: LightSource) -> CleanBoard {
     let (mut board, _) = boot(light);
     keep_all_rows(&mut board);
@@ -152,16 +156,11 @@ fn a_window_holds_the_spot_and_nothing_else() {
 fn the_window_of_a_comb_holds_all_its_images() {
     let mut board = boot_keeping(paper_behind_a_comb());
     set(&mut board, "slits comb");
-    let settings = Settings {
-        slits: Slits::Comb,
-        ..Settings::default()
-    };
+    let settings = settings(|it| it.slits = Slits::Comb);
     let answer = answer_as_here(&mut board, RowPart::Window, settings);
     let slits = answer.head[2].strip_prefix("slits ").expect("slits");
-    let places: Vec<f64> = slits
-        .split(' ')
-        .filter_map(|slit| slit.split('/').next()?.parse().ok())
-        .collect();
+    let place = |slit: &str| slit.split('/').next()?.parse().ok();
+    let places: Vec<f64> = slits.split(' ').filter_map(place).collect();
     assert!(places.len() >= 12);
     let window = answer.window();
     let all = places.iter().all(|place| window.contains(place));
@@ -189,42 +188,28 @@ fn readings_of_single_rows_go_on_at_once() {
 #[test]
 fn a_range_has_the_exposure_of_its_row() {
     let mut board = boot_keeping(paper());
-    let range = RowPart::Range {
-        first: 1700,
-        last: 1839,
-    };
-    let short = Exposure::from_us(187).expect("an exposure");
-    let fixed = Settings {
-        exposure: ExposureMode::Fixed(short),
-        ..Settings::default()
-    };
-    let off = Settings {
-        laser: false,
-        ..fixed
-    };
-    let full = Settings {
-        exposure: ExposureMode::Fixed(Exposure::LONGEST),
-        ..Settings::default()
-    };
-    let longest = RowExposure::On(Exposure::LONGEST);
-    for (line, settings, exposure) in [
-        ("exposure 5600", full, longest),
-        ("exposure 187", fixed, RowExposure::On(short)),
-        ("laser off", off, RowExposure::Off),
+    let (first, last) = (1700, 1839);
+    let range = RowPart::Range { first, last };
+    let (longest, short) = (
+        Exposure::LONGEST,
+        Exposure::from_us(187).expect("an exposure"),
+    );
+    for (line, laser, fixed, exposure) in [
+        ("exposure 5600", true, longest, RowExposure::On(longest)),
+        ("exposure 187", true, short, RowExposure::On(short)),
+        ("laser off", false, short, RowExposure::Off),
     ] {
         set(&mut board, line);
         // The row before was exposed when the setting changed.
         run_ms(&mut board, 100);
+        let settings = settings(|it| (it.laser, it.exposure) = (laser, ExposureMode::Fixed(fixed)));
         let answer = answer_as_here(&mut board, range, settings);
         assert_eq!(answer.exposure(), exposure);
         assert_eq!((answer.first, answer.counts.len()), (1700, 140));
     }
     set(&mut board, "laser on");
-    let beyond = RowPart::Range {
-        first: 3640,
-        last: u16::MAX,
-    };
-    let answer = Answer::ask(&mut board, beyond);
+    let (first, last) = (3640, u16::MAX);
+    let answer = Answer::ask(&mut board, RowPart::Range { first, last });
     assert_eq!((answer.first, answer.counts.len()), (3640, 8));
     let error = "E3 out of range, expected row [window|FIRST LAST]";
     assert_eq!(ask(&mut board, "row 1839 1700"), error);

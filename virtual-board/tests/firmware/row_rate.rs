@@ -2,13 +2,12 @@
 //! its own: the words of a row are in memory about 10 us after the row is due.
 
 use slitrange::distance::Calibration;
-use slitrange::measurement::Options;
 use slitrange::reading::uncertainty::CalibrationErrors;
 use virtual_board::Row;
 use virtual_board::row_rate::{lost_rows, start};
 
 use super::common::*;
-use super::identical::{lines_of_pc, with_fixed_exposure};
+use super::identical::{lines_of_pc, options};
 
 /// Runs the firmware with the default estimator for `count` rows. Every row must be read, and every line must
 /// be that of the core on a PC.
@@ -29,22 +28,15 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
     let shown: Vec<Row> = kept_rows(&mut board);
     let status = Status::ask(&mut board);
     status.assert_none(&["rows failed"]);
-    println!(
-        "{rows_per_second} rows a second, {rows} a frame: {read} rows, {} lines; the slowest row \
-         took {}; the core is busy for {:.1} % of the time",
-        lines.len(),
-        status.count("slowest row cycles"),
-        100.0 * busy
-    );
+    let (count, slowest) = (lines.len(), status.count("slowest row cycles"));
+    println!("{rows_per_second} rows a second, {rows} a frame: {read} rows, {count} lines");
+    println!("the slowest row took {slowest}; the core is busy for {busy:.3} of the time");
     assert_same_lines(&shown, rows, &lines);
 }
 
 /// The chip's lines are the PC's, in order. The serial line may be too slow for all of them.
 fn assert_same_lines(shown: &[Row], rows: u16, chip: &[String]) {
-    let settings = Options {
-        rows,
-        ..with_fixed_exposure()
-    };
+    let settings = options(|it| it.rows = rows);
     let calibration = Calibration::nominal();
     let frames = shown.len() / usize::from(rows);
     assert!(chip.len() >= frames / 8, "{} lines", chip.len());
@@ -53,7 +45,13 @@ fn assert_same_lines(shown: &[Row], rows: u16, chip: &[String]) {
     let chip = &chip[3..];
     let same = (0..usize::from(rows)).map(|first| {
         let errors = &CalibrationErrors::Nominal;
-        let pc = lines_of_pc(&shown[first..], settings, calibration.as_ref(), errors);
+        let pc = lines_of_pc(
+            &shown[first..],
+            settings,
+            calibration.as_ref(),
+            errors,
+            None,
+        );
         let mut of_the_pc = pc.iter();
         let is_next = |line: &&String| of_the_pc.any(|pc| pc == *line);
         chip.iter().take_while(is_next).count()

@@ -10,7 +10,6 @@ use super::common::*;
 /// The largest allowed error of a reading in pixels: four standard deviations of the strongest speckle.
 const GROSS: f64 = 3.5;
 
-/// The expected results for a scene at the firmware's exposure.
 #[derive(Debug, PartialEq)]
 enum Expected {
     Reading,
@@ -81,9 +80,8 @@ fn every_scene_gives_readings_or_its_own_fault() {
                     }
                     None => scene.distance,
                 };
-                let row = scene
-                    .motion
-                    .map_or(0.0, |it| it.speed * scene.sensor.period());
+                let speed = scene.motion.map_or(0.0, |it| it.speed);
+                let row = speed * scene.sensor.period();
                 let error = number(&line.text, "d ", " mm") * 1e-3 - truth;
                 let most = GROSS * metres_per_pixel + 3.0 * row;
                 assert!(error.abs() < most, "{name}: {error} m off: {}", line.text);

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use rigless::soc::stm32f427::generated::usart6::{Register, cr1};
+use rigless::soc::stm32f427::generated::usart6::cr1;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::input::Input;
 use virtual_board::{Arrival, Line, Nanos, VirtualBoard};
@@ -32,9 +32,8 @@ fn flood(board: &mut VirtualBoard, bytes: &[u8]) -> (Nanos, Vec<Line>) {
     board.send_at(start, bytes);
     // The last line of the bytes has no end.
     board.send("\r\n");
-    board
-        .run_for(TRANSFER + Duration::from_millis(50))
-        .expect("a run");
+    let longest = TRANSFER + Duration::from_millis(50);
+    board.run_for(longest).expect("a run");
     (start, board.take_lines())
 }
 
@@ -91,11 +90,9 @@ fn random_bytes_are_answered_by_errors_and_measuring_continues() {
     let bytes = random_bytes(1);
     let (start, lines) = flood(&mut board, &bytes);
     assert_measures_on(&lines, start);
-    let errors = lines
-        .into_iter()
-        .map(|line| line.text)
-        .filter(|line| is_error(line));
-    assert_eq!(errors.collect::<Vec<_>>(), errors_about(&bytes));
+    let errors = lines.iter().map(|line| &line.text);
+    let errors = errors.filter(|line| is_error(line));
+    assert!(errors.eq(&errors_about(&bytes)));
     assert_lives_on(&mut board);
 }
 
@@ -104,12 +101,10 @@ fn noise_and_framing_errors_are_counted_and_the_line_still_works() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     // A tenth of the bytes each.
-    board
-        .garble_serial_line(100_000, 100_000, 1)
-        .expect("the emulator");
+    garble(&mut board, 100_000, 100_000);
     let (start, lines) = flood(&mut board, &random_bytes(2));
     assert_measures_on(&lines, start);
-    board.garble_serial_line(0, 0, 1).expect("the emulator");
+    garble(&mut board, 0, 0);
     // The garbled bytes may have ended within a line.
     say(&mut board, "", 20);
     board.take_lines();
@@ -292,21 +287,6 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     status.assert_none(&["serial noise"]);
 }
 
-/// USART3, which serves the serial line.
-const SERIAL_PORT: usize = 2;
-
-/// Lets the firmware take received bytes by interrupt, or not.
-fn let_receive(board: &mut VirtualBoard, on: bool) {
-    board
-        .on_emulator(move |session, _, _| {
-            let part = &mut session.board_mut().processor.part;
-            let (_, registers) = part.serial_port(SERIAL_PORT);
-            let control = registers.get(Register::Cr1);
-            registers.set(Register::Cr1, cr1::RXNEIE.set(control, on.into()));
-        })
-        .expect("the emulator");
-}
-
 /// A debugger that stops the core does this: bytes come, and nobody takes them.
 #[test]
 fn an_overrun_is_counted_and_the_next_command_is_answered() {
@@ -314,10 +294,10 @@ fn an_overrun_is_counted_and_the_next_command_is_answered() {
     let mut numbered = Numbered::start(&mut board);
     // The line is silent for a while after a result, so no interrupt for a byte to send comes.
     await_line(&mut board, |line| line.starts_with("# "));
-    let_receive(&mut board, false);
+    change_serial_port(&mut board, |control| cr1::RXNEIE.set(control, 0));
     board.send("rows 9");
     run_ms(&mut board, 2);
-    let_receive(&mut board, true);
+    change_serial_port(&mut board, |control| cr1::RXNEIE.set(control, 1));
     let answer = numbered.ask(&mut board, "");
     println!("{answer:?}");
     // The first byte was there, and the others were lost.

@@ -88,10 +88,8 @@ fn used(board: &mut VirtualBoard, mut room: Range<u64>) -> u64 {
         let mut words = room.by_ref().step_by(4);
         words.find(|&at| host.read(at, Width::W32).ok() != Some(PATTERN.into()))
     });
-    start
-        - deepest
-            .expect("the emulator")
-            .expect("a stack that is used")
+    let deepest = deepest.expect("the emulator");
+    start - deepest.expect("a stack that is used")
 }
 
 /// Rows that take the estimators' longest paths: a good spot, one cut off at full scale, one at the sensor's

@@ -126,7 +126,7 @@ fn since(board: &VirtualBoard, then: Nanos) -> Duration {
 /// row's last word to the first byte of its result.
 fn assert_windows_arrive(time: Duration) {
     // A slower core may lose bytes of commands at this rate (docs/hardware.md).
-    let mut board = measuring_at_full_speed(1);
+    let mut board = measuring_under(full_speed(), 1);
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);
     say(&mut board, "pixels window", 50);

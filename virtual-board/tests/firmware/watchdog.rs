@@ -1,15 +1,9 @@
 //! Tests of the watchdog, and of the cause that the banner names after a start.
 
-use std::time::Duration;
-
-use rigless::soc::stm32f427::generated::usart6;
-use virtual_board::board::Conditions;
+use rigless::soc::stm32f427::generated::usart6::cr1;
 use virtual_board::{Nanos, OpenLine, VirtualBoard};
 
 use super::common::*;
-
-/// USART3, in the emulator's order.
-const SERIAL_PORT: usize = 2;
 
 /// The emulator's name for a reset by the watchdog.
 const WATCHDOG: &str = r#"Model("IWDG")"#;
@@ -34,13 +28,15 @@ fn only_reset(board: &mut VirtualBoard, cause: &str) -> Nanos {
     resets[0].at.0
 }
 
-/// Runs until the watchdog has reset the board. Gives the time that this took, in seconds.
+/// Runs until the watchdog has reset the board, which then no longer hangs. Gives the time that this took, in
+/// seconds.
 fn run_into_the_watchdog(board: &mut VirtualBoard) -> f64 {
     let stopped = board.now();
     while board.resets().expect("resets").is_empty() {
         assert!(board.now() - stopped < 3_000_000_000, "no reset within 3 s");
         run_ms(board, 10);
     }
+    board.unhang("measure_row").expect("the function");
     let reset = only_reset(board, WATCHDOG);
     let lasted = (reset - stopped) as f64 * 1e-9;
     println!("reset {lasted:.3} s after it stopped");
@@ -55,7 +51,6 @@ fn the_watchdog_resets_after_a_logged_panic() {
     board.take_log();
     board.panic_at("measure_row").expect("the function");
     let lasted = run_into_the_watchdog(&mut board);
-    board.unhang("measure_row").expect("the function");
     // The panic comes within a row. After it nothing restarts the watchdog, whose second began at the last
     // check before.
     assert!((0.85..1.05).contains(&lasted), "{lasted} s");
@@ -74,14 +69,7 @@ fn the_watchdog_resets_if_the_serial_line_hangs() {
     // Twice what the port's buffer holds.
     board.send(&"help\r\n".repeat(6));
     run_ms(&mut board, 50);
-    board
-        .on_emulator(|session, _, _| {
-            let part = &mut session.board_mut().processor.part;
-            let (_, registers) = part.serial_port(SERIAL_PORT);
-            let control = registers.get(usart6::Register::Cr1);
-            registers.set(usart6::Register::Cr1, control & !usart6::cr1::TE.mask());
-        })
-        .expect("the emulator");
+    change_serial_port(&mut board, |control| control & !cr1::TE.mask());
     run_ms(&mut board, 1);
     board.take_lines();
     let rows = board.statistics().rows;
@@ -130,11 +118,10 @@ fn the_command_reset_is_answered_and_starts_the_firmware_again() {
 fn the_watchdog_resets_if_a_computation_hangs() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
-    assert_eq!(board.resets().expect("resets"), []);
+    assert_no_reset(&mut board);
 
     board.hang_at("measure_row").expect("the function");
     let lasted = run_into_the_watchdog(&mut board);
-    board.unhang("measure_row").expect("the function");
     // One check, eight checks without a change, and the watchdog's own second.
     assert!((1.5..2.5).contains(&lasted), "{lasted} s");
     assert_starts_again(&mut board, "watchdog");
@@ -157,7 +144,7 @@ fn a_silent_sensor_does_not_make_the_watchdog_reset() {
     board.open_line(Some(OpenLine::Ones));
     // This is longer than the watchdog waits.
     run_ms(&mut board, 2500);
-    assert_eq!(board.resets().expect("resets"), []);
+    assert_no_reset(&mut board);
 }
 
 /// Lets the firmware hang with its stack there, until the next reset. Gives the rows of 100 ms.
@@ -176,9 +163,8 @@ fn a_stack_that_is_too_deep_ends_in_a_reset() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     let end_of_statics = firmware().address_of("__sheap").expect("the statics' end");
-    let guard = u32::try_from(end_of_statics)
-        .expect("an address")
-        .next_multiple_of(4096);
+    let guard = u32::try_from(end_of_statics).expect("an address");
+    let guard = guard.next_multiple_of(4096);
     // An interrupt pushes 32 bytes or more.
     let (below, above) = (guard + 4096 + 16, guard + 8192);
     let more = rows_of_a_hang(&mut board, above);
@@ -196,18 +182,13 @@ fn a_stack_that_is_too_deep_ends_in_a_reset() {
 /// The ST-LINK's clock may be absent. The firmware then measures by the chip's own oscillator, and says so.
 #[test]
 fn without_the_external_clock_the_firmware_starts_and_says_so() {
-    let conditions = Conditions {
-        has_clock: false,
-        ..Conditions::default()
-    };
-    let mut board = CleanBoard::power_on(paper(), conditions);
-    let banner = board
-        .run_until_line(|line| line.contains("slitrange "), Duration::from_secs(6))
-        .expect("a banner");
+    let mut board = CleanBoard::power_on(paper(), conditions(|it| it.has_clock = false));
+    let banner = board.run_until_line(|line| line.contains("slitrange "), 6 * PATIENCE);
+    let banner = banner.expect("a banner");
     println!("{banner} after {:.1} s", board.now() as f64 * 1e-9);
     let end = ", started by power-on, without its external clock";
     assert!(banner.text.ends_with(end), "{banner}");
-    assert!(board.resets().expect("resets").is_empty());
+    assert_no_reset(&mut board);
     assert_readings(&fresh_results(&mut board, 2));
     let info = ask_for_lines(&mut board, "info", 7).join("\n");
     assert!(info.contains("\ninfo clock internal"), "{info}");
@@ -219,24 +200,17 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
 #[test]
 fn the_watchdog_works_with_the_slowest_and_the_fastest_clock() {
     for (watchdog_hz, least, most) in [(17_000, 1.78, 1.90), (47_000, 0.58, 0.70)] {
-        let conditions = Conditions {
-            watchdog_hz,
-            ..Conditions::default()
-        };
-        let (mut board, _) = boot_under(paper(), conditions);
-        set(&mut board, "rows 64");
+        let mut board = measuring_under(conditions(|it| it.watchdog_hz = watchdog_hz), 64);
         for (command, last) in [("save nominal", "save"), ("selftest", "selftest pass")] {
             board.send(&format!("{command}\r\n"));
-            board
-                .run_until_line(|line| line == last, 2 * PATIENCE)
-                .expect("an answer");
+            let answer = board.run_until_line(|line| line == last, 2 * PATIENCE);
+            answer.expect("an answer");
         }
         run_ms(&mut board, 2_000);
-        assert_eq!(board.resets().expect("resets"), []);
+        assert_no_reset(&mut board);
 
         board.panic_at("measure_row").expect("the function");
         let seconds = run_into_the_watchdog(&mut board);
-        board.unhang("measure_row").expect("the function");
         let range = least..most;
         assert!(range.contains(&seconds), "{watchdog_hz} Hz: {seconds}");
         await_line(&mut board, |line| line.ends_with("started by watchdog"));

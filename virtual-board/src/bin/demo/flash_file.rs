@@ -22,12 +22,10 @@ impl FlashFile {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref().to_owned();
         let contents = match fs::read(&path) {
-            Ok(bytes) => {
-                Contents::new(bytes).with_context(|| format!("reading {}", path.display()))?
-            }
-            Err(error) if error.kind() == ErrorKind::NotFound => Contents::erased(),
-            Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Contents::erased()),
+            read => read.map_err(Into::into).and_then(Contents::new),
         };
+        let contents = contents.with_context(|| format!("reading {}", path.display()))?;
         let flash = SharedFlash::holding(contents);
         Ok(Self { path, flash })
     }

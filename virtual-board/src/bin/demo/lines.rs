@@ -51,44 +51,25 @@ impl Report {
             return Ok(None);
         }
         let words: Vec<&str> = line.split(' ').collect();
-        let [
-            "d",
-            distance,
-            "mm",
-            "u",
-            uncertainty,
-            "r",
-            repeatability,
-            "x",
-            centre,
-            "a",
-            amplitude,
-            "n",
-            rows,
-            ref rest @ ..,
-        ] = words[..]
-        else {
-            anyhow::bail!("{line:?} is no reading");
+        let place = |name: &str| words.iter().position(|word| *word == name);
+        // A line leaves out the longest exposure, and one slit.
+        let value = |name: &str, default: &'static str| match place(name) {
+            Some(place) => words.get(place + 1).copied().unwrap_or_default(),
+            None => default,
         };
-        let (exposure, rest) = match rest {
-            ["t", exposure, rest @ ..] => (*exposure, rest),
-            rest => ("5600", rest),
-        };
-        let (slits, flags) = match rest {
-            ["k", slits, flags @ ..] => (*slits, flags),
-            flags => ("1", flags),
-        };
-        let used = rows.split('/').next().unwrap_or_default();
+        let last = ["k", "t", "n"].into_iter().find_map(place);
+        let last = last.unwrap_or_default();
+        let used = value("n", "").split('/').next().unwrap_or_default();
         Ok(Some(Self::Reading(Reading {
-            distance: number(line, distance)?,
-            uncertainty: number(line, uncertainty)?,
-            repeatability: number(line, repeatability)?,
-            centre: number(line, centre)?,
-            amplitude: number(line, amplitude)?,
+            distance: number(line, value("d", ""))?,
+            uncertainty: number(line, value("u", ""))?,
+            repeatability: number(line, value("r", ""))?,
+            centre: number(line, value("x", ""))?,
+            amplitude: number(line, value("a", ""))?,
             rows: number(line, used)?,
-            exposure: number(line, exposure)?,
-            slits: number(line, slits)?,
-            flags: flags.join(" "),
+            exposure: number(line, value("t", "5600"))?,
+            slits: number(line, value("k", "1"))?,
+            flags: words[(last + 2).min(words.len())..].join(" "),
         })))
     }
 }

@@ -54,7 +54,6 @@ const RESULTS_OF_TARGETS: usize = 58;
 /// How long a sensor warms up, in seconds of the scene. The board does not run meanwhile.
 const WARM_UP: f64 = 600.0;
 
-/// The calibration of the sensor.
 const RECORD: &[u8] = include_bytes!("paper.record");
 
 /// The demo's results.
@@ -108,7 +107,6 @@ pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     Ok((scene, distance))
 }
 
-/// What is before the sensor.
 fn slits_of(scene: &Scene) -> Slits {
     match scene.comb {
         Some(_) => Slits::Comb,
@@ -121,7 +119,6 @@ pub fn slits_command(scene: &Scene) -> String {
     format!("slits {}", slits_of(scene).name())
 }
 
-/// The record of the demo's sensor with these slits.
 fn record(slits: Slits) -> Result<EncodedRecord> {
     let paper = record::decode(RECORD).context("the demo's record")?;
     let errors = match (slits, paper.errors) {
@@ -165,24 +162,19 @@ fn scene_by_name(options: &Options) -> Result<(Scene, f64)> {
     if let Some(motion) = &scene.motion {
         ensure!(
             !options.pty || scene.speckle.is_none(),
-            "the target of {name} moves on for as long as the terminal is open, \
-             and its speckle is not made for any distance: leave \
-             out --pty"
+            "the target of {name} moves on for as long as the terminal is open, and its speckle is not made \
+             for any distance: leave out --pty"
         );
         // The motion starts again at each step. A step ends at the latest after this many results.
         let results = 2 + RESULTS_A_STEP as u32;
         let longest = (patience(options.rows) * results).as_secs_f64();
         distances.push(motion.distance(distance, longest));
     }
-    for distance in distances {
-        scene
-            .check_distance(distance)
-            .with_context(|| format!("the scene {name}"))?;
-    }
+    let mut checks = distances.into_iter().map(|it| scene.check_distance(it));
+    (checks.try_for_each(|it| it)).with_context(|| format!("the scene {name}"))?;
     Ok((scene, distance))
 }
 
-/// The time of a frame.
 fn frame(rows: u16) -> Duration {
     Duration::from_millis(6) * u32::from(rows)
 }
@@ -346,12 +338,7 @@ fn compare(
 /// A line of the table, for a reading that came at a virtual time in seconds.
 fn table_line(distance: f64, reading: &Reading, found: &Compared, at: f64) -> String {
     let (truth, reported) = (distance * 1e3, reading.distance);
-    let Compared {
-        error,
-        uncertainty,
-        repeatability,
-        ..
-    } = found;
+    let (error, uncertainty, repeatability) = (found.error, found.uncertainty, found.repeatability);
     let (rows, slits, exposure) = (reading.rows, reading.slits, reading.exposure);
     format!(
         "{truth:>10.3} {reported:>12.4} {error:>+9.2} {uncertainty:>9.2} {repeatability:>8.2} {rows:>5} \
@@ -374,12 +361,10 @@ fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
     board.send("status\r\n");
     let mut lost = 0;
     for name in ["status rows lost ", "status rows failed "] {
-        let line = board
-            .run_until_line(|line| line.starts_with(name), patience)
-            .context("the firmware did not answer `status`")?;
-        lost += line.text[name.len()..]
-            .parse::<u64>()
-            .with_context(|| format!("no count in {:?}", line.text))?;
+        let line = board.run_until_line(|line| line.starts_with(name), patience);
+        let line = line.context("the firmware did not answer `status`")?.text;
+        let count = line[name.len()..].parse::<u64>();
+        lost += count.with_context(|| format!("no count in {line:?}"))?;
     }
     Ok(lost)
 }
@@ -388,10 +373,8 @@ impl Summary {
     fn in_words(&self, readings: usize) -> String {
         let bound = match (self.rms_error_um, self.bound_um) {
             (Some(rms), Some(bound)) => {
-                format!(
-                    ", {:.2} of the Cramér-Rao bound ({bound:.2} um)",
-                    rms / bound
-                )
+                let ratio = rms / bound;
+                format!(", {ratio:.2} of the Cramér-Rao bound ({bound:.2} um)")
             }
             _ => String::new(),
         };

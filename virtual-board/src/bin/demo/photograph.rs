@@ -48,14 +48,10 @@ pub struct Summary {
 pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
     let photograph = Arc::new(Photograph::read(path)?);
     let rows = photograph.height;
+    let (path, width, white) = (path.display(), photograph.width, photograph.white);
     say(
         json,
-        &format!(
-            "{}: {} x {rows} pixels, white is {}",
-            path.display(),
-            photograph.width,
-            photograph.white
-        ),
+        &format!("{path}: {width} x {rows} pixels, white is {white}"),
     );
     let reports = reports(firmware, &photograph)?;
     ensure!(!reports.is_empty(), "the firmware reports nothing");
@@ -75,26 +71,22 @@ pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
             }
         };
         centres += 1;
-        let Some((fit, first)) =
-            fit(&photograph, y, reading).filter(|_| reading.amplitude >= BRIGHT)
-        else {
+        let fit = fit(&photograph, y, reading).filter(|_| reading.amplitude >= BRIGHT);
+        let Some((Gaussian { centre, width, .. }, first)) = fit else {
             continue;
         };
-        let off = (reading.centre - first as f64 - fit.centre) / fit.width;
+        let (found, height) = (reading.centre - first as f64, reading.amplitude);
+        let off = (found - centre) / width;
         if offs.len() % 20 == 0 {
             say(
                 json,
                 &format!(
-                    "{y:>6} {:>10.3} {:>17.3} {off:>+15.4} {:>10.0} {:>9.2}",
-                    reading.centre - first as f64,
-                    fit.centre,
-                    reading.amplitude,
-                    fit.width
+                    "{y:>6} {found:>10.3} {centre:>17.3} {off:>+15.4} {height:>10.0} {width:>9.2}"
                 ),
             );
         }
         offs.push(off);
-        widths.push(fit.width);
+        widths.push(width);
     }
     let of_compared = |value: f64| (!offs.is_empty()).then_some(value);
     let summary = Summary {
@@ -126,12 +118,10 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
         match row {
             None => outputs(&dark, 0.0),
             Some(row) if row < MARKERS => outputs(&marker, 0.0),
-            Some(row) => outputs(
-                &picture
-                    .on_sensor(row - MARKERS)
-                    .map_or_else(|| dark.clone(), |(light, _)| light),
-                0.0,
-            ),
+            Some(row) => match picture.on_sensor(row - MARKERS) {
+                Some((light, _)) => outputs(&light, 0.0),
+                None => outputs(&dark, 0.0),
+            },
         }
     });
     let mut board = VirtualBoard::power_on(firmware, light)?;
@@ -177,28 +167,22 @@ fn fit(photograph: &Photograph, y: usize, reading: &Reading) -> Option<(Gaussian
 
 impl Summary {
     fn in_words(&self) -> String {
-        let faults: Vec<String> = self
-            .faults
-            .iter()
-            .map(|(name, count)| format!("{count} {name}"))
-            .collect();
+        let faults = self.faults.iter();
+        let faults = faults.map(|(name, count)| format!("{count} {name}"));
+        let faults: Vec<String> = faults.collect();
         let compared = match (self.rms_sigma, self.max_sigma, self.mean_width_px) {
             (Some(rms), Some(largest), Some(width)) => format!(
-                "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: \
-                 {rms:.4} sigma RMS from the least-squares \
-                 fit, {largest:.4} at most, sigma {width:.1} px",
+                "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: {rms:.4} sigma \
+                 RMS from the least-squares fit, {largest:.4} at most, sigma {width:.1} px",
                 self.compared
             ),
             _ => "none of them bright".to_owned(),
         };
-        let faults = if faults.is_empty() {
-            "none".to_owned()
-        } else {
-            faults.join(", ")
+        let (rows, centres) = (self.rows, self.centres);
+        let faults = match faults.join(", ") {
+            faults if faults.is_empty() => "none".to_owned(),
+            faults => faults,
         };
-        format!(
-            "{} rows, {} centres, {compared}\nwithout a centre: {faults}",
-            self.rows, self.centres
-        )
+        format!("{rows} rows, {centres} centres, {compared}\nwithout a centre: {faults}")
     }
 }

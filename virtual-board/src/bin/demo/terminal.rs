@@ -6,10 +6,11 @@ use std::time::Duration;
 use anyhow::{Context as _, Result};
 use simulator::distorted_optics::DistortedOptics;
 use simulator::scene::Scene;
+use virtual_board::board::Conditions;
 use virtual_board::light::{Target, of_scene, of_scene_through};
 use virtual_board::pty::PseudoTerminal;
 use virtual_board::stage::Stage;
-use virtual_board::{Exposure, Firmware, LightSource, SharedFlash, VirtualBoard};
+use virtual_board::{Exposure, Firmware, LightSource, VirtualBoard};
 
 use crate::Options;
 use crate::flash_file::FlashFile;
@@ -27,14 +28,16 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let target = Target::at(distance);
     let mut stage = (options.stage.as_ref()).map(|file| Stage::new(file, target.clone()));
     let mut flash_file = (options.flash.as_ref()).map(FlashFile::open).transpose()?;
-    let flash = (flash_file.as_ref()).map_or_else(SharedFlash::default, FlashFile::flash);
+    let mut conditions = Conditions::default();
+    if let Some(file) = &flash_file {
+        conditions.flash = file.flash();
+    }
     let comb = (scene.comb.is_some()).then(|| moving_target::slits_command(&scene));
     let light = light(options, scene, target)?;
-    let mut board = VirtualBoard::power_on_with_flash(firmware, light, flash)?;
+    let mut board = VirtualBoard::power_on_under(firmware, light, conditions)?;
     if let Some(command) = comb {
-        board
-            .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
-            .context("the firmware did not start")?;
+        let banner = board.run_until_line(|line| line.starts_with("slitrange "), PATIENCE);
+        banner.context("the firmware did not start")?;
         board.tell(&command, PATIENCE)?;
     }
     let mut terminal = PseudoTerminal::open()?;

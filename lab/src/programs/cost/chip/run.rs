@@ -122,7 +122,7 @@ fn put(
         estimator,
         is_first,
     };
-    board.write_word(asked, order.to_word())?;
+    board.write_words(asked, vec![order.to_word()])?;
     let asked_at = board.now();
     while board.read_word(asked)? != 0 {
         board.run_for(Duration::from_micros(250))?;
