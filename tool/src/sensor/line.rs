@@ -365,7 +365,8 @@ impl<'a> Line<'a> {
                 if line.is_empty() {
                     continue;
                 }
-                let line = String::from_utf8_lossy(&line).into_owned();
+                // On a terminal, control characters would act.
+                let line = String::from_utf8_lossy(&line).replace(char::is_control, "\u{FFFD}");
                 return match is_banner(&line) {
                     true => Err(LineError::Restarted(line)),
                     false => Ok(Some(line)),

@@ -245,8 +245,9 @@ impl PointsFile {
     /// Takes the last point back: its line becomes a remark. Gives its distance in millimetres.
     ///
     /// # Errors
-    /// The file could not be written.
+    /// The file could not be read or written.
     pub fn take_back(&mut self) -> Result<Option<f64>> {
+        self.read_again()?;
         let Content {
             points, remarks, ..
         } = &mut self.content;
@@ -277,14 +278,27 @@ impl PointsFile {
             })
     }
 
+    /// What another program wrote into the file meanwhile is to stay in it.
+    fn read_again(&mut self) -> Result<()> {
+        let bytes = std::fs::read(&self.path);
+        let bytes = bytes.with_context(|| format!("{} cannot be read", self.path.display()))?;
+        let torn = self.content.torn.take();
+        self.content = Content {
+            torn,
+            ..Content::read(&bytes)?
+        };
+        Ok(())
+    }
+
     /// Puts the points in the order of their distances, as the fit wants them, and remarks below.
     ///
     /// # Errors
-    /// The file could not be written; it is then as it was.
+    /// The file could not be read or written; it is then as it was.
     pub fn put_in_order(mut self) -> Result<()> {
         if self.points().is_sorted_by(|a, b| a.d_mm <= b.d_mm) {
             return Ok(());
         }
+        self.read_again()?;
         let points = &mut self.content.points;
         points.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
         self.content.write(&self.path)
