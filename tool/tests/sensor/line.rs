@@ -132,6 +132,10 @@ fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     assert_eq!(refusal("rows 65"), refused);
     let silent = format!("`rows` has no answer at {port}, where `rows 16` came last: ");
     begins(&refusal("rows"), &silent);
+    // What would clear a terminal is shown.
+    sensor.each_step(|state| state.sent.extend(b"E3 \x1b[2J\r\n"));
+    let refused = "the sensor answers `rows` with `E3 \u{FFFD}[2J`";
+    assert_eq!(refusal("rows"), refused);
 }
 
 #[test]

@@ -159,7 +159,7 @@ pub struct State {
     /// Where the target was in the latest frame.
     seen_mm: Option<f64>,
     /// What it said and nobody has read.
-    sent: VecDeque<u8>,
+    pub sent: VecDeque<u8>,
     /// The line that comes in.
     line: Vec<u8>,
     centre_due: Option<Duration>,
