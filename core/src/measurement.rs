@@ -85,7 +85,6 @@ pub struct Measurement {
     coarse: Coarse,
     frame: Frame,
     black: BlackPixels,
-    /// What the rows of a comb need.
     comb: CombMeasurement,
     /// The result of the row before, if it is of the same frame and had a centre.
     before: Option<(Spot, RowCentre)>,
@@ -516,7 +515,6 @@ impl Measurement {
         map.correct(words, window, black, geometry, correction);
     }
 
-    /// The background of a row that a map has corrected.
     fn background_with(&self, map: &PixelMap, background: Background) -> Background {
         match self.subtracted {
             None => map.background_of(background),

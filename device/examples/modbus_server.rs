@@ -15,7 +15,6 @@ use slitrange_device::Settings;
 use slitrange_device::protocol::line::{FaultLine, ReadingLine};
 use slitrange_device::protocol::modbus::{self, Shown};
 
-/// The station that answers.
 const STATION: u8 = 17;
 
 /// The silence that ends a request. On a serial line of 115200 baud it is 1.75 ms (Modbus over serial line

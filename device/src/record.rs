@@ -96,8 +96,7 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     let after = postcard::to_slice(&after, rest).map_err(|_| no_room)?.len();
     let summed = fields.saturating_add(after).saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
-    let sum = after.first_chunk_mut().ok_or(no_room)?;
-    *sum = CRC.checksum(before).to_le_bytes();
+    *after.first_chunk_mut().ok_or(no_room)? = CRC.checksum(before).to_le_bytes();
     buffer.get(..summed.saturating_add(SUM)).ok_or(no_room)
 }
 

@@ -83,7 +83,6 @@ pub struct Session {
     calibration_on: bool,
     upload: Upload,
     flat: flat::FlatState,
-    /// What commands want of the next result.
     wanted: Wanted,
     /// Nobody expects an answer to the save under way.
     saves_silently: bool,
@@ -371,7 +370,6 @@ impl Session {
         }
     }
 
-    /// What the measurement must use.
     fn applied(&self) -> Applied {
         let record = self.record().filter(|_| self.calibration_on);
         Applied {

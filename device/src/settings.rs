@@ -368,8 +368,7 @@ impl Setting {
                 (it.name().as_bytes().split(|&it| it == b' '))
                     .eq(name.iter().map(|it| it.as_bytes()))
             };
-            let setting = Self::ALL.iter().copied().find(is_name)?;
-            Some((setting, values))
+            Some((Self::ALL.iter().copied().find(is_name)?, values))
         };
         named(2).or_else(|| named(1))
     }

@@ -36,8 +36,7 @@ fn weights() -> impl Strategy<Value = Vec<Pairs>> {
 }
 
 fn samples(largest: u16) -> impl Strategy<Value = Vec<u16>> {
-    let sample = prop_oneof![0..=largest, Just(largest)];
-    prop::collection::vec(sample, 0..=LONGEST)
+    prop::collection::vec(prop_oneof![0..=largest, Just(largest)], 0..=LONGEST)
 }
 
 /// Halves weights until their sum with the largest samples fits, as that of the tables' weights does.
@@ -78,8 +77,7 @@ proptest! {
     #[test]
     fn the_kernel_reaches_its_highest_response(samples in samples(LARGEST_SAMPLE)) {
         let response = |it: &[u16]| i32::from(it[0]) + 2 * i32::from(it[1]) + i32::from(it[2]);
-        let responses = samples.windows(3).map(response);
-        match responses.max() {
+        match samples.windows(3).map(response).max() {
             Some(highest) => {
                 prop_assert!(reaches(&samples, highest) && reaches(&samples, highest - 1));
                 prop_assert!(!reaches(&samples, highest + 1));

@@ -134,8 +134,7 @@ pub fn set(profile: Profile<'_>, plan: Plan) -> Vec<IntegerTable> {
     (0..)
         .take(plan.widths.count)
         .map(|i| {
-            let width = plan.widths.narrowest * plan.widths.ratio.powi(i);
-            let shape = plan.shape(width);
+            let shape = plan.shape(plan.widths.narrowest * plan.widths.ratio.powi(i));
             design(profile, shape, plan.noise_ratio, plan.background).quantise()
         })
         .collect()

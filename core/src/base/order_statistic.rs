@@ -73,8 +73,7 @@ mod tests {
         ];
         for (count, shift) in cases {
             let values = (1..=count).map(|i: i32| i.wrapping_mul(-1_640_531_527) >> shift);
-            let extremes = [i32::MIN, i32::MAX];
-            let values: std::vec::Vec<i32> = values.chain(extremes).collect();
+            let values: std::vec::Vec<i32> = values.chain([i32::MIN, i32::MAX]).collect();
             let keys: std::vec::Vec<u32> = values.iter().map(|&value| ordered(value)).collect();
             let mut sorted = values;
             sorted.sort_unstable();

@@ -111,9 +111,7 @@ impl SpotShape {
     /// Each of five components is at most 2^15 pixels, so no sum exceeds 2^33.
     pub fn uncertainty_by_sets(&self, own: Option<&OwnSpot>) -> Pixels {
         let by_flaws = self.uncertainty(own);
-        let Some(own) = own else {
-            return by_flaws;
-        };
+        let Some(own) = own else { return by_flaws };
         let lopsided: f32 = own.components.iter().map(|it| square(*it)).sum();
         let variance = square(by_flaws.to_f32()) + square(BETWEEN_SETS) * lopsided;
         Pixels::from_f32(dual_mac::square_root(variance))
@@ -188,8 +186,7 @@ mod tests {
         // 1.2 pixels of a flaw and 0.5 make 1.3.
         let rest = Pixels::from_f32(1.2);
         let bad_pixels = SpotShape { rest, ..same };
-        let all = bad_pixels.uncertainty_by_sets(Some(&own));
-        assert!((all.to_f32() - 1.3).abs() < 1e-4);
+        assert!((bad_pixels.uncertainty_by_sets(Some(&own)).to_f32() - 1.3).abs() < 1e-4);
     }
 
     #[test]
@@ -200,8 +197,7 @@ mod tests {
         };
         assert!((certain.uncertainty(None).to_f32() - 0.002).abs() < 1e-4);
         for own in [None, Some(&OWN)] {
-            let unknown = SpotShape::default();
-            assert_eq!(unknown.uncertainty(own), Pixels::default());
+            assert_eq!(SpotShape::default().uncertainty(own), Pixels::default());
         }
     }
 }

@@ -356,7 +356,6 @@ pub(super) const NARROWEST: f32 = 0.6;
 /// The coarse search finds no wider spots, in pixels.
 const WIDEST: f32 = 150.0;
 
-/// Whether a spot may have this width in pixels.
 pub(super) fn is_spot_width(width: f32) -> bool {
     (NARROWEST..WIDEST).contains(&width)
 }
@@ -371,7 +370,6 @@ pub(super) const fn halvings(block: usize) -> u32 {
 /// Half a pixel, because such a window moves by whole pixels, and 0.05 pixel more for noise.
 const NEAR: f32 = 0.55;
 
-/// A table's window on the row.
 pub(super) struct Window<'r, 't> {
     pixels: Light<'r>,
     block: u8,
@@ -383,7 +381,6 @@ pub(super) struct Window<'r, 't> {
     reference: Pixels,
 }
 
-/// A centre from its score and slope.
 pub(super) struct Score {
     pub(super) centre: Pixels,
     /// How far it is from the window's phase, in samples.
@@ -525,7 +522,6 @@ impl<'r, 't> Window<'r, 't> {
         straight * limited(1.0 - self.table.bend * (straight * straight), 0.9, 1.1)
     }
 
-    /// The centre, and the [stretch](Self::stretch).
     pub(super) fn score_and_stretch(&self) -> Option<(Score, f32)> {
         if self.block == 1 {
             let score = self.score()?;

@@ -85,20 +85,17 @@ const SAMPLES_A_WIDTH: f32 = 6.0;
 /// of the correction for that derivative. For sinc^2 of a width of 0.8 pixels, the correction is 5 % of the
 /// height, and the difference is less than a third of the correction.
 const OTHER_PROFILE: f32 = 0.3;
-/// The fewest pairs for a check.
 const FEWEST_PAIRS: f32 = 3.0;
 /// The fewest pairs for a check where samples were masked so that the others fit.
 const FEWEST_OF_A_PART: f32 = 5.0;
 /// Limits of tilt and skew, in standard deviations. Noise exceeds them in one row of 7000 and in one of 5000.
 const TILT: f32 = 3.8;
-/// See [`TILT`].
 const SKEW: f32 = 3.7;
 /// Limit of the worst pair, in standard deviations. Noise exceeds it in one row of 12,000 that have 32 pairs.
 const WORST: f32 = 4.7;
 /// The sum of squares of n pairs may exceed n by so many standard deviations, and by a constant more, because
 /// a chi-square is skewed: (2/3)(3.7^2 - 1), after Cornish and Fisher.
 const SCATTER: f32 = 3.7;
-/// See [`SCATTER`].
 const SCATTER_SKEWED: f32 = 8.5;
 /// The square of the relative uncertainty of the noise's variance. That uncertainty is 6 %, because the noise
 /// is known to 3 % (see [`crate::spot::find`]).
@@ -242,7 +239,6 @@ fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
     centre >= reach && end - centre >= reach && !row.reaches_saturation(near)
 }
 
-/// What the comparison finds about a centre.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Comparison {
     /// The light has the shape of a spot, as far as the check can tell.

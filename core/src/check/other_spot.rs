@@ -440,7 +440,6 @@ mod tests {
         }
     }
 
-    /// Boxes and boxes apart for a width.
     fn boxes(width: f32) -> (usize, usize) {
         let half = ((0.5 * width) as usize).max(1);
         (half, ((4.0 * width) as usize).div_ceil(half))
@@ -465,8 +464,7 @@ mod tests {
                 for dark in [line - 1, line + 1] {
                     light[dark * period..][..2 * half].fill(LEVEL);
                 }
-                let middle = line * period + half;
-                assert_eq!(other(&light, width), Some(middle), "{width}");
+                assert_eq!(other(&light, width), Some(line * period + half), "{width}");
             }
         }
     }

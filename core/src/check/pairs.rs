@@ -32,7 +32,6 @@ const MOST_EXACT: usize = 4;
 struct Pair {
     /// One over the variance of z.
     weight: f32,
-    /// `weight` times z.
     weighted_z: f32,
     /// The distance from the centre in widths, and u e.
     u: f32,

@@ -303,7 +303,6 @@ impl Scene<'_> {
         None
     }
 
-    /// Fits the spot with the light beside it masked.
     #[inline(never)]
     fn fit_without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
         mask_but_top_and_dark(window, &at);
@@ -415,7 +414,6 @@ struct Residuals {
     worst: f32,
     /// The sum of the squares of the deviations from the spot.
     squares: f32,
-    /// Samples that are not masked.
     unmasked: f32,
 }
 
@@ -486,7 +484,6 @@ fn mask_outliers(window: &mut Window, residuals: &Residuals) {
 /// The spot's top reaches this many widths from the centre.
 const TOP: f32 = 2.0;
 
-/// Masks all samples but the spot's top and the dark.
 fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
     let shape = SHAPE_UNCERTAINTY * at.amplitude;
     for (i, sample) in window.samples.iter_mut().enumerate() {

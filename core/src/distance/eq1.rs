@@ -25,7 +25,6 @@ pub struct Eq1 {
     k: i64,
     /// xp, the centre at which the distance would be infinite.
     pole: Pixels,
-    /// The centres for which the curve is valid.
     valid: (Pixels, Pixels),
     /// |K| in Q40.24. Divided by |x - xp| it gives |d - D| in Q24.8.
     dividend: Dividend,
@@ -230,7 +229,6 @@ struct Dividend {
     float: f32,
 }
 
-/// A dividend over a divisor.
 #[derive(Clone, Copy, Debug)]
 struct Quotient {
     /// Rounded to the nearest whole number; a half rounds up.
@@ -256,7 +254,6 @@ impl Dividend {
         }
     }
 
-    /// The value.
     const fn value(self) -> u64 {
         self.value
     }
@@ -350,7 +347,6 @@ mod tests {
         assert!(below >= 4.0 - 0.01 && above <= 12.01);
     }
 
-    /// Divides at the ends of the allowed ranges.
     #[test]
     fn the_ends_of_the_range() {
         for divisor in [1 << 16, (1 << 16) + 1, 1 << 31, u32::MAX - 1, u32::MAX] {
@@ -358,8 +354,7 @@ mod tests {
             for value in [0, 1, most, most - 1, u64::from(divisor) - 1] {
                 // `most` may be beyond 2^63 for wide divisors.
                 let value = value.min((1 << 63) - 1);
-                let quotient = Dividend::new(value).divide_by(divisor);
-                let rounded = u64::from(quotient.rounded);
+                let rounded = u64::from(Dividend::new(value).divide_by(divisor).rounded);
                 assert_eq!(rounded, exact(value, divisor), "{value} / {divisor}");
             }
         }

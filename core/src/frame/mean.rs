@@ -21,7 +21,6 @@ const DEVIATION_PER_MEDIAN: f32 = 1.4826;
 /// A row agrees with the mean within this share of the reach, 2.3 standard deviations: 98 % of normal errors
 /// do. A row that is just within reach counts for little, and does not confirm the others.
 const AGREES: f32 = 0.5;
-/// How often the weights are computed.
 const REWEIGHTS: usize = 5;
 /// How often a motion is estimated and subtracted: a motion makes the rows scatter, so wrong rows may mislead
 /// the first estimate.
@@ -137,7 +136,6 @@ fn weigh_by_certainty(members: &mut [Member<'_>]) {
     weigh_by_uncertainty(members);
 }
 
-/// Gives each row the weight 1/u^2.
 fn weigh_by_uncertainty(members: &mut [Member<'_>]) {
     for member in members {
         member.weight = certainty(member);

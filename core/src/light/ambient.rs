@@ -56,7 +56,6 @@ pub struct AmbientMean {
     other_light: i8,
     /// Counts all rows, and begins again at zero.
     turn: u8,
-    /// See [`AmbientMean::share`].
     share: f32,
 }
 
@@ -242,14 +241,12 @@ mod tests {
     /// The words of a row: shielded pixels at 300, and light pixels.
     fn words(geometry: &Geometry, light: impl Fn(usize) -> u16) -> [u16; SHIELDED + PIXELS] {
         core::array::from_fn(|word| {
-            let count = word.checked_sub(SHIELDED).map_or(300, &light);
-            count ^ geometry.inverted()
+            word.checked_sub(SHIELDED).map_or(300, &light) ^ geometry.inverted()
         })
     }
 
     fn take(mean: &mut AmbientMean, geometry: &Geometry, light: impl Fn(usize) -> u16) {
-        let words = words(geometry, light);
-        mean.take(&geometry.row(&words).expect("a row"));
+        mean.take(&geometry.row(&words(geometry, light)).expect("a row"));
     }
 
     /// The counts of a row from which the mean is subtracted, and by how much its background became lower.

@@ -63,7 +63,6 @@ impl FrontEnd {
         }
     }
 
-    /// The count from which a pixel is saturated.
     fn saturated_from(&self, of_driver: &Geometry) -> u16 {
         let full_scale = Counts::from_int(of_driver.full_scale().into());
         match self.saturation {

@@ -314,7 +314,6 @@ pub(crate) const BLOCK: usize = 1 << BLOCK_LOG2;
 
 const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
 
-/// The most blocks of a row.
 const MAX_BLOCKS: usize = MAX_PIXELS / BLOCK;
 
 /// The sums over the blocks of a row, light positive. Pixels that do not fill the last block are left out.

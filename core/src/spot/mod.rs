@@ -126,7 +126,6 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
-/// The work of a search in blocks of all sizes.
 const WORK_OF_ALL_SIZES: usize = 1100;
 /// The work of searching a row again without its tilt.
 const WORK_OF_LEVEL: usize = 1100;
@@ -179,7 +178,6 @@ impl<'a> First<'a> {
     }
 }
 
-/// Searches a row in blocks of all sizes.
 #[cold]
 #[inline(never)]
 fn search_all_sizes(

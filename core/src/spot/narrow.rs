@@ -38,7 +38,6 @@ const MOST_PARTS: usize = {
     parts
 };
 
-/// The most parts of one size.
 const fn most_parts(block_log2: u32) -> usize {
     (MAX_PIXELS >> block_log2).div_ceil(PLACES_OF_PART)
 }
@@ -121,7 +120,6 @@ struct Parts<'a> {
     ranks: Vec<u32, MOST_PARTS>,
     /// The highest rank of each [`GROUP`] of parts.
     highest: Vec<u32, { MOST_PARTS.div_ceil(GROUP) }>,
-    /// What is left of [`LOOKS`].
     looks_left: u32,
 }
 

@@ -17,7 +17,6 @@ use crate::row::{BLOCK_LOG2, LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::tilt::Tilt;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, in_q8, median};
 
-/// The most parts of blocks of 2^`block_log2` pixels.
 const fn most_parts(block_log2: u32) -> usize {
     (MAX_PIXELS >> (block_log2 + 1)).div_ceil(PART)
 }
@@ -129,7 +128,6 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// These sums, and those of the fine sizes.
     pub(super) const fn with(self, fine: &'a Fine) -> Self {
         Self {
             fine: Some(fine),
@@ -414,7 +412,6 @@ pub(super) struct Peak {
 }
 
 impl Groups<'_> {
-    /// The blocks in so many groups.
     fn blocks_in(&self, groups: usize) -> usize {
         groups.saturating_mul(1usize.wrapping_shl(self.log2))
     }

@@ -73,7 +73,6 @@ struct Mean {
     correlated: Option<u16>,
 }
 
-/// The recursive mean.
 #[derive(Clone, Copy, Debug, Default)]
 struct Recursive {
     /// As in [`Mean`].
@@ -126,7 +125,6 @@ const EXTRA: u32 = 16;
 pub struct Filter {
     average: Average,
     window: [Option<Sample>; LONGEST as usize],
-    /// The place of the next result.
     next: usize,
     recursive: Option<Recursive>,
 }

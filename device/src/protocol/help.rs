@@ -38,7 +38,6 @@ const AFTER_SETTINGS: [&str; 11] = [
     "reset\tstart the sensor again; it loses what was not saved",
 ];
 
-/// The last lines of `help`.
 const LAST: [&str; 4] = [
     "a name alone shows its value; f is a fault; d is a reading, z one relative to zero:",
     "u uncertainty, r repeatability, x centre, a height, n rows used,",

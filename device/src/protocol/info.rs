@@ -280,7 +280,6 @@ fn write_curve(curve: &Eq1, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     )
 }
 
-/// Writes the kind of a table, as a line.
 fn write_table(kind: &str, knots: &Knots, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let knots = knots.len();
     write!(

@@ -21,7 +21,6 @@ pub struct Input {
     is_for_all: bool,
     /// The line was too long: the rest of it is skipped.
     skipping: bool,
-    /// The keys of a terminal.
     keys: Keys,
 }
 
@@ -181,8 +180,7 @@ fn split_address(line: &[u8]) -> Option<(u16, &[u8])> {
     let rest = line.strip_prefix(b"@")?;
     let end = rest.iter().position(|&byte| matches!(byte, b' ' | b'\t'))?;
     let (digits, rest) = rest.split_at_checked(end)?;
-    let digits = core::str::from_utf8(digits).ok()?;
-    let number = read_number(digits, 0, MOST_ADDRESS).ok()?;
+    let number = read_number(core::str::from_utf8(digits).ok()?, 0, MOST_ADDRESS).ok()?;
     // The blank is not part of the line.
     Some((number, rest.get(1..)?))
 }
@@ -211,8 +209,7 @@ mod tests {
 
     /// The commands that are something, of a sensor without an address.
     fn all(bytes: &[u8]) -> std::vec::Vec<Result<Command, Error>> {
-        let taken = taken(0, bytes).into_iter();
-        let commands = taken.map(|(command, _)| command);
+        let commands = taken(0, bytes).into_iter().map(|(command, _)| command);
         commands.filter(|it| *it != Ok(Command::Nothing)).collect()
     }
 

@@ -215,9 +215,7 @@ impl fmt::Display for CentreLine<'_> {
             write!(f, " k {}", comb.used)?;
         }
         flags(f, frame.misfits, frame.correlated)?;
-        let Some(comb) = comb else {
-            return Ok(());
-        };
+        let Some(comb) = comb else { return Ok(()) };
         f.write_str("\r\nslits")?;
         for slit in &comb.centres {
             match slit {

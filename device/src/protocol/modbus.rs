@@ -71,7 +71,6 @@ pub const HOLDINGS: [Setting; 6] = [
 /// The holding register that saves, behind those of the settings.
 const SAVE: usize = HOLDINGS.len();
 
-/// The number of holding registers.
 const ALL_HOLDINGS: usize = SAVE + 1;
 
 /// What a pair of registers holds instead of a number.
@@ -139,8 +138,7 @@ fn carry_out(request: &[u8], station: u8, shown: &Shown<'_>) -> Option<Answer> {
         Err(exception) => {
             answer = Answer::default();
             bytes.clear();
-            let exception = [station, function | 0x80, exception as u8];
-            add(&mut bytes, &exception)?;
+            add(&mut bytes, &[station, function | 0x80, exception as u8])?;
         }
     }
     if to != ALL_STATIONS {
@@ -192,8 +190,7 @@ fn execute(
         (3, []) => registers(&holdings(shown.settings), first, count),
         (4, []) => registers(shown.inputs, first, count),
         (6, []) => {
-            let value = count;
-            write(first, &[value.to_be_bytes()], shown, answer)?;
+            write(first, &[count.to_be_bytes()], shown, answer)?;
             Ok(Content::Written(head))
         }
         (16, [length, bytes @ ..]) => {
@@ -209,7 +206,6 @@ fn execute(
     }
 }
 
-/// Some of the registers.
 fn registers(all: &[u16], first: u16, count: u16) -> Result<Content, Exception> {
     // The most that fit in an answer (Modbus application protocol V1.1b3, sections 6.3 and 6.4).
     if !(1..=125).contains(&count) {
@@ -271,7 +267,6 @@ fn write(
     Ok(())
 }
 
-/// The holding registers.
 fn holdings(settings: &Settings) -> [u16; ALL_HOLDINGS] {
     let values = HOLDINGS.map(|setting| match settings.get(setting) {
         Value::Rows(rows) => rows,
@@ -372,10 +367,8 @@ fn halves(number: u32) -> [u16; 2] {
 mod tests {
     use super::*;
 
-    /// The station of the tests.
     const STATION: u8 = 17;
 
-    /// A request with its checksum.
     fn with_checksum(body: &[u8]) -> std::vec::Vec<u8> {
         [body, &checksum(body).to_le_bytes()].concat()
     }

@@ -64,8 +64,7 @@ mod tests {
             assert_eq!(distance(from, to), Some(wrong), "{from} {to}");
             assert_eq!(distance(to, from), Some(wrong), "{to} {from}");
         }
-        let long = "x".repeat(LONGEST + 1);
-        assert_eq!(distance(&long, "row"), None);
+        assert_eq!(distance(&"x".repeat(LONGEST + 1), "row"), None);
     }
 
     #[test]

@@ -442,8 +442,7 @@ mod tests {
             let bytes = packets.encode(message).to_vec();
             let (end, start) = bytes.split_last().expect("bytes");
             assert!(start.iter().all(|&byte| decoder.take(byte).is_none()));
-            let expected = Packet { sequence, message };
-            assert_eq!(decoder.take(*end), Some(Ok(expected)));
+            assert_eq!(decoder.take(*end), Some(Ok(Packet { sequence, message })));
         }
     }
 }

@@ -139,14 +139,12 @@ pub(super) fn window(measured: &Measured) -> Range<usize> {
     if let Some(comb) = &measured.comb {
         let centres = || comb.centres.iter().flatten().map(|slit| slit.centre);
         let least = centres().min().unwrap_or(frame.centre);
-        let most = centres().max().unwrap_or(frame.centre);
-        ends = (least, most);
+        ends = (least, centres().max().unwrap_or(frame.centre));
     }
     let reach = frame.width.to_bits().max(0).saturating_mul(REACH.into());
     let pixel = |bits: i32| usize::try_from(bits >> Pixels::FRACTION).unwrap_or_default();
     let first = pixel(ends.0.to_bits().saturating_sub(reach));
-    let last = pixel(ends.1.to_bits().saturating_add(reach));
-    first..last.saturating_add(1)
+    first..pixel(ends.1.to_bits().saturating_add(reach)).saturating_add(1)
 }
 
 /// The first lines of the answer: the row's size, which pixels follow, the light it had, what the firmware
@@ -233,7 +231,6 @@ impl HeadCheck {
     /// What the line begins with.
     pub const START: &str = "row check ";
 
-    /// The check of no line.
     const EMPTY: Self = Self(CRC_16_IBM_3740.init);
 
     /// The check of lines without their ends.
@@ -247,7 +244,6 @@ impl HeadCheck {
         check
     }
 
-    /// Adds bytes behind those so far.
     fn add(&mut self, bytes: &[u8]) {
         // The state of this CRC is its result. A digest that is kept from call to call hides the CRC's width
         // from the compiler, which then cannot exclude an overflow.
@@ -324,8 +320,7 @@ impl RowPixels {
         if checksum(end.strip_prefix(' ')?)? != CRC.checksum(sent.as_bytes()) {
             return None;
         }
-        let words = split_words(sent);
-        let &["row", first, digits] = words.as_slice() else {
+        let &["row", first, digits] = split_words(sent).as_slice() else {
             return None;
         };
         let (groups, rest) = digits.as_bytes().as_chunks::<3>();
@@ -434,8 +429,7 @@ mod tests {
 
     #[test]
     fn a_range_is_sent_with_a_fault_and_cut_to_the_row() {
-        let words = [300; 104];
-        let row = geometry().row(&words).expect("a row");
+        let row = geometry().row(&[300; 104]).expect("a row");
         for (first, last, sent) in [
             (0, 0, 0..1),
             (17, 39, 17..40),

@@ -142,8 +142,7 @@ mod tests {
                 value: Micrometres::from_bits(-50_000 + 782 * i),
             })
             .collect();
-        let curve = NOMINAL.expect("a curve");
-        let corrected = Corrected::new(curve, &knots).expect("usable");
+        let corrected = Corrected::new(NOMINAL.expect("a curve"), &knots).expect("usable");
         EncodedRecord::new(Record {
             calibration: Calibration::Corrected(corrected),
             errors: CalibrationErrors::Unknown,

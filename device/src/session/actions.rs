@@ -82,7 +82,6 @@ impl Actions {
         (*trigger, *reset) = (false, false);
     }
 
-    /// Adds a line to the text.
     pub(super) fn add_line(&mut self, line: &dyn fmt::Display) {
         // An answer that does not fit is cut off; the protocol's tests check that all fit.
         let _ = write!(self.text, "{line}\r\n");

@@ -18,7 +18,6 @@ use slitrange::base::units::{InUnits, Micrometres};
 use slitrange::spot::region::Region;
 
 impl Session {
-    /// Executes a command, and writes its answer into `actions`.
     pub(super) fn execute(
         &mut self,
         command: Command,

@@ -36,7 +36,6 @@ pub enum Outcome {
     Erased(Result<(), StoreError>),
 }
 
-/// See the module.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FlatState {
     map: Option<MapSummary>,
@@ -54,7 +53,6 @@ impl FlatState {
         self.is_on
     }
 
-    /// Executes a form of `flat`.
     pub(super) fn execute(&mut self, flat: Flat, actions: &mut Actions) -> Result<(), Refusal> {
         match flat {
             Flat::Show => actions.add_line(&FlatAnswer {

@@ -67,7 +67,6 @@ impl Session {
         }
     }
 
-    /// Counts a reading, or a fault of its kind.
     fn count(&mut self, result: &Result<Reading, Fault>) {
         let count = match result {
             Ok(_) => Some(&mut self.readings),
@@ -143,7 +142,6 @@ impl Session {
         }
     }
 
-    /// Whether the stream is on and its next line is due.
     fn is_due_in_stream(&mut self, vitals: &Vitals) -> bool {
         self.settings.stream
             && self.is_alone()
@@ -205,7 +203,6 @@ fn answer(line: &ResultLine<'_>, format: Format, actions: &mut Actions) {
     }
 }
 
-/// Adds the line of a result.
 fn add_result(line: &ResultLine<'_>, format: Format, actions: &mut Actions) {
     match format {
         Format::Csv => actions.add_line(&CsvLine(line)),
@@ -213,7 +210,6 @@ fn add_result(line: &ResultLine<'_>, format: Format, actions: &mut Actions) {
     }
 }
 
-/// Adds what to do about a fault.
 fn advise(fault: &Fault, actions: &mut Actions) {
     actions.add_line(&format_args!("({})", advice(fault)));
 }

@@ -85,8 +85,7 @@ impl ValueText for Columns {
             return Err(ValueError::Form);
         }
         words.iter().try_fold(Self::NONE, |columns, name| {
-            let column = Column::named(name).ok_or(ValueError::Form)?;
-            Ok(columns.with(column))
+            Ok(columns.with(Column::named(name).ok_or(ValueError::Form)?))
         })
     }
 
@@ -198,8 +197,7 @@ impl ValueText for Exposure {
 
 /// Reads an exposure in microseconds.
 fn read_exposure(word: &str) -> Result<Exposure, ValueError> {
-    let us = read_number(word, 0, u16::MAX.into())?;
-    Exposure::from_us(us).ok_or(ValueError::Range)
+    Exposure::from_us(read_number(word, 0, u16::MAX.into())?).ok_or(ValueError::Range)
 }
 
 /// The values of these types are one word each: `name` writes it, `named` reads it. Another word is the error

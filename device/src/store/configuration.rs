@@ -233,8 +233,7 @@ mod tests {
 
     #[test]
     fn lines_of_later_firmware_are_skipped_and_missing_ones_are_defaults() {
-        let lines = b"\x01\x19\x00of-later 200\nrows 7\nlamp\n";
-        let found = decode(lines).expect("settings");
+        let found = decode(b"\x01\x19\x00of-later 200\nrows 7\nlamp\n").expect("settings");
         let settings = Settings {
             rows: 7,
             ..Settings::default()

@@ -252,8 +252,7 @@ mod tests {
         } else {
             (71, &[0, 13, 31][..])
         };
-        let map = map();
-        let words: std::vec::Vec<Word> = Words::new(&map, 7).collect();
+        let words: std::vec::Vec<Word> = Words::new(&map(), 7).collect();
         let mut back = PixelMap::EMPTY;
         let last = words.len() - 1;
         for at in (0..=last).step_by(every).chain([1, 2, last]) {

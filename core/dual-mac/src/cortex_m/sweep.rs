@@ -190,7 +190,6 @@ fn behind<'a>(
     )
 }
 
-/// The larger one of both halves.
 fn larger_half(both: u32) -> u32 {
     (both & 0xFFFF).max(both >> 16)
 }

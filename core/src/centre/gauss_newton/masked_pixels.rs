@@ -2,7 +2,6 @@
 
 use core::ops::Range;
 
-/// The pixels of a window's masked samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct MaskedPixels {
     /// The first pixel of the first sample.
@@ -42,7 +41,6 @@ impl MaskedPixels {
         })
     }
 
-    /// Whether a pixel of the row is in a masked sample.
     pub(crate) fn has(&self, pixel: usize) -> bool {
         let from_first = pixel.checked_sub(self.first);
         let sample = from_first.and_then(|pixels| pixels.checked_div(self.block));
@@ -55,7 +53,6 @@ impl MaskedPixels {
 mod tests {
     use super::*;
 
-    /// Runs of all lengths, up to the last sample.
     #[test]
     fn runs_have_the_pixels_of_all_masked_samples() {
         let mut samples = 0x9E37_79B9_7F4A_7C15_F39C_C060_5CED_C834u128;

@@ -6,7 +6,6 @@ use crate::base::numeric::{self, limited};
 pub const SAMPLES: usize = 128;
 /// s in samples: from half a pixel to half of the window.
 const SMALLEST_S: f32 = 0.57;
-/// See [`SMALLEST_S`].
 const LARGEST_S: f32 = 64.0;
 /// The variance of a saturated sample, in counts squared. It masks the sample: the sample weighs nothing
 /// beside any other.
@@ -32,7 +31,6 @@ impl Sample {
         }
     }
 
-    /// Whether [`Self::mask`] masked the sample.
     pub(crate) fn is_masked_by_check(&self) -> bool {
         self.variance >= MASKED_BY_CHECK
     }

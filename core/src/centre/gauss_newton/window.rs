@@ -51,7 +51,6 @@ pub(crate) struct Window {
     pub(crate) samples: [Sample; SAMPLES],
     /// How many there are: fewer than [`SAMPLES`] at the sensor's edge.
     length: usize,
-    /// How many of them are saturated.
     saturated: usize,
     /// The variance of a sample that is not masked.
     pub(super) variance: f32,
@@ -207,7 +206,6 @@ impl Window {
         }
     }
 
-    /// How much of the spot is saturated.
     pub(super) fn cut_off(&self, fit: &Parameters) -> CutOff {
         if self.saturated == 0 {
             return CutOff::No;

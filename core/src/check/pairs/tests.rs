@@ -211,8 +211,7 @@ fn sums_agree_with_their_definitions() {
         if has_saturated {
             light[centre as usize + 3] = 4095;
         }
-        let polarity = [Polarity::Rising, Polarity::Falling][case % 2];
-        let geometry = bare(light.len(), polarity);
+        let geometry = bare(light.len(), [Polarity::Rising, Polarity::Falling][case % 2]);
         let words = light.map(|count| count ^ geometry.inverted());
         let row = geometry.row(&words).expect("a row");
         let masked = MaskedPixels {

@@ -242,7 +242,6 @@ impl Candidates {
         bounds
     }
 
-    /// The median of the x0 in a window of bins.
     fn median_in(&self, first: usize) -> Option<Pixels> {
         let mut keys: Vec<u32, { 2 * MAX_MAXIMA }> = Vec::new();
         for &last in self.last.get(first..first.saturating_add(AGREEING))? {

@@ -80,7 +80,6 @@ pub struct Combined {
     pub centres: SlitCentres,
 }
 
-/// The image of a slit in one row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Image {
     /// The number of the slit.
@@ -203,7 +202,6 @@ impl Scatter {
     }
 }
 
-/// A slit in the combination.
 #[derive(Clone, Copy, Debug, Default)]
 struct Member {
     counts: bool,
@@ -339,7 +337,6 @@ mod tests {
     /// Speckle of some pixels for each slit.
     const OFFS: [f32; 8] = [0.5, -1.0, 2.0, -0.25, 0.75, -2.0, 1.5, -0.5];
 
-    /// The light of a slit's image.
     fn light_of(slit: usize) -> f32 {
         500.0 + 100.0 * slit as f32
     }

@@ -74,9 +74,7 @@ pub(crate) fn find(blocks: &[u16], background: Background, peaks: &mut Maxima) {
 
 /// Adds a peak. If the list is full, the new peak takes the place of the lowest one.
 fn add(peaks: &mut Maxima, peak: Maximum) {
-    let Err(peak) = peaks.push(peak) else {
-        return;
-    };
+    let Err(peak) = peaks.push(peak) else { return };
     let lowest = peaks.iter_mut().min_by_key(|peak| peak.height);
     if let Some(lowest) = lowest.filter(|lowest| lowest.height < peak.height) {
         *lowest = peak;

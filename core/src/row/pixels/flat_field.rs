@@ -25,7 +25,6 @@ pub const ROWS: u16 = 256;
 /// The mean over the neighbourhood has a noise of its own, which differs little between the two sides of a
 /// spot: [`SLOW`].
 const HALF_NEIGHBOURHOOD: usize = 512;
-/// The shortest half of a neighbourhood.
 const SHORTEST_HALF: usize = 8;
 /// The share of the responses that is so slow that it stays, as a spot of 10 pixels' width sees it.
 ///
@@ -516,7 +515,6 @@ impl Default for FlatField {
     }
 }
 
-/// What the gains of a map show.
 struct Gains {
     /// The sum of the squares of those that an entry holds.
     squares: f32,
@@ -524,7 +522,6 @@ struct Gains {
     outside: u16,
 }
 
-/// The largest sum of a pixel.
 const MOST_SUM: u32 = ROWS as u32 * LARGEST_COUNT as u32;
 
 // In Q4, a sum is exact and far below 2^31.
@@ -562,7 +559,6 @@ fn least_light(full_scale: u16, divided_by: u16) -> Counts {
     Counts::from_bits(bits.checked_div(divided_by.into()).unwrap_or(bits))
 }
 
-/// Converts Q12.4.
 fn from_q4(count: i32) -> Counts {
     Counts::from_bits(count.saturating_mul(1 << (Counts::FRACTION - OFFSET_FRACTION)))
 }
