@@ -370,8 +370,7 @@ mod tests {
         println!("{} of {uncertainty}", shot.value + read.value);
         assert!(uncertainty < 0.15);
         assert!((shot.value + read.value - 1.0).abs() < 3.0 * uncertainty);
-        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it, +-0.035 for 400
-        // rows.
+        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it, +-0.035 for 400 rows.
         let spot = bound::Spot {
             width: 8.6,
             amplitude: 1750.0,
@@ -460,11 +459,10 @@ mod tests {
     /// The truth moves with the target. Faults are counted with and without the effect.
     #[test]
     fn faults_are_counted_with_and_without_each_effect() {
-        let moving = Scene {
+        let budget = budget(&Scene {
             motion: Some(Motion { speed: 0.02 }),
             ..Scene::white_paper()
-        };
-        let budget = budget(&moving);
+        });
         // Smear by 0.4 pixel of a width of 8.6 costs nothing.
         assert!(rms(&budget) < 0.02);
         // A second spot three times as high is beyond full scale, whatever else is left out.

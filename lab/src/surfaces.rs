@@ -93,8 +93,7 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         })
         .collect();
     let comb = comb::fit(&points)?;
-    let points = comb.as_ref().map_or(&points, |comb| &comb.points);
-    let solved = solve(points, None)?;
+    let solved = solve(comb.as_ref().map_or(&points, |comb| &comb.points), None)?;
     let made = form::make(&solved, None)?;
     let setup = Setup {
         serial_number: Some(1),
@@ -266,8 +265,7 @@ impl Summary {
             median_u: median(&|reading| reading.uncertainty.to_f64()),
             median_r: median(&|reading| reading.parts.noise.to_f64()),
             within: [1.0, 2.0, 3.0].map(|times| {
-                let within = judged.iter().filter(|it| it.in_u().abs() <= times);
-                within.count() as f64 / count as f64
+                judged.iter().filter(|it| it.in_u().abs() <= times).count() as f64 / count as f64
             }),
         }
     }

@@ -84,8 +84,7 @@ impl Pulses {
     /// Runs the firmware on the virtual board until it has read some rows in the dark.
     pub fn of_a_row() -> Result<Self> {
         let firmware = Firmware::build()?;
-        let dark = Box::new(|_: &_| vec![300.0; PIXELS]);
-        let mut board = VirtualBoard::power_on(&firmware, dark)?;
+        let mut board = VirtualBoard::power_on(&firmware, Box::new(|_: &_| vec![300.0; PIXELS]))?;
         board.run_until_rows(ROWS_BEFORE, Duration::from_secs(2))?;
         board.head(|head| head.record_edges());
         board.run_for(Duration::from_millis(18))?;
@@ -243,8 +242,7 @@ impl Pulses {
             panel.mark(svg, held(*end));
         }
         let place = [panel.x(held(self.words[0])), panel.low(5) - HIGH - 6.0];
-        let style = r##"fill="#d62728" text-anchor="middle""##;
-        svg.text(place, style, "sampled");
+        svg.text(place, r##"fill="#d62728" text-anchor="middle""##, "sampled");
     }
 
     fn draw_row(&self, svg: &mut Svg) {

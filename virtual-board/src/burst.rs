@@ -256,8 +256,7 @@ impl Burst {
         let State::Running { words, pace } = &self.state else {
             return None;
         };
-        let last = (words.done + BATCH).min(words.count) - 1;
-        Some(pace.end_of_word(last))
+        Some(pace.end_of_word((words.done + BATCH).min(words.count) - 1))
     }
 }
 
@@ -364,8 +363,7 @@ fn clocks_words(registers: &Registers) -> bool {
 }
 
 fn set_busy(registers: &mut Registers, busy: bool) {
-    let status = registers.get(Spi1::Sr);
-    registers.set(Spi1::Sr, sr::BSY.set(status, busy.into()));
+    registers.set(Spi1::Sr, sr::BSY.set(registers.get(Spi1::Sr), busy.into()));
 }
 
 impl Device for BurstSpi {
@@ -388,8 +386,7 @@ impl Device for BurstSpi {
             drop(burst);
             set_busy(at, false);
             // Now rigless's model requests DMA for the last words.
-            let control = at.get(Spi1::Cr2);
-            Device::write(&mut self.spi, Spi1::Cr2, control, at, context);
+            Device::write(&mut self.spi, Spi1::Cr2, at.get(Spi1::Cr2), at, context);
         }
     }
 

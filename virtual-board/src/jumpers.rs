@@ -173,8 +173,7 @@ impl Jumpers {
             return;
         };
         registers.set(Register::Ccr2, count.wrapping_sub(since) & 0xFFFF);
-        let flags = registers.get(Register::Sr);
-        registers.set(Register::Sr, sr::CC2IF.set(flags, 1));
+        registers.set(Register::Sr, sr::CC2IF.set(registers.get(Register::Sr), 1));
     }
 
     /// What SPI1 reads while MISO (PA6) is driven by its wire (from PB12).
@@ -207,8 +206,7 @@ fn drive_tim8(
     let channel = Channel::new(channel).expect("1 to 4");
     part.drive_advanced_timer(VirtualNanos(now), TIM8, |timer, registers, context| {
         timer.drive_input(channel, high.into(), registers, context);
-        let count = registers.get(captured);
-        registers.set(captured, (count + late) & 0xFFFF);
+        registers.set(captured, (registers.get(captured) + late) & 0xFFFF);
     });
 }
 

@@ -103,8 +103,7 @@ impl Target {
     fn expose(&self, exposure: &Exposure, row: u64, simulation: &Simulation) -> f64 {
         let mut place = self.place();
         let distance = place.distance;
-        let put = *place.put.get_or_insert(row);
-        let gone = simulation.true_distance(put, distance) - distance;
+        let gone = simulation.true_distance(*place.put.get_or_insert(row), distance) - distance;
         let truth = simulation.true_distance(row, distance - gone);
         if place.seen.len() == REMEMBERED {
             place.seen.pop_front();

@@ -9,8 +9,7 @@
 //! firmware may do for each row, is computed without them.
 //!
 //! TIM5 is the firmware's clock. It says when a row is due. `RowTimer` can make it count faster, so that the
-//! same firmware takes more rows a second: see
-//! [`crate::row_rate`].
+//! same firmware takes more rows a second: see [`crate::row_rate`].
 
 use std::sync::Arc;
 
@@ -141,8 +140,7 @@ impl Stm32f429 {
     pub(crate) fn part_of_master_clock(&self, now: Nanos) -> Option<f64> {
         let period = self.master_clock()?;
         let registers = self.registers(TIM1);
-        let count = self.tim1.slept_count(registers, VirtualNanos(now))?;
-        Some(count as f64 / period as f64)
+        Some(self.tim1.slept_count(registers, VirtualNanos(now))? as f64 / period as f64)
     }
 
     /// The period of TIM1's channel 1 in timer clocks; `None` if it gives no pulses.

@@ -53,8 +53,7 @@ fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
     let mut estimators = Estimators::new();
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
-            let variance = header.shot_variance_per_count_q16;
-            estimators.start(light.len(), header.bits, variance);
+            estimators.start(light.len(), header.bits, header.shot_variance_per_count_q16);
         }
         let mut answers: Vec<Answer> = Estimator::ALL
             .map(|estimator| Answer {

@@ -27,8 +27,7 @@ pub fn judge(aperture: Aperture, centres: &Centres) -> anyhow::Result<Vec<Judged
     let methods = Method::of(aperture).iter().zip(&centres.of_methods);
     methods
         .map(|(&method, found)| {
-            let judged = of_method(method, &centres.distances, found);
-            judged.with_context(|| format!("{method:?}"))
+            of_method(method, &centres.distances, found).with_context(|| format!("{method:?}"))
         })
         .collect()
 }

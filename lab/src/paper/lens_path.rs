@@ -86,8 +86,7 @@ pub fn centre_without_speckle(distance: f64, flare: Option<&Flare>) -> Option<f6
         window.add_flare(flare, &mut image);
     }
     let start = PlaneGaussian::of_moments(&image.light, SIZE)?;
-    let fit = PlaneGaussian::fit(&image.light, SIZE, start)?;
-    Some(fit.x + window.first[0] as f64)
+    Some(PlaneGaussian::fit(&image.light, SIZE, start)?.x + window.first[0] as f64)
 }
 
 /// The image's density, see [`Image`].

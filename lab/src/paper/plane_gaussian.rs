@@ -246,8 +246,7 @@ mod tests {
                 ..turned()
             },
         ] {
-            let light = image(|x, y| value(&truth, x, y));
-            let found = fitted(&light);
+            let found = fitted(&image(|x, y| value(&truth, x, y)));
             println!("{found:?}");
             // Of the f32 image: 6e-8 of each value.
             assert!((found.x - truth.x).abs() < 1e-5 && (found.y - truth.y).abs() < 1e-5);
@@ -264,8 +263,7 @@ mod tests {
             form: [0.12, 0.0, 0.12],
             ..turned()
         };
-        let light = image(|x, y| value(&truth, x, y) + 0.2 * x + 0.1 * y);
-        let found = fitted(&light);
+        let found = fitted(&image(|x, y| value(&truth, x, y) + 0.2 * x + 0.1 * y));
         println!("{found:?}");
         assert!((found.x - truth.x).abs() < 0.1 && (found.y - truth.y).abs() < 0.1);
     }

@@ -131,8 +131,7 @@ struct Outcome {
 
 impl Outcome {
     fn measure(scene: &Scene, range: [f64; 2], mask: &Mask, rows: u16, surfaces: u64) -> Self {
-        let sensor = Sensor::nominal(Some(mask.clone()));
-        Self::of(sensor.read(scene, range, rows, FIRST, surfaces))
+        Self::of(Sensor::nominal(Some(mask.clone())).read(scene, range, rows, FIRST, surfaces))
     }
 
     fn of(all: Vec<Result<Judged, Fault>>) -> Self {

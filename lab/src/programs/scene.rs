@@ -53,8 +53,7 @@ pub fn main(options: &Options) -> Result<()> {
     if options.write {
         let folder = docs::path("docs/figures");
         for name in SHOWN {
-            let figure = format!("scene-{name}");
-            picture::write(&figure, name, &Scene::load(name)?, &folder)?;
+            picture::write(&format!("scene-{name}"), name, &Scene::load(name)?, &folder)?;
         }
         return Ok(());
     }

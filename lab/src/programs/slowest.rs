@@ -54,8 +54,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
         .collect();
     let mut traced = vec![];
     for slow in &found {
-        let call = chip.trace(&slow.question)?;
-        let parts = slowest::attribution(chip.program(), &call)?;
+        let parts = slowest::attribution(chip.program(), &chip.trace(&slow.question)?)?;
         traced.push((*slow, parts));
     }
     let table = slowest::markdown(search.rows, &traced);

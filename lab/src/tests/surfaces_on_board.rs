@@ -62,8 +62,7 @@ fn errors(firmware: &Firmware, scene: &Scene, record: &[u8], distances: &[f64]) 
 }
 
 fn within_2u(errors: &[f64]) -> f64 {
-    let within = errors.iter().filter(|error| error.abs() <= 2.0).count();
-    within as f64 / errors.len() as f64
+    errors.iter().filter(|error| error.abs() <= 2.0).count() as f64 / errors.len() as f64
 }
 
 #[test]

@@ -70,8 +70,7 @@ impl Estimators {
             });
             say_centre(alone, &mut say);
             let checked = found.and_then(|(row, (spot, budget))| {
-                let geometry = &self.geometry;
-                centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
+                centre_of_spot(estimator, &row, &spot, None, &self.geometry, None, budget)
             });
             say_centre(checked, &mut say);
             if let Some(result) = measurement.row(light) {

@@ -224,8 +224,7 @@ pub fn measure_master_clock() -> Option<MasterClock> {
     for _ in 0..EDGES {
         let rise = edge_of_master_clock(false)?;
         let fall = edge_of_master_clock(true)?;
-        let first = *first.get_or_insert(rise);
-        let off = rise.wrapping_sub(first) % period;
+        let off = rise.wrapping_sub(*first.get_or_insert(rise)) % period;
         spread = spread.max(off.min(period - off));
         let pulse = fall.wrapping_sub(rise) % period;
         high = (high.0.min(pulse), high.1.max(pulse));

@@ -126,8 +126,7 @@ fn select(port: &'static str, number: u8, active: Level) -> Select {
 
 /// Connects the enable pin of the serial line's driver, PD12.
 pub(crate) fn attach_driver(processor: &mut Stm32f429, driver: DriverEnable) {
-    let select = select("GPIOD", 12, Level::High);
-    processor.part.spi[EDGE_BUS].attach_selected(driver, select);
+    processor.part.spi[EDGE_BUS].attach_selected(driver, select("GPIOD", 12, Level::High));
 }
 
 /// Connects `head` to the pins of `processor`.

@@ -47,8 +47,7 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     set(&mut board, "rows 64");
     board.take_lines();
     run_ms(&mut board, 4_000);
-    let lines = results(&mut board, 1);
-    assert_readings(&lines);
+    assert_readings(&results(&mut board, 1));
     assert_no_reset(&mut board);
     let mut cycles = BTreeSet::new();
     for _ in 0..12 {

@@ -82,8 +82,7 @@ impl Received {
             } => {
                 // The head of the first row may have come before the last call.
                 if let Some((head, before)) = self.rows.last_mut() {
-                    let next = (head.number, before.len());
-                    assert_eq!((number, usize::from(first)), next);
+                    assert_eq!((number, usize::from(first)), (head.number, before.len()));
                     before.extend(unpack(words));
                 }
             }

@@ -73,8 +73,7 @@ fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> Cle
 /// The slits used, if a reading's line has them.
 fn slits_of(line: &str) -> Option<u32> {
     let mut words = line.split(' ').skip_while(|word| *word != "k");
-    let word = words.nth(1)?;
-    Some(word.parse().expect("a count of slits"))
+    Some(words.nth(1)?.parse().expect("a count of slits"))
 }
 
 /// Asserts that all lines are readings of [`DISTANCE`] whose number of slits is `slits`.
@@ -142,8 +141,7 @@ fn a_mask_with_even_gaps_is_unclear() {
 /// surface.
 fn recurring() -> LightSource {
     const COUNT: u64 = 61;
-    let scene = Scene::load("comb").expect("a scene");
-    let simulation = Simulation::new(scene);
+    let simulation = Simulation::new(Scene::load("comb").expect("a scene"));
     let rows: Vec<Vec<f32>> = (0..COUNT)
         .map(|row| simulation.row(row, DISTANCE, 1.0 / ROWS_PER_SECOND))
         .collect();

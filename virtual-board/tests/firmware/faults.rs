@@ -110,8 +110,7 @@ fn without_a_laser_there_is_no_spot() {
         spot: None,
         ..Scene::white_paper()
     };
-    let light = of_scene(scene, Target::at(DISTANCE));
-    let line = only_fault(&[], "no spot", light);
+    let line = only_fault(&[], "no spot", of_scene(scene, Target::at(DISTANCE)));
     let highest = number(&line, ": ", " counts at most") / noise();
     assert!((0.0..5.0).contains(&highest), "{line}");
 }
@@ -215,8 +214,7 @@ fn a_spot_at_either_edge_is_a_fault() {
     // A quarter of a width beyond the edge. If less is cut off, the fit still works.
     for edge in [-2.0, 3649.0] {
         let line = only_fault(&[], "spot at the edge", spot_at(edge, BRIGHT));
-        let centre = number(&line, "x ", "");
-        assert!((centre - edge).abs() < 20.0, "{line}");
+        assert!((number(&line, "x ", "") - edge).abs() < 20.0, "{line}");
     }
 }
 

@@ -314,8 +314,7 @@ fn a_save_ends_when_the_power_fails() {
     board.send("save\r\n");
     board.run_for(SAVE).expect("a run");
     drop(board);
-    let history = flash.take_history();
-    assert_eq!(history.operations().len(), 200);
+    assert_eq!(flash.take_history().operations().len(), 200);
 
     let mut board = power_on(&flash);
     kept::assert_in_use(&mut board, &Stored::Older(saved(3)));

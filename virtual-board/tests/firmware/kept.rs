@@ -36,8 +36,7 @@ pub fn configuration(record: Record, rows: u16, mean: Mean) -> Configuration {
 
 /// Saves to `contents` as the firmware does.
 pub fn save(contents: &mut Contents, saved: &Configuration) {
-    let done = block_on(Store::new(Flash(contents)).save(&saved.as_ref()));
-    done.expect("sound flash");
+    block_on(Store::new(Flash(contents)).save(&saved.as_ref())).expect("sound flash");
 }
 
 /// Reads the configuration in `contents`.

@@ -59,8 +59,7 @@ fn saved_settings_are_used_after_a_power_cycle() {
     let refusal = ask(&mut board, "save");
     assert!(refusal.starts_with("E17 "), "{refusal}");
     assert_shown(&mut board, Some(&nominal), stored);
-    let saved = ask_in_a_pause(&mut board, "save nominal", SAVING);
-    assert_eq!(saved, "save");
+    assert_eq!(ask_in_a_pause(&mut board, "save nominal", SAVING), "save");
     let mut board = power_cycle(board, paper());
     let stored = FlashStatus::Record(nominal.sum());
     assert_shown(&mut board, Some(&nominal), stored);

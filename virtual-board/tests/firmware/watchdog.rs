@@ -110,8 +110,7 @@ fn the_command_reset_is_answered_and_starts_the_firmware_again() {
     let uptime = ask(&mut board, "uptime");
     let since = (board.now() - reset) as f64 * 1e-9;
     println!("{uptime}, {since} s after the reset");
-    let uptime = number(&uptime, "status uptime ", " s");
-    assert!((since - 0.15..since).contains(&uptime));
+    assert!((since - 0.15..since).contains(&number(&uptime, "status uptime ", " s")));
 }
 
 #[test]

@@ -170,8 +170,7 @@ mod tests {
             .collect();
         let rms = |spot: f64, places: &[f64]| {
             let angles = (0..surfaces).map(|it| mean(&random_field(distance, spot, it, places)).0);
-            let theta = Optics::nominal().viewing_angle(distance);
-            statistics::rms(angles) / theta.sin()
+            statistics::rms(angles) / Optics::nominal().viewing_angle(distance).sin()
         };
         for spot in [1e-3, 0.5e-3] {
             let theory = [

@@ -107,8 +107,7 @@ impl Chip {
 
 /// Builds the program, runs it on the emulated board and reads what it says.
 pub fn measure() -> Result<Chip> {
-    let run = Run::of(PACKAGE)?;
-    chip(&run)
+    chip(&Run::of(PACKAGE)?)
 }
 
 /// Flashes and runs the program on a NUCLEO-F429ZI. It prints its lines, whose cycles are the silicon's.

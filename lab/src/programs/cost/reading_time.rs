@@ -362,8 +362,7 @@ mod tests {
         println!("speckle at rest: {row} of a row behind a narrow slit");
         assert!((0.7..1.2).contains(&row));
         for light in [Light::SpeckleReceding, Light::SpeckleSliding] {
-            let scene = light.scene().expect("a scene");
-            let errors = behind_a_narrow_slit(&scene, 64, 300);
+            let errors = behind_a_narrow_slit(&light.scene().expect("a scene"), 64, 300);
             let [one, mean] = [0, 1].map(|which| rms(errors.iter().map(|it| it[which])));
             let (found, narrow) = (gain(light), one / mean);
             println!("{light:?}: 64 rows gain {found}, behind a narrow slit {narrow}");

@@ -29,8 +29,7 @@ pub fn draw(targets: &[Target], path: &Path) -> Result<()> {
 }
 
 fn reflectivities(name: &str) -> Axis<'_> {
-    let powers = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
-    Axis::log((1e-4, 1.0), name, &powers)
+    Axis::log((1e-4, 1.0), name, &[1e-4, 1e-3, 1e-2, 0.1, 1.0])
 }
 
 fn points(targets: &[Target], of: impl Fn(&Target) -> Option<f64>) -> Points {
@@ -40,10 +39,8 @@ fn points(targets: &[Target], of: impl Fn(&Target) -> Option<f64>) -> Points {
 
 fn draw_errors(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<()> {
     let ticks = [1.0, 2.0, 5.0, 10.0, 20.0];
-    let name = "RMS error at 0.8 m, um";
-    let y = Axis::log((0.8, 20.0), name, &ticks);
-    let x = reflectivities("");
-    let mut chart = panel(area, "", BESIDE, &x, &y)?;
+    let y = Axis::log((0.8, 20.0), "RMS error at 0.8 m, um", &ticks);
+    let mut chart = panel(area, "", BESIDE, &reflectivities(""), &y)?;
     mark_targets(&mut chart)?;
     name_targets(root, &chart, 20.0)?;
     let longest = points(targets, |it| Some(it.longest?.rms_um));

@@ -352,8 +352,7 @@ mod tests {
             // The rows, and the scale of grey; both before the end.
             assert_eq!(svg.matches("<image").count(), 2);
             assert!(svg.trim_end().ends_with("</svg>"));
-            let fitted = svg.contains("counts - fit");
-            assert_eq!(fitted, name != "laser-off");
+            assert_eq!(svg.contains("counts - fit"), name != "laser-off");
         }
     }
 }

@@ -190,8 +190,7 @@ pub fn find_distances() {
     {
         say(&ReadingLine(&reading));
         say(&PartsOf(&reading.parts, any::settings().units));
-        let relative = any(reading).relative_to(&any(reading));
-        say(&ReadingLine(&relative));
+        say(&ReadingLine(&any(reading).relative_to(&any(reading))));
         reached(reading.distance.to_bits());
     }
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {
@@ -257,8 +256,7 @@ pub fn talk() {
             4 => Event::Flat(outcome()),
             6 => {
                 let mut request = [0; 4096];
-                let request = any::bytes(&mut request);
-                let answer = session.answer_modbus(request, &vitals, &mut actions);
+                let answer = session.answer_modbus(any::bytes(&mut request), &vitals, &mut actions);
                 reached(answer.bytes.len() as i32);
                 continue;
             }

@@ -167,8 +167,7 @@ fn scene_by_name(options: &Options) -> Result<(Scene, f64)> {
         );
         // The motion starts again at each step. A step ends at the latest after this many results.
         let results = 2 + RESULTS_A_STEP as u32;
-        let longest = (patience(options.rows) * results).as_secs_f64();
-        distances.push(motion.distance(distance, longest));
+        distances.push(motion.distance(distance, (patience(options.rows) * results).as_secs_f64()));
     }
     let mut checks = distances.into_iter().map(|it| scene.check_distance(it));
     (checks.try_for_each(|it| it)).with_context(|| format!("the scene {name}"))?;

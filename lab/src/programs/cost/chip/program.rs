@@ -159,8 +159,7 @@ fn objdump() -> Result<PathBuf> {
 fn target(line: &str) -> Option<(u64, u64)> {
     let (address, rest) = line.split_once(':')?;
     let mut columns = rest.split('\t').skip(1);
-    let mnemonic = columns.next()?.trim();
-    if !mnemonic.starts_with(['b', 'c']) {
+    if !columns.next()?.trim().starts_with(['b', 'c']) {
         return None;
     }
     let operands = columns.next()?.split('@').next()?;

@@ -113,8 +113,7 @@ fn draw_panel(
     for estimator in estimators {
         let method = Method::Estimator(estimator);
         for (time, kind) in [(COMPUTING, Kind::Hollow), (WITH_SENSOR, Kind::Measured)] {
-            let points = line(of(light, estimator), time, ERROR);
-            let curve = Curve::of(method, points.into_iter());
+            let curve = Curve::of(method, line(of(light, estimator), time, ERROR).into_iter());
             curves.push(match kind {
                 Kind::Hollow => Curve {
                     name: String::new(),
