@@ -73,7 +73,6 @@ impl Plan {
 pub struct Errors {
     /// Root mean square in pixels; none where no reading has a centre.
     pub rms_px: Option<f64>,
-    /// Mean in pixels.
     pub mean_px: Option<f64>,
     /// Root mean square of the distance by eq. (1), in micrometres.
     pub rms_um: Option<f64>,
@@ -89,7 +88,6 @@ pub struct Without {
     pub effect: Effect,
     /// The error then; none where the scene's other effects need this one.
     pub errors: Option<Errors>,
-    /// The effect's share of the square of the error.
     pub share: Option<Share>,
 }
 
@@ -102,7 +100,6 @@ pub struct Share {
     pub uncertainty: Option<f64>,
 }
 
-/// A scene's error budget.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget {
     pub plan: Plan,
@@ -181,7 +178,6 @@ pub fn without(scene: &Scene, effect: Effect) -> Option<Scene> {
 /// What came of a reading: errors in pixels and micrometres, or why there is none.
 type Found = Result<(f64, f64), Fault>;
 
-/// The readings of realisation number `k`.
 fn realisation(
     scene: &Scene,
     geometry: &Geometry,

@@ -68,7 +68,6 @@ pub fn with_speckle(scene: &Scene, waist: f64, polarisations: u8) -> Scene {
     }
 }
 
-/// A sensor whose readings are judged.
 #[derive(Clone, Debug)]
 pub struct Sensor {
     /// `None`: one slit.

@@ -156,7 +156,6 @@ pub fn known(measured: &Measured, record: &Record) -> Measured {
     }
 }
 
-/// Readings of frames by a record, those with a distance.
 pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
     let calibration = Some(&record.calibration);
     (seen.iter())
@@ -172,7 +171,6 @@ pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
         .collect()
 }
 
-/// A material, and what sensors read on it.
 #[derive(Clone, Debug)]
 pub struct Study {
     pub name: &'static str,
@@ -239,7 +237,6 @@ pub fn report(studies: &[Study]) -> String {
     )
 }
 
-/// How errors and claims of some readings compare.
 #[derive(Clone, Copy, Debug)]
 pub struct Summary {
     pub count: usize,

@@ -48,11 +48,8 @@ pub struct Pulses {
     pub(crate) icg_rose: f64,
     /// The rise of fM before the rise of ICG.
     pub(crate) master_clock_rose: f64,
-    /// The ends of the first words.
     words: Vec<f64>,
-    /// When the laser goes on and off.
     laser: (f64, f64),
-    /// The fall of ICG for the next row.
     next_row: f64,
     /// The part of a pixel's time at which the converter holds it.
     sampled: f64,
@@ -269,7 +266,6 @@ impl Pulses {
     }
 }
 
-/// A panel with a time axis and signals below each other.
 struct Panel {
     /// Nanoseconds at the left end and at the right end.
     from: f64,
@@ -288,7 +284,6 @@ impl Panel {
         LEFT + (RIGHT - LEFT) * (ns - self.from) / (self.to - self.from)
     }
 
-    /// The line of a signal's low level.
     fn low(&self, signal: usize) -> f64 {
         let step = STEP.min((self.bottom - self.top - 10.0) / 4.0);
         self.top + step * (signal as f64 + 1.0) - 6.0
@@ -323,7 +318,6 @@ impl Panel {
         svg.text([LEFT - 10.0, low - 4.0], r#"text-anchor="end""#, name);
     }
 
-    /// A row of cells that begin at these times.
     fn cells(
         &self,
         svg: &mut Svg,
@@ -360,7 +354,6 @@ impl Panel {
         svg.text([0.5 * (from + to) + 24.0 * side, y + 17.0], style, name);
     }
 
-    /// The moment at which the converter holds its input.
     fn mark(&self, svg: &mut Svg, at: f64) {
         let x = self.x(at);
         if x < RIGHT {

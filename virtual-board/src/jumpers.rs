@@ -106,7 +106,6 @@ const PERIOD: u64 = 64;
 const TIM2_HZ: u64 = 84_000_000;
 
 impl Jumpers {
-    /// Drives what an edge reaches.
     pub(crate) fn drive(&self, edge: Edge, processor: &mut Stm32f429, now: Nanos) {
         let part = &mut processor.part;
         match edge {
@@ -231,7 +230,6 @@ fn counts_sclk(part: &mut Stm32f427) -> bool {
     captures && starts && smcr::SMS.get(slave) == 0b111 && smcr::TS.get(slave) == 0b001
 }
 
-/// Whether a pin has the function that connects it to its timer.
 fn is_connected(part: &Stm32f427, (port, pin, function): (&'static str, u64, u64)) -> bool {
     Pin::of(part, port, pin).has_function(function)
 }

@@ -209,7 +209,6 @@ impl VirtualBoard {
         })
     }
 
-    /// Lets the board run until `find` finds something, or for `timeout`.
     fn run_until<T>(
         &mut self,
         timeout: Duration,
@@ -622,7 +621,6 @@ impl VirtualBoard {
         Ok(())
     }
 
-    /// Why the emulator no longer answers.
     fn what_ended_the_run(&mut self) -> anyhow::Error {
         match self.emulator.take().map(joined) {
             Some(Err(error)) => error,

@@ -22,7 +22,6 @@ use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};
 use crate::paper::data_set::{exposed, positions};
 use crate::paper::materials::MATERIALS;
 
-/// The comb on a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     pub material: usize,
@@ -46,7 +45,6 @@ const BLACK: f64 = 300.0;
 const READ_NOISE: f64 = 4.0;
 const ELECTRONS: f64 = 10.0;
 
-/// A piece of material, seen by a line sensor through a comb.
 struct Target {
     surface: Surface,
     material: usize,

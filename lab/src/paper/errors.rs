@@ -7,7 +7,6 @@ use crate::paper::apparatus::Aperture;
 use crate::paper::data_set::Centres;
 use crate::paper::methods::Method;
 
-/// What a method makes of a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     pub method: Method,

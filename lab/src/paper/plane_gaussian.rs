@@ -40,7 +40,6 @@ impl PlaneGaussian {
         a * u * u + 2.0 * b * u * v + c * v * v
     }
 
-    /// Whether it falls to all sides.
     fn is_a_peak(&self) -> bool {
         let [a, b, c] = self.form;
         self.amplitude > 0.0 && a > 0.0 && a * c > b * b
@@ -133,7 +132,6 @@ impl PlaneGaussian {
     }
 }
 
-/// Of a Gauss-Newton step.
 struct NormalEquations {
     matrix: Matrix,
     right: Vector,
@@ -225,7 +223,6 @@ mod tests {
         PlaneGaussian::fit(image, COLUMNS, start).expect("a fit")
     }
 
-    /// Turned and longer than wide.
     fn turned() -> PlaneGaussian {
         PlaneGaussian {
             amplitude: 1000.0,

@@ -119,7 +119,6 @@ fn kinds(base: &Scene) -> Result<Vec<Kind>> {
     Ok(kinds)
 }
 
-/// What the readings of a kind came to.
 struct Outcome {
     summary: Summary,
     faults: BTreeMap<&'static str, usize>,
@@ -163,7 +162,6 @@ impl Outcome {
         }
     }
 
-    /// A row of a table with [`HEAD`].
     fn row(&self, name: &str) -> Vec<String> {
         let it = &self.summary;
         let mut cells = vec![name.to_owned(), it.count.to_string(), self.faults()];

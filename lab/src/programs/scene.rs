@@ -65,7 +65,6 @@ pub fn main(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// Prints all that there is to say about a scene.
 fn show(name: &str) -> Result<()> {
     let scene = Scene::load(name)?;
     let name = Path::new(name)
@@ -95,7 +94,6 @@ fn budget(scene: &Scene, plan: &Plan) -> Result<Budget> {
     budget
 }
 
-/// The scenes that come with the project.
 fn list() -> Result<()> {
     let names = file::names()?;
     let width = names.iter().map(String::len).max().unwrap_or(0);

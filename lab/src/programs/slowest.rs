@@ -71,7 +71,6 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     docs::write_block(PAGE, "cargo slowest", &table)
 }
 
-/// The file of the slowest rows.
 fn corpus(found: &[Slow]) -> String {
     // In words of its own: host-tests/tests/floors.rs takes both together for a use of this crate.
     let of_crate = ["use crate", "::"].concat();

@@ -11,7 +11,6 @@ use virtual_board::trace::Call;
 
 use super::Slow;
 
-/// The words of a row, and those of the row before if it follows one.
 pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
     let mut maker = Box::new(Maker::default());
     let mut words = |turn| {

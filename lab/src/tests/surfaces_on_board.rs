@@ -20,7 +20,6 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const CALIBRATED_ON_PAPER: &[u8] =
     include_bytes!("../../../virtual-board/src/bin/demo/paper.record");
 
-/// The number between two words of a line.
 fn number(line: &str, before: &str, after: &str) -> f64 {
     let (_, rest) = line.split_once(before).expect("the word before");
     let (number, _) = rest.split_once(after).expect("the word after");

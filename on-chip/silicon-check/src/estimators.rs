@@ -18,7 +18,6 @@ const ESTIMATES: &str = include_str!("../../../docs/cost/whole-rows.csv");
 /// docs/accuracy.md, "How it is measured".
 const CYCLES: [u32; 2] = [12, 27];
 
-/// A row's computation.
 pub struct Load {
     pixels: &'static mut [u16; PIXELS],
     before: &'static mut [u16; WORDS],
@@ -84,7 +83,6 @@ extern "C" fn compute_row(measurement: &mut Measurement, words: &mut [u16; WORDS
     compiler_fence(Ordering::SeqCst);
 }
 
-/// What a row takes.
 pub struct Estimate {
     /// Instructions, counted on the virtual board.
     pub instructions: u32,

@@ -57,7 +57,6 @@ pub fn assert_all_are(lines: &[String], name: &str) {
     assert!(all, "{fault} and nothing else: {lines:#?}");
 }
 
-/// The advice for the fault of that name.
 fn advice_for(name: &str) -> &'static str {
     let (amplitude, needed) = <(Counts, Counts)>::default();
     let (centre, other, scatter, uncertainty) = <(Pixels, Pixels, Pixels, Pixels)>::default();
@@ -99,7 +98,6 @@ fn advice_for(name: &str) -> &'static str {
     advice(fault.expect("the name of a fault"))
 }
 
-/// Counts of noise of an unlit pixel.
 fn noise() -> f64 {
     Scene::white_paper().read_noise.expect("noise").counts
 }
@@ -245,7 +243,6 @@ fn without_calibration_there_is_a_centre_and_no_distance() {
     assert_all_measure(&fresh_results(&mut board, 4));
 }
 
-/// Asserts that all lines are readings of the target's distance.
 fn assert_all_measure(lines: &[String]) {
     assert_readings(lines);
     let centre = Scene::white_paper().optics.centre(DISTANCE);

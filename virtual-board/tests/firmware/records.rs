@@ -143,7 +143,6 @@ pub fn pieces(bytes: &[u8]) -> Vec<Piece> {
     upload::pieces(bytes).expect("pieces")
 }
 
-/// Sends all of a record except the commit.
 pub fn send(board: &mut VirtualBoard, bytes: &[u8]) {
     upload::send(board, bytes, PATIENCE).expect("an upload");
 }
@@ -152,7 +151,6 @@ pub fn upload(board: &mut VirtualBoard, written: &EncodedRecord) {
     upload::upload(board, written.bytes(), PATIENCE).expect("an upload");
 }
 
-/// The record in use, read piece by piece.
 pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
     let length = number(&shown(board)[3], "calibration record ", " ") as usize;
     let mut bytes = Vec::new();
@@ -168,13 +166,11 @@ pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
     bytes
 }
 
-/// The answer to `calibration`.
 pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
     let is_last = |line: &str| line.starts_with("calibration stored ");
     ask_until(board, "calibration", is_last)
 }
 
-/// Asserts that the board shows the record as the core does.
 pub fn assert_shown(
     board: &mut VirtualBoard,
     written: Option<&EncodedRecord>,

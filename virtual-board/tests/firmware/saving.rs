@@ -19,7 +19,6 @@ use super::records::{assert_shown, eq1, longest, of_another_head, read_back, sho
 /// A time longer than an erase, which takes 400 ms here.
 const SAVING: Duration = Duration::from_millis(900);
 
-/// When this line came.
 fn await_answer(board: &mut VirtualBoard, wanted: &str) -> Nanos {
     let line = board.run_until_line(|line| line == wanted, 2 * SAVING);
     line.expect("an answer").at

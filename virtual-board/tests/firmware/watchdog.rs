@@ -20,7 +20,6 @@ fn assert_starts_again(board: &mut VirtualBoard, cause: &str) {
     assert_eq!(ask(board, "status"), format!("status start {cause}"));
 }
 
-/// Asserts that there was one reset, of this cause. Gives its instant.
 fn only_reset(board: &mut VirtualBoard, cause: &str) -> Nanos {
     let resets = board.resets().expect("resets");
     assert_eq!(resets.len(), 1, "{resets:?}");

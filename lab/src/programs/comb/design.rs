@@ -61,7 +61,6 @@ impl Design {
         }
     }
 
-    /// Slits of the nominal mask from its middle.
     fn fewer(count: usize) -> Self {
         let first = (NOMINAL_PLACES_UM.len() - count) / 2;
         Self {
@@ -139,9 +138,7 @@ impl Design {
     }
 }
 
-/// A design and what was measured with it.
 pub struct Variant {
-    /// What differs from the default.
     name: String,
     /// The number of the group: slits, gaps, width, spot.
     group: usize,

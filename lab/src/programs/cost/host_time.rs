@@ -20,7 +20,6 @@ const REPETITIONS: usize = 101;
 
 const MOST: usize = MAX_ROWS as usize;
 
-/// Rows with a spot of 10.5 pixels' width.
 fn scene() -> (Scene, Vec<Vec<u16>>) {
     let cell = Cell {
         width: 10.5,

@@ -35,7 +35,6 @@ pub const ROWS: [u64; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 const MOST_ROWS: u64 = 64;
 
-/// What falls on the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Light {
     /// That of a surface without speckle.
@@ -59,7 +58,6 @@ impl Light {
         Self::SpeckleBehindComb,
     ];
 
-    /// By which estimators it is measured.
     fn estimators(self) -> Vec<Estimator> {
         match self {
             Self::NoiseAlone | Self::SpeckleAtRest => Estimator::ALL.into(),
@@ -98,7 +96,6 @@ const CALIBRATED_ON_PAPER: &[u8] =
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     pub light: Light,
-    /// How the rows' centres are found.
     pub estimator: Estimator,
     pub rows: u64,
     /// Time of a reading in milliseconds: the longer one of the sensor's and the chip's.

@@ -90,7 +90,6 @@ fn draw_lines(
     Ok(())
 }
 
-/// Draws a line at each target that has a name.
 fn mark_targets(chart: &mut Panel<'_, '_>) -> Result<()> {
     for (_, reflectivity) in NAMED {
         let ends = [(reflectivity, 1e-9), (reflectivity, 1e9)];
@@ -99,7 +98,6 @@ fn mark_targets(chart: &mut Panel<'_, '_>) -> Result<()> {
     Ok(())
 }
 
-/// Writes the names of targets below the panel's `top`.
 fn name_targets(root: &Area<'_>, chart: &Panel<'_, '_>, top: f64) -> Result<()> {
     for (name, reflectivity) in NAMED {
         let (x, y) = chart.backend_coord(&(reflectivity, top));

@@ -223,7 +223,6 @@ pub fn find_distances() {
     }
 }
 
-/// The constructors of the numbers.
 pub fn make_numbers() {
     reached(Pixels::from_int(any(0)).to_bits());
     any(Pixels::from_f32(any(0.0)));

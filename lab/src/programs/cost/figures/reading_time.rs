@@ -61,7 +61,6 @@ const COMPUTING: Time = |point| point.computing_milliseconds;
 
 const ERROR: fn(&Point) -> f64 = |point| point.micrometres;
 
-/// The places of points that have a time and an error.
 fn line<'a>(
     points: impl Iterator<Item = &'a Point>,
     time: Time,
