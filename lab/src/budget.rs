@@ -146,10 +146,7 @@ impl Budget {
         let without = effects
             .into_iter()
             .map(|effect| {
-                let found = match without(scene, effect) {
-                    Some(_) => variants.next(),
-                    None => None,
-                };
+                let found = without(scene, effect).and_then(|_| variants.next());
                 Without {
                     effect,
                     errors: found.map(errors),

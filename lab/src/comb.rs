@@ -8,8 +8,7 @@ use simulator::scene::{LaserSpot, Scene, Simulation, Speckle};
 use slitrange::base::fault::Fault;
 use slitrange::distance::Calibration;
 use slitrange::frame::comb::{self, SlitMap, Slits};
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 

@@ -535,10 +535,7 @@ impl SensorHead {
             (Some(_), _) => burst.unclocked = true,
             (None, _) => {}
         }
-        let word = match self.open_line {
-            Some(line) => line.word(now),
-            None => FULL_SCALE - counts,
-        };
+        let word = (self.open_line).map_or(FULL_SCALE - counts, |line| line.word(now));
         burst.words.push(word);
         self.record(now, Edge::WordEnded);
         word

@@ -13,8 +13,7 @@ use simulator::optics::Optics;
 use simulator::scene::Sensor;
 use simulator::scene::comb::Comb;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::row::sensor_heads;
 use statistics::mean;
 

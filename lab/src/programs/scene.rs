@@ -57,10 +57,7 @@ pub fn main(options: &Options) -> Result<()> {
         }
         return Ok(());
     }
-    match &options.name {
-        Some(name) => show(name)?,
-        None => list()?,
-    }
+    options.name.as_deref().map_or_else(list, show)?;
     docs::print_hint("cargo scene", "the figures scene-*.svg of docs/physics.md");
     Ok(())
 }

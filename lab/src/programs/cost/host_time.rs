@@ -8,10 +8,8 @@ use judges::accuracy::{Cell, PIXELS};
 use simulator::scene::{Scene, quantise};
 use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::row::sensor_heads;
-use slitrange::row::{LARGEST_COUNT, Row};
+use slitrange::measurement::{Measurement, Options};
+use slitrange::row::{LARGEST_COUNT, Row, sensor_heads};
 use slitrange::spot;
 use statistics::upper_median;
 
