@@ -73,7 +73,6 @@ impl Plan {
 pub struct Errors {
     /// Root mean square in pixels; none where no reading has a centre.
     pub rms_px: Option<f64>,
-    /// Mean in pixels.
     pub mean_px: Option<f64>,
     /// Root mean square of the distance by eq. (1), in micrometres.
     pub rms_um: Option<f64>,
@@ -89,7 +88,6 @@ pub struct Without {
     pub effect: Effect,
     /// The error then; none where the scene's other effects need this one.
     pub errors: Option<Errors>,
-    /// The effect's share of the square of the error.
     pub share: Option<Share>,
 }
 
@@ -102,7 +100,6 @@ pub struct Share {
     pub uncertainty: Option<f64>,
 }
 
-/// A scene's error budget.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget {
     pub plan: Plan,
@@ -149,10 +146,7 @@ impl Budget {
         let without = effects
             .into_iter()
             .map(|effect| {
-                let found = match without(scene, effect) {
-                    Some(_) => variants.next(),
-                    None => None,
-                };
+                let found = without(scene, effect).and_then(|_| variants.next());
                 Without {
                     effect,
                     errors: found.map(errors),
@@ -181,7 +175,6 @@ pub fn without(scene: &Scene, effect: Effect) -> Option<Scene> {
 /// What came of a reading: errors in pixels and micrometres, or why there is none.
 type Found = Result<(f64, f64), Fault>;
 
-/// The readings of realisation number `k`.
 fn realisation(
     scene: &Scene,
     geometry: &Geometry,
@@ -370,8 +363,7 @@ mod tests {
         println!("{} of {uncertainty}", shot.value + read.value);
         assert!(uncertainty < 0.15);
         assert!((shot.value + read.value - 1.0).abs() < 3.0 * uncertainty);
-        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it, +-0.035 for 400
-        // rows.
+        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it, +-0.035 for 400 rows.
         let spot = bound::Spot {
             width: 8.6,
             amplitude: 1750.0,
@@ -460,11 +452,10 @@ mod tests {
     /// The truth moves with the target. Faults are counted with and without the effect.
     #[test]
     fn faults_are_counted_with_and_without_each_effect() {
-        let moving = Scene {
+        let budget = budget(&Scene {
             motion: Some(Motion { speed: 0.02 }),
             ..Scene::white_paper()
-        };
-        let budget = budget(&moving);
+        });
         // Smear by 0.4 pixel of a width of 8.6 costs nothing.
         assert!(rms(&budget) < 0.02);
         // A second spot three times as high is beyond full scale, whatever else is left out.

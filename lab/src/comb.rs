@@ -8,8 +8,7 @@ use simulator::scene::{LaserSpot, Scene, Simulation, Speckle};
 use slitrange::base::fault::Fault;
 use slitrange::distance::Calibration;
 use slitrange::frame::comb::{self, SlitMap, Slits};
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
@@ -68,7 +67,6 @@ pub fn with_speckle(scene: &Scene, waist: f64, polarisations: u8) -> Scene {
     }
 }
 
-/// A sensor whose readings are judged.
 #[derive(Clone, Debug)]
 pub struct Sensor {
     /// `None`: one slit.

@@ -80,7 +80,6 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Lines as a Markdown block of code.
 fn code(lines: &[&str]) -> String {
     lines.iter().map(|line| format!("    {line}\n")).collect()
 }

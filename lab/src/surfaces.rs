@@ -93,8 +93,7 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         })
         .collect();
     let comb = comb::fit(&points)?;
-    let points = comb.as_ref().map_or(&points, |comb| &comb.points);
-    let solved = solve(points, None)?;
+    let solved = solve(comb.as_ref().map_or(&points, |comb| &comb.points), None)?;
     let made = form::make(&solved, None)?;
     let setup = Setup {
         serial_number: Some(1),
@@ -157,7 +156,6 @@ pub fn known(measured: &Measured, record: &Record) -> Measured {
     }
 }
 
-/// Readings of frames by a record, those with a distance.
 pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
     let calibration = Some(&record.calibration);
     (seen.iter())
@@ -173,7 +171,6 @@ pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
         .collect()
 }
 
-/// A material, and what sensors read on it.
 #[derive(Clone, Debug)]
 pub struct Study {
     pub name: &'static str,
@@ -240,7 +237,6 @@ pub fn report(studies: &[Study]) -> String {
     )
 }
 
-/// How errors and claims of some readings compare.
 #[derive(Clone, Copy, Debug)]
 pub struct Summary {
     pub count: usize,
@@ -266,8 +262,7 @@ impl Summary {
             median_u: median(&|reading| reading.uncertainty.to_f64()),
             median_r: median(&|reading| reading.parts.noise.to_f64()),
             within: [1.0, 2.0, 3.0].map(|times| {
-                let within = judged.iter().filter(|it| it.in_u().abs() <= times);
-                within.count() as f64 / count as f64
+                judged.iter().filter(|it| it.in_u().abs() <= times).count() as f64 / count as f64
             }),
         }
     }

@@ -37,7 +37,6 @@ impl Svg {
     }
 }
 
-/// Places as SVG lists them.
 pub fn points(places: impl IntoIterator<Item = [f64; 2]>) -> String {
     let places = places.into_iter().map(|[x, y]| format!("{x:.2},{y:.2}"));
     places.collect::<Vec<_>>().join(" ")

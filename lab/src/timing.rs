@@ -48,11 +48,8 @@ pub struct Pulses {
     pub(crate) icg_rose: f64,
     /// The rise of fM before the rise of ICG.
     pub(crate) master_clock_rose: f64,
-    /// The ends of the first words.
     words: Vec<f64>,
-    /// When the laser goes on and off.
     laser: (f64, f64),
-    /// The fall of ICG for the next row.
     next_row: f64,
     /// The part of a pixel's time at which the converter holds it.
     sampled: f64,
@@ -84,8 +81,7 @@ impl Pulses {
     /// Runs the firmware on the virtual board until it has read some rows in the dark.
     pub fn of_a_row() -> Result<Self> {
         let firmware = Firmware::build()?;
-        let dark = Box::new(|_: &_| vec![300.0; PIXELS]);
-        let mut board = VirtualBoard::power_on(&firmware, dark)?;
+        let mut board = VirtualBoard::power_on(&firmware, Box::new(|_: &_| vec![300.0; PIXELS]))?;
         board.run_until_rows(ROWS_BEFORE, Duration::from_secs(2))?;
         board.head(|head| head.record_edges());
         board.run_for(Duration::from_millis(18))?;
@@ -243,8 +239,7 @@ impl Pulses {
             panel.mark(svg, held(*end));
         }
         let place = [panel.x(held(self.words[0])), panel.low(5) - HIGH - 6.0];
-        let style = r##"fill="#d62728" text-anchor="middle""##;
-        svg.text(place, style, "sampled");
+        svg.text(place, r##"fill="#d62728" text-anchor="middle""##, "sampled");
     }
 
     fn draw_row(&self, svg: &mut Svg) {
@@ -271,7 +266,6 @@ impl Pulses {
     }
 }
 
-/// A panel with a time axis and signals below each other.
 struct Panel {
     /// Nanoseconds at the left end and at the right end.
     from: f64,
@@ -290,7 +284,6 @@ impl Panel {
         LEFT + (RIGHT - LEFT) * (ns - self.from) / (self.to - self.from)
     }
 
-    /// The line of a signal's low level.
     fn low(&self, signal: usize) -> f64 {
         let step = STEP.min((self.bottom - self.top - 10.0) / 4.0);
         self.top + step * (signal as f64 + 1.0) - 6.0
@@ -325,7 +318,6 @@ impl Panel {
         svg.text([LEFT - 10.0, low - 4.0], r#"text-anchor="end""#, name);
     }
 
-    /// A row of cells that begin at these times.
     fn cells(
         &self,
         svg: &mut Svg,
@@ -362,7 +354,6 @@ impl Panel {
         svg.text([0.5 * (from + to) + 24.0 * side, y + 17.0], style, name);
     }
 
-    /// The moment at which the converter holds its input.
     fn mark(&self, svg: &mut Svg, at: f64) {
         let x = self.x(at);
         if x < RIGHT {

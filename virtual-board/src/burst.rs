@@ -85,7 +85,6 @@ const STREAMS: [Stream; 4] = {
     ]
 };
 
-/// How many of [`STREAMS`] receive.
 const RECEIVERS: usize = 2;
 
 const fn stream(registers: [Dma2; 6]) -> Stream {
@@ -127,7 +126,6 @@ enum State {
     Running { words: Words, pace: Pace },
 }
 
-/// What differs from an ideal transfer.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Timing {
     /// The most core cycles from the end of a word until DMA has counted it.
@@ -136,7 +134,6 @@ pub(crate) struct Timing {
     pub(crate) gap: Option<(u64, Nanos)>,
 }
 
-/// When words end.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
     /// SPI1 has clocked words since then.
@@ -148,7 +145,6 @@ struct Pace {
 }
 
 impl Pace {
-    /// The words of `head` from `start` on.
     fn new(start: Nanos, bit_hz: u64, head: &SharedHead, timing: Timing) -> Self {
         let last_timed = match head.lock().has_rate_limit {
             true => u64::MAX,
@@ -182,10 +178,8 @@ impl Pace {
     }
 }
 
-/// The words of a read-out that move in batches.
 #[derive(Clone, Copy, Debug)]
 struct Words {
-    /// The address of the first word in memory.
     address: u64,
     count: u64,
     /// How many words are in memory already.
@@ -203,7 +197,6 @@ pub(crate) struct Burst {
 type SharedBurst = Arc<Mutex<Burst>>;
 
 impl Burst {
-    /// The number of words that still have to move in batches.
     fn left(&self) -> u64 {
         match &self.state {
             State::Idle => 0,
@@ -213,7 +206,6 @@ impl Burst {
         }
     }
 
-    /// Moves the words that have ended by now to memory.
     fn catch_up(&mut self, context: &mut Context<'_>) {
         self.move_words(context, Pace::end_of_word);
     }
@@ -256,8 +248,7 @@ impl Burst {
         let State::Running { words, pace } = &self.state else {
             return None;
         };
-        let last = (words.done + BATCH).min(words.count) - 1;
-        Some(pace.end_of_word(last))
+        Some(pace.end_of_word((words.done + BATCH).min(words.count) - 1))
     }
 }
 
@@ -299,14 +290,12 @@ impl BurstSpi {
         self.spi.inherit(&mut before.spi);
     }
 
-    /// The timing of the read-outs to come.
     pub(crate) fn timing(&mut self, change: impl FnOnce(&mut Timing)) -> Timing {
         let timing = &mut lock(&self.burst).timing;
         change(timing);
         *timing
     }
 
-    /// Whether the converter is the only chip.
     pub(crate) fn has_one_chip(&self) -> bool {
         self.spi.peers().count() == 1
     }
@@ -364,8 +353,7 @@ fn clocks_words(registers: &Registers) -> bool {
 }
 
 fn set_busy(registers: &mut Registers, busy: bool) {
-    let status = registers.get(Spi1::Sr);
-    registers.set(Spi1::Sr, sr::BSY.set(status, busy.into()));
+    registers.set(Spi1::Sr, sr::BSY.set(registers.get(Spi1::Sr), busy.into()));
 }
 
 impl Device for BurstSpi {
@@ -388,8 +376,7 @@ impl Device for BurstSpi {
             drop(burst);
             set_busy(at, false);
             // Now rigless's model requests DMA for the last words.
-            let control = at.get(Spi1::Cr2);
-            Device::write(&mut self.spi, Spi1::Cr2, control, at, context);
+            Device::write(&mut self.spi, Spi1::Cr2, at.get(Spi1::Cr2), at, context);
         }
     }
 
@@ -445,15 +432,12 @@ impl Device for BurstSpi {
 #[derive(Debug)]
 pub(crate) struct BurstDma {
     dma: Dma,
-    /// Whether each of [`STREAMS`] is on.
     enabled: [bool; 4],
-    /// Whether words may move in batches now.
     pub(crate) shortens: bool,
     burst: SharedBurst,
 }
 
 impl BurstDma {
-    /// Ends the read-out: all streams are off.
     fn give_up(&mut self) {
         self.enabled = [false; 4];
         lock(&self.burst).state = State::Idle;

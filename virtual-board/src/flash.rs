@@ -75,7 +75,6 @@ struct Interface {
 }
 
 impl Interface {
-    /// The state after a reset.
     const RESET: Self = Self {
         locked: true,
         programs: false,
@@ -185,12 +184,10 @@ impl SharedFlash {
         flash.interface = Interface::RESET;
     }
 
-    /// Whether `address` is in one of the sectors.
     pub(crate) fn holds(address: u64) -> bool {
         (BASE..BASE + BYTES as u64).contains(&address)
     }
 
-    /// The word at `address`, if it is in one of the sectors.
     pub(crate) fn word(&self, address: u64) -> Option<u64> {
         Self::holds(address).then(|| self.lock().contents.read(address, 4))
     }
@@ -279,7 +276,6 @@ impl Flash {
         self.violated(access.virtual_time.0, what);
     }
 
-    /// Erases the sectors that the control register names.
     fn erase(&mut self, control: u64, now: Nanos) {
         let is_whole_bank = cr::MER1.is_set(control);
         let number = cr::SNB.get(control) as usize;
@@ -319,7 +315,6 @@ mod tests {
         busy: false,
     };
 
-    /// Erased flash with the interface in a given state.
     fn flash(interface: Interface) -> SharedFlash {
         let flash = SharedFlash::default();
         flash.lock().interface = interface;

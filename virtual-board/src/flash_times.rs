@@ -22,7 +22,6 @@ pub(crate) struct FlashTimes {
     pub(crate) longer: Nanos,
     /// The late end of an erase, and rigless's own.
     erase: Option<(EventId, EventId)>,
-    /// The end of a word.
     word: Option<EventId>,
 }
 
@@ -39,7 +38,6 @@ impl FlashTimes {
         }
     }
 
-    /// A word is busy until then.
     pub(crate) fn word_ends(&mut self, at: Nanos, context: &mut Context<'_>) {
         self.word = Some(context.schedule(VirtualNanos(at.max(context.now().0))));
     }

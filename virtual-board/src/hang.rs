@@ -35,7 +35,6 @@ pub enum Detour {
     },
 }
 
-/// The address of a `b .` in `image`.
 pub(crate) fn find_trap(image: &Image) -> Option<u32> {
     image.segments().find_map(|(address, bytes)| {
         // Segments begin at whole words and an instruction at a whole halfword.

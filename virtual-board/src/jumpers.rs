@@ -106,7 +106,6 @@ const PERIOD: u64 = 64;
 const TIM2_HZ: u64 = 84_000_000;
 
 impl Jumpers {
-    /// Drives what an edge reaches.
     pub(crate) fn drive(&self, edge: Edge, processor: &mut Stm32f429, now: Nanos) {
         let part = &mut processor.part;
         match edge {
@@ -173,8 +172,7 @@ impl Jumpers {
             return;
         };
         registers.set(Register::Ccr2, count.wrapping_sub(since) & 0xFFFF);
-        let flags = registers.get(Register::Sr);
-        registers.set(Register::Sr, sr::CC2IF.set(flags, 1));
+        registers.set(Register::Sr, sr::CC2IF.set(registers.get(Register::Sr), 1));
     }
 
     /// What SPI1 reads while MISO (PA6) is driven by its wire (from PB12).
@@ -207,8 +205,7 @@ fn drive_tim8(
     let channel = Channel::new(channel).expect("1 to 4");
     part.drive_advanced_timer(VirtualNanos(now), TIM8, |timer, registers, context| {
         timer.drive_input(channel, high.into(), registers, context);
-        let count = registers.get(captured);
-        registers.set(captured, (count + late) & 0xFFFF);
+        registers.set(captured, (registers.get(captured) + late) & 0xFFFF);
     });
 }
 
@@ -233,7 +230,6 @@ fn counts_sclk(part: &mut Stm32f427) -> bool {
     captures && starts && smcr::SMS.get(slave) == 0b111 && smcr::TS.get(slave) == 0b001
 }
 
-/// Whether a pin has the function that connects it to its timer.
 fn is_connected(part: &Stm32f427, (port, pin, function): (&'static str, u64, u64)) -> bool {
     Pin::of(part, port, pin).has_function(function)
 }

@@ -45,7 +45,6 @@ impl LaserTimer {
         }
     }
 
-    /// Finds out whether a pulse begins or is broken off.
     fn watch(&mut self, written: Register, registers: &Registers, now: VirtualNanos) {
         let control = registers.get(Register::Cr1);
         let runs = cr1::CEN.is_set(control);

@@ -22,11 +22,9 @@ struct Place {
     waits: f64,
     /// The first row after `move_to`; `None` until there is one.
     put: Option<u64>,
-    /// The last exposures.
     seen: VecDeque<Seen>,
 }
 
-/// The target as an exposure saw it.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     end: Nanos,
@@ -90,7 +88,6 @@ impl Target {
         Some(seen.iter().all(|it| it.reflectivity == now))
     }
 
-    /// The last of some exposures is `last`.
     fn seen(&self, last: &Exposure, exposures: usize) -> Option<Vec<Seen>> {
         let place = self.place();
         let until = (place.seen.iter()).position(|it| it.end == last.end)?;
@@ -103,8 +100,7 @@ impl Target {
     fn expose(&self, exposure: &Exposure, row: u64, simulation: &Simulation) -> f64 {
         let mut place = self.place();
         let distance = place.distance;
-        let put = *place.put.get_or_insert(row);
-        let gone = simulation.true_distance(put, distance) - distance;
+        let gone = simulation.true_distance(*place.put.get_or_insert(row), distance) - distance;
         let truth = simulation.true_distance(row, distance - gone);
         if place.seen.len() == REMEMBERED {
             place.seen.pop_front();
@@ -184,14 +180,12 @@ mod tests {
     use simulator::optics::Optics;
     use simulator::scene::{FixedPattern, Motion, Sensor};
 
-    /// The exposure of a row of a number, with the laser on.
     fn exposure(row: Nanos) -> Exposure {
         let (start, end) = (row * 5_700_000, (row + 1) * 5_700_000);
         let laser = end - start;
         Exposure { start, end, laser }
     }
 
-    /// The centre of the spot near a pixel.
     fn centre_near(outputs: &[f32], near: f64) -> f64 {
         let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
         let spot = least_squares::fit_near(&counts, near);

@@ -114,7 +114,6 @@ impl PseudoTerminal {
         }
     }
 
-    /// Reads the bytes that a program has sent.
     fn receive(&mut self) -> Result<()> {
         let mut bytes = [0; 256];
         match self.board_side.read(&mut bytes) {

@@ -209,7 +209,6 @@ impl VirtualBoard {
         })
     }
 
-    /// Lets the board run until `find` finds something, or for `timeout`.
     fn run_until<T>(
         &mut self,
         timeout: Duration,
@@ -427,8 +426,7 @@ impl VirtualBoard {
     /// # Errors
     /// The firmware has no such symbol.
     pub fn unhang(&mut self, symbol: &str) -> Result<()> {
-        let address = self.firmware.address_of(symbol)?;
-        self.detours().remove(&address);
+        self.detours().remove(&self.firmware.address_of(symbol)?);
         Ok(())
     }
 
@@ -548,8 +546,7 @@ impl VirtualBoard {
     pub fn finish(mut self) -> Result<Statistics> {
         let statistics = self.statistics();
         self.order(Order::End)?;
-        let emulator = self.emulator.take().context("the run has ended already")?;
-        let finished = joined(emulator)?;
+        let finished = joined(self.emulator.take().context("the run has ended already")?)?;
         let mut faults = gaps(&finished.session);
         let contentions = finished.session.board().processor.contentions();
         if contentions > 0 {
@@ -624,7 +621,6 @@ impl VirtualBoard {
         Ok(())
     }
 
-    /// Why the emulator no longer answers.
     fn what_ended_the_run(&mut self) -> anyhow::Error {
         match self.emulator.take().map(joined) {
             Some(Err(error)) => error,
@@ -730,8 +726,7 @@ impl Driver<Nucleo> for Steps {
         };
         let processor = &mut session.board_mut().processor;
         self.head.look_at(processor, now);
-        let word = (self.flash).look_at(processor.flash_interface(), access.as_ref(), now);
-        if let Some(end) = word {
+        if let Some(end) = (self.flash).look_at(processor.flash_interface(), access.as_ref(), now) {
             processor.word_ends(end, now);
         }
     }

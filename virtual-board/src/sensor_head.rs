@@ -150,7 +150,6 @@ impl OpenLine {
     /// All kinds.
     pub const ALL: [Self; 4] = [Self::Ones, Self::Zeros, Self::Noise, Self::Mains];
 
-    /// The word that ends at `now`.
     fn word(self, now: Nanos) -> u16 {
         match self {
             Self::Ones => u16::MAX,
@@ -214,7 +213,6 @@ struct Burst {
     phase: Option<(f64, f64)>,
     odd_bits: Option<u8>,
     unclocked: bool,
-    /// The end of the first word.
     first_word: Nanos,
     last_word: Nanos,
 }
@@ -243,13 +241,10 @@ pub struct SensorHead {
     row_count: u64,
     /// Whether all rows are kept from now on (15 KB each).
     pub keeps_all_rows: bool,
-    /// Whether words take their time.
     pub(crate) has_rate_limit: bool,
-    /// The edges since they are recorded.
     edges: Option<Vec<(Nanos, Edge)>>,
     /// What SPI1 reads from the next word on; `None` if the converter is connected.
     pub open_line: Option<OpenLine>,
-    /// Whether the pins were checked.
     wiring_checked: bool,
     violations: Violations,
 }
@@ -540,10 +535,7 @@ impl SensorHead {
             (Some(_), _) => burst.unclocked = true,
             (None, _) => {}
         }
-        let word = match self.open_line {
-            Some(line) => line.word(now),
-            None => FULL_SCALE - counts,
-        };
+        let word = (self.open_line).map_or(FULL_SCALE - counts, |line| line.word(now));
         burst.words.push(word);
         self.record(now, Edge::WordEnded);
         word
@@ -698,7 +690,6 @@ fn icg_after_sh() -> String {
     format!("ICG has to rise at least {least} ns after SH falls (TCD1304 t1)")
 }
 
-/// The ends of a limit in percent.
 fn percent(limit: RangeInclusive<f64>) -> [f64; 2] {
     [limit.start() * 100.0, limit.end() * 100.0]
 }
@@ -708,7 +699,6 @@ fn quantised(counts: f32) -> u16 {
     counts.round().clamp(0.0, f32::from(FULL_SCALE)) as u16
 }
 
-/// Lists what is wrong with the clocks of a read-out.
 fn clock_faults(clocks: Clocks) -> Vec<String> {
     let mut faults = Vec::new();
     let (master_hz, serial_hz) = (clocks.master_hz, clocks.serial_hz);

@@ -73,7 +73,6 @@ impl SerialLine {
         }
     }
 
-    /// The byte for the firmware that is due by `now`.
     fn next(&mut self, now: Nanos) -> Option<u8> {
         self.due
             .pop_front_if(|&mut (at, _)| at <= now)

@@ -37,7 +37,6 @@ impl Stage {
     }
 }
 
-/// Reads a distance in front of the sensor, in millimetres.
 fn millimetres(text: &str) -> Option<f64> {
     let number: f64 = text.trim().parse().ok()?;
     (number > 0.0 && number.is_finite()).then_some(number)

@@ -9,8 +9,7 @@
 //! firmware may do for each row, is computed without them.
 //!
 //! TIM5 is the firmware's clock. It says when a row is due. `RowTimer` can make it count faster, so that the
-//! same firmware takes more rows a second: see
-//! [`crate::row_rate`].
+//! same firmware takes more rows a second: see [`crate::row_rate`].
 
 use std::sync::Arc;
 
@@ -98,7 +97,6 @@ impl Stm32f429 {
         &mut self.spi1.spi
     }
 
-    /// Drives the trigger's pin.
     pub(crate) fn drive_trigger(&mut self, high: bool, at: VirtualNanos) {
         let (registers, mut context) = self.part.bus_mut().drive(at, self.slots[EXTI]);
         self.trigger.drive(high, registers, &mut context);
@@ -120,17 +118,14 @@ impl Stm32f429 {
         self.spi1.spi.contentions()
     }
 
-    /// The registers of the flash interface.
     pub(crate) fn flash_interface(&self) -> &Registers {
         self.registers(FLASH)
     }
 
-    /// The registers of one of [`MODELS`].
     fn registers(&self, model: usize) -> &Registers {
         self.part.bus().slots()[self.slots[model]].registers()
     }
 
-    /// The flash programs a word until then.
     pub(crate) fn word_ends(&mut self, at: Nanos, now: Nanos) {
         let slot = self.slots[FLASH];
         let (_, mut context) = self.part.bus_mut().drive(VirtualNanos(now), slot);
@@ -141,8 +136,7 @@ impl Stm32f429 {
     pub(crate) fn part_of_master_clock(&self, now: Nanos) -> Option<f64> {
         let period = self.master_clock()?;
         let registers = self.registers(TIM1);
-        let count = self.tim1.slept_count(registers, VirtualNanos(now))?;
-        Some(count as f64 / period as f64)
+        Some(self.tim1.slept_count(registers, VirtualNanos(now))? as f64 / period as f64)
     }
 
     /// The period of TIM1's channel 1 in timer clocks; `None` if it gives no pulses.
@@ -154,12 +148,10 @@ impl Stm32f429 {
     }
 }
 
-/// Takes rigless's model of DMA2, with its connections.
 fn take_dma2(part: &mut Stm32f427) -> Dma {
     std::mem::replace(&mut part.dma[DMA2], Dma::new(&[], &[], true))
 }
 
-/// The timer clocks of TIM1's period.
 fn period_clocks(registers: &Registers) -> u64 {
     (registers.get(Tim1::Psc) + 1) * (registers.get(Tim1::Arr) + 1)
 }
@@ -322,7 +314,6 @@ impl RowTimer {
     }
 }
 
-/// A clock in Hz, `speed` times as fast.
 fn faster(hz: u64, speed: f64) -> u64 {
     (hz as f64 * speed).round() as u64
 }

@@ -29,7 +29,6 @@ impl Call {
     }
 }
 
-/// The traced functions, and their calls.
 #[derive(Debug, Default)]
 pub(crate) struct Traces {
     /// The functions' first instructions.
@@ -44,7 +43,6 @@ pub(crate) struct Recorder {
     open: Vec<Open>,
 }
 
-/// A traced call that is under way.
 #[derive(Debug)]
 struct Open {
     returns_to: u64,
@@ -56,7 +54,6 @@ struct Open {
 }
 
 impl Open {
-    /// As [`Recorder::step`].
     fn step(&mut self, from: u64, to: u64, link: u64) {
         *self.call.steps.entry((from, to)).or_default() += 1;
         *self.executed.entry(from).or_default() += 1;
@@ -70,7 +67,6 @@ impl Open {
         }
     }
 
-    /// Adds what was executed to the call, under the present stack.
     fn file_away(&mut self) {
         let sites = self.stack.iter().map(|(site, _)| *site).collect();
         let filed = self.call.stacks.entry(sites).or_default();

@@ -23,8 +23,7 @@ impl Trigger {
         let rises = high && !self.is_high;
         self.is_high = high;
         if rises && registers.get(Register::Rtsr) >> LINE & 1 == 1 {
-            let pending = registers.get(Register::Pr);
-            registers.set(Register::Pr, pending | 1 << LINE);
+            registers.set(Register::Pr, registers.get(Register::Pr) | 1 << LINE);
             interrupt(registers, context);
         }
     }

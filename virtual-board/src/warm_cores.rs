@@ -29,7 +29,6 @@ const MOST: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct WarmCores(Arc<Mutex<Vec<Warm>>>);
 
-/// A core that waits, and where its memory was.
 #[derive(Debug)]
 struct Warm {
     core: Box<dyn Processor>,
@@ -41,12 +40,10 @@ impl WarmCores {
         crate::lock(&self.0)
     }
 
-    /// How many cores wait.
     pub(crate) fn count(&self) -> usize {
         self.lock().len()
     }
 
-    /// Takes a core with memory at these places.
     fn take(&self, places: &[Place]) -> Option<Box<dyn Processor>> {
         let mut waiting = self.lock();
         let index = waiting.iter().position(|warm| warm.places == places)?;
@@ -81,7 +78,6 @@ pub(crate) struct BoardCore {
     endian: Endian,
     pool: WarmCores,
     mappings: Vec<Mapping>,
-    /// How often each breakpoint was asked for.
     breakpoints: BTreeMap<u64, u32>,
     /// The pages whose accesses go to the bus.
     routes: Vec<u64>,
@@ -156,7 +152,6 @@ impl BoardCore {
         self.mappings.iter().map(|mapping| mapping.place).collect()
     }
 
-    /// Moves the state to another core, and gives the one that it leaves.
     fn move_to(&mut self, mut core: Box<dyn Processor>) -> Result<Box<dyn Processor>, Error> {
         core.load(&self.core.save())?;
         core.take_reset_request();

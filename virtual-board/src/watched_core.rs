@@ -29,22 +29,18 @@ const PROGRAM_COUNTER: usize = 15;
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 
-/// What the wrapped core reads each time it runs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watched {
-    /// The functions at which it hangs or panics.
     pub(crate) detours: Arc<Mutex<Detours>>,
     /// What a debug probe writes next: an address, a word and the time.
     pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
     /// The address that a debug probe is to read, and the value that it has read.
     pub(crate) probe_read: Arc<Mutex<(Option<u64>, Option<u64>)>>,
-    /// The traced functions, and their calls.
     pub(crate) traces: Arc<Mutex<Traces>>,
     /// The contents of the four sectors, which are not in its memory map.
     pub(crate) flash: SharedFlash,
     /// Whether the external clock never gets ready. rigless's does, at any frequency.
     pub(crate) has_no_clock: bool,
-    /// Cores that have run the same program.
     pub(crate) warm_cores: WarmCores,
 }
 
@@ -62,14 +58,12 @@ pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
     });
 }
 
-/// The wrapped core.
 #[derive(Debug)]
 struct Core {
     inner: BoardCore,
     watched: Watched,
     /// The addresses at which `inner` stops, and where it continues.
     detours: Detours,
-    /// The addresses that `inner` stops at to trace.
     traced: BTreeSet<u64>,
     recorder: Recorder,
 }
@@ -115,7 +109,6 @@ impl Core {
         self.detours.clone_from(&wanted);
     }
 
-    /// The value of one of the core's registers.
     fn register(&self, number: usize) -> u32 {
         let register = self.inner.gdb_register(number).unwrap_or_default();
         <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes)
@@ -126,7 +119,6 @@ impl Core {
         u64::from(self.register(LINK_REGISTER) & !1)
     }
 
-    /// Runs one instruction and records it.
     fn step(&mut self, bus: &mut BusWithFlash<'_>) -> (Exit, u64) {
         let from = self.inner.pc();
         if self.traced.contains(&from) {
@@ -173,7 +165,6 @@ struct BusWithFlash<'a> {
     inner: &'a mut dyn CoreBus,
     flash: SharedFlash,
     has_no_clock: bool,
-    /// Whether the core is to run one instruction only.
     steps: bool,
 }
 

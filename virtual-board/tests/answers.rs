@@ -10,7 +10,6 @@ use judges::hard_cases;
 use slitrange::centre::Estimator;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
 
-/// A row of a case.
 struct Question {
     case: String,
     number: u64,
@@ -18,14 +17,12 @@ struct Question {
     light: Vec<u16>,
 }
 
-/// An estimator's answer to a row.
 #[derive(Debug, PartialEq)]
 struct Answer {
     estimator: Estimator,
     words: Vec<u32>,
 }
 
-/// Two rows of one case in so many.
 fn questions(one_in: usize) -> Vec<Question> {
     let rows = |case: hard_cases::RowCase| {
         (0..u64::from(ROWS)).map(move |number| {
@@ -48,13 +45,11 @@ fn questions(one_in: usize) -> Vec<Question> {
     cases.flat_map(rows).collect()
 }
 
-/// The estimators' answers to the rows, in order, on this PC.
 fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
     let mut estimators = Estimators::new();
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
-            let variance = header.shot_variance_per_count_q16;
-            estimators.start(light.len(), header.bits, variance);
+            estimators.start(light.len(), header.bits, header.shot_variance_per_count_q16);
         }
         let mut answers: Vec<Answer> = Estimator::ALL
             .map(|estimator| Answer {
@@ -70,7 +65,6 @@ fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
     answers.collect()
 }
 
-/// The board with the program, waiting for rows.
 struct Chip {
     board: VirtualBoard,
     asked: u64,
@@ -94,7 +88,6 @@ impl Chip {
         }
     }
 
-    /// Sends the rows and waits for all words of the answers.
     fn ask(&mut self, questions: &[Question]) -> Vec<u32> {
         let words = questions
             .iter()
@@ -147,7 +140,6 @@ fn batches(mut questions: &[Question]) -> Vec<&[Question]> {
     batches
 }
 
-/// The first answer in which the chip's words are not the PC's.
 fn difference(questions: &[Question], chip: &[u32], pc: &[Vec<Answer>]) -> Option<String> {
     let mut words = chip.iter().copied();
     for (question, answers) in questions.iter().zip(pc) {
@@ -167,17 +159,14 @@ fn difference(questions: &[Question], chip: &[u32], pc: &[Vec<Answer>]) -> Optio
     more.map(|word| format!("{word} on the chip, nothing on the PC"))
 }
 
-/// Answers that are the same on the chip and on this PC.
 #[derive(Default)]
 struct Compared<'a> {
     centres: usize,
     faults: usize,
     words: usize,
-    /// The first row with a spot that all estimators find.
     clean: Option<&'a Question>,
 }
 
-/// Compares the answers to some batches on a board of their own.
 fn compare<'a>(batches: &[&'a [Question]]) -> (Chip, Compared<'a>) {
     let mut chip = Chip::power_on();
     let mut compared = Compared::default();

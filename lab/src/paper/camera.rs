@@ -52,7 +52,6 @@ pub fn geometry(pixels: usize, shot_noise: ShotNoise) -> Geometry {
 /// What an estimator takes the light's noise to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShotNoise {
-    /// What it is.
     Known,
     /// None: all pixels have the same noise, as in the paper's fits.
     Ignored,

@@ -13,8 +13,7 @@ use simulator::optics::Optics;
 use simulator::scene::Sensor;
 use simulator::scene::comb::Comb;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::row::sensor_heads;
 use statistics::mean;
 
@@ -22,7 +21,6 @@ use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};
 use crate::paper::data_set::{exposed, positions};
 use crate::paper::materials::MATERIALS;
 
-/// The comb on a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     pub material: usize,
@@ -46,7 +44,6 @@ const BLACK: f64 = 300.0;
 const READ_NOISE: f64 = 4.0;
 const ELECTRONS: f64 = 10.0;
 
-/// A piece of material, seen by a line sensor through a comb.
 struct Target {
     surface: Surface,
     material: usize,

@@ -76,7 +76,6 @@ impl<'a> Target<'a> {
         material.brightness((BASELINE / distance).atan()) / self.view(distance).range().powi(2)
     }
 
-    /// What is seen at a distance.
     fn view(&self, distance: f64) -> View {
         View {
             distance,

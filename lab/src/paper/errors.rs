@@ -7,7 +7,6 @@ use crate::paper::apparatus::Aperture;
 use crate::paper::data_set::Centres;
 use crate::paper::methods::Method;
 
-/// What a method makes of a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     pub method: Method,
@@ -27,8 +26,7 @@ pub fn judge(aperture: Aperture, centres: &Centres) -> anyhow::Result<Vec<Judged
     let methods = Method::of(aperture).iter().zip(&centres.of_methods);
     methods
         .map(|(&method, found)| {
-            let judged = of_method(method, &centres.distances, found);
-            judged.with_context(|| format!("{method:?}"))
+            of_method(method, &centres.distances, found).with_context(|| format!("{method:?}"))
         })
         .collect()
 }

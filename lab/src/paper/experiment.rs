@@ -12,7 +12,6 @@ pub struct Experiment {
     pub seed: u64,
 }
 
-/// What came of a material and an aperture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// Index of the material in [`MATERIALS`](crate::paper::materials::MATERIALS).
@@ -26,7 +25,6 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// What a method makes of the data set.
     pub fn of(&self, method: Method) -> &Judged {
         let judged = self.judged.iter().find(|judged| judged.method == method);
         judged.expect("every method is judged")

@@ -15,9 +15,8 @@ pub const DISTORTION: Distortion = Distortion {
 /// A reflection sensor - lens - sensor: a disc of light that is out of focus and moves against the spot.
 ///
 /// Light that the sensor throws back leaves through the lens and comes back from a surface of it, or from the
-/// filter in front.
-/// Its path is longer than the laser's coherence length by far, so it adds to the spot's light without
-/// interference.
+/// filter in front. Its path is longer than the laser's coherence length by far, so it adds to the spot's
+/// light without interference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ghost {
     pub share: f64,

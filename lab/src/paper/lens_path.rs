@@ -86,11 +86,9 @@ pub fn centre_without_speckle(distance: f64, flare: Option<&Flare>) -> Option<f6
         window.add_flare(flare, &mut image);
     }
     let start = PlaneGaussian::of_moments(&image.light, SIZE)?;
-    let fit = PlaneGaussian::fit(&image.light, SIZE, start)?;
-    Some(fit.x + window.first[0] as f64)
+    Some(PlaneGaussian::fit(&image.light, SIZE, start)?.x + window.first[0] as f64)
 }
 
-/// The image's density, see [`Image`].
 pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
     let field = (apparatus::centre(Aperture::Lens, view.distance) - AXIS) * PITCH;
     Ok(lens_image(surface, view, &apparatus::lens(), field, &[0.0], &[0.0])?.density)

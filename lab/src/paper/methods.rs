@@ -30,7 +30,6 @@ impl Method {
         Self::Ours,
     ];
 
-    /// Those of an aperture.
     pub const fn of(aperture: Aperture) -> &'static [Self] {
         match aperture {
             Aperture::Lens => &[Self::PlaneGaussian],

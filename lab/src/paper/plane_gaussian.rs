@@ -40,7 +40,6 @@ impl PlaneGaussian {
         a * u * u + 2.0 * b * u * v + c * v * v
     }
 
-    /// Whether it falls to all sides.
     fn is_a_peak(&self) -> bool {
         let [a, b, c] = self.form;
         self.amplitude > 0.0 && a > 0.0 && a * c > b * b
@@ -133,7 +132,6 @@ impl PlaneGaussian {
     }
 }
 
-/// Of a Gauss-Newton step.
 struct NormalEquations {
     matrix: Matrix,
     right: Vector,
@@ -225,7 +223,6 @@ mod tests {
         PlaneGaussian::fit(image, COLUMNS, start).expect("a fit")
     }
 
-    /// Turned and longer than wide.
     fn turned() -> PlaneGaussian {
         PlaneGaussian {
             amplitude: 1000.0,
@@ -246,8 +243,7 @@ mod tests {
                 ..turned()
             },
         ] {
-            let light = image(|x, y| value(&truth, x, y));
-            let found = fitted(&light);
+            let found = fitted(&image(|x, y| value(&truth, x, y)));
             println!("{found:?}");
             // Of the f32 image: 6e-8 of each value.
             assert!((found.x - truth.x).abs() < 1e-5 && (found.y - truth.y).abs() < 1e-5);
@@ -264,8 +260,7 @@ mod tests {
             form: [0.12, 0.0, 0.12],
             ..turned()
         };
-        let light = image(|x, y| value(&truth, x, y) + 0.2 * x + 0.1 * y);
-        let found = fitted(&light);
+        let found = fitted(&image(|x, y| value(&truth, x, y) + 0.2 * x + 0.1 * y));
         println!("{found:?}");
         assert!((found.x - truth.x).abs() < 0.1 && (found.y - truth.y).abs() < 0.1);
     }

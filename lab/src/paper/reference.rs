@@ -76,7 +76,6 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
     (gaussians, sincs)
 }
 
-/// The middle of the brightest 16 pixels.
 fn brightest(row: &[f64]) -> Option<f64> {
     let sums = row.windows(16).map(|window| window.iter().sum::<f64>());
     let (start, _) = sums.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;

@@ -1,6 +1,5 @@
 //! The centres of a frame's rows become one: the paper's plain mean, and ours for rows that are not alike.
 
-/// A row that has a centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowFit {
     /// Its centre in pixels.

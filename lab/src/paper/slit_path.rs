@@ -62,7 +62,6 @@ pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
     Ok((image.with_rows_between(ROW_STEP, ROWS), first))
 }
 
-/// The image's density, see [`Image`].
 pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
     Ok(slit_image(surface, view, &SLIT, &[0.0], &[0.0])?.density)
 }

@@ -119,7 +119,6 @@ fn kinds(base: &Scene) -> Result<Vec<Kind>> {
     Ok(kinds)
 }
 
-/// What the readings of a kind came to.
 struct Outcome {
     summary: Summary,
     faults: BTreeMap<&'static str, usize>,
@@ -131,8 +130,7 @@ struct Outcome {
 
 impl Outcome {
     fn measure(scene: &Scene, range: [f64; 2], mask: &Mask, rows: u16, surfaces: u64) -> Self {
-        let sensor = Sensor::nominal(Some(mask.clone()));
-        Self::of(sensor.read(scene, range, rows, FIRST, surfaces))
+        Self::of(Sensor::nominal(Some(mask.clone())).read(scene, range, rows, FIRST, surfaces))
     }
 
     fn of(all: Vec<Result<Judged, Fault>>) -> Self {
@@ -164,7 +162,6 @@ impl Outcome {
         }
     }
 
-    /// A row of a table with [`HEAD`].
     fn row(&self, name: &str) -> Vec<String> {
         let it = &self.summary;
         let mut cells = vec![name.to_owned(), it.count.to_string(), self.faults()];

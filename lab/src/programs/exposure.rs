@@ -68,7 +68,6 @@ pub fn main(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The table, and what it shows.
 fn range_in_words(targets: &[Target]) -> String {
     let rows = targets.iter().map(|target| {
         let auto = &target.auto;

@@ -88,7 +88,6 @@ fn tally(name: &'static str, rows: u64, draw: fn(u64) -> RandomRow) -> anyhow::R
     Ok(tally)
 }
 
-/// The second judge's findings, for so many random rows of the first.
 fn second(random_rows: u64) -> anyhow::Result<Report> {
     let [rows, frames] = OF_A_KIND.map(|count| (random_rows * count / ROWS).max(1));
     let all = (rows + frames) * Kind::all().len() as u64;

@@ -52,7 +52,6 @@ const EXAMPLE: u64 = 6;
 /// Places of the range at which a curve is compared with the truth.
 const PLACES: u32 = 85;
 
-/// What the sensors of a cell came out as.
 struct Cell {
     /// Root mean square over sensors and range, in metres; none where no fit could be made.
     error: Option<f64>,
@@ -99,7 +98,6 @@ fn cell(departure: f64, means: Means, count: usize) -> Cell {
     }
 }
 
-/// A sensor, and the curves through its points.
 fn solved(
     departure: f64,
     (_, position): Means,
@@ -139,7 +137,6 @@ fn calibrated(departure: f64, means: Means, count: usize, seed: u64) -> Option<(
     Some((square, corrected))
 }
 
-/// A sensor of its own for each seed.
 fn sensor(departure: f64, seed: u64) -> DistortedOptics {
     // Any departure: without one, the displacement is left out.
     let optics = DistortedOptics::unknown(seed, 300e-6).expect("a geometry");

@@ -53,20 +53,15 @@ pub fn main(options: &Options) -> Result<()> {
     if options.write {
         let folder = docs::path("docs/figures");
         for name in SHOWN {
-            let figure = format!("scene-{name}");
-            picture::write(&figure, name, &Scene::load(name)?, &folder)?;
+            picture::write(&format!("scene-{name}"), name, &Scene::load(name)?, &folder)?;
         }
         return Ok(());
     }
-    match &options.name {
-        Some(name) => show(name)?,
-        None => list()?,
-    }
+    options.name.as_deref().map_or_else(list, show)?;
     docs::print_hint("cargo scene", "the figures scene-*.svg of docs/physics.md");
     Ok(())
 }
 
-/// Prints all that there is to say about a scene.
 fn show(name: &str) -> Result<()> {
     let scene = Scene::load(name)?;
     let name = Path::new(name)
@@ -96,7 +91,6 @@ fn budget(scene: &Scene, plan: &Plan) -> Result<Budget> {
     budget
 }
 
-/// The scenes that come with the project.
 fn list() -> Result<()> {
     let names = file::names()?;
     let width = names.iter().map(String::len).max().unwrap_or(0);

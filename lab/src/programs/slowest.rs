@@ -54,8 +54,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
         .collect();
     let mut traced = vec![];
     for slow in &found {
-        let call = chip.trace(&slow.question)?;
-        let parts = slowest::attribution(chip.program(), &call)?;
+        let parts = slowest::attribution(chip.program(), &chip.trace(&slow.question)?)?;
         traced.push((*slow, parts));
     }
     let table = slowest::markdown(search.rows, &traced);
@@ -72,7 +71,6 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     docs::write_block(PAGE, "cargo slowest", &table)
 }
 
-/// The file of the slowest rows.
 fn corpus(found: &[Slow]) -> String {
     // In words of its own: host-tests/tests/floors.rs takes both together for a use of this crate.
     let of_crate = ["use crate", "::"].concat();

@@ -12,7 +12,6 @@ use virtual_board::{Firmware, PIXELS, VirtualBoard};
 /// program's cycle counter counts instructions.
 const RC_OSCILLATOR_HZ: u64 = 16_000_000;
 
-/// A board whose program waits for rows.
 pub struct Chip {
     program: Firmware,
     board: VirtualBoard,
@@ -22,12 +21,10 @@ pub struct Chip {
 }
 
 impl Chip {
-    /// Builds the program and starts it.
     pub fn power_on() -> Result<Self> {
         Self::with(Firmware::build_package("slowest-on-chip")?, &[])
     }
 
-    /// A board that traces the calls of some functions.
     pub(super) fn with(program: Firmware, traced: &[u64]) -> Result<Self> {
         let conditions = Conditions {
             instructions_per_second: RC_OSCILLATOR_HZ,
@@ -49,7 +46,6 @@ impl Chip {
         Ok(chip)
     }
 
-    /// Counts the instructions for each row.
     pub fn count(&mut self, questions: &[Question]) -> Result<Vec<u32>> {
         let mut counts = Vec::with_capacity(questions.len());
         for questions in questions.chunks(QUESTIONS) {

@@ -9,7 +9,6 @@ use slowest_on_chip::mailbox::Question;
 
 use super::chip::Chip;
 
-/// As many chips as the computer has cores.
 pub struct Chips {
     workers: Vec<Worker>,
 }

@@ -20,7 +20,6 @@ const NEW: u32 = 16;
 /// Rows that are counted before the next ones are made.
 const BATCH: usize = 4 * QUESTIONS;
 
-/// A row and the instructions that it takes.
 #[derive(Clone, Copy, Debug)]
 pub struct Slow {
     pub question: Question,
@@ -44,7 +43,6 @@ impl Search {
         }
     }
 
-    /// Counts some rows, and keeps them if they are slow.
     pub fn add(&mut self, chips: &mut Chips, questions: &[Question]) -> Result<()> {
         for (question, instructions) in questions.iter().zip(chips.count(questions)?) {
             let kept = &mut self.kept[usize::from(question.follows)][question.estimator as usize];
@@ -69,7 +67,6 @@ impl Search {
         Ok(())
     }
 
-    /// Makes new rows of the slow ones, and counts them.
     pub fn step(&mut self, chips: &mut Chips) -> Result<()> {
         let questions: Vec<Question> = (0..BATCH)
             .map(|i| self.child(Estimator::ALL[i / 2 % ESTIMATORS], i % 2 == 1))
@@ -122,7 +119,6 @@ fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
     from * (to / from).powf(random.random())
 }
 
-/// A row with a spot and some flaws.
 fn new(random: &mut ChaCha8Rng) -> Description {
     let mut shapes = [Shape::default(); SHAPES];
     let place = random.random_range(0..PIXELS as u16 * 16);
@@ -143,7 +139,6 @@ fn new(random: &mut ChaCha8Rng) -> Description {
     }
 }
 
-/// A shape near a spot.
 fn some_shape(place: u16, width: u16, random: &mut ChaCha8Rng) -> Shape {
     let reach = 10.0 * f64::from(width) / 16.0;
     let offset = random.random_range(-reach..=reach) as i32;
@@ -159,7 +154,6 @@ fn some_shape(place: u16, width: u16, random: &mut ChaCha8Rng) -> Shape {
     }
 }
 
-/// A child of two rows.
 fn changed(mut child: Description, other: &Description, random: &mut ChaCha8Rng) -> Description {
     if random.random_ratio(1, 4) {
         for (shape, others) in child.shapes.iter_mut().zip(other.shapes) {
@@ -174,7 +168,6 @@ fn changed(mut child: Description, other: &Description, random: &mut ChaCha8Rng)
     child
 }
 
-/// Changes one thing.
 fn change(child: &mut Description, random: &mut ChaCha8Rng) {
     let spot = child
         .shapes

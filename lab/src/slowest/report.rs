@@ -11,7 +11,6 @@ use virtual_board::trace::Call;
 
 use super::Slow;
 
-/// The words of a row, and those of the row before if it follows one.
 pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
     let mut maker = Box::new(Maker::default());
     let mut words = |turn| {
@@ -29,10 +28,9 @@ pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
 /// the instructions of those that are inlined into it, and of the closures in it.
 pub fn attribution(program: &Firmware, call: &Call) -> Result<Vec<(String, u64)>> {
     let elf = object::File::parse(program.bytes())?;
-    let symbols = elf
+    let functions: BTreeMap<u64, &str> = elf
         .symbols()
-        .filter(|symbol| symbol.kind() == SymbolKind::Text);
-    let functions: BTreeMap<u64, &str> = symbols
+        .filter(|symbol| symbol.kind() == SymbolKind::Text)
         .filter_map(|symbol| Some((symbol.address() & !1, symbol.name().ok()?)))
         .collect();
     let mut of_functions = BTreeMap::<&str, u64>::new();

@@ -78,7 +78,6 @@ const RANGE: (f64, f64) = (0.62, 1.0);
 /// counts then moves a distance by about 0.2 um, and no row saturates.
 const PEAK: f64 = 3000.0;
 
-/// A row that has a centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// The target's true distance in metres.
@@ -179,7 +178,6 @@ impl Study {
             .flatten()
     }
 
-    /// Rows that were simulated, and those of them with a fault.
     pub fn excluded(&self) -> (usize, usize) {
         let all = self.surfaces.len() * (1 + self.steps.len());
         (all, all - self.rows().count())
@@ -202,7 +200,6 @@ impl Study {
         1.0 / rms(first.map(|row| 1.0 / memory(factor, &self.optics, &self.spot, row.distance)))
     }
 
-    /// The rows before and after a step, both with a centre.
     fn pairs(&self, step: usize) -> impl Iterator<Item = (Seen, Seen)> {
         (self.surfaces.iter()).filter_map(move |it| Some((it.first?, it.moved[step]?)))
     }
@@ -261,7 +258,6 @@ fn surface(scene: &Scene, steps: &[f64], number: u64) -> Surface {
     }
 }
 
-/// The core's distance of a target at a distance in metres.
 fn see(simulation: &Simulation, distance: f64) -> Option<Seen> {
     let scene = simulation.scene();
     let geometry = scene.geometry();
@@ -306,7 +302,6 @@ pub fn fitted_factor(studies: &[Study]) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Measured {
     pub materials: Vec<Study>,
-    /// Brushed metal in the light of a laser with a single wavelength.
     pub single_mode: Study,
 }
 
@@ -334,7 +329,6 @@ pub fn measure(count: u64) -> Result<Measured> {
     })
 }
 
-/// The result as Markdown: tables of materials over steps.
 pub fn report(measured: &Measured) -> String {
     let materials = table_of_materials(measured);
     let change = table_of_steps(measured, FACTOR, |step, it| {

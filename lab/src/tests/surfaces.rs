@@ -33,8 +33,7 @@ fn judge_steps(scene: &Scene, record: &Record, step: f64, count: u64, first: u64
             let before = distance_within(TABLE, number);
             let [zero, now] = [(before, 0), (before + step, 1)].map(|(distance, frame)| {
                 let row = u64::from(ROWS) * (2 * number + frame);
-                let measured = frame_from(scene, number, distance, row).ok()?;
-                known(&measured, record)
+                known(&frame_from(scene, number, distance, row).ok()?, record)
                     .reading(calibration, &record.errors, Surface::Auto)
                     .ok()
             });

@@ -20,7 +20,6 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const CALIBRATED_ON_PAPER: &[u8] =
     include_bytes!("../../../virtual-board/src/bin/demo/paper.record");
 
-/// The number between two words of a line.
 fn number(line: &str, before: &str, after: &str) -> f64 {
     let (_, rest) = line.split_once(before).expect("the word before");
     let (number, _) = rest.split_once(after).expect("the word after");
@@ -62,8 +61,7 @@ fn errors(firmware: &Firmware, scene: &Scene, record: &[u8], distances: &[f64]) 
 }
 
 fn within_2u(errors: &[f64]) -> f64 {
-    let within = errors.iter().filter(|error| error.abs() <= 2.0).count();
-    within as f64 / errors.len() as f64
+    errors.iter().filter(|error| error.abs() <= 2.0).count() as f64 / errors.len() as f64
 }
 
 #[test]

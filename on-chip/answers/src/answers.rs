@@ -9,9 +9,7 @@ use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::frame::Mean;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::measurement::centre_of_spot;
+use slitrange::measurement::{Measurement, Options, centre_of_spot};
 use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
 use slitrange::row::{Geometry, Polarity};
@@ -70,8 +68,7 @@ impl Estimators {
             });
             say_centre(alone, &mut say);
             let checked = found.and_then(|(row, (spot, budget))| {
-                let geometry = &self.geometry;
-                centre_of_spot(estimator, &row, &spot, None, geometry, None, budget)
+                centre_of_spot(estimator, &row, &spot, None, &self.geometry, None, budget)
             });
             say_centre(checked, &mut say);
             if let Some(result) = measurement.row(light) {

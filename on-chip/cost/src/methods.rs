@@ -66,8 +66,7 @@ pub fn centre(
     match method {
         Method::Estimator(estimator) => centre::centre(estimator, row, spot, before, geometry),
         Method::Repair => {
-            let budget = &mut WorkBudget::of_row();
-            robust_centre(row, spot, before, geometry, None, budget)
+            robust_centre(row, spot, before, geometry, None, &mut WorkBudget::of_row())
         }
     }
 }

@@ -17,8 +17,7 @@ pub const COMB: &str = "comb";
 pub struct Order {
     /// By which estimator.
     pub estimator: Estimator,
-    /// Whether the row is the first of its frame. Otherwise it follows the latest one, by the same
-    /// estimator.
+    /// Whether the row is the first of its frame. Otherwise it follows the latest one, by the same estimator.
     pub is_first: bool,
 }
 

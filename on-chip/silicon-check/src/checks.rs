@@ -37,7 +37,6 @@ const VIRTUAL: [&str; 4] = [
     "note: have no capacitance.",
 ];
 
-/// Runs all checks.
 #[embassy_executor::task]
 pub async fn run(
     serial: BufferedUart<'static>,
@@ -131,7 +130,6 @@ async fn check_clock(report: &mut Report, clock: Clock) {
     report.check("clock", passes, found, look_at).await;
 }
 
-/// Nanoseconds of core cycles.
 fn ns(cycles: u32) -> u32 {
     (u64::from(cycles) * 1_000_000_000 / u64::from(CORE_HZ)) as u32
 }
@@ -172,7 +170,6 @@ async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) -> bool {
     has_rows
 }
 
-/// What acquisition counted.
 #[derive(Default)]
 struct Counts {
     pulses: u32,
@@ -183,7 +180,6 @@ struct Counts {
 }
 
 impl Counts {
-    /// Counted since then.
     fn since(before: &Self) -> Self {
         Self {
             pulses: COUNTERS.pulses.get().wrapping_sub(before.pulses),
@@ -371,7 +367,6 @@ async fn next_row() -> Option<super::rows::Buffer> {
     row.ok().map(|row| row.words)
 }
 
-/// Gives all rows that wait back.
 async fn free_rows() {
     while let Ok(row) = ROWS.full.try_receive() {
         ROWS.free.send(row.words).await;

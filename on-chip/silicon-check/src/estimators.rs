@@ -5,8 +5,7 @@ use core::sync::atomic::{Ordering, compiler_fence};
 use cost_on_chip::rows::{self, PIXELS, Turn, WORDS};
 use cost_on_chip::whole_rows::{FRAME, WIDTH};
 use slitrange::centre::Estimator;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use static_cell::ConstStaticCell;
 
 use super::board;
@@ -18,7 +17,6 @@ const ESTIMATES: &str = include_str!("../../../docs/cost/whole-rows.csv");
 /// docs/accuracy.md, "How it is measured".
 const CYCLES: [u32; 2] = [12, 27];
 
-/// A row's computation.
 pub struct Load {
     pixels: &'static mut [u16; PIXELS],
     before: &'static mut [u16; WORDS],
@@ -84,7 +82,6 @@ extern "C" fn compute_row(measurement: &mut Measurement, words: &mut [u16; WORDS
     compiler_fence(Ordering::SeqCst);
 }
 
-/// What a row takes.
 pub struct Estimate {
     /// Instructions, counted on the virtual board.
     pub instructions: u32,

@@ -10,7 +10,6 @@ const WRITTEN: u32 = 0x5111_C0DE;
 #[unsafe(link_section = ".uninit.silicon_check")]
 static KEPT: [AtomicU32; Word::COUNT] = [const { AtomicU32::new(0) }; Word::COUNT];
 
-/// A word that is kept.
 #[derive(Clone, Copy)]
 pub enum Word {
     /// [`WRITTEN`] if the number of rows counts.
@@ -21,23 +20,18 @@ pub enum Word {
     Waits,
     /// For how long it waited, ms.
     Waited,
-    /// Checks that passed.
     Passed,
-    /// Checks that failed.
     Failed,
-    /// Checks that were skipped.
     Skipped,
 }
 
 impl Word {
     const COUNT: usize = 7;
 
-    /// The word.
     pub fn get(self) -> u32 {
         KEPT[self as usize].load(Ordering::Relaxed)
     }
 
-    /// Changes the word.
     pub fn set(self, word: u32) {
         KEPT[self as usize].store(word, Ordering::Relaxed);
     }

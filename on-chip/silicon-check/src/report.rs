@@ -6,7 +6,6 @@ use embassy_stm32::usart::BufferedUartTx;
 use embedded_io_async::Write as _;
 use heapless::String;
 
-/// A line's text.
 pub type Text = String<256>;
 
 /// Makes a line's text, as `format!`. What does not fit is cut off.
@@ -22,16 +21,12 @@ pub(crate) use text;
 /// The serial port, and how the checks ended.
 pub struct Report {
     serial: BufferedUartTx<'static>,
-    /// Checks that passed.
     pub passed: u32,
-    /// Checks that failed.
     pub failed: u32,
-    /// Checks that were skipped.
     pub skipped: u32,
 }
 
 impl Report {
-    /// A report without lines.
     pub fn new(serial: BufferedUartTx<'static>) -> Self {
         Self {
             serial,
@@ -41,14 +36,12 @@ impl Report {
         }
     }
 
-    /// Prints a line.
     pub async fn line(&mut self, line: &str) {
         // This driver's writes do not fail.
         let _ = self.serial.write_all(line.as_bytes()).await;
         let _ = self.serial.write_all(b"\r\n").await;
     }
 
-    /// Waits until the lines have left.
     pub async fn flush(&mut self) {
         let _ = self.serial.flush().await;
     }
@@ -73,7 +66,6 @@ impl Report {
             .await;
     }
 
-    /// The last line.
     pub async fn end(&mut self) {
         let line = text!(
             "silicon-check: {} pass, {} fail, {} skipped",

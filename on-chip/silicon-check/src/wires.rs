@@ -31,7 +31,6 @@ const TIM8_FUNCTION: u8 = 3;
 const TIM2_FUNCTION: u8 = 1;
 const TIM3_FUNCTION: u8 = 2;
 
-/// The pin that drives MISO.
 const MISO_DRIVER: usize = 12;
 
 /// TIM2 counts at 84 MHz: every second cycle of the core.
@@ -65,7 +64,6 @@ impl Range {
         self.greatest.fetch_max(number, Ordering::Relaxed);
     }
 
-    /// The least and the greatest.
     pub fn get(&self) -> (u32, u32) {
         (
             self.least.load(Ordering::Relaxed),
@@ -84,7 +82,6 @@ pub struct Seen {
     pub t3: Range,
     /// From the rise of fM to the rise of ICG, core cycles, modulo fM's period.
     pub t4: Range,
-    /// Rises of ICG.
     pub pulses: AtomicU32,
     /// Rises of ICG before which one of the other three edges was missing.
     pub incomplete: AtomicU32,
@@ -94,11 +91,9 @@ pub struct Seen {
     pub edges: Range,
     /// From SCLK's first rise to its last, in steps of two core cycles.
     pub duration: Range,
-    /// Rises of chip select.
     pub rows: AtomicU32,
 }
 
-/// See [`Seen`].
 pub static SEEN: Seen = Seen {
     t1: Range::new(),
     t2: Range::new(),
@@ -179,7 +174,6 @@ pub fn init() {
     }
 }
 
-/// Connects a pin to its timer.
 fn connect(port: Gpio, pin: usize, function: u8) {
     port.afr(pin / 8)
         .modify(|functions| functions.set_afr(pin % 8, function));
@@ -187,7 +181,6 @@ fn connect(port: Gpio, pin: usize, function: u8) {
         .modify(|modes| modes.set_moder(pin, Moder::ALTERNATE));
 }
 
-/// Drives MISO low or high, or not.
 pub fn drive_miso(level: Option<bool>) {
     let port = pac::GPIOB;
     port.bsrr().write(|pins| match level {
@@ -207,7 +200,6 @@ pub fn drive_miso(level: Option<bool>) {
     });
 }
 
-/// fM as the wire shows it.
 pub struct MasterClock {
     /// By how many cycles its rises came earlier or later than multiples of 64 cycles.
     pub spread: u32,
@@ -224,8 +216,7 @@ pub fn measure_master_clock() -> Option<MasterClock> {
     for _ in 0..EDGES {
         let rise = edge_of_master_clock(false)?;
         let fall = edge_of_master_clock(true)?;
-        let first = *first.get_or_insert(rise);
-        let off = rise.wrapping_sub(first) % period;
+        let off = rise.wrapping_sub(*first.get_or_insert(rise)) % period;
         spread = spread.max(off.min(period - off));
         let pulse = fall.wrapping_sub(rise) % period;
         high = (high.0.min(pulse), high.1.max(pulse));
@@ -288,7 +279,6 @@ pub fn start() {
     pac::TIM3.dier().write(|enable| enable.set_ccie(0, true));
 }
 
-/// Ends [`start`].
 pub fn stop() {
     pac::TIM8.dier().write(|_| ());
     pac::TIM3.dier().write(|_| ());

@@ -81,8 +81,7 @@ mod tests {
         let words = |contents: Contents| [BASE, address].map(|at| contents.read(at, 4));
         let states = [0, 1, 2, 3, 4].map(|count| words(history.after(count)));
         let (old, erased) = (0x5555_5555, 0xFFFF_FFFF);
-        let ends = [[old, old], [old, erased], [old, 0xAA]];
-        assert_eq!(states[..3], ends);
+        assert_eq!(states[..3], [[old, old], [old, erased], [old, 0xAA]]);
         assert_eq!(states[3..], [[erased, 0xAA], [erased, erased]]);
         assert_eq!((history.erases_of(12), history.erases_of(13)), (1, 2));
         // The power cut is in the second operation, which clears 28 bits. With this seed it clears some of

@@ -38,7 +38,6 @@ pub(crate) struct SharedHead {
     head: Mutex<SensorHead>,
     /// True after an edge at which the processor's clocks must be read.
     look: AtomicBool,
-    /// True after a rise of ICG.
     icg_rose: AtomicBool,
     /// The wires of `cargo silicon-check`, if they are there, and the edges that they have not seen yet.
     jumpers: OnceLock<Jumpers>,
@@ -61,7 +60,6 @@ impl SharedHead {
         crate::lock(&self.head)
     }
 
-    /// Connects jumper wires in the converter's place.
     pub(crate) fn put_jumpers_on(&self, jumpers: Jumpers) {
         // The board does it once.
         let _ = self.jumpers.set(jumpers);
@@ -74,7 +72,6 @@ impl SharedHead {
         }
     }
 
-    /// Lets the jumper wires carry what came since the last access.
     fn drive_jumpers(&self, processor: &mut Stm32f429, now: Nanos) {
         let Some(jumpers) = self.jumpers.get() else {
             return;
@@ -126,11 +123,9 @@ fn select(port: &'static str, number: u8, active: Level) -> Select {
 
 /// Connects the enable pin of the serial line's driver, PD12.
 pub(crate) fn attach_driver(processor: &mut Stm32f429, driver: DriverEnable) {
-    let select = select("GPIOD", 12, Level::High);
-    processor.part.spi[EDGE_BUS].attach_selected(driver, select);
+    processor.part.spi[EDGE_BUS].attach_selected(driver, select("GPIOD", 12, Level::High));
 }
 
-/// Connects `head` to the pins of `processor`.
 pub(crate) fn attach(processor: &mut Stm32f429, head: &Arc<SharedHead>) {
     let chip = |pin| HeadPin {
         pin,

@@ -69,7 +69,6 @@ impl Sequence {
     }
 }
 
-/// An exposure without a laser.
 fn exposed(start: Nanos, end: Nanos) -> Exposure {
     Exposure {
         start,
@@ -100,7 +99,6 @@ fn says(fault: &str, words: &str) {
     }
 }
 
-/// Asserts that the head has one violation, which says all of these words.
 #[track_caller]
 fn says_only(head: &SensorHead, words: &str) {
     says(&only_fault(head), words);
@@ -204,7 +202,6 @@ fn either_the_last_rows_or_all_rows_are_kept() {
     assert_eq!(head.rows().len(), ROWS_KEPT + 10);
 }
 
-/// A sequence with one change that breaks one limit.
 #[test]
 fn each_limit_that_a_sequence_breaks_is_a_violation() {
     type Change = fn(&mut Sequence);

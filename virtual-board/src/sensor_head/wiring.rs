@@ -39,7 +39,6 @@ const PINS: [Wanted; 7] = {
     ]
 };
 
-/// Lists what is wrong with the pins and with SPI1.
 pub(crate) fn faults(processor: &mut Stm32f427) -> Vec<String> {
     let mut faults: Vec<String> = Vec::new();
     for (name, port, number, function, speed, pull) in PINS {

@@ -37,14 +37,12 @@ fn assert_driver_covers_the_bytes(board: &mut VirtualBoard) {
     println!("{} times enabled", pairs.len());
 }
 
-/// Sends a line. Gives the lines that come within a time.
 fn say(board: &mut VirtualBoard, line: &str, ms: u64) -> Vec<String> {
     board.take_lines();
     common::say(board, line, ms);
     take_texts(board)
 }
 
-/// Asks for one reading.
 fn assert_reads(board: &mut VirtualBoard, command: &str) {
     let readings = say(board, command, 60);
     assert_eq!(readings.len(), 1, "{readings:?}");

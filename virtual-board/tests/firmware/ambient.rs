@@ -47,8 +47,7 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     set(&mut board, "rows 64");
     board.take_lines();
     run_ms(&mut board, 4_000);
-    let lines = results(&mut board, 1);
-    assert_readings(&lines);
+    assert_readings(&results(&mut board, 1));
     assert_no_reset(&mut board);
     let mut cycles = BTreeSet::new();
     for _ in 0..12 {
@@ -66,7 +65,6 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     assert!(on.last().is_some_and(|&most| most < 135_000), "{on:?}");
 }
 
-/// What comes up to the end of a row that a command asks for.
 fn row_window(board: &mut VirtualBoard, command: &str) -> Vec<String> {
     board.take_lines();
     board.send(&format!("{command}\r\n"));
@@ -74,14 +72,12 @@ fn row_window(board: &mut VirtualBoard, command: &str) -> Vec<String> {
     take_texts(board)
 }
 
-/// Lets the board run to another time of a row in each round.
 fn run_to_another_time(board: &mut VirtualBoard, ms: u64, round: u64) {
     let time = Duration::from_micros(1000 * ms + 1900 * round);
     board.run_for(time).expect("a run");
     board.take_lines();
 }
 
-/// The faults among the next 20 results.
 fn faults_of_twenty(board: &mut VirtualBoard) -> Vec<String> {
     results(board, 20);
     let mut faults = take_results(board);

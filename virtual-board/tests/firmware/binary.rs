@@ -10,7 +10,6 @@ use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::*;
 
-/// A reader of the firmware's bytes.
 #[derive(Debug, Default)]
 pub struct Reader {
     decoder: Decoder,
@@ -21,13 +20,11 @@ pub struct Reader {
 /// What the firmware sent, as packets.
 #[derive(Debug, Default)]
 pub struct Received {
-    /// The sequence numbers.
     pub sequence: Vec<u16>,
     /// The results, each with the end of the first byte of its packet.
     pub results: Vec<(Nanos, FrameResult)>,
     /// The windows: the counter of the result, the first pixel and the counts.
     pub windows: Vec<(u32, u16, Vec<u16>)>,
-    /// The rows with their words.
     pub rows: Vec<(RowHead, Vec<u16>)>,
     pub text: String,
     pub errors: Vec<PacketError>,
@@ -43,7 +40,6 @@ impl Reader {
         reader
     }
 
-    /// Reads all bytes since the last call.
     pub fn read(&mut self, board: &mut VirtualBoard) -> Received {
         let mut received = Received::default();
         for (at, byte) in board.take_bytes() {
@@ -82,8 +78,7 @@ impl Received {
             } => {
                 // The head of the first row may have come before the last call.
                 if let Some((head, before)) = self.rows.last_mut() {
-                    let next = (head.number, before.len());
-                    assert_eq!((number, usize::from(first)), next);
+                    assert_eq!((number, usize::from(first)), (head.number, before.len()));
                     before.extend(unpack(words));
                 }
             }

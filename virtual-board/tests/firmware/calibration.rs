@@ -129,7 +129,6 @@ fn agree(lines: &[String], rows: &[virtual_board::Row], written: &EncodedRecord)
     })
 }
 
-/// What is in use: the answer to `calibration`, and the settings.
 fn in_use(board: &mut VirtualBoard) -> Vec<String> {
     let mut all = shown(board);
     all.extend(["estimator", "black", "rows"].map(|command| ask(board, command)));

@@ -29,7 +29,6 @@ use super::records;
 /// The sensor's rows in a second: one in 5.7 ms.
 const ROWS_PER_SECOND: f64 = 1.0 / 5.7e-3;
 
-/// White paper without speckle, behind a mask.
 fn behind(comb: Comb) -> Scene {
     Scene {
         comb: Some(comb),
@@ -37,7 +36,6 @@ fn behind(comb: Comb) -> Scene {
     }
 }
 
-/// White paper without speckle behind the nominal mask, at [`DISTANCE`].
 pub fn paper_behind_a_comb() -> LightSource {
     of_scene(behind(Comb::nominal()), Target::at(DISTANCE))
 }
@@ -52,17 +50,14 @@ fn even(pitch: f64) -> Comb {
     Comb { slits }
 }
 
-/// Options for a comb with `rows` rows in a frame.
 fn settings(rows: u16) -> Options {
     options(|it| (it.rows, it.slits) = (rows, Slits::Comb))
 }
 
-/// Starts a board, and sends it `slits comb`.
 fn measuring(light: LightSource, rows: u16) -> CleanBoard {
     measuring_under(light, rows, Conditions::default())
 }
 
-/// The same under these conditions.
 fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> CleanBoard {
     let (mut board, _) = boot_under(light, conditions);
     set(&mut board, "slits comb");
@@ -70,14 +65,11 @@ fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> Cle
     board
 }
 
-/// The slits used, if a reading's line has them.
 fn slits_of(line: &str) -> Option<u32> {
     let mut words = line.split(' ').skip_while(|word| *word != "k");
-    let word = words.nth(1)?;
-    Some(word.parse().expect("a count of slits"))
+    Some(words.nth(1)?.parse().expect("a count of slits"))
 }
 
-/// Asserts that all lines are readings of [`DISTANCE`] whose number of slits is `slits`.
 fn assert_readings(lines: &[String], slits: Option<u32>) {
     for line in lines {
         assert!(is_reading(line), "readings and nothing else: {lines:#?}");
@@ -142,8 +134,7 @@ fn a_mask_with_even_gaps_is_unclear() {
 /// surface.
 fn recurring() -> LightSource {
     const COUNT: u64 = 61;
-    let scene = Scene::load("comb").expect("a scene");
-    let simulation = Simulation::new(scene);
+    let simulation = Simulation::new(Scene::load("comb").expect("a scene"));
     let rows: Vec<Vec<f32>> = (0..COUNT)
         .map(|row| simulation.row(row, DISTANCE, 1.0 / ROWS_PER_SECOND))
         .collect();

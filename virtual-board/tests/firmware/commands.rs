@@ -32,7 +32,6 @@ fn the_banner_names_the_device_and_the_cause_of_the_start() {
     assert_eq!(banner, Banner(&HARDWARE, StartCause::PowerOn).to_string());
 }
 
-/// Asserts that a command has these lines as its answer.
 fn assert_answer(board: &mut VirtualBoard, command: &str, expected: &str) {
     let expected: Vec<&str> = expected.split("\r\n").collect();
     assert_eq!(ask_for_lines(board, command, expected.len()), expected);
@@ -172,7 +171,6 @@ fn a_frame_has_as_many_rows_as_set() {
     }
 }
 
-/// A spot whose row `row` is at `centre(row)`.
 fn spot_that_moves(mut centre: impl FnMut(u64) -> f64 + Send + 'static) -> LightSource {
     let mut row = 0;
     let scene = Scene::white_paper();
@@ -230,7 +228,6 @@ fn rows_with_similar_errors_are_flagged() {
 /// Stray light that shielded pixels do not see, counts.
 const STRAY_LIGHT: f32 = 50.0;
 
-/// White paper in a room that is not dark.
 fn paper_in_stray_light() -> LightSource {
     let mut light = of_scene(Scene::white_paper(), Target::at(DISTANCE));
     Box::new(move |exposure| {

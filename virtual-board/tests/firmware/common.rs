@@ -32,7 +32,6 @@ pub fn slower_sampling() -> f64 {
     30.0 * (cycles_an_instruction() - 1.0) / 256.0
 }
 
-/// The default conditions with a change.
 pub fn conditions(change: impl FnOnce(&mut Conditions)) -> Conditions {
     let mut conditions = Conditions::default();
     change(&mut conditions);
@@ -70,7 +69,6 @@ impl CleanBoard {
         Self(Some(board.expect("the board starts")))
     }
 
-    /// Ends the run.
     pub fn finish(mut self) -> anyhow::Result<Statistics> {
         self.0.take().expect("it is there until its end").finish()
     }
@@ -101,19 +99,16 @@ impl DerefMut for CleanBoard {
     }
 }
 
-/// Boots a board. Gives the board and its banner.
 pub fn boot(light: LightSource) -> (CleanBoard, Line) {
     boot_under(light, Conditions::default())
 }
 
-/// The same under these conditions.
 pub fn boot_under(light: LightSource, conditions: Conditions) -> (CleanBoard, Line) {
     let mut board = CleanBoard::power_on(light, conditions);
     let banner = await_banner(&mut board);
     (board, banner)
 }
 
-/// Boots a board that has this flash.
 pub fn boot_with(flash: &SharedFlash, light: LightSource) -> CleanBoard {
     boot_under(light, conditions(|it| it.flash = flash.clone())).0
 }
@@ -125,7 +120,6 @@ pub fn power_cycle(board: CleanBoard, light: LightSource) -> CleanBoard {
     boot_with(&flash, light)
 }
 
-/// Presses the reset button. Gives the banner.
 pub fn press_reset(board: &mut VirtualBoard) -> Line {
     board.reset_pin().expect("the emulator");
     await_banner(board)
@@ -136,37 +130,31 @@ pub fn await_banner(board: &mut VirtualBoard) -> Line {
     await_line(board, |line| line.contains("slitrange "))
 }
 
-/// The next line that `wanted` accepts.
 pub fn await_line(board: &mut VirtualBoard, wanted: impl FnMut(&str) -> bool) -> Line {
     let line = board.run_until_line(wanted, PATIENCE);
     line.unwrap_or_else(|error| panic!("{error:#}"))
 }
 
-/// Waits for the line with this text.
 pub fn await_text(board: &mut VirtualBoard, text: &str) -> Line {
     let line = board.run_until_line(|line| line == text, PATIENCE);
     line.unwrap_or_else(|error| panic!("{text:?}: {error:#}"))
 }
 
-/// The texts of the lines since the last call.
 pub fn take_texts(board: &mut VirtualBoard) -> Vec<String> {
     let lines = board.take_lines().into_iter();
     lines.map(|line| line.text).collect()
 }
 
-/// The results since the last call.
 pub fn take_results(board: &mut VirtualBoard) -> Vec<String> {
     let mut lines = take_texts(board);
     lines.retain(|line| is_result(line));
     lines
 }
 
-/// Runs for some milliseconds.
 pub fn run_ms(board: &mut VirtualBoard, ms: u64) {
     board.run_for(Duration::from_millis(ms)).expect("a run");
 }
 
-/// Sends a line, and runs for some milliseconds.
 pub fn say(board: &mut VirtualBoard, line: &str, ms: u64) {
     board.send(&format!("{line}\r\n"));
     run_ms(board, ms);
@@ -177,14 +165,12 @@ pub fn measuring(rows: u16) -> CleanBoard {
     measuring_under(Conditions::default(), rows)
 }
 
-/// The same under these conditions.
 pub fn measuring_under(conditions: Conditions, rows: u16) -> CleanBoard {
     let (mut board, _) = boot_under(paper(), conditions);
     set(&mut board, &format!("rows {rows}"));
     board
 }
 
-/// White paper at [`DISTANCE`].
 pub fn paper() -> LightSource {
     of_scene(Scene::white_paper(), Target::at(DISTANCE))
 }
@@ -201,13 +187,11 @@ pub fn spot_at(centre: f64, height: f64) -> LightSource {
     })
 }
 
-/// Lets the board run into the middle of a read-out.
 pub fn run_into_a_row(board: &mut VirtualBoard) {
     board.run_until_rows(1, PATIENCE).expect("a row");
     run_ms(board, 3);
 }
 
-/// Looks at the emulated processor, or changes it.
 pub fn with_processor<T: Send + 'static>(
     board: &mut VirtualBoard,
     errand: impl FnOnce(&mut Stm32f429) -> T + Send + 'static,
@@ -238,7 +222,6 @@ pub fn stop_the_transfer(board: &mut VirtualBoard) {
     });
 }
 
-/// Asserts that the chip has not reset since power-on.
 #[track_caller]
 pub fn assert_no_reset(board: &mut VirtualBoard) {
     assert_eq!(board.resets().expect("resets"), []);
@@ -257,24 +240,20 @@ pub fn is_result(line: &str) -> bool {
     is_reading(line) || line.starts_with("f ")
 }
 
-/// Whether a line is a reading.
 pub fn is_reading(line: &str) -> bool {
     line.starts_with("d ")
 }
 
-/// Asserts that there are lines, and that all are readings.
 #[track_caller]
 pub fn assert_readings(lines: &[String]) {
     let all = lines.iter().all(|line| is_reading(line));
     assert!(!lines.is_empty() && all, "{lines:#?}");
 }
 
-/// Lets the sensor head keep all rows from now on.
 pub fn keep_all_rows(board: &mut VirtualBoard) {
     board.head(|head| head.keeps_all_rows = true);
 }
 
-/// The rows that the sensor head keeps.
 pub fn kept_rows(board: &mut VirtualBoard) -> Vec<Row> {
     board.head(|head| head.rows().cloned().collect())
 }
@@ -293,7 +272,6 @@ pub fn set(board: &mut VirtualBoard, command: &str) {
     assert_eq!(ask(board, command), command);
 }
 
-/// Sends a command and gives the answer's `count` lines.
 pub fn ask_for_lines(board: &mut VirtualBoard, command: &str, count: usize) -> Vec<String> {
     let mut lines = 0;
     ask_until(board, command, |_| {
@@ -339,7 +317,6 @@ pub fn save(board: &mut VirtualBoard) {
     assert_eq!(answer, "save");
 }
 
-/// The next `count` results.
 pub fn results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
     let result = |_| await_line(board, is_result).text;
     (0..count).map(result).collect()
@@ -355,7 +332,6 @@ pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
 /// Lines of the answer to `status`.
 const STATUS_LINES: usize = 16 + Fault::KINDS;
 
-/// The answer to `status`.
 #[derive(Debug)]
 pub struct Status(pub Vec<String>);
 
@@ -366,7 +342,6 @@ impl Status {
         Self(ask_for_lines(board, "status", STATUS_LINES))
     }
 
-    /// The count under `name`.
     pub fn count(&self, name: &str) -> u64 {
         let name = format!("status {name} ");
         let mut lines = self.0.iter();
@@ -374,7 +349,6 @@ impl Status {
         count.unwrap_or_else(|| panic!("no count of {name:?} in {self:#?}"))
     }
 
-    /// All faults.
     pub fn faults(&self) -> u64 {
         let names = Fault::NAMES.iter();
         names.map(|name| self.count(&format!("fault {name}"))).sum()
@@ -386,7 +360,6 @@ impl Status {
         self.assert_none(&["lines dropped", "serial overrun"]);
     }
 
-    /// Asserts that all these counts are zero.
     pub fn assert_none(&self, names: &[&str]) {
         for name in names {
             assert_eq!(self.count(name), 0, "{name}: {self:#?}");
@@ -394,7 +367,6 @@ impl Status {
     }
 }
 
-/// The number between `before` and `after` in a line.
 pub fn number(line: &str, before: &str, after: &str) -> f64 {
     let parse = || {
         let (_, rest) = line.split_once(before)?;

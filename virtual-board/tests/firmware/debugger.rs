@@ -36,8 +36,7 @@ fn a_log_that_nobody_reads_stops_nothing() {
     println!("{logged} bytes in a buffer of {size}");
     garble(&mut board, 0, 0);
     board.send("\r\n");
-    let lines = fresh_results(&mut board, 4);
-    assert_readings(&lines);
+    assert_readings(&fresh_results(&mut board, 4));
     assert_no_reset(&mut board);
     Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "rows late"]);
 }

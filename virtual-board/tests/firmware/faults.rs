@@ -57,7 +57,6 @@ pub fn assert_all_are(lines: &[String], name: &str) {
     assert!(all, "{fault} and nothing else: {lines:#?}");
 }
 
-/// The advice for the fault of that name.
 fn advice_for(name: &str) -> &'static str {
     let (amplitude, needed) = <(Counts, Counts)>::default();
     let (centre, other, scatter, uncertainty) = <(Pixels, Pixels, Pixels, Pixels)>::default();
@@ -99,7 +98,6 @@ fn advice_for(name: &str) -> &'static str {
     advice(fault.expect("the name of a fault"))
 }
 
-/// Counts of noise of an unlit pixel.
 fn noise() -> f64 {
     Scene::white_paper().read_noise.expect("noise").counts
 }
@@ -110,8 +108,7 @@ fn without_a_laser_there_is_no_spot() {
         spot: None,
         ..Scene::white_paper()
     };
-    let light = of_scene(scene, Target::at(DISTANCE));
-    let line = only_fault(&[], "no spot", light);
+    let line = only_fault(&[], "no spot", of_scene(scene, Target::at(DISTANCE)));
     let highest = number(&line, ": ", " counts at most") / noise();
     assert!((0.0..5.0).contains(&highest), "{line}");
 }
@@ -215,8 +212,7 @@ fn a_spot_at_either_edge_is_a_fault() {
     // A quarter of a width beyond the edge. If less is cut off, the fit still works.
     for edge in [-2.0, 3649.0] {
         let line = only_fault(&[], "spot at the edge", spot_at(edge, BRIGHT));
-        let centre = number(&line, "x ", "");
-        assert!((centre - edge).abs() < 20.0, "{line}");
+        assert!((number(&line, "x ", "") - edge).abs() < 20.0, "{line}");
     }
 }
 
@@ -247,7 +243,6 @@ fn without_calibration_there_is_a_centre_and_no_distance() {
     assert_all_measure(&fresh_results(&mut board, 4));
 }
 
-/// Asserts that all lines are readings of the target's distance.
 fn assert_all_measure(lines: &[String]) {
     assert_readings(lines);
     let centre = Scene::white_paper().optics.centre(DISTANCE);

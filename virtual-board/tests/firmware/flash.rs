@@ -18,7 +18,6 @@ use super::records::{CENTRE, longest, upload};
 /// The longest time of a save: an erase of 800 ms (DS9405 table 48), and the words of the longest record.
 const SAVE: Duration = Duration::from_secs(2);
 
-/// The configuration of a sensor with the longest record and `rows` rows in a frame.
 fn saved(rows: u16) -> Configuration {
     kept::configuration(longest().record().clone(), rows, Mean::default())
 }
@@ -35,12 +34,10 @@ fn with_saves(count: u16) -> SharedFlash {
     SharedFlash::holding(contents)
 }
 
-/// Powers a board on with `flash` and waits for its banner.
 fn power_on(flash: &SharedFlash) -> CleanBoard {
     boot_with(flash, spot_at(CENTRE, 2000.0))
 }
 
-/// Runs the board until its flash has had so many operations.
 fn run_into_a_save(board: &mut VirtualBoard, operations: usize) {
     board.send("save\r\n");
     let deadline = board.now() + SAVE.as_nanos() as u64;
@@ -50,16 +47,13 @@ fn run_into_a_save(board: &mut VirtualBoard, operations: usize) {
     }
 }
 
-/// The board can save another configuration.
 fn assert_saves(mut board: CleanBoard) {
     set(&mut board, "rows 21");
     save(&mut board);
     assert_eq!(kept::saved_in(&board.flash().contents()), saved(21));
 }
 
-/// The operations of the firmware on flash in a save.
 struct Saves {
-    /// The very first save.
     first_ever: History,
     /// A save into the sector in use.
     without_erase: History,
@@ -78,7 +72,6 @@ impl Saves {
     }
 }
 
-/// The operations of a save of 20 rows and the longest record.
 fn save_20_rows(flash: &SharedFlash) -> History {
     let mut board = power_on(flash);
     if flash.contents() == Contents::erased() {
@@ -111,7 +104,6 @@ impl Cut {
     }
 }
 
-/// The configuration before a save and after it.
 fn before_and_after(history: &History) -> [Configuration; 2] {
     [0, history.operations().len()].map(|count| kept::saved_in(&history.after(count)))
 }
@@ -314,8 +306,7 @@ fn a_save_ends_when_the_power_fails() {
     board.send("save\r\n");
     board.run_for(SAVE).expect("a run");
     drop(board);
-    let history = flash.take_history();
-    assert_eq!(history.operations().len(), 200);
+    assert_eq!(flash.take_history().operations().len(), 200);
 
     let mut board = power_on(&flash);
     kept::assert_in_use(&mut board, &Stored::Older(saved(3)));

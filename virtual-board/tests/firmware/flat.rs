@@ -15,7 +15,6 @@ use super::kept;
 /// Longer than 256 rows or an erase take.
 const TAKING: Duration = Duration::from_secs(3);
 
-/// A sensor whose pixels differ, before white paper.
 fn scene() -> Scene {
     Scene {
         response: Some(Response { deviation: 0.02 }),
@@ -28,7 +27,6 @@ fn paper(distance: f64) -> LightSource {
     of_scene(scene(), Target::at(distance))
 }
 
-/// The sensor without a laser, in even light of so many counts.
 fn even(counts: f64) -> LightSource {
     let scene = Scene {
         spot: None,
@@ -41,12 +39,10 @@ fn even(counts: f64) -> LightSource {
     of_scene(scene, Target::at(0.8))
 }
 
-/// Sends a command that pauses the stream, and gives its answer.
 fn paused(board: &mut VirtualBoard, command: &str) -> String {
     ask_in_a_pause(board, command, TAKING)
 }
 
-/// Takes a map.
 fn take(board: &mut VirtualBoard) -> [String; 2] {
     board.set_light(even(0.0));
     let dark = paused(board, "flat dark");
@@ -54,7 +50,6 @@ fn take(board: &mut VirtualBoard) -> [String; 2] {
     [dark, paused(board, "flat lit")]
 }
 
-/// The root mean square error of centres at several distances, in pixels.
 fn error(board: &mut VirtualBoard) -> f64 {
     let distances = [0.6, 0.7, 0.8, 0.9, 1.0];
     let simulation = Simulation::new(scene());
@@ -84,7 +79,6 @@ fn cycles_of_following_row(board: &mut VirtualBoard) -> i64 {
 /// A map corrects less than 200 pixels of a following row of this scene, at less than 20 instructions each.
 const MOST_CYCLES_OF_MAP: i64 = 4000;
 
-/// What `flat` answers: lines up to that of `flat stored`.
 fn shown(board: &mut VirtualBoard) -> Vec<String> {
     ask_until(board, "flat", |line| line.starts_with("flat stored "))
 }

@@ -99,7 +99,6 @@ fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<Strin
     (shown, lines)
 }
 
-/// The settings on the PC that go with [`run`], with a change.
 pub fn options(change: impl FnOnce(&mut Options)) -> Options {
     let mut options = Options {
         exposure: ExposureMode::Fixed(exposure::Exposure::LONGEST),
@@ -297,7 +296,6 @@ fn gauss_newton_gives_the_same_lines_on_the_chip_and_on_a_pc() {
     assert_same_lines(&[Estimator::GaussNewton]);
 }
 
-/// The others: sums of pixels, sets of weights, another model.
 #[test]
 #[ignore = "starts the board six times, 16 s; .ci/run runs it"]
 fn every_estimator_gives_the_same_lines_on_the_chip_and_on_a_pc() {

@@ -20,7 +20,6 @@ use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTO
 use super::common::*;
 use super::records::{assert_shown, written};
 
-/// The configuration of a sensor with a record and so many rows in a frame.
 pub fn configuration(record: Record, rows: u16, mean: Mean) -> Configuration {
     Configuration {
         settings: Settings {
@@ -34,13 +33,10 @@ pub fn configuration(record: Record, rows: u16, mean: Mean) -> Configuration {
     }
 }
 
-/// Saves to `contents` as the firmware does.
 pub fn save(contents: &mut Contents, saved: &Configuration) {
-    let done = block_on(Store::new(Flash(contents)).save(&saved.as_ref()));
-    done.expect("sound flash");
+    block_on(Store::new(Flash(contents)).save(&saved.as_ref())).expect("sound flash");
 }
 
-/// Reads the configuration in `contents`.
 pub fn read(contents: &Contents) -> Stored {
     let mut read = contents.clone();
     let kept = block_on(Store::new(Flash(&mut read)).read());
@@ -48,7 +44,6 @@ pub fn read(contents: &Contents) -> Stored {
     kept
 }
 
-/// The map of the pixels in `contents`, if it is usable.
 pub fn map_in(contents: &Contents) -> (StoredMap, Option<Box<PixelMap>>) {
     let mut read = contents.clone();
     let mut map = Box::new(PixelMap::EMPTY);
@@ -59,7 +54,6 @@ pub fn map_in(contents: &Contents) -> (StoredMap, Option<Box<PixelMap>>) {
     (stored, map.is_whole().then_some(map))
 }
 
-/// The configuration in `contents`. Panics if there is none.
 pub fn saved_in(contents: &Contents) -> Configuration {
     match read(contents) {
         Stored::Newest(saved) | Stored::Older(saved) => saved,
@@ -103,7 +97,6 @@ pub fn assert_in_use(board: &mut VirtualBoard, kept: &Stored) {
     assert!(is_as_kept, "{results:?} with {kept:?}");
 }
 
-/// The emulated flash, as the store sees it.
 struct Flash<'a>(&'a mut Contents);
 
 impl ErrorType for Flash<'_> {

@@ -14,7 +14,6 @@ use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
 use super::common::*;
 use super::identical::{logarithmic, run_as_on_this_pc};
 
-/// For how long the laser was on since power-on.
 fn laser_time(board: &mut VirtualBoard) -> Nanos {
     let now = board.now();
     board.head(move |head| head.laser_time(now))
@@ -170,7 +169,6 @@ fn a_hundred_jumps_of_the_brightness_cost_at_most_a_frame_each() {
     assert_jumps_are_followed(100);
 }
 
-/// What `cargo demo --scene reflectivity --json` prints.
 fn demo_of_reflectivity(options: &[&str]) -> serde_json::Value {
     let mut demo = Command::new(env!("CARGO_BIN_EXE_demo"));
     demo.args(["--scene", "reflectivity", "--json"])

@@ -51,10 +51,8 @@ fn a_master_reads_results_and_writes_settings() {
         i32::from_be_bytes(inputs[at..at + 4].try_into().expect("two registers"))
     };
     // Of another frame: noise of some um.
-    let distance = number(&reading, "d ", " mm");
-    assert!((f64::from(pair(4)) * 1e-4 - distance).abs() < 0.05);
-    let u = number(&reading, " u ", " r ");
-    assert!((f64::from(pair(6)) * 1e-4 - u).abs() < 0.02);
+    assert!((f64::from(pair(4)) * 1e-4 - number(&reading, "d ", " mm")).abs() < 0.05);
+    assert!((f64::from(pair(6)) * 1e-4 - number(&reading, " u ", " r ")).abs() < 0.02);
     let write = [17, 6, 0, 0, 0, 4];
     assert_eq!(request(&mut board, &write), write);
     let values = [17, 3, 12, 0, 4, 0, 0, 0x15, 0xE0, 0, 1, 0, 2, 0, 17];
@@ -95,7 +93,6 @@ fn a_master_reads_results_and_writes_settings() {
     let answer = say(&mut board, &frame(&alone_in_text), 30);
     // Lines may follow at once.
     assert_eq!(answer[..8], frame(&alone_in_text[..6]));
-    let results = fresh_results(&mut board, 2);
-    assert_readings(&results);
+    assert_readings(&fresh_results(&mut board, 2));
     assert_eq!(ask(&mut board, "rows"), "rows 5");
 }

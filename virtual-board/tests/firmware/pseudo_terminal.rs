@@ -48,7 +48,6 @@ impl Demo {
         sent.expect("a command sent");
     }
 
-    /// The next line that `wanted` accepts.
     fn line(&mut self, wanted: impl Fn(&str) -> bool) -> String {
         let mut lines = vec![];
         for _ in 0..LINES {
@@ -174,7 +173,6 @@ fn a_distance_in_metres_is_refused() {
     }
 }
 
-/// Asserts that the demo does not start with these arguments, and says all of these words.
 fn assert_refused(arguments: &[&str], words: &[&str]) {
     let demo = Command::new(env!("CARGO_BIN_EXE_demo"))
         .args(arguments)

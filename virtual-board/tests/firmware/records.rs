@@ -73,8 +73,7 @@ pub fn eq1() -> EncodedRecord {
 
 /// Eq. (1) of a sensor with a comb, whose mask differs from its drawing by up to 0.8 pixels.
 pub fn of_comb() -> EncodedRecord {
-    let drawn = Comb::nominal();
-    let slits: Vec<SlitMap> = (drawn.slits().iter().zip(0i32..))
+    let slits: Vec<SlitMap> = (Comb::nominal().slits().iter().zip(0i32..))
         .map(|(slit, number)| {
             let of_drawing = (number * 7 % 16 - 8) as f32 / 10.0;
             slit.corrected([of_drawing, 0.3, -0.2, 0.1].map(Pixels::from_f32))
@@ -144,7 +143,6 @@ pub fn pieces(bytes: &[u8]) -> Vec<Piece> {
     upload::pieces(bytes).expect("pieces")
 }
 
-/// Sends all of a record except the commit.
 pub fn send(board: &mut VirtualBoard, bytes: &[u8]) {
     upload::send(board, bytes, PATIENCE).expect("an upload");
 }
@@ -153,10 +151,8 @@ pub fn upload(board: &mut VirtualBoard, written: &EncodedRecord) {
     upload::upload(board, written.bytes(), PATIENCE).expect("an upload");
 }
 
-/// The record in use, read piece by piece.
 pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
-    let shown = shown(board);
-    let length = number(&shown[3], "calibration record ", " ") as usize;
+    let length = number(&shown(board)[3], "calibration record ", " ") as usize;
     let mut bytes = Vec::new();
     while bytes.len() < length {
         let offset = bytes.len() as u16;
@@ -165,19 +161,16 @@ pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
         let ["calibration", "data", offset, digits, sum] = words[..] else {
             panic!("{line}");
         };
-        let piece = Piece::parse(offset, digits, sum).expect("a piece");
-        bytes.extend_from_slice(piece.bytes());
+        bytes.extend_from_slice(Piece::parse(offset, digits, sum).expect("a piece").bytes());
     }
     bytes
 }
 
-/// The answer to `calibration`.
 pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
     let is_last = |line: &str| line.starts_with("calibration stored ");
     ask_until(board, "calibration", is_last)
 }
 
-/// Asserts that the board shows the record as the core does.
 pub fn assert_shown(
     board: &mut VirtualBoard,
     written: Option<&EncodedRecord>,

@@ -77,8 +77,7 @@ impl Answer {
     /// For how long the laser was on, as the answer says.
     fn exposure(&self) -> RowExposure {
         let words = self.head[0].split_once(" exposure ").expect("an exposure");
-        let word = words.1.split(' ').next().expect("a word");
-        RowExposure::parse(word).expect("an exposure")
+        RowExposure::parse(words.1.split(' ').next().expect("a word")).expect("an exposure")
     }
 
     /// Finds the row among those that the sensor head gave, and what the core on this PC makes of its words.

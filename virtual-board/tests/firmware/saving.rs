@@ -19,7 +19,6 @@ use super::records::{assert_shown, eq1, longest, of_another_head, read_back, sho
 /// A time longer than an erase, which takes 400 ms here.
 const SAVING: Duration = Duration::from_millis(900);
 
-/// When this line came.
 fn await_answer(board: &mut VirtualBoard, wanted: &str) -> Nanos {
     let line = board.run_until_line(|line| line == wanted, 2 * SAVING);
     line.expect("an answer").at
@@ -59,8 +58,7 @@ fn saved_settings_are_used_after_a_power_cycle() {
     let refusal = ask(&mut board, "save");
     assert!(refusal.starts_with("E17 "), "{refusal}");
     assert_shown(&mut board, Some(&nominal), stored);
-    let saved = ask_in_a_pause(&mut board, "save nominal", SAVING);
-    assert_eq!(saved, "save");
+    assert_eq!(ask_in_a_pause(&mut board, "save nominal", SAVING), "save");
     let mut board = power_cycle(board, paper());
     let stored = FlashStatus::Record(nominal.sum());
     assert_shown(&mut board, Some(&nominal), stored);

@@ -80,8 +80,7 @@ fn every_scene_gives_readings_or_its_own_fault() {
                     }
                     None => scene.distance,
                 };
-                let speed = scene.motion.map_or(0.0, |it| it.speed);
-                let row = speed * scene.sensor.period();
+                let row = scene.motion.map_or(0.0, |it| it.speed) * scene.sensor.period();
                 let error = number(&line.text, "d ", " mm") * 1e-3 - truth;
                 let most = GROSS * metres_per_pixel + 3.0 * row;
                 assert!(error.abs() < most, "{name}: {error} m off: {}", line.text);

@@ -10,7 +10,6 @@ use virtual_board::stm32f429::Stm32f429;
 
 use super::common::*;
 
-/// The place of the spot in these tests.
 const CENTRE: f64 = 1770.3;
 
 /// The time from row to row, as the firmware states it, ns.

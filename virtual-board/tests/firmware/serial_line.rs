@@ -44,8 +44,7 @@ fn assert_measures_on(lines: &[Line], start: Nanos) {
     for line in lines {
         assert!(is_reading(&line.text) || is_error(&line.text), "{line}");
         errors += usize::from(is_error(&line.text));
-        let meanwhile = (start..end).contains(&line.at);
-        readings += usize::from(is_reading(&line.text) && meanwhile);
+        readings += usize::from(is_reading(&line.text) && (start..end).contains(&line.at));
     }
     println!("{BYTES} bytes: {readings} readings meanwhile, {errors} errors said");
     // A frame of 4 rows takes 22.8 ms.
@@ -221,8 +220,7 @@ impl Numbered {
                 continue;
             }
             let now = number(&line.text, "# ", " d ");
-            let is_next = self.last.is_none_or(|last| last + 1.0 == now);
-            assert!(is_next, "{line}");
+            assert!(self.last.is_none_or(|last| last + 1.0 == now), "{line}");
             self.last = Some(now);
             self.results += 1;
         }
@@ -262,8 +260,7 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     assert_eq!(numbered.ask(&mut board, ""), ["E5 not ASCII text"]);
     assert_eq!(numbered.ask(&mut board, "rows"), ["rows 4"]);
     for baud in [9600, 19_200, 38_400, 57_600, 230_400, 460_800, 921_600] {
-        let typed = b"rows 9\r\nstream off\r\n".repeat(3);
-        let mut all = levels(&typed, baud);
+        let mut all = levels(&b"rows 9\r\nstream off\r\n".repeat(3), baud);
         all.push((true, 0.001));
         let bytes = arrive(&mut board, &all);
         let errors = numbered.ask(&mut board, "");
@@ -280,8 +277,7 @@ fn breaks_and_other_rates_are_counted_and_cost_no_reading_and_no_setting() {
     // An error is not counted if its byte comes within some ten cycles of the begin of an interrupt, before
     // the driver clears the flags. An interrupt comes every 87 us, 14,600 cycles: 0.3 of 386 bytes on the
     // average.
-    let counted = status.count("serial framing");
-    let missed = (without_stop_bit as u64).checked_sub(counted);
+    let missed = (without_stop_bit as u64).checked_sub(status.count("serial framing"));
     assert!(missed.is_some_and(|missed| missed <= 3), "{missed:?}");
     status.assert_nothing_lost();
     status.assert_none(&["serial noise"]);

@@ -10,7 +10,6 @@ use super::comb::{any_combs, paper_behind_a_comb};
 use super::common::*;
 use super::records::{longest_of_comb, upload};
 
-/// The pattern in unused stack.
 const PATTERN: u32 = 0xA5C3_5A3C;
 
 /// The most bytes of stack that the firmware may take. A record has 3 KB, so a function that moves records
@@ -66,7 +65,6 @@ fn the_stack_stays_far_from_the_statics() {
     assert!(used < MOST.min(room / 2), "{used} of {room}");
 }
 
-/// Lets each estimator see each light for some results.
 fn show_all_estimators<const N: usize>(
     board: &mut VirtualBoard,
     count: usize,
@@ -81,7 +79,6 @@ fn show_all_estimators<const N: usize>(
     }
 }
 
-/// The bytes of the stack's room that were used so far.
 fn used(board: &mut VirtualBoard, mut room: Range<u64>) -> u64 {
     let start = room.end;
     let deepest = board.on_emulator(move |_, host, _| {

@@ -113,8 +113,7 @@ fn assert_text_arrives(time: Duration) {
     assert!(lines >= fewest, "{lines} of {fewest}");
     let rows = board.statistics().rows;
     let ago = since(&board, asked);
-    let status = Status::ask(&mut board);
-    assert_counters_agree(&status, last, ago, frame, rows);
+    assert_counters_agree(&Status::ask(&mut board), last, ago, frame, rows);
 }
 
 fn since(board: &VirtualBoard, then: Nanos) -> Duration {
@@ -144,10 +143,8 @@ fn assert_windows_arrive(time: Duration) {
             assert!(is_next, "{last_packet:?} {sequence}");
             last_packet = Some(sequence);
         }
-        let last_words = board.head(|head| {
-            let rows = head.rows().map(|row| row.last_word);
-            rows.collect::<Vec<_>>()
-        });
+        let last_words =
+            board.head(|head| head.rows().map(|row| row.last_word).collect::<Vec<_>>());
         for (at, result) in &received.results {
             let now = (result.counter.into(), result.time_us);
             assert_next(last, now, ROW);
@@ -155,8 +152,7 @@ fn assert_windows_arrive(time: Duration) {
             let began = at - 10 * 1_000_000_000 / 921_600;
             let last_word = last_words.iter().rfind(|&&last_word| last_word < began);
             let latency = began - last_word.expect("the result's row");
-            let latency = Duration::from_nanos(latency);
-            slowest = slowest.max(latency);
+            slowest = slowest.max(Duration::from_nanos(latency));
             last = Some(now);
             count += 1;
         }

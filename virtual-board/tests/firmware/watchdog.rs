@@ -20,7 +20,6 @@ fn assert_starts_again(board: &mut VirtualBoard, cause: &str) {
     assert_eq!(ask(board, "status"), format!("status start {cause}"));
 }
 
-/// Asserts that there was one reset, of this cause. Gives its instant.
 fn only_reset(board: &mut VirtualBoard, cause: &str) -> Nanos {
     let resets = board.resets().expect("resets");
     assert_eq!(resets.len(), 1, "{resets:?}");
@@ -110,8 +109,7 @@ fn the_command_reset_is_answered_and_starts_the_firmware_again() {
     let uptime = ask(&mut board, "uptime");
     let since = (board.now() - reset) as f64 * 1e-9;
     println!("{uptime}, {since} s after the reset");
-    let uptime = number(&uptime, "status uptime ", " s");
-    assert!((since - 0.15..since).contains(&uptime));
+    assert!((since - 0.15..since).contains(&number(&uptime, "status uptime ", " s")));
 }
 
 #[test]

@@ -61,7 +61,6 @@ impl Design {
         }
     }
 
-    /// Slits of the nominal mask from its middle.
     fn fewer(count: usize) -> Self {
         let first = (NOMINAL_PLACES_UM.len() - count) / 2;
         Self {
@@ -139,9 +138,7 @@ impl Design {
     }
 }
 
-/// A design and what was measured with it.
 pub struct Variant {
-    /// What differs from the default.
     name: String,
     /// The number of the group: slits, gaps, width, spot.
     group: usize,
@@ -270,8 +267,7 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
             &ticks,
             |it| format!("{}", (100.0 * it).round() / 100.0),
         );
-        let y_ticks = [50.0, 100.0, 200.0, 300.0];
-        let y = Axis::log((40.0, 400.0), "RMS error, um", &y_ticks);
+        let y = Axis::log((40.0, 400.0), "RMS error, um", &[50.0, 100.0, 200.0, 300.0]);
         let mut chart = panel(&area, "", 20, &x, &y)?;
         let points = |of: &dyn Fn(&Variant) -> f64| -> Vec<(f64, f64)> {
             of_group.iter().map(|it| (value(it), of(it))).collect()

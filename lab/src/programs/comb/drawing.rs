@@ -51,7 +51,6 @@ pub fn slit_mm() -> [f64; 2] {
     [1e-3 * f64::from(SLIT_WIDTH_UM), height]
 }
 
-/// The slits, in the order of their places.
 pub fn slits() -> Vec<Outline> {
     let place = |um| [1e-3 * f64::from(um), 0.0];
     NOMINAL_PLACES_UM
@@ -136,7 +135,6 @@ fn at([x, y]: [f64; 2]) -> [f64; 2] {
     [DATUM[0] + SCALE * x, DATUM[1] - SCALE * y]
 }
 
-/// A place some pixels beside another one.
 fn beside([x, y]: [f64; 2], [dx, dy]: [f64; 2]) -> [f64; 2] {
     [x + dx, y + dy]
 }
@@ -148,14 +146,12 @@ const BLUE: &str = r##"fill="#1555d0" text-anchor="middle""##;
 const HELP: &str = r##"stroke="#1555d0" stroke-width="0.8""##;
 const HOLE: &str = r##"fill="#ffffff" stroke="#222222""##;
 
-/// A text from the bottom up.
 fn turned(svg: &mut Svg, place: [f64; 2], style: &str, text: &str) {
     let [x, y] = place;
     let style = format!(r#"{style} transform="rotate(-90 {x:.2} {y:.2})""#);
     svg.text(place, &style, text);
 }
 
-/// A line with an arrow at both ends.
 fn arrows(svg: &mut Svg, from: [f64; 2], to: [f64; 2]) {
     let style = r##"stroke="#1555d0" marker-start="url(#a)" marker-end="url(#a)""##;
     svg.line(from, to, style);
@@ -168,7 +164,6 @@ fn across(svg: &mut Svg, [from, to]: [f64; 2], y: f64, part: f64, label: f64) {
     svg.text(middle, BLUE, format_args!("{label:.1}"));
 }
 
-/// A vertical dimension, with its text beside it.
 fn upright(svg: &mut Svg, x: f64, [from, to]: [f64; 2], text: [f64; 2], label: &str) {
     arrows(svg, [x, from], [x, to]);
     turned(svg, text, BLUE, label);

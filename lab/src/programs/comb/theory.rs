@@ -49,7 +49,6 @@ pub fn speckle_size(distance: f64, spot: f64) -> f64 {
     optics.wavelength * optics.range(distance) / spot
 }
 
-/// Independent speckles in an aperture of a width.
 pub fn speckles(distance: f64, spot: f64, aperture: f64) -> f64 {
     let optics = Optics::nominal();
     let seen = 0.25 * spot * optics.viewing_angle(distance).cos();
@@ -75,7 +74,6 @@ pub fn limit(distance: f64, patterns: f64, aperture: f64) -> f64 {
 /// A kind of surface at 0.8 m: its name, the spot's diameter, M, and the measured RMS error in micrometres.
 pub type Kind = (String, f64, u8, f64);
 
-/// Theory and measurement at a distance, for a page.
 pub fn report(distance: f64, kinds: &[Kind]) -> String {
     let width = 1e-6 * f64::from(SLIT_WIDTH_UM);
     let slits = NOMINAL_PLACES_UM.len();
@@ -170,8 +168,7 @@ mod tests {
             .collect();
         let rms = |spot: f64, places: &[f64]| {
             let angles = (0..surfaces).map(|it| mean(&random_field(distance, spot, it, places)).0);
-            let theta = Optics::nominal().viewing_angle(distance);
-            statistics::rms(angles) / theta.sin()
+            statistics::rms(angles) / Optics::nominal().viewing_angle(distance).sin()
         };
         for spot in [1e-3, 0.5e-3] {
             let theory = [

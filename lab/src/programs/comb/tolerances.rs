@@ -33,7 +33,6 @@ use crate::programs::comb::theory;
 /// Where errors of a distance are compared.
 pub const DISTANCE: f64 = 0.8;
 
-/// The nominal range of distances.
 pub const RANGE: [f64; 2] = [0.55, 1.10];
 
 /// A mask that is not calibrated may move a distance by so much, RMS.
@@ -110,7 +109,6 @@ pub struct Tolerances {
 }
 
 impl Tolerances {
-    /// The budget of the nominal mask before the nominal optics.
     pub fn nominal() -> Self {
         let optics = Optics::nominal();
         let gain = gain(&optics);

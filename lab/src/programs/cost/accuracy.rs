@@ -13,7 +13,6 @@ pub const WIDTHS: [f64; 12] = [
 /// narrower spot is hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
-/// A spot's height, and the noise of its row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// The spot's height in counts.
@@ -42,7 +41,6 @@ pub const fn shot(amplitude: f64, electrons_per_count: f64, read_noise: f64) -> 
     }
 }
 
-/// The kinds of noise of the grid.
 pub const NOISES: [Noise; 10] = [
     white(25.0),
     white(100.0),
@@ -57,7 +55,6 @@ pub const NOISES: [Noise; 10] = [
 ];
 
 impl Noise {
-    /// A cell of the grid.
     fn cell(self, width: f64, rows: u64) -> Cell {
         Cell {
             width,
@@ -140,7 +137,6 @@ pub struct InSituation {
     pub outcome: Outcome,
 }
 
-/// All that was measured of the methods' accuracy.
 pub struct Accuracy {
     pub rows: u64,
     pub cells: Vec<MethodOnCell>,
@@ -215,7 +211,6 @@ pub struct Worst {
 }
 
 impl Accuracy {
-    /// The part of a cell's rows that has no centre.
     pub fn faults(&self, outcome: &Outcome) -> f64 {
         outcome.faults as f64 / self.rows as f64
     }

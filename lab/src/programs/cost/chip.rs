@@ -96,7 +96,6 @@ pub fn of_name<'a>(counted: &'a [Counted], name: &str) -> Result<&'a Counted> {
 }
 
 impl Chip {
-    /// A method at a width, where it found a centre there.
     pub fn on_chip(&self, method: Method, width: f64) -> Option<&MethodOnChip> {
         self.methods.iter().find(|counted| {
             let at_width = (counted.width - width).abs() < 1e-9;
@@ -107,8 +106,7 @@ impl Chip {
 
 /// Builds the program, runs it on the emulated board and reads what it says.
 pub fn measure() -> Result<Chip> {
-    let run = Run::of(PACKAGE)?;
-    chip(&run)
+    chip(&Run::of(PACKAGE)?)
 }
 
 /// Flashes and runs the program on a NUCLEO-F429ZI. It prints its lines, whose cycles are the silicon's.
@@ -256,7 +254,6 @@ fn forms(run: &Run, program: &Program) -> Result<Vec<Counted>> {
     lines::all(&run.lines, "form").map(form).collect()
 }
 
-/// Calls from the shortest to the longest.
 fn sorted<'a>(calls: impl Iterator<Item = &'a Call>) -> Vec<&'a Call> {
     let mut calls: Vec<&Call> = calls.collect();
     calls.sort_by_key(|call| call.instructions());
@@ -276,7 +273,6 @@ fn wrapper(name: &str) -> String {
     format!("method_{}", name.replace('-', "_"))
 }
 
-/// Bytes of the weights that a method reads.
 fn table_bytes(method: Method) -> u64 {
     match method {
         Method::Estimator(Estimator::Centroid | Estimator::GaussNewton) => 0,
@@ -289,7 +285,6 @@ fn table_bytes(method: Method) -> u64 {
     }
 }
 
-/// Bytes of a set's weights.
 fn bytes_of(set: &TableSet<'_>) -> u64 {
     set.tables()
         .iter()

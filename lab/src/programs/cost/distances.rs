@@ -16,7 +16,6 @@ use slitrange_device::record::{MAX_ENCODED, Record, encode};
 use crate::programs::cost::chip::{self, Chip};
 use crate::table;
 
-/// The table of every form, with what was counted on the chip.
 pub fn markdown(chip: &Chip) -> anyhow::Result<String> {
     let row = |form: Form| {
         let calibration = form.calibration().context("no calibration")?;

@@ -8,10 +8,8 @@ use judges::accuracy::{Cell, PIXELS};
 use simulator::scene::{Scene, quantise};
 use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::row::sensor_heads;
-use slitrange::row::{LARGEST_COUNT, Row};
+use slitrange::measurement::{Measurement, Options};
+use slitrange::row::{LARGEST_COUNT, Row, sensor_heads};
 use slitrange::spot;
 use statistics::upper_median;
 
@@ -20,7 +18,6 @@ const REPETITIONS: usize = 101;
 
 const MOST: usize = MAX_ROWS as usize;
 
-/// Rows with a spot of 10.5 pixels' width.
 fn scene() -> (Scene, Vec<Vec<u16>>) {
     let cell = Cell {
         width: 10.5,

@@ -44,7 +44,6 @@ const ROUNDS: usize = 5;
 /// A peer beside the default estimator. The figures of the chip are those of the peers that run on it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Peer {
-    /// The crate or program.
     pub name: &'static str,
     /// Its time a row over the default estimator's on this PC.
     pub host_time_ratio: f64,
@@ -125,7 +124,6 @@ const METHODS: [(&str, Centre); 5] = [
 /// Names in `scipy_fits.py`.
 const SCIPY_PEERS: [&str; 2] = ["scipy curve_fit", "scipy L-BFGS-B"];
 
-/// The windows of a scene, ready to be fitted.
 struct Given<'a> {
     geometry: Geometry,
     rows: Vec<(Row<'a>, &'a Window)>,
@@ -160,7 +158,6 @@ impl<'a> Given<'a> {
     }
 }
 
-/// How long fits take, and how far they are off.
 struct Fit {
     name: &'static str,
     /// Nanoseconds a row.

@@ -20,8 +20,7 @@ use simulator::scene::{Effect, Scene, Simulation};
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange_device::record;
 use statistics::{rms, upper_median};
@@ -35,7 +34,6 @@ pub const ROWS: [u64; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 const MOST_ROWS: u64 = 64;
 
-/// What falls on the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Light {
     /// That of a surface without speckle.
@@ -59,7 +57,6 @@ impl Light {
         Self::SpeckleBehindComb,
     ];
 
-    /// By which estimators it is measured.
     fn estimators(self) -> Vec<Estimator> {
         match self {
             Self::NoiseAlone | Self::SpeckleAtRest => Estimator::ALL.into(),
@@ -98,7 +95,6 @@ const CALIBRATED_ON_PAPER: &[u8] =
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     pub light: Light,
-    /// How the rows' centres are found.
     pub estimator: Estimator,
     pub rows: u64,
     /// Time of a reading in milliseconds: the longer one of the sensor's and the chip's.
@@ -362,8 +358,7 @@ mod tests {
         println!("speckle at rest: {row} of a row behind a narrow slit");
         assert!((0.7..1.2).contains(&row));
         for light in [Light::SpeckleReceding, Light::SpeckleSliding] {
-            let scene = light.scene().expect("a scene");
-            let errors = behind_a_narrow_slit(&scene, 64, 300);
+            let errors = behind_a_narrow_slit(&light.scene().expect("a scene"), 64, 300);
             let [one, mean] = [0, 1].map(|which| rms(errors.iter().map(|it| it[which])));
             let (found, narrow) = (gain(light), one / mean);
             println!("{light:?}: 64 rows gain {found}, behind a narrow slit {narrow}");

@@ -45,14 +45,11 @@ pub struct Measured {
     pub methods: Vec<Method>,
     pub accuracy: Accuracy,
     pub chip: Chip,
-    /// The table of the forms of a calibration.
     pub distances: String,
-    /// The tables of the functions of floats by each library.
     pub floats: String,
     /// The methods' time on this computer in nanoseconds a row.
     pub host_ns: Vec<Option<f64>>,
     pub readings: Vec<reading_time::Point>,
-    /// The peers, where they were run.
     pub peers: Vec<Peer>,
 }
 
@@ -103,7 +100,6 @@ impl Measured {
         methods.map(figures).collect()
     }
 
-    /// The blocks of the pages, each with its page and its mark.
     pub fn blocks(&self) -> Vec<(&'static str, &'static str, String)> {
         let mut blocks = vec![
             (README, "cargo cost", self.short_markdown()),
@@ -119,7 +115,6 @@ impl Measured {
         blocks
     }
 
-    /// The tables of `docs/accuracy.md`.
     pub fn markdown(&self) -> String {
         let [range, share, slowest, once] = self.sentences().unwrap_or_default();
         format!(
@@ -338,7 +333,6 @@ fn label(method: Method) -> String {
     }
 }
 
-/// A ratio, with fewer digits where it is large.
 fn ratio(value: f64) -> String {
     match value {
         value if value.is_nan() => "-".into(),

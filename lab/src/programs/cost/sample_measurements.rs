@@ -17,7 +17,6 @@ use crate::programs::cost::report::Measured;
 
 const CHIP_WIDTHS: [f64; 5] = [1.5, 4.5, 10.5, 11.3, 25.0];
 
-/// Figures that differ from method to method.
 pub fn measured() -> Measured {
     let mut accuracy = Accuracy {
         rows: 100,

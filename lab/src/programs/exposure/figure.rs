@@ -29,8 +29,7 @@ pub fn draw(targets: &[Target], path: &Path) -> Result<()> {
 }
 
 fn reflectivities(name: &str) -> Axis<'_> {
-    let powers = [1e-4, 1e-3, 1e-2, 0.1, 1.0];
-    Axis::log((1e-4, 1.0), name, &powers)
+    Axis::log((1e-4, 1.0), name, &[1e-4, 1e-3, 1e-2, 0.1, 1.0])
 }
 
 fn points(targets: &[Target], of: impl Fn(&Target) -> Option<f64>) -> Points {
@@ -40,10 +39,8 @@ fn points(targets: &[Target], of: impl Fn(&Target) -> Option<f64>) -> Points {
 
 fn draw_errors(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<()> {
     let ticks = [1.0, 2.0, 5.0, 10.0, 20.0];
-    let name = "RMS error at 0.8 m, um";
-    let y = Axis::log((0.8, 20.0), name, &ticks);
-    let x = reflectivities("");
-    let mut chart = panel(area, "", BESIDE, &x, &y)?;
+    let y = Axis::log((0.8, 20.0), "RMS error at 0.8 m, um", &ticks);
+    let mut chart = panel(area, "", BESIDE, &reflectivities(""), &y)?;
     mark_targets(&mut chart)?;
     name_targets(root, &chart, 20.0)?;
     let longest = points(targets, |it| Some(it.longest?.rms_um));
@@ -93,7 +90,6 @@ fn draw_lines(
     Ok(())
 }
 
-/// Draws a line at each target that has a name.
 fn mark_targets(chart: &mut Panel<'_, '_>) -> Result<()> {
     for (_, reflectivity) in NAMED {
         let ends = [(reflectivity, 1e-9), (reflectivity, 1e9)];
@@ -102,7 +98,6 @@ fn mark_targets(chart: &mut Panel<'_, '_>) -> Result<()> {
     Ok(())
 }
 
-/// Writes the names of targets below the panel's `top`.
 fn name_targets(root: &Area<'_>, chart: &Panel<'_, '_>, top: f64) -> Result<()> {
     for (name, reflectivity) in NAMED {
         let (x, y) = chart.backend_coord(&(reflectivity, top));

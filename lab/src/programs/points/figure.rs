@@ -42,8 +42,7 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
             continue;
         };
         let (_, y) = chart.backend_coord(&(200.0, error * 1e6));
-        let place = (x + 14, y - TEXT / 2);
-        root.draw(&Text::new(name, place, text(TEXT, colour)))?;
+        root.draw(&Text::new(name, (x + 14, y - TEXT / 2), text(TEXT, colour)))?;
     }
     let lines = [
         "full: sensors that follow eq. (1)",

@@ -215,7 +215,6 @@ impl<'a> Seen<'a> {
         Ok(((across, heights.clone()), (bar, heights)))
     }
 
-    /// The counts of the row with the fit, where there is one.
     fn draw_row(&self, area: &Area<'_>, x_name: &str) -> Result<()> {
         let counts = self.counts();
         let found = match &self.fit {
@@ -253,7 +252,6 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// The counts less the fit.
     fn draw_residuals(&self, area: &Area<'_>, fit: &RowCentre, level: f64) -> Result<()> {
         let left = self.counts().into_iter();
         let left: Vec<(f64, f64)> = left
@@ -270,7 +268,6 @@ impl<'a> Seen<'a> {
         axes::draw_dots(&mut panel, left, 2, COUNTS.filled())
     }
 
-    /// Pixels and counts of the fitted row.
     fn counts(&self) -> Vec<(f64, f64)> {
         let row = &self.rows[self.row];
         (self.window.clone())
@@ -309,7 +306,6 @@ fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     })
 }
 
-/// At most so many characters, cut at a word.
 fn cut(text: &str, characters: usize) -> String {
     if text.chars().count() <= characters {
         return text.to_owned();
@@ -352,8 +348,7 @@ mod tests {
             // The rows, and the scale of grey; both before the end.
             assert_eq!(svg.matches("<image").count(), 2);
             assert!(svg.trim_end().ends_with("</svg>"));
-            let fitted = svg.contains("counts - fit");
-            assert_eq!(fitted, name != "laser-off");
+            assert_eq!(svg.contains("counts - fit"), name != "laser-off");
         }
     }
 }

@@ -22,7 +22,6 @@ pub struct Timing {
 
 #[derive(Clone, Copy)]
 pub struct Difference {
-    /// The median, in nanoseconds.
     pub nanoseconds: f64,
     /// Its standard uncertainty, from the scatter of the repetitions.
     pub uncertainty: f64,
@@ -41,7 +40,6 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const FEWEST: usize = 5;
 
 impl Timing {
-    /// Times a scene, and the scene without each of its effects.
     pub fn of(scene: &Scene) -> Self {
         let whole = Rows::of(scene);
         let without: Vec<Option<Rows>> = budget::effects(scene)
@@ -128,7 +126,6 @@ impl Rows {
         start.elapsed().as_nanos() as f64 / self.count as f64
     }
 
-    /// With all that is prepared for it.
     fn nanoseconds_of_the_first_row(&self) -> f64 {
         let scene = self.simulation.scene().clone();
         let start = Instant::now();

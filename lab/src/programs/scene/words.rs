@@ -40,7 +40,6 @@ pub fn of(name: &str, scene: &Scene, budget: &Budget, timing: &Timing) -> String
     text
 }
 
-/// Sensor, aperture, distance, exposure.
 pub fn setting(scene: &Scene) -> String {
     let sensor = match scene.sensor {
         Sensor::Tcd1304dg => "TCD1304DG".to_owned(),

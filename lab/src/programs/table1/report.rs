@@ -13,7 +13,6 @@ use crate::paper::published::TABLE_1;
 pub struct Report {
     /// Of every material through every aperture.
     pub outcomes: Vec<Outcome>,
-    /// Of every material, the comb on a line sensor.
     pub combs: Vec<comb_path::Judged>,
     pub experiment: Experiment,
 }
@@ -21,7 +20,6 @@ pub struct Report {
 const MICROMETRES: f64 = 1e6;
 
 impl Report {
-    /// What came of a material through an aperture.
     pub fn outcome(&self, material: usize, aperture: Aperture) -> &Outcome {
         let is_it = |it: &&Outcome| it.material == material && it.aperture == aperture;
         self.outcomes
@@ -30,7 +28,6 @@ impl Report {
             .expect("every material is run")
     }
 
-    /// What a method makes of a material.
     pub fn judged(&self, material: usize, method: Method) -> &Judged {
         self.outcome(material, method.aperture()).of(method)
     }
@@ -90,7 +87,6 @@ impl Report {
     }
 }
 
-/// What the paper leaves open and was chosen, as a list.
 fn chosen() -> String {
     let Flare { ghost, veil } = Flare::CHOSEN;
     let lens = apparatus::lens();

@@ -10,8 +10,7 @@ use slitrange::base::fault::Fault;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 

@@ -276,7 +276,6 @@ const COMBINED: Combined = Combined {
     centres: [None; MAX_SLITS],
 };
 
-/// Any slits, also some that no mask has.
 pub fn comb() -> Option<Comb> {
     let mut slits = [SlitMap::nominal(0); 20];
     for slit in &mut slits {

@@ -8,8 +8,7 @@ use slitrange::centre::tables::{GAUSSIAN, Sampling};
 use slitrange::centre::{self, Estimator, phase_table};
 use slitrange::frame::Frame;
 use slitrange::light::black_level::{self, BlackPixels};
-use slitrange::measurement::Measurement;
-use slitrange::measurement::{centre_of_spot, robust_centre};
+use slitrange::measurement::{Measurement, centre_of_spot, robust_centre};
 use slitrange::row::Row;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::pixels::map::{Correction, Entry, PixelMap, window};
@@ -190,8 +189,7 @@ pub fn find_distances() {
     {
         say(&ReadingLine(&reading));
         say(&PartsOf(&reading.parts, any::settings().units));
-        let relative = any(reading).relative_to(&any(reading));
-        say(&ReadingLine(&relative));
+        say(&ReadingLine(&any(reading).relative_to(&any(reading))));
         reached(reading.distance.to_bits());
     }
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {
@@ -224,7 +222,6 @@ pub fn find_distances() {
     }
 }
 
-/// The constructors of the numbers.
 pub fn make_numbers() {
     reached(Pixels::from_int(any(0)).to_bits());
     any(Pixels::from_f32(any(0.0)));
@@ -257,8 +254,7 @@ pub fn talk() {
             4 => Event::Flat(outcome()),
             6 => {
                 let mut request = [0; 4096];
-                let request = any::bytes(&mut request);
-                let answer = session.answer_modbus(request, &vitals, &mut actions);
+                let answer = session.answer_modbus(any::bytes(&mut request), &vitals, &mut actions);
                 reached(answer.bytes.len() as i32);
                 continue;
             }

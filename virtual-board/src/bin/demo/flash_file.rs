@@ -8,7 +8,6 @@ use anyhow::{Context as _, Result};
 use virtual_board::SharedFlash;
 use virtual_board::flash::Contents;
 
-/// A file with the contents of flash.
 pub struct FlashFile {
     path: PathBuf,
     flash: SharedFlash,
@@ -30,7 +29,6 @@ impl FlashFile {
         Ok(Self { path, flash })
     }
 
-    /// The flash whose contents are in the file.
     pub fn flash(&self) -> SharedFlash {
         self.flash.clone()
     }

@@ -5,7 +5,6 @@ use std::str::FromStr;
 use anyhow::{Context as _, Result};
 use slitrange::base::fault::Fault;
 
-/// A reading from the serial line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// Distance in millimetres.
@@ -18,22 +17,17 @@ pub struct Reading {
     pub centre: f64,
     /// Amplitude in counts.
     pub amplitude: f64,
-    /// The rows used.
     pub rows: u16,
     /// For how long the laser was on in a row, in microseconds.
     pub exposure: u16,
     /// The slits used: 1 for a sensor with one slit.
     pub slits: u8,
-    /// The flags, as the line has them.
     pub flags: String,
 }
 
-/// A line that is the result of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Report {
-    /// A distance.
     Reading(Reading),
-    /// A fault, as the line gives it.
     Fault(String),
 }
 
@@ -74,7 +68,6 @@ impl Report {
     }
 }
 
-/// The number that a word of a line is.
 fn number<T: FromStr>(line: &str, word: &str) -> Result<T> {
     let number = word.parse().ok();
     number.with_context(|| format!("{word:?} in {line:?} is no such number"))

@@ -56,7 +56,6 @@ const WARM_UP: f64 = 600.0;
 
 const RECORD: &[u8] = include_bytes!("paper.record");
 
-/// The demo's results.
 #[derive(Debug, Serialize)]
 pub struct Summary {
     /// Root mean square error of the readings; `None` without readings.
@@ -74,7 +73,6 @@ pub struct Summary {
     readings_per_s: f64,
     rows_per_s: f64,
     rows_lost: u64,
-    /// Share of time in which the core sleeps.
     sleep_share: f64,
     faults: usize,
     /// Faults in frames that began a frame or more after the target's last change of reflectivity.
@@ -91,7 +89,6 @@ struct Compared {
 }
 
 impl Compared {
-    /// 1 if the error is within twice the claimed uncertainty, otherwise 0.
     fn is_within_2u(&self) -> f64 {
         f64::from(u8::from(self.error.abs() <= 2.0 * self.uncertainty))
     }
@@ -167,8 +164,7 @@ fn scene_by_name(options: &Options) -> Result<(Scene, f64)> {
         );
         // The motion starts again at each step. A step ends at the latest after this many results.
         let results = 2 + RESULTS_A_STEP as u32;
-        let longest = (patience(options.rows) * results).as_secs_f64();
-        distances.push(motion.distance(distance, longest));
+        distances.push(motion.distance(distance, (patience(options.rows) * results).as_secs_f64()));
     }
     let mut checks = distances.into_iter().map(|it| scene.check_distance(it));
     (checks.try_for_each(|it| it)).with_context(|| format!("the scene {name}"))?;
@@ -184,7 +180,6 @@ fn patience(rows: u16) -> Duration {
     Duration::from_secs(1) + 4 * frame(rows)
 }
 
-/// Measures at each step and sums up.
 pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let (scene, start) = scene(options)?;
     let has_surface = scene.speckle.is_some() || scene.texture.is_some();
@@ -302,7 +297,6 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     Ok(summary)
 }
 
-/// The exposure of the last row of the frame of a line.
 fn last_exposure(board: &mut VirtualBoard, line: &Line) -> Option<Exposure> {
     /// The time of a byte on the serial line: ten bits at 115200 a second, in nanoseconds.
     const BYTE: u64 = 86_806;
@@ -347,7 +341,6 @@ fn table_line(distance: f64, reading: &Reading, found: &Compared, at: f64) -> St
     )
 }
 
-/// The next result.
 pub fn next_report(board: &mut VirtualBoard, patience: Duration) -> Result<(Line, Report)> {
     let is_result = |line: &str| !matches!(Report::parse(line), Ok(None));
     let line = board.run_until_line(is_result, patience);

@@ -27,11 +27,9 @@ const BRIGHT: f64 = FULL_SCALE as f64 / 20.0;
 const MARKER: f64 = 1250.0;
 const MARKERS: usize = 3;
 
-/// The demo's results.
 #[derive(Debug, Serialize)]
 pub struct Summary {
     rows: usize,
-    /// The number of rows with a centre.
     centres: usize,
     /// The number of rows whose centre was compared: the spot is bright and wholly in the photograph.
     compared: usize,
@@ -40,11 +38,9 @@ pub struct Summary {
     max_sigma: Option<f64>,
     /// Mean sigma of the compared rows in pixels.
     mean_width_px: Option<f64>,
-    /// The number of rows without a centre, by fault.
     faults: BTreeMap<String, usize>,
 }
 
-/// Shows a photograph.
 pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
     let photograph = Arc::new(Photograph::read(path)?);
     let rows = photograph.height;
@@ -102,7 +98,6 @@ pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
     Ok(summary)
 }
 
-/// The firmware's result for each row.
 fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Report>> {
     let shown = Arc::new(Mutex::new(None));
     let next = Arc::clone(&shown);

@@ -22,7 +22,6 @@ const DEPARTURE: f64 = 300e-6;
 /// The longest wait for the banner and for an answer.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Runs the board until the process is interrupted.
 pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let (scene, distance) = moving_target::scene(options)?;
     let target = Target::at(distance);

@@ -79,7 +79,6 @@ impl Line {
         value.with_context(|| format!("the chip's line about {} does not say {key}", self.name))
     }
 
-    /// The same where it is a whole number.
     pub fn whole(&self, key: &str) -> Result<u64> {
         let value = self.number(key)?;
         ensure!(

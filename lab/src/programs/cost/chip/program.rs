@@ -27,7 +27,6 @@ pub struct Program {
 }
 
 impl Program {
-    /// Reads and disassembles an ELF file.
     pub fn of(firmware: &Firmware) -> Result<Self> {
         let elf = object::File::parse(firmware.bytes())?;
         let (mut functions, mut addresses) = (BTreeMap::new(), BTreeMap::new());
@@ -57,7 +56,6 @@ impl Program {
         self.addresses.get(symbol).copied()
     }
 
-    /// The address of a function by the name that Rust gives it.
     pub fn named(&self, name: &str) -> Option<u64> {
         self.functions
             .iter()
@@ -65,7 +63,6 @@ impl Program {
             .map(|(&address, _)| address)
     }
 
-    /// The functions whose calls are traced.
     pub fn traced(&self) -> impl Iterator<Item = u64> {
         Method::ALL
             .into_iter()
@@ -94,7 +91,6 @@ impl Program {
             .sum())
     }
 
-    /// The functions that the function at an address calls or jumps into.
     fn called_from(&self, function: u64) -> Vec<u64> {
         let end = function + self.functions[&function].bytes;
         self.targets
@@ -109,7 +105,6 @@ impl Program {
     }
 }
 
-/// The direct branches and calls of an ELF file.
 fn disassemble(firmware: &Firmware) -> Result<BTreeMap<u64, u64>> {
     let output = Command::new(objdump()?)
         .args(["--disassemble", "--mcpu=cortex-m4"])
@@ -159,8 +154,7 @@ fn objdump() -> Result<PathBuf> {
 fn target(line: &str) -> Option<(u64, u64)> {
     let (address, rest) = line.split_once(':')?;
     let mut columns = rest.split('\t').skip(1);
-    let mnemonic = columns.next()?.trim();
-    if !mnemonic.starts_with(['b', 'c']) {
+    if !columns.next()?.trim().starts_with(['b', 'c']) {
         return None;
     }
     let operands = columns.next()?.split('@').next()?;

@@ -21,7 +21,6 @@ pub struct Run {
     pub lines: Vec<Line>,
     /// Every call of a method, of a calibration, and of a whole row: the instructions that were executed.
     pub calls: Vec<Call>,
-    /// The slowest row of each estimator.
     pub slowest: Vec<Slow>,
 }
 
@@ -31,7 +30,6 @@ pub struct Slow {
 }
 
 impl Run {
-    /// Builds the package's program and runs it to its end.
     pub fn of(package: &str) -> Result<Self> {
         let firmware = Firmware::build_package(package)?;
         let program = Program::of(&firmware)?;

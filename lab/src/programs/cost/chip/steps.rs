@@ -21,7 +21,6 @@ use virtual_board::trace::Call;
 pub enum Step {
     /// Words into a row, and its black level.
     Convert,
-    /// The search for the spot.
     Search,
     Estimate,
     /// The comparison with the mirror image, and the repair.
@@ -37,7 +36,6 @@ pub const NAMES: [&str; 7] = [
     "convert", "search", "estimate", "check", "frame", "distance", "other",
 ];
 
-/// The instructions of a row by [`Step`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Steps(pub [u64; 7]);
 
@@ -134,7 +132,6 @@ fn says(function: &str) -> Option<Says> {
 
 /// The functions that are traced, on the chip.
 pub const ROW: &str = "step_measurement_row";
-/// See [`ROW`].
 pub const READING: &str = "step_reading";
 const STARTS: [&str; 2] = [ROW, READING];
 

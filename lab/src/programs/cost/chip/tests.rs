@@ -24,7 +24,6 @@ struct Found {
     found: Result<(i32, i32), String>,
 }
 
-/// What the chip found, in the order in which it looked.
 fn on_the_chip() -> Vec<Found> {
     lines::all(&LINES, "row")
         .map(|line| Found {
@@ -44,7 +43,6 @@ fn on_the_chip() -> Vec<Found> {
         .collect()
 }
 
-/// What a PC finds in the rows that the chip saw.
 fn on_this_pc(method: Method, width: f32, row: usize) -> Result<(i32, i32), String> {
     let geometry = rows::geometry();
     let (mut before, mut now) = ([0; PIXELS], [0; PIXELS]);
@@ -208,7 +206,6 @@ fn the_steps_of_whole_rows_add_up() {
     }
 }
 
-/// The slowest rows are no faster than the plain ones.
 #[test]
 #[ignore = "a trace takes 80 s; .ci/run runs it"]
 fn the_slowest_rows_are_slow() {

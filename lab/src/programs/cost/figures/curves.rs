@@ -55,8 +55,7 @@ impl Curve {
 
 pub fn axis_of_widths() -> Axis<'static> {
     let range = (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05);
-    let name = "width of the spot (σ), px";
-    Axis::log(range, name, &WIDTHS)
+    Axis::log(range, "width of the spot (σ), px", &WIDTHS)
 }
 
 /// The axis of errors over the bound, up to `worst`.
@@ -90,8 +89,7 @@ pub fn draw_curves<'a, 'b>(
             Kind::Default => (4, curve.colour),
             Kind::Bound => (9, style::BAND),
         };
-        let line = curve.points.clone();
-        axes::draw_line(&mut panel, line, colour.stroke_width(width))?;
+        axes::draw_line(&mut panel, curve.points.clone(), colour.stroke_width(width))?;
         let points = curve.points.iter();
         match curve.kind {
             Kind::Bound => {}

@@ -61,7 +61,6 @@ const COMPUTING: Time = |point| point.computing_milliseconds;
 
 const ERROR: fn(&Point) -> f64 = |point| point.micrometres;
 
-/// The places of points that have a time and an error.
 fn line<'a>(
     points: impl Iterator<Item = &'a Point>,
     time: Time,
@@ -113,8 +112,7 @@ fn draw_panel(
     for estimator in estimators {
         let method = Method::Estimator(estimator);
         for (time, kind) in [(COMPUTING, Kind::Hollow), (WITH_SENSOR, Kind::Measured)] {
-            let points = line(of(light, estimator), time, ERROR);
-            let curve = Curve::of(method, points.into_iter());
+            let curve = Curve::of(method, line(of(light, estimator), time, ERROR).into_iter());
             curves.push(match kind {
                 Kind::Hollow => Curve {
                     name: String::new(),

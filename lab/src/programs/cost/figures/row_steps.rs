@@ -53,7 +53,6 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The colours, and what comes once a frame.
 fn draw_legend(area: &Area<'_>, measured: &Measured) -> anyhow::Result<()> {
     let (mut x, y) = (24, 4);
     for (name, colour) in NAMES.into_iter().zip(COLOURS).take(5) {

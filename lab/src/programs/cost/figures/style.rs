@@ -22,7 +22,6 @@ pub fn bold(size: i32, colour: RGBColor) -> TextStyle<'static> {
         .color(&colour)
 }
 
-/// The default estimator stands out.
 pub fn is_default(method: Method) -> bool {
     method == Method::default()
 }

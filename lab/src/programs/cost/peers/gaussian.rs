@@ -19,12 +19,10 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// A, x0, s, b.
     pub fn to_array(self) -> [f64; 4] {
         [self.amplitude, self.centre, self.scale, self.level]
     }
 
-    /// From A, x0, s, b.
     pub fn from_array([amplitude, centre, scale, level]: [f64; 4]) -> Self {
         Self {
             amplitude,
@@ -53,7 +51,6 @@ pub fn derivatives<T: RealField + Copy>(pixel: usize, light: T, parameters: &Vec
     [light, common * scale, -common * distance, T::one()]
 }
 
-/// What the tests of the peers fit.
 #[cfg(test)]
 pub mod examples {
     use super::*;
@@ -69,7 +66,6 @@ pub mod examples {
         }
     }
 
-    /// A gaussian and its values at the window's pixels.
     pub fn noiseless() -> (Parameters, [f64; WINDOW]) {
         let truth = Parameters {
             amplitude: 2000.0,

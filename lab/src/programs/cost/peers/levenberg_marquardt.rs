@@ -82,8 +82,7 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_residuals() {
         let (_, pixels) = examples::noiseless();
-        let start = Vector4::from(examples::start().to_array());
-        let mut problem = Problem::new(&pixels, start);
+        let mut problem = Problem::new(&pixels, Vector4::from(examples::start().to_array()));
         let numeric = levenberg_marquardt::differentiate_numerically(&mut problem).expect("values");
         let analytic = problem.jacobian().expect("values");
         // Column by column, because s has derivatives 10^5 times larger than b.

@@ -53,7 +53,6 @@ fn whole_row() -> Scene {
     scene
 }
 
-/// What the words of a window are.
 pub fn geometry() -> Geometry {
     Geometry {
         words: WINDOW,

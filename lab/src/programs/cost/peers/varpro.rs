@@ -14,8 +14,7 @@ use varpro::solvers::levmar::LevMarSolver;
 use super::gaussian::{Parameters, WINDOW, derivatives, light};
 
 pub fn fit(pixels: &[f64; WINDOW], start: Parameters) -> Option<Parameters> {
-    let model = Model::new(start.centre, start.scale);
-    let problem = SeparableProblemBuilder::new(model)
+    let problem = SeparableProblemBuilder::new(Model::new(start.centre, start.scale))
         .observations(DVector::from_column_slice(pixels))
         .build()
         .ok()?;

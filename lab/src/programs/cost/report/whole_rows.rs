@@ -11,11 +11,9 @@ use crate::programs::cost::chip::whole_rows::{
 };
 use crate::table;
 
-/// The kinds of rows that tables and figures show.
 const KINDS: [&str; 3] = [FOLLOWING, FIRST, SLOWEST];
 
 impl WholeRows {
-    /// The rows of a kind and a name with a spot of a width.
     pub fn at_width(&self, kind: &str, name: &str, width: f64) -> Option<&Steps> {
         let is_it = |row: &&WholeRow| {
             let is_near = |of_row: f64| (of_row - width).abs() < 1e-6;
@@ -29,7 +27,6 @@ impl WholeRows {
         self.at_width(kind, name, WIDTH.into())
     }
 
-    /// An estimator's rows in the order of [`KINDS`].
     pub fn kinds(&self, estimator: Estimator) -> [Option<&Steps>; 3] {
         KINDS.map(|kind| self.nominal(kind, estimator.name()))
     }
@@ -166,7 +163,6 @@ impl Measured {
         ])
     }
 
-    /// What `--json` says of all rows.
     pub(super) fn rows_json(&self) -> Vec<serde_json::Value> {
         let json = |row: &WholeRow| {
             let (steps, total) = (steps::NAMES.into_iter().zip(row.steps.0), row.steps.total());

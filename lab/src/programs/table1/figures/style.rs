@@ -19,7 +19,6 @@ pub const fn colour(method: Method) -> RGBColor {
     }
 }
 
-/// Draws the line of no error.
 pub fn draw_zero(panel: &mut Panel<'_, '_>, (from, to): (f64, f64)) -> anyhow::Result<()> {
     axes::draw_line(panel, [(from, 0.0), (to, 0.0)], GRID.stroke_width(2))
 }
