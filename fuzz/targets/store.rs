@@ -24,7 +24,6 @@ use slitrange_device::record::date::Date;
 use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
 use slitrange_device::store::{Store, Stored};
-
 use flash::{BYTES, Flash, SECTOR};
 
 /// Steps at most, so that an input takes a few milliseconds.
@@ -141,7 +140,6 @@ fn check(flash: &mut Flash) {
     }
 }
 
-/// Saves over any contents, and reads the configuration back.
 fn save(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(
         block_on(Store::new(&mut *flash).save(&saved.as_ref())),

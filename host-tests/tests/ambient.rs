@@ -4,7 +4,6 @@ use crate::support::*;
 use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
-use judges::frames::words;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 
 const FRAMES: usize = 400;

@@ -3,7 +3,6 @@
 
 use crate::support::*;
 use rand::seq::SliceRandom as _;
-use simulator::scene::SecondReflection;
 use simulator::scene::comb::Comb as Mask;
 use slitrange::frame::comb::{Maximum, assign};
 

@@ -10,24 +10,18 @@
 //! fixed width does not see them. The core weights pixels by their noise, and so sees a little of them: 0.02
 //! to 0.03 pixels in the median, 0.08 to 0.09 pixels RMS (30 to 35 um of distance at 0.8 m).
 
-use std::f64::consts::TAU;
-
 use crate::support::*;
 use num_complex::Complex64 as Wave;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 /// Points of a slit's width: 20 to a turn of phase where a neighbour's image is.
 const POINTS: usize = 128;
-
 /// Points of a pixel's width: 8 or more to a fringe.
 const PARTS: usize = 2;
-
 /// Pixels to either side of the image's middle: as far as half of the gap to the neighbour's.
 const HALF: i32 = 56;
-
 /// Sigma in pixels of the gaussian that is fitted.
 const SIGMA: f64 = 8.6;
-
 /// Numbers of the slits of the nominal mask: two gaps of 860 um.
 const SLITS: [usize; 3] = [0, 1, 2];
 

@@ -4,7 +4,6 @@
 use crate::support::*;
 use judges::accuracy::answers;
 
-/// Rows of a cell.
 const ROWS: u64 = 2000;
 
 /// A row of [`PIXELS`] with its spot's centre there.

@@ -3,7 +3,6 @@
 
 use crate::profile_rows;
 use crate::support::{self, *};
-use phase_tables::gaussian;
 
 fn cell(width: f64, amplitude: f64, noise: Noise) -> Cell {
     support::cell(width, amplitude, noise, 4000, 11)

@@ -1,19 +1,17 @@
 //! Auto exposure: how it follows a target whose brightness changes.
 
-use std::collections::BTreeSet;
-
 use crate::support::*;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, is_in_middle};
 use judges::changing_light::{DELAY, Sensor, scene};
 use slitrange::base::exposure::ExposureMode;
 use slitrange::light::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
+use std::collections::BTreeSet;
 
 fn us(us: u16) -> Exposure {
     Exposure::from_us(us).expect("an exposure")
 }
 
-/// A row in which so many pixels are saturated.
 fn saturated(pixels: u16) -> Brightness {
     Brightness::Saturated { pixels, room: 3500 }
 }

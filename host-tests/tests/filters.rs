@@ -2,7 +2,6 @@
 //! distances show.
 
 use crate::support::*;
-use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand_distr::Distribution as _;
 use slitrange_device::filters::average::{Average, Filter};

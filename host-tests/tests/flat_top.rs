@@ -4,7 +4,6 @@
 
 use crate::support::*;
 use judges::hard_cases::judge::{Answer, Answers, answers};
-use judges::hard_cases::mixtures;
 
 /// Whether the check finds a top to be flat that the estimator takes for a spot. No fit is among the
 /// estimators here: a fit measures such a spot by its flanks.
@@ -13,10 +12,8 @@ fn is_recognised(answers: &Answers) -> bool {
     !is_saturated(&answers.alone) && is_saturated(&answers.checked)
 }
 
-/// The place of the default estimator among all.
 const ADAPTIVE: usize = Estimator::Adaptive as usize;
 
-/// Whether any estimator but the fit recognises a flat top.
 fn is_recognised_by_any(row: &HardRow) -> bool {
     let answers = answers(row);
     let by = Estimator::ALL.iter().zip(&answers);
@@ -70,7 +67,6 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
     }
 }
 
-/// The light pixels of a scene's row.
 fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
     let light = quantise(&counts[geometry.light.clone()], geometry.full_scale());
     let own = self::geometry(light.len(), geometry.shot_variance_per_count_q16);
@@ -132,7 +128,6 @@ fn tops_cut_by_a_well_are_recognised_in_many_rows() {
     recognise_tops_cut_by_a_well(200);
 }
 
-/// What cuts a spot's top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Cut {
     /// The converter's largest word.

@@ -1,17 +1,13 @@
 //! Frames with rows of different quality, with wrong rows, and with rows that have similar errors: the error
 //! of their mean, and the uncertainty that it claims.
 
-use std::f64::consts::TAU;
-
 use crate::support::{self, *};
 use rand_distr::Gamma;
 
 /// Where the spot is, in pixels.
 const TRUTH: f64 = 1800.3;
-
 /// What a row of mean brightness is uncertain by, in pixels.
 const UNCERTAINTY: f64 = 0.03;
-
 /// The numbers of rows that are looked at: few, the firmware's, the most.
 const ROWS: [usize; 3] = [5, 16, 64];
 
@@ -69,7 +65,6 @@ fn draw(random: &mut ChaCha8Rng, count: usize, alike: Option<f64>, outliers: Out
     (rows.collect(), 1.0 / f64::sqrt(information))
 }
 
-/// What came of many frames.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
     /// Root mean square error over the root mean square bound.
@@ -83,7 +78,6 @@ struct Outcome {
     flagged: usize,
 }
 
-/// Draws frames, and prints a line of what comes of them.
 fn run(
     frames: u64,
     (name, count, how): (&str, usize, Mean),
@@ -275,9 +269,7 @@ fn rows_with_correlated_errors_are_flagged() {
 enum Missing {
     None,
     EveryFourth,
-    /// Each row with a chance of one in four.
     Random,
-    /// The first third of the frame.
     Start,
 }
 
@@ -301,7 +293,6 @@ fn named((rows, alike, missing, how): Case) -> String {
     format!("{rows} rows, missing {missing:?}, brightness {alike:?}, {how:?}")
 }
 
-/// All cases with these numbers of rows, brightnesses and ways of missing rows.
 fn cases(rows: &[usize], alike: &[Option<f64>], missing: &[Missing]) -> Vec<Case> {
     let mut cases = vec![];
     for ((&rows, &alike), &missing) in pairs(pairs(rows, alike), missing) {
@@ -331,7 +322,6 @@ fn centre_in_motion(
     frame.centre(how).ok()
 }
 
-/// The centres of many frames.
 fn centres(
     frames: u64,
     one: impl Fn(&mut ChaCha8Rng) -> Option<FrameCentre> + Sync,

@@ -4,8 +4,6 @@ use crate::comb::quiet;
 use crate::records::cases;
 use crate::support::*;
 use crc::{CRC_32_ISO_HDLC, Crc};
-use judges::frames::words;
-use proptest::prelude::*;
 use simulator::scene::Ambient;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS};
@@ -36,14 +34,12 @@ fn without_laser(paper: &Scene, light: f64) -> Simulation {
     dark(with(paper.clone(), |it| it.ambient = Some(ambient)))
 }
 
-/// The words of a row.
 fn words_of(simulation: &Simulation, row: u64) -> Vec<u16> {
     let scene = simulation.scene();
     let light = simulation.row(row, scene.distance, scene.exposure);
     words(&light, &scene.geometry())
 }
 
-/// Takes rows of one kind.
 fn take(
     field: &mut FlatField,
     kind: Kind,
@@ -55,7 +51,6 @@ fn take(
     taken.expect("the last row ends it")
 }
 
-/// The map of a sensor.
 fn map_of(paper: &Scene) -> Box<FlatField> {
     let mut field = Box::new(FlatField::new());
     // Other rows than those of the frames.

@@ -22,20 +22,17 @@ fn symmetric() -> [(&'static str, Curve); 4] {
     ]
 }
 
-/// The head of columns of a table.
 fn columns(widths: &[f64], characters: usize) -> String {
     let heads = widths.iter().map(|width| format!("{width:>characters$}"));
     heads.collect()
 }
 
-/// The estimators with phase tables.
 const TABLES: [Estimator; 3] = [
     Estimator::PhaseTable,
     Estimator::Adaptive,
     Estimator::Fraunhofer,
 ];
 
-/// What a statistic says of each column.
 fn of_columns<const N: usize>(errors: &[[f64; N]], of: fn(&[f64]) -> f64) -> [f64; N] {
     std::array::from_fn(|i| of(&errors.iter().map(|errors| errors[i]).collect::<Vec<_>>()))
 }
@@ -44,7 +41,6 @@ fn root_mean_squares<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     of_columns(errors, |column| rms(column))
 }
 
-/// The root mean squares about each column's mean.
 fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     of_columns(errors, |column| {
         let mean = mean(column);
@@ -234,7 +230,6 @@ fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
     }
 }
 
-/// A row with a flaw.
 fn with_flaw(light: &[u16], flaw: Flaw) -> Vec<u16> {
     let mut random = random(light.iter().map(|&count| u64::from(count)).sum());
     let level = f64::from(light[0]);
@@ -327,7 +322,6 @@ fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
     fit_from(&row, start).expect("a fit").centre
 }
 
-/// Rows from which a profile is made.
 const MEASURED_ROWS: u64 = 400;
 
 /// Tables made of 400 rows that the sensor itself read, by which the default estimator knew where and how

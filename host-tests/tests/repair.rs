@@ -25,7 +25,6 @@ fn rows(width: f64) -> u64 {
     if width < 2.0 { 40_000 } else { 4000 }
 }
 
-/// What is wrong with a row.
 #[derive(Clone, Copy, Debug)]
 enum Flaw {
     None,
@@ -39,7 +38,6 @@ enum Flaw {
     Saturated(f64),
 }
 
-/// What came of the rows.
 struct Outcome {
     rmse: f64,
     mean: f64,

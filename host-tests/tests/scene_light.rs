@@ -1,13 +1,12 @@
 //! Each effect of a scene's light, compared with a closed form or with a different computation.
 
-use std::f64::consts::{PI, SQRT_2, TAU};
-
 use crate::support::*;
 use simulator::field::{self, Laser, LensAperture, Scattering, SlitAperture, View};
 use simulator::scene::diffraction::Gap;
 use simulator::scene::lens::{Across, Pupil};
 use simulator::scene::pattern::Pattern;
 use simulator::scene::{Coma, Defocus, Diffraction, LaserSpot, Motion, Speckle, SpecularLobe};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 /// A spot of a width in pixels, 1000 counts high after a second, on 3648 pixels of 8 um, without noise.
 fn gaussian(width: f64) -> Scene {
@@ -15,7 +14,6 @@ fn gaussian(width: f64) -> Scene {
     listing(Scene::dark(Sensor::Row(3648)), &spot)
 }
 
-/// A gaussian spot of 8.6 pixels, and effects.
 fn plain_with(effects: &str) -> Scene {
     listing(gaussian(8.6), effects)
 }
@@ -44,7 +42,6 @@ fn moments(row: &[f32]) -> (f64, f64, f64) {
     (sum, centre, mean(&|x| (x - centre).powi(2)))
 }
 
-/// What one row has more than another.
 fn difference(more: &[f32], less: &[f32]) -> Vec<f32> {
     more.iter().zip(less).map(|(a, b)| a - b).collect()
 }
@@ -177,7 +174,6 @@ fn a_laser_spot_widens_a_gaussian_in_quadrature() {
         // The height stays, but for the mean over a pixel: 1 / (24 sigma^2) less.
         let peak = row.iter().fold(0.0f32, |peak, &light| peak.max(light));
         assert!((990.0..1000.0).contains(&peak), "{peak}");
-
         // The other way, as a sum of patterns of points: a texture of no contrast.
         let summed = listing(scene, "texture = { contrast = 0.0, length = 1.0 }");
         let apart = difference(&summed.row(0, distance, 1.0), &row);
@@ -311,7 +307,6 @@ fn distortion_grows_with_the_cube() {
     }
 }
 
-/// A pupil of the paper's lens with aberrations in metres.
 fn pupil(defocus: f64, coma: f64) -> Pupil {
     Pupil {
         radius: 25e-3 / 12.0,
@@ -322,7 +317,6 @@ fn pupil(defocus: f64, coma: f64) -> Pupil {
     }
 }
 
-/// A point at a height on the pupil's axis.
 const fn point(place: f64) -> Across {
     Across::Pixel {
         place,
@@ -360,7 +354,6 @@ fn a_round_pupil_makes_airys_pattern() {
     }
     println!("off by {worst:.1e} of the middle");
     assert!(worst < 1e-8);
-
     // All of y: the integral of Airy's pattern, which falls with y^-3, in metres.
     let all = Pattern::from_knots(step, chords.row(Across::All));
     let height = all.at(0.0) / middle / detail;
@@ -409,7 +402,6 @@ fn defocus_makes_a_disc() {
         println!("{waves} waves: {ratio:.9} for {expected:.9}");
         assert!((ratio - expected).abs() < 1e-6);
     }
-
     // Focused at 0.9 m, a point at 0.6 m makes a disc of D z |1/d - 1/f| = 116 um.
     let scene = lens_with("defocus.focus_distance = 0.9");
     let distance = 0.6f64;
@@ -424,7 +416,6 @@ fn defocus_makes_a_disc() {
     println!("disc of {disc:.2} pixels: variance {more:.3} for {expected:.3}");
     assert!((more / expected - 1.0).abs() < 1e-3);
     assert!((rays.0 / sharp.0 - 1.0).abs() < 1e-5, "light is conserved");
-
     // Six waves out of focus, with a laser spot, waves make the disc that rays make, with softer edges.
     let spread = |diffraction, width| {
         let spot = laser_spot(1e-3, distance);
@@ -534,7 +525,6 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
             assert!((mean - at_rest.1 - bent / 6.0).abs() < 1e-3);
             // Short exposures n leave out 1/n^2 of the variance.
             assert!((more - expected).abs() < 0.01 + 0.005 * expected);
-
             // Against the integral over the exposure of what pixels gather of the gaussian: 1e-4 of the peak,
             // and f32's rounding.
             if diffraction.is_empty() {
@@ -607,7 +597,6 @@ const PAPER: Speckle = Speckle {
     path_spread: 0.0,
 };
 
-/// Fresnel's pattern of a laser spot of 1 mm on the camera.
 fn camera(aperture: Aperture) -> Scene {
     let camera = with(Scene::dark(Sensor::Camera), |it| {
         (it.spot, it.optics.aperture) = (plain().spot, aperture);

@@ -2,8 +2,6 @@
 //! in noise. The tests print every figure that they assert.
 
 use crate::support::*;
-use phase_tables::gaussian;
-use simulator::scene::SecondReflection;
 use slitrange::spot::MIN_PIXELS;
 
 /// The place that a spot's pixel stands for: it is the one to the right of a block's middle.
@@ -17,12 +15,10 @@ fn misleads(light: &[u16], geometry: &Geometry, truth: Truth) -> bool {
     (Estimator::ALL.into_iter()).any(|it| said(it).is_confident_error())
 }
 
-/// Whether the search finds two spots.
 fn are_two(light: &[u16]) -> bool {
     matches!(find(light), Err(Fault::TwoSpots { .. }))
 }
 
-/// What the search finds in a row after one with a spot there.
 fn find_again(light: &[u16], before: &Spot, width: f64) -> Result<Spot, Fault> {
     Ok(spot::find_again(&row(light), before, Pixels::from_f32(width as f32))?.0)
 }
@@ -281,7 +277,6 @@ fn a_rising_background_hides_no_spot() {
     assert!(furthest <= 1.0);
 }
 
-/// Rows that are too short, constant or alternating.
 #[test]
 fn rows_that_no_sensor_makes_have_no_spot() {
     for pixels in [0, 1, MIN_PIXELS - 1] {

@@ -89,7 +89,6 @@ fn a_story_tells_the_fault_and_the_result() {
     }
 }
 
-/// The kind of a name, as a list of one.
 fn kinds(name: &str) -> &'static [Kind] {
     let place = Kind::all().iter().position(|kind| kind.name == name);
     let place = place.expect("a kind");

@@ -1,8 +1,6 @@
 //! How far flaws are hidden: the shift that an estimator takes for the spot's, over what the spot's shape
 //! says of it. From the flaws' own formulas, without rows and without noise.
 
-use std::f64::consts::TAU;
-
 use crate::support::*;
 
 /// Distance between two samples in widths, and how far the check looks.
@@ -54,7 +52,6 @@ fn hidden(flaw: impl Fn(f64) -> f64, white: f64) -> (f64, f64) {
     ((parts[0] * scale).abs(), shape.uncertainty(None).to_f64())
 }
 
-/// Draws a flaw of a kind.
 type Draw = fn(&mut ChaCha8Rng) -> Box<dyn Fn(f64) -> f64>;
 
 const KINDS: [(&str, Draw); 5] = [

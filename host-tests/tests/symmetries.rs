@@ -2,11 +2,9 @@
 //! estimator. proptest draws the rows around a spot, the same rows in every run. The tests print every figure
 //! that they assert.
 
-use std::cell::RefCell;
-
 use crate::support::*;
-use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
+use std::cell::RefCell;
 
 /// A spot on a row of [`PIXELS`], and what else is on it.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +20,6 @@ enum Flaw {
     None,
     /// A pixel with so many counts more.
     Hot(f64, u16),
-    /// A pixel that sees nothing.
     Dead(f64),
     /// A second spot of so much of the height.
     Second(f64, f64),
@@ -115,10 +112,8 @@ fn holds<T: std::fmt::Debug>(
     outcome.unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// The ways in which an estimator is asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Way {
-    /// The estimator alone.
     Alone,
     /// With the look that follows it.
     Pipeline,
@@ -138,7 +133,6 @@ fn steady(estimator: Estimator) -> Way {
     }
 }
 
-/// Finds the spot of a row and then its centre.
 fn find_centre(way: Way, estimator: Estimator, light: &[u16], geometry: &Geometry) -> Answer {
     centre_at(way, estimator, light, &find(light)?, geometry)
 }
@@ -162,7 +156,6 @@ fn find(light: &[u16]) -> Result<(Spot, WorkBudget), Fault> {
     spot::find(&Row::new(light, &[], 4095).expect("12 bits"))
 }
 
-/// Figures of each estimator.
 #[derive(Default)]
 struct Spreads(RefCell<[Vec<f64>; Estimator::ALL.len()]>);
 
@@ -357,7 +350,6 @@ fn a_mirrored_spot_has_the_mirrored_centre() {
 
 /// The narrowest width in pixels that there is a table for.
 const NARROWEST: f64 = 0.79;
-
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;
 

@@ -3,12 +3,10 @@
 
 use crate::properties::{any_black_level, nominal_reading};
 use crate::support::*;
-use proptest::prelude::*;
 use simulator::scene;
 
 const PIXELS: usize = 2048;
 
-/// What a row shows.
 #[derive(Clone, Copy, Debug)]
 struct Shown {
     centre: f64,
@@ -80,7 +78,6 @@ impl Tracker {
 const ROWS_BEFORE: u64 = 2;
 const ROWS_AFTER: u64 = 4;
 
-/// What became of the rows after a change.
 #[derive(Default)]
 struct After {
     /// Errors over claims, and what was shown.
@@ -292,7 +289,6 @@ fn a_spot_that_changes_its_width_is_not_lost() {
     }
 }
 
-/// The spot leaves the sensor over either edge, and comes back.
 #[test]
 fn a_spot_at_an_edge_is_a_fault_or_right() {
     for estimator in Estimator::ALL {

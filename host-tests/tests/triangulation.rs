@@ -2,7 +2,6 @@
 
 use crate::records::cases;
 use crate::support::*;
-use proptest::prelude::*;
 use slitrange::distance::eq1::Eq1Error;
 
 #[test]
@@ -31,7 +30,6 @@ fn the_nominal_calibration_is_that_of_the_nominal_optics() {
     }
 }
 
-/// The constants are those of the docs of [`NOMINAL`], rounded to their last bits.
 #[test]
 fn the_nominal_constants_are_rounded_to_the_nearest() {
     let nominal = NOMINAL.expect("a curve");

@@ -3,7 +3,6 @@
 
 use crate::records::cases;
 use crate::support::*;
-use proptest::prelude::*;
 use simulator::distorted_optics::DistortedOptics;
 
 fn within(values: &[f64], limit: f64) -> f64 {
@@ -11,7 +10,6 @@ fn within(values: &[f64], limit: f64) -> f64 {
     count as f64 / values.len() as f64
 }
 
-/// A frame of a scene at a distance in metres.
 fn frame(scene: &Scene, options: Options, distance: f64) -> Option<Measured> {
     frames::measure(&Simulation::new(scene.clone()), options, distance, 0, None).ok()
 }

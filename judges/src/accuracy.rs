@@ -7,6 +7,8 @@
 
 use phase_tables::gaussian;
 use rayon::prelude::*;
+use simulator::bound;
+use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
@@ -14,12 +16,8 @@ use slitrange::measurement::centre_of_spot;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
-use simulator::bound;
-use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
-
 /// Pixels of a test row: enough for the background of the widest spot.
 pub const PIXELS: usize = 2048;
-
 /// A row's centre, or why there is none.
 pub type Answer = Result<RowCentre, Fault>;
 
@@ -199,11 +197,9 @@ impl Cell {
 
 /// Rows in a series.
 pub const SERIES: u64 = 16;
-
 /// The spot drifts by up to this many pixels a row, either way: 30 mm/s of a target at 0.8 m and 175 rows a
 /// second.
 const FASTEST_DRIFT: f64 = 0.6;
-
 /// Additive recurrence over two dimensions, the most even there is: 1/p and 1/p^2 of the plastic number p,
 /// p^3 = p + 1.
 const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];

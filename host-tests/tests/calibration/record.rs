@@ -1,19 +1,16 @@
 //! The record: encoding and decoding give the same record back, and damaged or unusable records are refused.
 
-use crate::support::*;
-use proptest::prelude::*;
-use slitrange::frame::comb::CombError;
-use slitrange_device::record::{MAX_ENCODED, VERSION, decode, encode};
-
 use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};
+use crate::support::*;
+use slitrange::frame::comb::CombError;
+use slitrange_device::record::{MAX_ENCODED, VERSION, decode, encode};
 
 /// CRC-32 from its definition: the polynomial of IEEE 802.3.
 fn crc32(bytes: &[u8]) -> u32 {
     reflected_crc(!0, 0xedb8_8320, bytes)
 }
 
-/// Bytes with a right CRC.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes.extend(crc32(&bytes).to_le_bytes());
     bytes

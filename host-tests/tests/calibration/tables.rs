@@ -1,11 +1,9 @@
 //! Properties of every table of distances.
 
-use crate::support::*;
-use proptest::prelude::*;
-
 use super::common::{STEP, holds_what_it_promises, largest_rise, monotone_knots, places};
 use super::reference::pchip;
 use crate::records::cases;
+use crate::support::*;
 
 /// Takes every centre of some intervals, one by one. From one centre to the next, the distance never goes the
 /// wrong way, and it changes by no more than the slope and a rounding.

@@ -4,7 +4,6 @@ use crate::support::*;
 use phase_tables::{Plan, Profile, design};
 use slitrange::centre::tables::Table;
 
-/// The weights of one width.
 #[derive(Clone, Debug)]
 pub struct Weights {
     width: f64,
@@ -69,7 +68,6 @@ pub fn exact(profile: Profile<'_>, plan: Plan) -> Vec<Weights> {
     (0..plan.widths.count).map(weights).collect()
 }
 
-/// What is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     /// The centre in pixels.

@@ -1,15 +1,12 @@
 //! The bytes of a configuration: encoding and decoding give the same configuration back, and unusable bytes
 //! are refused.
 
+use super::samples::{Size, sample};
+use crate::records::{cases, records};
 use crate::support::*;
-use proptest::prelude::*;
-use slitrange_device::record;
 use slitrange_device::store::configuration::{
     ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
 };
-
-use super::samples::{Size, sample};
-use crate::records::{cases, records};
 
 fn encoded(configuration: &Configuration) -> Vec<u8> {
     encode(&configuration.as_ref(), &mut [0; MAX_ENCODED])
@@ -73,7 +70,6 @@ fn errors_say_what_is_wrong_and_what_to_do() {
     insta::assert_snapshot!(text.join("\n"));
 }
 
-/// Settings of every kind, all of which can be typed.
 fn settings() -> impl Strategy<Value = Settings> {
     let lines = prop_oneof![
         "rows ([1-9]|[1-5][0-9]|6[0-4])",
@@ -111,7 +107,6 @@ fn all() -> impl Strategy<Value = Configuration> {
 proptest! {
     #![proptest_config(cases(2000))]
 
-    /// Every usable configuration decodes to itself.
     #[test]
     fn configurations_decode_to_themselves(configuration in all()) {
         let bytes = encoded(&configuration);

@@ -15,7 +15,6 @@ const WORD: usize = 4;
 #[derive(Clone)]
 pub struct Flash {
     pub bytes: Vec<u8>,
-    /// How often each sector was erased.
     pub erases: [u32; 2],
     /// Erasures and words programmed.
     pub operations: usize,
@@ -32,7 +31,6 @@ enum Power {
     Off,
 }
 
-/// There is no power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NoPower;
 
@@ -43,7 +41,6 @@ impl NorFlashError for NoPower {
 }
 
 impl Flash {
-    /// As from the factory.
     pub fn erased() -> Self {
         Self::with(vec![0xff; BYTES])
     }

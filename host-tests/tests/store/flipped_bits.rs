@@ -1,13 +1,11 @@
 //! A flipped bit anywhere in the two sectors: the store reads the last configuration, reads the one before
 //! and says so, or says that the flash is unusable.
 
+use super::flash::{BYTES, Flash, SECTOR};
+use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
 use crate::support::*;
 use rand::{Rng, SeedableRng};
 
-use super::flash::{BYTES, Flash, SECTOR};
-use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
-
-/// How often each result was read.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Count {
     newest: usize,
@@ -17,7 +15,6 @@ struct Count {
     unusable: usize,
 }
 
-/// Flips bits, one at a time, reads, and now and then saves.
 fn flip(
     what: &str,
     flash: &Flash,

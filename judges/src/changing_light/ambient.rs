@@ -1,20 +1,17 @@
 //! White paper in ambient light: the errors with and without `ambient subtract`, beside those in a dark room.
 
+use super::range::Frames;
+use super::{BRIGHTEST, ROW_PERIOD, Sensor, scene};
 use simulator::bound::Spot;
 use simulator::scene::{Ambient, FixedPattern, Lag, MainsLight, Scene};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::light::ambient::{AmbientMode, LONGEST_LOG2};
 use slitrange::measurement::Options;
 
-use super::range::Frames;
-use super::{BRIGHTEST, ROW_PERIOD, Sensor, scene};
-
 /// Rows with the laser on before frames count, so that the mean of the ambient light is at its longest.
 const ROWS_TO_SETTLE: usize = 600;
-
 /// White paper's spot (`scenes/quiet-paper.toml`) over the one of a reflectivity of 1.
 pub const WHITE_PAPER: f64 = 350e3 / BRIGHTEST;
-
 /// The laser is on for 5 ms, as in `scenes/sunlit.toml`: 1750 counts.
 const EXPOSURE_US: u16 = 5000;
 

@@ -1,5 +1,6 @@
 //! Jumps of a target's brightness: how many frames they cost, and whether a reading is wrong.
 
+use super::{Sensor, scene};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -9,11 +10,8 @@ use slitrange::base::fault::Fault;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 
-use super::{Sensor, scene};
-
 /// The least reflectivity, in powers of ten: that of black tape. The highest is 1, bright metal.
 pub const LEAST_POWER: f64 = -4.0;
-
 /// Jumps of one sensor. A million jumps are those of a thousand sensors.
 const OF_A_SENSOR: u64 = 1000;
 

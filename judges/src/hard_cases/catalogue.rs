@@ -7,10 +7,8 @@ use simulator::bound;
 
 /// The spot for which accuracy is quoted: that of the nominal slit on the paper's sensor.
 const WIDTH: f64 = 10.5;
-
 /// A full well below the converter's largest word, in counts of a row.
 const WELL: u16 = 2500;
-
 /// A spot that a few pixels make.
 const NARROW: f64 = 1.5;
 
@@ -86,7 +84,6 @@ fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
     Due::Centre(5.0 * 1.4 * bound + 0.05)
 }
 
-/// A clean spot of so many counts.
 fn high(width: f64, amplitude: f64) -> Recipe {
     Recipe::clean(width).spot(|spot| spot.amplitude = amplitude)
 }
@@ -95,7 +92,6 @@ fn with(flaw: Flaw) -> Recipe {
     Recipe::clean(WIDTH).with(flaw)
 }
 
-/// A clean spot on so many pixels.
 fn on(pixels: usize, width: f64) -> Recipe {
     Recipe {
         pixels,

@@ -2,15 +2,13 @@
 //!
 //! Where a scene has the effect (`simulator::scene`), the flaw is that effect.
 
-use std::f64::consts::TAU;
-use std::fmt;
-
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
-
 use crate::hard_cases::recipe::Site;
 use crate::hard_cases::truth::Truth;
+use rand::Rng as _;
+use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Ambient, Flare, Quantisation, Saturation, SecondReflection, random};
+use std::f64::consts::TAU;
+use std::fmt;
 
 /// When a flaw comes about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,8 @@
 //! Every estimator's answers to a case, and whether they are what is due.
 
+use crate::hard_cases::frames::is_flagged;
+use crate::hard_cases::truth::is_beyond_claim;
+use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Micrometres;
 use slitrange::centre::{self, Estimator, RowCentre};
@@ -7,10 +10,6 @@ use slitrange::measurement::{centre_of_spot, robust_centre};
 use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;
-
-use crate::hard_cases::frames::is_flagged;
-use crate::hard_cases::truth::is_beyond_claim;
-use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
 
 /// What comes of a row.
 pub type Answer = Result<RowCentre, Fault>;

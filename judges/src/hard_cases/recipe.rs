@@ -1,13 +1,12 @@
 //! What a hard row is made of: a spot, its noise, and what is wrong with them.
 
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
-use slitrange::row::Geometry;
-
 use crate::hard_cases::flaw::{Flaw, Stage};
 use crate::hard_cases::shape::Shape;
 use crate::hard_cases::truth::Truth;
+use rand::Rng as _;
+use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Effect, ReadNoise, Sensor, ShotNoise, quantise, random};
+use slitrange::row::Geometry;
 
 /// A row, and what a perfect reader would say of it.
 #[derive(Clone, Debug)]

@@ -1,12 +1,10 @@
 //! The profiles that hard rows' spots have.
 
+use phase_tables::gaussian;
+use simulator::profiles::{self, Curve, Slit};
 use std::f64::consts::{PI, SQRT_2};
 use std::fmt;
 use std::sync::LazyLock;
-
-use phase_tables::gaussian;
-
-use simulator::profiles::{self, Curve, Slit};
 
 /// A spot's profile.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,11 +1,10 @@
 //! How often centres are wrong without saying so, over many random rows.
 
-use rayon::prelude::*;
-use slitrange::centre::Estimator;
-
 use crate::hard_cases::Truth;
 use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
+use rayon::prelude::*;
+use slitrange::centre::Estimator;
 
 const ESTIMATORS: usize = Estimator::ALL.len();
 

@@ -1,13 +1,11 @@
 //! Faults of the analog signal, and light that changes all of it.
 
-use std::f64::consts::TAU;
-
-use rand::Rng as _;
-use rand_distr::{Distribution as _, StandardNormal};
-
 use crate::second_judge::plan::{Plan, add};
 use crate::second_judge::sensor::FULL_SCALE;
 use crate::second_judge::{Rng, gaussian, log_even, side};
+use rand::Rng as _;
+use rand_distr::{Distribution as _, StandardNormal};
+use std::f64::consts::TAU;
 
 /// A level that rises along the row. It is the sensor's black level where the level is lowest.
 pub fn slope(plan: &mut Plan, random: &mut Rng) {

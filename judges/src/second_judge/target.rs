@@ -1,12 +1,11 @@
 //! Faults at the target, and light that is not the laser's: more than one spot, none, too much of one.
 
-use rand::Rng as _;
-
 use crate::hard_cases::Truth;
 use crate::second_judge::plan::Plan;
 use crate::second_judge::sensor::FULL_SCALE;
 use crate::second_judge::spot::Spot;
 use crate::second_judge::{Rng, gaussian, log_even, side};
+use rand::Rng as _;
 
 /// Nothing is wrong.
 pub fn clean(_: &mut Plan, _: &mut Rng) {}

@@ -1,11 +1,10 @@
 //! Faults of the converter, and of the words on their way to memory.
 
-use rand::Rng as _;
-use rand::seq::index;
-
 use crate::hard_cases::Truth;
 use crate::second_judge::plan::Plan;
 use crate::second_judge::{ROWS_OF_FRAME, Rng, log_even};
+use rand::Rng as _;
+use rand::seq::index;
 
 /// A converter that has no codes about the multiples of a power of two. Voltages there give the nearest code
 /// that it has.
