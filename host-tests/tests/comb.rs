@@ -23,8 +23,7 @@ fn check_random_peaks(rows: u64) {
         let mut peaks: Vec<Maximum> = (slits[missing..].iter())
             .map(|&slit| {
                 let normal: f64 = random.sample(StandardNormal);
-                let place = comb.slits()[slit].from_axis(Pixels::from_f32(x0)).to_f64();
-                peak(place + 2.4 * normal)
+                peak(comb.slits()[slit].from_axis(Pixels::from_f32(x0)).to_f64() + 2.4 * normal)
             })
             .collect();
         peaks.push(peak(random.random_range(0.0..3648.0)));

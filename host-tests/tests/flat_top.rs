@@ -52,8 +52,7 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
                 || Simulation::new(scene.clone()),
                 |simulation, number| {
                     simulation.set_surface(number);
-                    let counts = simulation.row(number, distance, exposure);
-                    let row = light_of(&counts, &geometry);
+                    let row = light_of(&simulation.row(number, distance, exposure), &geometry);
                     let is_measured = answers(&row)[ADAPTIVE].alone.is_ok();
                     is_measured.then(|| is_recognised_by_any(&row))
                 },

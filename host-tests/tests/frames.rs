@@ -310,8 +310,7 @@ fn centre_in_motion(
 ) -> Option<FrameCentre> {
     let mut frame = Frame::default();
     for (number, drawn) in (draw(random, rows, alike, Outliers::None).0.iter()).enumerate() {
-        let from_middle = number as f64 - 0.5 * (rows as f64 - 1.0);
-        let at = drawn.centre.to_f64() + place(from_middle);
+        let at = drawn.centre.to_f64() + place(number as f64 - 0.5 * (rows as f64 - 1.0));
         frame.add(match missing.has(number, rows, random) {
             true => Err(Fault::SensorSilent),
             false => Ok(with(row_centre(at, drawn.uncertainty.to_f64()), |it| {

@@ -216,8 +216,7 @@ fn words(line: &str) -> Vec<String> {
 
 /// Whether a line is a command word by word, and not only understood as one.
 fn is_exactly(line: &[u8], command: Command) -> bool {
-    let line = String::from_utf8_lossy(line);
-    let mut found = words(&line);
+    let mut found = words(&String::from_utf8_lossy(line));
     let mut exact = words(&command.to_string());
     match command {
         Command::Help if found == ["?"] => return true,

@@ -161,8 +161,7 @@ fn fraunhofer_against_the_fit_of_its_own_profile_on_the_whole_grid() {
         (1000.0, (2.0, Some(5.0))),
         (3800.0, (4.0, Some(10.0))),
     ];
-    let text = of_fraunhofer(&noises, &[2.0, 8.0, 10.5]);
-    insta::assert_snapshot!("fraunhofer", text);
+    insta::assert_snapshot!("fraunhofer", of_fraunhofer(&noises, &[2.0, 8.0, 10.5]));
 }
 
 /// What `fraunhofer` and the default find in a row, and the fit of sinc^2 in f64.
@@ -387,8 +386,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
 fn tables_of_every_measured_profile_are_as_good_as_those_of_the_true_one() {
     let tailed = [("tailed", profiles::tailed())];
     let profiles: Vec<_> = symmetric().into_iter().chain(tailed).collect();
-    let text = of_measured_profiles(&profiles, &[2.0, 8.0]);
-    insta::assert_snapshot!("measured", text);
+    insta::assert_snapshot!("measured", of_measured_profiles(&profiles, &[2.0, 8.0]));
 }
 
 /// The profile of a cell's spot, from rows of its noise.
@@ -507,8 +505,7 @@ fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
             };
             let widths_of_tables = [width / 1.095, width, width * 1.095];
             let [narrow, right, wide] = widths_of_tables.map(|width| one(width, taken));
-            let tables = [one(width, exact), narrow, right, wide];
-            let errors = errors_with(curve, cell, &tables);
+            let errors = errors_with(curve, cell, &[one(width, exact), narrow, right, wide]);
             let [best, narrow, right, wide] = root_mean_squares(&errors);
             let bound = cell.spot().bound();
             let ratios = [narrow, right, wide].map(|error| error / best);

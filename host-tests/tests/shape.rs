@@ -102,8 +102,7 @@ fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
             .map(|number| {
                 let flaw = draw(&mut random);
                 // White noise, a mix, and shot noise.
-                let white = [100.0, 0.1, 0.01][number % 3];
-                let (shift, uncertainty) = hidden(flaw, white);
+                let (shift, uncertainty) = hidden(flaw, [100.0, 0.1, 0.01][number % 3]);
                 shift / uncertainty
             })
             .collect();

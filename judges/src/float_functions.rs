@@ -162,9 +162,8 @@ fn rest(samples: &[(f64, f64, f64)]) -> f64 {
         own += e * e;
     }
     let solved = matrix.lu().solve(&vector).unwrap_or_default();
-    let left = samples.iter().map(|&(u, e, exact)| {
-        let fitted = solved.dot(&Vector3::new(1.0, e, u * u * e));
-        (exact - fitted).powi(2)
-    });
+    let left = samples
+        .iter()
+        .map(|&(u, e, exact)| (exact - solved.dot(&Vector3::new(1.0, e, u * u * e))).powi(2));
     left.sum::<f64>() / own
 }

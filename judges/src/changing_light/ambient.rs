@@ -96,8 +96,7 @@ pub const LIGHTS: [Light; 7] = [
 
 /// The sharp image of a small lamp: 400 counts high, with a sigma of 6 pixels.
 fn image_beside_the_spot(light: &mut [f32]) {
-    let optics = scene().optics;
-    let centre = optics.centre(scene().distance) as f32 + 40.0;
+    let centre = scene().optics.centre(scene().distance) as f32 + 40.0;
     for (light, pixel) in light.iter_mut().zip(0u16..) {
         let u = (f32::from(pixel) - centre) / 6.0;
         *light += 400.0 * (-0.5 * u * u).exp();

@@ -71,8 +71,7 @@ impl Cases {
 
 /// Five times the bound of the clean spot, and what a profile or a rounding may add.
 fn as_the_bound(recipe: &Recipe) -> Due {
-    let bound = clean_spot(recipe).bound();
-    Due::Centre(5.0 * bound + 0.05)
+    Due::Centre(5.0 * clean_spot(recipe).bound() + 0.05)
 }
 
 /// The same for the bound of a spot of which only what is on the row is seen, with its centre so many widths
@@ -80,8 +79,7 @@ fn as_the_bound(recipe: &Recipe) -> Due {
 fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
     let spot = clean_spot(recipe);
     // Phases differ: that of the least of the spot.
-    let bound = spot.bound_cut(widths * spot.width - 0.5);
-    Due::Centre(5.0 * 1.4 * bound + 0.05)
+    Due::Centre(5.0 * 1.4 * spot.bound_cut(widths * spot.width - 0.5) + 0.05)
 }
 
 fn high(width: f64, amplitude: f64) -> Recipe {
@@ -411,8 +409,7 @@ fn bad_pixels() -> Vec<RowCase> {
             ];
             for (name, why, flaw) in flaws {
                 let name = format!("{name} {place}, sigma {width}");
-                let recipe = Recipe::clean(width).with(flaw);
-                let case = cases.honest(name, why, recipe);
+                let case = cases.honest(name, why, Recipe::clean(width).with(flaw));
                 case.repair_within = match flaw {
                     // Five times the root mean square error of many such rows.
                     Flaw::Hot(Bad { pixels: 1, .. }) | Flaw::Dead(_) if width == WIDTH => {

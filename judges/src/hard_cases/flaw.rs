@@ -371,8 +371,7 @@ mod tests {
     #[test]
     fn the_higher_spot_counts_unless_two_spots_are_similar_or_have_one_peak() {
         let truth = |share, offset| {
-            let second = Second::new(share, offset, 1.0);
-            second.truth(Truth::Centre(100.0), 100.0, 10.0, 512)
+            Second::new(share, offset, 1.0).truth(Truth::Centre(100.0), 100.0, 10.0, 512)
         };
         assert_eq!(truth(0.5, 5.0), Truth::Centre(100.0));
         assert_eq!(truth(1.0, 5.0), Truth::None);

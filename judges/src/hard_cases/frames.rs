@@ -137,8 +137,7 @@ fn frame(number: u64, rows: usize, truth: Truth, recipe: impl Fn(u64) -> Recipe)
     let recipes: Vec<Recipe> = (0..rows as u64).map(recipe).collect();
     let rows = recipes.iter().zip(0..).map(|(recipe, row)| {
         let level = recipe.black_level.clamp(0.0, 4095.0) as u16;
-        let light = recipe.row(number, row).light;
-        [vec![level; SHIELDED], light].concat()
+        [vec![level; SHIELDED], recipe.row(number, row).light].concat()
     });
     let light = recipes.first().map(Recipe::geometry);
     let light = light.expect("a row at least");

@@ -218,8 +218,7 @@ impl RowCase {
 /// What no answer may be: a centre off the row, or an uncertainty, width or height that is none.
 fn nonsense(row: &HardRow, answer: &Answer) -> Option<String> {
     let found = answer.ok()?;
-    let centre = found.centre.to_f64();
-    let on_the_row = (-0.5..=row.light.len() as f64 - 0.5).contains(&centre);
+    let on_the_row = (-0.5..=row.light.len() as f64 - 0.5).contains(&found.centre.to_f64());
     let positive = found.uncertainty.to_bits() > 0 && found.width.to_bits() > 0;
     (!on_the_row || !positive).then(|| format!("nonsense: {found:?}"))
 }

@@ -175,8 +175,7 @@ impl Recipe {
         let mut counts = vec![0.0f32; self.pixels];
         if let (Some(spot), Some(centre)) = (&self.spot, centre) {
             for (i, count) in counts.iter_mut().enumerate() {
-                let light = spot.shape.at(i as f64 - centre, spot.width);
-                *count = (spot.amplitude * light) as f32;
+                *count = (spot.amplitude * spot.shape.at(i as f64 - centre, spot.width)) as f32;
             }
         }
         self.apply(Stage::Light, &mut counts, &scene, &mut random);

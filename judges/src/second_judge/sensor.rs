@@ -91,8 +91,7 @@ impl Sensor {
             dark.into_iter().map(convert).collect()
         };
         let before = dark(LEAD + SHIELDED + TRANSITION);
-        let after = dark(TAIL);
-        let mut words = [&before, light, &after].concat();
+        let mut words = [&before, light, &dark(TAIL)].concat();
         if self.is_falling {
             words
                 .iter_mut()

@@ -208,8 +208,7 @@ mod tests {
         let gaussian = &SHAPES[0];
         assert!((gaussian.at(1.0) - (-0.5f64).exp()).abs() < 1e-4);
         // sinc^2 of half a period: the first zero is at 1 / 0.376 widths.
-        let sharp = slit(0.0, 0.01);
-        assert!(sharp.at(1.0 / 0.3762) < 1e-3);
+        assert!(slit(0.0, 0.01).at(1.0 / 0.3762) < 1e-3);
     }
 
     #[test]
