@@ -60,8 +60,7 @@ fn step(flash: &mut Flash, what: u8, a: u8, [b, c, d]: [u16; 3]) {
             flash.bytes.copy_within(whole, to);
         }
         6 => {
-            // Where power is cut the flash's contents need not be any that a store has left: what is there
-            // can be used, and no more.
+            // After a power cut, flash may hold what no store has left: what is there can be used.
             let torn = (a & 0x80 != 0).then_some(d.into());
             flash.cut_after(usize::from(c) % 1024, torn);
             let _ = block_on(Store::new(&mut *flash).save(&sample(a, b).as_ref()));

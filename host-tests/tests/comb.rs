@@ -11,8 +11,7 @@ use slitrange::frame::comb::{Maximum, assign};
 /// at 0.8 m), and the search is off by a pixel.
 fn check_random_peaks(rows: u64) {
     let comb = Comb::nominal();
-    // The spot is where it was put; it is somewhere else, and nothing says so; or a fault says that the slits
-    // are few or unclear.
+    // The spot is where it was put; silently elsewhere; or a fault says that the slits are few or unclear.
     let [right, wrong, faults] = tally(rows, |row| {
         let mut random = random(71);
         random.set_stream(row);

@@ -81,8 +81,7 @@ fn a_flat_top_tells_where_the_room_ends() {
     assert_eq!(auto.next(Exposure::LONGEST), us(700));
 }
 
-/// Something saturates the sensor without the laser, or hides the spot: one row of 32 has the longest
-/// exposure.
+/// Where other light saturates the sensor or hides the spot, one row of 32 has the longest exposure.
 #[test]
 fn a_spot_that_is_lost_is_looked_for_in_the_longest_exposure() {
     for brightness in [saturated(3), Brightness::NotTheLight] {
@@ -233,8 +232,7 @@ fn one_setting_measures_black_tape_and_bright_metal() {
 #[test]
 #[ignore = "a minute of two cores; .ci/run runs it, and `cargo exposure` takes more targets and frames"]
 fn one_setting_measures_all_of_the_range() {
-    // Of 300 readings, 95.3 % are within on average, with a standard deviation of 1.2 %. The ratio has an
-    // error of 0.05.
+    // Of 300 readings, 95.3 % are within, with a standard deviation of 1.2 %. The ratio's error is 0.05.
     assert_range(11, 300, 0.91, 1.5);
 }
 

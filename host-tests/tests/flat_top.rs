@@ -80,8 +80,7 @@ fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
 /// how many times the spot fills the well. The test asserts nine of ten from 1.2 times on for a width of 8.6
 /// pixels or more and a well of 1500 counts or more, from 1.5 times on for a width of 4 pixels or more, and
 /// from 4 times on for all. At 1.2 times a gaussian is flat over 1.2 widths, at 1.5 over 1.8 and at 4 over
-/// 3.3: 10, 7 and 5 pixels, or four degrees of freedom. Four with an r of 1 % have the evidence that is
-/// needed.
+/// 3.3: 10, 7 and 5 pixels, or four degrees of freedom. Four with an r of 1 % are enough.
 fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
     const TIMES: [f64; 6] = [1.05, 1.1, 1.2, 1.5, 2.0, 4.0];
     println!("per cent recognised at {TIMES:?} times the well");

@@ -349,8 +349,7 @@ fn example() -> FrameResult {
     }
 }
 
-/// Every flip of one bit, and every pair of flips of two bits that are at most 16 bits apart, in the middle
-/// one of three packets.
+/// Every flip of one bit, and of two bits at most 16 bits apart, in the middle one of three packets.
 #[test]
 fn short_bursts_are_found_and_cost_one_packet() {
     let messages = vec![Message::Result(example()); 3];

@@ -11,8 +11,7 @@ use simulator::profiles::Blur;
 use simulator::sinc_fit::fit_from;
 use slitrange::centre::tables::MIXES;
 
-/// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
-/// mm.
+/// The symmetric profiles: the nominal slit's pattern of a point, and that of a laser spot of 1 mm.
 fn symmetric() -> [(&'static str, Curve); 4] {
     [
         ("gaussian", profiles::gaussian()),
@@ -129,8 +128,7 @@ fn of_fraunhofer(noises: &[(f64, Noise)], widths: &[f64]) -> String {
             let [fraunhofer, default, fit] =
                 root_mean_squares(&errors.expect("centres")).map(|error| error / bound);
             text += &format!("  {fraunhofer:>5.2}{default:>6.2}{fit:>6.2}");
-            // The standard error of a ratio over 10,000 rows is 0.7 %; of one to another on the same rows it
-            // is less.
+            // A ratio's standard error over 10,000 rows is 0.7 %; to another on the same rows less.
             if noise.1.is_some() {
                 assert!(fraunhofer < fit, "{width}: {fraunhofer} {fit}");
                 assert!(default < 0.97 * fit, "{width}: {default} {fit}");
@@ -287,8 +285,7 @@ fn wide_slits_are_read_without_fault_or_flag() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// The faults, the flags, and the RMS error over the width and over the claim that the measurement has with
-/// an estimator.
+/// The faults, the flags, and the RMS error over the width and over the claim of an estimator's measurement.
 fn read(curve: &Curve, cells: &[Cell], estimator: Estimator) -> [f64; 4] {
     let (mut faults, mut flags, mut errors) = (0.0, 0.0, vec![]);
     for &cell in cells {

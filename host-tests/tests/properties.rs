@@ -211,8 +211,7 @@ proptest! {
         }
     }
 
-    /// A constant on all words changes no bit of a reading except the black level, if the words stay within
-    /// 12 bits.
+    /// A constant on all words changes no bit of a reading but the black level, if they stay within 12 bits.
     #[test]
     fn a_constant_changes_the_black_level_only(
         centre in 1250.0..2600.0f64,

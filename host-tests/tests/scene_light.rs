@@ -252,8 +252,7 @@ fn texture_shifts_the_centre_at_random_and_stays() {
         let expected = on_target.sqrt() * 0.8 / range * 0.05 / range / 8e-6;
         let shift = squares.sqrt();
         println!("{length} m: shift {shift:.5} for {expected:.5} px; brightness {brightness:.1}");
-        // 1500 surfaces: a standard deviation within 1.8 %, and within 6 % almost surely; the contrast's
-        // second order is 1 %.
+        // 1500 surfaces: 1.8 % of a standard deviation, almost surely 6 %; the second order is 1 %.
         assert!((shift / expected - 1.0).abs() < 0.07);
         // The mean reflectance is 1: a tenth over sqrt(1500).
         assert!((brightness / moments(&plain.row(0, 0.8, 1.0)).0 - 1.0).abs() < 0.01);
@@ -382,8 +381,7 @@ fn a_small_pupil_on_a_camera_shows_rings() {
         })
     });
     let worst = of_row.into_iter().fold(0.0, f64::max);
-    // A pixel of 0.054 details gathers less at the top than there is: (pi^2 / 4) 0.054^2 / 12 in each
-    // direction.
+    // A pixel of 0.054 details gathers less at the top: (pi^2 / 4) 0.054^2 / 12 in each direction.
     println!("off by {worst:.2} of 1000 counts");
     assert!(worst < 1.5);
 }
@@ -522,8 +520,7 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
             assert!((mean - at_rest.1 - bent / 6.0).abs() < 1e-3);
             // Short exposures n leave out 1/n^2 of the variance.
             assert!((more - expected).abs() < 0.01 + 0.005 * expected);
-            // Against the integral over the exposure of what pixels gather of the gaussian: 1e-4 of the peak,
-            // and f32's rounding.
+            // Against the gaussian's integral over pixels and exposure: 1e-4 of the peak, and f32's rounding.
             if diffraction.is_empty() {
                 let phi = |x: f64| libm::erf(x / (8.6 * SQRT_2));
                 let worst = worst(&light, centre as usize - 80, 160, |pixel| {
@@ -539,8 +536,7 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     }
 }
 
-/// The width that a scene states for the estimators is that of the reference fit to the profile of the same
-/// slit in `profiles`.
+/// The width that a scene states is that of the reference fit to the same slit's profile in `profiles`.
 #[test]
 fn the_expected_width_is_that_of_the_best_gaussian() {
     for seen in [0.1e-3, 1e-3, 3e-3] {
@@ -600,8 +596,7 @@ fn camera(aperture: Aperture) -> Scene {
     listing(camera, &fresnel(1e-3))
 }
 
-/// The largest difference of a camera's light, in thousands of counts, from the field's at these rows and at
-/// pixels around the centre.
+/// The largest difference of a camera's light, in thousands of counts, from the field's at these pixels.
 fn worst_on_camera(
     (simulation, centre): (&Simulation, f64),
     (pixels, rows): (&[usize], &[u64]),
@@ -788,8 +783,7 @@ fn speckle_changes_only_with_the_surface() {
     assert_eq!(of(point.clone()), of(point.without(Effect::Speckle)));
 }
 
-/// From the darkest to the brightest in equal steps of the logarithm, and back. Lamps are as bright as
-/// before.
+/// From the darkest to the brightest in equal steps of the logarithm, and back. Lamps do not change.
 #[test]
 fn targets_of_different_reflectivity_follow_one_another() {
     let effects = "spot = { width = 8.0, counts_per_second = 1e6 }

@@ -178,8 +178,7 @@ fn response_differs_in_proportion_to_light() {
     assert_eq!(doubled, lit(200.0));
 }
 
-/// The deviation is the same in the dark and in light, after any exposure, under metal and on dummy pixels.
-/// It stays from row to row.
+/// Also after any exposure, under metal and on dummy pixels, and from row to row.
 #[test]
 fn the_fixed_pattern_is_the_same_in_the_dark_and_in_light() {
     let scene = listing(Scene::dark(Sensor::Tcd1304dg), "fixed_pattern.counts = 3.0");
@@ -306,8 +305,7 @@ fn a_bloomed_spot_has_a_flat_top() {
     assert_eq!(light[end..], before[end..]);
 }
 
-/// For any row, the total charge stays, no pixel exceeds its well, and the mirrored row gives the mirrored
-/// result.
+/// The charge stays, no pixel exceeds its well, and the mirrored row gives the mirrored result.
 #[test]
 fn blooming_favours_no_side() {
     for seed in 0..200 {
@@ -328,8 +326,7 @@ fn blooming_favours_no_side() {
     }
 }
 
-/// All outputs have the drift. It rises with time: from row to row of a line sensor, from frame to frame of a
-/// camera.
+/// All outputs drift with time: from row to row of a line sensor, from frame to frame of a camera.
 #[test]
 fn the_black_level_drifts() {
     for sensor in [Sensor::Tcd1304dg, Sensor::Camera] {
@@ -400,8 +397,7 @@ fn counts_round_half_up_and_clip_at_both_ends() {
     assert_eq!(quantise(&counts, 4095), [0, 0, 1, 7, 4095, 4095, 4095, 0]);
 }
 
-/// Exposures do not overlap: if the exposure is longer than the sensor's period, rows come at the period of
-/// the exposure.
+/// Exposures do not overlap: where they are longer than the sensor's period, rows come at theirs.
 #[test]
 fn a_row_takes_as_long_as_its_exposure() {
     for (exposure, period) in [(0.005, 1.0 / 175.4), (0.02, 0.02)] {
@@ -735,8 +731,7 @@ fn after_darkness(scene: &Scene, row: u64) -> Vec<f32> {
 }
 
 /// A row, put together by hand: light that is free of noise, and then what the sensor's effects make of it,
-/// each with the random numbers that are its own by its name, the seed and the row - and by nothing else that
-/// the scene lists.
+/// each with random numbers of its own by its name, the seed and the row, and by nothing else in the scene.
 fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     // The effects of the sensor are the last ones.
     let of_the_sensor = (Effect::ALL.into_iter()).skip_while(|it| *it != Effect::Response);

@@ -260,8 +260,7 @@ fn a_rising_background_hides_no_spot() {
                 let spot = find(&light).expect("a spot");
                 furthest = furthest.max((place(&spot) - truth).abs() / (1.5 * width + 1.0));
                 if slope >= 1.0 {
-                    // What it is above the row's dark end, to a tenth of what it drifts and a tenth of
-                    // the spot.
+                    // Above the row's dark end, to a tenth of its drift and a tenth of the spot.
                     let from_dark = match light[..32] < light[pixels - 32..] {
                         true => truth,
                         false => pixels as f64 - truth,

@@ -220,8 +220,7 @@ impl Sensor {
         self.log = log;
     }
 
-    /// Starts again: with the latest save or something else in flash, with another head, or for another
-    /// reason.
+    /// Starts again: with what else is in flash, with another head, or for another reason.
     fn start(&mut self, words: &[&str]) {
         let saved = || self.saved.clone().expect("a save");
         let (mut geometry, mut stored) = (tcd1304dg(), Stored::Nothing);

@@ -90,8 +90,7 @@ const KINDS: [(&str, Draw); 5] = [
     }),
 ];
 
-/// A standard uncertainty is as large as the errors are on average, and errors of five times as much are
-/// rare.
+/// Errors are as large as the standard uncertainty on average, and seldom five times as large.
 #[test]
 fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
     const FLAWS: usize = 600;

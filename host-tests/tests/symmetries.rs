@@ -174,8 +174,7 @@ impl Spreads {
     }
 }
 
-/// A constant on all pixels, with no pixel clipped, changes no bit of a centre, nor of a fault without
-/// counts.
+/// A constant on all pixels, none clipped, changes no bit of a centre, nor of a fault without counts.
 #[test]
 fn the_black_level_changes_no_bit() {
     const CASES: u32 = 1000;
@@ -255,8 +254,7 @@ fn shifted_back(centre: RowCentre, pixels: usize) -> RowCentre {
 /// window. On clean rows this moves the centre by a tenth of its uncertainty root mean square, and by twice
 /// its uncertainty at most. A tenth adds half a per cent to an error.
 ///
-/// `fraunhofer` depends more on the table, because its tables are for the pattern of a slit, and the spot is
-/// a gaussian.
+/// `fraunhofer` depends more on the table: its tables are for a slit's pattern, and the spot is a gaussian.
 #[test]
 fn a_shifted_row_has_the_shifted_centre() {
     let (spreads, whole) = (Spreads::default(), RefCell::new(0));
@@ -303,8 +301,7 @@ fn a_shifted_row_has_the_shifted_centre() {
 /// For the centroid this is exact, except for the rounding of sums in another order. The other estimators may
 /// use a window that is half a sample or a phase away, and such a window sees other noise. Two unbiased
 /// estimates with errors of k times the bound differ by at most 2 sqrt(1 - 1/k^2) of their uncertainty root
-/// mean square: by 0.8 for the phase tables (k = 1.09). The test asserts a tenth, which adds half a per cent
-/// to an error.
+/// mean square: by 0.8 for the phase tables (k = 1.09). A tenth is asserted: half a per cent of an error.
 ///
 /// In one of a hundred rows the check makes a second fit, perhaps in the mirrored row only. `fraunhofer` may
 /// differ by several uncertainties, because its tables are for the pattern of a slit: two neighbouring tables
@@ -418,8 +415,7 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
     }
 }
 
-/// The same noise under a spot of one to four times the height: the claimed uncertainty does not grow, and no
-/// centre is lost.
+/// The same noise under up to four times the height: the claim does not grow, and no centre is lost.
 ///
 /// This holds too if the brighter spot uses another table. The limit of 5 % has two reasons. The flanks of a
 /// wide spot look like a little noise, and the claim of the centroid depends on the width at half maximum.

@@ -261,8 +261,7 @@ fn a_spot_that_jumps_is_found_at_its_new_place() {
     }
 }
 
-/// The spot becomes twice or half as wide (a spot of less than two pixels: twice) while its target moves a
-/// little.
+/// The spot becomes twice or half as wide (below two pixels: twice) while its target moves a little.
 ///
 /// The estimators that measure the width in each row stay honest. The phase tables use the width of the row
 /// before, so the wrong table serves until the frame ends. If the spot became wider, its error is then up to
@@ -472,8 +471,7 @@ fn any_rows() -> impl Strategy<Value = Vec<Vec<u16>>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2500))]
 
-    /// No sequence of rows makes the measurement panic. Every distance is in the range of the calibration,
-    /// and has an uncertainty.
+    /// No sequence of rows panics. Every distance is in the calibration's range, and has an uncertainty.
     #[test]
     fn any_rows_give_readings_or_faults(
         rows in any_rows(),

@@ -180,8 +180,7 @@ fn any_measured() -> impl Strategy<Value = Measured> {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Whatever a record and a frame say, u is above zero, and not below any part: a reading's, and a
-    /// difference's.
+    /// A reading's u and a difference's are above zero, and not below any part, for any record and frame.
     #[test]
     fn u_is_never_zero_and_never_below_a_part(
         [before, now] in [any_measured(), any_measured()],

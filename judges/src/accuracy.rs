@@ -128,8 +128,7 @@ impl Cell {
         (0.5 * self.width).max(8.0 * self.spot().bound())
     }
 
-    /// Pixels of a row: enough for the background of the spot, and no more, because making the rows takes the
-    /// time.
+    /// Pixels of a row: enough for the spot's background, and no more, because making rows takes the time.
     pub fn pixels(&self) -> usize {
         match self.width {
             width if width <= 3.0 => 512,
@@ -200,8 +199,7 @@ pub const SERIES: u64 = 16;
 /// The spot drifts by up to this many pixels a row, either way: 30 mm/s of a target at 0.8 m and 175 rows a
 /// second.
 const FASTEST_DRIFT: f64 = 0.6;
-/// Additive recurrence over two dimensions, the most even there is: 1/p and 1/p^2 of the plastic number p,
-/// p^3 = p + 1.
+/// Additive recurrence, the most even in two dimensions: 1/p and 1/p^2 of the plastic number p^3 = p + 1.
 const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// A function that finds centres as [`centre::centre`] does, by any of several methods `M`.

@@ -157,8 +157,7 @@ fn damaged_and_cut_off_records_are_refused() {
     }
 }
 
-/// The encoder refuses every part that cannot be used. The decoder refuses the part too, if it can be written
-/// at all.
+/// The encoder refuses every part that cannot be used; the decoder too, if it can be written at all.
 #[test]
 fn unusable_records_are_refused() {
     let wrong = |record: Record| encode(&record, &mut [0; MAX_ENCODED]).err();
@@ -214,8 +213,7 @@ fn unusable_records_are_refused() {
         let record = with(nominal(), |it| it.errors = errors);
         assert_eq!(wrong(record), is_wrong.then_some(RecordError::Errors));
     }
-    // The same in bytes, where each stands by the format: 1 version, 2 serial number, 2 year, then month,
-    // day.
+    // In bytes, as the format has them: 1 version, 2 serial number, 2 year, then month, day.
     let bytes = encoded(&nominal());
     let with = |place: usize, byte: u8| {
         let mut bytes = bytes[..bytes.len() - 4].to_vec();
@@ -332,8 +330,7 @@ proptest! {
         prop_assert!(scattered == bytes || decode(&scattered).is_err());
     }
 
-    /// Changed bytes with a right CRC: an accepted record keeps every promise of a calibration, and can be
-    /// encoded.
+    /// Changed bytes with a right CRC: an accepted record keeps a calibration's promises, and can be encoded.
     #[test]
     fn accepted_records_can_be_used(
         record in records(),

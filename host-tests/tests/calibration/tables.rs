@@ -35,8 +35,7 @@ fn a_distance_never_turns_back_between_neighbouring_centres() {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Every table rises or falls to the last bit, is exact at its knots, agrees with f64, and gives its own
-    /// slope.
+    /// Every table is monotone to the last bit, exact at its knots, agrees with f64, and gives its own slope.
     #[test]
     fn every_table_is_monotone_and_right(
         knots in monotone_knots(),

@@ -19,8 +19,7 @@ fn settings_bytes(configuration: &Configuration) -> usize {
     encoded(&with(configuration.clone(), |it| it.record = None)).len()
 }
 
-/// Later firmware reads these bytes, unless the version changes. The core's own tests check the lines of the
-/// settings.
+/// Later firmware reads these bytes, unless the version changes. The core tests the settings' lines.
 #[test]
 fn the_records_own_bytes_follow_the_settings() {
     let configuration = sample(Size::Middle, 5);
@@ -93,8 +92,7 @@ fn settings() -> impl Strategy<Value = Settings> {
     })
 }
 
-/// Settings and records of every kind, without a record whose centres reach beyond its sensor, which `encode`
-/// refuses.
+/// Settings and records of every kind but those with centres beyond the sensor, which `encode` refuses.
 fn all() -> impl Strategy<Value = Configuration> {
     let records = prop::option::weighted(0.9, records()).prop_map(Option::flatten);
     let fits = |record: &Record| record::encode(record, &mut [0; record::MAX_ENCODED]).is_ok();
@@ -115,8 +113,7 @@ proptest! {
         prop_assert_eq!(again.as_ref(), Ok(&configuration));
     }
 
-    /// Takes damaged bytes and any other bytes. If they decode, the configuration can be encoded, and decodes
-    /// to itself again.
+    /// Damaged bytes and any others: what decodes can be encoded, and decodes to itself again.
     #[test]
     fn decoded_configurations_encode_and_decode_to_themselves(
         configuration in all(),

@@ -56,8 +56,7 @@ impl Flash {
         }
     }
 
-    /// Power fails after so many operations from now. With a seed the next operation is begun, but not
-    /// finished.
+    /// Power fails after so many operations. With a seed the next one is begun, but not finished.
     pub fn cut_after(&mut self, operations: usize, torn: Option<u64>) {
         self.power = Power::Until(operations, torn);
     }

@@ -60,8 +60,7 @@ fn all() -> impl Iterator<Item = usize> {
     0..8 * BYTES
 }
 
-/// One bit of each byte that a sector uses, one bit of every eighth byte of the erased rest, and all bits of
-/// the marks.
+/// One bit of each byte in use, one of every eighth byte of the erased rest, and all bits of the marks.
 fn one_of_each_byte(flash: &Flash) -> impl Iterator<Item = usize> + use<> {
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let last = [0, SECTOR].map(|start| {

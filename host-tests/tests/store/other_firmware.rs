@@ -76,8 +76,7 @@ fn a_record_of_a_later_version_is_reported() {
     assert_eq!(read(&mut flash), Stored::Later(record::VERSION + 1));
 }
 
-/// The library's checksum of an item's length, from its definition: CRC-16 with the reflected polynomial
-/// 0x1a2e.
+/// The library's checksum of an item's length, from its definition: CRC-16, reflected polynomial 0x1a2e.
 fn length_sum(length: u16) -> u16 {
     reflected_crc(0xffff, 0x1a2e, &length.to_le_bytes()) as u16
 }

@@ -78,8 +78,7 @@ fn nothing_is_lost(what: &str, flash: &Flash, new: &Configuration, step: usize) 
     }
 }
 
-/// Saves until a save goes to the other sector: gives the flash before and after that save, and its
-/// configuration.
+/// Saves until one goes to the other sector: the flash before and after that, and its configuration.
 fn around_a_change(mut flash: Flash, sizes: &[Size]) -> (Flash, Flash, Configuration) {
     for (i, &size) in sizes.iter().cycle().enumerate() {
         let before = flash.clone();

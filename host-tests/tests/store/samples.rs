@@ -31,8 +31,7 @@ pub fn sample(size: Size, i: u32) -> Configuration {
     Configuration { settings, record }
 }
 
-/// Bytes of an item: the library's header, the number, the configuration. Bytes that fill up the last word do
-/// not count.
+/// Bytes of an item: the library's header, the number, the configuration; without the last word's filling.
 pub fn item_bytes(size: Size) -> usize {
     let mut buffer = [0; MAX_ENCODED];
     let bytes = encode(&sample(size, 0).as_ref(), &mut buffer).expect("a usable configuration");

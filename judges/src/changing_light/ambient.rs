@@ -153,8 +153,7 @@ impl Light {
             (self.ambient).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
         let lamps = (self.lamps).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
         let counts = ROW_PERIOD * (ambient_light + lamps);
-        // The pixels' own differences are noise too, unless they are subtracted. All rows of a frame have
-        // the same.
+        // The pixels' differences are noise too, unless subtracted: the same in all rows of a frame.
         let pattern = match (self.pattern, ambient) {
             (Some(pattern), AmbientMode::Off) => pattern.counts.powi(2) * f64::from(rows),
             _ => 0.0,

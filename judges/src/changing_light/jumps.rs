@@ -61,9 +61,8 @@ impl Worst {
 }
 
 impl Jumps {
-    /// This many random jumps, by sensors on all cores. Each sensor has a thousand of them and its own random
-    /// numbers, so the number of cores does not change the results. Calls `done` with the jumps of each
-    /// sensor.
+    /// This many random jumps, on all cores. Each sensor has a thousand of them and its own random numbers,
+    /// so the number of cores changes no result. Calls `done` with the jumps of each sensor.
     pub fn run(jumps: u64, done: &(dyn Fn(u64) + Sync)) -> Self {
         (0..jumps.div_ceil(OF_A_SENSOR))
             .into_par_iter()

@@ -26,8 +26,7 @@ pub struct CalibrationCase {
 pub enum CalibrationDue {
     /// It is refused, with the error of this name.
     Refused(&'static str),
-    /// It is taken, and over its whole range its distance is that of eq. (1), or of the knots, within so many
-    /// micrometres.
+    /// It is taken, and its distance is eq. (1)'s, or the knots', within so many micrometres.
     Exact(f64),
 }
 
@@ -155,8 +154,7 @@ impl CalibrationCase {
     }
 }
 
-/// Steps of Q24.8 that eq. (1) with residuals may go back: both parts are rounded each for itself (see
-/// [`Corrected`]).
+/// Steps of Q24.8 that eq. (1) with residuals may go back: both parts are rounded (see [`Corrected`]).
 const STEP_BACK: i32 = 4;
 
 /// Eq. (1) from D (um), K (um px), xp (px) and the ends of its range (px).

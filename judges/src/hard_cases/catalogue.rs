@@ -227,8 +227,7 @@ fn saturation() -> Vec<RowCase> {
         }
     }
     for top in [2.0f64, 5.0, 10.0, 30.0, 60.0] {
-        // A gaussian is at full scale over `top` pixels where it is exp((top / 2)^2 / (2 sigma^2)) times as
-        // high.
+        // A gaussian exp((top / 2)^2 / (2 sigma^2)) times as high is at full scale over `top` pixels.
         let width = (top / 3.0).max(1.0);
         let times = (0.5 * (0.5 * top / width).powi(2)).exp();
         let why = "the top is flat: no pixel is the highest";

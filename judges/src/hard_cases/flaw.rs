@@ -45,13 +45,11 @@ pub enum Flaw {
     Response(f64),
     /// A pixel holds no more than so many counts; the share of what is beyond that flows over to both sides.
     FullWell(f64, f64),
-    /// What is beyond full scale drags behind the spot to its right: this share of each pixel's overflow goes
-    /// to the next.
+    /// Excess drags behind the spot to its right: this share of each pixel's overflow goes to the next.
     Smear(f64),
     /// Unlit pixels differ by this standard deviation in counts.
     FixedPattern(f64),
-    /// The black level changes by so many counts at a place so many widths from the spot, for the rest of the
-    /// row.
+    /// The black level changes by so many counts so many widths from the spot, for the rest of the row.
     Step(f64, f64),
     /// The black level bends along the row: a half wave of so many counts.
     Sag(f64),

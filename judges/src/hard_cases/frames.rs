@@ -131,8 +131,7 @@ fn middle(number: u64) -> f64 {
     240.0 + 32.0 * ((number as f64 + 0.5) * GOLDEN).fract()
 }
 
-/// A frame of so many rows, of recipes for the row of a number; the shielded pixels read what the black level
-/// is.
+/// A frame of so many rows, of recipes for the row of a number; shielded pixels read the black level.
 fn frame(number: u64, rows: usize, truth: Truth, recipe: impl Fn(u64) -> Recipe) -> HardFrame {
     let recipes: Vec<Recipe> = (0..rows as u64).map(recipe).collect();
     let rows = recipes.iter().zip(0..).map(|(recipe, row)| {

@@ -128,8 +128,7 @@ fn words(due: Due) -> String {
     }
 }
 
-/// What an estimator says of a case: the root mean square error of its centres without a flag, how many have
-/// one, and faults.
+/// What an estimator says of a case: the RMS error of centres without a flag, how many have one, and faults.
 fn cell(Outcome { said, failure, .. }: &Outcome) -> String {
     let mut parts = vec![];
     let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();

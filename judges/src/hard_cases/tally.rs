@@ -63,8 +63,7 @@ pub struct Tally {
     pub alone: [Counts; ESTIMATORS],
     /// Of each kind of flaw: the rows that have it, and the default estimator's errors in them.
     pub kinds: [OfKind; Kind::ALL.len()],
-    /// Seeds of rows in which the default estimator, as the measurement takes it, was confidently wrong: the
-    /// first of them.
+    /// The first seeds of rows in which the default estimator in the measurement was confidently wrong.
     pub seeds: Vec<u64>,
 }
 

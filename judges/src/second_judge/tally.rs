@@ -31,8 +31,7 @@ impl Judged {
     }
 }
 
-/// The sensors that are judged: calibrated, with the default estimator and with `phase-table`; and never
-/// calibrated.
+/// The sensors judged: calibrated, with the default estimator and `phase-table`; and never calibrated.
 pub const JUDGED: [Judged; 3] = [
     Judged::new(Estimator::Adaptive, true),
     Judged::new(Estimator::PhaseTable, true),
@@ -65,8 +64,7 @@ pub enum Verdict {
 }
 
 impl Frame {
-    /// Runs the firmware's pipeline with the default settings and an estimator, on a sensor that knows its
-    /// own spot or does not.
+    /// Runs the firmware's pipeline with an estimator, on a sensor that knows its own spot or does not.
     ///
     /// # Errors
     /// The fault that the firmware reports.

@@ -80,8 +80,7 @@ pub fn second_reflection(plan: &mut Plan, random: &mut Rng) {
     add_spot(plan, share, offset, widths);
 }
 
-/// Adds a spot of the same shape: height as a share, distance and width in widths of the spot. It moves with
-/// the spot.
+/// Adds a spot of the same shape that moves with it: height as a share, distance and width in its widths.
 pub fn add_spot(plan: &mut Plan, share: f64, offset: f64, widths: f64) {
     plan.light.add(move |pixels, moment, _| {
         let spot = moment.spot;
