@@ -493,9 +493,7 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     let exposure = 0.005;
     // 0.1 to 20 pixels during an exposure at 178 um a pixel of 8 um near 0.6 m.
     for (speed, diffraction) in [(0.01, ""), (0.5, ""), (-0.9, ""), (0.5, FRESNEL)] {
-        let mut still = plain_with(diffraction);
-        let spot = still.spot.iter_mut();
-        spot.for_each(|it| it.counts_per_second = 1000.0 / exposure);
+        let still = plain_with(diffraction).with_height(1000.0 / exposure);
         let scene = with(still.clone(), |it| it.motion = Some(Motion { speed }));
         let simulation = Simulation::new(scene.clone());
         for row in [0, 7] {

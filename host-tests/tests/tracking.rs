@@ -23,16 +23,14 @@ const SHOT: u16 = 6554;
 impl Shown {
     /// The counts of a row; `number` selects the noise.
     fn counts(&self, number: u64) -> Vec<u16> {
-        let (width, counts_per_second) = (self.width, self.amplitude);
         let mut scene = Scene::white_paper();
         (scene.seed, scene.sensor) = (8, Sensor::Row(PIXELS));
         scene.optics = Scene::dark(scene.sensor).optics;
         scene.black_level = Some(scene::BlackLevel::steady(self.black_level));
         let noise = scene.read_noise.iter_mut();
         noise.for_each(|it| it.counts = self.read_noise);
-        let spot = scene.spot.iter_mut();
-        spot.for_each(|it| (it.width, it.counts_per_second) = (width, counts_per_second));
-        scene.spot = scene.spot.filter(|_| counts_per_second > 0.0);
+        let spot = || scene::Spot::new(self.width, self.amplitude);
+        scene.spot = (self.amplitude > 0.0).then(spot);
         quantise(&scene.row_with_centre(number, self.centre, 1.0), 4095)
     }
 }
