@@ -230,11 +230,6 @@ fn independent(count: usize, share: f64) -> f64 {
     n / (1.0 + 2.0 * terms.sum::<f64>())
 }
 
-/// The share by which rows hang together that are worth so many.
-fn share_for(count: usize, worth: f64) -> f64 {
-    bisect(0.0, 1.0, |share| independent(count, share) > worth)
-}
-
 /// Measures detections and false alarms in frames whose rows are correlated with the rows before. A frame of
 /// 64 rows is flagged if it is worth fewer than 8 independent rows. A frame worth 12 to 24 is often flagged,
 /// because it may be worth fewer. The claim is always at least 0.8 of the error. A frame of 16 rows shows
@@ -246,7 +241,7 @@ fn rows_with_correlated_errors_are_flagged() {
             if worth > count as f64 {
                 continue;
             }
-            let share = share_for(count, worth);
+            let share = bisect(0.0, 1.0, |share| independent(count, share) > worth);
             let name = format!("worth {worth} ({share:.3})");
             let outcome = run(FRAMES, (&name, count, Mean::Weighted), |random| {
                 draw_correlated(random, count, share)

@@ -134,14 +134,11 @@ pub fn centre(light: &[u16], spot: &Spot, tables: &[Weights], sampling: Sampling
     None
 }
 
-/// Half a step between the widths, and a tenth of it.
-fn reach(tables: &[Weights]) -> f64 {
-    0.6 * (tables[1].width / tables[0].width - 1.0)
-}
-
 /// Pixels in a sample, and the table for a width.
 fn choose(tables: &[Weights], width: f64, sampling: Sampling) -> (u8, usize) {
-    let widest = tables[tables.len() - 1].width * (1.0 + reach(tables));
+    // Half a step between the widths, and a tenth of it.
+    let reach = 0.6 * (tables[1].width / tables[0].width - 1.0);
+    let widest = tables[tables.len() - 1].width * (1.0 + reach);
     let mut blocks = BLOCKS.into_iter();
     let block = match sampling {
         Sampling::Fine => blocks
