@@ -32,8 +32,7 @@ fn written_as_read(record: &Record) {
     assert_eq!(decode(written).as_ref(), Ok(record));
 }
 
-/// Distances lie within their range and all go one way, but for what rounding may do; beyond the centres
-/// there are none.
+/// Distances lie within their range and go one way, but for rounding; beyond the centres there are none.
 fn usable(calibration: &Calibration, places: &[u8]) {
     let (first, last) = calibration.valid();
     assert!(first < last);

@@ -76,7 +76,6 @@ fn stuck_bit(which: u8) -> u16 {
     }
 }
 
-/// A sensor, the light on it, and the pipeline.
 struct Bench {
     geometry: Geometry,
     light: Vec<f64>,

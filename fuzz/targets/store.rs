@@ -24,7 +24,6 @@ use slitrange_device::record::date::Date;
 use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
 use slitrange_device::store::{Store, Stored};
-
 use flash::{BYTES, Flash, SECTOR};
 
 /// Steps at most, so that an input takes a few milliseconds.
@@ -61,8 +60,7 @@ fn step(flash: &mut Flash, what: u8, a: u8, [b, c, d]: [u16; 3]) {
             flash.bytes.copy_within(whole, to);
         }
         6 => {
-            // Where power is cut the flash's contents need not be any that a store has left: what is there
-            // can be used, and no more.
+            // After a power cut, flash may hold what no store has left: what is there can be used.
             let torn = (a & 0x80 != 0).then_some(d.into());
             flash.cut_after(usize::from(c) % 1024, torn);
             let _ = block_on(Store::new(&mut *flash).save(&sample(a, b).as_ref()));
@@ -141,7 +139,6 @@ fn check(flash: &mut Flash) {
     }
 }
 
-/// Saves over any contents, and reads the configuration back.
 fn save(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(
         block_on(Store::new(&mut *flash).save(&saved.as_ref())),

@@ -194,10 +194,9 @@ fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise_on_the_whole_grid
 }
 
 /// Tests the two estimators that use no phase tables. The fit reaches the bound, and its claims hold to a
-/// twentieth. The claims of the centroid hold to a tenth. By the formula of its uncertainty, the centroid is
-/// at 1.6 of the bound. At a width of 1.2 it also has an interpolation error of 0.003 pixel, which its claim
-/// leaves out; the bound is 0.0025 there. The standard error of a ratio is 1 % over 5000 rows, and 0.5 % over
-/// 20,000.
+/// twentieth. The claims of the centroid hold to a tenth. By its formula, the centroid is at 1.6 of the
+/// bound. At a width of 1.2 it also has an interpolation error of 0.003 pixel, which its claim leaves out;
+/// the bound is 0.0025 there. The standard error of a ratio is 1 % over 5000 rows, and 0.5 % over 20,000.
 #[test]
 #[ignore = "takes 6 CPU s; run by .ci/run"]
 fn centroid_and_fit_stay_within_their_limits_and_their_claims() {

@@ -4,7 +4,6 @@ use crate::support::*;
 use judges::changing_light::ambient::{
     CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
 };
-use judges::frames::words;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 
 const FRAMES: usize = 400;
@@ -60,9 +59,8 @@ fn a_long_frame_has_more_of_the_means_noise() {
         println!("{rows} rows: {found:.3?}, computed share {of_mean:.4}");
         assert_eq!((found.faults, found.beyond_5), (0, 0));
         let readings = found.readings() as f64;
-        // Four standard deviations of an RMS value, and what r is too large by: it states the spot's own shot
-        // noise as noise of the mean, and the mean's share at the end of a frame (1/255 of a row's variance
-        // for each row).
+        // Four standard deviations of an RMS value, and what r is too large by: the spot's own shot noise as
+        // noise of the mean, and its share at the end of a frame (1/255 of a row's variance for each row).
         let margin = 4.0 / (2.0 * readings).sqrt();
         let too_large = ((1.0 + f64::from(rows) / 255.0) / (1.0 + of_mean)).sqrt();
         let ratio = found.rms_um / found.r_um;
@@ -136,8 +134,7 @@ fn r_contains_all_noise_of_a_mean_that_has_just_begun() {
     }
 }
 
-/// Options that the mean does not depend on leave the mean as it is. With `ambient` or `laser` the mean
-/// begins again.
+/// Options that do not change the mean leave it. With `ambient` or `laser` the mean begins again.
 #[test]
 fn the_mean_outlasts_other_settings() {
     let (lit, dark) = lit_and_dark_words();
@@ -184,8 +181,7 @@ fn the_mean_outlasts_other_settings() {
 type Lamp = fn(&mut [f32]);
 
 /// Lamps that are switched on and off: strong daylight from one side, and a sharp image on the spot's flank.
-/// Until the mean has followed, there is too much light or too little, and no reading may claim to be better
-/// than it is.
+/// Until the mean has followed, no reading may claim to be better than it is.
 #[test]
 fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
     let from_one_side = |light: &mut [f32]| {

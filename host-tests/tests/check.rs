@@ -1,7 +1,6 @@
 //! The check: how seldom it fails a good row, and how often it finds a flaw.
 
 use crate::support::*;
-use judges::accuracy;
 use judges::hard_cases::Shape;
 use judges::hard_cases::recipe::Place;
 

@@ -3,7 +3,6 @@
 
 use crate::support::*;
 use rand::seq::SliceRandom as _;
-use simulator::scene::SecondReflection;
 use simulator::scene::comb::Comb as Mask;
 use slitrange::frame::comb::{Maximum, assign};
 
@@ -12,8 +11,7 @@ use slitrange::frame::comb::{Maximum, assign};
 /// at 0.8 m), and the search is off by a pixel.
 fn check_random_peaks(rows: u64) {
     let comb = Comb::nominal();
-    // The spot is where it was put; it is somewhere else, and nothing says so; or a fault says that the slits
-    // are few or unclear.
+    // The spot is where it was put; silently elsewhere; or a fault says that the slits are few or unclear.
     let [right, wrong, faults] = tally(rows, |row| {
         let mut random = random(71);
         random.set_stream(row);
@@ -24,8 +22,7 @@ fn check_random_peaks(rows: u64) {
         let mut peaks: Vec<Maximum> = (slits[missing..].iter())
             .map(|&slit| {
                 let normal: f64 = random.sample(StandardNormal);
-                let place = comb.slits()[slit].from_axis(Pixels::from_f32(x0)).to_f64();
-                peak(place + 2.4 * normal)
+                peak(comb.slits()[slit].from_axis(Pixels::from_f32(x0)).to_f64() + 2.4 * normal)
             })
             .collect();
         peaks.push(peak(random.random_range(0.0..3648.0)));
@@ -242,10 +239,6 @@ fn every_estimator_measures_a_comb() {
 /// Bright images are not too few.
 #[test]
 fn saturated_images_are_a_fault_of_their_own() {
-    let mut scene = quiet();
-    if let Some(spot) = &mut scene.spot {
-        spot.counts_per_second *= 4.0;
-    }
-    let found = measure(&scene, 0.8, 2);
+    let found = measure(&quiet().with_height(4.0 * 350_000.0), 0.8, 2);
     assert!(matches!(found, Err(Fault::Saturated { .. })), "{found:?}");
 }

@@ -10,24 +10,18 @@
 //! fixed width does not see them. The core weights pixels by their noise, and so sees a little of them: 0.02
 //! to 0.03 pixels in the median, 0.08 to 0.09 pixels RMS (30 to 35 um of distance at 0.8 m).
 
-use std::f64::consts::TAU;
-
 use crate::support::*;
 use num_complex::Complex64 as Wave;
 use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 /// Points of a slit's width: 20 to a turn of phase where a neighbour's image is.
 const POINTS: usize = 128;
-
 /// Points of a pixel's width: 8 or more to a fringe.
 const PARTS: usize = 2;
-
 /// Pixels to either side of the image's middle: as far as half of the gap to the neighbour's.
 const HALF: i32 = 56;
-
 /// Sigma in pixels of the gaussian that is fitted.
 const SIGMA: f64 = 8.6;
-
 /// Numbers of the slits of the nominal mask: two gaps of 860 um.
 const SLITS: [usize; 3] = [0, 1, 2];
 
@@ -36,8 +30,7 @@ fn sum(phasors: &[Wave], ways: &[Wave]) -> Wave {
     phasors.iter().zip(ways).map(|(a, b)| a * b).sum()
 }
 
-/// The way of light from points of a target, through each of the slits, to the pixels of the middle slit's
-/// image.
+/// Light's way from points of a target, through each slit, to the pixels of the middle slit's image.
 struct Ways {
     /// For each slit and part of a pixel: from each point of the target.
     slits: Vec<Vec<Vec<Wave>>>,
@@ -87,8 +80,7 @@ impl Ways {
         }
     }
 
-    /// Adds the light of each pixel from points of these amplitudes: of the slits' fields, and of the slits
-    /// one by one.
+    /// Each pixel's light from points of these amplitudes: of the slits' fields, and of slits one by one.
     fn add(&self, amplitudes: &[Wave], together: &mut [f64], apart: &mut [f64]) {
         for part in 0..together.len() * PARTS {
             let (mut all, pixel) = (Wave::default(), part / PARTS);
@@ -149,8 +141,7 @@ struct Moved {
     fit: Vec<f64>,
     /// By the core, in pixels, where it finds a centre in both rows.
     core: Vec<f64>,
-    /// Rows in which the core finds no centre, and rows that it calls misfits: with interference, and
-    /// without.
+    /// Rows without a centre, and rows that the core calls misfits: with interference, and without.
     lost: [usize; 2],
     misfits: [usize; 2],
     /// RMS of the fringes within two sigma, over the peak.
@@ -239,8 +230,7 @@ fn fringes_of_a_rough_surface_move_its_image_less_than_speckle_does() {
             moved.add(&together, &apart, ways.middle);
         }
         moved.print(&format!("{polarisations} polarisations"));
-        // Speckle moves the image by 1.26 pixels on paper and by 2.67 on metal, which is 14 times as much or
-        // more.
+        // Speckle moves the image by 1.26 pixels on paper and by 2.67 on metal, 14 times as much or more.
         assert!(rms(&moved.speckle) > 1.0 && largest(&moved.fit) < 1e-4);
         assert!(median(&moved.core) < 0.04 && rms(&moved.core) < 0.15);
         assert!(moved.lost.iter().all(|&lost| lost <= 10));

@@ -6,7 +6,6 @@ use crate::model::phase_table::{Found, Weights};
 use crate::support::{self, *};
 use phase_tables::{DEFAULT, FRAUNHOFER, Profile, gaussian, slit};
 use simulator::least_squares::{Gaussian, fit_weighted};
-use slitrange::centre::half_width;
 use slitrange::centre::tables;
 
 /// Steps of a centre in a pixel.
@@ -52,7 +51,6 @@ impl Drawn {
     }
 }
 
-/// What an estimator and its model say of the same row.
 struct Pair {
     found: RowCentre,
     noise: f64,
@@ -86,7 +84,6 @@ fn pairs(estimator: Estimator, weights: &[Weights], sampling: Sampling) -> Vec<P
 }
 
 impl Pair {
-    /// The difference over the claimed uncertainty.
     fn of_claim(&self) -> f64 {
         self.steps / f64::from(self.found.uncertainty.to_bits())
     }
@@ -298,7 +295,6 @@ struct Fits {
     fit: f64,
     table: f64,
     reference: f64,
-    /// What the fit claims.
     uncertainty: f64,
 }
 

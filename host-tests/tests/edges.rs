@@ -4,7 +4,6 @@
 use crate::support::*;
 use judges::accuracy::answers;
 
-/// Rows of a cell.
 const ROWS: u64 = 2000;
 
 /// A row of [`PIXELS`] with its spot's centre there.
@@ -57,8 +56,7 @@ fn check_cut_spots(noises: &[Noise], widths: &[f64]) {
                      {ratio:.2} of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults"
                 );
                 let is_honest = (pull - 1.0).abs() <= 0.1;
-                // Noise takes some centres within their uncertainty of the edge beyond it, which are
-                // faults.
+                // Noise takes some centres near the edge beyond it: faults.
                 let most = if widths == 0.0 { ROWS / 10 } else { 0 };
                 if ratio > limit || !is_honest || faults > most {
                     failures.push((noise, width, widths, side));
@@ -106,8 +104,7 @@ fn cut_windows_use_no_table_and_give_no_confident_error() {
     let mut failures = vec![];
     for estimator in Estimator::ALL {
         let is_table = !matches!(estimator, Estimator::Centroid | Estimator::GaussNewton);
-        // Of each row the widths from the edge and whether the estimator alone has a centre, and the
-        // confident errors of both.
+        // Each row's widths from the edge, whether the estimator alone has a centre, and confident errors.
         let rows = (0..20_000u64).into_par_iter().map(|seed| {
             let random = &mut random(seed);
             let width = 0.8 * f64::powf(125.0, random.random_range(0.0..1.0));

@@ -3,7 +3,6 @@
 
 use crate::profile_rows;
 use crate::support::{self, *};
-use phase_tables::gaussian;
 
 fn cell(width: f64, amplitude: f64, noise: Noise) -> Cell {
     support::cell(width, amplitude, noise, 4000, 11)
@@ -78,8 +77,7 @@ fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -
 }
 
 /// Heights of 1.5 and 4 times full scale; the fit leaves out the pixels at full scale. At a width of 10.5 the
-/// error is at most 0.016 and 0.020 pixel. At every width the claim is right. The other estimators give a
-/// fault.
+/// error is at most 0.016 and 0.020 pixel. Every claim is right. Other estimators give a fault.
 #[test]
 fn a_saturated_spot_is_fitted_by_its_flanks() {
     println!("least-squares fit of a spot beyond full scale, 5 e/count, read noise 2");

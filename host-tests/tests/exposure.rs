@@ -1,19 +1,17 @@
 //! Auto exposure: how it follows a target whose brightness changes.
 
-use std::collections::BTreeSet;
-
 use crate::support::*;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, is_in_middle};
 use judges::changing_light::{DELAY, Sensor, scene};
 use slitrange::base::exposure::ExposureMode;
 use slitrange::light::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
+use std::collections::BTreeSet;
 
 fn us(us: u16) -> Exposure {
     Exposure::from_us(us).expect("an exposure")
 }
 
-/// A row in which so many pixels are saturated.
 fn saturated(pixels: u16) -> Brightness {
     Brightness::Saturated { pixels, room: 3500 }
 }
@@ -83,8 +81,7 @@ fn a_flat_top_tells_where_the_room_ends() {
     assert_eq!(auto.next(Exposure::LONGEST), us(700));
 }
 
-/// Something saturates the sensor without the laser, or hides the spot: one row of 32 has the longest
-/// exposure.
+/// Where other light saturates the sensor or hides the spot, one row of 32 has the longest exposure.
 #[test]
 fn a_spot_that_is_lost_is_looked_for_in_the_longest_exposure() {
     for brightness in [saturated(3), Brightness::NotTheLight] {
@@ -235,8 +232,7 @@ fn one_setting_measures_black_tape_and_bright_metal() {
 #[test]
 #[ignore = "a minute of two cores; .ci/run runs it, and `cargo exposure` takes more targets and frames"]
 fn one_setting_measures_all_of_the_range() {
-    // Of 300 readings, 95.3 % are within on average, with a standard deviation of 1.2 %. The ratio has an
-    // error of 0.05.
+    // Of 300 readings, 95.3 % are within, with a standard deviation of 1.2 %. The ratio's error is 0.05.
     assert_range(11, 300, 0.91, 1.5);
 }
 

@@ -2,7 +2,6 @@
 //! distances show.
 
 use crate::support::*;
-use proptest::prelude::*;
 use rand::SeedableRng as _;
 use rand_distr::Distribution as _;
 use slitrange_device::filters::average::{Average, Filter};
@@ -140,8 +139,7 @@ fn a_filter_shows_the_flags_of_its_window_and_forgets_over_faults() {
     }
 }
 
-/// A flag of a recursive mean stays until its readings have less than 1 % of the weight, and as long as one
-/// of them is in the window.
+/// A recursive mean's flag stays until its readings have less than 1 % of the weight and leave the window.
 #[test]
 fn a_recursive_filter_shows_a_flag_while_its_readings_have_weight() {
     let plain = reading(Micrometres::from_int(700_000), Micrometres::from_int(8));
@@ -183,8 +181,7 @@ fn averages() -> impl Strategy<Value = Average> {
 }
 
 proptest! {
-    /// Of any results: a fault stays a fault, a distance lies among those that came, and its noise is not
-    /// above the largest.
+    /// A fault stays a fault, a distance lies among those that came, and its noise is not above the largest.
     #[test]
     fn a_filter_invents_nothing(
         average in averages(),

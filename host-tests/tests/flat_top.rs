@@ -4,7 +4,6 @@
 
 use crate::support::*;
 use judges::hard_cases::judge::{Answer, Answers, answers};
-use judges::hard_cases::mixtures;
 
 /// Whether the check finds a top to be flat that the estimator takes for a spot. No fit is among the
 /// estimators here: a fit measures such a spot by its flanks.
@@ -13,10 +12,8 @@ fn is_recognised(answers: &Answers) -> bool {
     !is_saturated(&answers.alone) && is_saturated(&answers.checked)
 }
 
-/// The place of the default estimator among all.
 const ADAPTIVE: usize = Estimator::Adaptive as usize;
 
-/// Whether any estimator but the fit recognises a flat top.
 fn is_recognised_by_any(row: &HardRow) -> bool {
     let answers = answers(row);
     let by = Estimator::ALL.iter().zip(&answers);
@@ -55,8 +52,7 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
                 || Simulation::new(scene.clone()),
                 |simulation, number| {
                     simulation.set_surface(number);
-                    let counts = simulation.row(number, distance, exposure);
-                    let row = light_of(&counts, &geometry);
+                    let row = light_of(&simulation.row(number, distance, exposure), &geometry);
                     let is_measured = answers(&row)[ADAPTIVE].alone.is_ok();
                     is_measured.then(|| is_recognised_by_any(&row))
                 },
@@ -70,7 +66,6 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
     }
 }
 
-/// The light pixels of a scene's row.
 fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
     let light = quantise(&counts[geometry.light.clone()], geometry.full_scale());
     let own = self::geometry(light.len(), geometry.shot_variance_per_count_q16);
@@ -85,8 +80,7 @@ fn light_of(counts: &[f32], geometry: &Geometry) -> HardRow {
 /// how many times the spot fills the well. The test asserts nine of ten from 1.2 times on for a width of 8.6
 /// pixels or more and a well of 1500 counts or more, from 1.5 times on for a width of 4 pixels or more, and
 /// from 4 times on for all. At 1.2 times a gaussian is flat over 1.2 widths, at 1.5 over 1.8 and at 4 over
-/// 3.3: 10, 7 and 5 pixels, or four degrees of freedom. Four with an r of 1 % have the evidence that is
-/// needed.
+/// 3.3: 10, 7 and 5 pixels, or four degrees of freedom. Four with an r of 1 % are enough.
 fn recognise_tops_cut_by_a_well(rows_of_each: u64) {
     const TIMES: [f64; 6] = [1.05, 1.1, 1.2, 1.5, 2.0, 4.0];
     println!("per cent recognised at {TIMES:?} times the well");
@@ -132,7 +126,6 @@ fn tops_cut_by_a_well_are_recognised_in_many_rows() {
     recognise_tops_cut_by_a_well(200);
 }
 
-/// What cuts a spot's top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Cut {
     /// The converter's largest word.

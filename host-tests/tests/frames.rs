@@ -1,17 +1,13 @@
 //! Frames with rows of different quality, with wrong rows, and with rows that have similar errors: the error
 //! of their mean, and the uncertainty that it claims.
 
-use std::f64::consts::TAU;
-
 use crate::support::{self, *};
 use rand_distr::Gamma;
 
 /// Where the spot is, in pixels.
 const TRUTH: f64 = 1800.3;
-
 /// What a row of mean brightness is uncertain by, in pixels.
 const UNCERTAINTY: f64 = 0.03;
-
 /// The numbers of rows that are looked at: few, the firmware's, the most.
 const ROWS: [usize; 3] = [5, 16, 64];
 
@@ -69,7 +65,6 @@ fn draw(random: &mut ChaCha8Rng, count: usize, alike: Option<f64>, outliers: Out
     (rows.collect(), 1.0 / f64::sqrt(information))
 }
 
-/// What came of many frames.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
     /// Root mean square error over the root mean square bound.
@@ -83,7 +78,6 @@ struct Outcome {
     flagged: usize,
 }
 
-/// Draws frames, and prints a line of what comes of them.
 fn run(
     frames: u64,
     (name, count, how): (&str, usize, Mean),
@@ -236,11 +230,6 @@ fn independent(count: usize, share: f64) -> f64 {
     n / (1.0 + 2.0 * terms.sum::<f64>())
 }
 
-/// The share by which rows hang together that are worth so many.
-fn share_for(count: usize, worth: f64) -> f64 {
-    bisect(0.0, 1.0, |share| independent(count, share) > worth)
-}
-
 /// Measures detections and false alarms in frames whose rows are correlated with the rows before. A frame of
 /// 64 rows is flagged if it is worth fewer than 8 independent rows. A frame worth 12 to 24 is often flagged,
 /// because it may be worth fewer. The claim is always at least 0.8 of the error. A frame of 16 rows shows
@@ -252,7 +241,7 @@ fn rows_with_correlated_errors_are_flagged() {
             if worth > count as f64 {
                 continue;
             }
-            let share = share_for(count, worth);
+            let share = bisect(0.0, 1.0, |share| independent(count, share) > worth);
             let name = format!("worth {worth} ({share:.3})");
             let outcome = run(FRAMES, (&name, count, Mean::Weighted), |random| {
                 draw_correlated(random, count, share)
@@ -275,9 +264,7 @@ fn rows_with_correlated_errors_are_flagged() {
 enum Missing {
     None,
     EveryFourth,
-    /// Each row with a chance of one in four.
     Random,
-    /// The first third of the frame.
     Start,
 }
 
@@ -301,7 +288,6 @@ fn named((rows, alike, missing, how): Case) -> String {
     format!("{rows} rows, missing {missing:?}, brightness {alike:?}, {how:?}")
 }
 
-/// All cases with these numbers of rows, brightnesses and ways of missing rows.
 fn cases(rows: &[usize], alike: &[Option<f64>], missing: &[Missing]) -> Vec<Case> {
     let mut cases = vec![];
     for ((&rows, &alike), &missing) in pairs(pairs(rows, alike), missing) {
@@ -319,8 +305,7 @@ fn centre_in_motion(
 ) -> Option<FrameCentre> {
     let mut frame = Frame::default();
     for (number, drawn) in (draw(random, rows, alike, Outliers::None).0.iter()).enumerate() {
-        let from_middle = number as f64 - 0.5 * (rows as f64 - 1.0);
-        let at = drawn.centre.to_f64() + place(from_middle);
+        let at = drawn.centre.to_f64() + place(number as f64 - 0.5 * (rows as f64 - 1.0));
         frame.add(match missing.has(number, rows, random) {
             true => Err(Fault::SensorSilent),
             false => Ok(with(row_centre(at, drawn.uncertainty.to_f64()), |it| {
@@ -331,7 +316,6 @@ fn centre_in_motion(
     frame.centre(how).ok()
 }
 
-/// The centres of many frames.
 fn centres(
     frames: u64,
     one: impl Fn(&mut ChaCha8Rng) -> Option<FrameCentre> + Sync,

@@ -1,13 +1,10 @@
 //! The core's answers to seeded rows and frames, to their last bit. Other tests judge whether the answers are
 //! good. These tables show every change of an answer as a diff, so that no change goes unnoticed.
 
+use crate::support::*;
+use judges::hard_cases::{self, Recipe, Shape};
 use std::fmt::Write as _;
 
-use crate::support::*;
-use judges::accuracy;
-use judges::hard_cases::{self, Recipe, Shape};
-
-/// The checked centre of a row.
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Answer {
     checked_after(before, &row.geometry, &row.light, Estimator::default())
 }
@@ -49,7 +46,6 @@ fn answers_to_hard_rows_stay_the_same() {
 /// What the rows of a frame are like, besides their noise.
 #[derive(Clone, Copy, Debug)]
 enum Rows {
-    /// Nothing else.
     Alike,
     /// Each row has its own uncertainty, within a factor of 20.
     Unlike,
@@ -57,9 +53,7 @@ enum Rows {
     OneCertain,
     /// One row of four lies 0.5 px away.
     Outliers,
-    /// One row of four has the flag misfit.
     Misfits,
-    /// One row of four has a fault.
     Faults,
     /// The errors are three times as large as the rows claim.
     TooCertain,

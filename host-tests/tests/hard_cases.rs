@@ -1,13 +1,11 @@
 //! The catalogue of hard cases through every estimator, and random mixtures of them.
 
-use std::collections::HashSet;
-use std::sync::LazyLock;
-
 use crate::support::*;
 use judges::hard_cases;
-use judges::hard_cases::mixtures;
 use judges::hard_cases::report::{self, Catalogue};
 use judges::hard_cases::tally::Tally;
+use std::collections::HashSet;
+use std::sync::LazyLock;
 
 static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
 
@@ -45,10 +43,8 @@ fn no_case_gives_an_impossible_answer() {
     }
 }
 
-/// The estimators that most users choose.
 const USED: [Estimator; 2] = [Estimator::Adaptive, Estimator::PhaseTable];
 
-/// Runs every case of the catalogue with the default estimator and with `phase-table`.
 #[test]
 fn the_used_estimators_give_the_expected_result_in_every_case() {
     for estimator in USED {

@@ -2,21 +2,17 @@
 //! serial line brings them: no reading is lost, only exact commands change a setting, and each other line has
 //! its error.
 
+use crate::session::samples::HARDWARE;
 use crate::support::*;
-use std::collections::BTreeMap;
-
 use rand::seq::IndexedRandom as _;
 use slitrange_device::filters::zero::MasterValue;
 use slitrange_device::protocol::command::{Error, MAX_LINE};
 use slitrange_device::protocol::flat::Flat;
-use slitrange_device::protocol::input::Input;
 use slitrange_device::session::flat::Job;
 use slitrange_device::settings::serial_line::{Format, PixelStream};
 use slitrange_device::settings::{Affects, Form, Value};
+use std::collections::BTreeMap;
 
-use crate::session::samples::HARDWARE;
-
-/// The kinds of lines that are sent.
 const KINDS: [&str; 9] = [
     "random bytes",
     "random text",
@@ -36,7 +32,6 @@ struct Lines {
     commands: Vec<String>,
     /// The first of them, which are no settings.
     others: usize,
-    /// The names alone.
     names: Vec<&'static str>,
 }
 
@@ -97,7 +92,6 @@ impl Lines {
         letters.collect()
     }
 
-    /// The next line of a kind.
     fn line(&mut self, kind: &str) -> Vec<u8> {
         let mut line = self.command();
         match kind {
@@ -222,8 +216,7 @@ fn words(line: &str) -> Vec<String> {
 
 /// Whether a line is a command word by word, and not only understood as one.
 fn is_exactly(line: &[u8], command: Command) -> bool {
-    let line = String::from_utf8_lossy(line);
-    let mut found = words(&line);
+    let mut found = words(&String::from_utf8_lossy(line));
     let mut exact = words(&command.to_string());
     match command {
         Command::Help if found == ["?"] => return true,
@@ -287,7 +280,6 @@ impl Sensor {
         self.actions.text.as_str()
     }
 
-    /// Takes a byte, as the firmware does.
     fn byte(&mut self, byte: u8, random: &mut ChaCha8Rng) {
         // Lines with an address have tests of their own.
         if byte == b'@' && self.reference.0.is_empty() {
@@ -459,7 +451,6 @@ impl Sensor {
     }
 }
 
-/// Sends lines, and prints what came of them.
 fn send(seed: u64, count: u64) {
     let mut lines = Lines::new(seed);
     let mut random = random(seed + 1);

@@ -1,8 +1,6 @@
 //! Packets of `format binary`: written and read, cut anywhere, with flipped, lost and added bytes.
 
 use crate::support::*;
-
-use proptest::prelude::*;
 use slitrange_device::protocol::packet::{
     COUNTS_A_PACKET, Decoder, MAX_PACKET, Message, Packed, Packet, PacketError, Packets, RowHead,
     RowWords, TEXT_PART, parts_of_text, unpack,
@@ -175,7 +173,6 @@ fn message() -> impl Strategy<Value = Message<'static>> {
     ]
 }
 
-/// The bytes of some messages, and where each packet begins.
 fn written(messages: &[Message<'_>]) -> (Vec<u8>, Vec<usize>) {
     let (mut packets, mut bytes, mut starts) = (Packets::default(), vec![], vec![]);
     for message in messages {
@@ -206,7 +203,6 @@ fn numbered(messages: &[Message<'static>]) -> Vec<(u16, Message<'static>)> {
     (0..).zip(messages.iter().copied()).collect()
 }
 
-/// What noise does to bytes.
 #[derive(Clone, Copy, Debug)]
 enum Noise {
     Flip(u8),
@@ -353,8 +349,7 @@ fn example() -> FrameResult {
     }
 }
 
-/// Every flip of one bit, and every pair of flips of two bits that are at most 16 bits apart, in the middle
-/// one of three packets.
+/// Every flip of one bit, and of two bits at most 16 bits apart, in the middle one of three packets.
 #[test]
 fn short_bursts_are_found_and_cost_one_packet() {
     let messages = vec![Message::Result(example()); 3];

@@ -3,12 +3,11 @@
 //!
 //! The photographs are not part of the repository. Where they are absent the test says that it is skipped.
 
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
-
 use crate::support::*;
 use phase_tables::{LEAST_SQUARES, gaussian};
 use simulator::photograph::Photograph;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
 const BRIGHT: f64 = 4095.0 / 20.0;
@@ -25,7 +24,6 @@ fn folder() -> Option<PathBuf> {
     is_there.then_some(folder)
 }
 
-/// The photographs, with their names.
 fn photographs(folder: &Path) -> impl Iterator<Item = (&'static str, Photograph)> {
     let names = ["TEM00_200mm", "t-580mm", "t-hene"].into_iter();
     names.map(|name| {

@@ -4,8 +4,6 @@ use crate::comb::quiet;
 use crate::records::cases;
 use crate::support::*;
 use crc::{CRC_32_ISO_HDLC, Crc};
-use judges::frames::words;
-use proptest::prelude::*;
 use simulator::scene::Ambient;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, ROWS};
@@ -36,14 +34,12 @@ fn without_laser(paper: &Scene, light: f64) -> Simulation {
     dark(with(paper.clone(), |it| it.ambient = Some(ambient)))
 }
 
-/// The words of a row.
 fn words_of(simulation: &Simulation, row: u64) -> Vec<u16> {
     let scene = simulation.scene();
     let light = simulation.row(row, scene.distance, scene.exposure);
     words(&light, &scene.geometry())
 }
 
-/// Takes rows of one kind.
 fn take(
     field: &mut FlatField,
     kind: Kind,
@@ -55,7 +51,6 @@ fn take(
     taken.expect("the last row ends it")
 }
 
-/// The map of a sensor.
 fn map_of(paper: &Scene) -> Box<FlatField> {
     let mut field = Box::new(FlatField::new());
     // Other rows than those of the frames.
@@ -200,10 +195,7 @@ fn rows_that_make_no_map_are_refused_with_a_reason() {
     // A weak spot on even light.
     let a_second = LIGHT / paper.exposure;
     let even = format!("ambient = {{ counts_per_second = {a_second}, slope = 0.0 }}");
-    let mut weak = listing(paper.clone(), &even);
-    weak.spot
-        .iter_mut()
-        .for_each(|it| it.counts_per_second /= 8.0);
+    let weak = listing(paper.clone(), &even).with_height(350_000.0 / 8.0);
     refused.push(of(Kind::Lit, &Simulation::new(weak)));
     // Light on a part of the sensor.
     let lit = without_laser(&paper, LIGHT);

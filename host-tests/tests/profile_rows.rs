@@ -11,7 +11,6 @@ pub fn pixels(width: f64) -> usize {
 /// Seeded rows of a spot of any profile.
 #[derive(Clone, Copy, Debug)]
 pub struct Rows<'a> {
-    /// The profile.
     pub curve: &'a Curve,
     /// The spot and its noise, number of rows, and seed.
     pub cell: Cell,

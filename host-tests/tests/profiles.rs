@@ -11,8 +11,7 @@ use simulator::profiles::Blur;
 use simulator::sinc_fit::fit_from;
 use slitrange::centre::tables::MIXES;
 
-/// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
-/// mm.
+/// The symmetric profiles: the nominal slit's pattern of a point, and that of a laser spot of 1 mm.
 fn symmetric() -> [(&'static str, Curve); 4] {
     [
         ("gaussian", profiles::gaussian()),
@@ -22,20 +21,17 @@ fn symmetric() -> [(&'static str, Curve); 4] {
     ]
 }
 
-/// The head of columns of a table.
 fn columns(widths: &[f64], characters: usize) -> String {
     let heads = widths.iter().map(|width| format!("{width:>characters$}"));
     heads.collect()
 }
 
-/// The estimators with phase tables.
 const TABLES: [Estimator; 3] = [
     Estimator::PhaseTable,
     Estimator::Adaptive,
     Estimator::Fraunhofer,
 ];
 
-/// What a statistic says of each column.
 fn of_columns<const N: usize>(errors: &[[f64; N]], of: fn(&[f64]) -> f64) -> [f64; N] {
     std::array::from_fn(|i| of(&errors.iter().map(|errors| errors[i]).collect::<Vec<_>>()))
 }
@@ -44,7 +40,6 @@ fn root_mean_squares<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     of_columns(errors, |column| rms(column))
 }
 
-/// The root mean squares about each column's mean.
 fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     of_columns(errors, |column| {
         let mean = mean(column);
@@ -133,8 +128,7 @@ fn of_fraunhofer(noises: &[(f64, Noise)], widths: &[f64]) -> String {
             let [fraunhofer, default, fit] =
                 root_mean_squares(&errors.expect("centres")).map(|error| error / bound);
             text += &format!("  {fraunhofer:>5.2}{default:>6.2}{fit:>6.2}");
-            // The standard error of a ratio over 10,000 rows is 0.7 %; of one to another on the same rows it
-            // is less.
+            // A ratio's standard error over 10,000 rows is 0.7 %; to another on the same rows less.
             if noise.1.is_some() {
                 assert!(fraunhofer < fit, "{width}: {fraunhofer} {fit}");
                 assert!(default < 0.97 * fit, "{width}: {default} {fit}");
@@ -165,8 +159,7 @@ fn fraunhofer_against_the_fit_of_its_own_profile_on_the_whole_grid() {
         (1000.0, (2.0, Some(5.0))),
         (3800.0, (4.0, Some(10.0))),
     ];
-    let text = of_fraunhofer(&noises, &[2.0, 8.0, 10.5]);
-    insta::assert_snapshot!("fraunhofer", text);
+    insta::assert_snapshot!("fraunhofer", of_fraunhofer(&noises, &[2.0, 8.0, 10.5]));
 }
 
 /// What `fraunhofer` and the default find in a row, and the fit of sinc^2 in f64.
@@ -234,7 +227,6 @@ fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
     }
 }
 
-/// A row with a flaw.
 fn with_flaw(light: &[u16], flaw: Flaw) -> Vec<u16> {
     let mut random = random(light.iter().map(|&count| u64::from(count)).sum());
     let level = f64::from(light[0]);
@@ -293,8 +285,7 @@ fn wide_slits_are_read_without_fault_or_flag() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// The faults, the flags, and the RMS error over the width and over the claim that the measurement has with
-/// an estimator.
+/// The faults, the flags, and the RMS error over the width and over the claim of an estimator's measurement.
 fn read(curve: &Curve, cells: &[Cell], estimator: Estimator) -> [f64; 4] {
     let (mut faults, mut flags, mut errors) = (0.0, 0.0, vec![]);
     for &cell in cells {
@@ -327,7 +318,6 @@ fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
     fit_from(&row, start).expect("a fit").centre
 }
 
-/// Rows from which a profile is made.
 const MEASURED_ROWS: u64 = 400;
 
 /// Tables made of 400 rows that the sensor itself read, by which the default estimator knew where and how
@@ -393,8 +383,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
 fn tables_of_every_measured_profile_are_as_good_as_those_of_the_true_one() {
     let tailed = [("tailed", profiles::tailed())];
     let profiles: Vec<_> = symmetric().into_iter().chain(tailed).collect();
-    let text = of_measured_profiles(&profiles, &[2.0, 8.0]);
-    insta::assert_snapshot!("measured", text);
+    insta::assert_snapshot!("measured", of_measured_profiles(&profiles, &[2.0, 8.0]));
 }
 
 /// The profile of a cell's spot, from rows of its noise.
@@ -513,8 +502,7 @@ fn of_wrong_widths(noises: &[(f64, Noise)], widths: &[f64]) -> String {
             };
             let widths_of_tables = [width / 1.095, width, width * 1.095];
             let [narrow, right, wide] = widths_of_tables.map(|width| one(width, taken));
-            let tables = [one(width, exact), narrow, right, wide];
-            let errors = errors_with(curve, cell, &tables);
+            let errors = errors_with(curve, cell, &[one(width, exact), narrow, right, wide]);
             let [best, narrow, right, wide] = root_mean_squares(&errors);
             let bound = cell.spot().bound();
             let ratios = [narrow, right, wide].map(|error| error / best);

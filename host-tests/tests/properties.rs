@@ -1,9 +1,7 @@
 //! Properties that hold for all inputs.
 
 use crate::support::*;
-use proptest::prelude::*;
 use slitrange::centre::WidthClass;
-use slitrange::frame::comb::FEWEST;
 use slitrange::row::Background;
 use slitrange_device::protocol::command::{self, MAX_LINE};
 use slitrange_device::protocol::input::{Echo, Input};
@@ -13,7 +11,6 @@ fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measur
     Measurement::new(geometry, options)
 }
 
-/// With the nominal calibration.
 pub fn nominal_reading(result: Result<Measured, Fault>) -> Result<Reading, Fault> {
     let errors = CalibrationErrors::Unknown;
     result?.reading(Calibration::nominal().as_ref(), &errors, Surface::Off)
@@ -94,7 +91,6 @@ fn rows() -> impl Strategy<Value = Vec<u16>> {
     ]
 }
 
-/// Whether an estimator may find that width.
 fn is_width(width: Pixels) -> bool {
     (0.45..=171.0).contains(&width.to_f64())
 }
@@ -206,7 +202,6 @@ proptest! {
         }
     }
 
-    /// A frame of n rows is complete after n rows, whatever the rows show.
     #[test]
     fn a_frame_is_complete_after_its_rows(rows in 1..=64u16, level in 0..4096u16) {
         let mut measurement = measurement(sensor_heads::tcd1304dg(), rows, BlackLevel::Shielded);
@@ -216,8 +211,7 @@ proptest! {
         }
     }
 
-    /// A constant on all words changes no bit of a reading except the black level, if the words stay within
-    /// 12 bits.
+    /// A constant on all words changes no bit of a reading but the black level, if they stay within 12 bits.
     #[test]
     fn a_constant_changes_the_black_level_only(
         centre in 1250.0..2600.0f64,

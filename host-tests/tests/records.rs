@@ -1,7 +1,6 @@
 //! Records of every kind: for tests of the record and of the store.
 
 use crate::support::*;
-use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use slitrange::frame::comb::{CORRECTIONS, FEWEST};
 use slitrange::row::front_end::{LARGEST_GAIN, LEAST_GAIN};
@@ -73,7 +72,6 @@ prop_compose! {
     }
 }
 
-/// The longest record that there can be.
 pub fn longest() -> Record {
     let most = [Micrometres::MAX; PLACES];
     Record {
@@ -132,7 +130,6 @@ fn black_levels() -> impl Strategy<Value = BlackLevel> {
 }
 
 prop_compose! {
-    /// Records of every kind, most of them usable.
     pub fn records()(
         serial_number in any::<u32>(),
         (year, month, day) in any::<(u16, u8, u8)>(),
@@ -188,7 +185,6 @@ prop_compose! {
     }
 }
 
-/// Errors of every kind.
 fn errors() -> impl Strategy<Value = CalibrationErrors> {
     let others = vec![CalibrationErrors::Unknown, CalibrationErrors::Nominal];
     prop_oneof![1 => prop::sample::select(others), 2 => fitted_errors()]

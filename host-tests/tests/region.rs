@@ -2,7 +2,6 @@
 //! The tests print every figure that they assert.
 
 use crate::support::{self, *};
-use phase_tables::gaussian;
 use slitrange::spot::choice::SpotChoice;
 
 const PIXELS: usize = 3648;
@@ -11,7 +10,6 @@ fn geometry() -> Geometry {
     support::geometry(PIXELS, 6554)
 }
 
-/// A gaussian of light: its centre, width and height.
 #[derive(Clone, Copy, Debug)]
 struct Light(f64, f64, f64);
 
@@ -23,7 +21,6 @@ fn row(random: &mut ChaCha8Rng, spots: &[Light]) -> Vec<u16> {
     })
 }
 
-/// Measures rows as one frame.
 fn measure(geometry: Geometry, mut options: Options, rows: &[Vec<u16>]) -> Result<Measured, Fault> {
     options.rows = rows.len() as u16;
     let mut measurement = Measurement::new(geometry, options);
@@ -35,7 +32,6 @@ fn with_peak(peak: SpotChoice) -> Options {
     options(|it| it.peak = peak)
 }
 
-/// The same bits, for results and for faults.
 #[test]
 fn a_region_is_measured_as_a_row_of_these_pixels() {
     let mut random = random(1);

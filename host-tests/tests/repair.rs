@@ -19,13 +19,11 @@ fn cell(width: f64, amplitude: f64, seed: u64) -> Cell {
     support::cell(width, amplitude, (2.0, Some(5.0)), rows(width), seed)
 }
 
-/// Rows of a cell. Narrow spots are silently off in one row in 2000, of which 4000 rows have too few to tell
-/// from one in 1000.
+/// Narrow spots are silently off in one row in 2000: too few of 4000 to tell from one in 1000.
 fn rows(width: f64) -> u64 {
     if width < 2.0 { 40_000 } else { 4000 }
 }
 
-/// What is wrong with a row.
 #[derive(Clone, Copy, Debug)]
 enum Flaw {
     None,
@@ -39,7 +37,6 @@ enum Flaw {
     Saturated(f64),
 }
 
-/// What came of the rows.
 struct Outcome {
     rmse: f64,
     mean: f64,

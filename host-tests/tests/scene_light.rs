@@ -1,13 +1,12 @@
 //! Each effect of a scene's light, compared with a closed form or with a different computation.
 
-use std::f64::consts::{PI, SQRT_2, TAU};
-
 use crate::support::*;
 use simulator::field::{self, Laser, LensAperture, Scattering, SlitAperture, View};
 use simulator::scene::diffraction::Gap;
 use simulator::scene::lens::{Across, Pupil};
 use simulator::scene::pattern::Pattern;
 use simulator::scene::{Coma, Defocus, Diffraction, LaserSpot, Motion, Speckle, SpecularLobe};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 /// A spot of a width in pixels, 1000 counts high after a second, on 3648 pixels of 8 um, without noise.
 fn gaussian(width: f64) -> Scene {
@@ -15,7 +14,6 @@ fn gaussian(width: f64) -> Scene {
     listing(Scene::dark(Sensor::Row(3648)), &spot)
 }
 
-/// A gaussian spot of 8.6 pixels, and effects.
 fn plain_with(effects: &str) -> Scene {
     listing(gaussian(8.6), effects)
 }
@@ -44,7 +42,6 @@ fn moments(row: &[f32]) -> (f64, f64, f64) {
     (sum, centre, mean(&|x| (x - centre).powi(2)))
 }
 
-/// What one row has more than another.
 fn difference(more: &[f32], less: &[f32]) -> Vec<f32> {
     more.iter().zip(less).map(|(a, b)| a - b).collect()
 }
@@ -177,7 +174,6 @@ fn a_laser_spot_widens_a_gaussian_in_quadrature() {
         // The height stays, but for the mean over a pixel: 1 / (24 sigma^2) less.
         let peak = row.iter().fold(0.0f32, |peak, &light| peak.max(light));
         assert!((990.0..1000.0).contains(&peak), "{peak}");
-
         // The other way, as a sum of patterns of points: a texture of no contrast.
         let summed = listing(scene, "texture = { contrast = 0.0, length = 1.0 }");
         let apart = difference(&summed.row(0, distance, 1.0), &row);
@@ -256,12 +252,10 @@ fn texture_shifts_the_centre_at_random_and_stays() {
         let expected = on_target.sqrt() * 0.8 / range * 0.05 / range / 8e-6;
         let shift = squares.sqrt();
         println!("{length} m: shift {shift:.5} for {expected:.5} px; brightness {brightness:.1}");
-        // 1500 surfaces: a standard deviation within 1.8 %, and within 6 % almost surely; the contrast's
-        // second order is 1 %.
+        // 1500 surfaces: 1.8 % of a standard deviation, almost surely 6 %; the second order is 1 %.
         assert!((shift / expected - 1.0).abs() < 0.07);
         // The mean reflectance is 1: a tenth over sqrt(1500).
-        let plain_sum = moments(&plain.row(0, 0.8, 1.0)).0;
-        assert!((brightness / plain_sum - 1.0).abs() < 0.01);
+        assert!((brightness / moments(&plain.row(0, 0.8, 1.0)).0 - 1.0).abs() < 0.01);
     }
     // The surface is the same wherever it stands, and another when it slides.
     let at = |wander: f64, distance: f64| {
@@ -311,7 +305,6 @@ fn distortion_grows_with_the_cube() {
     }
 }
 
-/// A pupil of the paper's lens with aberrations in metres.
 fn pupil(defocus: f64, coma: f64) -> Pupil {
     Pupil {
         radius: 25e-3 / 12.0,
@@ -322,7 +315,6 @@ fn pupil(defocus: f64, coma: f64) -> Pupil {
     }
 }
 
-/// A point at a height on the pupil's axis.
 const fn point(place: f64) -> Across {
     Across::Pixel {
         place,
@@ -360,7 +352,6 @@ fn a_round_pupil_makes_airys_pattern() {
     }
     println!("off by {worst:.1e} of the middle");
     assert!(worst < 1e-8);
-
     // All of y: the integral of Airy's pattern, which falls with y^-3, in metres.
     let all = Pattern::from_knots(step, chords.row(Across::All));
     let height = all.at(0.0) / middle / detail;
@@ -390,8 +381,7 @@ fn a_small_pupil_on_a_camera_shows_rings() {
         })
     });
     let worst = of_row.into_iter().fold(0.0, f64::max);
-    // A pixel of 0.054 details gathers less at the top than there is: (pi^2 / 4) 0.054^2 / 12 in each
-    // direction.
+    // A pixel of 0.054 details gathers less at the top: (pi^2 / 4) 0.054^2 / 12 in each direction.
     println!("off by {worst:.2} of 1000 counts");
     assert!(worst < 1.5);
 }
@@ -402,20 +392,17 @@ fn defocus_makes_a_disc() {
     for waves in [0.25, 0.5, 0.8, 1.3] {
         let (sharp, blurred) = (pupil(0.0, 0.0), pupil(waves * 650e-9, 0.0));
         let light = |pupil: Pupil| {
-            let chords = pupil.chords(1e-6, 2e-6, 0.0);
-            Pattern::from_knots(1e-6, chords.row(point(0.0))).at(0.0)
+            Pattern::from_knots(1e-6, pupil.chords(1e-6, 2e-6, 0.0).row(point(0.0))).at(0.0)
         };
         let (ratio, expected) = (light(blurred) / light(sharp), sinc_squared(waves));
         println!("{waves} waves: {ratio:.9} for {expected:.9}");
         assert!((ratio - expected).abs() < 1e-6);
     }
-
     // Focused at 0.9 m, a point at 0.6 m makes a disc of D z |1/d - 1/f| = 116 um.
     let scene = lens_with("defocus.focus_distance = 0.9");
     let distance = 0.6f64;
     let range = 0.3f64.hypot(distance);
-    let centre = scene.optics.centre(distance);
-    let x = (centre - scene.optics.axis) * 8e-6;
+    let x = (scene.optics.centre(distance) - scene.optics.axis) * 8e-6;
     let depth = range * 0.05 / x.hypot(0.05);
     let disc = 50e-3 / 12.0 * 0.05 * (1.0 / depth - 1.0 / 0.9f64).abs() / 8e-6;
     let [sharp, rays] = [&lens_with(""), &scene].map(|it| moments(&it.row(0, distance, 1.0)));
@@ -424,7 +411,6 @@ fn defocus_makes_a_disc() {
     println!("disc of {disc:.2} pixels: variance {more:.3} for {expected:.3}");
     assert!((more / expected - 1.0).abs() < 1e-3);
     assert!((rays.0 / sharp.0 - 1.0).abs() < 1e-5, "light is conserved");
-
     // Six waves out of focus, with a laser spot, waves make the disc that rays make, with softer edges.
     let spread = |diffraction, width| {
         let spot = laser_spot(1e-3, distance);
@@ -507,9 +493,7 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     let exposure = 0.005;
     // 0.1 to 20 pixels during an exposure at 178 um a pixel of 8 um near 0.6 m.
     for (speed, diffraction) in [(0.01, ""), (0.5, ""), (-0.9, ""), (0.5, FRESNEL)] {
-        let mut still = plain_with(diffraction);
-        let spot = still.spot.iter_mut();
-        spot.for_each(|it| it.counts_per_second = 1000.0 / exposure);
+        let still = plain_with(diffraction).with_height(1000.0 / exposure);
         let scene = with(still.clone(), |it| it.motion = Some(Motion { speed }));
         let simulation = Simulation::new(scene.clone());
         for row in [0, 7] {
@@ -534,9 +518,7 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
             assert!((mean - at_rest.1 - bent / 6.0).abs() < 1e-3);
             // Short exposures n leave out 1/n^2 of the variance.
             assert!((more - expected).abs() < 0.01 + 0.005 * expected);
-
-            // Against the integral over the exposure of what pixels gather of the gaussian: 1e-4 of the peak,
-            // and f32's rounding.
+            // Against the gaussian's integral over pixels and exposure: 1e-4 of the peak, and f32's rounding.
             if diffraction.is_empty() {
                 let phi = |x: f64| libm::erf(x / (8.6 * SQRT_2));
                 let worst = worst(&light, centre as usize - 80, 160, |pixel| {
@@ -552,14 +534,12 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     }
 }
 
-/// The width that a scene states for the estimators is that of the reference fit to the profile of the same
-/// slit in `profiles`.
+/// The width that a scene states is that of the reference fit to the same slit's profile in `profiles`.
 #[test]
 fn the_expected_width_is_that_of_the_best_gaussian() {
     for seen in [0.1e-3, 1e-3, 3e-3] {
         let range = 0.3f64.hypot(0.8);
-        let scene = plain_with(&fresnel(seen * range / 0.8));
-        let width = Simulation::new(scene).spot_width(0.8);
+        let width = Simulation::new(plain_with(&fresnel(seen * range / 0.8))).spot_width(0.8);
         let slit = with(Slit::nominal(seen), |it| it.to_spot = range);
         let light = (-150..=150).map(|i| slit.light(f64::from(i) * 8e-6));
         let fit = least_squares::fit_near(&light.collect::<Vec<_>>(), 150.0);
@@ -607,7 +587,6 @@ const PAPER: Speckle = Speckle {
     path_spread: 0.0,
 };
 
-/// Fresnel's pattern of a laser spot of 1 mm on the camera.
 fn camera(aperture: Aperture) -> Scene {
     let camera = with(Scene::dark(Sensor::Camera), |it| {
         (it.spot, it.optics.aperture) = (plain().spot, aperture);
@@ -615,8 +594,7 @@ fn camera(aperture: Aperture) -> Scene {
     listing(camera, &fresnel(1e-3))
 }
 
-/// The largest difference of a camera's light, in thousands of counts, from the field's at these rows and at
-/// pixels around the centre.
+/// The largest difference of a camera's light, in thousands of counts, from the field's at these pixels.
 fn worst_on_camera(
     (simulation, centre): (&Simulation, f64),
     (pixels, rows): (&[usize], &[u64]),
@@ -803,8 +781,7 @@ fn speckle_changes_only_with_the_surface() {
     assert_eq!(of(point.clone()), of(point.without(Effect::Speckle)));
 }
 
-/// From the darkest to the brightest in equal steps of the logarithm, and back. Lamps are as bright as
-/// before.
+/// From the darkest to the brightest in equal steps of the logarithm, and back. Lamps do not change.
 #[test]
 fn targets_of_different_reflectivity_follow_one_another() {
     let effects = "spot = { width = 8.0, counts_per_second = 1e6 }

@@ -1,16 +1,14 @@
 //! What a sensor makes of light, effect by effect, compared with closed forms and counts. Also the random
 //! numbers of all effects, and the scenes in the folder. The tests print every figure that they assert.
 
-use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
-use std::fmt::Display;
-
 use crate::support::{self, *};
 use simulator::scene::{
     Exposure, FixedPattern, HotPixels, Lag, MainsLight, Quantisation, ReadNoise, Response,
     Saturation, Settling, file, random,
 };
+use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
+use std::fmt::Display;
 
-/// Mean, variance, skewness and excess kurtosis.
 fn moments(values: &[f32]) -> [f64; 4] {
     let mean = statistics::mean(values.iter().map(|&x| f64::from(x)));
     let central =
@@ -40,7 +38,6 @@ fn sum(light: &[f32]) -> f64 {
     light.iter().map(|&x| f64::from(x)).sum()
 }
 
-/// The largest difference of two rows.
 fn apart<'a>(one: &'a [f32], other: impl IntoIterator<Item = &'a f32>) -> f32 {
     let off = one.iter().zip(other).map(|(a, b)| (a - b).abs());
     off.fold(0.0, f32::max)
@@ -83,7 +80,6 @@ fn read_noise_is_white_and_normal() {
     assert_normal("read noise", &noise, 0.0, 16.0);
     assert!(skewness.abs() < 5.0 * (6.0 / n).sqrt());
     assert!(kurtosis.abs() < 5.0 * (24.0 / n).sqrt());
-
     // In cells of a quarter of the deviation, to five of it.
     let normal_below = |x: f64| 0.5 * libm::erfc(-x / SQRT_2);
     let mut counted = [0.0; 40];
@@ -95,7 +91,6 @@ fn read_noise_is_white_and_normal() {
     let cells = (0..40).map(|cell| f64::from(cell) / 4.0 - 5.0);
     let expected = cells.map(|x| n * (normal_below(x + 0.25) - normal_below(x)));
     assert_chi_squared("read noise", &counted, &expected.collect::<Vec<_>>());
-
     // No pixel tells anything of one up to two blocks further, nor its size of the other's size; the
     // generator makes a block of 64 numbers of pairs that are 32 apart.
     for lag in 1..=128 {
@@ -183,8 +178,7 @@ fn response_differs_in_proportion_to_light() {
     assert_eq!(doubled, lit(200.0));
 }
 
-/// The deviation is the same in the dark and in light, after any exposure, under metal and on dummy pixels.
-/// It stays from row to row.
+/// Also after any exposure, under metal and on dummy pixels, and from row to row.
 #[test]
 fn the_fixed_pattern_is_the_same_in_the_dark_and_in_light() {
     let scene = listing(Scene::dark(Sensor::Tcd1304dg), "fixed_pattern.counts = 3.0");
@@ -232,7 +226,6 @@ fn the_number_of_hot_pixels_is_binomial() {
     let number = |seed| hot.places(seed, 0, 3648).len() as f32;
     let numbers: Vec<f32> = (0..1000).map(number).collect();
     assert_normal("hot pixels", &numbers, 36.48, 3648.0 * 0.01 * 0.99);
-
     // A larger share is the same ones, and more.
     let more = HotPixels { share: 0.02, ..hot }.places(1, 0, 3648);
     let places = hot.places(1, 0, 3648);
@@ -312,8 +305,7 @@ fn a_bloomed_spot_has_a_flat_top() {
     assert_eq!(light[end..], before[end..]);
 }
 
-/// For any row, the total charge stays, no pixel exceeds its well, and the mirrored row gives the mirrored
-/// result.
+/// The charge stays, no pixel exceeds its well, and the mirrored row gives the mirrored result.
 #[test]
 fn blooming_favours_no_side() {
     for seed in 0..200 {
@@ -334,8 +326,7 @@ fn blooming_favours_no_side() {
     }
 }
 
-/// All outputs have the drift. It rises with time: from row to row of a line sensor, from frame to frame of a
-/// camera.
+/// All outputs drift with time: from row to row of a line sensor, from frame to frame of a camera.
 #[test]
 fn the_black_level_drifts() {
     for sensor in [Sensor::Tcd1304dg, Sensor::Camera] {
@@ -406,8 +397,7 @@ fn counts_round_half_up_and_clip_at_both_ends() {
     assert_eq!(quantise(&counts, 4095), [0, 0, 1, 7, 4095, 4095, 4095, 0]);
 }
 
-/// Exposures do not overlap: if the exposure is longer than the sensor's period, rows come at the period of
-/// the exposure.
+/// Exposures do not overlap: where they are longer than the sensor's period, rows come at theirs.
 #[test]
 fn a_row_takes_as_long_as_its_exposure() {
     for (exposure, period) in [(0.005, 1.0 / 175.4), (0.02, 0.02)] {
@@ -525,7 +515,6 @@ fn lag_moves_charge_to_the_next_row() {
     let ghost = highest(after);
     println!("a ghost of {ghost:.2} counts after a spot of 1750");
     assert!((ghost - 1750.0 * 100.0 / 1850.0).abs() < 0.01);
-
     // A full pixel leaves what its well holds, however much light there was.
     let full = listing(lit, "saturation.full_well = 1000.0");
     let ghost = highest(of(&full, 0.0, 0.005));
@@ -533,7 +522,6 @@ fn lag_moves_charge_to_the_next_row() {
     assert!((ghost - 1000.0 * 100.0 / 1100.0).abs() < 1e-3);
 }
 
-/// The ghost of a moving target is where the spot was in the row before.
 #[test]
 fn lag_draws_a_ghost_behind_a_moving_target() {
     let moving = listing(plain_spot(), "motion.speed = 2.0");
@@ -589,14 +577,12 @@ fn lamps_flicker_from_row_to_row() {
             assert!((f64::from(counts[0]) - 80_000.0 / frequency).abs() < 1e-3);
         }
     }
-
     // Lamps to one side: a row of 16 whose pixels differ by a hundredth of the middle's light.
     let [light, even] = [400.0, 0.0].map(|slope| lit(lamps(100.0, None, slope)).row(3, 0.8, 4e-3));
     for (pixel, (&light, &even)) in light.iter().zip(&even).enumerate() {
         let expected = 1.0 + 0.01 * (pixel as f64 - 7.5);
         assert!((f64::from(light) / f64::from(even) - expected).abs() < 1e-6);
     }
-
     // A drawn phase is even over a turn: of 4000, mean cosine and sine have a variance of 1/2 over 4000.
     let phases = || (0..4000).map(|seed| lamps(100.0, None, 0.0).phase(seed));
     let means = [f64::cos, f64::sin].map(|it| phases().map(it).sum::<f64>() / 4000.0);
@@ -627,7 +613,6 @@ fn ambient_light_and_dark_current_do_not_depend_on_the_laser() {
 
 // ---- Random numbers ----
 
-/// Every effect, as a scene's file lists it.
 const EVERY_EFFECT: &str = r#"
 diffraction = "fresnel"
 laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 }
@@ -721,7 +706,6 @@ fn all_random_streams_differ() {
     }
 }
 
-/// White paper's spot, and nothing else.
 fn plain_spot() -> Scene {
     let spot = Scene::white_paper().spot;
     with(Scene::dark(Sensor::Tcd1304dg), |it| it.spot = spot)
@@ -747,8 +731,7 @@ fn after_darkness(scene: &Scene, row: u64) -> Vec<f32> {
 }
 
 /// A row, put together by hand: light that is free of noise, and then what the sensor's effects make of it,
-/// each with the random numbers that are its own by its name, the seed and the row - and by nothing else that
-/// the scene lists.
+/// each with random numbers of its own by its name, the seed and the row, and by nothing else in the scene.
 fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     // The effects of the sensor are the last ones.
     let of_the_sensor = (Effect::ALL.into_iter()).skip_while(|it| *it != Effect::Response);
@@ -840,7 +823,6 @@ fn an_effect_that_does_nothing_changes_nothing() {
     }
 }
 
-/// Counts of some rows, as the converter gives them.
 fn counts(simulation: &Simulation, row: u64) -> Vec<u16> {
     let scene = simulation.scene();
     let light = simulation.row(row, scene.distance, scene.exposure);
@@ -855,7 +837,6 @@ fn first_rows(scene: &Scene) -> std::ops::Range<u64> {
     }
 }
 
-/// Computes the rows in one thread, in two, and backwards.
 #[test]
 fn rows_do_not_depend_on_threads_or_order() {
     for name in "old-sensor moving-target brushed-metal paper-on-camera".split(' ') {
@@ -917,7 +898,6 @@ fn scenes_are_read_and_written() {
     assert_eq!(quiet, white);
 }
 
-/// Each scene of the folder, its name, and the text of its file.
 fn texts() -> impl Iterator<Item = (String, Scene, String)> {
     let names = file::names().expect("the folder of scenes").into_iter();
     names.map(|name| {
@@ -926,7 +906,6 @@ fn texts() -> impl Iterator<Item = (String, Scene, String)> {
     })
 }
 
-/// Each file says first what the scene shows, and gives the reason for each effect.
 #[test]
 fn scenes_give_a_reason_for_each_effect() {
     for (name, _, text) in texts() {
@@ -1013,14 +992,12 @@ read_noise => noise => unknown field `noise`
 exposure = 0.005| =>  => missing field `exposure`
 "#;
 
-/// The error says this.
 fn assert_error(error: impl Display, words: &str) {
     let error = format!("{error:#}");
     println!("{error}");
     assert!(error.contains(words), "{error:?} lacks {words:?}");
 }
 
-/// Checks the errors that the author of a file reads.
 #[test]
 fn meaningless_scenes_are_refused() {
     let lens = spot_behind_a_lens().to_toml().expect("text");

@@ -2,8 +2,6 @@
 //! in noise. The tests print every figure that they assert.
 
 use crate::support::*;
-use phase_tables::gaussian;
-use simulator::scene::SecondReflection;
 use slitrange::spot::MIN_PIXELS;
 
 /// The place that a spot's pixel stands for: it is the one to the right of a block's middle.
@@ -17,12 +15,10 @@ fn misleads(light: &[u16], geometry: &Geometry, truth: Truth) -> bool {
     (Estimator::ALL.into_iter()).any(|it| said(it).is_confident_error())
 }
 
-/// Whether the search finds two spots.
 fn are_two(light: &[u16]) -> bool {
     matches!(find(light), Err(Fault::TwoSpots { .. }))
 }
 
-/// What the search finds in a row after one with a spot there.
 fn find_again(light: &[u16], before: &Spot, width: f64) -> Result<Spot, Fault> {
     Ok(spot::find_again(&row(light), before, Pixels::from_f32(width as f32))?.0)
 }
@@ -264,8 +260,7 @@ fn a_rising_background_hides_no_spot() {
                 let spot = find(&light).expect("a spot");
                 furthest = furthest.max((place(&spot) - truth).abs() / (1.5 * width + 1.0));
                 if slope >= 1.0 {
-                    // What it is above the row's dark end, to a tenth of what it drifts and a tenth of
-                    // the spot.
+                    // Above the row's dark end, to a tenth of its drift and a tenth of the spot.
                     let from_dark = match light[..32] < light[pixels - 32..] {
                         true => truth,
                         false => pixels as f64 - truth,
@@ -281,7 +276,6 @@ fn a_rising_background_hides_no_spot() {
     assert!(furthest <= 1.0);
 }
 
-/// Rows that are too short, constant or alternating.
 #[test]
 fn rows_that_no_sensor_makes_have_no_spot() {
     for pixels in [0, 1, MIN_PIXELS - 1] {

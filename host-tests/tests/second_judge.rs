@@ -23,8 +23,7 @@ fn the_same_number_gives_the_same_row() {
 /// If the generator's noise or its spots were wrong, clean rows would have other errors than they claim.
 fn clean_rows_are_honest(rows: u64, frames: u64) {
     let report = judge(kinds("clean"), rows, frames);
-    // Five standard deviations of a root mean square of so many normal errors, and 3 % for spots that are no
-    // gaussians.
+    // Five standard deviations of an RMS of so many normal errors, and 3 % for spots that are no gaussians.
     let [of_rows, of_frames] = [rows, frames].map(|count| 5.0 / (2.0 * count as f64).sqrt() + 0.03);
     let [rows, frames] = [&report.kinds[0].rows[0], &report.kinds[0].frames[0]];
     println!("{}, {} flagged", report.kinds[0].claims(), rows.flagged);
@@ -89,7 +88,6 @@ fn a_story_tells_the_fault_and_the_result() {
     }
 }
 
-/// The kind of a name, as a list of one.
 fn kinds(name: &str) -> &'static [Kind] {
     let place = Kind::all().iter().position(|kind| kind.name == name);
     let place = place.expect("a kind");

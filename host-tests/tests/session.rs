@@ -17,10 +17,7 @@
 //! script, edit those three, run the test with `INSTA_UPDATE=always`, and read what else has changed.
 
 use crate::support::*;
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-
-use proptest::prelude::*;
+use samples::{HARDWARE, fault, frame, map_summary, record, row_test};
 use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::MAX_ANSWER;
 use slitrange_device::protocol::help;
@@ -30,16 +27,14 @@ use slitrange_device::protocol::piece::{PIECE, Piece};
 use slitrange_device::session::Applied;
 use slitrange_device::settings::{Form, split_words};
 use slitrange_device::store::configuration;
-
-use samples::{HARDWARE, fault, frame, map_summary, record, row_test};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 
 pub mod samples;
 
-/// A session, the actions of its latest event, and all that happened.
 struct Sensor {
     session: Session,
     actions: Actions,
-    /// The latest save.
     saved: Option<Configuration>,
     /// The geometry that the driver assumes.
     head: Geometry,
@@ -51,12 +46,10 @@ struct Sensor {
 }
 
 impl Sensor {
-    /// Just started, with nothing in flash.
     fn new() -> Self {
         Self::started(tcd1304dg(), StartCause::PowerOn, Stored::Nothing)
     }
 
-    /// Just started, with this in flash.
     fn started(geometry: Geometry, cause: StartCause, stored: Stored) -> Self {
         let mut sensor = Self {
             session: Session::new(HARDWARE, geometry.clone(), cause),
@@ -72,7 +65,6 @@ impl Sensor {
         sensor
     }
 
-    /// Notes an event and what it brings.
     fn take(&mut self, event: Event) {
         self.session.take(event, &vitals(), &mut self.actions);
         self.note();
@@ -228,8 +220,7 @@ impl Sensor {
         self.log = log;
     }
 
-    /// Starts again: with the latest save or something else in flash, with another head, or for another
-    /// reason.
+    /// Starts again: with what else is in flash, with another head, or for another reason.
     fn start(&mut self, words: &[&str]) {
         let saved = || self.saved.clone().expect("a save");
         let (mut geometry, mut stored) = (tcd1304dg(), Stored::Nothing);
@@ -281,7 +272,6 @@ impl Sensor {
         self.note();
     }
 
-    /// An event by its words.
     fn event(&mut self, words: &[&str]) {
         let outcome = match *words {
             ["dark" | "lit", counts] => {
@@ -322,7 +312,6 @@ impl Sensor {
         self.take(Event::Flat(outcome));
     }
 
-    /// Takes a line of a script.
     fn replay(&mut self, line: &str) {
         let (kind, rest) = line.split_at_checked(2).unwrap_or((line, ""));
         if matches!(kind, "" | "# " | "> " | "* ") {
@@ -344,14 +333,12 @@ impl Sensor {
     }
 }
 
-/// A configuration as flash gives it back.
 fn through_flash(configuration: Configuration<&Record>) -> Configuration {
     let mut buffer = [0; configuration::MAX_ENCODED];
     let bytes = configuration::encode(&configuration, &mut buffer).expect("room");
     configuration::decode(bytes).expect("a configuration")
 }
 
-/// A result that is to be sent as a packet.
 fn packet(packet: FrameResult) -> String {
     let what = ["packet", "difference"][usize::from(packet.is_difference)];
     let result = match packet.result {
@@ -372,7 +359,6 @@ fn vitals() -> Vitals {
     }
 }
 
-/// The name of each script, and its lines.
 fn scripts() -> Vec<(String, String)> {
     let files = fs::read_dir("tests/session").expect("scripts");
     let paths = files.map(|file| file.expect("a file").path());

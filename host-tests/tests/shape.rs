@@ -1,8 +1,6 @@
 //! How far flaws are hidden: the shift that an estimator takes for the spot's, over what the spot's shape
 //! says of it. From the flaws' own formulas, without rows and without noise.
 
-use std::f64::consts::TAU;
-
 use crate::support::*;
 
 /// Distance between two samples in widths, and how far the check looks.
@@ -54,7 +52,6 @@ fn hidden(flaw: impl Fn(f64) -> f64, white: f64) -> (f64, f64) {
     ((parts[0] * scale).abs(), shape.uncertainty(None).to_f64())
 }
 
-/// Draws a flaw of a kind.
 type Draw = fn(&mut ChaCha8Rng) -> Box<dyn Fn(f64) -> f64>;
 
 const KINDS: [(&str, Draw); 5] = [
@@ -93,8 +90,7 @@ const KINDS: [(&str, Draw); 5] = [
     }),
 ];
 
-/// A standard uncertainty is as large as the errors are on average, and errors of five times as much are
-/// rare.
+/// Errors are as large as the standard uncertainty on average, and seldom five times as large.
 #[test]
 fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
     const FLAWS: usize = 600;
@@ -105,8 +101,7 @@ fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
             .map(|number| {
                 let flaw = draw(&mut random);
                 // White noise, a mix, and shot noise.
-                let white = [100.0, 0.1, 0.01][number % 3];
-                let (shift, uncertainty) = hidden(flaw, white);
+                let (shift, uncertainty) = hidden(flaw, [100.0, 0.1, 0.01][number % 3]);
                 shift / uncertainty
             })
             .collect();

@@ -1,12 +1,16 @@
 //! What several topics write their rows and scenes with, and the names that most of them use.
 
-pub use judges::accuracy::{Answer, Cell, PIXELS, centre_after, centre_of, centre_with, largest};
+pub use judges::accuracy::{
+    self, Answer, Cell, PIXELS, centre_after, centre_of, centre_with, largest,
+};
 pub use judges::core_tables;
-pub use judges::frames::{self, at_centre};
+pub use judges::frames::{self, at_centre, words};
 pub use judges::hard_cases::flaw::{Bad, Flaw, Second};
 pub use judges::hard_cases::judge::Said;
 pub use judges::hard_cases::recipe::Recipe;
-pub use judges::hard_cases::{HardRow, Truth};
+pub use judges::hard_cases::{HardRow, Truth, mixtures};
+pub use phase_tables::gaussian;
+pub use proptest::prelude::*;
 pub use rand::{Rng as _, SeedableRng as _};
 pub use rand_chacha::ChaCha8Rng;
 pub use rand_distr::{Distribution as _, StandardNormal};
@@ -14,20 +18,20 @@ pub use rayon::prelude::*;
 pub use simulator::least_squares;
 pub use simulator::optics::{Aperture, Optics};
 pub use simulator::profiles::{self, Curve, Slit};
-pub use simulator::scene::{Effect, Scene, Sensor, Simulation, quantise};
+pub use simulator::scene::{Effect, Scene, SecondReflection, Sensor, Simulation, quantise};
 pub use slitrange::base::exposure::Exposure;
 pub use slitrange::base::places::PLACES;
 pub use slitrange::base::units::Electrons;
 pub use slitrange::base::work_budget::WorkBudget;
-pub use slitrange::centre;
 pub use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
 pub use slitrange::centre::tables::{BLOCKS, Sampling, TableSet};
+pub use slitrange::centre::{self, half_width};
 pub use slitrange::check::own_spot::Profile;
 pub use slitrange::distance::eq1::{Eq1, NOMINAL};
 pub use slitrange::distance::knots::{CLOSEST, Knot, Knots, MAX_KNOTS};
 pub use slitrange::distance::residuals::{Corrected, CorrectedError};
 pub use slitrange::distance::table::Table;
-pub use slitrange::frame::comb::{Comb, Combined, MAX_SLITS, SlitCentre, SlitMap, Slits};
+pub use slitrange::frame::comb::{Comb, Combined, FEWEST, MAX_SLITS, SlitCentre, SlitMap, Slits};
 pub use slitrange::frame::{Frame, FrameCentre, Mean};
 pub use slitrange::measurement::centre_of_spot;
 pub use slitrange::reading::uncertainty::{FittedErrors, FittedSurface, Parts};
@@ -43,13 +47,14 @@ pub use slitrange::{
     sensor_heads,
 };
 pub use slitrange_device::protocol::command::{Command, parse};
+pub use slitrange_device::protocol::input::Input;
 pub use slitrange_device::protocol::line::ReadingLine;
 pub use slitrange_device::protocol::packet::FrameResult;
 pub use slitrange_device::protocol::status::{StartCause, Vitals};
 pub use slitrange_device::protocol::upload::Step;
 pub use slitrange_device::record::date::Date;
 pub use slitrange_device::record::encoded::EncodedRecord;
-pub use slitrange_device::record::{Record, RecordError};
+pub use slitrange_device::record::{self, Record, RecordError};
 pub use slitrange_device::session::flat::Outcome;
 pub use slitrange_device::session::{Actions, Event, Session};
 pub use slitrange_device::settings::{Setting, Settings};
@@ -57,19 +62,17 @@ pub use slitrange_device::store::configuration::Configuration;
 pub use slitrange_device::store::pixel_map::StoredMap;
 pub use slitrange_device::store::{StoreError, Stored};
 pub use statistics::{mean, rms, upper_median};
+pub use std::f64::consts::TAU;
 
-/// Random numbers of a seed.
 pub fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// A value with a change.
 pub fn with<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
     change(&mut value);
     value
 }
 
-/// The default options with a change.
 pub fn options(change: impl FnOnce(&mut Options)) -> Options {
     with(Options::default(), change)
 }
@@ -80,7 +83,6 @@ pub fn knot(centre: i32, um: i32) -> Knot {
     Knot { centre, value }
 }
 
-/// A scene of this repository.
 pub fn scene(name: &str) -> Scene {
     Scene::load(name).expect("a scene")
 }
@@ -141,12 +143,10 @@ pub const fn few_slits(found: u16) -> Fault {
     Fault::FewSlits { found, needed }
 }
 
-/// A value with its uncertainty.
 pub fn estimate<T>([value, u]: [T; 2]) -> Estimate<T> {
     Estimate { value, u }
 }
 
-/// The errors of a fit, with those of its surface.
 pub fn fitted(
     curve: [Micrometres; PLACES],
     deviation: [Micrometres; PLACES],
@@ -184,12 +184,10 @@ pub fn row(light: &[u16]) -> Row<'_> {
     Row::new(light, &[], 4095).expect("12 bits")
 }
 
-/// The spot that the coarse search finds.
 pub fn find(light: &[u16]) -> Result<Spot, Fault> {
     Ok(spot::find(&row(light))?.0)
 }
 
-/// The centre that the measurement finds with an estimator.
 pub fn checked(geometry: &Geometry, light: &[u16], estimator: Estimator) -> Answer {
     checked_after(None, geometry, light, estimator)
 }
@@ -237,7 +235,6 @@ pub fn bisect(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
     low
 }
 
-/// The row from its last pixel to its first.
 pub fn mirrored(light: &[u16]) -> Vec<u16> {
     light.iter().rev().copied().collect()
 }

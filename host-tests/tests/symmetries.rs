@@ -2,11 +2,9 @@
 //! estimator. proptest draws the rows around a spot, the same rows in every run. The tests print every figure
 //! that they assert.
 
-use std::cell::RefCell;
-
 use crate::support::*;
-use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
+use std::cell::RefCell;
 
 /// A spot on a row of [`PIXELS`], and what else is on it.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +20,6 @@ enum Flaw {
     None,
     /// A pixel with so many counts more.
     Hot(f64, u16),
-    /// A pixel that sees nothing.
     Dead(f64),
     /// A second spot of so much of the height.
     Second(f64, f64),
@@ -115,10 +112,8 @@ fn holds<T: std::fmt::Debug>(
     outcome.unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// The ways in which an estimator is asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Way {
-    /// The estimator alone.
     Alone,
     /// With the look that follows it.
     Pipeline,
@@ -138,7 +133,6 @@ fn steady(estimator: Estimator) -> Way {
     }
 }
 
-/// Finds the spot of a row and then its centre.
 fn find_centre(way: Way, estimator: Estimator, light: &[u16], geometry: &Geometry) -> Answer {
     centre_at(way, estimator, light, &find(light)?, geometry)
 }
@@ -162,7 +156,6 @@ fn find(light: &[u16]) -> Result<(Spot, WorkBudget), Fault> {
     spot::find(&Row::new(light, &[], 4095).expect("12 bits"))
 }
 
-/// Figures of each estimator.
 #[derive(Default)]
 struct Spreads(RefCell<[Vec<f64>; Estimator::ALL.len()]>);
 
@@ -181,8 +174,7 @@ impl Spreads {
     }
 }
 
-/// A constant on all pixels, with no pixel clipped, changes no bit of a centre, nor of a fault without
-/// counts.
+/// A constant on all pixels, none clipped, changes no bit of a centre, nor of a fault without counts.
 #[test]
 fn the_black_level_changes_no_bit() {
     const CASES: u32 = 1000;
@@ -262,8 +254,7 @@ fn shifted_back(centre: RowCentre, pixels: usize) -> RowCentre {
 /// window. On clean rows this moves the centre by a tenth of its uncertainty root mean square, and by twice
 /// its uncertainty at most. A tenth adds half a per cent to an error.
 ///
-/// `fraunhofer` depends more on the table, because its tables are for the pattern of a slit, and the spot is
-/// a gaussian.
+/// `fraunhofer` depends more on the table: its tables are for a slit's pattern, and the spot is a gaussian.
 #[test]
 fn a_shifted_row_has_the_shifted_centre() {
     let (spreads, whole) = (Spreads::default(), RefCell::new(0));
@@ -310,8 +301,7 @@ fn a_shifted_row_has_the_shifted_centre() {
 /// For the centroid this is exact, except for the rounding of sums in another order. The other estimators may
 /// use a window that is half a sample or a phase away, and such a window sees other noise. Two unbiased
 /// estimates with errors of k times the bound differ by at most 2 sqrt(1 - 1/k^2) of their uncertainty root
-/// mean square: by 0.8 for the phase tables (k = 1.09). The test asserts a tenth, which adds half a per cent
-/// to an error.
+/// mean square: by 0.8 for the phase tables (k = 1.09). A tenth is asserted: half a per cent of an error.
 ///
 /// In one of a hundred rows the check makes a second fit, perhaps in the mirrored row only. `fraunhofer` may
 /// differ by several uncertainties, because its tables are for the pattern of a slit: two neighbouring tables
@@ -357,7 +347,6 @@ fn a_mirrored_spot_has_the_mirrored_centre() {
 
 /// The narrowest width in pixels that there is a table for.
 const NARROWEST: f64 = 0.79;
-
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;
 
@@ -426,8 +415,7 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
     }
 }
 
-/// The same noise under a spot of one to four times the height: the claimed uncertainty does not grow, and no
-/// centre is lost.
+/// The same noise under up to four times the height: the claim does not grow, and no centre is lost.
 ///
 /// This holds too if the brighter spot uses another table. The limit of 5 % has two reasons. The flanks of a
 /// wide spot look like a little noise, and the claim of the centroid depends on the width at half maximum.

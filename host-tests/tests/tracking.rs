@@ -3,12 +3,10 @@
 
 use crate::properties::{any_black_level, nominal_reading};
 use crate::support::*;
-use proptest::prelude::*;
 use simulator::scene;
 
 const PIXELS: usize = 2048;
 
-/// What a row shows.
 #[derive(Clone, Copy, Debug)]
 struct Shown {
     centre: f64,
@@ -25,16 +23,14 @@ const SHOT: u16 = 6554;
 impl Shown {
     /// The counts of a row; `number` selects the noise.
     fn counts(&self, number: u64) -> Vec<u16> {
-        let (width, counts_per_second) = (self.width, self.amplitude);
         let mut scene = Scene::white_paper();
         (scene.seed, scene.sensor) = (8, Sensor::Row(PIXELS));
         scene.optics = Scene::dark(scene.sensor).optics;
         scene.black_level = Some(scene::BlackLevel::steady(self.black_level));
         let noise = scene.read_noise.iter_mut();
         noise.for_each(|it| it.counts = self.read_noise);
-        let spot = scene.spot.iter_mut();
-        spot.for_each(|it| (it.width, it.counts_per_second) = (width, counts_per_second));
-        scene.spot = scene.spot.filter(|_| counts_per_second > 0.0);
+        let spot = || scene::Spot::new(self.width, self.amplitude);
+        scene.spot = (self.amplitude > 0.0).then(spot);
         quantise(&scene.row_with_centre(number, self.centre, 1.0), 4095)
     }
 }
@@ -80,7 +76,6 @@ impl Tracker {
 const ROWS_BEFORE: u64 = 2;
 const ROWS_AFTER: u64 = 4;
 
-/// What became of the rows after a change.
 #[derive(Default)]
 struct After {
     /// Errors over claims, and what was shown.
@@ -264,8 +259,7 @@ fn a_spot_that_jumps_is_found_at_its_new_place() {
     }
 }
 
-/// The spot becomes twice or half as wide (a spot of less than two pixels: twice) while its target moves a
-/// little.
+/// The spot becomes twice or half as wide (below two pixels: twice) while its target moves a little.
 ///
 /// The estimators that measure the width in each row stay honest. The phase tables use the width of the row
 /// before, so the wrong table serves until the frame ends. If the spot became wider, its error is then up to
@@ -292,7 +286,6 @@ fn a_spot_that_changes_its_width_is_not_lost() {
     }
 }
 
-/// The spot leaves the sensor over either edge, and comes back.
 #[test]
 fn a_spot_at_an_edge_is_a_fault_or_right() {
     for estimator in Estimator::ALL {
@@ -476,8 +469,7 @@ fn any_rows() -> impl Strategy<Value = Vec<Vec<u16>>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2500))]
 
-    /// No sequence of rows makes the measurement panic. Every distance is in the range of the calibration,
-    /// and has an uncertainty.
+    /// No sequence of rows panics. Every distance is in the calibration's range, and has an uncertainty.
     #[test]
     fn any_rows_give_readings_or_faults(
         rows in any_rows(),

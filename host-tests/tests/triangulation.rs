@@ -2,7 +2,6 @@
 
 use crate::records::cases;
 use crate::support::*;
-use proptest::prelude::*;
 use slitrange::distance::eq1::Eq1Error;
 
 #[test]
@@ -31,7 +30,6 @@ fn the_nominal_calibration_is_that_of_the_nominal_optics() {
     }
 }
 
-/// The constants are those of the docs of [`NOMINAL`], rounded to their last bits.
 #[test]
 fn the_nominal_constants_are_rounded_to_the_nearest() {
     let nominal = NOMINAL.expect("a curve");
@@ -148,8 +146,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
     insta::assert_snapshot!(text.join("\n"));
 }
 
-/// D + K/(x - xp) in steps of Q24.8, rounded to the nearest, and half-way away from D; `from_pole` is x - xp
-/// in Q16.16.
+/// D + K/(x - xp) in steps of Q24.8, to the nearest, half-way away from D; `from_pole` is x - xp in Q16.16.
 fn exact(d: i32, k: i64, from_pole: i64) -> i128 {
     let (k, from_pole) = (i128::from(k) * 256, i128::from(from_pole));
     let size = (2 * k.abs() + from_pole.abs()) / (2 * from_pole.abs());

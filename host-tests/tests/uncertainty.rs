@@ -3,7 +3,6 @@
 
 use crate::records::cases;
 use crate::support::*;
-use proptest::prelude::*;
 use simulator::distorted_optics::DistortedOptics;
 
 fn within(values: &[f64], limit: f64) -> f64 {
@@ -11,7 +10,6 @@ fn within(values: &[f64], limit: f64) -> f64 {
     count as f64 / values.len() as f64
 }
 
-/// A frame of a scene at a distance in metres.
 fn frame(scene: &Scene, options: Options, distance: f64) -> Option<Measured> {
     frames::measure(&Simulation::new(scene.clone()), options, distance, 0, None).ok()
 }
@@ -182,8 +180,7 @@ fn any_measured() -> impl Strategy<Value = Measured> {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Whatever a record and a frame say, u is above zero, and not below any part: a reading's, and a
-    /// difference's.
+    /// A reading's u and a difference's are above zero, and not below any part, for any record and frame.
     #[test]
     fn u_is_never_zero_and_never_below_a_part(
         [before, now] in [any_measured(), any_measured()],

@@ -7,6 +7,8 @@
 
 use phase_tables::gaussian;
 use rayon::prelude::*;
+use simulator::bound;
+use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
@@ -14,12 +16,8 @@ use slitrange::measurement::centre_of_spot;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
-use simulator::bound;
-use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
-
 /// Pixels of a test row: enough for the background of the widest spot.
 pub const PIXELS: usize = 2048;
-
 /// A row's centre, or why there is none.
 pub type Answer = Result<RowCentre, Fault>;
 
@@ -130,8 +128,7 @@ impl Cell {
         (0.5 * self.width).max(8.0 * self.spot().bound())
     }
 
-    /// Pixels of a row: enough for the background of the spot, and no more, because making the rows takes the
-    /// time.
+    /// Pixels of a row: enough for the spot's background, and no more, because making rows takes the time.
     pub fn pixels(&self) -> usize {
         match self.width {
             width if width <= 3.0 => 512,
@@ -199,13 +196,10 @@ impl Cell {
 
 /// Rows in a series.
 pub const SERIES: u64 = 16;
-
 /// The spot drifts by up to this many pixels a row, either way: 30 mm/s of a target at 0.8 m and 175 rows a
 /// second.
 const FASTEST_DRIFT: f64 = 0.6;
-
-/// Additive recurrence over two dimensions, the most even there is: 1/p and 1/p^2 of the plastic number p,
-/// p^3 = p + 1.
+/// Additive recurrence, the most even in two dimensions: 1/p and 1/p^2 of the plastic number p^3 = p + 1.
 const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// A function that finds centres as [`centre::centre`] does, by any of several methods `M`.

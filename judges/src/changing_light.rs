@@ -5,8 +5,7 @@ pub mod ambient;
 pub mod jumps;
 pub mod range;
 
-use std::collections::VecDeque;
-
+use crate::frames::words;
 use simulator::scene::{Exposure as Times, Scene, Simulation};
 use slitrange::Calibration;
 use slitrange::base::exposure::Exposure;
@@ -15,19 +14,16 @@ use slitrange::light::ambient::AmbientMode;
 use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::Measured;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-
-use crate::frames::words;
+use std::collections::VecDeque;
 
 /// Counts a second at the peak of the spot on the brightest target, with a reflectivity of 1: bright metal
 /// that shines towards the slit. The shortest exposure then gives 3000 counts. White paper has a thousandth
 /// of it (`scenes/quiet-paper.toml`), and black tape a ten thousandth.
 pub const BRIGHTEST: f64 = 3e8;
-
 /// Rows from the one that a new exposure follows from to the first one that has it. A row is computed while
 /// the next one is read and the one after is exposed, and the laser's pulse for the next is started before
 /// the computation ends.
 pub const DELAY: usize = 3;
-
 /// Seconds from row to row.
 const ROW_PERIOD: f64 = 5.7e-3;
 

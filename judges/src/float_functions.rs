@@ -4,24 +4,20 @@
 //! recurrence gives all other pixels, so that a relative error of the ratio grows with the distance. Here the
 //! same recurrence and the same fit as in the core run with any function for the exponential.
 
+use crate::accuracy::{Cell, centre_of};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 use slitrange::centre::Estimator;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 use statistics::rms;
 
-use crate::accuracy::{Cell, centre_of};
-
 /// Samples on either side of the spot: half of the window of `gauss-newton`.
 const HALF_WINDOW: usize = 64;
-
 /// Steps of the fit. Four steps are enough for each row here; the others change nothing.
 const STEPS: usize = 8;
-
 /// How far the check's pairs reach, in widths, and its samples in a width.
 const REACH: f32 = 6.0;
 const SAMPLES_A_WIDTH: f32 = 6.0;
-
 /// Widths in pixels. Samples of the fit are single pixels up to 12.8.
 pub const WIDTHS: [f64; 6] = [0.8, 1.2, 2.0, 4.5, 8.6, 12.0];
 
@@ -54,7 +50,6 @@ fn outwards(exp: Exp, mut u: f32, pitch: f32) -> impl Iterator<Item = (f32, f32)
     })
 }
 
-/// A spot in samples and counts.
 #[derive(Clone, Copy)]
 struct Parameters {
     centre: f32,
@@ -90,7 +85,6 @@ pub fn fitted_centre(exp: Exp, geometry: &Geometry, light: &[u16]) -> Option<f64
     Some(f64::from(at.centre) + first as f64)
 }
 
-/// A step of the method, limited as in the core.
 fn step(exp: Exp, samples: &[f32], at: Parameters, noise: f32, shot: f32) -> Option<Parameters> {
     let middle = ((at.centre + 0.5) as usize).min(samples.len());
     let (left, right) = samples.split_at(middle);
@@ -168,9 +162,8 @@ fn rest(samples: &[(f64, f64, f64)]) -> f64 {
         own += e * e;
     }
     let solved = matrix.lu().solve(&vector).unwrap_or_default();
-    let left = samples.iter().map(|&(u, e, exact)| {
-        let fitted = solved.dot(&Vector3::new(1.0, e, u * u * e));
-        (exact - fitted).powi(2)
-    });
+    let left = samples
+        .iter()
+        .map(|&(u, e, exact)| (exact - solved.dot(&Vector3::new(1.0, e, u * u * e))).powi(2));
     left.sum::<f64>() / own
 }

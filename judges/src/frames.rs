@@ -64,8 +64,7 @@ pub fn measure_rows(
     let mut measurement = Measurement::new(geometry.clone(), options);
     measurement.set(options, profile);
     let frames = rows.iter().map(|row| measurement.row(&mut row.clone()));
-    let complete = frames.flatten();
-    complete.last().unwrap_or(Err(Fault::SensorSilent))
+    frames.flatten().last().unwrap_or(Err(Fault::SensorSilent))
 }
 
 /// A made-up frame of 16 rows whose centre is known exactly, on pixels that do not differ.

@@ -19,15 +19,13 @@ pub mod shape;
 pub mod tally;
 pub mod truth;
 
-use slitrange::row::Geometry;
-
 pub use catalogue::rows;
 pub use flaw::Flaw;
 pub use recipe::{HardRow, Recipe};
 pub use shape::Shape;
-pub use truth::Truth;
-
 use simulator::scene::Sensor;
+use slitrange::row::Geometry;
+pub use truth::Truth;
 
 /// What the measurement owes for a row, whichever estimator is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]

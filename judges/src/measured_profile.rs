@@ -17,12 +17,9 @@ pub struct MeasuredProfile {
 
 /// The profile is measured so many widths to either side; beyond it is taken for dark.
 const REACH: f64 = 8.0;
-
 /// From knot to knot, in widths: a cubic spline follows a gaussian to 1e-4 of its height.
 const KNOT: f64 = 0.36;
-
 const SPLINES: usize = (2.0 * REACH / KNOT) as usize + 4;
-
 /// Weight of the squared third differences of the coefficients (P. Eilers and B. Marx, 1996) over that of the
 /// samples of a spline: too small to bend the profile, enough to hold splines that few samples reach.
 const SMOOTHNESS: f64 = 1e-4;
@@ -90,7 +87,6 @@ impl MeasuredProfile {
             .collect()
     }
 
-    /// Level and height of a row, by least squares.
     fn scale(&self, samples: &[(f64, f64)]) -> [f64; 2] {
         let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
         for &(place, count) in samples {
@@ -120,7 +116,6 @@ fn splines(place: f64) -> (usize, [f64; 4]) {
     (first as usize, weights)
 }
 
-/// The smoothing spline through samples.
 fn fit(samples: impl Iterator<Item = (f64, f64)>) -> DVector<f64> {
     let mut normal = DMatrix::zeros(SPLINES, SPLINES);
     let mut right = DVector::zeros(SPLINES);

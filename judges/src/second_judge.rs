@@ -24,18 +24,15 @@ pub mod tally;
 mod target;
 mod words;
 
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-
 pub use kinds::{Claim, Kind};
 pub use plan::Frame;
-pub use tally::{KindReport, Report, judge, judge_with};
-
 use plan::Plan;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+pub use tally::{KindReport, Report, judge, judge_with};
 
 /// Where the random numbers come from.
 pub type Rng = ChaCha8Rng;
-
 /// Rows of a frame: the default of the firmware.
 pub const ROWS_OF_FRAME: usize = 16;
 
@@ -80,7 +77,6 @@ fn log_even(random: &mut Rng, from: f64, to: f64) -> f64 {
     (from.ln() + (to / from).ln() * random.random::<f64>()).exp()
 }
 
-/// 1 or -1.
 fn side(random: &mut Rng) -> f64 {
     if random.random_bool(0.5) { 1.0 } else { -1.0 }
 }

@@ -1,9 +1,7 @@
 //! Knots of every kind, and what every calibration promises.
 
-use crate::support::*;
-use proptest::prelude::*;
-
 use crate::records::chain;
+use crate::support::*;
 
 /// A step of Q24.8, in micrometres.
 pub const STEP: f64 = 1.0 / 256.0;

@@ -1,19 +1,16 @@
 //! The record: encoding and decoding give the same record back, and damaged or unusable records are refused.
 
-use crate::support::*;
-use proptest::prelude::*;
-use slitrange::frame::comb::CombError;
-use slitrange_device::record::{MAX_ENCODED, VERSION, decode, encode};
-
 use super::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};
+use crate::support::*;
+use slitrange::frame::comb::CombError;
+use slitrange_device::record::{MAX_ENCODED, VERSION, decode, encode};
 
 /// CRC-32 from its definition: the polynomial of IEEE 802.3.
 fn crc32(bytes: &[u8]) -> u32 {
     reflected_crc(!0, 0xedb8_8320, bytes)
 }
 
-/// Bytes with a right CRC.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes.extend(crc32(&bytes).to_le_bytes());
     bytes
@@ -160,8 +157,7 @@ fn damaged_and_cut_off_records_are_refused() {
     }
 }
 
-/// The encoder refuses every part that cannot be used. The decoder refuses the part too, if it can be written
-/// at all.
+/// The encoder refuses every part that cannot be used; the decoder too, if it can be written at all.
 #[test]
 fn unusable_records_are_refused() {
     let wrong = |record: Record| encode(&record, &mut [0; MAX_ENCODED]).err();
@@ -217,8 +213,7 @@ fn unusable_records_are_refused() {
         let record = with(nominal(), |it| it.errors = errors);
         assert_eq!(wrong(record), is_wrong.then_some(RecordError::Errors));
     }
-    // The same in bytes, where each stands by the format: 1 version, 2 serial number, 2 year, then month,
-    // day.
+    // In bytes, as the format has them: 1 version, 2 serial number, 2 year, then month, day.
     let bytes = encoded(&nominal());
     let with = |place: usize, byte: u8| {
         let mut bytes = bytes[..bytes.len() - 4].to_vec();
@@ -335,8 +330,7 @@ proptest! {
         prop_assert!(scattered == bytes || decode(&scattered).is_err());
     }
 
-    /// Changed bytes with a right CRC: an accepted record keeps every promise of a calibration, and can be
-    /// encoded.
+    /// Changed bytes with a right CRC: an accepted record keeps a calibration's promises, and can be encoded.
     #[test]
     fn accepted_records_can_be_used(
         record in records(),

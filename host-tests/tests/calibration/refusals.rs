@@ -1,11 +1,9 @@
 //! Invalid calibrations are refused, and the error says what is wrong.
 
+use crate::records::cases;
 use crate::support::*;
-use proptest::prelude::*;
 use slitrange::distance::knots::KnotsError;
 use slitrange::distance::table::TableError;
-
-use crate::records::cases;
 
 #[test]
 fn the_error_of_an_invalid_table_names_the_wrong_knot() {
@@ -40,7 +38,6 @@ fn the_error_of_an_invalid_table_names_the_wrong_knot() {
     ] {
         assert_eq!(wrong(knots), error, "{knots:?}");
     }
-
     // 2^22 um, and a step less, over all the centres that there are.
     let far = |value| {
         let first = with(knot(0, 0), |it| it.centre = Pixels::MIN);

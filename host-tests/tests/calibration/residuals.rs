@@ -1,10 +1,8 @@
 //! Properties of every eq. (1) with residuals.
 
-use crate::support::*;
-use proptest::prelude::*;
-
 use super::common::{STEP, holds_what_it_promises, largest_rise, places};
 use crate::records::{cases, chain};
+use crate::support::*;
 
 /// Takes every centre of some intervals, one by one: two roundings can move the distance the wrong way.
 #[test]
@@ -82,7 +80,6 @@ proptest! {
         }
     }
 
-    /// Any eq. (1) with any residuals is usable, or is refused.
     #[test]
     fn any_residuals_are_usable_or_refused(
         d in any::<i32>(),

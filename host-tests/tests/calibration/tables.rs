@@ -1,11 +1,9 @@
 //! Properties of every table of distances.
 
-use crate::support::*;
-use proptest::prelude::*;
-
 use super::common::{STEP, holds_what_it_promises, largest_rise, monotone_knots, places};
 use super::reference::pchip;
 use crate::records::cases;
+use crate::support::*;
 
 /// Takes every centre of some intervals, one by one. From one centre to the next, the distance never goes the
 /// wrong way, and it changes by no more than the slope and a rounding.
@@ -37,8 +35,7 @@ fn a_distance_never_turns_back_between_neighbouring_centres() {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Every table rises or falls to the last bit, is exact at its knots, agrees with f64, and gives its own
-    /// slope.
+    /// Every table is monotone to the last bit, exact at its knots, agrees with f64, and gives its own slope.
     #[test]
     fn every_table_is_monotone_and_right(
         knots in monotone_knots(),

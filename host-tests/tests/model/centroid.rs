@@ -2,7 +2,6 @@
 //! centroid.
 
 use crate::support::*;
-use slitrange::centre::half_width;
 
 /// The centroid of a spot that the core's coarse search found, above its black level. `None` where the window
 /// reaches over the sensor's edge or does not come to rest.

@@ -4,7 +4,6 @@ use crate::support::*;
 use phase_tables::{Plan, Profile, design};
 use slitrange::centre::tables::Table;
 
-/// The weights of one width.
 #[derive(Clone, Debug)]
 pub struct Weights {
     width: f64,
@@ -69,7 +68,6 @@ pub fn exact(profile: Profile<'_>, plan: Plan) -> Vec<Weights> {
     (0..plan.widths.count).map(weights).collect()
 }
 
-/// What is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     /// The centre in pixels.
@@ -136,14 +134,11 @@ pub fn centre(light: &[u16], spot: &Spot, tables: &[Weights], sampling: Sampling
     None
 }
 
-/// Half a step between the widths, and a tenth of it.
-fn reach(tables: &[Weights]) -> f64 {
-    0.6 * (tables[1].width / tables[0].width - 1.0)
-}
-
 /// Pixels in a sample, and the table for a width.
 fn choose(tables: &[Weights], width: f64, sampling: Sampling) -> (u8, usize) {
-    let widest = tables[tables.len() - 1].width * (1.0 + reach(tables));
+    // Half a step between the widths, and a tenth of it.
+    let reach = 0.6 * (tables[1].width / tables[0].width - 1.0);
+    let widest = tables[tables.len() - 1].width * (1.0 + reach);
     let mut blocks = BLOCKS.into_iter();
     let block = match sampling {
         Sampling::Fine => blocks

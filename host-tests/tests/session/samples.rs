@@ -5,7 +5,6 @@ use slitrange::row::pixels::map::MapSummary;
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::selftest::RowTest;
 
-/// What the sensors of the tests run on.
 pub const HARDWARE: Hardware = Hardware {
     board: "a board",
     head: "TCD1304DG",
@@ -88,7 +87,6 @@ pub fn fault(words: &[&str]) -> Fault {
     }
 }
 
-/// What a map says of a sensor.
 pub fn map_summary() -> MapSummary {
     MapSummary {
         errors: pixel_errors(34, 66),

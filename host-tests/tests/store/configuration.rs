@@ -1,15 +1,12 @@
 //! The bytes of a configuration: encoding and decoding give the same configuration back, and unusable bytes
 //! are refused.
 
+use super::samples::{Size, sample};
+use crate::records::{cases, records};
 use crate::support::*;
-use proptest::prelude::*;
-use slitrange_device::record;
 use slitrange_device::store::configuration::{
     ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
 };
-
-use super::samples::{Size, sample};
-use crate::records::{cases, records};
 
 fn encoded(configuration: &Configuration) -> Vec<u8> {
     encode(&configuration.as_ref(), &mut [0; MAX_ENCODED])
@@ -22,8 +19,7 @@ fn settings_bytes(configuration: &Configuration) -> usize {
     encoded(&with(configuration.clone(), |it| it.record = None)).len()
 }
 
-/// Later firmware reads these bytes, unless the version changes. The core's own tests check the lines of the
-/// settings.
+/// Later firmware reads these bytes, unless the version changes. The core tests the settings' lines.
 #[test]
 fn the_records_own_bytes_follow_the_settings() {
     let configuration = sample(Size::Middle, 5);
@@ -73,7 +69,6 @@ fn errors_say_what_is_wrong_and_what_to_do() {
     insta::assert_snapshot!(text.join("\n"));
 }
 
-/// Settings of every kind, all of which can be typed.
 fn settings() -> impl Strategy<Value = Settings> {
     let lines = prop_oneof![
         "rows ([1-9]|[1-5][0-9]|6[0-4])",
@@ -97,8 +92,7 @@ fn settings() -> impl Strategy<Value = Settings> {
     })
 }
 
-/// Settings and records of every kind, without a record whose centres reach beyond its sensor, which `encode`
-/// refuses.
+/// Settings and records of every kind but those with centres beyond the sensor, which `encode` refuses.
 fn all() -> impl Strategy<Value = Configuration> {
     let records = prop::option::weighted(0.9, records()).prop_map(Option::flatten);
     let fits = |record: &Record| record::encode(record, &mut [0; record::MAX_ENCODED]).is_ok();
@@ -111,7 +105,6 @@ fn all() -> impl Strategy<Value = Configuration> {
 proptest! {
     #![proptest_config(cases(2000))]
 
-    /// Every usable configuration decodes to itself.
     #[test]
     fn configurations_decode_to_themselves(configuration in all()) {
         let bytes = encoded(&configuration);
@@ -120,8 +113,7 @@ proptest! {
         prop_assert_eq!(again.as_ref(), Ok(&configuration));
     }
 
-    /// Takes damaged bytes and any other bytes. If they decode, the configuration can be encoded, and decodes
-    /// to itself again.
+    /// Damaged bytes and any others: what decodes can be encoded, and decodes to itself again.
     #[test]
     fn decoded_configurations_encode_and_decode_to_themselves(
         configuration in all(),

@@ -15,7 +15,6 @@ const WORD: usize = 4;
 #[derive(Clone)]
 pub struct Flash {
     pub bytes: Vec<u8>,
-    /// How often each sector was erased.
     pub erases: [u32; 2],
     /// Erasures and words programmed.
     pub operations: usize,
@@ -32,7 +31,6 @@ enum Power {
     Off,
 }
 
-/// There is no power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NoPower;
 
@@ -43,7 +41,6 @@ impl NorFlashError for NoPower {
 }
 
 impl Flash {
-    /// As from the factory.
     pub fn erased() -> Self {
         Self::with(vec![0xff; BYTES])
     }
@@ -59,8 +56,7 @@ impl Flash {
         }
     }
 
-    /// Power fails after so many operations from now. With a seed the next operation is begun, but not
-    /// finished.
+    /// Power fails after so many operations. With a seed the next one is begun, but not finished.
     pub fn cut_after(&mut self, operations: usize, torn: Option<u64>) {
         self.power = Power::Until(operations, torn);
     }

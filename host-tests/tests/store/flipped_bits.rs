@@ -1,13 +1,11 @@
 //! A flipped bit anywhere in the two sectors: the store reads the last configuration, reads the one before
 //! and says so, or says that the flash is unusable.
 
+use super::flash::{BYTES, Flash, SECTOR};
+use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
 use crate::support::*;
 use rand::{Rng, SeedableRng};
 
-use super::flash::{BYTES, Flash, SECTOR};
-use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
-
-/// How often each result was read.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Count {
     newest: usize,
@@ -17,7 +15,6 @@ struct Count {
     unusable: usize,
 }
 
-/// Flips bits, one at a time, reads, and now and then saves.
 fn flip(
     what: &str,
     flash: &Flash,
@@ -63,8 +60,7 @@ fn all() -> impl Iterator<Item = usize> {
     0..8 * BYTES
 }
 
-/// One bit of each byte that a sector uses, one bit of every eighth byte of the erased rest, and all bits of
-/// the marks.
+/// One bit of each byte in use, one of every eighth byte of the erased rest, and all bits of the marks.
 fn one_of_each_byte(flash: &Flash) -> impl Iterator<Item = usize> + use<> {
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let last = [0, SECTOR].map(|start| {

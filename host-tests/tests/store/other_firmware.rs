@@ -1,13 +1,11 @@
 //! A whole item of later firmware that this firmware cannot use: the configuration before it is used, and
 //! without one the later version is reported.
 
-use crate::support::*;
-use crc::{CRC_32_ISO_HDLC, Crc};
-use slitrange_device::record;
-use slitrange_device::store::configuration::VERSION;
-
 use super::flash::{Flash, SECTOR};
 use super::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_check};
+use crate::support::*;
+use crc::{CRC_32_ISO_HDLC, Crc};
+use slitrange_device::store::configuration::VERSION;
 
 /// The library's checksum of an item, from its definition: CRC-32C from another start.
 fn sum(bytes: &[u8]) -> u32 {
@@ -58,7 +56,6 @@ fn an_item_of_later_firmware_is_passed_over() {
     }
 }
 
-/// The record in a configuration has a version of its own.
 #[test]
 fn a_record_of_a_later_version_is_reported() {
     let mut flash = Flash::erased();
@@ -79,8 +76,7 @@ fn a_record_of_a_later_version_is_reported() {
     assert_eq!(read(&mut flash), Stored::Later(record::VERSION + 1));
 }
 
-/// The library's checksum of an item's length, from its definition: CRC-16 with the reflected polynomial
-/// 0x1a2e.
+/// The library's checksum of an item's length, from its definition: CRC-16, reflected polynomial 0x1a2e.
 fn length_sum(length: u16) -> u16 {
     reflected_crc(0xffff, 0x1a2e, &length.to_le_bytes()) as u16
 }

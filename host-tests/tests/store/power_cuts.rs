@@ -5,7 +5,6 @@ use super::flash::{BYTES, Flash, SECTOR};
 use super::samples::{Size, read, sample, save, save_and_check};
 use crate::support::*;
 
-/// How often each result was read after a cut.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Count {
     operations: usize,
@@ -73,15 +72,13 @@ fn cut_operation(
     true
 }
 
-/// After every cut the old or the new configuration is there.
 fn nothing_is_lost(what: &str, flash: &Flash, new: &Configuration, step: usize) {
     for count in cut_operations(what, flash, new, step) {
         assert_eq!(count.old + count.new, count.cuts);
     }
 }
 
-/// Saves until a save goes to the other sector: gives the flash before and after that save, and its
-/// configuration.
+/// Saves until one goes to the other sector: the flash before and after that, and its configuration.
 fn around_a_change(mut flash: Flash, sizes: &[Size]) -> (Flash, Flash, Configuration) {
     for (i, &size) in sizes.iter().cycle().enumerate() {
         let before = flash.clone();
@@ -181,7 +178,6 @@ fn power_cuts_in_a_save_over_unusable_contents() {
     }
 }
 
-/// Cuts the power in a save, and again in the next save.
 #[test]
 fn two_power_cuts_in_two_saves() {
     let (_, after, _) = around_a_change(Flash::erased(), &[Size::Most]);

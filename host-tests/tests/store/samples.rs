@@ -1,17 +1,14 @@
 //! Configurations to save, each one different, and the store around a flash.
 
+use super::flash::Flash;
+use crate::records::{longest, nominal};
 use crate::support::*;
 use embassy_futures::block_on;
 use slitrange_device::store::Store;
 use slitrange_device::store::configuration::{MAX_ENCODED, encode};
 
-use super::flash::Flash;
-use crate::records::{longest, nominal};
-
-/// How long a configuration is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
-    /// The settings alone.
     Least,
     /// With a record of eq. (1).
     Middle,
@@ -34,8 +31,7 @@ pub fn sample(size: Size, i: u32) -> Configuration {
     Configuration { settings, record }
 }
 
-/// Bytes of an item: the library's header, the number, the configuration. Bytes that fill up the last word do
-/// not count.
+/// Bytes of an item: the library's header, the number, the configuration; without the last word's filling.
 pub fn item_bytes(size: Size) -> usize {
     let mut buffer = [0; MAX_ENCODED];
     let bytes = encode(&sample(size, 0).as_ref(), &mut buffer).expect("a usable configuration");
@@ -44,7 +40,6 @@ pub fn item_bytes(size: Size) -> usize {
 
 /// Bytes of the library's header of an item.
 pub const HEADER: usize = 8;
-
 /// Bytes of an item's number.
 pub const NUMBER: usize = 4;
 
@@ -60,7 +55,6 @@ pub fn save(flash: &mut Flash, saved: &Configuration) -> Result<(), StoreError> 
     block_on(Store::new(flash).save(&saved.as_ref()))
 }
 
-/// Saves, and checks that the configuration is there.
 pub fn save_and_check(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(save(flash, saved), Ok(()));
     let is_there = read(flash) == Stored::Newest(saved.clone());

@@ -1,20 +1,17 @@
 //! White paper in ambient light: the errors with and without `ambient subtract`, beside those in a dark room.
 
+use super::range::Frames;
+use super::{BRIGHTEST, ROW_PERIOD, Sensor, scene};
 use simulator::bound::Spot;
 use simulator::scene::{Ambient, FixedPattern, Lag, MainsLight, Scene};
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::light::ambient::{AmbientMode, LONGEST_LOG2};
 use slitrange::measurement::Options;
 
-use super::range::Frames;
-use super::{BRIGHTEST, ROW_PERIOD, Sensor, scene};
-
 /// Rows with the laser on before frames count, so that the mean of the ambient light is at its longest.
 const ROWS_TO_SETTLE: usize = 600;
-
 /// White paper's spot (`scenes/quiet-paper.toml`) over the one of a reflectivity of 1.
 pub const WHITE_PAPER: f64 = 350e3 / BRIGHTEST;
-
 /// The laser is on for 5 ms, as in `scenes/sunlit.toml`: 1750 counts.
 const EXPOSURE_US: u16 = 5000;
 
@@ -99,8 +96,7 @@ pub const LIGHTS: [Light; 7] = [
 
 /// The sharp image of a small lamp: 400 counts high, with a sigma of 6 pixels.
 fn image_beside_the_spot(light: &mut [f32]) {
-    let optics = scene().optics;
-    let centre = optics.centre(scene().distance) as f32 + 40.0;
+    let centre = scene().optics.centre(scene().distance) as f32 + 40.0;
     for (light, pixel) in light.iter_mut().zip(0u16..) {
         let u = (f32::from(pixel) - centre) / 6.0;
         *light += 400.0 * (-0.5 * u * u).exp();
@@ -157,8 +153,7 @@ impl Light {
             (self.ambient).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
         let lamps = (self.lamps).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
         let counts = ROW_PERIOD * (ambient_light + lamps);
-        // The pixels' own differences are noise too, unless they are subtracted. All rows of a frame have
-        // the same.
+        // The pixels' differences are noise too, unless subtracted: the same in all rows of a frame.
         let pattern = match (self.pattern, ambient) {
             (Some(pattern), AmbientMode::Off) => pattern.counts.powi(2) * f64::from(rows),
             _ => 0.0,

@@ -1,5 +1,6 @@
 //! Jumps of a target's brightness: how many frames they cost, and whether a reading is wrong.
 
+use super::{Sensor, scene};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -9,11 +10,8 @@ use slitrange::base::fault::Fault;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 
-use super::{Sensor, scene};
-
 /// The least reflectivity, in powers of ten: that of black tape. The highest is 1, bright metal.
 pub const LEAST_POWER: f64 = -4.0;
-
 /// Jumps of one sensor. A million jumps are those of a thousand sensors.
 const OF_A_SENSOR: u64 = 1000;
 
@@ -63,9 +61,8 @@ impl Worst {
 }
 
 impl Jumps {
-    /// This many random jumps, by sensors on all cores. Each sensor has a thousand of them and its own random
-    /// numbers, so the number of cores does not change the results. Calls `done` with the jumps of each
-    /// sensor.
+    /// This many random jumps, on all cores. Each sensor has a thousand of them and its own random numbers,
+    /// so the number of cores changes no result. Calls `done` with the jumps of each sensor.
     pub fn run(jumps: u64, done: &(dyn Fn(u64) + Sync)) -> Self {
         (0..jumps.div_ceil(OF_A_SENSOR))
             .into_par_iter()

@@ -1,5 +1,7 @@
 //! A range of brightness with one setting: the errors of auto exposure beside those of fixed exposures.
 
+use super::jumps::LEAST_POWER;
+use super::{BRIGHTEST, Comparison, Sensor, scene};
 use rayon::prelude::*;
 use serde::Serialize;
 use simulator::scene::Scene;
@@ -8,22 +10,15 @@ use slitrange::light::auto_exposure::{LEAST_PERCENT, TARGET_PERCENT};
 use slitrange::measurement::Options;
 use statistics::{mean, rms};
 
-use super::jumps::LEAST_POWER;
-use super::{BRIGHTEST, Comparison, Sensor, scene};
-
 /// Frames that a sensor has to settle before frames count.
 const TO_SETTLE: usize = 3;
-
 /// The ratio of two neighbours of the fixed exposures.
 const STEP: f64 = 1.1;
-
 /// The number of fixed exposures: 1.1^22 = 8.
 const STEPS: i32 = 22;
-
 /// The charge of a pixel in counts beyond which the fixed exposures need not go: the spot is then saturated
 /// (4096 counts less a black level of 300).
 const SATURATED: f64 = 3900.0;
-
 /// The height of a low spot whose exposure stays, in percent of the room. Noise does not take it below
 /// [`LEAST_PERCENT`].
 const LOWEST_PERCENT: u32 = LEAST_PERCENT + 3;

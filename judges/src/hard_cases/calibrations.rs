@@ -1,7 +1,5 @@
 //! Calibrations that are hard: eq. (1) at its pole and beyond what integers hold, tables that are none.
 
-use std::fmt;
-
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::distance::Calibration;
@@ -9,6 +7,7 @@ use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use std::fmt;
 
 /// A calibration that is hard in one way. No estimator has to do with it.
 #[derive(Clone, Debug)]
@@ -27,12 +26,10 @@ pub struct CalibrationCase {
 pub enum CalibrationDue {
     /// It is refused, with the error of this name.
     Refused(&'static str),
-    /// It is taken, and over its whole range its distance is that of eq. (1), or of the knots, within so many
-    /// micrometres.
+    /// It is taken, and its distance is eq. (1)'s, or the knots', within so many micrometres.
     Exact(f64),
 }
 
-/// What is made of numbers.
 #[derive(Clone, Debug)]
 struct Made {
     /// A calibration, or why there is none.
@@ -43,7 +40,6 @@ struct Made {
     knots: Vec<Knot>,
 }
 
-/// Why numbers are no calibration.
 #[derive(Clone, Debug)]
 struct Refusal {
     /// The error's name, as the code has it.
@@ -158,8 +154,7 @@ impl CalibrationCase {
     }
 }
 
-/// Steps of Q24.8 that eq. (1) with residuals may go back: both parts are rounded each for itself (see
-/// [`Corrected`]).
+/// Steps of Q24.8 that eq. (1) with residuals may go back: both parts are rounded (see [`Corrected`]).
 const STEP_BACK: i32 = 4;
 
 /// Eq. (1) from D (um), K (um px), xp (px) and the ends of its range (px).
@@ -200,10 +195,8 @@ fn many(knots: usize) -> Vec<(f64, f64)> {
 
 /// Rounding to Q24.8 is off by half of a 256th, and f64's own rounding by less.
 const ROUNDED: CalibrationDue = CalibrationDue::Exact(0.01);
-
 /// A table is exact at its knots.
 const AT_KNOTS: CalibrationDue = CalibrationDue::Exact(0.0);
-
 /// Eq. (1) and the residual are rounded each for itself: two halves of a 256th.
 const AT_RESIDUALS: CalibrationDue = CalibrationDue::Exact(0.01);
 

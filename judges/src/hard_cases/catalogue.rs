@@ -7,10 +7,8 @@ use simulator::bound;
 
 /// The spot for which accuracy is quoted: that of the nominal slit on the paper's sensor.
 const WIDTH: f64 = 10.5;
-
 /// A full well below the converter's largest word, in counts of a row.
 const WELL: u16 = 2500;
-
 /// A spot that a few pixels make.
 const NARROW: f64 = 1.5;
 
@@ -73,8 +71,7 @@ impl Cases {
 
 /// Five times the bound of the clean spot, and what a profile or a rounding may add.
 fn as_the_bound(recipe: &Recipe) -> Due {
-    let bound = clean_spot(recipe).bound();
-    Due::Centre(5.0 * bound + 0.05)
+    Due::Centre(5.0 * clean_spot(recipe).bound() + 0.05)
 }
 
 /// The same for the bound of a spot of which only what is on the row is seen, with its centre so many widths
@@ -82,11 +79,9 @@ fn as_the_bound(recipe: &Recipe) -> Due {
 fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
     let spot = clean_spot(recipe);
     // Phases differ: that of the least of the spot.
-    let bound = spot.bound_cut(widths * spot.width - 0.5);
-    Due::Centre(5.0 * 1.4 * bound + 0.05)
+    Due::Centre(5.0 * 1.4 * spot.bound_cut(widths * spot.width - 0.5) + 0.05)
 }
 
-/// A clean spot of so many counts.
 fn high(width: f64, amplitude: f64) -> Recipe {
     Recipe::clean(width).spot(|spot| spot.amplitude = amplitude)
 }
@@ -95,7 +90,6 @@ fn with(flaw: Flaw) -> Recipe {
     Recipe::clean(WIDTH).with(flaw)
 }
 
-/// A clean spot on so many pixels.
 fn on(pixels: usize, width: f64) -> Recipe {
     Recipe {
         pixels,
@@ -233,8 +227,7 @@ fn saturation() -> Vec<RowCase> {
         }
     }
     for top in [2.0f64, 5.0, 10.0, 30.0, 60.0] {
-        // A gaussian is at full scale over `top` pixels where it is exp((top / 2)^2 / (2 sigma^2)) times as
-        // high.
+        // A gaussian exp((top / 2)^2 / (2 sigma^2)) times as high is at full scale over `top` pixels.
         let width = (top / 3.0).max(1.0);
         let times = (0.5 * (0.5 * top / width).powi(2)).exp();
         let why = "the top is flat: no pixel is the highest";
@@ -415,8 +408,7 @@ fn bad_pixels() -> Vec<RowCase> {
             ];
             for (name, why, flaw) in flaws {
                 let name = format!("{name} {place}, sigma {width}");
-                let recipe = Recipe::clean(width).with(flaw);
-                let case = cases.honest(name, why, recipe);
+                let case = cases.honest(name, why, Recipe::clean(width).with(flaw));
                 case.repair_within = match flaw {
                     // Five times the root mean square error of many such rows.
                     Flaw::Hot(Bad { pixels: 1, .. }) | Flaw::Dead(_) if width == WIDTH => {

@@ -2,15 +2,13 @@
 //!
 //! Where a scene has the effect (`simulator::scene`), the flaw is that effect.
 
-use std::f64::consts::TAU;
-use std::fmt;
-
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
-
 use crate::hard_cases::recipe::Site;
 use crate::hard_cases::truth::Truth;
+use rand::Rng as _;
+use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Ambient, Flare, Quantisation, Saturation, SecondReflection, random};
+use std::f64::consts::TAU;
+use std::fmt;
 
 /// When a flaw comes about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,13 +45,11 @@ pub enum Flaw {
     Response(f64),
     /// A pixel holds no more than so many counts; the share of what is beyond that flows over to both sides.
     FullWell(f64, f64),
-    /// What is beyond full scale drags behind the spot to its right: this share of each pixel's overflow goes
-    /// to the next.
+    /// Excess drags behind the spot to its right: this share of each pixel's overflow goes to the next.
     Smear(f64),
     /// Unlit pixels differ by this standard deviation in counts.
     FixedPattern(f64),
-    /// The black level changes by so many counts at a place so many widths from the spot, for the rest of the
-    /// row.
+    /// The black level changes by so many counts so many widths from the spot, for the rest of the row.
     Step(f64, f64),
     /// The black level bends along the row: a half wave of so many counts.
     Sag(f64),
@@ -373,8 +369,7 @@ mod tests {
     #[test]
     fn the_higher_spot_counts_unless_two_spots_are_similar_or_have_one_peak() {
         let truth = |share, offset| {
-            let second = Second::new(share, offset, 1.0);
-            second.truth(Truth::Centre(100.0), 100.0, 10.0, 512)
+            Second::new(share, offset, 1.0).truth(Truth::Centre(100.0), 100.0, 10.0, 512)
         };
         assert_eq!(truth(0.5, 5.0), Truth::Centre(100.0));
         assert_eq!(truth(1.0, 5.0), Truth::None);

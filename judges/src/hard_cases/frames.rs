@@ -1,8 +1,15 @@
 //! Frames that are hard: rows that disagree, hang together, or are not there.
 
+use crate::frames::measure_rows;
+use crate::hard_cases::flaw::{Flaw, Second};
+use crate::hard_cases::judge::{Outcome, Said};
+use crate::hard_cases::recipe::{Place, Recipe};
+use crate::hard_cases::{Due, Truth};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Exp1, StandardNormal};
+use simulator::optics::Optics;
+use simulator::scene::{LaserSpot, Motion, Scene, Sensor, Simulation, Speckle, Spot, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Micrometres, Pixels};
 use slitrange::centre::Estimator;
@@ -15,14 +22,6 @@ use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::Geometry;
 use statistics::mean;
-
-use crate::frames::measure_rows;
-use crate::hard_cases::flaw::{Flaw, Second};
-use crate::hard_cases::judge::{Outcome, Said};
-use crate::hard_cases::recipe::{Place, Recipe};
-use crate::hard_cases::{Due, Truth};
-use simulator::optics::Optics;
-use simulator::scene::{LaserSpot, Motion, Scene, Sensor, Simulation, Speckle, Spot, quantise};
 
 /// A frame that is hard in one way.
 #[derive(Clone, Copy, Debug)]
@@ -60,10 +59,8 @@ impl FrameCase {
 
 /// The width of the frames' spot in pixels.
 const WIDTH: f64 = 10.5;
-
 /// Pixels under metal, before those that see light.
 const SHIELDED: usize = 16;
-
 const FULL: usize = MAX_ROWS as usize;
 
 /// D = 0, xp = -1000 px, and half a metre in the middle of 512 pixels.
@@ -134,14 +131,12 @@ fn middle(number: u64) -> f64 {
     240.0 + 32.0 * ((number as f64 + 0.5) * GOLDEN).fract()
 }
 
-/// A frame of so many rows, of recipes for the row of a number; the shielded pixels read what the black level
-/// is.
+/// A frame of so many rows, of recipes for the row of a number; shielded pixels read the black level.
 fn frame(number: u64, rows: usize, truth: Truth, recipe: impl Fn(u64) -> Recipe) -> HardFrame {
     let recipes: Vec<Recipe> = (0..rows as u64).map(recipe).collect();
     let rows = recipes.iter().zip(0..).map(|(recipe, row)| {
         let level = recipe.black_level.clamp(0.0, 4095.0) as u16;
-        let light = recipe.row(number, row).light;
-        [vec![level; SHIELDED], light].concat()
+        [vec![level; SHIELDED], recipe.row(number, row).light].concat()
     });
     let light = recipes.first().map(Recipe::geometry);
     let light = light.expect("a row at least");
@@ -396,7 +391,6 @@ fn broken() -> Vec<FrameCase> {
     ]
 }
 
-/// Rows whose errors are not independent.
 #[rustfmt::skip] // A case a line or two.
 fn hanging_together() -> Vec<FrameCase> {
     vec![

@@ -1,5 +1,8 @@
 //! Every estimator's answers to a case, and whether they are what is due.
 
+use crate::hard_cases::frames::is_flagged;
+use crate::hard_cases::truth::is_beyond_claim;
+use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Micrometres;
 use slitrange::centre::{self, Estimator, RowCentre};
@@ -7,10 +10,6 @@ use slitrange::measurement::{centre_of_spot, robust_centre};
 use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;
-
-use crate::hard_cases::frames::is_flagged;
-use crate::hard_cases::truth::is_beyond_claim;
-use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
 
 /// What comes of a row.
 pub type Answer = Result<RowCentre, Fault>;
@@ -219,8 +218,7 @@ impl RowCase {
 /// What no answer may be: a centre off the row, or an uncertainty, width or height that is none.
 fn nonsense(row: &HardRow, answer: &Answer) -> Option<String> {
     let found = answer.ok()?;
-    let centre = found.centre.to_f64();
-    let on_the_row = (-0.5..=row.light.len() as f64 - 0.5).contains(&centre);
+    let on_the_row = (-0.5..=row.light.len() as f64 - 0.5).contains(&found.centre.to_f64());
     let positive = found.uncertainty.to_bits() > 0 && found.width.to_bits() > 0;
     (!on_the_row || !positive).then(|| format!("nonsense: {found:?}"))
 }

@@ -5,13 +5,12 @@
 //! it: speckle on a laser spot smaller than the slit's resolution moves the whole spot and leaves its shape
 //! alone. It is judged in frames of a moving target, where rows disagree.
 
-use rand::seq::index;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-
 use crate::hard_cases::flaw::{Bad, Flaw, Second};
 use crate::hard_cases::recipe::{Place, Recipe, Spot};
 use crate::hard_cases::{HardRow, Shape};
+use rand::seq::index;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
 /// A row that was drawn at random, and can be drawn again by its seed.
 #[derive(Clone, Debug, PartialEq)]
@@ -311,7 +310,6 @@ fn to_the_edge(recipe: &mut Recipe, random: &mut ChaCha8Rng) {
     });
 }
 
-/// Bad pixels in the spot, beside it, or away from it.
 fn bad(random: &mut ChaCha8Rng, counts: f64, most: usize) -> Bad {
     let places = [(0.0, 2.0), (2.0, 6.0), (6.0, 16.0)];
     Bad {

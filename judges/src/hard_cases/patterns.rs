@@ -10,8 +10,7 @@ pub fn constant<const COUNT: u16>(_: u64) -> Vec<u16> {
     vec![COUNT; PIXELS]
 }
 
-/// So many pixels at full scale, side by side, at a place that the row's number gives, on a row without
-/// noise.
+/// So many pixels side by side at full scale, at a place by the row's number, on a row without noise.
 pub fn lit<const LIT: usize>(number: u64) -> Vec<u16> {
     reading::<LIT>(LARGEST_COUNT, number)
 }
@@ -55,8 +54,7 @@ pub fn halves(number: u64) -> Vec<u16> {
     light
 }
 
-/// Any words: a multiplicative generator (D. H. Lehmer; S. K. Park and K. W. Miller, 1988), so that no two
-/// pixels hang together.
+/// Any words: a multiplicative generator (D. H. Lehmer; S. K. Park and K. W. Miller, 1988).
 pub fn any_words(number: u64) -> Vec<u16> {
     let mut state = 48_271 * (number + 1) % 0x7fff_ffff;
     (0..PIXELS)

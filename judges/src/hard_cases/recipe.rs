@@ -1,13 +1,12 @@
 //! What a hard row is made of: a spot, its noise, and what is wrong with them.
 
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
-use slitrange::row::Geometry;
-
 use crate::hard_cases::flaw::{Flaw, Stage};
 use crate::hard_cases::shape::Shape;
 use crate::hard_cases::truth::Truth;
+use rand::Rng as _;
+use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Effect, ReadNoise, Sensor, ShotNoise, quantise, random};
+use slitrange::row::Geometry;
 
 /// A row, and what a perfect reader would say of it.
 #[derive(Clone, Debug)]
@@ -110,8 +109,7 @@ impl Recipe {
     }
 
     /// With pixels that are full at this count of a row, black level included. `is_known` says whether the
-    /// geometry states it. It then states four standard deviations of the read noise less: the noise comes
-    /// after the well.
+    /// geometry states it. It then states four sigma of the read noise less, which comes after the well.
     pub fn with_well(self, count: u16, is_known: bool) -> Self {
         let noise = (4.0 * self.read_noise).ceil() as u16;
         let well = Flaw::FullWell(f64::from(count) - self.black_level, 0.0);
@@ -176,8 +174,7 @@ impl Recipe {
         let mut counts = vec![0.0f32; self.pixels];
         if let (Some(spot), Some(centre)) = (&self.spot, centre) {
             for (i, count) in counts.iter_mut().enumerate() {
-                let light = spot.shape.at(i as f64 - centre, spot.width);
-                *count = (spot.amplitude * light) as f32;
+                *count = (spot.amplitude * spot.shape.at(i as f64 - centre, spot.width)) as f32;
             }
         }
         self.apply(Stage::Light, &mut counts, &scene, &mut random);
@@ -262,8 +259,7 @@ impl Site {
         self.spot.map_or(1000.0, |spot| spot.amplitude)
     }
 
-    /// A pixel between so many widths from the spot, on either side; the row's nearest where that is off the
-    /// row.
+    /// A pixel between so many widths from the spot, on either side; off the row, the row's nearest.
     pub fn pixel(&self, widths: (f64, f64), random: &mut ChaCha8Rng) -> usize {
         let off = self.width() * random.random_range(widths.0..=widths.1);
         let side = if random.random::<bool>() { 1.0 } else { -1.0 };

@@ -1,22 +1,19 @@
 //! The catalogue's table, and the rates of confident errors, as text.
 
-use std::fmt::Write as _;
-
-use rayon::prelude::*;
-use slitrange::base::fault::Fault;
-use slitrange::centre::Estimator;
-use statistics::rms;
-
 use crate::hard_cases::calibrations::{CalibrationCase, CalibrationDue, Found, calibrations};
 use crate::hard_cases::frames::{FRAMES, FrameCase, frames};
 use crate::hard_cases::judge::{Outcome, Said};
 use crate::hard_cases::mixtures::Kind;
 use crate::hard_cases::tally::Tally;
 use crate::hard_cases::{Due, ROWS, RowCase, rows};
+use rayon::prelude::*;
+use slitrange::base::fault::Fault;
+use slitrange::centre::Estimator;
+use statistics::rms;
+use std::fmt::Write as _;
 
 /// The mark in docs/hard-cases.md before the catalogue's tables.
 pub const CATALOGUE: &str = "cargo hard-cases, the catalogue";
-
 /// The mark before the random rows' rates.
 pub const RANDOM_ROWS: &str = "cargo hard-cases, random rows";
 
@@ -131,8 +128,7 @@ fn words(due: Due) -> String {
     }
 }
 
-/// What an estimator says of a case: the root mean square error of its centres without a flag, how many have
-/// one, and faults.
+/// What an estimator says of a case: the RMS error of centres without a flag, how many have one, and faults.
 fn cell(Outcome { said, failure, .. }: &Outcome) -> String {
     let mut parts = vec![];
     let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();

@@ -1,12 +1,10 @@
 //! The profiles that hard rows' spots have.
 
+use phase_tables::gaussian;
+use simulator::profiles::{self, Curve, Slit};
 use std::f64::consts::{PI, SQRT_2};
 use std::fmt;
 use std::sync::LazyLock;
-
-use phase_tables::gaussian;
-
-use simulator::profiles::{self, Curve, Slit};
 
 /// A spot's profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,8 +43,7 @@ impl fmt::Display for Shape {
 }
 
 impl Shape {
-    /// What a pixel gathers whose centre is `offset` pixels from the spot's, of a spot of height 1 and
-    /// `width` pixels.
+    /// What a pixel gathers `offset` pixels from the centre of a spot of height 1 and `width` pixels.
     pub fn at(self, offset: f64, width: f64) -> f64 {
         match self {
             Self::Gaussian => gaussian(offset, width),
@@ -63,8 +60,7 @@ impl Shape {
         }
     }
 
-    /// From the peak to the centroid, in widths: of two half gaussians sqrt(2/pi) times the difference of
-    /// their widths.
+    /// From peak to centroid, in widths: of two half gaussians sqrt(2/pi) times their widths' difference.
     pub fn centroid(self) -> f64 {
         match self {
             Self::Lopsided(share) => (2.0 / PI).sqrt() * share,

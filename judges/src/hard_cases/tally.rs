@@ -1,11 +1,10 @@
 //! How often centres are wrong without saying so, over many random rows.
 
-use rayon::prelude::*;
-use slitrange::centre::Estimator;
-
 use crate::hard_cases::Truth;
 use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
+use rayon::prelude::*;
+use slitrange::centre::Estimator;
 
 const ESTIMATORS: usize = Estimator::ALL.len();
 
@@ -64,8 +63,7 @@ pub struct Tally {
     pub alone: [Counts; ESTIMATORS],
     /// Of each kind of flaw: the rows that have it, and the default estimator's errors in them.
     pub kinds: [OfKind; Kind::ALL.len()],
-    /// Seeds of rows in which the default estimator, as the measurement takes it, was confidently wrong: the
-    /// first of them.
+    /// The first seeds of rows in which the default estimator in the measurement was confidently wrong.
     pub seeds: Vec<u64>,
 }
 

@@ -51,10 +51,8 @@ impl Truth {
     }
 }
 
-/// A centre is off confidently where it is further off than this many of its claimed standard uncertainties
-/// ...
+/// A centre is off confidently where it is further off than so many claimed standard uncertainties ...
 pub const CLAIMS: f64 = 5.0;
-
 /// ... and this many pixels, without a flag.
 pub const SLACK: f64 = 0.05;
 

@@ -1,13 +1,11 @@
 //! Faults between the slit and the pixels: dust, ghosts, fringes, other light.
 
-use std::f64::consts::{LN_2, TAU};
-
-use rand::Rng as _;
-use rand_distr::{Distribution as _, StandardNormal};
-
 use crate::second_judge::plan::Plan;
 use crate::second_judge::target::add_spot;
 use crate::second_judge::{Rng, gaussian, log_even, side};
+use rand::Rng as _;
+use rand_distr::{Distribution as _, StandardNormal};
+use std::f64::consts::{LN_2, TAU};
 
 /// Dust on the cover glass, as wide as a flank of the spot. Its shadow is not sharp, because the light comes
 /// from the whole slit. The truth is the centre of the light without the dust.

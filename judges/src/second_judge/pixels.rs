@@ -1,12 +1,11 @@
 //! Faults of the pixels.
 
-use rand::Rng as _;
-use rand_distr::{Distribution as _, StandardNormal};
-
 use crate::second_judge::plan::{Plan, add};
 use crate::second_judge::sensor::FULL_SCALE;
 use crate::second_judge::spot::Spot;
 use crate::second_judge::{Rng, log_even, side};
+use rand::Rng as _;
+use rand_distr::{Distribution as _, StandardNormal};
 
 /// Wells that fill below full scale and leak to one side: no count is at full scale.
 pub fn blooming_tail(plan: &mut Plan, random: &mut Rng) {

@@ -3,13 +3,12 @@
 //! A fault is drawn once for a frame and stays in all its rows, as dust and reflections do. Only noise
 //! differs from row to row, and in some frames the spot moves.
 
-use rand::Rng as _;
-use slitrange::row::Geometry;
-
 use crate::hard_cases::Truth;
 use crate::second_judge::sensor::{Sensor, convert};
 use crate::second_judge::spot::Spot;
 use crate::second_judge::{ROWS_OF_FRAME, Rng, log_even};
+use rand::Rng as _;
+use slitrange::row::Geometry;
 
 /// When a row is taken, and where its spot is then.
 #[derive(Clone, Copy, Debug)]

@@ -1,9 +1,8 @@
 //! What the second judge found, as text.
 
-use std::fmt::Write as _;
-
 use crate::second_judge::Kind;
 use crate::second_judge::tally::{JUDGED, KindReport, Report, Tally};
+use std::fmt::Write as _;
 
 /// The mark in docs/hard-cases.md before the table.
 pub const SECOND_JUDGE: &str = "cargo hard-cases, the second judge";

@@ -1,19 +1,16 @@
 //! The sensor of this judge: from light on pixels to the converter's words.
 
+use crate::second_judge::{Rng, log_even};
 use rand::Rng as _;
 use rand_distr::{Distribution as _, Poisson, StandardNormal};
 use slitrange::row::{Geometry, Polarity};
 
-use crate::second_judge::{Rng, log_even};
-
 /// Words before the shielded pixels, and after the light.
 const LEAD: usize = 18;
 const TAIL: usize = 8;
-
 /// Shielded pixels, and pixels half in the light between those and the light range, as a TCD1304DG has them.
 const SHIELDED: usize = 13;
 const TRANSITION: usize = 3;
-
 /// The largest count of the 12-bit converter.
 pub const FULL_SCALE: f64 = 4095.0;
 
@@ -94,8 +91,7 @@ impl Sensor {
             dark.into_iter().map(convert).collect()
         };
         let before = dark(LEAD + SHIELDED + TRANSITION);
-        let after = dark(TAIL);
-        let mut words = [&before, light, &after].concat();
+        let mut words = [&before, light, &dark(TAIL)].concat();
         if self.is_falling {
             words
                 .iter_mut()

@@ -1,13 +1,11 @@
 //! Faults of the analog signal, and light that changes all of it.
 
-use std::f64::consts::TAU;
-
-use rand::Rng as _;
-use rand_distr::{Distribution as _, StandardNormal};
-
 use crate::second_judge::plan::{Plan, add};
 use crate::second_judge::sensor::FULL_SCALE;
 use crate::second_judge::{Rng, gaussian, log_even, side};
+use rand::Rng as _;
+use rand_distr::{Distribution as _, StandardNormal};
+use std::f64::consts::TAU;
 
 /// A level that rises along the row. It is the sensor's black level where the level is lowest.
 pub fn slope(plan: &mut Plan, random: &mut Rng) {
@@ -18,8 +16,7 @@ pub fn slope(plan: &mut Plan, random: &mut Rng) {
     plan.add_volts(move |i| slope * i - lowest);
 }
 
-/// A level that falls to below the converter's zero near the spot, so that the converter clips one flank's
-/// foot.
+/// A level that falls below the converter's zero near the spot, which clips one flank's foot.
 pub fn clipped(plan: &mut Plan, random: &mut Rng) {
     let slope = side(random) * log_even(random, 0.05, 3.0);
     let zero = plan.spot.centre - slope.signum() * random.random_range(0.0..4.0) * plan.spot.width;

@@ -4,20 +4,16 @@
 //! from the centre in widths. One width is the half-height width of the shape over that of a gaussian of
 //! sigma 1, so all shapes of one width look alike.
 
+use crate::second_judge::Rng;
+use rand::Rng as _;
 use std::f64::consts::{LN_2, PI};
 use std::fmt;
 use std::sync::LazyLock;
 
-use rand::Rng as _;
-
-use crate::second_judge::Rng;
-
 /// Full width at half height of a gaussian of sigma 1.
 const HALF_HEIGHT_WIDTH: f64 = 2.354_820_045_030_949_3;
-
 /// Entries of a table in a width: linear interpolation is then off by 3e-5 of the height at most.
 const STEPS: usize = 64;
-
 /// A table reaches so many widths from the centre. The side lobes of sinc^2 are below 1e-4 there.
 const REACH: usize = 40;
 
@@ -212,8 +208,7 @@ mod tests {
         let gaussian = &SHAPES[0];
         assert!((gaussian.at(1.0) - (-0.5f64).exp()).abs() < 1e-4);
         // sinc^2 of half a period: the first zero is at 1 / 0.376 widths.
-        let sharp = slit(0.0, 0.01);
-        assert!(sharp.at(1.0 / 0.3762) < 1e-3);
+        assert!(slit(0.0, 0.01).at(1.0 / 0.3762) < 1e-3);
     }
 
     #[test]

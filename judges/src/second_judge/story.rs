@@ -1,15 +1,12 @@
 //! The story of one row or frame: what it is made of, how it differs from its clean spot, what comes of it.
 
-use std::fmt::Write as _;
-
-use slitrange::centre::Estimator;
-
 use crate::second_judge::tally::{Judged, Verdict};
 use crate::second_judge::{Frame, Kind};
+use slitrange::centre::Estimator;
+use std::fmt::Write as _;
 
 /// Lines of the story that show pixels.
 const LINES: i32 = 33;
-
 /// The pixels that are shown reach so many widths to both sides of the spot.
 const REACH: f64 = 4.0;
 

@@ -1,5 +1,7 @@
 //! What the firmware makes of the rows and frames, counted.
 
+use crate::frames::measure_rows;
+use crate::second_judge::{Claim, Frame, Kind, frame, row};
 use rayon::prelude::*;
 use slitrange::base::fault::Fault;
 use slitrange::base::places::PLACES;
@@ -10,9 +12,6 @@ use slitrange::frame::FrameCentre;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
 use slitrange::row::Geometry;
-
-use crate::frames::measure_rows;
-use crate::second_judge::{Claim, Frame, Kind, frame, row};
 
 /// A sensor that is judged.
 #[derive(Clone, Copy, Debug)]
@@ -32,8 +31,7 @@ impl Judged {
     }
 }
 
-/// The sensors that are judged: calibrated, with the default estimator and with `phase-table`; and never
-/// calibrated.
+/// The sensors judged: calibrated, with the default estimator and `phase-table`; and never calibrated.
 pub const JUDGED: [Judged; 3] = [
     Judged::new(Estimator::Adaptive, true),
     Judged::new(Estimator::PhaseTable, true),
@@ -42,10 +40,8 @@ pub const JUDGED: [Judged; 3] = [
 
 /// A confident error is larger than so many claimed standard uncertainties ...
 const CLAIMS: f64 = 5.0;
-
 /// ... and than so many pixels.
 const SLACK: f64 = 0.1;
-
 /// How well a calibration knows the widths of its spots, as a share.
 const WIDTH_DEVIATION: f32 = 0.003;
 
@@ -68,8 +64,7 @@ pub enum Verdict {
 }
 
 impl Frame {
-    /// Runs the firmware's pipeline with the default settings and an estimator, on a sensor that knows its
-    /// own spot or does not.
+    /// Runs the firmware's pipeline with an estimator, on a sensor that knows its own spot or does not.
     ///
     /// # Errors
     /// The fault that the firmware reports.

@@ -1,12 +1,11 @@
 //! Faults at the target, and light that is not the laser's: more than one spot, none, too much of one.
 
-use rand::Rng as _;
-
 use crate::hard_cases::Truth;
 use crate::second_judge::plan::Plan;
 use crate::second_judge::sensor::FULL_SCALE;
 use crate::second_judge::spot::Spot;
 use crate::second_judge::{Rng, gaussian, log_even, side};
+use rand::Rng as _;
 
 /// Nothing is wrong.
 pub fn clean(_: &mut Plan, _: &mut Rng) {}
@@ -81,8 +80,7 @@ pub fn second_reflection(plan: &mut Plan, random: &mut Rng) {
     add_spot(plan, share, offset, widths);
 }
 
-/// Adds a spot of the same shape: height as a share, distance and width in widths of the spot. It moves with
-/// the spot.
+/// Adds a spot of the same shape that moves with it: height as a share, distance and width in its widths.
 pub fn add_spot(plan: &mut Plan, share: f64, offset: f64, widths: f64) {
     plan.light.add(move |pixels, moment, _| {
         let spot = moment.spot;

@@ -1,14 +1,12 @@
 //! Faults of the converter, and of the words on their way to memory.
 
-use rand::Rng as _;
-use rand::seq::index;
-
 use crate::hard_cases::Truth;
 use crate::second_judge::plan::Plan;
 use crate::second_judge::{ROWS_OF_FRAME, Rng, log_even};
+use rand::Rng as _;
+use rand::seq::index;
 
-/// A converter that has no codes about the multiples of a power of two. Voltages there give the nearest code
-/// that it has.
+/// A converter without codes about the multiples of a power of two. Voltages there give its nearest code.
 pub fn missing_codes(plan: &mut Plan, random: &mut Rng) {
     let spacing = 1u16 << random.random_range(5..=9);
     let missing = (log_even(random, 2.0, 24.0) as u16).min(spacing / 4);
