@@ -42,7 +42,6 @@ use columns::{CLAIMED, D, FRAMES, HEIGHT, SHAPE, SIGMA, WIDTH, X};
 
 /// The first line of a file that `calibrate run` writes.
 pub const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
-
 /// The largest height of a spot in counts: that of a spot at full scale in the shortest exposure, if it had
 /// the longest.
 const LARGEST_HEIGHT: u32 =
@@ -148,7 +147,6 @@ pub struct Setup {
 
 /// The only head that there is a driver for.
 pub const HEAD: &str = "TCD1304DG";
-
 /// Uncertainties of a centre in pixels that are taken: what is smaller than the sensor tells apart, or larger
 /// than its row, is a slip.
 const SIGMAS_PX: std::ops::RangeInclusive<f64> = 1e-5..=4096.0;
@@ -242,7 +240,6 @@ impl Points {
 
 /// Distances in metres under the name `d_mm` are no larger: the largest that a record holds, in metres.
 const METRES: f64 = 8.39;
-
 /// The least distance for a pixel of a sensor that counts millimetres. In metres, the nominal geometry has
 /// less up to 4.5 m; in millimetres, it has twenty times as much at 0.6 m.
 const LEAST_MM_PER_PX: f64 = 0.01;

@@ -59,7 +59,6 @@ pub fn draw(
     Ok(())
 }
 
-/// The points, and the curve through them.
 fn draw_curve(
     area: &Area<'_>,
     solved: &Solved,

@@ -12,10 +12,8 @@ use crate::optics::Optics;
 
 /// Distances of the paper's position table, in metres: over these the departure from eq. (1) holds.
 pub const RANGE: RangeInclusive<f64> = 0.60..=1.02;
-
 /// From the axis to where the displacement is `third + fifth`, in pixels: about the ends of [`RANGE`].
 const FIELD: f64 = 600.0;
-
 /// Points to which eq. (1) is fitted, every 0.4 mm of [`RANGE`].
 const POINTS: usize = 1051;
 

@@ -19,10 +19,8 @@ pub struct Curve {
 
 /// From knot to knot, in widths: the interpolation is good to 1e-9.
 const STEP: f64 = 0.02;
-
 /// Light beyond so many widths is left out.
 const REACH: f64 = 20.0;
-
 const KNOTS: usize = (2.0 * REACH / STEP) as usize + 1;
 
 impl Curve {

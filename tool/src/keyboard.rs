@@ -14,7 +14,6 @@ static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 /// What a program that Ctrl-C ends gives to the shell.
 const ENDED_BY_INTERRUPT: i32 = 130;
-
 /// How often a keyboard that waits for a line looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -39,7 +38,6 @@ pub fn watch_interrupts() -> bool {
 #[derive(Debug, Default)]
 pub struct Keyboard {
     lines: Option<Receiver<io::Result<Vec<u8>>>>,
-    /// The line that is being read.
     line: Cursor<Vec<u8>>,
 }
 

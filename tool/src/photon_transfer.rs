@@ -45,7 +45,6 @@ impl Line {
 
 /// The variance of rounding to whole counts, in counts squared. No sensor has less.
 pub const VARIANCE_OF_ROUNDING: f64 = 1.0 / 12.0;
-
 /// Fits of the line, each weighed by the one before. From a first line that is wrong by a factor of ten, the
 /// third fit differs from the second by less than a thousandth.
 const FITS: usize = 4;

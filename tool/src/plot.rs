@@ -15,10 +15,8 @@ use crate::sensor::stream::{FrameResult, Kind};
 
 /// A run of readings ends where the next one comes after so many times the usual interval.
 const PAUSE: f64 = 3.0;
-
 /// By the PC's clock, a shorter pause ends no run: a busy PC takes the lines late. In seconds.
 const LATE: f64 = 1.0;
-
 /// The fewest readings of a run.
 const FEWEST: usize = 16;
 

@@ -26,7 +26,6 @@ use crate::whole_file;
 
 /// Centres in the table of what a record says.
 const EXAMPLES: i32 = 9;
-
 /// Between two centres at which records are compared: a quarter of a pixel.
 const COMPARED: usize = 1 << (Pixels::FRACTION - 2);
 
@@ -114,16 +113,13 @@ pub(crate) struct ShownFrontEnd {
     pub(crate) polarity: &'static str,
     /// Electrons a count.
     pub(crate) gain_electrons: [f64; 2],
-    /// The noise of a pixel in the dark.
     pub(crate) read_noise_counts: [f64; 2],
     /// The count that light does not exceed. None if the target was too dim to show it.
     pub(crate) saturation_counts: Option<[f64; 2]>,
-    /// The counts of an unlit pixel.
     pub(crate) black_level_counts: [f64; 2],
 }
 
 impl ShownFrontEnd {
-    /// What a record says of a front end.
     pub(crate) fn of(front_end: &FrontEnd) -> Self {
         let counts = |it: &Estimate<Counts>| [it.value.to_f64(), it.u.to_f64()];
         let gain = &front_end.gain;
@@ -270,7 +266,6 @@ struct Example {
 }
 
 impl Shown {
-    /// What a record says.
     pub(crate) fn of(written: &EncodedRecord) -> Self {
         let record = written.record();
         let (calibration, geometry) = (&record.calibration, &record.geometry);
@@ -452,7 +447,6 @@ fn between(first: Pixels, last: Pixels, index: i32) -> Pixels {
     Pixels::from_bits(bits as i32)
 }
 
-/// How two records differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Comparison {
     /// Bit for bit.
@@ -481,7 +475,6 @@ struct Largest {
 }
 
 impl Comparison {
-    /// Compares two records.
     pub(crate) fn of(first: &EncodedRecord, second: &EncodedRecord) -> Self {
         let (a, b) = (Shown::of(first), Shown::of(second));
         let value = |fields: &[(&str, String)], name: &str| {

@@ -30,10 +30,7 @@ use slitrange_device::settings::{Settings, Value};
 
 /// The first line of every recording: these words, and the version of the format.
 const FIRST_WORDS: &str = "slitrange recording";
-
-/// The version of the format.
 const VERSION: u32 = 1;
-
 /// The most bytes of text before the rows. The longest record takes 5 kB of it, and the settings less.
 const MAX_TEXT: usize = 65_536;
 

@@ -423,7 +423,6 @@ fn a_comb_sees_the_range_that_the_simulation_says() {
     says(&text, ["the whole sensor sees 541 mm to 1198 mm"]);
 }
 
-/// Everything that a page prints as this command's output is its output.
 #[test]
 fn the_page_shows_what_the_command_prints() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hardware/optics.md");

@@ -22,9 +22,7 @@ use crate::desk::Desk;
 /// Where it is used, in metres.
 const NEAREST: f64 = 0.60;
 const FARTHEST: f64 = 1.02;
-
 const ROWS: u16 = 16;
-
 /// More than a frame takes, and an answer behind it.
 const PATIENCE: Duration = Duration::from_secs(2);
 

@@ -162,10 +162,8 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
 
 /// The rows of the long run below. `SLITRANGE_ROWS` sets another number.
 const MANY_ROWS: u64 = 100_000;
-
 /// The rows that the long run records between two changes of light and settings.
 const A_SCENE: u64 = 500;
-
 /// Settings of the long run, one after the other. The estimators compute in whole numbers and in floats.
 const SETTINGS_IN_TURN: [&str; 8] = [
     "estimator adaptive",

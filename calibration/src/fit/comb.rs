@@ -66,28 +66,21 @@ pub struct FittedSlit {
 
 /// The fewest points for a correction of degree 0, 1, 2 and 3.
 const FEWEST_POINTS: [usize; CORRECTIONS] = [2, 4, 8, 12];
-
 /// The least part of the points' range that the slit's points must cover, for each degree.
 const LEAST_SPAN: [f64; CORRECTIONS] = [0.0, 0.25, 0.5, 0.75];
-
 /// An image is left out if it is so many standard deviations from its point's x0.
 const OUTLIER: f64 = 5.0;
-
 /// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three
 /// may leave so much of a bent window.
 const LEAST_OFF: f64 = 0.25;
-
 /// The same for slits with few points, whose corrections leave more: five times what 5 um of a mask move an
 /// image.
 const LEAST_OFF_OF_FEW: f64 = 3.0;
-
 /// In the first rounds, an image so many standard deviations off counts less, in proportion.
 const LESS: f64 = 2.5;
-
 /// Rounds with smaller weights for images that are far off, and rounds without them.
 const SOFT_ROUNDS: usize = 4;
 const ROUNDS: usize = 8;
-
 /// Points to both sides whose scatter is averaged with a point's own.
 const BESIDE: usize = 3;
 
@@ -112,12 +105,10 @@ impl Image {
         self.light * self.trust
     }
 
-    /// Whether the image counts in the x0 of its point.
     fn counts(&self) -> bool {
         self.is_common && self.trust > 0.0
     }
 
-    /// 1, t, t^2, t^3.
     fn powers(&self) -> [f64; CORRECTIONS] {
         [1.0, self.t, self.t * self.t, self.t * self.t * self.t]
     }
@@ -128,7 +119,6 @@ impl Image {
     }
 }
 
-/// The coefficients of all slits.
 type Corrections = [[f64; CORRECTIONS]; MAX_SLITS];
 
 /// The images of all points, and what is fitted to them.
@@ -213,7 +203,6 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
 /// The finest step of a centre, in pixels.
 const LEAST_PX: f64 = 1e-5;
 
-/// The images of a point. `None` if there are none.
 fn images_of(point: usize, images: &SlitImages, nominal: &Comb) -> Option<Vec<Image>> {
     let found: Vec<Image> = (nominal.slits().iter().zip(images).enumerate())
         .filter_map(|(slit, (map, image))| {
@@ -431,7 +420,6 @@ impl Fit {
         sigmas
     }
 
-    /// What the points tell of a slit.
     fn slit(&self, number: usize, slit: &SlitMap) -> FittedSlit {
         let (least, most) = least_and_most(&self.x0s);
         let t = (0.5 * (least + most) - f64::from(DRAWING.axis_px)) / f64::from(UNIT);

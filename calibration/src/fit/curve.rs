@@ -109,7 +109,6 @@ pub struct Quality {
 
 /// A point that all but determines the curve where it is: without it there is none to compare it with.
 const ALONE: f64 = 1.0 - 1e-6;
-
 /// Points beyond the freedoms, below which known uncertainties are not taken to be smaller because the
 /// residuals are: those may be by chance. The scatter squared is a chi-square over its freedoms: with ten it
 /// is below half of the truth in 1 of 100 calibrations (P(chi-square < 2.5) = 0.9 %), with one in 38.

@@ -125,7 +125,6 @@ impl Fit {
 
 /// Steps at most; three are usual, because the start is within some per cent.
 const MAX_STEPS: usize = 50;
-
 /// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the
 /// range away.
 const STRAIGHT: f64 = 1e-9;

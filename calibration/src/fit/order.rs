@@ -31,7 +31,6 @@ pub const fn most_rejected(points: usize) -> usize {
 
 /// Steps back in a row that make a fold.
 const FOLD: usize = 4;
-
 /// Steps back by less, in standard deviations of their difference, are noise.
 const NOISE: f64 = 6.0;
 

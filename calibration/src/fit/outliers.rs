@@ -19,22 +19,17 @@ use super::spline::{Equations, Grid, Residual, Spline, most_freedoms, penalties}
 
 /// Where the biweight ends, in standard deviations: 95 % efficiency in gaussian noise (J. Tukey).
 const REACH: f64 = 4.685;
-
 /// The standard deviation of a gaussian over its median absolute deviation.
 const BY_MEDIAN: f64 = 1.4826;
-
 /// Scatter is never taken to be below the last digit of a centre, in pixels: rounding is no reason to reject
 /// a point.
 const LEAST_SCATTER: f64 = 1e-5;
-
 /// A curve is less certain where it is continued beyond its points than its own variance says, which takes it
 /// to bend there as it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were
 /// rejected (60 a row, distorted by 100 to 490 um), all at the ends; with 2 none.
 const EXTRAPOLATED: f64 = 2.0;
-
 /// Rounds of least absolute residuals.
 const ABSOLUTE_ROUNDS: usize = 20;
-
 /// Rounds of the biweight at most.
 const ROUNDS: usize = 30;
 

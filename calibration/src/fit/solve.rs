@@ -48,10 +48,8 @@ pub struct Solved {
 
 /// How many standard errors a correction must gain to be taken for better than eq. (1) alone.
 pub const CLEARLY: f64 = 2.0;
-
 /// Bends below this many standard uncertainties are those of a straight line.
 const BENT: f64 = 2.0;
-
 /// Rounds in which the points' weights follow the curve's slope.
 const WEIGHT_ROUNDS: usize = 3;
 

@@ -94,7 +94,6 @@ impl Surface {
 /// Prior mean of q. Light falls as one over the square of the distance, and a target that shines towards the
 /// sensor when it is far makes up for some of that: half-way.
 const POWER: f64 = -1.0;
-
 /// Prior standard deviation of q.
 const POWER_DEVIATION: f64 = 1.5;
 

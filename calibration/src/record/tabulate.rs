@@ -7,13 +7,10 @@ use crate::fixed::{micrometres, pixels};
 
 /// What tabulation may add, in micrometres: a tenth of what noise leaves of the best calibrations.
 const LIMIT: f64 = 0.1;
-
 /// Places in each interval where the knots' curve is compared.
 const PLACES: i32 = 16;
-
 /// Places over the range between which a turn of the curve is looked for.
 const STEPS: usize = 512;
-
 /// Intervals of less than this are not divided, in pixels.
 const NARROWEST: f64 = 0.25;
 

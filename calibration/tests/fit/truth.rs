@@ -17,7 +17,6 @@ pub struct Truth {
 
 /// From the axis to the row's end, in pixels.
 const HALF_ROW: f64 = 1824.0;
-
 /// The range of distances in metres.
 pub const NEAR: f64 = 0.60;
 pub const FAR: f64 = 1.02;

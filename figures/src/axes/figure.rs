@@ -18,7 +18,6 @@ use super::Panel;
 
 /// Pixels of the file for each pixel that is shown.
 pub const FINE: i32 = 10;
-
 /// Width of a figure in pixels as it is shown.
 const WIDTH: u32 = 1000;
 

@@ -62,7 +62,6 @@ fn auxiliary(x: f64) -> (f64, f64) {
 
 /// Where the table of f and g ends and their asymptotic series serve.
 const REACH: f64 = 8.0;
-
 /// Knots of the table from 1 to 1: a cubic through four of them is good to 1e-7.
 const KNOTS_PER_UNIT: f64 = 64.0;
 

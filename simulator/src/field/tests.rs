@@ -545,7 +545,6 @@ fn the_same_seed_makes_the_same_image() {
     assert_ne!(images(1, [0.0; 2]), images(1, [10e-6, 0.0]));
 }
 
-/// A beam too large for its surface is refused.
 #[test]
 fn a_surface_too_small_is_an_error() {
     let laser = Laser::focused(1e-3, 0.8);

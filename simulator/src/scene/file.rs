@@ -10,7 +10,6 @@ use crate::scene::{Effect, Scene, Sensor, speckle};
 
 /// Pixels of a row: no sensor has more, and each scene's row takes memory and time for all of them.
 const LONGEST_ROW: usize = 65_536;
-
 /// Metres across the aperture for which the lattice of the surface's scatterers is made
 /// ([`crate::field::Scattering::pitch`]).
 const SPECKLE_APERTURE: f64 = 4.2e-3;

@@ -22,9 +22,7 @@ pub struct LaserLight {
 /// The target's surface, which all openings see.
 #[derive(Clone, Debug, Default)]
 struct Surface {
-    /// [`crate::scene::Texture`].
     texture: Option<texture::Surface>,
-    /// [`crate::scene::Speckle`].
     rough: Option<Arc<RoughSurface>>,
 }
 
@@ -108,7 +106,6 @@ impl Opening {
         }
     }
 
-    /// A slit of the scene's comb.
     fn slit(scene: &Scene, slit: &Slit) -> Self {
         let mut opening = Self::alone(scene);
         opening.place = slit.place;
@@ -121,7 +118,6 @@ impl Opening {
         opening
     }
 
-    /// As [`LaserLight::add`].
     fn add(
         &self,
         surface: &Surface,

@@ -15,13 +15,10 @@ use crate::scene::{Scene, texture};
 
 /// Light beyond so many details (lambda z / a) of a slit's pattern is left out: it is below 5e-5 of the peak.
 const SLIT_DETAILS: f64 = 48.0;
-
 /// The same for a lens, whose pattern falls faster.
 const LENS_DETAILS: f64 = 24.0;
-
 /// Sigma, in details, of the gaussian that fits sinc^2 best: 1/2.66 of the distance to its first zero.
 pub(crate) const SLIT_WIDTH: f64 = 0.376;
-
 /// The same for Airy's pattern, or a little less.
 pub(super) const AIRY_WIDTH: f64 = 0.4;
 

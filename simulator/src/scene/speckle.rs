@@ -64,7 +64,6 @@ pub struct Rows {
 pub(super) const NEAREST: f64 = 0.3;
 /// ... to so many times the scene's distance.
 pub(super) const FARTHEST: f64 = 1.5;
-
 /// Patterns are computed to so many details (lambda z / a) from the geometric centre, with so many columns in
 /// a detail.
 const DETAILS: f64 = 24.0;

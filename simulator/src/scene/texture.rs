@@ -27,7 +27,6 @@ pub struct Texture {
 
 /// Points of white noise on a correlation length.
 const POINTS: f64 = 4.0;
-
 /// Points after which the surface repeats: a power of two.
 const PERIOD: usize = 4096;
 

@@ -47,7 +47,6 @@ pub struct Report {
     surface: Option<ShownSurface>,
     #[serde(skip_serializing_if = "Option::is_none")]
     comb: Option<ShownComb>,
-    /// What the points cannot show.
     cannot_show: Vec<String>,
     record: Option<RecordWritten>,
 }
@@ -252,7 +251,6 @@ impl Report {
         report
     }
 
-    /// Adds the record that was written to a file.
     pub(super) fn add_record(&mut self, path: &Path, record: &EncodedRecord) {
         let shown = Shown::of(record);
         self.record = Some(RecordWritten {
@@ -447,7 +445,6 @@ impl fmt::Display for Report {
     }
 }
 
-/// The slits of a comb, a line for each.
 fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
     let (slits, images) = (comb.slits.len(), comb.images);
     writeln!(f, "\nThe comb: {slits} slits, {images} images")?;

@@ -12,7 +12,6 @@ use super::{Series, spectrum};
 
 /// The height of a panel in pixels.
 const HEIGHT: u32 = 340;
-
 /// The fewest and the most bins of the histogram.
 const BINS: (f64, f64) = (5.0, 60.0);
 

@@ -24,21 +24,16 @@ use crate::screen::{Key, Screen};
 
 /// How long to wait for a line before keys are read and the view is drawn.
 const TICK: Duration = Duration::from_millis(50);
-
 /// The view is drawn so often.
 const DRAWN: Duration = Duration::from_millis(100);
-
 /// After so much time without a line, the sensor is asked whether it is there. A frame of 64 rows takes 0.4
 /// s.
 const SILENT: Duration = Duration::from_secs(3);
-
 /// After so much time the view no longer shows the last reading as if it were new.
 const STALE: Duration = Duration::from_secs(1);
-
 /// So often the view asks how many rows were lost. The answer takes the line for 50 ms, and nobody asks while
 /// a file is written, so that no reading is dropped for it.
 const STATUS: Duration = Duration::from_secs(10);
-
 /// So often a line says how a recording goes.
 const PROGRESS: Duration = Duration::from_secs(10);
 
@@ -81,7 +76,6 @@ struct Monitor<'a> {
     options: &'a MonitorOptions,
     pc: &'a dyn Pc,
     output: &'a mut dyn Write,
-    /// There is no view.
     as_lines: bool,
     /// The sensor head and its port.
     sensor: String,
@@ -97,7 +91,6 @@ struct Monitor<'a> {
     heard: Duration,
     /// When the last reading or fault came.
     reading_came: Duration,
-    /// Results so far.
     results: u64,
 }
 
@@ -201,7 +194,6 @@ impl<'a> Monitor<'a> {
         Ok(())
     }
 
-    /// Has the sensor stream.
     fn start(&mut self, mut session: Session<'a>) -> Link<'a> {
         self.heard = self.pc.now();
         let lost = self.prepare(&mut session);
@@ -290,7 +282,6 @@ impl<'a> Monitor<'a> {
         Ok(())
     }
 
-    /// Takes a line of the answer to `status`.
     fn take_status(&mut self, status: &str) {
         let Some([_, (rows, dropped)]) = &mut self.lost else {
             return;
@@ -336,7 +327,6 @@ impl<'a> Monitor<'a> {
         Ok(screen.draw(&mut |frame| view.draw(frame))?)
     }
 
-    /// The text at the end of the command.
     fn sum_up(self) -> Result<()> {
         let (lost, seconds) = (self.losses(), self.time().as_secs_f64());
         let Self {

@@ -14,7 +14,6 @@ use super::taken::Millimetres;
 /// Distances that somebody gives in metres by a slip are no larger: the largest that a record holds, in
 /// metres.
 const METRES: f64 = 8.38;
-
 /// The step of the distances that a person is asked for, in millimetres: what a ruler shows.
 const RULER_MM: f64 = 1.0;
 
@@ -293,7 +292,6 @@ pub fn check_command(command: &str) -> Result<()> {
 
 /// So far beyond the positions of a run a person may type a distance, or a tenth of the run's length.
 const BEYOND_MM: f64 = 50.0;
-
 /// By how much a person misses a position who then types where the target is, in millimetres.
 const MISSED_MM: f64 = 5.0;
 

@@ -23,10 +23,8 @@ use crate::recording::{Row, Rows, Sensor, Writer};
 /// Without a row for so long, the sensor has stopped. A row takes 66 ms; an emulated board can be slower than
 /// the clock on the wall.
 const PATIENCE: Duration = Duration::from_secs(10);
-
 /// After so much time without a packet, the command for packets is sent again.
 const AGAIN: Duration = Duration::from_secs(1);
-
 /// How long to wait for bytes before Ctrl-C is looked for.
 const TICK: Duration = Duration::from_millis(100);
 

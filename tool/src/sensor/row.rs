@@ -50,7 +50,6 @@ pub struct RowOptions {
 }
 
 impl RowOptions {
-    /// The pixels to ask for.
     fn part(&self) -> Result<RowPart> {
         match self.pixels.as_deref() {
             Some(&[first, last]) => {
@@ -86,7 +85,6 @@ pub struct RowAnswer {
 /// An image on a row, as a gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Image {
-    /// The centre in pixels.
     x_px: f64,
     /// The height above the level in counts.
     height: f64,
@@ -96,7 +94,6 @@ struct Image {
 
 /// Pixels so many widths from all centres show the level: an image has 4e-6 of its height there.
 const BESIDE: f64 = 5.0;
-
 /// The least sigma of an image in pixels.
 const LEAST_WIDTH: f64 = 0.5;
 
@@ -210,7 +207,6 @@ impl RowAnswer {
         }
     }
 
-    /// The images as gaussians.
     fn images(&self) -> Vec<Image> {
         let found = self.found();
         let shape = self.centre.as_ref().ok().and_then(|centre| centre.shape);
@@ -238,7 +234,6 @@ impl RowAnswer {
         came.contains(&x_px)
     }
 
-    /// The pixels and their counts.
     fn pixels(&self) -> impl Iterator<Item = (usize, f64)> {
         (self.first..).zip(self.counts.iter().map(|&count| count.into()))
     }
@@ -315,7 +310,6 @@ impl RowAnswer {
         self.images().first().map_or(0.0, |image| image.width_px)
     }
 
-    /// What a person wants to know first.
     fn summary(&self) -> String {
         let mut text = String::new();
         match &self.centre {

@@ -26,23 +26,18 @@ use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
-
 /// Frames further than this many times their scatter from the others are no matter of chance: a digit that
 /// noise on the line changed, or a target that was not at rest.
 const OUTLYING: f64 = 10.0;
-
 /// A target at rest moves its centre by less, in pixels: fifty times the noise of a point, for a laser that
 /// warms up. It is 0.07 mm at the farther end of the nominal range.
 const AT_REST_PX: f64 = 0.1;
-
 /// Standard deviations within which centres may differ by noise.
 const NOISE: f64 = 5.0;
-
 /// Eq. (1) of the nominal geometry, [`slitrange::distance::eq1::NOMINAL`], and the farther end of its range.
 const NOMINAL_D_MM: f64 = -115.385;
 const NOMINAL_K_MM_PX: f64 = 2_152_367.0;
 const FARTHEST_MM: f64 = 1100.0;
-
 /// The finest step of the sensor's centres, in pixels: no point claims to be better known.
 const FINEST_PX: f64 = 1e-5;
 
@@ -217,7 +212,6 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
         .chain(others.filter(move |value| !default.contains(value)))
 }
 
-/// The way through the positions.
 struct Walk<'a> {
     session: Session<'a>,
     setup: Setup,
@@ -327,7 +321,6 @@ impl Walk<'_> {
         }
     }
 
-    /// Fails once somebody pressed Ctrl-C.
     fn check_interrupt(&mut self) -> Result<()> {
         ensure!(!self.session.line().pc().interrupted(), INTERRUPTED);
         Ok(())

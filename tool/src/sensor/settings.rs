@@ -22,10 +22,8 @@ use crate::whole_file;
 
 /// The table of all settings fits in so many columns of a terminal.
 const WIDTH: usize = 100;
-
 /// The columns of the table for a setting's value.
 const VALUE_WIDTH: usize = 24;
-
 /// Between the table's columns.
 const GAP: &str = "  ";
 

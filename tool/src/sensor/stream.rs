@@ -229,7 +229,6 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a line says, a distance is a number.
         #[test]
         fn a_distance_is_finite(
             line in "(# [0-9]{1,9} )?[dz] [-0-9.eInaf]{1,12} mm( [a-z] [0-9./]{1,8}){0,4}",

@@ -292,7 +292,6 @@ pub fn read(options: &ReadOptions, pc: &dyn Pc, output: &mut dyn Write) -> Resul
     Ok(())
 }
 
-/// The record that a sensor uses.
 pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> {
     let in_use = session.calibration()?;
     let Some(RecordInUse {

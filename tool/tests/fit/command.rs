@@ -183,7 +183,6 @@ fn a_file_named_by_a_dash_is_refused() {
     }
 }
 
-/// A refused file of points makes no record, and leaves an older record unchanged.
 #[test]
 fn refusals_leave_existing_files_unchanged() {
     let points = Truth::nominal().points(20, 0.002, &mut seeded(3));

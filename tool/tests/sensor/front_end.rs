@@ -362,7 +362,6 @@ fn a_spot_that_just_saturates_gives_the_right_gain() {
     }
 }
 
-/// The tool switches the echo and the map of the pixels off, and on again.
 #[test]
 fn echo_and_map_are_put_back() {
     let (scene, truth) = head(2);
@@ -378,7 +377,6 @@ fn echo_and_map_are_put_back() {
     assert!(sensor.state().is_map_on());
 }
 
-/// Ctrl-C ends the measurement, and the sensor has its own settings again.
 #[test]
 fn ctrl_c_ends_the_measurement_in_order() {
     let (scene, truth) = head(2);
@@ -431,7 +429,6 @@ fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
     assert_eq!(saved.record().serial_number, 9);
 }
 
-/// Lines that are lost or spoilt are asked again, and no number is wrong by it.
 #[test]
 fn a_noisy_line_gives_the_same_front_end() {
     let (scene, truth) = head(4);

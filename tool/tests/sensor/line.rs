@@ -173,7 +173,6 @@ fn a_bad_line_slows_a_session_and_changes_no_value() {
     session.line().synchronise().expect("in order again");
 }
 
-/// What a sensor has is put back at the end.
 #[test]
 fn a_setting_is_borrowed_for_a_session() {
     let continuous = Value::Trigger(Trigger::Continuous);

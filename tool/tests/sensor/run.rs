@@ -91,7 +91,6 @@ fn noise(frames: u16) -> f64 {
 
 /// How the error of a run begins that stopped.
 const STOPPED: &str = "stopped; run the same command again to go on: ";
-
 const TEN: [f64; 10] = [
     600.0, 630.0, 660.0, 700.0, 740.0, 790.0, 840.0, 900.0, 960.0, 1020.0,
 ];
@@ -248,7 +247,6 @@ fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
     ends(&output, ", and no position is left\n");
 }
 
-/// Ctrl-C in the middle of a point: the points so far are in order, and the sensor is as it was.
 #[test]
 fn an_interrupted_run_keeps_its_points_and_puts_the_sensor_back() {
     let sensor = StandIn::new(34);
@@ -446,7 +444,6 @@ fn a_bad_line_loses_no_point() {
     }
 }
 
-/// The settings from before the killed run are set again after the run that continues it.
 #[test]
 fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     let sensor = StandIn::new(19);

@@ -60,7 +60,6 @@ const HARDWARE: Hardware = Hardware {
 
 /// The noise of a frame's centre, in pixels.
 pub const NOISE_PX: f64 = 0.002;
-
 /// The shape of every spot: a laser's skew.
 pub const SHAPE: SpotShape = SpotShape {
     components: [
@@ -77,10 +76,8 @@ pub const SHAPE: SpotShape = SpotShape {
 
 /// The step of the stand-in's clock. A line takes that long to be sent.
 const STEP: Duration = Duration::from_millis(1);
-
 /// How long the sensor starts after power came.
 const START: Duration = Duration::from_millis(50);
-
 /// The most bytes that wait to be read. A sensor sends a row in a second, and the stand-in sends it at once.
 const KEPT: usize = 4096 * 4;
 
@@ -125,7 +122,6 @@ impl Trouble {
 }
 
 type EachStep = Box<dyn FnMut(&mut State)>;
-
 /// A step of the clock, and what happens at that step.
 type AtStep = (usize, fn(&mut State));
 
@@ -160,7 +156,6 @@ pub struct State {
     seen_mm: Option<f64>,
     /// What it said and nobody has read.
     sent: VecDeque<u8>,
-    /// The line that comes in.
     line: Vec<u8>,
     centre_due: Option<Duration>,
     streamed: Duration,
@@ -629,7 +624,6 @@ pub fn centre_px(mm: f64) -> f64 {
 }
 
 impl State {
-    /// Does what is due.
     fn step(&mut self) {
         if let Some(mut call) = self.each_step.take() {
             call(self);

@@ -68,7 +68,6 @@ fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
         .collect()
 }
 
-/// Some of every kind.
 fn kinds() -> Vec<EncodedRecord> {
     let curve = NOMINAL.expect("a curve");
     let distance = |centre: f64| -115_384.6 + 2_152_366_863.0 / (centre + 580.34616);
@@ -92,7 +91,6 @@ fn file(sensor: &StandIn, written: &EncodedRecord) {
 
 /// How the output of a record that is saved ends.
 const SAVED: &str = "saved: it is kept over a power cycle\n";
-
 const WRITE: &str = "calibrate write @record --port PORT";
 const NO_SAVE: &str = "calibrate write @record --port PORT --no-save";
 

@@ -18,83 +18,58 @@ use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING, dark_point, mean_ro
 
 /// Whole rows with the laser off. Their 3648 pixels give the read noise to 0.7 %.
 const DARK_ROWS: usize = 4;
-
 /// Exposures at which the spot is looked for, in us: each is four times as long as the one before. The
 /// longest one that may be used follows.
 const SEARCH_US: [u16; 5] = [10, 40, 160, 640, 2560];
-
 /// Pixels over which a row is smoothed to find the spot: narrower than a spot, and the noise falls to a
 /// third.
 const SMOOTHED: usize = 9;
-
 /// The spot is found once it is so high, in counts: 60 times the noise of the smoothed row.
 const HIGH: f64 = 300.0;
-
 /// A spot must be so high at the longest exposure, in counts.
 const LEAST_HIGH: f64 = 100.0;
-
 /// The window ends where the spot has this share of its height.
 const EDGE: f64 = 0.05;
-
 /// The most pixels in the window: a row of them takes 60 ms to send.
 const WIDEST: usize = 200;
-
 /// From one exposure to the next on the way to saturation.
 const STEP: f64 = 1.5;
-
 /// The light has stopped growing if it grows by less than this share of what the exposure does.
 const STOPPED: f64 = 0.3;
-
 /// A step whose height over its exposure is at least this share of the first one's shows no saturation. The
 /// noise of a height is below 1 %.
 const STRAIGHT: f64 = 0.95;
-
 /// Rows at each exposure on the way to saturation: the mean of few pixels needs no more.
 const ROWS_A_STEP: usize = 3;
-
-/// Rows at saturation.
 const ROWS_SATURATED: usize = 10;
-
 /// A pixel is saturated for certain if it would read so many times as much without a limit.
 const BEYOND: f64 = 1.3;
-
 /// Fewest saturated pixels that show the level.
 const FEWEST_SATURATED: usize = 3;
-
 /// The longest exposure for the noise brings the spot to this share of the saturation, so that no noise is
 /// cut off.
 const HIGHEST: f64 = 0.85;
-
 /// Exposures for the noise.
 const EXPOSURES: u32 = 12;
-
 /// The shortest of them is a little more than this part of the longest one: dim rows tell little of the gain.
 const LEAST_PART: f64 = 0.2;
-
 /// Fewest different exposures for the noise.
 const FEWEST_EXPOSURES: usize = 4;
-
 /// Rows at each of these exposures in a pass.
 const ROWS_A_PASS: usize = 20;
-
 /// Passes through these exposures: at least, and at most.
 const FEWEST_PASSES: usize = 2;
 const MOST_PASSES: usize = 12;
-
 /// No pass is needed once the gain is known so well: a quarter of 5 %. r of a reading follows the root of the
 /// gain at most.
 const AIM: f64 = 0.0125;
-
 /// A gain that is not known so well is refused.
 const WORST: f64 = 0.05;
-
 /// Points that lie farther off the line, over what chance allows, are refused. Chance alone gives 0.97 to
 /// 1.03 for a thousand points.
 const MOST_SCATTER: f64 = 1.2;
-
 /// What to do if the noise is not that of light.
 const NOT_AT_REST: &str = "check that the target is at rest and that no lamp flickers";
-
 /// What to do if the shortest exposure is too long.
 const TOO_BRIGHT: &str = "the spot saturates at the shortest exposure: put a darker target, such as white \
                           paper, before the sensor";
@@ -130,7 +105,6 @@ pub struct Bench<'a, 'b> {
     black: Vec<f64>,
 }
 
-/// The spot, as the search found it.
 struct Spot {
     window: Range<usize>,
     exposure: u16,

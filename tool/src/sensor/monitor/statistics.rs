@@ -9,10 +9,8 @@ use crate::sensor::stream::{FrameResult, Kind, fault_kind};
 
 /// So many of the latest readings are shown as a line.
 pub const SHOWN: usize = 400;
-
 /// The rate is that of the results of this time.
 const RATE_OVER: Duration = Duration::from_secs(5);
-
 /// The kind of a fault in whose place the sensor sends an earlier reading. The line does not say which fault.
 pub const HELD: &str = "held";
 

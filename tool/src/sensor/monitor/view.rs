@@ -88,7 +88,6 @@ impl View<'_> {
         }
     }
 
-    /// The latest distances over time.
     fn draw_trend(&self, frame: &mut Frame<'_>, area: Rect) {
         let points: Vec<(f64, f64)> = (self.statistics.latest())
             .filter_map(|(at, mm)| Some((at.as_secs_f64(), mm?)))

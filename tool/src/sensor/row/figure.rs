@@ -13,8 +13,6 @@ use super::{Image, RowAnswer};
 
 /// The pixels of an image.
 const WINDOW: RGBColor = RGBColor(0xf2, 0xec, 0xd8);
-
-/// Heights of the panels.
 const HEIGHTS: [u32; 3] = [380, 380, 260];
 
 /// Draws a row.

@@ -28,13 +28,10 @@ use crate::sensor::session::{Link, Session};
 /// How long to wait for a row: a whole row takes 1.1 s at 115,200 baud, and an emulated board may run at a
 /// third of the clock on the wall.
 const ROW: Duration = Duration::from_secs(4);
-
 /// How long to wait between two looks for a sensor that is away.
 const PAUSE: Duration = Duration::from_millis(100);
-
 /// The rate is that of so many rows.
 const RATED: usize = 10;
-
 /// A key changes the exposure by this factor.
 const STEP: f64 = 1.25;
 
