@@ -101,8 +101,7 @@ impl DistortedOptics {
         largest_residual_of_eq1(&points).context("no eq. (1) fits the distorted geometry")
     }
 
-    /// Pixels by which light is displaced that would fall on `centre`. Beyond the sensor's ends it is what it
-    /// is there.
+    /// Pixels by which light is displaced that would fall on `centre`. Beyond the sensor: as at its end.
     fn displacement(&self, centre: f64) -> f64 {
         let from_axis = centre - self.optics.axis;
         let field = from_axis.clamp(-self.optics.axis, self.optics.axis) / FIELD;
@@ -120,8 +119,7 @@ impl DistortedOptics {
     }
 }
 
-/// The largest residual in metres of the eq. (1) that fits points of centre and distance best, by the
-/// Gauss-Newton method on all three parameters: `d = D + K / (x - xp)`.
+/// The largest residual in metres of the best-fitting `d = D + K / (x - xp)`, by Gauss-Newton.
 fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
     // d x = D x + xp d + C with C = K - D xp is linear, which gives the start.
     let mut normal = (Matrix3::zeros(), Vector3::zeros());
@@ -206,8 +204,7 @@ mod tests {
         let mut worst = 0.0_f64;
         for (_, optics) in unknown() {
             for distance in distances(0.3, 3.0) {
-                let again = optics.distance(optics.centre(distance));
-                worst = worst.max((again - distance).abs());
+                worst = worst.max((optics.distance(optics.centre(distance)) - distance).abs());
             }
         }
         println!("{worst:.1e} m");
@@ -288,8 +285,7 @@ mod tests {
         let mut errors = vec![];
         for (seed, optics) in unknown() {
             let error = |distance| (nominal.distance(optics.centre(distance)) - distance).abs();
-            let error = distances(0.60, 1.02).map(error).fold(0.0, f64::max);
-            errors.push(error);
+            errors.push(distances(0.60, 1.02).map(error).fold(0.0, f64::max));
             for distance in distances(0.60, 1.02) {
                 let centre = optics.centre(distance);
                 assert!((64.0..3583.0).contains(&centre), "{seed}: {centre}");

@@ -133,8 +133,7 @@ fn header_number(rest: &mut &[u8], what: &str) -> Result<usize> {
         match rest {
             [b'#', ..] => {
                 let end = rest.iter().position(|byte| b"\n\r".contains(byte));
-                let end = end.unwrap_or(rest.len());
-                *rest = &rest[end..];
+                *rest = &rest[end.unwrap_or(rest.len())..];
             }
             [first, tail @ ..] if first.is_ascii_whitespace() => *rest = tail,
             _ => break,

@@ -15,8 +15,7 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 
-use crate::record_file;
-use crate::whole_file;
+use crate::{record_file, whole_file};
 use report::Report;
 
 /// Of `slitrange calibrate fit`.
@@ -149,8 +148,7 @@ fn black_level(words: &str) -> Result<BlackLevel, String> {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|number| (1e-6..1e6).contains(number))
-        .ok_or_else(|| "it must be a number of millimetres above 0".into())
+    let number = text.parse().ok();
+    let number = number.filter(|number| (1e-6..1e6).contains(number));
+    number.ok_or_else(|| "it must be a number of millimetres above 0".into())
 }

@@ -45,8 +45,7 @@ impl BufRead for Keyboard {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         let is_interrupted = |it: &Arc<AtomicBool>| it.load(Ordering::Relaxed);
         while self.line.fill_buf()?.is_empty() {
-            let lines = self.lines.get_or_insert_with(read_lines);
-            match lines.recv_timeout(LOOK) {
+            match self.lines.get_or_insert_with(read_lines).recv_timeout(LOOK) {
                 Ok(line) => self.line = Cursor::new(line?),
                 Err(RecvTimeoutError::Disconnected) => break,
                 Err(RecvTimeoutError::Timeout) => {

@@ -99,8 +99,7 @@ impl Series {
     /// # Errors
     /// The longest run is too short.
     pub fn of(lines: &[FrameResult]) -> Result<Self> {
-        let has_readings = lines.iter().any(|line| line.kind == Kind::Reading);
-        let kind = match has_readings {
+        let kind = match lines.iter().any(|line| line.kind == Kind::Reading) {
             true => Kind::Reading,
             false => Kind::Difference,
         };
@@ -134,11 +133,9 @@ impl Series {
         );
         let usual = PAUSE * median(&intervals);
         let pause_s = if is_timed { usual } else { usual.max(LATE) };
-        let longest = runs
-            .iter()
-            .flat_map(|run| run.chunk_by(|before, after| after.0 - before.0 < pause_s))
-            .max_by_key(|run| run.len())
-            .unwrap_or_default();
+        let even = (runs.iter())
+            .flat_map(|run| run.chunk_by(|before, after| after.0 - before.0 < pause_s));
+        let longest = even.max_by_key(|run| run.len()).unwrap_or_default();
         ensure!(
             longest.len() >= FEWEST,
             "the longest run without a fault and a pause has {} readings, and {FEWEST} are needed: record \

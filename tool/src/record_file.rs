@@ -163,8 +163,7 @@ const fn polarity_word(polarity: Polarity) -> &'static str {
 struct ShownSlit {
     /// From the optical axis along the row.
     place_um: f64,
-    /// The coefficients of the correction, of the lowest degree first. The argument is x0 from the axis of
-    /// the sensor, in units of 1024 pixels.
+    /// Coefficients of the correction, lowest degree first, over x0 from the axis in units of 1024 pixels.
     correction_px: [f64; CORRECTIONS],
 }
 
@@ -182,8 +181,7 @@ impl ShownSlit {
 struct ShownErrors {
     /// Of the curve. None if no fit found it.
     curve_um: Option<[f64; 2]>,
-    /// By the target's surface, for a spot of the usual height. None if the points did not tell it: the
-    /// sensor then takes an estimate.
+    /// By the surface, for a spot of the usual height. None: not told, and the sensor takes an estimate.
     surface_um: Option<[f64; 2]>,
     height_counts: Option<[f64; 2]>,
 }
@@ -222,11 +220,8 @@ impl ShownSpot {
 
 /// The least and the largest, to a tenth.
 fn ends(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
-    let (least, most) = (
-        values.clone().fold(f64::INFINITY, f64::min),
-        values.fold(0.0, f64::max),
-    );
-    [least, most].map(|value| (10.0 * value).round() / 10.0)
+    let least = values.clone().fold(f64::INFINITY, f64::min);
+    [least, values.fold(0.0, f64::max)].map(|value| (10.0 * value).round() / 10.0)
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -482,10 +477,8 @@ impl Comparison {
             field.map_or("none".to_owned(), |(_, value)| value.clone())
         };
         let (ours, theirs) = (a.fields(), b.fields());
-        let further = theirs
-            .iter()
-            .filter(|(name, _)| value(&ours, name) == "none");
-        let differences = (ours.iter().chain(further))
+        let is_further = |(name, _): &&(&str, String)| value(&ours, name) == "none";
+        let differences = (ours.iter().chain(theirs.iter().filter(is_further)))
             .map(|&(field, _)| Difference {
                 field,
                 first: value(&ours, field),

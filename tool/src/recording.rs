@@ -219,8 +219,7 @@ impl<R: Read> Iterator for Reader<R> {
     }
 }
 
-/// Reads the lines before the rows. Settings that this program does not know are left out: rows of newer
-/// firmware can be measured all the same.
+/// Reads the lines before the rows. Unknown settings are left out: rows of newer firmware can be measured.
 fn sensor(text: &str) -> Result<Sensor> {
     let mut lines = text.lines();
     let first = lines.next().unwrap_or_default();
@@ -265,8 +264,7 @@ fn record_of(digits: &str) -> Result<EncodedRecord> {
     let bytes: Option<Vec<u8>> = (digits.as_bytes().chunks(2))
         .map(|two| u8::from_str_radix(std::str::from_utf8(two).ok()?, 16).ok())
         .collect();
-    let bytes = bytes.context("the record is not in hexadecimal")?;
-    record::decode(&bytes)
+    record::decode(&bytes.context("the record is not in hexadecimal")?)
         .and_then(EncodedRecord::new)
         .context("the sensor's record is damaged")
 }

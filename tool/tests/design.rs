@@ -237,10 +237,8 @@ fn a_calibration_takes_the_tolerances_away() {
         let points = [600.0, 780.0, 1020.0].map(|d| (centre(d, beam, built), d));
         let rows = points.map(|(x, d)| nalgebra::RowVector3::new(x, d, 1.0));
         let right = nalgebra::Vector3::from(points.map(|(x, d)| x * d));
-        let found = nalgebra::Matrix3::from_rows(&rows)
-            .lu()
-            .solve(&right)
-            .expect("three points");
+        let decomposed = nalgebra::Matrix3::from_rows(&rows).lu();
+        let found = decomposed.solve(&right).expect("three points");
         let (d, pole) = (found[0], found[1]);
         let k = found[2] + d * pole;
         let worst = (0..=42)
@@ -449,9 +447,8 @@ fn the_drawing_of_the_page_is_the_one_that_the_command_writes() {
     printed(&format!("--angle 68.9624 --drawing {}", file.display()));
     let due = std::fs::read_to_string(file).expect("a drawing");
     let is = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hardware/dimensions.svg");
-    let is = std::fs::read_to_string(is).expect("docs/hardware/dimensions.svg");
     assert!(
-        is == due,
+        std::fs::read_to_string(is).expect("docs/hardware/dimensions.svg") == due,
         "write it again: slitrange design --angle 68.9624 --drawing docs/hardware/dimensions.svg"
     );
 }

@@ -68,8 +68,7 @@ fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
     distances.collect()
 }
 
-/// The errors of readings at even distances over the sensor's range, each beside the bound, in micrometres,
-/// with the calibration that its flash holds.
+/// Errors of readings at even distances over the sensor's range, each beside the bound, in micrometres.
 fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<(f64, f64)> {
     let mut board = bench.power_on();
     board.send(&format!("rows {ROWS}\r\n"));
@@ -110,8 +109,7 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
         flash: SharedFlash::default(),
     };
     // It really is another geometry.
-    let centre = bench.optics.centre(NEAREST);
-    let nominal = Optics::nominal().distance(centre);
+    let nominal = Optics::nominal().distance(bench.optics.centre(NEAREST));
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
 
@@ -169,8 +167,7 @@ fn a_sensor_that_departs_from_eq1_is_calibrated() {
     check(300e-6, "60", "2", (22, 4), 1.2);
 }
 
-/// Measures the front end of `scenes/unknown-front-end.toml`. After a power cycle the sensor says what it
-/// measured.
+/// After a power cycle the sensor says what was measured of `scenes/unknown-front-end.toml`.
 #[test]
 #[ignore = "a minute of an emulated board; takes minutes of CPU time; run by .ci/run"]
 fn a_front_end_is_measured() {
@@ -189,8 +186,7 @@ fn a_front_end_is_measured() {
         flash: SharedFlash::default(),
     };
     let folder = tempfile::tempdir().expect("a folder");
-    let stage = folder.path().join("stage");
-    bench.work(&stage, |desk| {
+    bench.work(&folder.path().join("stage"), |desk| {
         done(desk.run("head measure --port board"));
         println!("{:.0} s of the board's time", desk.now().as_secs_f64());
     });

@@ -78,8 +78,7 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
             "ambient subtract",
             "stream on",
         ] {
-            let name = line.split(' ').next().expect("a name");
-            assert_eq!(ask(&desk, name), line);
+            assert_eq!(ask(&desk, line.split(' ').next().expect("a name")), line);
         }
     };
     is_as_before();
@@ -176,8 +175,7 @@ const SETTINGS_IN_TURN: [&str; 8] = [
     "black shielded",
 ];
 
-/// Random spots, each for some rows: anywhere on the row and beyond its edges, narrow and wide, dim and
-/// saturated.
+/// Random spots, each for some rows: anywhere and beyond the edges, of any width, dim to saturated.
 fn any_spots(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut row = 0;
@@ -216,8 +214,7 @@ fn show(desk: &Desk, turn: usize) -> String {
     name
 }
 
-/// The firmware on the emulated board measures rows of many scenes, and a PC measures them once more: bit by
-/// bit the same.
+/// The firmware measures rows of many scenes, and a PC measures them once more: bit by bit the same.
 #[test]
 #[ignore = "a hundred thousand rows are two hours of virtual time; SLITRANGE_ROWS sets another number"]
 fn a_hundred_thousand_rows_of_the_firmware_give_the_same_bits_on_a_pc() {
@@ -260,12 +257,10 @@ fn a_file_that_is_no_recording_is_refused() {
     let file = directory.path().join("points.csv");
     let mut packets = Packets::default();
     let later = packets.encode(Message::Text(b"slitrange recording 2\r\n"));
+    let version = "the recording has version 2, this tool reads 1: update the tool";
     for (bytes, words) in [
         (&b"distance,centre\n800,1770\n"[..], "this is no recording"),
-        (
-            later,
-            "the recording has version 2, this tool reads 1: update the tool",
-        ),
+        (later, version),
     ] {
         std::fs::write(&file, bytes).expect("a file");
         let error = recording::open(&file).expect_err("no recording");

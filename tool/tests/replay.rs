@@ -163,8 +163,7 @@ fn recorded(
 
 /// `slitrange replay` of a file whose rows give the sensor's bits: what it says.
 fn replay(path: &Path, more: &[&str]) -> String {
-    let path = path.to_str().expect("a path");
-    let words = [&["replay", path], more].concat();
+    let words = [&["replay", path.to_str().expect("a path")], more].concat();
     let (code, said) = slitrange(&RealPc::new(), &words, "");
     assert_eq!(code, Ok(ExitCode::SUCCESS), "{said}");
     said
@@ -207,8 +206,7 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
         let mut reader = Reader::new(&bytes[..]).expect("a recording");
         assert_eq!(reader.sensor(), &sensor);
         for row in &rows {
-            let read = reader.next().expect("a row").expect("no error");
-            assert_eq!(&read, row);
+            assert_eq!(&reader.next().expect("a row").expect("no error"), row);
         }
         assert!(reader.next().is_none() && reader.damaged() == 0);
 

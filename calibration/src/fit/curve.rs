@@ -28,8 +28,7 @@ impl Curve {
 
     /// What is added to eq. (1) at a centre.
     pub fn residual(&self, centre: f64) -> f64 {
-        let distance = self.eq1.curve.distance(centre);
-        (self.correction.as_ref()).map_or(0.0, |it| it.at(distance))
+        (self.correction.as_ref()).map_or(0.0, |it| it.at(self.eq1.curve.distance(centre)))
     }
 
     /// Metres a pixel.

@@ -125,8 +125,7 @@ impl Fit {
 
 /// Steps at most; three are usual, because the start is within some per cent.
 const MAX_STEPS: usize = 50;
-/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the
-/// range away.
+/// |r| below which points lie on a straight line to within rounding: the pole is 1e9 ranges away.
 const STRAIGHT: f64 = 1e-9;
 
 /// Fits the curve to centres in pixels and their distances in metres, all with the same variance.
@@ -398,10 +397,8 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(11);
         let mut one_fit = || {
             let noise: [f64; 40] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
-            let noisy = points
-                .iter()
-                .zip(noise)
-                .map(|(&(x, d), it)| (x, d + 20e-6 * it));
+            let noisy = points.iter().zip(noise);
+            let noisy = noisy.map(|(&(x, d), it)| (x, d + 20e-6 * it));
             fit(&noisy.collect::<Vec<_>>()).expect("a fit")
         };
         let fits: Vec<Fit> = (0..FITS).map(|_| one_fit()).collect();
@@ -437,11 +434,8 @@ mod tests {
     #[test]
     fn points_without_a_curve_are_refused_with_a_reason() {
         let error = |points: &[(f64, f64)]| fit(points).expect_err("no curve").to_string();
-        let points = |distance: fn(f64) -> f64| {
-            (0..10)
-                .map(f64::from)
-                .map(|x| (x, distance(x)))
-                .collect::<Vec<_>>()
+        let points = |distance: fn(f64) -> f64| -> Vec<(f64, f64)> {
+            (0..10).map(|x| (x.into(), distance(x.into()))).collect()
         };
         let two: Vec<(f64, f64)> = (0..10).map(|i| (f64::from(i % 2), f64::from(i))).collect();
         for (points, reason) in [

@@ -101,8 +101,7 @@ const POWER_DEVIATION: f64 = 1.5;
 /// so this is the regression of a gamma distribution (P. McCullagh and J. A. Nelder, Generalized Linear
 /// Models, 2nd ed., section 8), with [`POWER`] before it.
 fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
-    let mean = mean(heights.iter().map(|(_, height)| height));
-    let (mut log_height, mut power) = (mean.ln(), 0.0);
+    let (mut log_height, mut power) = (mean(heights.iter().map(|(_, height)| height)).ln(), 0.0);
     for _ in 0..20 {
         let prior = POWER_DEVIATION.powi(-2);
         let mut matrix = Matrix2::new(0.0, 0.0, 0.0, prior);

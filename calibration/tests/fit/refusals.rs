@@ -122,8 +122,7 @@ fn one_wrong_point_among_many_is_an_outlier() {
     points.iter_mut().for_each(|it| it.x_px = 3647.0 - it.x_px);
     solve(&renumbered(points), None).expect("a fit");
     // Noise that is larger than the steps.
-    let noisy = Truth::nominal().points(1200, 3.0, &mut seeded(2));
-    solve(&noisy, None).expect("a fit");
+    solve(&Truth::nominal().points(1200, 3.0, &mut seeded(2)), None).expect("a fit");
 }
 
 #[test]

@@ -145,8 +145,7 @@ pub fn throw_off(
 ) -> Vec<u64> {
     let mut lines = Vec::new();
     while lines.len() < count {
-        let index = random.random_range(0..points.len());
-        let point = &mut points[index];
+        let point = &mut points[random.random_range(0..points.len())];
         if lines.contains(&point.line) {
             continue;
         }

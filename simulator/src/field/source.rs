@@ -78,8 +78,7 @@ impl Lit {
         u * (0.5 * u - self.shift * self.angle.1) / (self.range * self.wavelength)
     }
 
-    /// Turns of phase that a scatterer at x, apart from the shift, has at u more than at the aperture's
-    /// middle.
+    /// Turns of phase that a scatterer at x has at u more than at the aperture's middle, but for the shift.
     fn tilt(&self, u: f64, x: f64) -> f64 {
         -u * x * self.angle.1 / (self.range * self.wavelength)
     }
@@ -89,8 +88,7 @@ impl Lit {
     pub fn mean_places(&self, aperture: f64) -> Vec<(f64, f64)> {
         // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the
         // aperture's diffraction at one step to lambda R / aperture / cos(theta).
-        let detail = 0.9 * self.wavelength * self.range / aperture;
-        let step = (0.2 * self.beam.radius).min(detail);
+        let step = (0.2 * self.beam.radius).min(0.9 * self.wavelength * self.range / aperture);
         let half = (REACH * self.beam.radius / step).ceil() as i32;
         let step = REACH * self.beam.radius / f64::from(half);
         (-half..=half)

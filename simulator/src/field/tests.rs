@@ -216,8 +216,7 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     check("lens", &sums(&mut seeds.map(images)), &exact);
 }
 
-/// Light at three places some speckles apart on the sensor behind the slit, in units of its mean, for many
-/// surfaces.
+/// Light at three distant places behind the slit, in units of its mean, for many surfaces.
 fn speckle(laser: &Laser, scattering: &Scattering, surfaces: u64) -> Vec<f64> {
     let view = View::at(0.8);
     let (slit, rows) = (SlitAperture::nominal(), [-1e-3, 0.0, 1e-3]);
@@ -308,8 +307,7 @@ fn contrast_falls_with_linewidth_and_path_spread() {
     }
 }
 
-/// The field in the middle of the aperture's width at places v, in a surface's only polarisation and
-/// wavelength.
+/// The field in the middle of the aperture's width at places v, of the only polarisation and wavelength.
 fn field_at(surface: &Surface, view: &View, v: &[f64]) -> Vec<(f64, f64)> {
     let lit = Lit::new(&surface.laser, &surface.scattering, view);
     let mut sums = RowSums::new(&lit, surface, &[0.0]);
@@ -426,8 +424,7 @@ fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -
 fn centroids_scatter_by_the_speckle_limit() {
     let view = View::at(0.8);
     let (sin_u, cos) = (0.5 * 50e-3 / 12.0 / view.range(), view.cos_angle());
-    let lens = sharp_lens();
-    let limit = 650e-9 / (2.0 * PI * sin_u) * lens.to_sensor() / view.range();
+    let limit = 650e-9 / (2.0 * PI * sin_u) * sharp_lens().to_sensor() / view.range();
 
     let gaussian = centroids(&Laser::focused(1.2e-3, 0.8), 400, None);
     let ratio = gaussian / (limit * (0.5 * cos).sqrt());
@@ -466,8 +463,7 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
     for (row, y) in places.iter().enumerate() {
         for (x, &light) in places.iter().zip(image.row(row)) {
             let q = (PI * lens.diameter * x.hypot(*y) / (laser.wavelength * z)).max(1e-9);
-            let airy = (2.0 * libm::j1(q) / q).powi(2);
-            worst = worst.max((f64::from(light) / peak - airy).abs());
+            worst = worst.max((f64::from(light) / peak - (2.0 * libm::j1(q) / q).powi(2)).abs());
         }
     }
     let area = 0.25 * PI * lens.diameter.powi(2);
@@ -547,8 +543,7 @@ fn the_same_seed_makes_the_same_image() {
 
 #[test]
 fn a_surface_too_small_is_an_error() {
-    let laser = Laser::focused(1e-3, 0.8);
-    let surface = small_surface(&laser, &Scattering::surface(), 1);
+    let surface = small_surface(&Laser::focused(1e-3, 0.8), &Scattering::surface(), 1);
     // Half of the beam's diverged diameter is missing.
     let view = View::at(0.8 + 3.0);
     let error = slit_image(&surface, &view, &SlitAperture::nominal(), &[0.0], &[0.0]).unwrap_err();
@@ -562,8 +557,7 @@ fn a_surface_too_small_is_an_error() {
 #[test]
 fn rows_between_are_close() {
     for diameter in [0.5e-3, 1e-3, 2e-3] {
-        let laser = Laser::focused(diameter, 0.8);
-        let surface = small_surface(&laser, &Scattering::surface(), 3);
+        let surface = small_surface(&Laser::focused(diameter, 0.8), &Scattering::surface(), 3);
         let (columns, rows) = (pixels(160, 2), pixels(600, 1));
         let image = |rows: &[f64]| through_slit(&surface, &View::at(0.8), &columns, rows);
         let exact = image(&rows);
@@ -635,8 +629,7 @@ fn diffraction_hardly_depends_on_the_wavelength() {
     let (columns, rows) = (pixels(160, 2), pixels(600, 8));
     let [image, own] =
         [surface, own].map(|surface| through_slit(&surface, &View::at(0.8), &columns, &rows));
-    let scale = rms(own.light.iter().map(|&b| f64::from(b)));
-    let relative = difference(&image, &own) / scale;
+    let relative = difference(&image, &own) / rms(own.light.iter().map(|&b| f64::from(b)));
     let nm = (far.wavelength - laser.wavelength) * 1e9;
     println!("{nm:.2} nm away: {relative:.4} of the light differs");
     assert!(relative < 0.02);

@@ -15,8 +15,7 @@ use crate::scene::pattern::Pattern;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Diffraction {
-    /// The far field of the aperture: sinc^2 for a slit, eq. (6) of the paper, with its first zero at lambda
-    /// z / a.
+    /// The far field: sinc^2 for a slit, eq. (6) of the paper, with its first zero at lambda z / a.
     Fraunhofer,
     /// Fresnel's integral over the aperture, exact at the distances of a slit and a sensor.
     Fresnel,

@@ -58,9 +58,7 @@ impl LaserLight {
             return Self::default();
         }
         let texture = scene.texture.map(|it| it.surface(scene.seed));
-        let rough = scene
-            .speckle
-            .zip(scene.laser_spot)
+        let rough = (scene.speckle.zip(scene.laser_spot))
             .map(|(speckle, spot)| Arc::new(speckle.surface(scene, &spot, texture.as_ref())));
         let openings = match &scene.comb {
             Some(comb) => {
@@ -196,8 +194,7 @@ impl Opening {
         }
     }
 
-    /// The shape at a distance: the last one, if it has not changed. Nobody waits while another thread
-    /// computes another distance's.
+    /// The last shape, if the distance has not changed. Nobody waits while another thread computes one.
     fn shape(&self, surface: &Surface, distance: f64) -> Arc<Shape> {
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((at, shape)) = &*last()
@@ -214,8 +211,7 @@ impl Opening {
     }
 }
 
-/// The spot's centres during an exposure, in each of which it stays for an even part of it: one for a target
-/// at rest. `width` is the spot's sigma in pixels.
+/// The spot's centres in even parts of an exposure: one at rest. `width` is the spot's sigma in pixels.
 fn centres(
     scene: &Scene,
     distance: f64,

@@ -49,8 +49,7 @@ impl Saturation {
     }
 }
 
-/// Lets the overflow of full pixels run along the row, in the order in which the pixels come, into those that
-/// have room.
+/// Lets the overflow of full pixels run along the row, in the pixels' order, into those with room.
 fn flow<'a>(pixels: impl Iterator<Item = (&'a mut f32, &'a f32)>, full: f32) {
     // Twice the precision of a pixel: many pixels' overflow comes together here.
     let mut flowing = 0.0f64;

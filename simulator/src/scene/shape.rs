@@ -104,8 +104,7 @@ impl Shape {
         let pattern = pattern.gathered(optics.pitch);
         Self {
             patterns: vec![pattern],
-            rows: heights(scene, distance)
-                .into_iter()
+            rows: (heights(scene, distance).into_iter())
                 .map(|height| (height > 0.0).then_some((0, height)))
                 .collect(),
             width,

@@ -64,8 +64,7 @@ pub struct Rows {
 pub(super) const NEAREST: f64 = 0.3;
 /// ... to so many times the scene's distance.
 pub(super) const FARTHEST: f64 = 1.5;
-/// Patterns are computed to so many details (lambda z / a) from the geometric centre, with so many columns in
-/// a detail.
+/// Patterns are computed to so many details (lambda z / a) from the centre, with so many columns in each.
 const DETAILS: f64 = 24.0;
 const COLUMNS: f64 = 16.0;
 
@@ -219,14 +218,8 @@ impl RoughSurface {
             let is_lit = |row: &usize| place_across(scene, *row).abs() <= reach;
             let lit: Vec<usize> = (0..count).filter(is_lit).collect();
             let parts = within(pixel, detail / 3.0);
-            let places: Vec<f64> = lit
-                .iter()
-                .flat_map(|&row| {
-                    parts
-                        .iter()
-                        .map(move |part| place_across(scene, row) + part)
-                })
-                .collect();
+            let of_row = |&row| (parts.iter()).map(move |part| place_across(scene, row) + part);
+            let places: Vec<f64> = lit.iter().flat_map(of_row).collect();
             let image = image(&places);
             let factor = image.density / ideal.density;
             for (i, &row) in lit.iter().enumerate() {
@@ -251,8 +244,7 @@ impl RoughSurface {
 const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's \
                         distance, where the beam is wider: move the scene's distance or the beam's waist";
 
-/// Height in metres of the spot's image through a lens in focus, in its middle column: its light there over
-/// that in its middle.
+/// Height in metres of the spot's image in focus, in its middle column: its light over that in its middle.
 fn height_in_focus(scene: &Scene, pupil: &Pupil, distance: f64) -> f64 {
     let parts = Parts::new(scene, None, distance, AIRY_WIDTH * pupil.detail());
     let step = pupil.detail() / COLUMNS;

@@ -41,8 +41,7 @@ pub struct Report {
     held_within_um: f64,
     /// What was known of the points' errors.
     weights: String,
-    /// How much the points scatter over what was given of their errors; where nothing was, their centres'
-    /// scatter in pixels.
+    /// The points' scatter over what was given of their errors; without that, that of the centres in pixels.
     scatter: Option<f64>,
     surface: Option<ShownSurface>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -104,8 +103,7 @@ struct Residuals {
     leverage_last: f64,
 }
 
-/// How far a target's surface moves distances. It grows with the distance, and varies as one over the square
-/// root of the spot's height.
+/// How far a target's surface moves distances: more with the distance, and as 1 / sqrt(height).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct ShownSurface {
     /// The distance in the middle of the points.

@@ -26,8 +26,7 @@ use crate::screen::{Key, Screen};
 const TICK: Duration = Duration::from_millis(50);
 /// The view is drawn so often.
 const DRAWN: Duration = Duration::from_millis(100);
-/// After so much time without a line, the sensor is asked whether it is there. A frame of 64 rows takes 0.4
-/// s.
+/// After so long without a line the sensor is asked whether it is there. 64 rows take 0.4 s.
 const SILENT: Duration = Duration::from_secs(3);
 /// After so much time the view no longer shows the last reading as if it were new.
 const STALE: Duration = Duration::from_secs(1);
@@ -210,8 +209,7 @@ impl<'a> Monitor<'a> {
         }
     }
 
-    /// Asks for what `monitor` must know, and sets the columns that it needs. Gives the rows lost and lines
-    /// dropped.
+    /// Asks what `monitor` must know, and sets its columns. Gives the rows lost and lines dropped.
     fn prepare(&mut self, session: &mut Session<'_>) -> Result<(u32, u32), LineError> {
         self.statistics.leaves_out = session.value(Setting::Rate)? != Value::Rate(0);
         if let Value::Output(columns) = session.value(Setting::Output)?
@@ -337,19 +335,15 @@ impl<'a> Monitor<'a> {
         if let Some((rows, dropped)) = lost {
             writeln!(output, "{rows} rows lost, {dropped} lines dropped")?;
         }
-        for (count, what) in [
-            (
-                statistics.missing,
-                "results did not arrive, by their numbers",
-            ),
-            (
-                statistics.unreadable,
-                "lines could not be read: check the cable",
-            ),
-        ] {
-            if count > 0 {
-                writeln!(output, "{count} {what}")?;
-            }
+        let (missing, unreadable) = (statistics.missing, statistics.unreadable);
+        if missing > 0 {
+            writeln!(output, "{missing} results did not arrive, by their numbers")?;
+        }
+        if unreadable > 0 {
+            writeln!(
+                output,
+                "{unreadable} lines could not be read: check the cable"
+            )?;
         }
         if let Some(recording) = &self.recording {
             let (name, lines) = (recording.name(), recording.lines);

@@ -20,8 +20,7 @@ use super::transfer::record_in_use;
 use crate::pc::Pc;
 use crate::recording::{Row, Rows, Sensor, Writer};
 
-/// Without a row for so long, the sensor has stopped. A row takes 66 ms; an emulated board can be slower than
-/// the clock on the wall.
+/// The sensor has stopped after so long. A row takes 66 ms; an emulated board can be slower than the clock.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// After so much time without a packet, the command for packets is sent again.
 const AGAIN: Duration = Duration::from_secs(1);
@@ -110,8 +109,7 @@ fn sensor(session: &mut Session<'_>) -> Result<Sensor> {
     })
 }
 
-/// Takes rows until there are enough, or somebody presses Ctrl-C. Gives their number, and how many rows the
-/// sensor read between them.
+/// Takes rows until there are enough, or Ctrl-C. Gives their number, and how many rows came between them.
 fn take_rows(
     session: &mut Session<'_>,
     baud: Baud,

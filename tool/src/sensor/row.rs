@@ -22,8 +22,7 @@ use super::session::Session;
 use crate::pc::Pc;
 use crate::whole_file;
 
-/// How long to wait for a row: 114 lines take 1.1 s at 115,200 baud. An emulated board can be slower than the
-/// clock on the wall.
+/// How long to wait for a row: 1.1 s at 115,200 baud, and an emulated board can be slower than the clock.
 const ROW: Duration = Duration::from_secs(20);
 
 /// Show one row: its pixels, the fitted gaussian and the residuals
@@ -246,10 +245,7 @@ impl RowAnswer {
 
     /// Sigma of an image by the pixels above half of its height, in pixels. At least [`LEAST_WIDTH`].
     fn width_at_half(&self, x_px: f64, height: f64) -> f64 {
-        let at = |pixel: usize| {
-            let count = self.counts.get(pixel.checked_sub(self.first)?)?;
-            Some(f64::from(*count))
-        };
+        let at = |pixel: usize| Some(f64::from(*self.counts.get(pixel.checked_sub(self.first)?)?));
         let peak = x_px.round().max(0.0) as usize;
         let half = at(peak).unwrap_or_default() - 0.5 * height;
         let is_above = |pixel: &usize| at(*pixel).is_some_and(|count| count > half);

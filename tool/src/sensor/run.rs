@@ -26,8 +26,7 @@ use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
-/// Frames further than this many times their scatter from the others are no matter of chance: a digit that
-/// noise on the line changed, or a target that was not at rest.
+/// Frames this many times their scatter off: a digit that noise changed, or a target that was not at rest.
 const OUTLYING: f64 = 10.0;
 /// A target at rest moves its centre by less, in pixels: fifty times the noise of a point, for a laser that
 /// warms up. It is 0.07 mm at the farther end of the nominal range.
@@ -206,10 +205,10 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
     let estimator = setup.estimator.map(Value::Estimator);
     let default = Setup::default().unnamed();
     let others = setup.unnamed().into_iter();
-    estimator
+    let known = estimator
         .into_iter()
-        .chain(setup.black_level.map(Value::Black))
-        .chain(others.filter(move |value| !default.contains(value)))
+        .chain(setup.black_level.map(Value::Black));
+    known.chain(others.filter(move |value| !default.contains(value)))
 }
 
 struct Walk<'a> {
@@ -395,9 +394,8 @@ impl Walk<'_> {
         let scatter = point.scatter_px.map(|it| format!(", scatter {it:.5}"));
         let misfits = Some(point.misfits).filter(|rows| *rows > 0);
         let misfits = misfits.map(|rows| format!("  {rows} rows do not look like their spot"));
-        let alike = point
-            .correlated
-            .map(|rows| format!("  rows err alike, worth {rows}"));
+        let alike = |rows| format!("  rows err alike, worth {rows}");
+        let alike = point.correlated.map(alike);
         writeln!(
             self.output,
             "{place}  {mm} mm  x {:.5} px +- {:.5} ({} frames{}, claimed {:.5}){}{}",
@@ -481,8 +479,7 @@ fn to_longest(centre: &Centre) -> f64 {
     f64::from(Exposure::LONGEST.us()) / f64::from(centre.exposure_us)
 }
 
-/// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half
-/// of the frames has none.
+/// The mean images of slits that have one in half of the frames, rounded as a file holds them.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
     let with_images = centres.iter().filter_map(|centre| {
         let height = |image: SlitImage| image.height_counts * to_longest(centre);
@@ -574,14 +571,13 @@ mod tests {
 
     #[test]
     fn a_shape_is_the_mean_of_all_frames() {
-        let with = |width_px: f64| Centre {
+        let mut centres = [7.1, 17.0, 7.2, 7.3].map(|width_px: f64| Centre {
             shape: Some(Shape {
                 width_px,
                 components_px: [0.001, -0.002, 0.1 * (width_px - 7.0), 0.0, 0.0],
             }),
             ..centre(1800.0)
-        };
-        let mut centres = [7.1, 17.0, 7.2, 7.3].map(with);
+        });
         let shape = taken(700.0, &centres).shape.expect("a shape");
         assert_eq!(shape.width_px, 7.25);
         assert_eq!(shape.components_px, [0.001, -0.002, 0.025, 0.0, 0.0]);
@@ -631,9 +627,7 @@ mod tests {
 
     #[test]
     fn a_changed_digit_does_not_count() {
-        let mut centres = [-0.003, -0.001, 0.0, 0.001, 0.002]
-            .map(|by| centre(1800.0 + by))
-            .to_vec();
+        let mut centres = [-0.003, -0.001, 0.0, 0.001, 0.002].map(|by| centre(1800.0 + by));
         assert_eq!(without_outlying(&centres).len(), 5);
         centres[2].x_px += 0.1;
         assert_eq!(without_outlying(&centres).len(), 4);

@@ -183,8 +183,7 @@ fn value(session: &mut Session<'_>, setting: Setting) -> Result<Value> {
     }
 }
 
-/// The values of all settings that flash can hold, but for the sensor's address: another sensor has another
-/// one.
+/// All settings that flash can hold but the sensor's address, which another sensor has otherwise.
 fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
     let mut values = Vec::new();
     for &setting in Setting::ALL {
@@ -249,8 +248,7 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
 }
 
 fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
-    let setting = new.setting();
-    let before = value(session, setting)?;
+    let before = value(session, new.setting())?;
     if before == new {
         return Ok(writeln!(output, "{new} (as before)")?);
     }
@@ -336,8 +334,7 @@ fn load(
 ) -> Result<()> {
     let mut changes = Vec::new();
     for &new in values {
-        let setting = new.setting();
-        let before = value(session, setting)?;
+        let before = value(session, new.setting())?;
         if before != new {
             changes.push((before, new));
         }

@@ -168,8 +168,7 @@ pub(super) fn transfer(
         let Err(error) = result else {
             return Ok(());
         };
-        let may_pass = error.downcast_ref().is_some_and(LineError::may_pass);
-        if !may_pass || tries == TRIES {
+        if !error.downcast_ref().is_some_and(LineError::may_pass) || tries == TRIES {
             return Err(error);
         }
         tries += 1;
@@ -241,8 +240,7 @@ fn commit(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
     }
 }
 
-/// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is
-/// not asked to save that.
+/// Has the sensor keep what is in use. One that started anew uses its flash, and is not asked to save.
 fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
     const UNKNOWN: &str = "uploaded; whether it is saved, `calibration` on the sensor's line tells";
     let question = Command::Save.to_string();

@@ -41,8 +41,7 @@ impl Folder {
         std::fs::write(self.path(name), text).expect("written");
     }
 
-    /// Runs `slitrange calibrate fit` with options, in which + stands for a blank: the exit code, and what is
-    /// said.
+    /// `slitrange calibrate fit` with options, + for a blank: the exit code, and what is said.
     fn fit(&self, options: &str) -> (Option<i32>, String) {
         let output = Command::new(env!("CARGO_BIN_EXE_slitrange"))
             .current_dir(self.0.path())

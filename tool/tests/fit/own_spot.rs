@@ -11,9 +11,7 @@ use slitrange::base::units::Counts;
 use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::measurement::centre_of_spot;
+use slitrange::measurement::{Measurement, Options, centre_of_spot};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::pixels::PixelErrors;
@@ -126,8 +124,7 @@ impl Sensor {
             let centres: Vec<answers::Centre> = (0..8)
                 .map(|_| {
                     let measured = self.frame(&mut measurement, distance, height, &mut random);
-                    let line = CentreLine(&measured).to_string();
-                    answers::centre(&[line])
+                    answers::centre(&[CentreLine(&measured).to_string()])
                         .expect("an answer")
                         .expect("a centre")
                 })
@@ -135,8 +132,7 @@ impl Sensor {
             file.add(taken(1e3 * distance, &centres)).expect("added");
         }
         file.put_in_order().expect("in order");
-        let points = Points::read(&path).expect("points").points;
-        let solved = solve(&points, None).expect("a fit");
+        let solved = solve(&Points::read(&path).expect("points").points, None).expect("a fit");
         let made = form::make(&solved, None).expect("a calibration");
         Calibrated {
             errors: errors::of(&solved, &made),

@@ -123,7 +123,6 @@ fn a_board_that_ends_is_an_error() {
 #[test]
 fn without_the_board_the_error_says_how_to_build_it() {
     // The program of this test has no virtual board beside it.
-    let sensor = StandIn::new(4);
-    let error = sensor.refused("demo quiet-paper");
+    let error = StandIn::new(4).refused("demo quiet-paper");
     says(&error, ["`cargo build --bin demo`"]);
 }

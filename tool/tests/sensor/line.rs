@@ -18,8 +18,7 @@ use crate::command::begins;
 
 use super::stand_in::{StandIn, Trouble};
 
-/// The PC's own ports with a clock that stands still while they are read: an answer may take as long as the
-/// machine needs.
+/// The PC's own ports, with a clock that stands still while they are read: an answer may take any time.
 #[derive(Default)]
 struct RealPorts {
     pc: RealPc,

@@ -51,8 +51,7 @@ fn a_row_is_summarised_tabulated_and_drawn() {
 
 #[test]
 fn a_window_is_a_hundred_pixels() {
-    let sensor = StandIn::new(2);
-    let output = sensor.done("row --port PORT --window");
+    let output = StandIn::new(2).done("row --port PORT --window");
     says(&output, ["pixels 1752 to 1848 of 3648"]);
 }
 
@@ -95,8 +94,7 @@ fn a_range_off_the_row_is_cut_and_a_reversed_one_is_refused() {
     says(&error, ["the first pixel lies beyond the last one"]);
 }
 
-/// The first thing that the tool's reader makes of lines which arrive one after the other. `None` if it waits
-/// for more.
+/// What the tool's reader first makes of lines that arrive in turn. `None` if it waits for more.
 fn read(bytes: &[u8]) -> Option<Option<RowAnswer>> {
     // As the line does: CR or LF ends a line, and empty lines do not count.
     let lines = bytes.split(|byte| b"\r\n".contains(byte));
@@ -179,8 +177,7 @@ fn the_answer_states_exposure_black_level_and_saturation() {
     );
 }
 
-/// Each line has a checksum, so the tool shows no wrong pixel. If a line is missing in all
-/// [`TRIES`] answers, the tool says so.
+/// No wrong pixel is shown. If a line is missing in all [`TRIES`] answers, the tool says so.
 #[test]
 fn spoilt_lines_are_never_shown() {
     let mut shown = 0;

@@ -129,8 +129,7 @@ fn a_stage_goes_through_all_positions() {
         let same = |px: f64, pixels: Pixels| (px - pixels.to_f64()).abs() < 1e-5;
         let mut components = shape.components_px.into_iter().zip(SHAPE.components);
         assert!(same(shape.width_px, SHAPE.width) && components.all(|(px, it)| same(px, it)));
-        let sigma = point.sigma_px.expect("a sigma");
-        assert!((0.99 * least..3.0 * least).contains(&sigma));
+        assert!((0.99 * least..3.0 * least).contains(&point.sigma_px.expect("a sigma")));
     }
     let set = sensor.state().settings();
     assert!(set.stream && set.rows == 16, "put back");
@@ -309,49 +308,29 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         assert_eq!(sensor.text("points.csv"), text);
         error
     };
-    let estimator = "# estimator adaptive\n";
+    let other = |file: &str, sensor: &str| {
+        let set =
+            format!("and the sensor is set to `{sensor}`: set it to that, or take another file");
+        format!("taken with `{file}`, {set}")
+    };
+    let serial = "taken with the sensor of serial number 7, and this one's is 0: take another file";
+    let head = "taken with sensor head X, and this is TCD1304DG: take another file";
+    let black = "it does not say with which black its points were taken";
+    let estimator = other("estimator phase-table", "estimator adaptive");
+    let region = other("region 1000 2000", "region all");
+    let peak = other("peak first", "peak strongest");
     let foreign = "it was not made by `calibrate run`";
+    let no_point = ", is no point: expected x_px,d_mm,sigma_px,";
     for (from, to, reason) in [
-        (
-            "# serial 0",
-            "# serial 7",
-            "taken with the sensor of serial number 7, and this one's is 0: take another file",
-        ),
-        (
-            "# head TCD1304DG",
-            "# head X",
-            "taken with sensor head X, and this is TCD1304DG: take another file",
-        ),
-        (
-            "# black shielded",
-            "",
-            "it does not say with which black its points were taken",
-        ),
-        (
-            "# estimator adaptive",
-            "# estimator phase-table",
-            "taken with `estimator phase-table`, and the sensor is set to `estimator adaptive`: set it to \
-             that, or take another file",
-        ),
-        (
-            estimator,
-            "# estimator adaptive\n# region 1000 2000\n",
-            "taken with `region 1000 2000`, and the sensor is set to `region all`: set it to that, or take \
-             another file",
-        ),
-        (
-            estimator,
-            "# estimator adaptive\n# peak first\n",
-            "taken with `peak first`, and the sensor is set to `peak strongest`: set it to that, or take \
-             another file",
-        ),
+        ("# serial 0", "# serial 7", serial),
+        ("# head TCD1304DG", "# head X", head),
+        ("# black shielded", "", black),
+        ("estimator adaptive", "estimator phase-table", &estimator),
+        (" adaptive\n", " adaptive\n# region 1000 2000\n", &region),
+        (" adaptive\n", " adaptive\n# peak first\n", &peak),
         ("# points of", "# Points of", foreign),
         (&*text, "x_px,d_mm\n1800,700\n", foreign),
-        (
-            ",700.000,",
-            ",seven,",
-            ", is no point: expected x_px,d_mm,sigma_px,",
-        ),
+        (",700.000,", ",seven,", no_point),
     ] {
         says(&refused(&text.replace(from, to)), [reason]);
     }

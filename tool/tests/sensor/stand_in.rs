@@ -2,7 +2,6 @@
 //! says, and has whatever trouble it is given. It is the tool's PC as well: time goes on only while the tool
 //! waits.
 
-use std::any::Any;
 use std::cell::{RefCell, RefMut};
 use std::collections::VecDeque;
 use std::io;
@@ -582,9 +581,8 @@ impl Plug<'_> {
         let mut state = self.pc.state();
         if let Some(0) = state.trouble.kill_after {
             (state.trouble.kill_after, state.killed) = (None, true);
-            let killed: Box<dyn Any + Send> = Box::new(Killed);
             drop(state);
-            resume_unwind(killed);
+            resume_unwind(Box::new(Killed));
         }
         if let Some(left) = &mut state.trouble.kill_after {
             *left -= 1;
@@ -693,8 +691,7 @@ impl State {
                 continue;
             };
             if command == Ok(Command::Centre) {
-                let late = self.random.random_bool(self.trouble.late);
-                let wait = FRAME * 11 / 10 * u32::from(late);
+                let wait = FRAME * 11 / 10 * u32::from(self.random.random_bool(self.trouble.late));
                 // Asked for twice, it is answered once.
                 self.centre_due.get_or_insert(self.now + wait);
             }
@@ -715,11 +712,9 @@ impl State {
                 needed: Counts::from_int(60),
             });
         }
-        let mm = std::fs::read_to_string(&self.stage)
-            .ok()
-            .and_then(|text| text.trim().parse().ok())
-            .or(self.seen_mm)
-            .unwrap_or(800.0);
+        let mm = std::fs::read_to_string(&self.stage).ok();
+        let mm = mm.and_then(|text| text.trim().parse().ok());
+        let mm = mm.or(self.seen_mm).unwrap_or(800.0);
         let before = self.seen_mm.replace(mm).unwrap_or(mm);
         let noise: f64 = StandardNormal.sample(&mut self.random);
         let settings = self.settings();
@@ -745,8 +740,7 @@ impl State {
     /// What the slits of a comb show of a centre: each with its own noise, and one of them nothing.
     fn combined(&mut self, centre: f64) -> Combined {
         let mut centres = SlitCentres::default();
-        let comb = Comb::nominal();
-        for (image, slit) in centres.iter_mut().zip(comb.slits()).skip(1) {
+        for (image, slit) in centres.iter_mut().zip(Comb::nominal().slits()).skip(1) {
             let noise: f64 = StandardNormal.sample(&mut self.random);
             let x0 = centre + NOISE_PX * noise;
             *image = Some(SlitCentre {

@@ -78,10 +78,8 @@ fn kinds() -> Vec<EncodedRecord> {
         let corrected = Corrected::new(curve.clone(), &knots(count, lens)).expect("usable");
         kinds.extend([Calibration::Table(table), Calibration::Corrected(corrected)]);
     }
-    (17..)
-        .zip(kinds)
-        .map(|(serial, calibration)| record(serial, calibration))
-        .collect()
+    let record = |(serial, kind)| record(serial, kind);
+    (17..).zip(kinds).map(record).collect()
 }
 
 /// Writes a record into the file `record` beside the sensor's port.
@@ -176,8 +174,7 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_eq!(sensor.refused(read), error);
     assert_eq!(bytes(), before);
     sensor.done(&format!("{read} --force"));
-    let nominal = EncodedRecord::nominal().expect("a record");
-    assert_eq!(bytes(), nominal.bytes());
+    assert_eq!(bytes(), EncodedRecord::nominal().expect("a record").bytes());
     // The same once more replaces nothing.
     sensor.done(read);
 }
@@ -217,16 +214,10 @@ fn damaged_and_foreign_records_are_refused() {
     says(&sensor.refused(WRITE), [damaged]);
     // A version, and the CRC-32 of that byte.
     let later = [&[2], &0x3c0c_8ea1_u32.to_le_bytes()[..]].concat();
-    for (bytes, reason) in [
-        (
-            &later[..],
-            "the record has version 2, this firmware or tool reads 1: update both, ",
-        ),
-        (
-            b"# points of a sensor\nx_px,d_mm\n1800,700\n",
-            "is a CSV file of points, and no record: `slitrange calibrate fit /",
-        ),
-    ] {
+    let version = "the record has version 2, this firmware or tool reads 1: update both, ";
+    let points = "# points of a sensor\nx_px,d_mm\n1800,700\n";
+    let of_points = "is a CSV file of points, and no record: `slitrange calibrate fit /";
+    for (bytes, reason) in [(&later[..], version), (points.as_bytes(), of_points)] {
         sensor.write("record", bytes);
         says(&sensor.refused("calibrate show @record"), [reason]);
     }

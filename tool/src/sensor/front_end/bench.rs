@@ -18,11 +18,9 @@ use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING, dark_point, mean_ro
 
 /// Whole rows with the laser off. Their 3648 pixels give the read noise to 0.7 %.
 const DARK_ROWS: usize = 4;
-/// Exposures at which the spot is looked for, in us: each is four times as long as the one before. The
-/// longest one that may be used follows.
+/// Exposures at which the spot is looked for, in us. The longest that may be used follows.
 const SEARCH_US: [u16; 5] = [10, 40, 160, 640, 2560];
-/// Pixels over which a row is smoothed to find the spot: narrower than a spot, and the noise falls to a
-/// third.
+/// Pixels over which a row is smoothed to find the spot: narrower than a spot, with a third of the noise.
 const SMOOTHED: usize = 9;
 /// The spot is found once it is so high, in counts: 60 times the noise of the smoothed row.
 const HIGH: f64 = 300.0;
@@ -46,8 +44,7 @@ const ROWS_SATURATED: usize = 10;
 const BEYOND: f64 = 1.3;
 /// Fewest saturated pixels that show the level.
 const FEWEST_SATURATED: usize = 3;
-/// The longest exposure for the noise brings the spot to this share of the saturation, so that no noise is
-/// cut off.
+/// The longest exposure for the noise brings the spot to this share of the saturation: no noise is cut off.
 const HIGHEST: f64 = 0.85;
 /// Exposures for the noise.
 const EXPOSURES: u32 = 12;
@@ -60,8 +57,7 @@ const ROWS_A_PASS: usize = 20;
 /// Passes through these exposures: at least, and at most.
 const FEWEST_PASSES: usize = 2;
 const MOST_PASSES: usize = 12;
-/// No pass is needed once the gain is known so well: a quarter of 5 %. r of a reading follows the root of the
-/// gain at most.
+/// The gain is then known well enough: a quarter of 5 %. r follows the root of the gain at most.
 const AIM: f64 = 0.0125;
 /// A gain that is not known so well is refused.
 const WORST: f64 = 0.05;
@@ -333,8 +329,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         )
     }
 
-    /// Raises the exposure until the light grows no more, or to the longest one. Gives the steps and the
-    /// saturation with its uncertainty.
+    /// Raises the exposure until the light stops growing. Gives the steps and the saturation with its u.
     fn raise(
         &mut self,
         spot: &Spot,
@@ -373,8 +368,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         Ok((steps, level))
     }
 
-    /// The level of the pixels that light would lift far beyond it, and its standard uncertainty. `None` if
-    /// there are too few.
+    /// The level, with its u, of pixels that light would lift far beyond it. `None` if there are too few.
     fn saturation(&self, steps: &[Step], us: u16, rows: &[Vec<f64>]) -> Option<[f64; 2]> {
         let highest = steps.last()?.height;
         let straight = straight(steps)?;
@@ -415,8 +409,7 @@ impl Step {
         }
     }
 
-    /// Whether the height has grown with the exposure since the first step, but for a part that noise may
-    /// explain.
+    /// Whether the height has grown with the exposure since the first step, but for noise.
     fn follows_exposure(&self, steps: &[Self]) -> bool {
         let rate = |step: &Self| step.height / f64::from(step.exposure);
         (steps.first()).is_some_and(|first| rate(self) >= STRAIGHT * rate(first))
@@ -429,8 +422,7 @@ impl Step {
     }
 }
 
-/// The brightest step in which no pixel is near its limit: the one whose height is at most 0.6 of the last
-/// one's.
+/// The brightest step with no pixel near its limit: the height is at most 0.6 of the last one's.
 fn straight(steps: &[Step]) -> Option<&Step> {
     let highest = steps.last()?.height;
     steps.iter().rfind(|step| step.height <= 0.6 * highest)

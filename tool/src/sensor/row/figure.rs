@@ -130,8 +130,7 @@ fn panel<'a, 'b>(
     pixels: &Range<usize>,
     counts: (f64, f64),
 ) -> Result<Panel<'a, 'b>> {
-    let ends = (pixels.start as f64, pixels.end as f64);
-    let x = Axis::linear(ends, "pixel", 10, 0);
+    let x = Axis::linear((pixels.start as f64, pixels.end as f64), "pixel", 10, 0);
     let y = Axis::linear(counts, "counts", 6, 0);
     axes::panel(area, title, 30, &x, &y)
 }
