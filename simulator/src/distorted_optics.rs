@@ -55,8 +55,7 @@ impl DistortedOptics {
             third,
             fifth: fifth_of_third * third,
         };
-        // A pixel or so. The departure is nearly proportional to it, so each step leaves a small part of the
-        // error.
+        // A pixel or so. The departure is nearly proportional: each step leaves a small part of the error.
         let mut third = bends_outwards;
         for _ in 0..8 {
             third *= departure / displaced(third).departure()?;
@@ -143,9 +142,8 @@ fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
         let step = normal.0.try_inverse()? * normal.1;
         (offset, k, pole) = (offset + step.x, k + step.y, pole + step.z);
     }
-    let residuals = points
-        .iter()
-        .map(|&(x, d)| residual(offset, k, pole, x, d).abs());
+    let off = |&(x, d): &(f64, f64)| residual(offset, k, pole, x, d).abs();
+    let residuals = points.iter().map(off);
     let largest = residuals.fold(0.0, f64::max);
     largest.is_finite().then_some(largest)
 }

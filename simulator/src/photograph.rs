@@ -59,7 +59,6 @@ impl Photograph {
             separator.is_ascii_whitespace(),
             "its header does not end with white space but with {separator:#04x}"
         );
-
         let bytes_each = if white > 255 { 2 } else { 1 };
         let count = width.checked_mul(height).context("its size overflows")?;
         let wanted = count.checked_mul(bytes_each);

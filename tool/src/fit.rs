@@ -102,8 +102,7 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
         ..setup
     };
     let date = options.date.map_or_else(today, Ok)?;
-    let record = record::of(&setup, date, &solved, &made, comb.as_ref());
-    let record = EncodedRecord::new(record)?;
+    let record = EncodedRecord::new(record::of(&setup, date, &solved, &made, comb.as_ref()))?;
     let beside = || options.points.with_extension("record");
     let path = options.output.clone().unwrap_or_else(beside);
     ensure!(

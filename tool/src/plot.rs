@@ -88,8 +88,7 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
 fn read(path: &Path) -> Result<Vec<FrameResult>> {
     let name = path.display();
     let file = File::open(path).with_context(|| format!("{name} cannot be opened"))?;
-    let lines = csv::Reader::from_reader(file).into_deserialize();
-    let lines: Result<_, csv::Error> = lines.collect();
+    let lines: Result<_, csv::Error> = csv::Reader::from_reader(file).into_deserialize().collect();
     lines.with_context(|| format!("{name} is no recording of `slitrange monitor --csv`"))
 }
 

@@ -41,9 +41,8 @@ pub fn read(path: &Path) -> Result<EncodedRecord> {
         "{shown} is a CSV file of points, and no record: `slitrange calibrate fit {shown}` makes a record of \
          it"
     );
-    decode(&bytes)
-        .and_then(EncodedRecord::new)
-        .with_context(|| shown.to_string())
+    let record = decode(&bytes).and_then(EncodedRecord::new);
+    record.with_context(|| shown.to_string())
 }
 
 /// Whether a file is one of points, which `fit` takes: its first line that is no comment names the columns.
@@ -514,9 +513,8 @@ fn distances_apart(
     if from > to {
         return (None, None);
     }
-    let grid = (from.to_bits()..=to.to_bits())
-        .step_by(COMPARED)
-        .map(Pixels::from_bits);
+    let grid = (from.to_bits()..=to.to_bits()).step_by(COMPARED);
+    let grid = grid.map(Pixels::from_bits);
     let knots = calibrations.into_iter().flat_map(|calibration| {
         let (.., knots) = parts(calibration);
         let knots = knots.into_iter().flat_map(Knots::iter);

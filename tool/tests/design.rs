@@ -16,9 +16,8 @@ use slitrange_tool::pc::RealPc;
 use crate::command::{begins, done, says, slitrange};
 
 fn options(arguments: &str) -> DesignOptions {
-    let words = ["slitrange", "design"]
-        .into_iter()
-        .chain(arguments.split_whitespace());
+    let words = arguments.split_whitespace();
+    let words = ["slitrange", "design"].into_iter().chain(words);
     match Command::try_parse_from(words).expect("options") {
         Command::Design(options) => options,
         _ => panic!("another command"),
@@ -255,8 +254,7 @@ fn a_calibration_takes_the_tolerances_away() {
 fn a_wrong_dimension_moves_the_distance_as_rays_say() {
     let geometry = options("").design().expect("a design").geometry;
     let turn = 0.1f64.to_radians();
-    // The slit's place along the row, how far the row is too deep, a wider baseline, the angles of the block
-    // and of the beam.
+    // The slit's place along the row, the row's depth, a wider baseline, the angles of block and beam.
     let built = [
         (0.1, 0.0, 0.0, 0.0, 0.0),
         (0.0, 0.1, 0.0, 0.0, 0.0),
@@ -430,9 +428,8 @@ fn the_page_shows_what_the_command_prints() {
         let (command, rest) = rest.split_once('\n').expect("a line");
         let is_shown = |line: &&str| line.is_empty() || line.starts_with("    ");
         let shown: Vec<&str> = rest.lines().take_while(is_shown).collect();
-        let due = printed(command)
-            .replace('\n', "\n    ")
-            .replace("    \n", "\n");
+        let due = printed(command).replace('\n', "\n    ");
+        let due = due.replace("    \n", "\n");
         let (shown, due) = (shown.join("\n"), format!("    {}", due.trim_end()));
         assert_eq!(shown.trim_end(), due, "slitrange design{command}");
         commands += 1;

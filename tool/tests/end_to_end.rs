@@ -72,8 +72,9 @@ fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
 fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<(f64, f64)> {
     let mut board = bench.power_on();
     board.send(&format!("rows {ROWS}\r\n"));
+    let is_answer = |line: &str| line == format!("rows {ROWS}");
     board
-        .run_until_line(|line| line == format!("rows {ROWS}"), PATIENCE)
+        .run_until_line(is_answer, PATIENCE)
         .expect("an answer");
     let simulation = Simulation::new(Scene::white_paper());
     let mut errors = vec![];
@@ -112,7 +113,6 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     let nominal = Optics::nominal().distance(bench.optics.centre(NEAREST));
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
-
     let file = |name| folder.join(name).display().to_string();
     let [points_file, record, recording] = ["points.csv", "sensor.record", "run.csv"].map(file);
     let [figure, settings] = ["fit.svg", "bench.toml"].map(file);
@@ -138,7 +138,6 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     });
     let lines = std::fs::read_to_string(&recording).expect("a recording");
     assert_eq!(lines.lines().count(), 6, "{lines}");
-
     let errors = errors(&bench, steps, count);
     let rms_error = rms(errors.iter().map(|(error, _)| error));
     let bound = rms(errors.iter().map(|(_, bound)| bound));
@@ -190,7 +189,6 @@ fn a_front_end_is_measured() {
         done(desk.run("head measure --port board"));
         println!("{:.0} s of the board's time", desk.now().as_secs_f64());
     });
-
     let mut board = bench.power_on();
     board.send("stream off\r\ninfo\r\n");
     let mut number = |before: &str, after: &str| -> f64 {

@@ -57,7 +57,6 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     let packets = "format binary\r\npixels rows\r\n";
     desk.board.borrow_mut().send(packets);
     desk.sleep(Duration::from_millis(300));
-
     let directory = tempfile::tempdir().expect("a directory");
     let [file, other, csv] =
         ["rows.slitrange", "ended.slitrange", "rows.csv"].map(|name| directory.path().join(name));
@@ -83,8 +82,7 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     };
     is_as_before();
 
-    // Also after Ctrl-C and after an error, and if a byte was lost on the way to packets. A row has 6000
-    // bytes.
+    // Also after Ctrl-C, an error, or a byte lost on the way to packets. A row has 6000 bytes.
     let record = format!("record --port A --rows 40 {other_path}");
     desk.trouble.loses_a_byte.set(true);
     desk.trouble.interrupted_in.set(Some(30_000));
@@ -100,10 +98,8 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     says(&refused(desk.run(&record)), ["A stopped working"]);
     assert!(recording::open(&other).is_ok_and(|rows| rows.count() > 0));
     is_as_before();
-
     let replay = format!("replay {path}");
     says(&done(&replay), ["40 distances", "all rows give the bits"]);
-
     let recorded = recording::open(&file).expect("a recording");
     let settings = Settings {
         rows: 4,

@@ -130,9 +130,8 @@ impl Quality {
         };
         const STEPS: usize = 200;
         let centres = curve.even_steps(STEPS);
-        let variances: Vec<f64> = centres
-            .map(|centre| curve.unit_variance_at(centre))
-            .collect();
+        let variances = centres.map(|centre| curve.unit_variance_at(centre));
+        let variances: Vec<f64> = variances.collect();
         let (mean, (_, most)) = (mean(&variances), least_and_most(&variances));
         let ends = |better: fn(&f64, &f64) -> std::cmp::Ordering| {
             let end = points.iter().min_by(|a, b| better(&a.centre, &b.centre));

@@ -149,7 +149,6 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     let not_finite = "a centre or a distance is not a finite number";
     ensure!(points.iter().all(is_finite), not_finite);
     let scale = Scale::of(points)?;
-
     let mut scaled = scale.start(points)?;
     let mut squares = scale.squares(points, &scaled);
     for _ in 0..MAX_STEPS {
@@ -181,7 +180,6 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
         scale.first,
         scale.last
     );
-
     let (normal, _) = scale.step(points, &scaled);
     let by_scaled = scale.derivatives_of_eq1(&scaled);
     let inverse = normal.cholesky().context(UNDETERMINED)?.inverse();
@@ -370,12 +368,10 @@ mod tests {
     /// The scaled form is well-conditioned. The form in (D, K, xp) is not.
     #[test]
     fn the_scaled_form_is_well_conditioned() {
-        let points = exact(1000);
-        let points: Vec<Observation> = points.into_iter().map(Observation::from).collect();
+        let points: Vec<Observation> = exact(1000).into_iter().map(Observation::from).collect();
         let scale = Scale::of(&points).expect("a scale");
         let scaled = scale.start(&points).expect("a start");
-        // The singular values of the derivatives with columns of unit length are the roots of the eigenvalues
-        // of N.
+        // The singular values of the derivatives, columns of unit length, are the roots of N's eigenvalues.
         let condition = |normal: Matrix3<f64>| {
             let unit = Matrix3::from_diagonal(&normal.diagonal().map(|value| 1.0 / value.sqrt()));
             let eigenvalues = (unit * normal * unit).symmetric_eigenvalues();

@@ -166,8 +166,7 @@ fn longest_run(numbers: impl Iterator<Item = f64> + Clone) -> (Vec<usize>, f64) 
 
 /// The places of the longest run of numbers that rise; of several the one that takes the earliest.
 fn longest_rise(numbers: &[f64]) -> Vec<usize> {
-    // From the end: the largest number that a run of each length may begin with, and how long that from each
-    // place is.
+    // From the end: the largest number that a run of each length may begin with, and each place's run.
     let mut heads: Vec<f64> = Vec::new();
     let mut lengths = vec![0; numbers.len()];
     for (place, &number) in numbers.iter().enumerate().rev() {

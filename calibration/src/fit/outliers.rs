@@ -106,9 +106,8 @@ fn stiffest(grid: Grid, residuals: &[Judged]) -> Option<(Vec<f64>, Spline)> {
 
 /// How far each point is from the curve that the others make, over its own uncertainty.
 fn off_others(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<f64> {
-    let all = without_each(residuals, weights, spline)
-        .into_iter()
-        .zip(residuals);
+    let without = without_each(residuals, weights, spline);
+    let all = without.into_iter().zip(residuals);
     all.map(|((off, _), residual)| (off / residual.sigma).abs())
         .collect()
 }
@@ -125,8 +124,7 @@ fn least_absolute(grid: Grid, residuals: &[Judged], penalty: f64) -> Option<(Vec
         let middle = median(&off);
         // Where half of the points lie on the curve, the others do not count.
         let middle = middle.max(f64::MIN_POSITIVE);
-        // Down to a hundredth of the median: without a floor a point that is met by chance would count
-        // without end.
+        // Down to a hundredth of the median: a point that is met by chance must not count without end.
         let weight = |off: f64| 1.0 / (off / middle).max(0.01);
         weights = off.into_iter().map(weight).collect();
         let at = residuals.iter().map(|residual| residual.at);

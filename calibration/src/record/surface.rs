@@ -128,13 +128,12 @@ mod tests {
     #[test]
     fn the_usual_height_is_the_mean_and_follows_the_distance() {
         // Pairs of a high and a low spot, with a mean of 1000 d^-2.
-        let heights: Vec<(f64, f64)> = (0..400)
-            .map(|i| {
-                let log = f64::from(i) / 400.0 - 0.5;
-                let share = if i % 2 == 0 { 0.2 } else { 1.8 };
-                (log, 1000.0 * share * (-2.0 * log).exp())
-            })
-            .collect();
+        let pair = |i| {
+            let log = f64::from(i) / 400.0 - 0.5;
+            let share = if i % 2 == 0 { 0.2 } else { 1.8 };
+            (log, 1000.0 * share * (-2.0 * log).exp())
+        };
+        let heights: Vec<(f64, f64)> = (0..400).map(pair).collect();
         let (height, power) = usual_height(&heights);
         println!("{height} {power}");
         assert!((height / 1000.0 - 1.0).abs() < 0.02);

@@ -285,24 +285,23 @@ fn the_scatter_of_the_slits_is_not_counted_twice() {
         for seed in 0..SETS {
             let sensor = Sensor::unknown(seed, 1e-6, Flaw::Window);
             let mut random = seeded(500 + seed);
-            let points: Vec<Point> = (0..60)
-                .map(|i| {
-                    let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
-                    // In proportion to d - D, D = -115 mm; `shared_um` at 0.8 m.
-                    let share = (distance + 0.115) / 0.915;
-                    let moved = distance + 1e-6 * shared_um * share * normal(&mut random);
-                    let mut images = sensor.exact(moved);
-                    for image in images.iter_mut().flatten() {
-                        // The light of two speckle patterns.
-                        let light = |random: &mut ChaCha8Rng| -random.random::<f64>().ln();
-                        let height = 500.0 * (light(&mut random) + light(&mut random));
-                        image.height_counts = height.clamp(20.0, 4000.0);
-                        let deviation = of_one_count / image.height_counts.sqrt();
-                        image.x_px += deviation * normal(&mut random);
-                    }
-                    point(i as usize, distance, images)
-                })
-                .collect();
+            let at = |i| {
+                let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
+                // In proportion to d - D, D = -115 mm; `shared_um` at 0.8 m.
+                let share = (distance + 0.115) / 0.915;
+                let moved = distance + 1e-6 * shared_um * share * normal(&mut random);
+                let mut images = sensor.exact(moved);
+                for image in images.iter_mut().flatten() {
+                    // The light of two speckle patterns.
+                    let light = |random: &mut ChaCha8Rng| -random.random::<f64>().ln();
+                    let height = 500.0 * (light(&mut random) + light(&mut random));
+                    image.height_counts = height.clamp(20.0, 4000.0);
+                    let deviation = of_one_count / image.height_counts.sqrt();
+                    image.x_px += deviation * normal(&mut random);
+                }
+                point(i as usize, distance, images)
+            };
+            let points: Vec<Point> = (0..60).map(at).collect();
             let (comb, solved, record) = calibrated(&points);
             let CalibrationErrors::Fitted(errors) = &record.errors else {
                 panic!("{:?}", record.errors);
@@ -374,19 +373,18 @@ fn whole_rows_are_calibrated() {
             let frame = (0..64).find_map(|_| measurement.row(&mut words()));
             frame.expect("64 rows").expect("a centre")
         };
-        let points: Vec<Point> = (0..60)
-            .map(|i| {
-                let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
-                let measured = measured(distance);
-                let comb = measured.comb.expect("a comb");
-                assert!(comb.used >= 14);
-                Point {
-                    x_px: measured.frame.centre.to_f64(),
-                    sigma_px: Some(measured.frame.uncertainty.to_f64()),
-                    ..point(i as usize, distance, slit_images(&comb.centres))
-                }
-            })
-            .collect();
+        let at = |i| {
+            let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
+            let measured = measured(distance);
+            let comb = measured.comb.expect("a comb");
+            assert!(comb.used >= 14);
+            Point {
+                x_px: measured.frame.centre.to_f64(),
+                sigma_px: Some(measured.frame.uncertainty.to_f64()),
+                ..point(i as usize, distance, slit_images(&comb.centres))
+            }
+        };
+        let points: Vec<Point> = (0..60).map(at).collect();
         let (comb, solved, record) = calibrated(&points);
         let mut measurement = Measurement::new(tcd1304dg(), options(1));
         measurement.set_comb(comb.comb.clone());

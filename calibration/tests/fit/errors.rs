@@ -54,8 +54,7 @@ fn curves_are_off_by_the_uncertainty_in_the_record() {
     let corrected = errors_over_claims(&Truth::distorted(0.01), Form::Corrected, 0.02);
     println!("corrected: {corrected:.2?}");
     assert!(corrected.iter().all(|ratio| (0.8..1.25).contains(ratio)));
-    // The same with points that are known to 80 um: the smooth curve leaves some of the departure, which its
-    // covariance does not fully hold.
+    // Points that are known to 80 um: the curve leaves some of the departure beyond its covariance.
     let hidden = errors_over_claims(&Truth::distorted(0.01), Form::Corrected, 0.2);
     println!("corrected, departure hidden: {hidden:.2?}");
     assert!(hidden.iter().all(|ratio| (0.8..1.4).contains(ratio)));

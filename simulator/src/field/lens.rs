@@ -235,8 +235,7 @@ fn pixels(values: &[f32], columns: usize, samples: usize) -> Vec<f32> {
         .collect()
 }
 
-/// The share of a square about (u, v) with a side that lies within a circle about the origin, by 8 by 8
-/// points.
+/// The share of a square about (u, v) that lies within a circle about the origin, by 8 by 8 points.
 fn covered(u: f64, v: f64, side: f64, radius: f64) -> f64 {
     const POINTS: i32 = 8;
     let (middle, diagonal) = ((u * u + v * v).sqrt(), 0.5f64.sqrt() * side);

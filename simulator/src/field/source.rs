@@ -91,14 +91,13 @@ impl Lit {
         let step = (0.2 * self.beam.radius).min(0.9 * self.wavelength * self.range / aperture);
         let half = (REACH * self.beam.radius / step).ceil() as i32;
         let step = REACH * self.beam.radius / f64::from(half);
-        (-half..=half)
-            .map(|i| {
-                let x = f64::from(i) * step;
-                let ends = if i.abs() == half { 0.5 } else { 1.0 };
-                let light = libm::exp(-2.0 * (x / self.beam.radius).powi(2));
-                (x, ends * light * step / self.pitch)
-            })
-            .collect()
+        let place = |i: i32| {
+            let x = f64::from(i) * step;
+            let ends = if i.abs() == half { 0.5 } else { 1.0 };
+            let light = libm::exp(-2.0 * (x / self.beam.radius).powi(2));
+            (x, ends * light * step / self.pitch)
+        };
+        (-half..=half).map(place).collect()
     }
 
     /// All light of the beam on the surface, in the mean, in units of one scatterer of amplitude 1.
@@ -141,14 +140,13 @@ impl<'a> RowSums<'a> {
         let (sin, cos) = lit.angle;
         let lens = 0.5 * (cos * cos / lit.range + lit.beam.curvature);
         let beam = |wavenumber: f64| {
-            (0..2 * lit.half)
-                .map(|i| {
-                    let x = (i as f64 - lit.half as f64 + 0.5) * lit.pitch + lit.shift;
-                    let (re, im) = phasor(wavenumber * x * (x * lens - sin));
-                    let amplitude = libm::exp(-(x / lit.beam.radius).powi(2)) as f32;
-                    (amplitude * re, amplitude * im)
-                })
-                .unzip()
+            let of = |i| {
+                let x = (i as f64 - lit.half as f64 + 0.5) * lit.pitch + lit.shift;
+                let (re, im) = phasor(wavenumber * x * (x * lens - sin));
+                let amplitude = libm::exp(-(x / lit.beam.radius).powi(2)) as f32;
+                (amplitude * re, amplitude * im)
+            };
+            (0..2 * lit.half).map(of).unzip()
         };
         let padded = lit.half.next_multiple_of(LANES);
         Self {

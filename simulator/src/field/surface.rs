@@ -171,8 +171,7 @@ impl Surface {
         self
     }
 
-    /// Place in metres of a scatterer from the surface's middle, along an axis. Indices in the second half
-    /// stand for negative places.
+    /// A scatterer's place in metres along an axis. The second half stands for negative places.
     fn place(&self, index: usize, axis: usize) -> f64 {
         let count = self.scatterers[axis];
         let signed = (index + count / 2) % count;

@@ -249,8 +249,7 @@ mod tests {
         Scene { comb, ..scene }
     }
 
-    /// Draws a straight line from a point on the beam through the slit's place to the sensor's plane, in
-    /// coordinates of the casing.
+    /// A straight line from a point on the beam through the slit to the sensor's plane, as the casing has it.
     #[test]
     fn a_slit_sees_where_a_straight_ray_falls() {
         let optics = Optics {
@@ -498,7 +497,6 @@ mod tests {
         let words =
             "comb.slits has places 0 m and 0.0002 m, where slits of 0.0002 m and 0.0002 m overlap";
         refused(comb(&[(2e-4, 2e-4), (0.0, 2e-4)]), &optics, words);
-
         let text = Scene::white_paper().to_toml().expect("text");
         let with = |comb: &str| Scene::from_toml(&format!("{text}\n[comb]\n{comb}"));
         let scene = with("slits = [{ place = 1e-3, width = 2e-4 }]").expect("a scene");

@@ -155,7 +155,6 @@ impl Opening {
             amplitude *= lobe.factor(optics.viewing_angle(distance));
         }
         let row = (row % scene.sensor.rows()) as usize;
-
         if Shape::is_needed(scene) {
             let shape = self.shape(surface, distance);
             if let Some((pattern, factor)) = shape.row(row) {
@@ -182,7 +181,6 @@ impl Opening {
                 spot.add(light, centre, amplitude);
             }
         }
-
         let centre = centre_at(distance);
         if let Some(flare) = &scene.flare {
             let rows_off = shape::place_across(scene, row) / optics.pitch;

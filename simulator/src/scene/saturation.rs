@@ -36,8 +36,7 @@ impl Saturation {
             *overflow = to_a_side * (*light - full).max(0.0);
             *light = light.min(full);
         }
-        // Where a stream from the left meets one from the right, the first takes the room. The mean of both
-        // orders favours no side.
+        // Of two streams that meet, the first takes the room. The mean of both orders favours no side.
         let mut left_first = light.to_vec();
         flow(left_first.iter_mut().zip(&overflow).rev(), full);
         flow(left_first.iter_mut().zip(&overflow), full);

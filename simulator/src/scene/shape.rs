@@ -138,9 +138,8 @@ impl Shape {
             if place.abs() > point.farthest {
                 continue;
             }
-            let pattern = (point.along)(place)
-                .spread(&of_surface)
-                .scaled(1.0 / height);
+            let pattern = (point.along)(place).spread(&of_surface);
+            let pattern = pattern.scaled(1.0 / height);
             let pattern = pattern.gathered(scene.optics.pitch);
             shape.rows[row] = Some((shape.patterns.len(), 1.0));
             shape.rows[rows - 1 - row] = shape.rows[row];
@@ -301,9 +300,8 @@ fn gaussian(scene: &Scene) -> (Pattern, f64) {
 
 /// Standard deviation of the laser's light over the target, in metres: 0 for a point.
 pub(crate) fn spot_deviation(scene: &Scene, distance: f64) -> f64 {
-    scene
-        .laser_spot
-        .map_or(0.0, |it| it.deviation(distance, scene.optics.wavelength))
+    let wavelength = scene.optics.wavelength;
+    (scene.laser_spot).map_or(0.0, |it| it.deviation(distance, wavelength))
 }
 
 /// The places of the laser's spot along the baseline, and where their light goes.
@@ -362,9 +360,8 @@ impl<'a> Parts<'a> {
 
     /// Height of the spot on a surface that is equally bright everywhere, over that of a point's pattern.
     pub(super) fn height(&self, point: &Pattern) -> f64 {
-        self.even()
-            .map(|part| part.weight * point.at(-part.shift))
-            .sum()
+        let light = self.even().map(|part| part.weight * point.at(-part.shift));
+        light.sum()
     }
 }
 

@@ -66,7 +66,6 @@ impl Simulation {
         // The line of pixels that the row is read from.
         let line = (row % scene.sensor.rows()) as usize;
         let mut counts = vec![0.0; geometry.words];
-
         let light = &mut counts[geometry.light.clone()];
         self.add_light(light, row, time, distance, exposure);
         if let Some(lag) = &scene.lag {
@@ -91,7 +90,6 @@ impl Simulation {
         if let Some(front_end) = &scene.front_end {
             front_end.amplify(light);
         }
-
         if let Some(black_level) = &scene.black_level {
             let level = black_level.after(time) as f32;
             counts.iter_mut().for_each(|count| *count += level);

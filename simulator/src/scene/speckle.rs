@@ -87,12 +87,10 @@ impl Speckle {
             waist_diameter: spot.waist,
             waist_distance: spot.waist_distance,
         };
-        // Wavelengths for the coherence of paths that differ by 2.5 times their mean, which 92 % do not
-        // exceed (Laser::spectrum).
+        // For paths that differ by 2.5 times their mean, which 92 % do not exceed (Laser::spectrum).
         let phase = 2.5 * self.path_spread * laser.wavenumber_deviation();
         laser.wavelengths = ((2.0 / PI * phase * phase).ceil() as usize).clamp(5, 15);
-        // The beam reaches to 2.25 times its radius; half as far again is what a target may come to
-        // (Scene::check_distance).
+        // The beam reaches to 2.25 radii; half as far again may a target come (Scene::check_distance).
         let distances = [NEAREST, scene.distance, FARTHEST * scene.distance];
         let diameters = distances.map(|distance| spot.diameter(distance, wavelength));
         let diameter = diameters.into_iter().fold(0.0, f64::max);
@@ -162,8 +160,7 @@ impl RoughSurface {
             let image = image(&field::every(&places, EVERY)).with_rows_between(EVERY, rows);
             (0..rows).map(|row| mean(&image, row..row + 1)).collect()
         } else {
-            // Along the slit light varies over a tenth of a millimetre: the slit's fringes, or a spot of some
-            // millimetres.
+            // Along the slit light varies over 0.1 mm: the slit's fringes, or a spot of some millimetres.
             let places = within(scene.sensor.pixel_height(), 25e-6);
             let image = image(&places);
             vec![mean(&image, 0..places.len())]
@@ -227,8 +224,7 @@ impl RoughSurface {
                 light[row].iter_mut().for_each(|light| *light *= factor);
             }
         } else {
-            // All of the light that the pixel's height holds, over that which the spot in focus has in its
-            // middle column.
+            // The light that the pixel's height holds, over that in the middle column of the spot in focus.
             let places = within(pixel.min(2.0 * reach), detail / 3.0);
             let image = image(&places);
             let across = pixel.min(2.0 * reach);

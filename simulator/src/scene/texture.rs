@@ -43,9 +43,7 @@ impl Texture {
         let mut random = random::of_scene(seed, Effect::Texture);
         Surface {
             texture: *self,
-            noise: (0..PERIOD)
-                .map(|_| StandardNormal.sample(&mut random))
-                .collect(),
+            noise: Vec::from_iter((0..PERIOD).map(|_| StandardNormal.sample(&mut random))),
         }
     }
 }

@@ -388,7 +388,6 @@ impl fmt::Display for Report {
             "  freedoms {:.1}; leverage of the first point {:.2}, of the last {:.2}",
             curve.freedoms, curve.leverage_first, curve.leverage_last
         )?;
-
         if let Some(comb) = &self.comb {
             write_comb(f, comb)?;
         }

@@ -71,8 +71,9 @@ mod tests {
     #[test]
     fn a_vibration_has_its_power_at_its_frequency() {
         // 0.02 mm at 7 Hz, 100 readings a second.
+        let phase = |at: i32| 2.0 * PI * 7.0 * f64::from(at) / 100.0;
         let mm: Vec<f64> = (0..20_000)
-            .map(|at| 800.0 + 0.02 * (2.0 * PI * 7.0 * f64::from(at) / 100.0).sin())
+            .map(|at| 800.0 + 0.02 * phase(at).sin())
             .collect();
         let lines = density(&mm, 100.0);
         let highest = lines.iter().max_by(|a, b| a.1.total_cmp(&b.1));

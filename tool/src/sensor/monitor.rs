@@ -327,9 +327,7 @@ impl<'a> Monitor<'a> {
 
     fn sum_up(self) -> Result<()> {
         let (lost, seconds) = (self.losses(), self.time().as_secs_f64());
-        let Self {
-            statistics, output, ..
-        } = self;
+        let (statistics, output) = (&self.statistics, self.output);
         let (line, faults) = (statistics.line(), statistics.faults_line());
         writeln!(output, "{seconds:.1} s: {line}\n{faults}")?;
         if let Some((rows, dropped)) = lost {
@@ -340,10 +338,8 @@ impl<'a> Monitor<'a> {
             writeln!(output, "{missing} results did not arrive, by their numbers")?;
         }
         if unreadable > 0 {
-            writeln!(
-                output,
-                "{unreadable} lines could not be read: check the cable"
-            )?;
+            let what = "lines could not be read: check the cable";
+            writeln!(output, "{unreadable} {what}")?;
         }
         if let Some(recording) = &self.recording {
             let (name, lines) = (recording.name(), recording.lines);

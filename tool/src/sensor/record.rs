@@ -51,9 +51,8 @@ pub struct RecordOptions {
 fn baud(word: &str) -> Result<Baud> {
     let rates = Baud::ALL.map(|baud| baud.bits_a_second());
     let rate = word.parse::<u32>().ok();
-    let baud = Baud::ALL
-        .into_iter()
-        .find(|it| Some(it.bits_a_second()) == rate);
+    let is_rate = |it: &Baud| Some(it.bits_a_second()) == rate;
+    let baud = Baud::ALL.into_iter().find(is_rate);
     baud.with_context(|| format!("the sensor has the rates {rates:?}"))
 }
 

@@ -205,9 +205,8 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
     let estimator = setup.estimator.map(Value::Estimator);
     let default = Setup::default().unnamed();
     let others = setup.unnamed().into_iter();
-    let known = estimator
-        .into_iter()
-        .chain(setup.black_level.map(Value::Black));
+    let known = estimator.into_iter();
+    let known = known.chain(setup.black_level.map(Value::Black));
     known.chain(others.filter(move |value| !default.contains(value)))
 }
 
@@ -454,8 +453,7 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     Taken {
         x_px: rounded(mean(places())),
         d_mm,
-        // Frames of a target at rest share its speckle: their number brings down what differs between them
-        // only.
+        // Frames at rest share their speckle: their number brings down only what differs between them.
         sigma_px: rounded(claimed.max(scatter.unwrap_or_default()) / count.sqrt()).max(FINEST_PX),
         frames: centres.len(),
         scatter_px: scatter.map(rounded),

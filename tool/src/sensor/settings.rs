@@ -342,9 +342,8 @@ fn load(
     // The tool needs text at 115200 baud.
     changes.retain(|(_, new)| !matches!(new, Value::Format(_) | Value::Baud(_)));
     for &(before, new) in &changes {
-        session
-            .set_for_good(new)
-            .context("some settings were sent, some were not: load the file again")?;
+        let sent = session.set_for_good(new);
+        sent.context("some settings were sent, some were not: load the file again")?;
         let (name, before, new) = (new.setting().name(), words(before), words(new));
         writeln!(output, "{name}: {before} -> {new}")?;
     }
@@ -402,9 +401,8 @@ mod tests {
         let error = from_toml("rows = 65\nblack = \"fixed\"\ncolour = \"red\"\nmean = \"plain\"\n");
         let error = format!("{:#}", error.expect_err("three wrong lines"));
         // The list of all settings grows.
-        let lines = error
-            .lines()
-            .map(|it| it.split(" The settings are: ").next());
+        let lines = error.lines();
+        let lines = lines.map(|it| it.split(" The settings are: ").next());
         insta::assert_debug_snapshot!(lines.collect::<Vec<_>>());
         let limit = "exposure = \"limit 20\"";
         for text in ["", "rows", "rows = [1]", "rows = 1.5", limit] {

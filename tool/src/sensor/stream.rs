@@ -144,9 +144,8 @@ impl FrameResult {
 /// A decimal number, as the sensor sends it: digits, one point at most, a minus in front at most.
 fn number(word: &str) -> Option<f64> {
     let digits = word.strip_prefix('-').unwrap_or(word);
-    let is_decimal = digits
-        .bytes()
-        .all(|byte| matches!(byte, b'0'..=b'9' | b'.'));
+    let is_part = |byte| matches!(byte, b'0'..=b'9' | b'.');
+    let is_decimal = digits.bytes().all(is_part);
     is_decimal.then(|| word.parse().ok())?
 }
 

@@ -313,9 +313,8 @@ pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> 
         })?;
         bytes.extend_from_slice(piece.bytes());
     }
-    let written = decode(&bytes)
-        .and_then(EncodedRecord::new)
-        .context("what the sensor sent is no record")?;
+    let written = decode(&bytes).and_then(EncodedRecord::new);
+    let written = written.context("what the sensor sent is no record")?;
     ensure!(
         written.sum() == crc,
         "what the sensor sent is another record, CRC-32 {:08x}, than it said, {crc:08x}: somebody changed it \

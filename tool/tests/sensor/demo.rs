@@ -40,9 +40,8 @@ fn runs(process: u32) -> bool {
     let until = Instant::now() + Duration::from_secs(10);
     let is_there = || {
         let mut kill = Command::new("kill");
-        let kill = kill
-            .args(["-0", &process.to_string()])
-            .stderr(Stdio::null());
+        let kill = kill.args(["-0", &process.to_string()]);
+        let kill = kill.stderr(Stdio::null());
         kill.status().expect("the command kill").success()
     };
     while is_there() {

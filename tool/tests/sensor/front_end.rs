@@ -242,7 +242,6 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     says(&sensor.done(&format!("{figured} --dry-run")), ["a dry run"]);
     assert_eq!(sensor.state().record(), record);
     assert_eq!(sensor.state().settings(), settings);
-
     let parts = [
         "sensor TCD1304DG at ",
         "laser off: 4 rows",
@@ -327,8 +326,7 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
     assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
 }
 
-/// At the longest exposure the spot would reach 0.9 to 2 times the saturation. Whether the saturation is
-/// found or not, no pixel that it cuts off makes the gain wrong.
+/// The spot would reach 0.9 to 2 times the saturation: no pixel that it cuts off makes the gain wrong.
 #[test]
 fn a_spot_that_just_saturates_gives_the_right_gain() {
     let (scene, truth) = head(2);

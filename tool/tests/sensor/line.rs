@@ -111,7 +111,6 @@ fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     begins(&none, "there is no serial port /dev/none");
     let file = error(&pc, "/etc/hostname");
     begins(&file, "/etc/hostname cannot be opened as a serial port: ");
-
     let sensor = StandIn::new(3);
     sensor.state().trouble.lost = 1.0;
     let port = sensor.port();

@@ -38,8 +38,7 @@ fn run_stage(sensor: &StandIn, positions: &[f64], more: &str) -> Ended {
     )
 }
 
-/// The same with ten positions and three frames each, killed a number of uses of the port after the file has
-/// `count` points. Gives whether the run ended before that.
+/// Ten positions, three frames each, killed some uses of the port after `count` points. Whether it ended.
 fn run_killed(sensor: &StandIn, count: usize, uses: usize) -> bool {
     once_there_are(sensor, count, move |state| {
         state.trouble.kill_after = Some(uses)
@@ -144,8 +143,7 @@ fn a_person_is_asked_and_asked_again() {
     let sensor = StandIn::new(11);
     list(&sensor, &[600.0, 700.0, 800.0]);
     sensor.write("stage", "800");
-    // The target stays at 800 mm. The first is skipped, the second said to be where it is, and the third left
-    // for later.
+    // The target stays at 800 mm. The first is skipped, the second said to be there, the third left.
     let arguments = "--positions @list.txt --frames 2";
     let output = done(run(&sensor, arguments, "s\n799.5\nq\n"));
     says(&output, ["move the target to 600 mm, then Enter;"]);
@@ -186,8 +184,7 @@ fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, 
     (sensor, "--positions @list.txt --frames 2")
 }
 
-/// The input of a run that nobody watches ends. The error names the positions that are left, and the points
-/// are kept.
+/// The error names the positions that are left when the input ends, and the points are kept.
 #[test]
 fn the_end_of_the_input_is_an_error_while_positions_are_left() {
     let (sensor, arguments) = by_hand(30, &TEN, 4);
@@ -440,8 +437,7 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     assert_eq!(set(), (32, true));
 }
 
-/// The program is killed after each point, at any moment. The final file has every line that the file had
-/// then.
+/// The program is killed after each point, at any moment. No line of the file is ever lost.
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
     let sensor = StandIn::new(17);

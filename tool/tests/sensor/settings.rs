@@ -122,7 +122,6 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
         let (code, output) = second.run(&format!("settings --port PORT {command} {bench}"));
         (code.expect("an answer"), output)
     };
-
     let (code, output) = on_second("compare");
     assert_eq!(code, ExitCode::from(1));
     says(&output, [format!("rows: 16 at {port}, 32 in {bench}\n")]);

@@ -229,21 +229,18 @@ impl State {
             result_us: time_us,
             ..Vitals::default()
         };
-        let Self {
-            session, actions, ..
-        } = self;
-        session.take(event, &vitals, actions);
-        let mut text = actions.text.as_str().to_owned();
-        if let Some(job) = actions.flat.take() {
+        self.session.take(event, &vitals, &mut self.actions);
+        let mut text = self.actions.text.as_str().to_owned();
+        if let Some(job) = self.actions.flat.take() {
             if let Some(outcome) = self.do_flat(job) {
                 text.push_str(&self.take(Event::Flat(outcome)));
             }
             return text;
         }
-        if let Some(part) = actions.row.take() {
+        if let Some(part) = self.actions.row.take() {
             return text + &self.row(part);
         }
-        if !actions.save {
+        if !self.actions.save {
             return text;
         }
         if self.trouble.restarts_on_save > 0 {

@@ -57,15 +57,14 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
 }
 
 fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
-    (0..count)
-        .map(|index| {
-            let centre = 1200.0 + 1400.0 * index as f64 / (count - 1) as f64;
-            Knot {
-                centre: Pixels::from_bits((centre * 65536.0) as i32),
-                value: Micrometres::from_bits((value(centre) * 256.0) as i32),
-            }
-        })
-        .collect()
+    let knot = |index| {
+        let centre = 1200.0 + 1400.0 * index as f64 / (count - 1) as f64;
+        Knot {
+            centre: Pixels::from_bits((centre * 65536.0) as i32),
+            value: Micrometres::from_bits((value(centre) * 256.0) as i32),
+        }
+    };
+    (0..count).map(knot).collect()
 }
 
 fn kinds() -> Vec<EncodedRecord> {
@@ -136,8 +135,7 @@ fn without_saving_the_flash_stays_as_it_is() {
     begins(&sensor.refused(WRITE), unsaved);
 }
 
-/// A sensor that starts again uses the old record. So the tool must upload the new record again; another save
-/// alone would not help.
+/// A sensor that starts again uses the old record: the tool must upload again, not only save.
 #[test]
 fn a_record_is_written_again_after_power_fails_during_a_save() {
     let sensor = StandIn::new(36);
@@ -223,7 +221,6 @@ fn damaged_and_foreign_records_are_refused() {
     }
     let error = sensor.refused("calibrate show /nowhere/record");
     begins(&error, "/nowhere/record cannot be read: ");
-
     let mut other = written.record().clone();
     other.geometry.bits = 10;
     file(&sensor, &EncodedRecord::new(other).expect("a record"));
@@ -256,8 +253,7 @@ fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     }
 }
 
-/// Everything goes wrong at random. The record in use and the saved record are each the old one or the new
-/// one.
+/// Everything goes wrong at random. The records in use and in flash are each the old or the new one.
 #[test]
 fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let kinds = kinds();

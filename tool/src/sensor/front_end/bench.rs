@@ -152,7 +152,6 @@ impl<'a, 'b> Bench<'a, 'b> {
         let in_the_dark = in_the_dark.context("the rows with the laser off have no pixels")?;
         let dark = whole[spot.window.clone()].to_vec();
         let dark_level = level(&dark_rows);
-
         let (steps, saturation) = self.raise(&spot, &dark, output)?;
         let longest = longest_for_noise(&steps, saturation, dark_level);
         let part = |step| f64::from(step) / f64::from(EXPOSURES);
@@ -168,8 +167,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         );
         let heights = steps.iter().map(|it| (it.exposure, it.height));
         let mut heights: Vec<(u16, f64)> = heights.collect();
-        // Rows of one exposure and pass, each with a mean of its own: a slow change of the target or the
-        // laser from pass to pass is no noise.
+        // By exposure and pass, each with its own mean: a slow change from pass to pass is no noise.
         let mut series = vec![];
         let mut photons = None;
         for pass in 1..=MOST_PASSES {
@@ -282,8 +280,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         Ok(self.counts(&rows))
     }
 
-    /// The mean and its standard uncertainty of what the rows say of their shielded pixels. Without shielded
-    /// pixels, the level with the laser off.
+    /// The mean of the shielded pixels with its u; without such pixels, the level with the laser off.
     fn black_level(&self, dark_level: f64) -> [f64; 2] {
         let levels = &self.black;
         if levels.len() < 2 {

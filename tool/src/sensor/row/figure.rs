@@ -111,9 +111,8 @@ fn draw_fit(
     let line: Vec<(f64, f64)> = places.map(|pixel| (pixel, fit(pixel))).collect();
     axes::draw_line(&mut panel, line, FIT.stroke_width(2))?;
     let pixels = answer.points(window);
-    let left = pixels
-        .iter()
-        .map(|&(pixel, count)| (pixel, count - fit(pixel)));
+    let left = |&(pixel, count): &(f64, f64)| (pixel, count - fit(pixel));
+    let left = pixels.iter().map(left);
     let left: Vec<(f64, f64)> = left.collect();
     draw_pixels(&mut panel, pixels)?;
     let most = left

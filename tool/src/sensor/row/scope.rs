@@ -250,9 +250,8 @@ impl Scope {
 
     fn draw(&self, frame: &mut Frame<'_>, away: Option<&str>) {
         let keys = " z zoom  up/down exposure  a auto exposure  e estimator  r/R region  q quit ";
-        let block = Block::bordered()
-            .title(format!(" {} ", self.title))
-            .title_bottom(keys);
+        let block = Block::bordered().title(format!(" {} ", self.title));
+        let block = block.title_bottom(keys);
         let area = block.inner(frame.area());
         frame.render_widget(block, frame.area());
         let [words, charts] =
