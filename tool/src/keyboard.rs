@@ -71,7 +71,6 @@ impl Read for Keyboard {
     }
 }
 
-/// Reads standard input to its end.
 fn read_lines() -> Receiver<io::Result<Vec<u8>>> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {

@@ -224,9 +224,7 @@ struct Repeated {
     head: Vec<u8>,
     rows: Vec<Vec<u8>>,
     left: usize,
-    /// The bytes that are being read.
     now: Cursor<Vec<u8>>,
-    /// All bytes that were read.
     total: usize,
 }
 

@@ -23,7 +23,6 @@ pub struct Report {
     file: String,
     /// Points that were read.
     points: usize,
-    /// Points that count.
     used: usize,
     rejected: Vec<Rejected>,
     form: Form,

@@ -221,7 +221,6 @@ impl<'a> Monitor<'a> {
         session.losses()
     }
 
-    /// Takes the next line, if one comes.
     fn listen(&mut self, mut session: Session<'a>) -> Result<Link<'a>> {
         let is_there = match session.line().next_line(TICK) {
             Ok(Some(line)) => self.take(&line).map(Ok)?,

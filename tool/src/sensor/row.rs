@@ -295,7 +295,6 @@ impl RowAnswer {
         }
     }
 
-    /// How many pixels are saturated.
     fn full(&self) -> usize {
         let is_full = |count: &&u16| **count >= self.saturated;
         self.counts.iter().filter(is_full).count()

@@ -220,7 +220,6 @@ struct Walk<'a> {
     output: &'a mut dyn Write,
 }
 
-/// Why there is no point after Ctrl-C.
 const INTERRUPTED: &str = "stopped by Ctrl-C";
 
 impl Walk<'_> {

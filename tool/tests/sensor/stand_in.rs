@@ -105,12 +105,10 @@ pub struct Trouble {
     pub restarts_on_save: usize,
     /// The tool is killed after so many uses of its port.
     pub kill_after: Option<usize>,
-    /// Somebody pressed Ctrl-C.
     pub interrupted: bool,
 }
 
 impl Trouble {
-    /// A bad line.
     pub fn of_line(lost: f64, garbled: f64) -> Self {
         Self {
             lost,
@@ -149,11 +147,9 @@ pub struct State {
     pub light: Option<SimulatedHead>,
     /// The tool is dead: nothing that its destructors do has any effect.
     killed: bool,
-    /// The file that says where the target is.
     stage: PathBuf,
     /// Where the target was in the latest frame.
     seen_mm: Option<f64>,
-    /// What it said and nobody has read.
     sent: VecDeque<u8>,
     line: Vec<u8>,
     centre_due: Option<Duration>,
@@ -192,7 +188,6 @@ impl State {
         self.unplugged_until = Some(self.now + time);
     }
 
-    /// Somebody else types a line.
     pub fn type_line(&mut self, line: &str) {
         self.take(Event::Line(parse(line.as_bytes())));
     }
@@ -457,7 +452,6 @@ impl StandIn {
         self.directory.path().join(name)
     }
 
-    /// A file's path as text.
     pub fn file(&self, name: &str) -> String {
         self.path(name).to_str().expect("text").to_owned()
     }
