@@ -42,9 +42,7 @@ use columns::{CLAIMED, D, FRAMES, HEIGHT, SHAPE, SIGMA, WIDTH, X};
 
 /// The first line of a file that `calibrate run` writes.
 pub const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
-
-/// The largest height of a spot in counts: that of a spot at full scale in the shortest exposure, if it had
-/// the longest.
+/// The largest height of a spot in counts: full scale at the shortest exposure, as at the longest.
 const LARGEST_HEIGHT: u32 =
     LARGEST_COUNT as u32 * Exposure::LONGEST.us() as u32 / Exposure::SHORTEST.us() as u32;
 
@@ -148,9 +146,7 @@ pub struct Setup {
 
 /// The only head that there is a driver for.
 pub const HEAD: &str = "TCD1304DG";
-
-/// Uncertainties of a centre in pixels that are taken: what is smaller than the sensor tells apart, or larger
-/// than its row, is a slip.
+/// A centre's uncertainty in pixels is a slip if it is finer than the sensor, or larger than its row.
 const SIGMAS_PX: std::ops::RangeInclusive<f64> = 1e-5..=4096.0;
 
 impl Points {
@@ -242,7 +238,6 @@ impl Points {
 
 /// Distances in metres under the name `d_mm` are no larger: the largest that a record holds, in metres.
 const METRES: f64 = 8.39;
-
 /// The least distance for a pixel of a sensor that counts millimetres. In metres, the nominal geometry has
 /// less up to 4.5 m; in millimetres, it has twenty times as much at 0.6 m.
 const LEAST_MM_PER_PX: f64 = 0.01;
@@ -387,12 +382,8 @@ impl Line<'_> {
         if !SHAPE_AND_NOISE.iter().all(is_there) {
             return Ok(None);
         }
-        let numbers = SHAPE_AND_NOISE
-            .map(|column| self.number(column))
-            .into_iter();
-        let numbers: Vec<f64> = numbers
-            .filter_map(Result::transpose)
-            .collect::<Result<_, _>>()?;
+        let numbers = SHAPE_AND_NOISE.map(|column| self.number(column).transpose());
+        let numbers: Vec<f64> = numbers.into_iter().flatten().collect::<Result<_, _>>()?;
         let Ok([width_px, claimed_px, frames, components_px @ ..]) =
             <[f64; SHAPE_AND_NOISE.len()]>::try_from(numbers)
         else {
@@ -584,11 +575,8 @@ mod tests {
     fn points_of_a_run_that_was_stopped_are_sorted() {
         let lines = "x_px,d_mm\n1800,700\n2000,620\n1900,660\n";
         let order = |text: &str| -> Vec<(u64, f64)> {
-            let points = Points::parse(text).expect("points").points;
-            points
-                .iter()
-                .map(|point| (point.line, point.d_mm))
-                .collect()
+            let points = Points::parse(text).expect("points").points.into_iter();
+            points.map(|point| (point.line, point.d_mm)).collect()
         };
         let taken = order(&format!("{TITLE}\n{lines}"));
         assert_eq!(taken, [(4, 620.0), (5, 660.0), (3, 700.0)]);

@@ -8,11 +8,9 @@ use anyhow::{Result, ensure};
 /// What is as far from eq. (1)'s pole in pixels as the next, as near as can be said before it is known: that
 /// of the nominal geometry, D of [`slitrange::distance::eq1::NOMINAL`] in millimetres.
 const D_MM: f64 = -115.4;
-
 /// The least and the largest distance that a record can hold, in millimetres, with a little to spare. The
 /// stage's zero may be anywhere: where it is, eq. (1)'s D takes in.
 const SENSIBLE_MM: RangeInclusive<f64> = -8380.0..=8380.0;
-
 /// The step of a stage's distances, in millimetres.
 pub const STAGE_MM: f64 = 0.001;
 
@@ -127,7 +125,6 @@ mod tests {
         }
     }
 
-    /// The zero of a stage may be anywhere.
     #[test]
     fn the_zero_may_be_anywhere() {
         let even = even_distances(210.0, -210.0, 3, STAGE_MM).expect("positions");

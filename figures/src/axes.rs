@@ -107,7 +107,6 @@ impl<'a> Axis<'a> {
 
 /// A drawing, or a part of one.
 pub type Area<'a> = DrawingArea<Figure<'a>, Shift>;
-
 /// A panel.
 pub type Panel<'a, 'b> = ChartContext<'b, Figure<'a>, Cartesian2d<Ticked, Ticked>>;
 

@@ -59,7 +59,6 @@ pub fn draw(
     Ok(())
 }
 
-/// The points, and the curve through them.
 fn draw_curve(
     area: &Area<'_>,
     solved: &Solved,
@@ -101,11 +100,8 @@ fn draw_residuals(
     centres: Range<f64>,
 ) -> anyhow::Result<()> {
     let residual = |point: &Point| 1e3 * point.d_mm - 1e6 * curve.distance(point.x_px);
-    let kept = solved
-        .points
-        .iter()
-        .zip(&solved.verdicts)
-        .filter(|(_, verdict)| verdict.kept);
+    let all = solved.points.iter().zip(&solved.verdicts);
+    let kept = all.filter(|(_, verdict)| verdict.kept);
     let (low, high) = around(kept.map(|(point, _)| residual(point)).chain([0.0]), 0.15);
     let mut panel = panel(area, title, centres.clone(), low..high, "residual, um")?;
     let zero = [(centres.start, 0.0), (centres.end, 0.0)];

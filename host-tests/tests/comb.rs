@@ -239,6 +239,7 @@ fn every_estimator_measures_a_comb() {
 /// Bright images are not too few.
 #[test]
 fn saturated_images_are_a_fault_of_their_own() {
-    let found = measure(&quiet().with_height(4.0 * 350_000.0), 0.8, 2);
+    let height = quiet().spot.expect("a spot").counts_per_second;
+    let found = measure(&quiet().with_height(4.0 * height), 0.8, 2);
     assert!(matches!(found, Err(Fault::Saturated { .. })), "{found:?}");
 }

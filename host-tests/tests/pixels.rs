@@ -195,7 +195,8 @@ fn rows_that_make_no_map_are_refused_with_a_reason() {
     // A weak spot on even light.
     let a_second = LIGHT / paper.exposure;
     let even = format!("ambient = {{ counts_per_second = {a_second}, slope = 0.0 }}");
-    let weak = listing(paper.clone(), &even).with_height(350_000.0 / 8.0);
+    let height = paper.spot.expect("a spot").counts_per_second;
+    let weak = listing(paper.clone(), &even).with_height(height / 8.0);
     refused.push(of(Kind::Lit, &Simulation::new(weak)));
     // Light on a part of the sensor.
     let lit = without_laser(&paper, LIGHT);

@@ -71,8 +71,7 @@ impl Spot {
 
     /// The bound in pixels, root mean square over the phases.
     pub fn bound(&self) -> f64 {
-        let phases = [-0.4, -0.2, 0.0, 0.2, 0.4];
-        rms(phases.map(|phase| self.bound_at(phase)))
+        rms([-0.4, -0.2, 0.0, 0.2, 0.4].map(|phase| self.bound_at(phase)))
     }
 }
 
@@ -153,17 +152,14 @@ mod tests {
         };
         let (plain, wide) = (Some(plain.bound()), Some(wide.bound()));
         type Change<'a> = &'a dyn Fn(&mut Scene);
+        let no_noise: Change<'_> = &|it| (it.shot_noise, it.read_noise) = (None, None);
         let cases: [(&str, Change<'_>, Option<f64>); 6] = [
             ("paper", &|_| (), plain),
             ("a deep well", &|it| it.saturation = well(3795.0), plain),
             ("a full well", &|it| it.saturation = well(1500.0), None),
             ("1 mm", &|it| it.laser_spot = Some(laser_spot), wide),
             ("daylight", &|it| it.ambient = Some(daylight), None),
-            (
-                "no noise",
-                &|it| (it.shot_noise, it.read_noise) = (None, None),
-                None,
-            ),
+            ("no noise", no_noise, None),
         ];
         for (name, change, expected) in cases {
             let mut scene = Scene::white_paper();

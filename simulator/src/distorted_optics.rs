@@ -12,10 +12,8 @@ use crate::optics::Optics;
 
 /// Distances of the paper's position table, in metres: over these the departure from eq. (1) holds.
 pub const RANGE: RangeInclusive<f64> = 0.60..=1.02;
-
 /// From the axis to where the displacement is `third + fifth`, in pixels: about the ends of [`RANGE`].
 const FIELD: f64 = 600.0;
-
 /// Points to which eq. (1) is fitted, every 0.4 mm of [`RANGE`].
 const POINTS: usize = 1051;
 
@@ -57,8 +55,7 @@ impl DistortedOptics {
             third,
             fifth: fifth_of_third * third,
         };
-        // A pixel or so. The departure is nearly proportional to it, so each step leaves a small part of the
-        // error.
+        // A pixel or so. The departure is nearly proportional: each step leaves a small part of the error.
         let mut third = bends_outwards;
         for _ in 0..8 {
             third *= departure / displaced(third).departure()?;
@@ -103,8 +100,7 @@ impl DistortedOptics {
         largest_residual_of_eq1(&points).context("no eq. (1) fits the distorted geometry")
     }
 
-    /// Pixels by which light is displaced that would fall on `centre`. Beyond the sensor's ends it is what it
-    /// is there.
+    /// Pixels by which light is displaced that would fall on `centre`. Beyond the sensor: as at its end.
     fn displacement(&self, centre: f64) -> f64 {
         let from_axis = centre - self.optics.axis;
         let field = from_axis.clamp(-self.optics.axis, self.optics.axis) / FIELD;
@@ -122,8 +118,7 @@ impl DistortedOptics {
     }
 }
 
-/// The largest residual in metres of the eq. (1) that fits points of centre and distance best, by the
-/// Gauss-Newton method on all three parameters: `d = D + K / (x - xp)`.
+/// The largest residual in metres of the best-fitting `d = D + K / (x - xp)`, by Gauss-Newton.
 fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
     // d x = D x + xp d + C with C = K - D xp is linear, which gives the start.
     let mut normal = (Matrix3::zeros(), Vector3::zeros());
@@ -147,9 +142,8 @@ fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
         let step = normal.0.try_inverse()? * normal.1;
         (offset, k, pole) = (offset + step.x, k + step.y, pole + step.z);
     }
-    let residuals = points
-        .iter()
-        .map(|&(x, d)| residual(offset, k, pole, x, d).abs());
+    let off = |&(x, d): &(f64, f64)| residual(offset, k, pole, x, d).abs();
+    let residuals = points.iter().map(off);
     let largest = residuals.fold(0.0, f64::max);
     largest.is_finite().then_some(largest)
 }
@@ -208,8 +202,7 @@ mod tests {
         let mut worst = 0.0_f64;
         for (_, optics) in unknown() {
             for distance in distances(0.3, 3.0) {
-                let again = optics.distance(optics.centre(distance));
-                worst = worst.max((again - distance).abs());
+                worst = worst.max((optics.distance(optics.centre(distance)) - distance).abs());
             }
         }
         println!("{worst:.1e} m");
@@ -290,8 +283,7 @@ mod tests {
         let mut errors = vec![];
         for (seed, optics) in unknown() {
             let error = |distance| (nominal.distance(optics.centre(distance)) - distance).abs();
-            let error = distances(0.60, 1.02).map(error).fold(0.0, f64::max);
-            errors.push(error);
+            errors.push(distances(0.60, 1.02).map(error).fold(0.0, f64::max));
             for distance in distances(0.60, 1.02) {
                 let centre = optics.centre(distance);
                 assert!((64.0..3583.0).contains(&centre), "{seed}: {centre}");

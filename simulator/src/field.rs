@@ -131,9 +131,8 @@ pub fn every(rows: &[f64], step: usize) -> Vec<f64> {
         0.0
     };
     let count = (rows.len() - 1).div_ceil(step) + 1;
-    (0..count)
-        .map(|i| rows[0] + (i * step) as f64 * pitch)
-        .collect()
+    let row = |i| rows[0] + (i * step) as f64 * pitch;
+    (0..count).map(row).collect()
 }
 
 #[cfg(test)]

@@ -154,8 +154,7 @@ struct Problem<'a, S> {
     first: f64,
     root_weights: Vec<f64>,
     start: Spot,
-    /// Parameters in units of the start: (centre - start)/extent, extent/extent, amplitude and
-    /// level/amplitude.
+    /// In units of the start: (centre - start)/extent, extent/extent, amplitude and level over amplitude.
     scaled: Vector4<f64>,
 }
 

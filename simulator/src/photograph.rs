@@ -59,7 +59,6 @@ impl Photograph {
             separator.is_ascii_whitespace(),
             "its header does not end with white space but with {separator:#04x}"
         );
-
         let bytes_each = if white > 255 { 2 } else { 1 };
         let count = width.checked_mul(height).context("its size overflows")?;
         let wanted = count.checked_mul(bytes_each);
@@ -133,8 +132,7 @@ fn header_number(rest: &mut &[u8], what: &str) -> Result<usize> {
         match rest {
             [b'#', ..] => {
                 let end = rest.iter().position(|byte| b"\n\r".contains(byte));
-                let end = end.unwrap_or(rest.len());
-                *rest = &rest[end..];
+                *rest = &rest[end.unwrap_or(rest.len())..];
             }
             [first, tail @ ..] if first.is_ascii_whitespace() => *rest = tail,
             _ => break,

@@ -19,10 +19,8 @@ pub struct Curve {
 
 /// From knot to knot, in widths: the interpolation is good to 1e-9.
 const STEP: f64 = 0.02;
-
 /// Light beyond so many widths is left out.
 const REACH: f64 = 20.0;
-
 const KNOTS: usize = (2.0 * REACH / STEP) as usize + 1;
 
 impl Curve {
@@ -48,9 +46,8 @@ impl Curve {
     pub fn in_widths(light: impl Fn(f64) -> f64, scale: f64) -> Self {
         const SAMPLES: f64 = 50.0;
         let middle = (12.0 * SAMPLES) as usize;
-        let row: Vec<f64> = (0..=2 * middle)
-            .map(|i| light((i as f64 - middle as f64) / SAMPLES * scale))
-            .collect();
+        let at = |i| light((i as f64 - middle as f64) / SAMPLES * scale);
+        let row: Vec<f64> = (0..=2 * middle).map(at).collect();
         let best = least_squares::fit_near(&row, middle as f64).expect("light that has one peak");
         let width = best.width / SAMPLES * scale;
         let centre = (best.centre - middle as f64) / SAMPLES * scale;
@@ -100,17 +97,16 @@ pub enum Blur {
 /// point. The width of the curve is that of the blurred pattern.
 pub fn blurred_slit(deviation: f64, blur: Blur) -> Curve {
     const POINTS: i32 = 24;
-    let points: Vec<(f64, f64)> = (-POINTS..=POINTS)
-        .map(|i| {
-            let u = f64::from(i) / f64::from(POINTS);
-            match blur {
-                Blur::Gaussian => (4.0 * u * deviation, (-8.0 * u * u).exp()),
-                // The trapezoidal rule.
-                Blur::Box if i.abs() == POINTS => (3f64.sqrt() * u * deviation, 0.5),
-                Blur::Box => (3f64.sqrt() * u * deviation, 1.0),
-            }
-        })
-        .collect();
+    let point = |i: i32| {
+        let u = f64::from(i) / f64::from(POINTS);
+        match blur {
+            Blur::Gaussian => (4.0 * u * deviation, (-8.0 * u * u).exp()),
+            // The trapezoidal rule.
+            Blur::Box if i.abs() == POINTS => (3f64.sqrt() * u * deviation, 0.5),
+            Blur::Box => (3f64.sqrt() * u * deviation, 1.0),
+        }
+    };
+    let points: Vec<(f64, f64)> = (-POINTS..=POINTS).map(point).collect();
     let light = |place: f64| {
         let of_point = |(at, weight): &(f64, f64)| weight * sinc(PI * (place - at) / 2.66).powi(2);
         points.iter().map(of_point).sum::<f64>()
@@ -204,8 +200,7 @@ impl Slit {
     fn light_of_point(&self, place: f64) -> f64 {
         let bent = PI / self.wavelength * (1.0 / self.to_spot + 1.0 / self.to_sensor);
         let tilted = TAU / self.wavelength * place / self.to_sensor;
-        // The odd part of the exponential is odd in u and cancels. Simpson's rule: a wave is at least 30
-        // steps long.
+        // The exponential's odd part cancels. Simpson's rule: a wave is at least 30 steps long.
         let half = 0.5 * self.width;
         let steps = 2 * (16.0 + 2.5 * tilted.abs() * half) as usize;
         let (mut real, mut imaginary) = (0.0, 0.0);
@@ -315,9 +310,8 @@ mod tests {
     #[test]
     fn the_first_minimum_does_not_reach_zero() {
         let point = Slit::nominal(0.0);
-        let minimum = (100..200)
-            .map(|um| (point.light(f64::from(um) * 1e-6) / point.light(0.0), um))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let share = |um| (point.light(f64::from(um) * 1e-6) / point.light(0.0), um);
+        let minimum = (100..200).map(share).min_by(|a, b| a.0.total_cmp(&b.0));
         println!("first minimum and its place in um: {minimum:?}");
         assert!(matches!(minimum, Some((depth, 161..=167)) if (0.044..0.046).contains(&depth)));
     }

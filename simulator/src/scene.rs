@@ -56,8 +56,7 @@ pub use quantisation::quantise;
 pub use simulation::Simulation;
 pub use spot::Spot;
 
-/// Declares a scene and the effects that it can list: what each does, its type, the number of its random
-/// stream, and its field of [`Scene`].
+/// Declares a scene and its effects: what each does, its type, its random stream's number, and its field.
 macro_rules! effects {
     ($($(#[$what:meta])+ $module:ident::$effect:ident = $number:literal in $field:ident,)+) => {
         $(pub use $module::$effect;)+

@@ -41,12 +41,11 @@ mod tests {
             amplitude: 1500.0,
             level: 180.0,
         };
-        let row: Vec<f64> = (0..900)
-            .map(|i| {
-                let (height, _) = sinc((f64::from(i) - truth.centre) / truth.extent);
-                truth.level + truth.amplitude * height * height
-            })
-            .collect();
+        let count = |i| {
+            let (height, _) = sinc((f64::from(i) - truth.centre) / truth.extent);
+            truth.level + truth.amplitude * height * height
+        };
+        let row: Vec<f64> = (0..900).map(count).collect();
         let start = Spot {
             centre: 309.0,
             extent: 19.0,

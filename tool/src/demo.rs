@@ -19,7 +19,6 @@ use crate::sensor::{MonitorOptions, monitor};
 
 /// The line with which the virtual board names its port.
 const PORT: &str = "serial line: ";
-
 /// How long to wait for a line before Ctrl-C is looked for.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -118,7 +117,6 @@ fn own_name() -> String {
 /// A virtual board that runs until this is dropped.
 struct Board {
     child: Child,
-    /// What it prints.
     lines: Receiver<String>,
     /// Its messages are no longer shown.
     is_quiet: Arc<AtomicBool>,

@@ -233,7 +233,6 @@ pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
     let step = (options.far - options.near) / (COLUMNS - 1) as f64;
     let distances = (0..COLUMNS).map(|i| options.near + step * i as f64);
     let at: Vec<At> = distances.map(|distance| design.at(distance)).collect();
-
     print_dimensions(&design, output)?;
     print_parts(&at, output)?;
     print_changes(options, &at[COLUMNS - 1], output)?;

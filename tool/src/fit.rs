@@ -15,8 +15,7 @@ use slitrange::light::black_level::BlackLevel;
 use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 
-use crate::record_file;
-use crate::whole_file;
+use crate::{record_file, whole_file};
 use report::Report;
 
 /// Of `slitrange calibrate fit`.
@@ -103,8 +102,7 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
         ..setup
     };
     let date = options.date.map_or_else(today, Ok)?;
-    let record = record::of(&setup, date, &solved, &made, comb.as_ref());
-    let record = EncodedRecord::new(record)?;
+    let record = EncodedRecord::new(record::of(&setup, date, &solved, &made, comb.as_ref()))?;
     let beside = || options.points.with_extension("record");
     let path = options.output.clone().unwrap_or_else(beside);
     ensure!(
@@ -149,8 +147,7 @@ fn black_level(words: &str) -> Result<BlackLevel, String> {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|number| (1e-6..1e6).contains(number))
-        .ok_or_else(|| "it must be a number of millimetres above 0".into())
+    let number = text.parse().ok();
+    let number = number.filter(|number| (1e-6..1e6).contains(number));
+    number.ok_or_else(|| "it must be a number of millimetres above 0".into())
 }

@@ -14,7 +14,6 @@ static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 /// What a program that Ctrl-C ends gives to the shell.
 const ENDED_BY_INTERRUPT: i32 = 130;
-
 /// How often a keyboard that waits for a line looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -39,7 +38,6 @@ pub fn watch_interrupts() -> bool {
 #[derive(Debug, Default)]
 pub struct Keyboard {
     lines: Option<Receiver<io::Result<Vec<u8>>>>,
-    /// The line that is being read.
     line: Cursor<Vec<u8>>,
 }
 
@@ -47,8 +45,7 @@ impl BufRead for Keyboard {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         let is_interrupted = |it: &Arc<AtomicBool>| it.load(Ordering::Relaxed);
         while self.line.fill_buf()?.is_empty() {
-            let lines = self.lines.get_or_insert_with(read_lines);
-            match lines.recv_timeout(LOOK) {
+            match self.lines.get_or_insert_with(read_lines).recv_timeout(LOOK) {
                 Ok(line) => self.line = Cursor::new(line?),
                 Err(RecvTimeoutError::Disconnected) => break,
                 Err(RecvTimeoutError::Timeout) => {
@@ -74,7 +71,6 @@ impl Read for Keyboard {
     }
 }
 
-/// Reads standard input to its end.
 fn read_lines() -> Receiver<io::Result<Vec<u8>>> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {

@@ -13,8 +13,7 @@ use slitrange_tool::pc::RealPc;
 const FAILED: u8 = 2;
 
 fn main() -> ExitCode {
-    let pc = RealPc::new();
-    let outcome = Command::parse().run(&pc, &mut Keyboard::default(), &mut io::stdout());
+    let outcome = Command::parse().run(&RealPc::new(), &mut Keyboard::default(), &mut io::stdout());
     outcome.unwrap_or_else(|error| {
         eprintln!("slitrange: {error:#}");
         ExitCode::from(FAILED)

@@ -45,9 +45,7 @@ impl Line {
 
 /// The variance of rounding to whole counts, in counts squared. No sensor has less.
 pub const VARIANCE_OF_ROUNDING: f64 = 1.0 / 12.0;
-
-/// Fits of the line, each weighed by the one before. From a first line that is wrong by a factor of ten, the
-/// third fit differs from the second by less than a thousandth.
+/// Fits, each weighed by the one before. From a line wrong by ten, the third is good to a thousandth.
 const FITS: usize = 4;
 
 /// The variance of the pixels of rows with the laser off, all pixels together. Their common level may change
@@ -87,8 +85,7 @@ struct Lit<'a> {
     mean: Vec<f64>,
     /// The mean less the mean in the dark.
     signal: Vec<f64>,
-    /// A column for each way in which a row may differ from the mean as a whole: by a level, by a factor, and
-    /// by a shift.
+    /// A column for each way in which a row may differ as a whole: by a level, a factor, and a shift.
     modes: DMatrix<f64>,
 }
 
@@ -244,8 +241,7 @@ mod tests {
         let in_the_dark = dark_point(&dark).expect("rows");
         let mut exposure = |step| rows(&mut random, 200.0 * f64::from(step), power, place);
         let exposures: Vec<_> = (1..=12).map(&mut exposure).collect();
-        let dark = mean_row(&dark).expect("rows");
-        transfer(&exposures, &dark, in_the_dark).expect("a line")
+        transfer(&exposures, &mean_row(&dark).expect("rows"), in_the_dark).expect("a line")
     }
 
     /// Of 100 measurements: the mean is right, and the uncertainties are those of the scatter. A laser whose

@@ -15,10 +15,8 @@ use crate::sensor::stream::{FrameResult, Kind};
 
 /// A run of readings ends where the next one comes after so many times the usual interval.
 const PAUSE: f64 = 3.0;
-
 /// By the PC's clock, a shorter pause ends no run: a busy PC takes the lines late. In seconds.
 const LATE: f64 = 1.0;
-
 /// The fewest readings of a run.
 const FEWEST: usize = 16;
 
@@ -90,8 +88,7 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
 fn read(path: &Path) -> Result<Vec<FrameResult>> {
     let name = path.display();
     let file = File::open(path).with_context(|| format!("{name} cannot be opened"))?;
-    let lines = csv::Reader::from_reader(file).into_deserialize();
-    let lines: Result<_, csv::Error> = lines.collect();
+    let lines: Result<_, csv::Error> = csv::Reader::from_reader(file).into_deserialize().collect();
     lines.with_context(|| format!("{name} is no recording of `slitrange monitor --csv`"))
 }
 
@@ -101,8 +98,7 @@ impl Series {
     /// # Errors
     /// The longest run is too short.
     pub fn of(lines: &[FrameResult]) -> Result<Self> {
-        let has_readings = lines.iter().any(|line| line.kind == Kind::Reading);
-        let kind = match has_readings {
+        let kind = match lines.iter().any(|line| line.kind == Kind::Reading) {
             true => Kind::Reading,
             false => Kind::Difference,
         };
@@ -136,11 +132,9 @@ impl Series {
         );
         let usual = PAUSE * median(&intervals);
         let pause_s = if is_timed { usual } else { usual.max(LATE) };
-        let longest = runs
-            .iter()
-            .flat_map(|run| run.chunk_by(|before, after| after.0 - before.0 < pause_s))
-            .max_by_key(|run| run.len())
-            .unwrap_or_default();
+        let even = (runs.iter())
+            .flat_map(|run| run.chunk_by(|before, after| after.0 - before.0 < pause_s));
+        let longest = even.max_by_key(|run| run.len()).unwrap_or_default();
         ensure!(
             longest.len() >= FEWEST,
             "the longest run without a fault and a pause has {} readings, and {FEWEST} are needed: record \

@@ -26,7 +26,6 @@ use crate::whole_file;
 
 /// Centres in the table of what a record says.
 const EXAMPLES: i32 = 9;
-
 /// Between two centres at which records are compared: a quarter of a pixel.
 const COMPARED: usize = 1 << (Pixels::FRACTION - 2);
 
@@ -42,9 +41,8 @@ pub fn read(path: &Path) -> Result<EncodedRecord> {
         "{shown} is a CSV file of points, and no record: `slitrange calibrate fit {shown}` makes a record of \
          it"
     );
-    decode(&bytes)
-        .and_then(EncodedRecord::new)
-        .with_context(|| shown.to_string())
+    let record = decode(&bytes).and_then(EncodedRecord::new);
+    record.with_context(|| shown.to_string())
 }
 
 /// Whether a file is one of points, which `fit` takes: its first line that is no comment names the columns.
@@ -114,16 +112,13 @@ pub(crate) struct ShownFrontEnd {
     pub(crate) polarity: &'static str,
     /// Electrons a count.
     pub(crate) gain_electrons: [f64; 2],
-    /// The noise of a pixel in the dark.
     pub(crate) read_noise_counts: [f64; 2],
     /// The count that light does not exceed. None if the target was too dim to show it.
     pub(crate) saturation_counts: Option<[f64; 2]>,
-    /// The counts of an unlit pixel.
     pub(crate) black_level_counts: [f64; 2],
 }
 
 impl ShownFrontEnd {
-    /// What a record says of a front end.
     pub(crate) fn of(front_end: &FrontEnd) -> Self {
         let counts = |it: &Estimate<Counts>| [it.value.to_f64(), it.u.to_f64()];
         let gain = &front_end.gain;
@@ -167,8 +162,7 @@ const fn polarity_word(polarity: Polarity) -> &'static str {
 struct ShownSlit {
     /// From the optical axis along the row.
     place_um: f64,
-    /// The coefficients of the correction, of the lowest degree first. The argument is x0 from the axis of
-    /// the sensor, in units of 1024 pixels.
+    /// Coefficients of the correction, lowest degree first, over x0 from the axis in units of 1024 pixels.
     correction_px: [f64; CORRECTIONS],
 }
 
@@ -186,8 +180,7 @@ impl ShownSlit {
 struct ShownErrors {
     /// Of the curve. None if no fit found it.
     curve_um: Option<[f64; 2]>,
-    /// By the target's surface, for a spot of the usual height. None if the points did not tell it: the
-    /// sensor then takes an estimate.
+    /// By the surface, for a spot of the usual height. None: not told, and the sensor takes an estimate.
     surface_um: Option<[f64; 2]>,
     height_counts: Option<[f64; 2]>,
 }
@@ -226,11 +219,8 @@ impl ShownSpot {
 
 /// The least and the largest, to a tenth.
 fn ends(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
-    let (least, most) = (
-        values.clone().fold(f64::INFINITY, f64::min),
-        values.fold(0.0, f64::max),
-    );
-    [least, most].map(|value| (10.0 * value).round() / 10.0)
+    let least = values.clone().fold(f64::INFINITY, f64::min);
+    [least, values.fold(0.0, f64::max)].map(|value| (10.0 * value).round() / 10.0)
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -270,7 +260,6 @@ struct Example {
 }
 
 impl Shown {
-    /// What a record says.
     pub(crate) fn of(written: &EncodedRecord) -> Self {
         let record = written.record();
         let (calibration, geometry) = (&record.calibration, &record.geometry);
@@ -452,7 +441,6 @@ fn between(first: Pixels, last: Pixels, index: i32) -> Pixels {
     Pixels::from_bits(bits as i32)
 }
 
-/// How two records differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Comparison {
     /// Bit for bit.
@@ -481,7 +469,6 @@ struct Largest {
 }
 
 impl Comparison {
-    /// Compares two records.
     pub(crate) fn of(first: &EncodedRecord, second: &EncodedRecord) -> Self {
         let (a, b) = (Shown::of(first), Shown::of(second));
         let value = |fields: &[(&str, String)], name: &str| {
@@ -489,10 +476,8 @@ impl Comparison {
             field.map_or("none".to_owned(), |(_, value)| value.clone())
         };
         let (ours, theirs) = (a.fields(), b.fields());
-        let further = theirs
-            .iter()
-            .filter(|(name, _)| value(&ours, name) == "none");
-        let differences = (ours.iter().chain(further))
+        let is_further = |(name, _): &&(&str, String)| value(&ours, name) == "none";
+        let differences = (ours.iter().chain(theirs.iter().filter(is_further)))
             .map(|&(field, _)| Difference {
                 field,
                 first: value(&ours, field),
@@ -528,9 +513,8 @@ fn distances_apart(
     if from > to {
         return (None, None);
     }
-    let grid = (from.to_bits()..=to.to_bits())
-        .step_by(COMPARED)
-        .map(Pixels::from_bits);
+    let grid = (from.to_bits()..=to.to_bits()).step_by(COMPARED);
+    let grid = grid.map(Pixels::from_bits);
     let knots = calibrations.into_iter().flat_map(|calibration| {
         let (.., knots) = parts(calibration);
         let knots = knots.into_iter().flat_map(Knots::iter);

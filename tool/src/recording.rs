@@ -30,10 +30,7 @@ use slitrange_device::settings::{Settings, Value};
 
 /// The first line of every recording: these words, and the version of the format.
 const FIRST_WORDS: &str = "slitrange recording";
-
-/// The version of the format.
 const VERSION: u32 = 1;
-
 /// The most bytes of text before the rows. The longest record takes 5 kB of it, and the settings less.
 const MAX_TEXT: usize = 65_536;
 
@@ -222,8 +219,7 @@ impl<R: Read> Iterator for Reader<R> {
     }
 }
 
-/// Reads the lines before the rows. Settings that this program does not know are left out: rows of newer
-/// firmware can be measured all the same.
+/// Reads the lines before the rows. Unknown settings are left out: rows of newer firmware can be measured.
 fn sensor(text: &str) -> Result<Sensor> {
     let mut lines = text.lines();
     let first = lines.next().unwrap_or_default();
@@ -268,8 +264,7 @@ fn record_of(digits: &str) -> Result<EncodedRecord> {
     let bytes: Option<Vec<u8>> = (digits.as_bytes().chunks(2))
         .map(|two| u8::from_str_radix(std::str::from_utf8(two).ok()?, 16).ok())
         .collect();
-    let bytes = bytes.context("the record is not in hexadecimal")?;
-    record::decode(&bytes)
+    record::decode(&bytes.context("the record is not in hexadecimal")?)
         .and_then(EncodedRecord::new)
         .context("the sensor's record is damaged")
 }

@@ -195,8 +195,7 @@ fn line(row: &Row, reading: &Result<Reading, Fault>) -> String {
     let mut line = format!("{},{},{exposure},", row.head.number, row.head.time_us);
     match reading {
         Ok(reading) => {
-            let lengths = [reading.distance, reading.uncertainty, reading.parts.noise];
-            for length in lengths {
+            for length in [reading.distance, reading.uncertainty, reading.parts.noise] {
                 line += &format!("{:.6},", length.to_f64() / 1000.0);
             }
             line += &format!("{:.6},", reading.centre.to_f64());

@@ -38,11 +38,8 @@ pub trait Screen {
 
 /// A line through points.
 pub(crate) fn line(points: &[(f64, f64)], colour: Color) -> Dataset<'_> {
-    Dataset::default()
-        .marker(Marker::Braille)
-        .graph_type(GraphType::Line)
-        .style(colour)
-        .data(points)
+    let line = Dataset::default().graph_type(GraphType::Line);
+    line.marker(Marker::Braille).style(colour).data(points)
 }
 
 /// The terminal of this program. It is as before once this is dropped, also after a panic.

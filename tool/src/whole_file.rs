@@ -32,9 +32,8 @@ impl NewFile {
     /// # Errors
     /// The system's; the file of this name is as it was.
     pub fn create(path: &Path) -> Result<Self> {
-        let name = path
-            .file_name()
-            .with_context(|| format!("{} is no file's name", path.display()))?;
+        let no_file = || format!("{} is no file's name", path.display());
+        let name = path.file_name().with_context(no_file)?;
         let mut other = name.to_owned();
         other.push(".new");
         let other = path.with_file_name(other);
@@ -90,9 +89,8 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// A new name is on the disk when its directory is.
 #[cfg(unix)]
 fn sync_directory(path: &Path) -> std::io::Result<()> {
-    let directory = path
-        .parent()
-        .filter(|parent| !parent.as_os_str().is_empty());
+    let named = |parent: &&Path| !parent.as_os_str().is_empty();
+    let directory = path.parent().filter(named);
     File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
 }
 

@@ -16,9 +16,8 @@ use slitrange_tool::pc::RealPc;
 use crate::command::{begins, done, says, slitrange};
 
 fn options(arguments: &str) -> DesignOptions {
-    let words = ["slitrange", "design"]
-        .into_iter()
-        .chain(arguments.split_whitespace());
+    let words = arguments.split_whitespace();
+    let words = ["slitrange", "design"].into_iter().chain(words);
     match Command::try_parse_from(words).expect("options") {
         Command::Design(options) => options,
         _ => panic!("another command"),
@@ -237,10 +236,8 @@ fn a_calibration_takes_the_tolerances_away() {
         let points = [600.0, 780.0, 1020.0].map(|d| (centre(d, beam, built), d));
         let rows = points.map(|(x, d)| nalgebra::RowVector3::new(x, d, 1.0));
         let right = nalgebra::Vector3::from(points.map(|(x, d)| x * d));
-        let found = nalgebra::Matrix3::from_rows(&rows)
-            .lu()
-            .solve(&right)
-            .expect("three points");
+        let decomposed = nalgebra::Matrix3::from_rows(&rows).lu();
+        let found = decomposed.solve(&right).expect("three points");
         let (d, pole) = (found[0], found[1]);
         let k = found[2] + d * pole;
         let worst = (0..=42)
@@ -257,8 +254,7 @@ fn a_calibration_takes_the_tolerances_away() {
 fn a_wrong_dimension_moves_the_distance_as_rays_say() {
     let geometry = options("").design().expect("a design").geometry;
     let turn = 0.1f64.to_radians();
-    // The slit's place along the row, how far the row is too deep, a wider baseline, the angles of the block
-    // and of the beam.
+    // The slit's place along the row, the row's depth, a wider baseline, the angles of block and beam.
     let built = [
         (0.1, 0.0, 0.0, 0.0, 0.0),
         (0.0, 0.1, 0.0, 0.0, 0.0),
@@ -423,7 +419,6 @@ fn a_comb_sees_the_range_that_the_simulation_says() {
     says(&text, ["the whole sensor sees 541 mm to 1198 mm"]);
 }
 
-/// Everything that a page prints as this command's output is its output.
 #[test]
 fn the_page_shows_what_the_command_prints() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hardware/optics.md");
@@ -433,9 +428,8 @@ fn the_page_shows_what_the_command_prints() {
         let (command, rest) = rest.split_once('\n').expect("a line");
         let is_shown = |line: &&str| line.is_empty() || line.starts_with("    ");
         let shown: Vec<&str> = rest.lines().take_while(is_shown).collect();
-        let due = printed(command)
-            .replace('\n', "\n    ")
-            .replace("    \n", "\n");
+        let due = printed(command).replace('\n', "\n    ");
+        let due = due.replace("    \n", "\n");
         let (shown, due) = (shown.join("\n"), format!("    {}", due.trim_end()));
         assert_eq!(shown.trim_end(), due, "slitrange design{command}");
         commands += 1;
@@ -450,9 +444,8 @@ fn the_drawing_of_the_page_is_the_one_that_the_command_writes() {
     printed(&format!("--angle 68.9624 --drawing {}", file.display()));
     let due = std::fs::read_to_string(file).expect("a drawing");
     let is = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hardware/dimensions.svg");
-    let is = std::fs::read_to_string(is).expect("docs/hardware/dimensions.svg");
     assert!(
-        is == due,
+        std::fs::read_to_string(is).expect("docs/hardware/dimensions.svg") == due,
         "write it again: slitrange design --angle 68.9624 --drawing docs/hardware/dimensions.svg"
     );
 }

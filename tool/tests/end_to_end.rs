@@ -22,9 +22,7 @@ use crate::desk::Desk;
 /// Where it is used, in metres.
 const NEAREST: f64 = 0.60;
 const FARTHEST: f64 = 1.02;
-
 const ROWS: u16 = 16;
-
 /// More than a frame takes, and an answer behind it.
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -70,13 +68,13 @@ fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
     distances.collect()
 }
 
-/// The errors of readings at even distances over the sensor's range, each beside the bound, in micrometres,
-/// with the calibration that its flash holds.
+/// Errors of readings at even distances over the sensor's range, each beside the bound, in micrometres.
 fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<(f64, f64)> {
     let mut board = bench.power_on();
     board.send(&format!("rows {ROWS}\r\n"));
+    let is_answer = |line: &str| line == format!("rows {ROWS}");
     board
-        .run_until_line(|line| line == format!("rows {ROWS}"), PATIENCE)
+        .run_until_line(is_answer, PATIENCE)
         .expect("an answer");
     let simulation = Simulation::new(Scene::white_paper());
     let mut errors = vec![];
@@ -112,11 +110,9 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
         flash: SharedFlash::default(),
     };
     // It really is another geometry.
-    let centre = bench.optics.centre(NEAREST);
-    let nominal = Optics::nominal().distance(centre);
+    let nominal = Optics::nominal().distance(bench.optics.centre(NEAREST));
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
-
     let file = |name| folder.join(name).display().to_string();
     let [points_file, record, recording] = ["points.csv", "sensor.record", "run.csv"].map(file);
     let [figure, settings] = ["fit.svg", "bench.toml"].map(file);
@@ -142,7 +138,6 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     });
     let lines = std::fs::read_to_string(&recording).expect("a recording");
     assert_eq!(lines.lines().count(), 6, "{lines}");
-
     let errors = errors(&bench, steps, count);
     let rms_error = rms(errors.iter().map(|(error, _)| error));
     let bound = rms(errors.iter().map(|(_, bound)| bound));
@@ -171,8 +166,7 @@ fn a_sensor_that_departs_from_eq1_is_calibrated() {
     check(300e-6, "60", "2", (22, 4), 1.2);
 }
 
-/// Measures the front end of `scenes/unknown-front-end.toml`. After a power cycle the sensor says what it
-/// measured.
+/// After a power cycle the sensor says what was measured of `scenes/unknown-front-end.toml`.
 #[test]
 #[ignore = "a minute of an emulated board; takes minutes of CPU time; run by .ci/run"]
 fn a_front_end_is_measured() {
@@ -191,12 +185,10 @@ fn a_front_end_is_measured() {
         flash: SharedFlash::default(),
     };
     let folder = tempfile::tempdir().expect("a folder");
-    let stage = folder.path().join("stage");
-    bench.work(&stage, |desk| {
+    bench.work(&folder.path().join("stage"), |desk| {
         done(desk.run("head measure --port board"));
         println!("{:.0} s of the board's time", desk.now().as_secs_f64());
     });
-
     let mut board = bench.power_on();
     board.send("stream off\r\ninfo\r\n");
     let mut number = |before: &str, after: &str| -> f64 {

@@ -57,7 +57,6 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     let packets = "format binary\r\npixels rows\r\n";
     desk.board.borrow_mut().send(packets);
     desk.sleep(Duration::from_millis(300));
-
     let directory = tempfile::tempdir().expect("a directory");
     let [file, other, csv] =
         ["rows.slitrange", "ended.slitrange", "rows.csv"].map(|name| directory.path().join(name));
@@ -78,14 +77,12 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
             "ambient subtract",
             "stream on",
         ] {
-            let name = line.split(' ').next().expect("a name");
-            assert_eq!(ask(&desk, name), line);
+            assert_eq!(ask(&desk, line.split(' ').next().expect("a name")), line);
         }
     };
     is_as_before();
 
-    // Also after Ctrl-C and after an error, and if a byte was lost on the way to packets. A row has 6000
-    // bytes.
+    // Also after Ctrl-C, an error, or a byte lost on the way to packets. A row has 6000 bytes.
     let record = format!("record --port A --rows 40 {other_path}");
     desk.trouble.loses_a_byte.set(true);
     desk.trouble.interrupted_in.set(Some(30_000));
@@ -101,10 +98,8 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     says(&refused(desk.run(&record)), ["A stopped working"]);
     assert!(recording::open(&other).is_ok_and(|rows| rows.count() > 0));
     is_as_before();
-
     let replay = format!("replay {path}");
     says(&done(&replay), ["40 distances", "all rows give the bits"]);
-
     let recorded = recording::open(&file).expect("a recording");
     let settings = Settings {
         rows: 4,
@@ -162,10 +157,8 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
 
 /// The rows of the long run below. `SLITRANGE_ROWS` sets another number.
 const MANY_ROWS: u64 = 100_000;
-
 /// The rows that the long run records between two changes of light and settings.
 const A_SCENE: u64 = 500;
-
 /// Settings of the long run, one after the other. The estimators compute in whole numbers and in floats.
 const SETTINGS_IN_TURN: [&str; 8] = [
     "estimator adaptive",
@@ -178,8 +171,7 @@ const SETTINGS_IN_TURN: [&str; 8] = [
     "black shielded",
 ];
 
-/// Random spots, each for some rows: anywhere on the row and beyond its edges, narrow and wide, dim and
-/// saturated.
+/// Random spots, each for some rows: anywhere and beyond the edges, of any width, dim to saturated.
 fn any_spots(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut row = 0;
@@ -218,8 +210,7 @@ fn show(desk: &Desk, turn: usize) -> String {
     name
 }
 
-/// The firmware on the emulated board measures rows of many scenes, and a PC measures them once more: bit by
-/// bit the same.
+/// The firmware measures rows of many scenes, and a PC measures them once more: bit by bit the same.
 #[test]
 #[ignore = "a hundred thousand rows are two hours of virtual time; SLITRANGE_ROWS sets another number"]
 fn a_hundred_thousand_rows_of_the_firmware_give_the_same_bits_on_a_pc() {
@@ -262,12 +253,10 @@ fn a_file_that_is_no_recording_is_refused() {
     let file = directory.path().join("points.csv");
     let mut packets = Packets::default();
     let later = packets.encode(Message::Text(b"slitrange recording 2\r\n"));
+    let version = "the recording has version 2, this tool reads 1: update the tool";
     for (bytes, words) in [
         (&b"distance,centre\n800,1770\n"[..], "this is no recording"),
-        (
-            later,
-            "the recording has version 2, this tool reads 1: update the tool",
-        ),
+        (later, version),
     ] {
         std::fs::write(&file, bytes).expect("a file");
         let error = recording::open(&file).expect_err("no recording");

@@ -88,31 +88,30 @@ fn rows_of(name: &str, seed: u64, count: u64) -> Vec<(Option<Exposure>, Vec<u16>
     };
     let simulation = Simulation::new(Scene { seed, ..scene });
     let geometry = tcd1304dg();
-    (1..=count)
-        .map(|row| {
-            // In one row of sixteen the laser is off.
-            let us = random.random_range(10..=5600);
-            let exposure = Exposure::from_us(us).filter(|_| random.random_range(0..16) > 0);
-            let laser = exposure.map_or(0.0, |it| 1e-6 * f64::from(it.us()));
-            let light = if name == RANDOM_SPOTS {
-                let mut scene = simulation.scene().clone();
-                scene.spot = Some(any_spot(&mut random));
-                scene.row_with_centre(row, random.random_range(-20.0..3668.0), 1.0)
-            } else {
-                let light = Light {
-                    row: 5.7e-3,
-                    laser,
-                    laser_before: laser,
-                };
-                simulation.row(row, simulation.scene().distance, light)
+    let read_out = |row| {
+        // In one row of sixteen the laser is off.
+        let us = random.random_range(10..=5600);
+        let exposure = Exposure::from_us(us).filter(|_| random.random_range(0..16) > 0);
+        let laser = exposure.map_or(0.0, |it| 1e-6 * f64::from(it.us()));
+        let light = if name == RANDOM_SPOTS {
+            let mut scene = simulation.scene().clone();
+            scene.spot = Some(any_spot(&mut random));
+            scene.row_with_centre(row, random.random_range(-20.0..3668.0), 1.0)
+        } else {
+            let light = Light {
+                row: 5.7e-3,
+                laser,
+                laser_before: laser,
             };
-            // The first words of a read-out show no pixel.
-            let mut row = vec![geometry.full_scale(); TCD1304DG_LEAD_IN];
-            row.extend(words(&light, &geometry));
-            row.resize(geometry.words, geometry.full_scale());
-            (exposure, row)
-        })
-        .collect()
+            simulation.row(row, simulation.scene().distance, light)
+        };
+        // The first words of a read-out show no pixel.
+        let mut row = vec![geometry.full_scale(); TCD1304DG_LEAD_IN];
+        row.extend(words(&light, &geometry));
+        row.resize(geometry.words, geometry.full_scale());
+        (exposure, row)
+    };
+    (1..=count).map(read_out).collect()
 }
 
 /// The sensor's own spot, if its calibration knows it.
@@ -163,8 +162,7 @@ fn recorded(
 
 /// `slitrange replay` of a file whose rows give the sensor's bits: what it says.
 fn replay(path: &Path, more: &[&str]) -> String {
-    let path = path.to_str().expect("a path");
-    let words = [&["replay", path], more].concat();
+    let words = [&["replay", path.to_str().expect("a path")], more].concat();
     let (code, said) = slitrange(&RealPc::new(), &words, "");
     assert_eq!(code, Ok(ExitCode::SUCCESS), "{said}");
     said
@@ -198,7 +196,6 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
         let (sensor, rows) = recorded(settings, profile, rows);
         centres += rows.iter().filter(|row| row.head.result.is_ok()).count();
         faults += rows.iter().filter(|row| row.head.result.is_err()).count();
-
         let mut writer = Writer::default();
         let mut bytes = writer.head(&sensor);
         for row in &rows {
@@ -207,11 +204,9 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
         let mut reader = Reader::new(&bytes[..]).expect("a recording");
         assert_eq!(reader.sensor(), &sensor);
         for row in &rows {
-            let read = reader.next().expect("a row").expect("no error");
-            assert_eq!(&read, row);
+            assert_eq!(&reader.next().expect("a row").expect("no error"), row);
         }
         assert!(reader.next().is_none() && reader.damaged() == 0);
-
         let path = directory.path().join(format!("{place}.slitrange"));
         std::fs::write(&path, &bytes).expect("a file");
         println!("{settings:?}");
@@ -229,9 +224,7 @@ struct Repeated {
     head: Vec<u8>,
     rows: Vec<Vec<u8>>,
     left: usize,
-    /// The bytes that are being read.
     now: Cursor<Vec<u8>>,
-    /// All bytes that were read.
     total: usize,
 }
 

@@ -66,28 +66,19 @@ pub struct FittedSlit {
 
 /// The fewest points for a correction of degree 0, 1, 2 and 3.
 const FEWEST_POINTS: [usize; CORRECTIONS] = [2, 4, 8, 12];
-
 /// The least part of the points' range that the slit's points must cover, for each degree.
 const LEAST_SPAN: [f64; CORRECTIONS] = [0.0, 0.25, 0.5, 0.75];
-
 /// An image is left out if it is so many standard deviations from its point's x0.
 const OUTLIER: f64 = 5.0;
-
-/// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three
-/// may leave so much of a bent window.
+/// No image nearer to its point's x0 is left out, in pixels: a bent window may leave so much at degree three.
 const LEAST_OFF: f64 = 0.25;
-
-/// The same for slits with few points, whose corrections leave more: five times what 5 um of a mask move an
-/// image.
+/// The same for slits with few points: five times what 5 um of a mask move an image.
 const LEAST_OFF_OF_FEW: f64 = 3.0;
-
 /// In the first rounds, an image so many standard deviations off counts less, in proportion.
 const LESS: f64 = 2.5;
-
 /// Rounds with smaller weights for images that are far off, and rounds without them.
 const SOFT_ROUNDS: usize = 4;
 const ROUNDS: usize = 8;
-
 /// Points to both sides whose scatter is averaged with a point's own.
 const BESIDE: usize = 3;
 
@@ -112,12 +103,10 @@ impl Image {
         self.light * self.trust
     }
 
-    /// Whether the image counts in the x0 of its point.
     fn counts(&self) -> bool {
         self.is_common && self.trust > 0.0
     }
 
-    /// 1, t, t^2, t^3.
     fn powers(&self) -> [f64; CORRECTIONS] {
         [1.0, self.t, self.t * self.t, self.t * self.t * self.t]
     }
@@ -128,7 +117,6 @@ impl Image {
     }
 }
 
-/// The coefficients of all slits.
 type Corrections = [[f64; CORRECTIONS]; MAX_SLITS];
 
 /// The images of all points, and what is fitted to them.
@@ -184,8 +172,7 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
     let comb = Comb::new(&slits).context("the mask's drawing has no slits")?;
     comb.check()?;
     fit.corrections = std::array::from_fn(|slit| {
-        let slit = slits.get(slit);
-        slit.map_or([0.0; CORRECTIONS], |it| {
+        slits.get(slit).map_or([0.0; CORRECTIONS], |it| {
             it.correction().map(|term| term.to_f64())
         })
     });
@@ -213,7 +200,6 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
 /// The finest step of a centre, in pixels.
 const LEAST_PX: f64 = 1e-5;
 
-/// The images of a point. `None` if there are none.
 fn images_of(point: usize, images: &SlitImages, nominal: &Comb) -> Option<Vec<Image>> {
     let found: Vec<Image> = (nominal.slits().iter().zip(images).enumerate())
         .filter_map(|(slit, (map, image))| {
@@ -354,11 +340,8 @@ impl Fit {
         }
         let reference = self.means(&corrections);
         let has_reference = |image: &&Image| {
-            let mut others = self
-                .images
-                .iter()
-                .filter(|other| other.point == image.point);
-            others.any(Image::counts)
+            let is_reference = |other: &Image| other.point == image.point && other.counts();
+            self.images.iter().any(is_reference)
         };
         for slit in (0..MAX_SLITS).filter(|&slit| freedoms[slit] < most && freedoms[slit] > 0) {
             let of_slit: Vec<&Image> = self.of_slit(slit).filter(has_reference).collect();
@@ -369,8 +352,7 @@ impl Fit {
         Some(corrections)
     }
 
-    /// Finds out which images are too far from their points' x0. An image's deviation is in proportion to one
-    /// over the square root of its light.
+    /// Finds images too far from their points' x0. An image deviates as one over the root of its light.
     fn trust(&mut self, rejects: bool) {
         let off = |image: &Image| self.off(image).abs() * image.light.sqrt();
         let offs: Vec<f64> = self.images.iter().map(off).collect();
@@ -431,7 +413,6 @@ impl Fit {
         sigmas
     }
 
-    /// What the points tell of a slit.
     fn slit(&self, number: usize, slit: &SlitMap) -> FittedSlit {
         let (least, most) = least_and_most(&self.x0s);
         let t = (0.5 * (least + most) - f64::from(DRAWING.axis_px)) / f64::from(UNIT);

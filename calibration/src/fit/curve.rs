@@ -28,8 +28,7 @@ impl Curve {
 
     /// What is added to eq. (1) at a centre.
     pub fn residual(&self, centre: f64) -> f64 {
-        let distance = self.eq1.curve.distance(centre);
-        (self.correction.as_ref()).map_or(0.0, |it| it.at(distance))
+        (self.correction.as_ref()).map_or(0.0, |it| it.at(self.eq1.curve.distance(centre)))
     }
 
     /// Metres a pixel.
@@ -109,7 +108,6 @@ pub struct Quality {
 
 /// A point that all but determines the curve where it is: without it there is none to compare it with.
 const ALONE: f64 = 1.0 - 1e-6;
-
 /// Points beyond the freedoms, below which known uncertainties are not taken to be smaller because the
 /// residuals are: those may be by chance. The scatter squared is a chi-square over its freedoms: with ten it
 /// is below half of the truth in 1 of 100 calibrations (P(chi-square < 2.5) = 0.9 %), with one in 38.
@@ -132,9 +130,8 @@ impl Quality {
         };
         const STEPS: usize = 200;
         let centres = curve.even_steps(STEPS);
-        let variances: Vec<f64> = centres
-            .map(|centre| curve.unit_variance_at(centre))
-            .collect();
+        let variances = centres.map(|centre| curve.unit_variance_at(centre));
+        let variances: Vec<f64> = variances.collect();
         let (mean, (_, most)) = (mean(&variances), least_and_most(&variances));
         let ends = |better: fn(&f64, &f64) -> std::cmp::Ordering| {
             let end = points.iter().min_by(|a, b| better(&a.centre, &b.centre));

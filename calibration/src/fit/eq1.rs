@@ -125,9 +125,7 @@ impl Fit {
 
 /// Steps at most; three are usual, because the start is within some per cent.
 const MAX_STEPS: usize = 50;
-
-/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the
-/// range away.
+/// |r| below which points lie on a straight line to within rounding: the pole is 1e9 ranges away.
 const STRAIGHT: f64 = 1e-9;
 
 /// Fits the curve to centres in pixels and their distances in metres, all with the same variance.
@@ -151,7 +149,6 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     let not_finite = "a centre or a distance is not a finite number";
     ensure!(points.iter().all(is_finite), not_finite);
     let scale = Scale::of(points)?;
-
     let mut scaled = scale.start(points)?;
     let mut squares = scale.squares(points, &scaled);
     for _ in 0..MAX_STEPS {
@@ -183,7 +180,6 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
         scale.first,
         scale.last
     );
-
     let (normal, _) = scale.step(points, &scaled);
     let by_scaled = scale.derivatives_of_eq1(&scaled);
     let inverse = normal.cholesky().context(UNDETERMINED)?.inverse();
@@ -372,12 +368,10 @@ mod tests {
     /// The scaled form is well-conditioned. The form in (D, K, xp) is not.
     #[test]
     fn the_scaled_form_is_well_conditioned() {
-        let points = exact(1000);
-        let points: Vec<Observation> = points.into_iter().map(Observation::from).collect();
+        let points: Vec<Observation> = exact(1000).into_iter().map(Observation::from).collect();
         let scale = Scale::of(&points).expect("a scale");
         let scaled = scale.start(&points).expect("a start");
-        // The singular values of the derivatives with columns of unit length are the roots of the eigenvalues
-        // of N.
+        // The singular values of the derivatives, columns of unit length, are the roots of N's eigenvalues.
         let condition = |normal: Matrix3<f64>| {
             let unit = Matrix3::from_diagonal(&normal.diagonal().map(|value| 1.0 / value.sqrt()));
             let eigenvalues = (unit * normal * unit).symmetric_eigenvalues();
@@ -399,10 +393,8 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(11);
         let mut one_fit = || {
             let noise: [f64; 40] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
-            let noisy = points
-                .iter()
-                .zip(noise)
-                .map(|(&(x, d), it)| (x, d + 20e-6 * it));
+            let noisy = points.iter().zip(noise);
+            let noisy = noisy.map(|(&(x, d), it)| (x, d + 20e-6 * it));
             fit(&noisy.collect::<Vec<_>>()).expect("a fit")
         };
         let fits: Vec<Fit> = (0..FITS).map(|_| one_fit()).collect();
@@ -438,11 +430,8 @@ mod tests {
     #[test]
     fn points_without_a_curve_are_refused_with_a_reason() {
         let error = |points: &[(f64, f64)]| fit(points).expect_err("no curve").to_string();
-        let points = |distance: fn(f64) -> f64| {
-            (0..10)
-                .map(f64::from)
-                .map(|x| (x, distance(x)))
-                .collect::<Vec<_>>()
+        let points = |distance: fn(f64) -> f64| -> Vec<(f64, f64)> {
+            (0..10).map(|x| (x.into(), distance(x.into()))).collect()
         };
         let two: Vec<(f64, f64)> = (0..10).map(|i| (f64::from(i % 2), f64::from(i))).collect();
         for (points, reason) in [

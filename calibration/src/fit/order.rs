@@ -31,7 +31,6 @@ pub const fn most_rejected(points: usize) -> usize {
 
 /// Steps back in a row that make a fold.
 const FOLD: usize = 4;
-
 /// Steps back by less, in standard deviations of their difference, are noise.
 const NOISE: f64 = 6.0;
 
@@ -167,8 +166,7 @@ fn longest_run(numbers: impl Iterator<Item = f64> + Clone) -> (Vec<usize>, f64) 
 
 /// The places of the longest run of numbers that rise; of several the one that takes the earliest.
 fn longest_rise(numbers: &[f64]) -> Vec<usize> {
-    // From the end: the largest number that a run of each length may begin with, and how long that from each
-    // place is.
+    // From the end: the largest number that a run of each length may begin with, and each place's run.
     let mut heads: Vec<f64> = Vec::new();
     let mut lengths = vec![0; numbers.len()];
     for (place, &number) in numbers.iter().enumerate().rev() {
@@ -209,8 +207,7 @@ fn steps_back(points: &[Point]) -> anyhow::Result<()> {
         return Ok(());
     }
     let goes_back = |pair: &&[&Point]| sign * pair[1].x_px < sign * pair[0].x_px;
-    let pair = sorted.windows(2).find(goes_back);
-    if let Some([near, far]) = pair {
+    if let Some([near, far]) = sorted.windows(2).find(goes_back) {
         let [(near, from_px, from), (far, to_px, to)] = [near, far].map(figures);
         bail!(
             "line {far}: its centre, {to_px} px, goes back from the {from_px} px of line {near} while the \
@@ -257,15 +254,13 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
 fn folds(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
     let mut sorted: Vec<(&Point, f64)> = points.iter().zip(scatter.iter().copied()).collect();
     sorted.sort_by(|(a, _), (b, _)| a.d_mm.total_cmp(&b.d_mm));
-    let steps = sorted.windows(2).map(|it| it[1].0.x_px - it[0].0.x_px);
-    let sign = median(steps).signum();
+    let sign = median(sorted.windows(2).map(|it| it[1].0.x_px - it[0].0.x_px)).signum();
     let goes_back = |pair: &[(&Point, f64)]| {
         let noise = NOISE * pair[0].1.hypot(pair[1].1);
         sign * (pair[1].0.x_px - pair[0].0.x_px) < -noise
     };
     let mut runs = sorted.windows(FOLD + 1);
-    let fold = runs.find(|run| run.windows(2).all(goes_back));
-    if let Some([(first, _), .., (last, _)]) = fold {
+    if let Some([(first, _), .., (last, _)]) = runs.find(|run| run.windows(2).all(goes_back)) {
         let [(first, from_px, from), (last, to_px, to)] = [first, last].map(figures);
         bail!(
             "lines {first} to {last}: the centre goes back from {from_px} to {to_px} px while the distance \

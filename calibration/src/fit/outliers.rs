@@ -19,22 +19,16 @@ use super::spline::{Equations, Grid, Residual, Spline, most_freedoms, penalties}
 
 /// Where the biweight ends, in standard deviations: 95 % efficiency in gaussian noise (J. Tukey).
 const REACH: f64 = 4.685;
-
 /// The standard deviation of a gaussian over its median absolute deviation.
 const BY_MEDIAN: f64 = 1.4826;
-
-/// Scatter is never taken to be below the last digit of a centre, in pixels: rounding is no reason to reject
-/// a point.
+/// The least scatter, in pixels: the last digit of a centre, as rounding is no reason to reject a point.
 const LEAST_SCATTER: f64 = 1e-5;
-
 /// A curve is less certain where it is continued beyond its points than its own variance says, which takes it
 /// to bend there as it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were
 /// rejected (60 a row, distorted by 100 to 490 um), all at the ends; with 2 none.
 const EXTRAPOLATED: f64 = 2.0;
-
 /// Rounds of least absolute residuals.
 const ABSOLUTE_ROUNDS: usize = 20;
-
 /// Rounds of the biweight at most.
 const ROUNDS: usize = 30;
 
@@ -74,7 +68,9 @@ fn biweight(
     for _ in 0..ROUNDS {
         let weight = |it: &Verdict| (1.0 - (it.off / REACH).powi(2)).max(0.0).powi(2);
         let weights: Vec<f64> = verdicts.iter().map(weight).collect();
-        let next = judge_with(grid, residuals, &weights, least_scatter)?;
+        let equations = equations(grid, residuals, &weights);
+        let spline = equations.solve(equations.best_penalty()?)?;
+        let next = judge_by(residuals, &weights, &spline, least_scatter);
         let same = |(a, b): (&Verdict, &Verdict)| {
             a.kept == b.kept && (!a.kept || (a.off - b.off).abs() < 1e-3)
         };
@@ -87,17 +83,6 @@ fn biweight(
     Some(verdicts)
 }
 
-fn judge_with(
-    grid: Grid,
-    residuals: &[Judged],
-    weights: &[f64],
-    least_scatter: f64,
-) -> Option<Vec<Verdict>> {
-    let equations = equations(grid, residuals, weights);
-    let spline = equations.solve(equations.best_penalty()?)?;
-    Some(judge_by(residuals, weights, &spline, least_scatter))
-}
-
 /// The stiffest curve with the least absolute residuals from which the points are hardly further than from
 /// any other, each from the curve that the others make, and an outlier however far: a curve that bends more
 /// than it must could follow an outlier at its end. With the weights that belong to it.
@@ -108,8 +93,7 @@ fn stiffest(grid: Grid, residuals: &[Judged]) -> Option<(Vec<f64>, Spline)> {
         .take_while(|(_, spline)| spline.freedoms <= most_freedoms(residuals.len() as f64))
         .map(|(weights, spline)| (off_others(residuals, &weights, &spline), weights, spline))
         .collect();
-    let scatters = curves.iter().map(|(off, ..)| BY_MEDIAN * median(off));
-    let (scatter, _) = least_and_most(scatters);
+    let (scatter, _) = least_and_most(curves.iter().map(|(off, ..)| BY_MEDIAN * median(off)));
     let error = |off: &[f64]| -> f64 {
         let squares = off.iter().map(|off| (off / scatter).min(REACH).powi(2));
         squares.sum()
@@ -122,34 +106,27 @@ fn stiffest(grid: Grid, residuals: &[Judged]) -> Option<(Vec<f64>, Spline)> {
 
 /// How far each point is from the curve that the others make, over its own uncertainty.
 fn off_others(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<f64> {
-    without_each(residuals, weights, spline)
-        .iter()
-        .zip(residuals)
-        .map(|((off, _), residual)| (off / residual.sigma).abs())
+    let without = without_each(residuals, weights, spline);
+    let all = without.into_iter().zip(residuals);
+    all.map(|((off, _), residual)| (off / residual.sigma).abs())
         .collect()
 }
 
-/// The curve with the least sum of absolute residuals and of the penalty, and the weights by which least
-/// squares gives it.
+/// The curve with the least absolute residuals and penalty, and the weights by which least squares gives it.
 fn least_absolute(grid: Grid, residuals: &[Judged], penalty: f64) -> Option<(Vec<f64>, Spline)> {
     let mut weights = Vec::new();
     // Beginning with the start's own residuals, which no outlier has moved.
     let mut values = vec![0.0; residuals.len()];
     for _ in 0..ABSOLUTE_ROUNDS {
-        let off: Vec<f64> = residuals
-            .iter()
-            .zip(values)
+        let off: Vec<f64> = (residuals.iter().zip(values))
             .map(|(residual, value)| (residual.value - value).abs() / residual.sigma)
             .collect();
         let middle = median(&off);
         // Where half of the points lie on the curve, the others do not count.
         let middle = middle.max(f64::MIN_POSITIVE);
-        // Down to a hundredth of the median: without a floor a point that is met by chance would count
-        // without end.
-        weights = off
-            .iter()
-            .map(|off| 1.0 / (off / middle).max(0.01))
-            .collect();
+        // Down to a hundredth of the median: a point that is met by chance must not count without end.
+        let weight = |off: f64| 1.0 / (off / middle).max(0.01);
+        weights = off.into_iter().map(weight).collect();
         let at = residuals.iter().map(|residual| residual.at);
         values = equations(grid, residuals, &weights).values(penalty, at)?;
     }
@@ -194,8 +171,7 @@ impl Judged {
     }
 }
 
-/// Over the distances of the points: those far beyond the others, which only an outlier makes, must not
-/// stretch it.
+/// Over the points' distances, but not stretched by those far beyond, which only an outlier makes.
 fn grid(residuals: &[Judged]) -> Option<Grid> {
     let finite = residuals.iter().filter(|residual| residual.is_finite());
     let mut places: Vec<f64> = finite.map(|residual| residual.at).collect();
@@ -222,8 +198,7 @@ fn equations(grid: Grid, residuals: &[Judged], weights: &[f64]) -> Equations {
     Equations::new(grid, weighted, points)
 }
 
-/// How far each point is from the curve without it, and that curve's variance there: the point's share in its
-/// own value goes.
+/// How far each point is from the curve without it, and that curve's variance there.
 fn without_each(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<(f64, f64)> {
     let without = |(residual, weight): (&Judged, &f64)| {
         let variance = spline.unit_variance_at(residual.at);
@@ -234,8 +209,7 @@ fn without_each(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<(
     residuals.iter().zip(weights).map(without).collect()
 }
 
-/// How far each point is from the curve through the others, over its own scatter and that curve's uncertainty
-/// together.
+/// How far each point is from the curve of the others, over its own scatter and that curve's uncertainty.
 fn judge_by(
     residuals: &[Judged],
     weights: &[f64],
@@ -243,21 +217,15 @@ fn judge_by(
     least_scatter: f64,
 ) -> Vec<Verdict> {
     let without = without_each(residuals, weights, spline);
-    let off = residuals
-        .iter()
-        .zip(&without)
+    let all = || residuals.iter().zip(&without);
+    let off = all()
         .map(|(residual, (off, variance))| off.abs() / (residual.sigma.powi(2) + variance).sqrt());
     let scatter = (BY_MEDIAN * median(off)).max(least_scatter);
-    residuals
-        .iter()
-        .zip(&without)
-        .map(|(residual, (off, variance))| {
-            let sigma = (scatter * residual.strict)
-                .max(residual.least)
-                .hypot(EXTRAPOLATED * scatter * variance.sqrt());
-            let off = off.abs() / sigma;
-            let kept = residual.is_finite() && off < REACH;
-            Verdict { off, kept }
-        })
-        .collect()
+    let verdict = |(residual, (off, variance)): (&Judged, &(f64, f64))| {
+        let sigma = (scatter * residual.strict).max(residual.least);
+        let off = off.abs() / sigma.hypot(EXTRAPOLATED * scatter * variance.sqrt());
+        let kept = residual.is_finite() && off < REACH;
+        Verdict { off, kept }
+    };
+    all().map(verdict).collect()
 }

@@ -48,10 +48,8 @@ pub struct Solved {
 
 /// How many standard errors a correction must gain to be taken for better than eq. (1) alone.
 pub const CLEARLY: f64 = 2.0;
-
 /// Bends below this many standard uncertainties are those of a straight line.
 const BENT: f64 = 2.0;
-
 /// Rounds in which the points' weights follow the curve's slope.
 const WEIGHT_ROUNDS: usize = 3;
 
@@ -78,7 +76,6 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
             lines[..off.min(6)].join(", ")
         );
     }
-
     let lines = || {
         let lines = || kept.iter().map(|point| point.line);
         let (first, last) = (lines().min().unwrap_or(0), lines().max().unwrap_or(0));
@@ -108,9 +105,8 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
     let sigma_px = |point: &Observed| (point.sigma(curve) / curve.slope(point.centre)).abs();
     let scatter_px: Vec<f64> = all.iter().map(|point| scatter * sigma_px(point)).collect();
     order::after(points, &out_of_order, &is_kept, &scatter_px)?;
-    let gain = corrected
-        .as_ref()
-        .and_then(|(curve, _)| gain(&plain, curve, &kept));
+    let gain_of = |(curve, _): &(Curve, Quality)| gain(&plain, curve, &kept);
+    let gain = corrected.as_ref().and_then(gain_of);
     Ok(Solved {
         plain,
         plain_quality,

@@ -61,11 +61,7 @@ pub fn penalties() -> impl Iterator<Item = f64> {
 impl Grid {
     /// Even intervals from one distance to another, as many as points can use: half as many, at most 40.
     pub fn new(first: f64, last: f64, points: usize) -> Self {
-        Self::with_intervals(first, last, (points / 2).clamp(4, 40))
-    }
-
-    /// That many even intervals, at least one.
-    pub fn with_intervals(first: f64, last: f64, intervals: usize) -> Self {
+        let intervals = (points / 2).clamp(4, 40);
         Self {
             first,
             interval: (last - first) / intervals as f64,
@@ -169,13 +165,12 @@ impl Equations {
 
     /// The penalty with the least generalised cross-validation error.
     pub fn best_penalty(&self) -> Option<f64> {
-        penalties()
-            .map_while(|penalty| {
-                let (freedoms, score) = self.score(penalty)?;
-                (freedoms <= most_freedoms(self.points)).then_some((penalty, score))
-            })
-            .min_by(|(_, a), (_, b)| a.total_cmp(b))
-            .map(|(penalty, _)| penalty)
+        let scores = penalties().map_while(|penalty| {
+            let (freedoms, score) = self.score(penalty)?;
+            (freedoms <= most_freedoms(self.points)).then_some((penalty, score))
+        });
+        let (penalty, _) = scores.min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+        Some(penalty)
     }
 
     /// The smooth curve.
@@ -270,8 +265,7 @@ mod tests {
         let penalty = equations.best_penalty().expect("a penalty");
         let spline = equations.solve(penalty).expect("a curve");
         let rms = |error: &dyn Fn(f64) -> f64| {
-            let all = residuals(400, error);
-            1e6 * statistics::rms(all.iter().map(|residual| residual.value))
+            1e6 * statistics::rms(residuals(400, error).iter().map(|residual| residual.value))
         };
         let error = rms(&|d| spline.at(d) - wave(d));
         let claimed = rms(&|d| 2e-6 * spline.unit_variance_at(d).sqrt());

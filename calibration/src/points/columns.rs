@@ -48,7 +48,6 @@ pub const ONE_SLIT: [&str; 15] = [
 /// The further columns of a comb: for each slit the centre of its image in pixels, and its height in counts.
 pub fn comb() -> Vec<String> {
     let numbers = 1..=MAX_SLITS;
-    numbers
-        .flat_map(|number| [format!("slit_{number}_px"), format!("slit_{number}_counts")])
-        .collect()
+    let of_slit = |slit| [format!("slit_{slit}_px"), format!("slit_{slit}_counts")];
+    numbers.flat_map(of_slit).collect()
 }

@@ -18,14 +18,11 @@ use crate::points::KnownShape;
 
 /// With fewer points the scatter of the shapes is not known.
 const FEWEST: usize = 4;
-
 /// The highest degree of a polynomial. It takes ten points.
 const HIGHEST_DEGREE: usize = 3;
-
 /// The least deviation of the width, over the width. The width of a spot without a flaw changes with its
 /// height and its place between two pixels, by less than this.
 const LEAST_WIDTH_DEVIATION: f64 = 0.002;
-
 /// The estimator makes one combination of the five components zero, so four of them scatter.
 const SCATTERING: f64 = COMPONENTS as f64 - 1.0;
 

@@ -94,7 +94,6 @@ impl Surface {
 /// Prior mean of q. Light falls as one over the square of the distance, and a target that shines towards the
 /// sensor when it is far makes up for some of that: half-way.
 const POWER: f64 = -1.0;
-
 /// Prior standard deviation of q.
 const POWER_DEVIATION: f64 = 1.5;
 
@@ -102,8 +101,7 @@ const POWER_DEVIATION: f64 = 1.5;
 /// so this is the regression of a gamma distribution (P. McCullagh and J. A. Nelder, Generalized Linear
 /// Models, 2nd ed., section 8), with [`POWER`] before it.
 fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
-    let mean = mean(heights.iter().map(|(_, height)| height));
-    let (mut log_height, mut power) = (mean.ln(), 0.0);
+    let (mut log_height, mut power) = (mean(heights.iter().map(|(_, height)| height)).ln(), 0.0);
     for _ in 0..20 {
         let prior = POWER_DEVIATION.powi(-2);
         let mut matrix = Matrix2::new(0.0, 0.0, 0.0, prior);
@@ -130,13 +128,12 @@ mod tests {
     #[test]
     fn the_usual_height_is_the_mean_and_follows_the_distance() {
         // Pairs of a high and a low spot, with a mean of 1000 d^-2.
-        let heights: Vec<(f64, f64)> = (0..400)
-            .map(|i| {
-                let log = f64::from(i) / 400.0 - 0.5;
-                let share = if i % 2 == 0 { 0.2 } else { 1.8 };
-                (log, 1000.0 * share * (-2.0 * log).exp())
-            })
-            .collect();
+        let pair = |i| {
+            let log = f64::from(i) / 400.0 - 0.5;
+            let share = if i % 2 == 0 { 0.2 } else { 1.8 };
+            (log, 1000.0 * share * (-2.0 * log).exp())
+        };
+        let heights: Vec<(f64, f64)> = (0..400).map(pair).collect();
         let (height, power) = usual_height(&heights);
         println!("{height} {power}");
         assert!((height / 1000.0 - 1.0).abs() < 0.02);

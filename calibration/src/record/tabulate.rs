@@ -7,13 +7,10 @@ use crate::fixed::{micrometres, pixels};
 
 /// What tabulation may add, in micrometres: a tenth of what noise leaves of the best calibrations.
 const LIMIT: f64 = 0.1;
-
 /// Places in each interval where the knots' curve is compared.
 const PLACES: i32 = 16;
-
 /// Places over the range between which a turn of the curve is looked for.
 const STEPS: usize = 512;
-
 /// Intervals of less than this are not divided, in pixels.
 const NARROWEST: f64 = 0.25;
 
@@ -91,13 +88,12 @@ fn turns(curve: &impl Fn(f64) -> f64, first: Pixels, last: Pixels) -> Vec<Pixels
 
 /// How far the knots' curve is off in an interval, at most, in micrometres.
 fn error(curve: &impl Fn(f64) -> f64, knots: &Knots, from: Pixels, to: Pixels) -> f64 {
-    (0..=PLACES)
-        .filter_map(|part| {
-            let centre = part_of_way(from, to, part, PLACES);
-            let (value, _) = knots.at(centre).ok()?;
-            Some((value.to_f64() - curve(centre.to_f64())).abs())
-        })
-        .fold(0.0, f64::max)
+    let off = |part| {
+        let centre = part_of_way(from, to, part, PLACES);
+        let (value, _) = knots.at(centre).ok()?;
+        Some((value.to_f64() - curve(centre.to_f64())).abs())
+    };
+    (0..=PLACES).filter_map(off).fold(0.0, f64::max)
 }
 
 fn part_of_way(from: Pixels, to: Pixels, part: i32, of: i32) -> Pixels {

@@ -12,13 +12,10 @@ use crate::fit::solve::Solved;
 /// The largest uncertainty of a good curve, over its range of distances. Makers of triangulation sensors
 /// state a linearity of 0.05 to 0.3 % of the range.
 const GOOD: f64 = 1e-3;
-
 /// The largest uncertainty of a usable curve, over its range of distances.
 const USABLE: f64 = 1e-2;
-
 /// Points that scatter by more than this factor over what was given of their errors have another error, too.
 pub const SCATTERED: f64 = 1.5;
-
 /// More rejected points than this share are no matter of a few slips.
 const REJECTED: f64 = 0.1;
 

@@ -40,8 +40,7 @@ fn two_hundred_points_give_the_curve_to_0_7_um() {
     assert!(nominal < 1.1 * 0.942);
 }
 
-/// One point in twenty is off by 25 to 5000 standard deviations. If the fit gave these points any weight, the
-/// result would show it.
+/// One point in twenty is off by 25 to 5000 standard deviations: any weight of theirs would show.
 #[test]
 #[ignore = "takes 5 CPU s; run by .ci/run"]
 fn gross_outliers_change_little() {
@@ -76,8 +75,7 @@ fn mistyped_distances_are_rejected() {
     }
 }
 
-/// On points of eq. (1), residuals would only follow the noise, so the tool does not choose them. On a
-/// distorted row it chooses residuals.
+/// On points of eq. (1) residuals would only follow the noise. A distorted row needs them.
 #[test]
 fn eq_1_is_chosen_for_eq_1_and_residuals_for_a_distortion() {
     const SETS: u64 = 100;
@@ -96,8 +94,7 @@ fn eq_1_is_chosen_for_eq_1_and_residuals_for_a_distortion() {
     }
 }
 
-/// The distances differ from eq. (1) by 300 um at the end; 60 points of 0.002 px. The fit rejects no point,
-/// and only noise remains.
+/// 300 um off eq. (1) at the end, 60 points of 0.002 px: none is rejected, and only noise remains.
 #[test]
 fn a_distorted_row_is_corrected() {
     const SEEDS: u64 = 50;
@@ -158,8 +155,7 @@ fn covariance_and_uncertainty_are_honest() {
             let found = nalgebra::Vector3::new(fit.curve.d, fit.curve.k, fit.curve.pole);
             let off = found - truth.parameters();
             let covariance = fit.covariance().expect("a scatter");
-            let inverse = covariance.try_inverse().expect("regular");
-            squares += (off.transpose() * inverse * off)[0];
+            squares += (off.transpose() * covariance.try_inverse().expect("regular") * off)[0];
             let quality = &solved.plain_quality;
             let error = truth.error(|x| solved.plain.distance(x)).0 * 1e-6;
             ratios.push(error / quality.uncertainty.expect("a scatter"));

@@ -11,8 +11,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 use simulator::distorted_optics::DistortedOptics;
 use slitrange::base::units::Pixels;
 use slitrange::frame::comb::{MAX_SLITS, NOMINAL_PLACES_UM, Slits};
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::record::date::Date;
@@ -34,8 +33,7 @@ enum Flaw {
     Lens,
 }
 
-/// A sensor that nobody has been told of: its geometry, the places of its slits, and what displaces the
-/// light.
+/// An unknown sensor: its geometry, the places of its slits, and what displaces the light.
 struct Sensor {
     optics: DistortedOptics,
     places: [f64; MAX_SLITS],
@@ -116,8 +114,7 @@ fn calibrated(points: &[Point]) -> (FittedComb, Solved, Record) {
     let date = Date::new(2026, 11, 23).expect("a day");
     let record = record::of(&Setup::default(), date, &solved, &made, Some(&comb));
     let mut buffer = [0; MAX_ENCODED];
-    let bytes = encode(&record, &mut buffer).expect("a record");
-    let read = decode(bytes).expect("a record");
+    let read = decode(encode(&record, &mut buffer).expect("a record")).expect("a record");
     assert_eq!(read, record);
     (comb, solved, read)
 }
@@ -136,8 +133,7 @@ fn x0(record: &Record, images: &SlitImages) -> Pixels {
     Pixels::from_bits((sum / weights * 65536.0).round() as i32)
 }
 
-/// Errors of a record's distances in micrometres at places between the points, where `images` gives those of
-/// a distance.
+/// Errors of a record's distances in micrometres between the points. `images` gives those of a distance.
 fn errors_of(record: &Record, mut images: impl FnMut(f64) -> SlitImages) -> Vec<f64> {
     let error = |distance| {
         let x0 = x0(record, &images(distance));
@@ -166,8 +162,7 @@ fn sixty_points_give_the_curve_of_a_comb_to_1_5_um() {
             let (mut all, mut largest, mut before, mut claims) = (vec![], 0.0f64, vec![], vec![]);
             for seed in 0..20 {
                 let sensor = Sensor::unknown(seed, departure, flaw);
-                let points = sensor.points(60, noise, &mut seeded(seed));
-                let (comb, _, record) = calibrated(&points);
+                let (comb, _, record) = calibrated(&sensor.points(60, noise, &mut seeded(seed)));
                 let exact = errors_of(&record, |at| sensor.exact(at));
                 assert!(exact.len() > 390);
                 largest = exact.iter().map(|it| it.abs()).fold(largest, f64::max);
@@ -203,8 +198,7 @@ fn few_points_get_corrections_of_a_lower_degree() {
         let (comb, _, record) = calibrated(&points);
         println!("{count} points");
         assert!(comb.slits.iter().all(|it| it.degree == Some(degree)));
-        let slits = record.comb.as_ref().expect("a comb").slits();
-        for slit in slits {
+        for slit in record.comb.as_ref().expect("a comb").slits() {
             let mut higher = slit.correction().iter().skip(degree + 1);
             assert!(higher.all(|term| *term == Pixels::default()));
         }
@@ -235,10 +229,8 @@ fn few_points_get_corrections_of_a_lower_degree() {
     println!("{degrees:?}");
     // None is below 0.
     let due = [-1, 3, 3, -1, 0, 1, 2, 1, 2];
-    let found = degrees[2..11]
-        .iter()
-        .map(|it| it.map_or(-1, |it| it as i32));
-    assert!(found.eq(due));
+    let found = degrees[2..11].iter();
+    assert!(found.map(|it| it.map_or(-1, |it| it as i32)).eq(due));
     // Whichever slits have an image, the distance is about the same: a slit without a correction is off by 5
     // um of the mask, which are 0.6 px or 0.2 mm.
     let (left, right) = (&[0, 1, 2, 3, 4, 5], &[9, 11, 12, 13, 14, 15]);
@@ -254,8 +246,7 @@ fn few_points_get_corrections_of_a_lower_degree() {
     }
 }
 
-/// In each point some slits have no image, and some images are those of a reflection. Nothing is lost of the
-/// calibration but the images.
+/// Some slits have no image, and some images are a reflection's: only these images are lost.
 #[test]
 fn missing_and_false_images_do_not_bias_the_others() {
     let (mut all, mut counts) = (vec![], vec![]);
@@ -294,30 +285,28 @@ fn the_scatter_of_the_slits_is_not_counted_twice() {
         for seed in 0..SETS {
             let sensor = Sensor::unknown(seed, 1e-6, Flaw::Window);
             let mut random = seeded(500 + seed);
-            let points: Vec<Point> = (0..60)
-                .map(|i| {
-                    let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
-                    // In proportion to d - D, D = -115 mm; `shared_um` at 0.8 m.
-                    let share = (distance + 0.115) / 0.915;
-                    let moved = distance + 1e-6 * shared_um * share * normal(&mut random);
-                    let mut images = sensor.exact(moved);
-                    for image in images.iter_mut().flatten() {
-                        // The light of two speckle patterns.
-                        let light = |random: &mut ChaCha8Rng| -random.random::<f64>().ln();
-                        let height = 500.0 * (light(&mut random) + light(&mut random));
-                        image.height_counts = height.clamp(20.0, 4000.0);
-                        let deviation = of_one_count / image.height_counts.sqrt();
-                        image.x_px += deviation * normal(&mut random);
-                    }
-                    point(i as usize, distance, images)
-                })
-                .collect();
+            let at = |i| {
+                let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
+                // In proportion to d - D, D = -115 mm; `shared_um` at 0.8 m.
+                let share = (distance + 0.115) / 0.915;
+                let moved = distance + 1e-6 * shared_um * share * normal(&mut random);
+                let mut images = sensor.exact(moved);
+                for image in images.iter_mut().flatten() {
+                    // The light of two speckle patterns.
+                    let light = |random: &mut ChaCha8Rng| -random.random::<f64>().ln();
+                    let height = 500.0 * (light(&mut random) + light(&mut random));
+                    image.height_counts = height.clamp(20.0, 4000.0);
+                    let deviation = of_one_count / image.height_counts.sqrt();
+                    image.x_px += deviation * normal(&mut random);
+                }
+                point(i as usize, distance, images)
+            };
+            let points: Vec<Point> = (0..60).map(at).collect();
             let (comb, solved, record) = calibrated(&points);
             let CalibrationErrors::Fitted(errors) = &record.errors else {
                 panic!("{:?}", record.errors);
             };
-            let surface = errors.surface.as_ref().expect("60 points");
-            found.push(surface.deviation[4].to_f64());
+            found.push(errors.surface.as_ref().expect("60 points").deviation[4].to_f64());
             claims.push(errors.curve[4].to_f64());
             sigmas.push(comb.scatter_px);
             let curve = &solved.plain;
@@ -345,7 +334,7 @@ fn the_scatter_of_the_slits_is_not_counted_twice() {
 }
 
 /// Rows of a sensor with a comb: gaussians with shot noise and read noise.
-fn row(sensor: &Sensor, distance: f64, noise: Option<&mut ChaCha8Rng>) -> Vec<u16> {
+fn row(sensor: &Sensor, distance: f64, mut noise: Option<&mut ChaCha8Rng>) -> Vec<u16> {
     let head = tcd1304dg();
     let mut light = vec![0.0f64; head.words];
     for slit in 0..MAX_SLITS {
@@ -356,11 +345,9 @@ fn row(sensor: &Sensor, distance: f64, noise: Option<&mut ChaCha8Rng>) -> Vec<u1
             *count += 1000.0 * (-0.5 * off * off).exp();
         }
     }
-    let mut random = noise;
     let word = |count: f64| {
-        let noise = random
-            .as_mut()
-            .map(|it| (count / 10.0 + 16.0).sqrt() * normal(it));
+        let deviation = (count / 10.0 + 16.0).sqrt();
+        let noise = noise.as_mut().map(|random| deviation * normal(random));
         let word = 4095.0 - 300.0 - count - noise.unwrap_or_default();
         word.round().clamp(0.0, 4095.0) as u16
     };
@@ -386,19 +373,18 @@ fn whole_rows_are_calibrated() {
             let frame = (0..64).find_map(|_| measurement.row(&mut words()));
             frame.expect("64 rows").expect("a centre")
         };
-        let points: Vec<Point> = (0..60)
-            .map(|i| {
-                let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
-                let measured = measured(distance);
-                let comb = measured.comb.expect("a comb");
-                assert!(comb.used >= 14);
-                Point {
-                    x_px: measured.frame.centre.to_f64(),
-                    sigma_px: Some(measured.frame.uncertainty.to_f64()),
-                    ..point(i as usize, distance, slit_images(&comb.centres))
-                }
-            })
-            .collect();
+        let at = |i| {
+            let distance = NEAR + (FAR - NEAR) * f64::from(i) / 59.0;
+            let measured = measured(distance);
+            let comb = measured.comb.expect("a comb");
+            assert!(comb.used >= 14);
+            Point {
+                x_px: measured.frame.centre.to_f64(),
+                sigma_px: Some(measured.frame.uncertainty.to_f64()),
+                ..point(i as usize, distance, slit_images(&comb.centres))
+            }
+        };
+        let points: Vec<Point> = (0..60).map(at).collect();
         let (comb, solved, record) = calibrated(&points);
         let mut measurement = Measurement::new(tcd1304dg(), options(1));
         measurement.set_comb(comb.comb.clone());

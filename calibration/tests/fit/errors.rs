@@ -29,8 +29,7 @@ fn fitted(points: &[Point], form: Form) -> (slitrange::Calibration, FittedErrors
 fn errors_over_claims(truth: &Truth, form: Form, noise: f64) -> [f64; PLACES] {
     let mut over_claim: [Vec<f64>; PLACES] = Default::default();
     for seed in 0..300 {
-        let points = truth.points(40, noise, &mut seeded(seed));
-        let (calibration, errors) = fitted(&points, form);
+        let (calibration, errors) = fitted(&truth.points(40, noise, &mut seeded(seed)), form);
         let (first, last) = calibration.valid();
         for (place, over_claim) in over_claim.iter_mut().enumerate() {
             let share = place as f64 / (PLACES - 1) as f64;
@@ -44,8 +43,7 @@ fn errors_over_claims(truth: &Truth, form: Form, noise: f64) -> [f64; PLACES] {
     over_claim.map(|values| rms(&values))
 }
 
-/// 300 values tell an RMS to 4 %. A claim of 37 freedoms is known to 12 %, of which the mean over the sensors
-/// counts.
+/// 300 values tell an RMS to 4 %, 37 freedoms a claim to 12 %: the mean over the sensors counts.
 #[test]
 fn curves_are_off_by_the_uncertainty_in_the_record() {
     // 0.2 px are 80 um.
@@ -56,8 +54,7 @@ fn curves_are_off_by_the_uncertainty_in_the_record() {
     let corrected = errors_over_claims(&Truth::distorted(0.01), Form::Corrected, 0.02);
     println!("corrected: {corrected:.2?}");
     assert!(corrected.iter().all(|ratio| (0.8..1.25).contains(ratio)));
-    // The same with points that are known to 80 um: the smooth curve leaves some of the departure, which its
-    // covariance does not fully hold.
+    // Points that are known to 80 um: the curve leaves some of the departure beyond its covariance.
     let hidden = errors_over_claims(&Truth::distorted(0.01), Form::Corrected, 0.2);
     println!("corrected, departure hidden: {hidden:.2?}");
     assert!(hidden.iter().all(|ratio| (0.8..1.4).contains(ratio)));
@@ -72,8 +69,7 @@ fn steps_over_claim(step: f64) -> f64 {
         let (calibration, errors) = fitted(&truth.points(40, 0.2, &mut seeded(seed)), Form::Eq1);
         let errors = CalibrationErrors::Fitted(errors);
         let reading = |distance: f64| {
-            let measured = at_centre(truth.centre(distance));
-            measured.reading(Some(&calibration), &errors, Surface::Off)
+            at_centre(truth.centre(distance)).reading(Some(&calibration), &errors, Surface::Off)
         };
         for place in 0..9 {
             // 5 mm from either end, because noise of the first point or the last may shorten the range.
@@ -130,13 +126,11 @@ fn the_surface_is_told_from_the_residuals_and_the_heights() {
     let share = 4e-4;
     let (mut ratios, mut heights) = (vec![], vec![]);
     for seed in 0..200 {
-        let points = rough(&truth, 60, share, &mut seeded(seed));
-        let (calibration, errors) = fitted(&points, Form::Eq1);
+        let (calibration, errors) = fitted(&rough(&truth, 60, share, &mut seeded(seed)), Form::Eq1);
         let surface = errors.surface.expect("a surface");
         let middle = PLACES / 2;
         let (first, last) = calibration.valid();
-        let x = (first.to_f64() + last.to_f64()) / 2.0;
-        let from_pole = truth.distance(x) - d;
+        let from_pole = truth.distance((first.to_f64() + last.to_f64()) / 2.0) - d;
         // Deviation and height go together: what counts is the deviation for a given height.
         let usual = 1000.0 * (0.9 / from_pole).powi(2);
         let of_usual = surface.height[middle].to_f64() / usual;

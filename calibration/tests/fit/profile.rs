@@ -75,8 +75,7 @@ fn the_profile_is_that_of_the_points() {
 fn deviations_are_the_scatter_beyond_the_noise() {
     let mean = |noise: f64, scatter: f64, of: &dyn Fn(&Profile) -> f64| {
         let found = (0..200).map(|seed| {
-            let profile = profile_of(&with_shapes(30, noise, scatter, seed)).expect("a profile");
-            of(&profile).powi(2)
+            of(&profile_of(&with_shapes(30, noise, scatter, seed)).expect("a profile")).powi(2)
         });
         (found.sum::<f64>() / 200.0).sqrt()
     };
@@ -110,7 +109,6 @@ fn points_without_shapes_or_too_few_have_no_profile() {
         assert_eq!(profile_of(&without(left)).is_some(), is_there, "{left}");
     }
     // A straight line through four points.
-    let four = with_shapes(4, 0.0, 0.0, 1);
-    let profile = profile_of(&four).expect("a profile");
+    let profile = profile_of(&with_shapes(4, 0.0, 0.0, 1)).expect("a profile");
     assert!((profile.components[1][4].to_f64() - 0.05).abs() < 1e-4);
 }

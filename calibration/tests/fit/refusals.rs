@@ -39,7 +39,6 @@ fn unusable_points_are_refused_with_a_reason() {
     say("no points", vec![]);
     say("one point", exact(5)[..1].to_vec());
     say("two points", exact(5)[..2].to_vec());
-
     let straight = (0..5).map(|i| Point {
         line: i + 2,
         x_px: 1000.0 + 100.0 * i as f64,
@@ -54,7 +53,6 @@ fn unusable_points_are_refused_with_a_reason() {
         point.x_px = 2000.0 - 2.0 * (point.d_mm - 600.0) + 0.01 * (point.x_px % 7.0);
     }
     say("straight within its scatter", noisy);
-
     let mut repeated = exact(12);
     repeated.insert(5, repeated[4]);
     say("a line twice", renumbered(repeated));
@@ -64,7 +62,6 @@ fn unusable_points_are_refused_with_a_reason() {
     let mut same = exact(12);
     same[6].d_mm = same[5].d_mm;
     say("a distance twice", same);
-
     for count in [6, 40] {
         let mut swapped = exact(count);
         swapped.swap(2, 3);
@@ -80,7 +77,6 @@ fn unusable_points_are_refused_with_a_reason() {
         shuffled.swap(i, (i * 17 + 5) % 40);
     }
     say("shuffled", renumbered(shuffled));
-
     let mut back = exact(6);
     back[3].x_px = back[1].x_px + 10.0;
     say("one of 6 centres goes back", back);
@@ -122,8 +118,7 @@ fn one_wrong_point_among_many_is_an_outlier() {
     points.iter_mut().for_each(|it| it.x_px = 3647.0 - it.x_px);
     solve(&renumbered(points), None).expect("a fit");
     // Noise that is larger than the steps.
-    let noisy = Truth::nominal().points(1200, 3.0, &mut seeded(2));
-    solve(&noisy, None).expect("a fit");
+    solve(&Truth::nominal().points(1200, 3.0, &mut seeded(2)), None).expect("a fit");
 }
 
 #[test]

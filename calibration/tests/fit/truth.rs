@@ -17,7 +17,6 @@ pub struct Truth {
 
 /// From the axis to the row's end, in pixels.
 const HALF_ROW: f64 = 1824.0;
-
 /// The range of distances in metres.
 pub const NEAR: f64 = 0.60;
 pub const FAR: f64 = 1.02;
@@ -146,8 +145,7 @@ pub fn throw_off(
 ) -> Vec<u64> {
     let mut lines = Vec::new();
     while lines.len() < count {
-        let index = random.random_range(0..points.len());
-        let point = &mut points[index];
+        let point = &mut points[random.random_range(0..points.len())];
         if lines.contains(&point.line) {
             continue;
         }

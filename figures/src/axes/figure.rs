@@ -18,7 +18,6 @@ use super::Panel;
 
 /// Pixels of the file for each pixel that is shown.
 pub const FINE: i32 = 10;
-
 /// Width of a figure in pixels as it is shown.
 const WIDTH: u32 = 1000;
 
@@ -371,9 +370,8 @@ mod tests {
             let [x, y] = ["x", "y"].map(|name| Axis::linear((0.0, 1.0), name, 5, 1));
             let mut panel = panel(&root, "a curve", 30, &x, &y).expect("a panel");
             range = panel.plotting_area().get_pixel_range();
-            let points = (0..=100)
-                .map(|step| 0.01 * f64::from(step))
-                .map(|x| (x, curve(x)));
+            let places = (0..=100).map(|step| 0.01 * f64::from(step));
+            let points = places.map(|x| (x, curve(x)));
             draw_line(
                 &mut panel,
                 points.clone(),
@@ -386,10 +384,8 @@ mod tests {
         let text = std::fs::read_to_string(&path).expect("text");
         assert!(text.starts_with("<svg width=\"1000\" height=\"500\" viewBox=\"0 0 10000 5000\""));
         assert_eq!(text.matches("<circle").count(), 101);
-        let line = text
-            .lines()
-            .find(|line| line.matches(',').count() >= 101)
-            .expect("a line");
+        let is_curve = |line: &&str| line.matches(',').count() >= 101;
+        let line = text.lines().find(is_curve).expect("a line");
         let (_, points) = line.split_once("points=\"").expect("points");
         let (columns, rows) = range;
         let mut most: f64 = 0.0;

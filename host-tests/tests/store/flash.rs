@@ -1,11 +1,11 @@
 //! A flash with two sectors, of which power can be cut at any operation: the erasing of a sector, or the
 //! programming of a word.
 
-use crate::support::*;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 pub const SECTOR: usize = 0x4000;
 pub const BYTES: usize = 2 * SECTOR;

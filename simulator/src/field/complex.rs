@@ -94,13 +94,12 @@ impl Matrix {
 
     /// sum |element|^2 of each row.
     pub fn row_sums(&self) -> Vec<f64> {
-        (0..self.rows)
-            .map(|row| {
-                let (re, im) = self.row(row);
-                let squares = re.iter().zip(im).map(|(re, im)| re * re + im * im);
-                squares.map(f64::from).sum()
-            })
-            .collect()
+        let sum = |row| {
+            let (re, im) = self.row(row);
+            let squares = re.iter().zip(im).map(|(re, im)| re * re + im * im);
+            squares.map(f64::from).sum()
+        };
+        (0..self.rows).map(sum).collect()
     }
 
     /// Becomes the product of a and b: as many rows as a, as many columns as b.

@@ -62,20 +62,18 @@ fn auxiliary(x: f64) -> (f64, f64) {
 
 /// Where the table of f and g ends and their asymptotic series serve.
 const REACH: f64 = 8.0;
-
 /// Knots of the table from 1 to 1: a cubic through four of them is good to 1e-7.
 const KNOTS_PER_UNIT: f64 = 64.0;
 
 /// f and g at knots from one before 0 on.
 static TABLE: LazyLock<Vec<[f32; 2]>> = LazyLock::new(|| {
     let knots = (REACH * KNOTS_PER_UNIT) as i32 + 3;
-    (-1..knots)
-        .map(|knot| {
-            // f and g go on smoothly through zero; one knot before it the series still holds.
-            let (f, g) = auxiliary(f64::from(knot) / KNOTS_PER_UNIT);
-            [f as f32, g as f32]
-        })
-        .collect()
+    let at = |knot| {
+        // f and g go on smoothly through zero; one knot before it the series still holds.
+        let (f, g) = auxiliary(f64::from(knot) / KNOTS_PER_UNIT);
+        [f as f32, g as f32]
+    };
+    (-1..knots).map(at).collect()
 });
 
 /// The same for many arguments: from a table, within 1e-6.

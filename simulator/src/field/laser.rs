@@ -86,13 +86,11 @@ impl Laser {
         let median = |i| normal_quantile((i as f64 + 0.5) / n);
         let medians: Vec<f64> = (0..self.wavelengths).map(median).collect();
         let deviation = self.wavenumber_deviation() / (2.0 * PI) / rms(&medians);
-        medians
-            .iter()
-            .map(|median| SpectralLine {
-                wavenumber: centre + median * deviation,
-                weight: 1.0 / n,
-            })
-            .collect()
+        let line = |median| SpectralLine {
+            wavenumber: centre + median * deviation,
+            weight: 1.0 / n,
+        };
+        medians.into_iter().map(line).collect()
     }
 }
 
@@ -141,15 +139,14 @@ mod tests {
             let mut worst = 0.0f64;
             for step in 1..=20 {
                 let path = spreads * f64::from(step) / 20.0 / laser.wavenumber_deviation();
-                let pairs = spectrum
+                let mut square = 0.0;
+                for (a, b) in spectrum
                     .iter()
-                    .flat_map(|a| spectrum.iter().map(move |b| (a, b)));
-                let square: f64 = pairs
-                    .map(|(a, b)| {
-                        let phase = 2.0 * PI * (a.wavenumber - b.wavenumber) * path;
-                        a.weight * b.weight / (1.0 + phase * phase)
-                    })
-                    .sum();
+                    .flat_map(|a| spectrum.iter().map(move |b| (a, b)))
+                {
+                    let phase = 2.0 * PI * (a.wavenumber - b.wavenumber) * path;
+                    square += a.weight * b.weight / (1.0 + phase * phase);
+                }
                 let q = 0.5 / (path * laser.wavenumber_deviation());
                 let exact = PI.sqrt() * q * (q * q).exp() * libm::erfc(q);
                 worst = worst.max(((square / exact).sqrt() - 1.0).abs());

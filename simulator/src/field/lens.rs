@@ -59,12 +59,10 @@ impl LensAperture {
     /// Places of samples behind pixels.
     fn samples(&self, pixels: &[f64]) -> Vec<f64> {
         let n = self.samples as f64;
-        pixels
-            .iter()
-            .flat_map(|&middle| {
-                (0..self.samples).map(move |i| middle + ((i as f64 + 0.5) / n - 0.5) * self.pixel)
-            })
-            .collect()
+        let samples = |&middle: &f64| {
+            (0..self.samples).map(move |i| middle + ((i as f64 + 0.5) / n - 0.5) * self.pixel)
+        };
+        pixels.iter().flat_map(samples).collect()
     }
 }
 
@@ -237,8 +235,7 @@ fn pixels(values: &[f32], columns: usize, samples: usize) -> Vec<f32> {
         .collect()
 }
 
-/// The share of a square about (u, v) with a side that lies within a circle about the origin, by 8 by 8
-/// points.
+/// The share of a square about (u, v) that lies within a circle about the origin, by 8 by 8 points.
 fn covered(u: f64, v: f64, side: f64, radius: f64) -> f64 {
     const POINTS: i32 = 8;
     let (middle, diagonal) = ((u * u + v * v).sqrt(), 0.5f64.sqrt() * side);
@@ -249,11 +246,9 @@ fn covered(u: f64, v: f64, side: f64, radius: f64) -> f64 {
         return 0.0;
     }
     let offset = |i: i32| ((f64::from(i) + 0.5) / f64::from(POINTS) - 0.5) * side;
-    let inside = (0..POINTS * POINTS)
-        .filter(|i| {
-            let (u, v) = (u + offset(i % POINTS), v + offset(i / POINTS));
-            u * u + v * v < radius * radius
-        })
-        .count();
-    inside as f64 / f64::from(POINTS * POINTS)
+    let is_inside = |i: &i32| {
+        let (u, v) = (u + offset(i % POINTS), v + offset(i / POINTS));
+        u * u + v * v < radius * radius
+    };
+    (0..POINTS * POINTS).filter(is_inside).count() as f64 / f64::from(POINTS * POINTS)
 }

@@ -20,14 +20,8 @@ pub fn slit_mean(
     let across = slit.mean_across(&lit, &places, &slit.across(&lit, laser, &places, columns));
     let along = slit.along(&lit, laser, rows).row_sums();
     let (mean, density) = slit.mean_at_centre(&lit, laser, &places);
-    let light = along
-        .iter()
-        .flat_map(|row| {
-            across
-                .iter()
-                .map(move |column| (row * column / mean) as f32)
-        })
-        .collect();
+    let row = |row| (across.iter()).map(move |column| (row * column / mean) as f32);
+    let light = along.into_iter().flat_map(row).collect();
     Image {
         columns: columns.len(),
         light,

@@ -7,23 +7,22 @@ use std::f64::consts::PI;
 pub fn gauss_legendre(nodes: usize) -> Vec<(f64, f64)> {
     assert!(nodes.is_multiple_of(2), "an even number of nodes");
     let n = nodes as f64;
-    (0..nodes / 2)
-        .map(|i| {
-            let mut x = libm::cos(PI * (i as f64 + 0.75) / (n + 0.5));
-            let mut slope = 1.0;
-            // Newton's method; five steps are enough for the last digit.
-            for _ in 0..6 {
-                let (mut p, mut before) = (x, 1.0);
-                for degree in 2..=nodes {
-                    let m = degree as f64;
-                    (p, before) = (((2.0 * m - 1.0) * x * p - (m - 1.0) * before) / m, p);
-                }
-                slope = n * (before - x * p) / (1.0 - x * x);
-                x -= p / slope;
+    let node = |i| {
+        let mut x = libm::cos(PI * (i as f64 + 0.75) / (n + 0.5));
+        let mut slope = 1.0;
+        // Newton's method; five steps are enough for the last digit.
+        for _ in 0..6 {
+            let (mut p, mut before) = (x, 1.0);
+            for degree in 2..=nodes {
+                let m = degree as f64;
+                (p, before) = (((2.0 * m - 1.0) * x * p - (m - 1.0) * before) / m, p);
             }
-            (x, 2.0 / ((1.0 - x * x) * slope * slope))
-        })
-        .collect()
+            slope = n * (before - x * p) / (1.0 - x * x);
+            x -= p / slope;
+        }
+        (x, 2.0 / ((1.0 - x * x) * slope * slope))
+    };
+    (0..nodes / 2).map(node).collect()
 }
 
 #[cfg(test)]

@@ -83,17 +83,14 @@ impl SlitAperture {
         // 1/sqrt(lambda z' / 2)
         let scale = (2.0 * both / (laser.wavelength * range * z)).sqrt();
         let half = 0.5 * self.height;
-        let beams: Vec<(f32, f64)> = lit
-            .y
-            .iter()
-            .map(|&y| {
-                let (amplitude, _) = lit.of_row(y, y);
-                (
-                    amplitude / scale as f32,
-                    0.5 * y * y * lit.beam.curvature / laser.wavelength,
-                )
-            })
-            .collect();
+        let beam = |&y: &f64| {
+            let (amplitude, _) = lit.of_row(y, y);
+            (
+                amplitude / scale as f32,
+                0.5 * y * y * lit.beam.curvature / laser.wavelength,
+            )
+        };
+        let beams: Vec<(f32, f64)> = lit.y.iter().map(beam).collect();
         Matrix::from_fn(rows.len(), lit.y.len(), |row, column| {
             let (place, y) = (rows[row], lit.y[column]);
             let middle = (y * z + place * range) / both;

@@ -78,8 +78,7 @@ impl Lit {
         u * (0.5 * u - self.shift * self.angle.1) / (self.range * self.wavelength)
     }
 
-    /// Turns of phase that a scatterer at x, apart from the shift, has at u more than at the aperture's
-    /// middle.
+    /// Turns of phase that a scatterer at x has at u more than at the aperture's middle, but for the shift.
     fn tilt(&self, u: f64, x: f64) -> f64 {
         -u * x * self.angle.1 / (self.range * self.wavelength)
     }
@@ -89,18 +88,16 @@ impl Lit {
     pub fn mean_places(&self, aperture: f64) -> Vec<(f64, f64)> {
         // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the
         // aperture's diffraction at one step to lambda R / aperture / cos(theta).
-        let detail = 0.9 * self.wavelength * self.range / aperture;
-        let step = (0.2 * self.beam.radius).min(detail);
+        let step = (0.2 * self.beam.radius).min(0.9 * self.wavelength * self.range / aperture);
         let half = (REACH * self.beam.radius / step).ceil() as i32;
         let step = REACH * self.beam.radius / f64::from(half);
-        (-half..=half)
-            .map(|i| {
-                let x = f64::from(i) * step;
-                let ends = if i.abs() == half { 0.5 } else { 1.0 };
-                let light = libm::exp(-2.0 * (x / self.beam.radius).powi(2));
-                (x, ends * light * step / self.pitch)
-            })
-            .collect()
+        let place = |i: i32| {
+            let x = f64::from(i) * step;
+            let ends = if i.abs() == half { 0.5 } else { 1.0 };
+            let light = libm::exp(-2.0 * (x / self.beam.radius).powi(2));
+            (x, ends * light * step / self.pitch)
+        };
+        (-half..=half).map(place).collect()
     }
 
     /// All light of the beam on the surface, in the mean, in units of one scatterer of amplitude 1.
@@ -143,14 +140,13 @@ impl<'a> RowSums<'a> {
         let (sin, cos) = lit.angle;
         let lens = 0.5 * (cos * cos / lit.range + lit.beam.curvature);
         let beam = |wavenumber: f64| {
-            (0..2 * lit.half)
-                .map(|i| {
-                    let x = (i as f64 - lit.half as f64 + 0.5) * lit.pitch + lit.shift;
-                    let (re, im) = phasor(wavenumber * x * (x * lens - sin));
-                    let amplitude = libm::exp(-(x / lit.beam.radius).powi(2)) as f32;
-                    (amplitude * re, amplitude * im)
-                })
-                .unzip()
+            let of = |i| {
+                let x = (i as f64 - lit.half as f64 + 0.5) * lit.pitch + lit.shift;
+                let (re, im) = phasor(wavenumber * x * (x * lens - sin));
+                let amplitude = libm::exp(-(x / lit.beam.radius).powi(2)) as f32;
+                (amplitude * re, amplitude * im)
+            };
+            (0..2 * lit.half).map(of).unzip()
         };
         let padded = lit.half.next_multiple_of(LANES);
         Self {

@@ -114,13 +114,11 @@ impl Surface {
             }
             for (line, spectral) in spectrum.iter().enumerate() {
                 let wavenumber = spectral.wavenumber - 1.0 / laser.wavelength;
-                let (re, im) = drawn
-                    .iter()
-                    .map(|&(amplitude, turns, path)| {
-                        let (re, im) = phasor(turns + wavenumber * path);
-                        (amplitude * re, amplitude * im)
-                    })
-                    .unzip();
+                let amplitude = |&(amplitude, turns, path): &(f32, f64, f64)| {
+                    let (re, im) = phasor(turns + wavenumber * path);
+                    (amplitude * re, amplitude * im)
+                };
+                let (re, im) = drawn.iter().map(amplitude).unzip();
                 terms.push(Term {
                     line,
                     weight: spectral.weight / polarisations as f64,
@@ -153,10 +151,8 @@ impl Surface {
 
     /// Multiplies the amplitudes with these, again and again.
     fn dim(&mut self, amplitudes: &[f32]) {
-        let parts = self
-            .terms
-            .iter_mut()
-            .flat_map(|it| [&mut it.re, &mut it.im]);
+        let terms = self.terms.iter_mut();
+        let parts = terms.flat_map(|it| [&mut it.re, &mut it.im]);
         for values in parts.flat_map(|it| it.chunks_exact_mut(amplitudes.len())) {
             let pairs = values.iter_mut().zip(amplitudes);
             pairs.for_each(|(value, amplitude)| *value *= amplitude);
@@ -175,8 +171,7 @@ impl Surface {
         self
     }
 
-    /// Place in metres of a scatterer from the surface's middle, along an axis. Indices in the second half
-    /// stand for negative places.
+    /// A scatterer's place in metres along an axis. The second half stands for negative places.
     fn place(&self, index: usize, axis: usize) -> f64 {
         let count = self.scatterers[axis];
         let signed = (index + count / 2) % count;

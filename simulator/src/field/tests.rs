@@ -46,8 +46,7 @@ fn sharp_lens() -> LensAperture {
     }
 }
 
-/// The largest difference in the light of an image's row from that of the slit's incoherent pattern, whose
-/// middle has the light `unit` in the image.
+/// The largest difference from the slit's incoherent pattern, whose middle has the light `unit` in the image.
 fn largest_off(columns: &[f64], image: &Image, exact: &Slit, unit: f64) -> f64 {
     let off = |(&x, &light): (&f64, &f32)| {
         (f64::from(light) / unit - exact.light(x) / exact.light(0.0)).abs()
@@ -100,8 +99,7 @@ fn a_tiny_spot_makes_the_pattern_of_a_point() {
     assert!(worst < 1e-4);
 }
 
-/// Across the rows the pattern of a point is Fresnel's integral over the slit's height, here by Simpson's
-/// rule.
+/// Across the rows a point's pattern is Fresnel's integral over the slit's height, by Simpson's rule.
 #[test]
 fn along_the_slit_the_pattern_of_a_point_is_that_of_quadrature() {
     let laser = Laser::focused(0.2e-3, 0.8);
@@ -142,8 +140,7 @@ fn along_the_slit_the_pattern_of_a_point_is_that_of_quadrature() {
     assert!(amplitude > 0.5 && worst < 1e-5);
 }
 
-/// The mean along the row is the exact pattern of `profiles`, blurred by the spot as it is seen from the
-/// slit, foreshortened by cos(theta).
+/// The mean along the row is `profiles`' exact pattern, blurred by the spot foreshortened by cos(theta).
 #[test]
 fn the_mean_through_a_slit_is_the_incoherent_pattern() {
     let view = View::at(0.8);
@@ -183,9 +180,8 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
         let deviations = sums.iter().zip(&mean.light);
         let deviation = |(sum, &mean): (&f64, &f32)| (sum / n / f64::from(mean) - 1.0) * n.sqrt();
         let deviations: Vec<f64> = deviations.map(deviation).collect();
-        let worst = deviations
-            .iter()
-            .fold(0.0f64, |worst, d| worst.max(d.abs()));
+        let sizes = deviations.iter().map(|deviation| deviation.abs());
+        let worst = sizes.fold(0.0, f64::max);
         let (pixels, scatter) = (deviations.len(), rms(&deviations));
         println!(
             "{name}: {pixels} pixels, deviations {scatter:.2} standard errors, at most {worst:.1}"
@@ -201,7 +197,6 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     let exact = slit_mean(&laser, &scattering, &view, &slit, &columns, &rows);
     let seeds = 0..u64::from(SURFACES);
     check("slit", &sums(&mut seeds.clone().map(images)), &exact);
-
     let lens = LensAperture {
         coma: 1.5,
         focus_distance: 0.8,
@@ -216,20 +211,18 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     check("lens", &sums(&mut seeds.map(images)), &exact);
 }
 
-/// Light at three places some speckles apart on the sensor behind the slit, in units of its mean, for many
-/// surfaces.
+/// Light at three distant places behind the slit, in units of its mean, for many surfaces.
 fn speckle(laser: &Laser, scattering: &Scattering, surfaces: u64) -> Vec<f64> {
     let view = View::at(0.8);
     let (slit, rows) = (SlitAperture::nominal(), [-1e-3, 0.0, 1e-3]);
     let exact = slit_mean(laser, scattering, &view, &slit, &[0.0], &rows);
-    (0..surfaces)
-        .flat_map(|seed| {
-            let surface = small_surface(laser, scattering, 1000 + seed);
-            let image = through_slit(&surface, &view, &[0.0], &rows);
-            let pairs = image.light.into_iter().zip(exact.light.clone());
-            pairs.map(|(light, mean)| f64::from(light / mean))
-        })
-        .collect()
+    let light = |seed| {
+        let surface = small_surface(laser, scattering, 1000 + seed);
+        let image = through_slit(&surface, &view, &[0.0], &rows);
+        let pairs = image.light.into_iter().zip(exact.light.clone());
+        pairs.map(|(light, mean)| f64::from(light / mean))
+    };
+    (0..surfaces).flat_map(light).collect()
 }
 
 /// Fully developed speckle: light is distributed exponentially, so that its contrast is 1 and a share 1/e
@@ -308,27 +301,25 @@ fn contrast_falls_with_linewidth_and_path_spread() {
     }
 }
 
-/// The field in the middle of the aperture's width at places v, in a surface's only polarisation and
-/// wavelength.
+/// The field in the middle of the aperture's width at places v, of the only polarisation and wavelength.
 fn field_at(surface: &Surface, view: &View, v: &[f64]) -> Vec<(f64, f64)> {
     let lit = Lit::new(&surface.laser, &surface.scattering, view);
     let mut sums = RowSums::new(&lit, surface, &[0.0]);
     let mut fields = sums.fields();
     sums.set_fields(&surface.terms[0], &mut fields);
-    v.iter()
-        .map(|&v| {
-            let (mut re, mut im) = (0.0, 0.0);
-            for (row, &y) in lit.y.iter().enumerate() {
-                let (field_re, field_im) = fields.row(row);
-                let (amplitude, turns) = lit.of_row(y, v);
-                let (sin, cos) = (2.0 * PI * turns).sin_cos();
-                let (x, y) = (f64::from(field_re[0]), f64::from(field_im[0]));
-                re += f64::from(amplitude) * (x * cos - y * sin);
-                im += f64::from(amplitude) * (x * sin + y * cos);
-            }
-            (re, im)
-        })
-        .collect()
+    let field = |&v: &f64| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (row, &y) in lit.y.iter().enumerate() {
+            let (field_re, field_im) = fields.row(row);
+            let (amplitude, turns) = lit.of_row(y, v);
+            let (sin, cos) = (2.0 * PI * turns).sin_cos();
+            let (x, y) = (f64::from(field_re[0]), f64::from(field_im[0]));
+            re += f64::from(amplitude) * (x * cos - y * sin);
+            im += f64::from(amplitude) * (x * sin + y * cos);
+        }
+        (re, im)
+    };
+    v.iter().map(field).collect()
 }
 
 /// |<a conj b>|^2 / <|a|^2> <|b|^2> over pairs of fields.
@@ -403,18 +394,16 @@ fn correlation_is_that_of_van_cittert_and_zernike() {
 fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -> f64>) -> f64 {
     let (view, lens) = (View::at(0.8), sharp_lens());
     let places = pixels(56, 1);
-    let centroids: Vec<f64> = (0..frames)
-        .map(|seed| {
-            let mut surface = small_surface(laser, &Scattering::surface(), 9000 + seed);
-            if let Some(reflectance) = reflectance {
-                surface = surface.with_reflectance(reflectance);
-            }
-            let image = lens_image(&surface, &view, &lens, 0.0, &places, &places).unwrap();
-            centroid(&image, &places)
-        })
-        .collect();
-    // Symmetrical about 0 but for half a pixel, as `pixels` has its middle a place off the centre of the
-    // window.
+    let of_surface = |seed| {
+        let mut surface = small_surface(laser, &Scattering::surface(), 9000 + seed);
+        if let Some(reflectance) = reflectance {
+            surface = surface.with_reflectance(reflectance);
+        }
+        let image = lens_image(&surface, &view, &lens, 0.0, &places, &places).unwrap();
+        centroid(&image, &places)
+    };
+    let centroids: Vec<f64> = (0..frames).map(of_surface).collect();
+    // Symmetrical about 0 but for half a pixel: the middle of `pixels` is a place off the window's centre.
     rms(&centroids)
 }
 
@@ -426,17 +415,11 @@ fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -
 fn centroids_scatter_by_the_speckle_limit() {
     let view = View::at(0.8);
     let (sin_u, cos) = (0.5 * 50e-3 / 12.0 / view.range(), view.cos_angle());
-    let lens = sharp_lens();
-    let limit = 650e-9 / (2.0 * PI * sin_u) * lens.to_sensor() / view.range();
-
+    let limit = 650e-9 / (2.0 * PI * sin_u) * sharp_lens().to_sensor() / view.range();
     let gaussian = centroids(&Laser::focused(1.2e-3, 0.8), 400, None);
-    let ratio = gaussian / (limit * (0.5 * cos).sqrt());
-    println!(
-        "gaussian spot: {:.3} um, {ratio:.3} of theory",
-        gaussian * 1e6
-    );
+    let (um, ratio) = (gaussian * 1e6, gaussian / (limit * (0.5 * cos).sqrt()));
+    println!("gaussian spot: {um:.3} um, {ratio:.3} of theory");
     assert!((ratio - 1.0).abs() < 0.15);
-
     // A disc as it is seen: the beam's fall is taken back by the reflectance.
     let laser = Laser::focused(1.4e-3, 0.8);
     let (beam, radius) = (0.7e-3f64, 0.7e-3f64);
@@ -466,8 +449,7 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
     for (row, y) in places.iter().enumerate() {
         for (x, &light) in places.iter().zip(image.row(row)) {
             let q = (PI * lens.diameter * x.hypot(*y) / (laser.wavelength * z)).max(1e-9);
-            let airy = (2.0 * libm::j1(q) / q).powi(2);
-            worst = worst.max((f64::from(light) / peak - airy).abs());
+            worst = worst.max((f64::from(light) / peak - (2.0 * libm::j1(q) / q).powi(2)).abs());
         }
     }
     let area = 0.25 * PI * lens.diameter.powi(2);
@@ -476,18 +458,14 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
         "Airy's pattern within {worst:.1e}, density in its middle {density:.4} of area / (lambda z)^2"
     );
     assert!(worst < 5e-3 && (density - 1.0).abs() < 5e-3);
-
     let waves = 0.7;
     let defocus = 2.0 * waves * laser.wavelength / (0.5 * lens.diameter).powi(2);
     let blurred = LensAperture {
         focus_distance: 1.0 / (1.0 / view.range() - defocus),
         ..lens
     };
-    let found = lens_image(&surface, &view, &blurred, 0.0, &[0.0], &[0.0])
-        .unwrap()
-        .density
-        * (laser.wavelength * blurred.to_sensor()).powi(2)
-        / area;
+    let image = lens_image(&surface, &view, &blurred, 0.0, &[0.0], &[0.0]).unwrap();
+    let found = image.density * (laser.wavelength * blurred.to_sensor()).powi(2) / area;
     let expected = ((PI * waves).sin() / (PI * waves)).powi(2);
     println!("{waves} waves of defocus: {found:.4} for {expected:.4}");
     assert!((found - expected).abs() < 5e-3);
@@ -510,11 +488,8 @@ fn coma_moves_the_centroid() {
     let lens = sharp_lens();
     let expected = 1.0 * laser.wavelength * lens.to_sensor() / (0.5 * lens.diameter);
     let found = of_field(0.5 * lens.full_field) - of_field(0.0);
-    let ratio = found / expected;
-    println!(
-        "a wave of coma: {:.2} um, {ratio:.3} of theory",
-        found * 1e6
-    );
+    let (um, ratio) = (found * 1e6, found / expected);
+    println!("a wave of coma: {um:.2} um, {ratio:.3} of theory");
     assert!((ratio - 1.0).abs() < 0.1);
 }
 
@@ -545,11 +520,9 @@ fn the_same_seed_makes_the_same_image() {
     assert_ne!(images(1, [0.0; 2]), images(1, [10e-6, 0.0]));
 }
 
-/// A beam too large for its surface is refused.
 #[test]
 fn a_surface_too_small_is_an_error() {
-    let laser = Laser::focused(1e-3, 0.8);
-    let surface = small_surface(&laser, &Scattering::surface(), 1);
+    let surface = small_surface(&Laser::focused(1e-3, 0.8), &Scattering::surface(), 1);
     // Half of the beam's diverged diameter is missing.
     let view = View::at(0.8 + 3.0);
     let error = slit_image(&surface, &view, &SlitAperture::nominal(), &[0.0], &[0.0]).unwrap_err();
@@ -563,8 +536,7 @@ fn a_surface_too_small_is_an_error() {
 #[test]
 fn rows_between_are_close() {
     for diameter in [0.5e-3, 1e-3, 2e-3] {
-        let laser = Laser::focused(diameter, 0.8);
-        let surface = small_surface(&laser, &Scattering::surface(), 3);
+        let surface = small_surface(&Laser::focused(diameter, 0.8), &Scattering::surface(), 3);
         let (columns, rows) = (pixels(160, 2), pixels(600, 1));
         let image = |rows: &[f64]| through_slit(&surface, &View::at(0.8), &columns, rows);
         let exact = image(&rows);
@@ -580,8 +552,7 @@ fn rows_between_are_close() {
     }
 }
 
-/// Mean over the bright rows of where a window of a gaussian of 11 pixels is balanced: the score of a
-/// gaussian fit whose width is given.
+/// Mean over bright rows of where a gaussian's window of 11 pixels is balanced: a fit of given width.
 fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
     let width = 11.0 * PIXEL;
     let energy_of = |row: usize| image.row(row).iter().sum::<f32>();
@@ -636,8 +607,7 @@ fn diffraction_hardly_depends_on_the_wavelength() {
     let (columns, rows) = (pixels(160, 2), pixels(600, 8));
     let [image, own] =
         [surface, own].map(|surface| through_slit(&surface, &View::at(0.8), &columns, &rows));
-    let scale = rms(own.light.iter().map(|&b| f64::from(b)));
-    let relative = difference(&image, &own) / scale;
+    let relative = difference(&image, &own) / rms(own.light.iter().map(|&b| f64::from(b)));
     let nm = (far.wavelength - laser.wavelength) * 1e9;
     println!("{nm:.2} nm away: {relative:.4} of the light differs");
     assert!(relative < 0.02);

@@ -249,8 +249,7 @@ mod tests {
         Scene { comb, ..scene }
     }
 
-    /// Draws a straight line from a point on the beam through the slit's place to the sensor's plane, in
-    /// coordinates of the casing.
+    /// A straight line from a point on the beam through the slit to the sensor's plane, as the casing has it.
     #[test]
     fn a_slit_sees_where_a_straight_ray_falls() {
         let optics = Optics {
@@ -280,8 +279,7 @@ mod tests {
                 let behind = optics.behind(place);
                 worst = worst.max((behind.centre(distance) - expected).abs());
                 assert!((behind.distance(expected) - distance).abs() < 1e-12);
-                let range = way[0].hypot(way[1]);
-                assert!((behind.range(distance) - range).abs() < 1e-12);
+                assert!((behind.range(distance) - way[0].hypot(way[1])).abs() < 1e-12);
             }
         }
         println!("off by {worst:.1e} pixels at most");
@@ -308,10 +306,8 @@ mod tests {
                 let of = |it: &Simulation| it.row(row, scene.distance, scene.exposure);
                 let bits = |row: Vec<f32>| row.into_iter().map(f32::to_bits).collect::<Vec<_>>();
                 assert!(bits(of(&plain)) == bits(of(&combed)), "{name}, row {row}");
-                assert_eq!(
-                    plain.true_centres(row, 0.8)[0],
-                    combed.true_centre(row, 0.8)
-                );
+                let due = plain.true_centres(row, 0.8)[0];
+                assert_eq!(due, combed.true_centre(row, 0.8));
             }
             compared += 1;
         }
@@ -392,8 +388,7 @@ mod tests {
         assert!((found.centre - expected).abs() < 1e-4 && moved.abs() > 1e-2);
     }
 
-    /// Compares heights with the integral over the slit for a point (Fresnel), and with the square of the
-    /// width (gaussian, Fraunhofer).
+    /// Heights are those of the integral over the slit for a point (Fresnel), or the square of the width.
     #[test]
     fn a_wider_slit_makes_a_higher_and_narrower_image() {
         let height = |diffraction, laser_spot, width: f64| {
@@ -444,14 +439,13 @@ mod tests {
         let blur = 0.5e-3 * image_scale(&optics, 0.8);
         let blurred = |width: f64| {
             let detail = optics.wavelength * optics.focal_length / width;
-            (-500..=500)
-                .map(|i| f64::from(i) * 0.01)
-                .map(|t| {
-                    let u = std::f64::consts::PI * t * blur / detail;
-                    let sinc = if t == 0.0 { 1.0 } else { u.sin() / u };
-                    (-0.5 * t * t).exp() * sinc * sinc * width * width
-                })
-                .sum::<f64>()
+            let places = (-500..=500).map(|i| f64::from(i) * 0.01);
+            let light = places.map(|t| {
+                let u = std::f64::consts::PI * t * blur / detail;
+                let sinc = if t == 0.0 { 1.0 } else { u.sin() / u };
+                (-0.5 * t * t).exp() * sinc * sinc * width * width
+            });
+            light.sum::<f64>()
         };
         let expected = blurred(300e-6) / blurred(200e-6);
         println!("blurred: {found:.4} for {expected:.4}");
@@ -503,7 +497,6 @@ mod tests {
         let words =
             "comb.slits has places 0 m and 0.0002 m, where slits of 0.0002 m and 0.0002 m overlap";
         refused(comb(&[(2e-4, 2e-4), (0.0, 2e-4)]), &optics, words);
-
         let text = Scene::white_paper().to_toml().expect("text");
         let with = |comb: &str| Scene::from_toml(&format!("{text}\n[comb]\n{comb}"));
         let scene = with("slits = [{ place = 1e-3, width = 2e-4 }]").expect("a scene");

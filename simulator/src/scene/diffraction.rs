@@ -15,8 +15,7 @@ use crate::scene::pattern::Pattern;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Diffraction {
-    /// The far field of the aperture: sinc^2 for a slit, eq. (6) of the paper, with its first zero at lambda
-    /// z / a.
+    /// The far field: sinc^2 for a slit, eq. (6) of the paper, with its first zero at lambda z / a.
     Fraunhofer,
     /// Fresnel's integral over the aperture, exact at the distances of a slit and a sensor.
     Fresnel,
@@ -72,32 +71,30 @@ impl Gap {
         // The first repetition is seven times as far as the last knot; the tails fall with the square.
         let intervals = (8.0 * details).ceil().max(64.0) as usize;
         let bend = PI / self.wavelength * (1.0 / self.to_light + 1.0 / self.to_sensor);
-        let transfer: Vec<f64> = (0..intervals)
-            .map(|k| {
-                let s = self.width * k as f64 / intervals as f64;
-                match k {
-                    // Half of the middle one: both sides are summed as one.
-                    0 => 0.5 * self.width,
-                    _ => libm::sin(bend * s * (self.width - s)) / (bend * s),
-                }
-            })
-            .collect();
+        let at = |k| {
+            let s = self.width * k as f64 / intervals as f64;
+            match k {
+                // Half of the middle one: both sides are summed as one.
+                0 => 0.5 * self.width,
+                _ => libm::sin(bend * s * (self.width - s)) / (bend * s),
+            }
+        };
+        let transfer: Vec<f64> = (0..intervals).map(at).collect();
         let middle: f64 = transfer.iter().sum();
         let knots = (reach / step).ceil() as usize + 1;
-        (0..knots)
-            .map(|knot| {
-                let turn = TAU * knot as f64 * step / (self.detail() * intervals as f64);
-                let (sin, cos) = libm::sincos(turn);
-                // exp(i k turn) for k = 0, 1, 2 ...
-                let (mut re, mut im) = (1.0, 0.0);
-                let mut sum = 0.0;
-                for transfer in &transfer {
-                    sum += re * transfer;
-                    (re, im) = (re * cos - im * sin, re * sin + im * cos);
-                }
-                sum / middle
-            })
-            .collect()
+        let light = |knot| {
+            let turn = TAU * knot as f64 * step / (self.detail() * intervals as f64);
+            let (sin, cos) = libm::sincos(turn);
+            // exp(i k turn) for k = 0, 1, 2 ...
+            let (mut re, mut im) = (1.0, 0.0);
+            let mut sum = 0.0;
+            for transfer in &transfer {
+                sum += re * transfer;
+                (re, im) = (re * cos - im * sin, re * sin + im * cos);
+            }
+            sum / middle
+        };
+        (0..knots).map(light).collect()
     }
 }
 

@@ -10,9 +10,7 @@ use crate::scene::{Effect, Scene, Sensor, speckle};
 
 /// Pixels of a row: no sensor has more, and each scene's row takes memory and time for all of them.
 const LONGEST_ROW: usize = 65_536;
-
-/// Metres across the aperture for which the lattice of the surface's scatterers is made
-/// ([`crate::field::Scattering::pitch`]).
+/// Metres across the aperture that a surface's lattice is made for ([`crate::field::Scattering::pitch`]).
 const SPECKLE_APERTURE: f64 = 4.2e-3;
 
 /// The folder of the scenes that come with the project.

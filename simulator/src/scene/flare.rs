@@ -36,8 +36,7 @@ impl Flare {
     pub fn add(&self, light: &mut [f32], rows_off: f64, centre: f64, axis: f64, amplitude: f64) {
         let off = rows_off / self.width;
         let height = amplitude * self.strength * libm::exp(-0.5 * off * off);
-        let ghost = Spot::new(self.width, 0.0);
-        ghost.add(light, self.centre(centre, axis), height);
+        Spot::new(self.width, 0.0).add(light, self.centre(centre, axis), height);
         if self.veil > 0.0 {
             let veil = (amplitude * self.veil) as f32;
             light.iter_mut().for_each(|light| *light += veil);

@@ -22,9 +22,7 @@ pub struct LaserLight {
 /// The target's surface, which all openings see.
 #[derive(Clone, Debug, Default)]
 struct Surface {
-    /// [`crate::scene::Texture`].
     texture: Option<texture::Surface>,
-    /// [`crate::scene::Speckle`].
     rough: Option<Arc<RoughSurface>>,
 }
 
@@ -60,9 +58,7 @@ impl LaserLight {
             return Self::default();
         }
         let texture = scene.texture.map(|it| it.surface(scene.seed));
-        let rough = scene
-            .speckle
-            .zip(scene.laser_spot)
+        let rough = (scene.speckle.zip(scene.laser_spot))
             .map(|(speckle, spot)| Arc::new(speckle.surface(scene, &spot, texture.as_ref())));
         let openings = match &scene.comb {
             Some(comb) => {
@@ -108,7 +104,6 @@ impl Opening {
         }
     }
 
-    /// A slit of the scene's comb.
     fn slit(scene: &Scene, slit: &Slit) -> Self {
         let mut opening = Self::alone(scene);
         opening.place = slit.place;
@@ -121,7 +116,6 @@ impl Opening {
         opening
     }
 
-    /// As [`LaserLight::add`].
     fn add(
         &self,
         surface: &Surface,
@@ -161,7 +155,6 @@ impl Opening {
             amplitude *= lobe.factor(optics.viewing_angle(distance));
         }
         let row = (row % scene.sensor.rows()) as usize;
-
         if Shape::is_needed(scene) {
             let shape = self.shape(surface, distance);
             if let Some((pattern, factor)) = shape.row(row) {
@@ -188,7 +181,6 @@ impl Opening {
                 spot.add(light, centre, amplitude);
             }
         }
-
         let centre = centre_at(distance);
         if let Some(flare) = &scene.flare {
             let rows_off = shape::place_across(scene, row) / optics.pitch;
@@ -200,8 +192,7 @@ impl Opening {
         }
     }
 
-    /// The shape at a distance: the last one, if it has not changed. Nobody waits while another thread
-    /// computes another distance's.
+    /// The last shape, if the distance has not changed. Nobody waits while another thread computes one.
     fn shape(&self, surface: &Surface, distance: f64) -> Arc<Shape> {
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((at, shape)) = &*last()
@@ -218,8 +209,7 @@ impl Opening {
     }
 }
 
-/// The spot's centres during an exposure, in each of which it stays for an even part of it: one for a target
-/// at rest. `width` is the spot's sigma in pixels.
+/// The spot's centres in even parts of an exposure: one at rest. `width` is the spot's sigma in pixels.
 fn centres(
     scene: &Scene,
     distance: f64,

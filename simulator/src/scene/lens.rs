@@ -260,8 +260,7 @@ impl Chords {
     /// weight at the difference of their v; all of y leaves each chord with itself (Parseval: 2 pi z / k
     /// times the integral over v).
     pub fn row(&self, across: Across) -> Vec<f64> {
-        let knots = self.chords.first().map_or(0, |chord| chord.field.len());
-        let mut light = vec![0.0; knots];
+        let mut light = vec![0.0; self.chords.first().map_or(0, |chord| chord.field.len())];
         match across {
             Across::All => {
                 for chord in &self.chords {
@@ -292,8 +291,7 @@ impl Chords {
                         if weight.abs() < 1e-9 {
                             continue;
                         }
-                        let fields = a.field.iter().zip(&b.field);
-                        for (light, (a, b)) in light.iter_mut().zip(fields) {
+                        for (light, (a, b)) in light.iter_mut().zip(a.field.iter().zip(&b.field)) {
                             *light += weight * (a.0 * b.0 + a.1 * b.1);
                         }
                     }

@@ -55,8 +55,7 @@ impl MainsLight {
     /// For how long the lamps would shine with their mean brightness to give the same light.
     fn seconds(&self, phase: f64, time: f64, exposure: f64) -> f64 {
         let swing = libm::sin(PI * self.frequency * exposure) / (PI * self.frequency);
-        let cosine = libm::cos(TAU * self.frequency * time + phase);
-        exposure + self.modulation * swing * cosine
+        exposure + self.modulation * swing * libm::cos(TAU * self.frequency * time + phase)
     }
 
     /// Adds it to a row of light.

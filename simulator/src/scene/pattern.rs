@@ -84,12 +84,10 @@ impl Pattern {
     /// The sum of shifted patterns.
     pub fn spread(&self, parts: &[Part]) -> Self {
         let shifts = parts.iter().map(|part| part.shift.abs());
-        let farthest = shifts.fold(0.0, f64::max);
-        let more = (farthest / self.step).ceil() as usize + 2;
+        let more = (shifts.fold(0.0, f64::max) / self.step).ceil() as usize + 2;
         let mut light = vec![0.0; self.light.len() + 2 * more];
         for part in parts {
-            // The knot at i - shift lies between two knots of the table, for all i at the same place between
-            // them.
+            // The knot at i - shift lies between two knots, at the same place between them for all i.
             let knots = more as f64 + part.shift / self.step;
             let above = knots.ceil();
             let weights = cubic(above - knots).map(|weight| weight * part.weight);
@@ -171,8 +169,7 @@ mod tests {
             assert!((spread.at(place) - sum).abs() < 3e-5, "{place}");
         }
         // At the knots themselves a shift by knots is exact.
-        let shifted = pattern.spread(&[Part::new(0.3, 1.0)]);
-        assert!((shifted.at(0.3) - 1.0).abs() < 1e-12);
+        assert!((pattern.spread(&[Part::new(0.3, 1.0)]).at(0.3) - 1.0).abs() < 1e-12);
     }
 
     /// A pixel adds the variance of its width: pitch^2 / 12.
@@ -185,9 +182,8 @@ mod tests {
             [&pattern, &gathered].map(|it| {
                 let (half, energy) = ((it.light.len() / 2) as f64, it.light.iter().sum::<f64>());
                 let places = (0..it.light.len()).map(|i| (i as f64 - half) * it.step);
-                let moments = places
-                    .zip(&it.light)
-                    .map(|(place, light)| place * place * light);
+                let all = places.zip(&it.light);
+                let moments = all.map(|(place, light)| place * place * light);
                 (energy, moments.sum::<f64>() / energy)
             });
         let more = gathered_variance - variance;

@@ -75,7 +75,6 @@ pub fn normals_of(random: &mut ChaCha8Rng, count: usize) -> impl Iterator<Item =
 
 /// Shares of one that 31 bits tell apart.
 const SHARES: f32 = (1u32 << 31) as f32;
-
 /// Steps of an eighth of a turn: half of what 30 bits tell apart.
 const ANGLES: i32 = 1 << 29;
 

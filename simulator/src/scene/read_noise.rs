@@ -19,8 +19,7 @@ impl ReadNoise {
     pub fn apply(&self, counts: &mut [f32], random: &mut ChaCha8Rng) {
         let deviation = self.counts as f32;
         for block in counts.chunks_mut(random::BLOCK) {
-            let normals = random::normals(random);
-            for (count, normal) in block.iter_mut().zip(&normals) {
+            for (count, normal) in block.iter_mut().zip(&random::normals(random)) {
                 *count += deviation * normal;
             }
         }

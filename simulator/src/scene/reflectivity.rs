@@ -24,8 +24,7 @@ impl Reflectivity {
         let steps = f64::from(self.steps);
         let place = (time / self.seconds).floor().rem_euclid(2.0 * steps);
         // Up to the brightest, and then down.
-        let from_brightest = (place - steps).abs() / steps;
-        libm::pow(self.darkest, from_brightest)
+        libm::pow(self.darkest, (place - steps).abs() / steps)
     }
 
     /// Dims the laser's light on a row.

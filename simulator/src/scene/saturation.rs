@@ -36,8 +36,7 @@ impl Saturation {
             *overflow = to_a_side * (*light - full).max(0.0);
             *light = light.min(full);
         }
-        // Where a stream from the left meets one from the right, the first takes the room. The mean of both
-        // orders favours no side.
+        // Of two streams that meet, the first takes the room. The mean of both orders favours no side.
         let mut left_first = light.to_vec();
         flow(left_first.iter_mut().zip(&overflow).rev(), full);
         flow(left_first.iter_mut().zip(&overflow), full);
@@ -49,8 +48,7 @@ impl Saturation {
     }
 }
 
-/// Lets the overflow of full pixels run along the row, in the order in which the pixels come, into those that
-/// have room.
+/// Lets the overflow of full pixels run along the row, in the pixels' order, into those with room.
 fn flow<'a>(pixels: impl Iterator<Item = (&'a mut f32, &'a f32)>, full: f32) {
     // Twice the precision of a pixel: many pixels' overflow comes together here.
     let mut flowing = 0.0f64;

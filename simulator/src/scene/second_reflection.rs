@@ -20,7 +20,6 @@ pub struct SecondReflection {
 impl SecondReflection {
     /// Adds it to a row of light whose spot is `amplitude` counts high at pixel `centre`.
     pub fn add(&self, light: &mut [f32], centre: f64, amplitude: f64) {
-        let spot = Spot::new(self.width, 0.0);
-        spot.add(light, centre + self.offset, amplitude * self.strength);
+        Spot::new(self.width, 0.0).add(light, centre + self.offset, amplitude * self.strength);
     }
 }

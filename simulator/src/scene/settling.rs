@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 /// From pixel to pixel, in seconds: 16 periods of the converter's clock of 10.5 MHz.
 pub const PIXEL: f64 = 16.0 / 10.5e6;
-
 /// From the start of a pixel to the moment at which the firmware's converter holds it, in seconds: 70 % of a
 /// pixel (`src/heads/tcd1304.rs`).
 pub const HOLD: f64 = 0.7 * PIXEL;

@@ -15,13 +15,10 @@ use crate::scene::{Scene, texture};
 
 /// Light beyond so many details (lambda z / a) of a slit's pattern is left out: it is below 5e-5 of the peak.
 const SLIT_DETAILS: f64 = 48.0;
-
 /// The same for a lens, whose pattern falls faster.
 const LENS_DETAILS: f64 = 24.0;
-
 /// Sigma, in details, of the gaussian that fits sinc^2 best: 1/2.66 of the distance to its first zero.
 pub(crate) const SLIT_WIDTH: f64 = 0.376;
-
 /// The same for Airy's pattern, or a little less.
 pub(super) const AIRY_WIDTH: f64 = 0.4;
 
@@ -107,8 +104,7 @@ impl Shape {
         let pattern = pattern.gathered(optics.pitch);
         Self {
             patterns: vec![pattern],
-            rows: heights(scene, distance)
-                .into_iter()
+            rows: (heights(scene, distance).into_iter())
                 .map(|height| (height > 0.0).then_some((0, height)))
                 .collect(),
             width,
@@ -142,9 +138,8 @@ impl Shape {
             if place.abs() > point.farthest {
                 continue;
             }
-            let pattern = (point.along)(place)
-                .spread(&of_surface)
-                .scaled(1.0 / height);
+            let pattern = (point.along)(place).spread(&of_surface);
+            let pattern = pattern.scaled(1.0 / height);
             let pattern = pattern.gathered(scene.optics.pitch);
             shape.rows[row] = Some((shape.patterns.len(), 1.0));
             shape.rows[rows - 1 - row] = shape.rows[row];
@@ -305,9 +300,8 @@ fn gaussian(scene: &Scene) -> (Pattern, f64) {
 
 /// Standard deviation of the laser's light over the target, in metres: 0 for a point.
 pub(crate) fn spot_deviation(scene: &Scene, distance: f64) -> f64 {
-    scene
-        .laser_spot
-        .map_or(0.0, |it| it.deviation(distance, scene.optics.wavelength))
+    let wavelength = scene.optics.wavelength;
+    (scene.laser_spot).map_or(0.0, |it| it.deviation(distance, wavelength))
 }
 
 /// The places of the laser's spot along the baseline, and where their light goes.
@@ -366,9 +360,8 @@ impl<'a> Parts<'a> {
 
     /// Height of the spot on a surface that is equally bright everywhere, over that of a point's pattern.
     pub(super) fn height(&self, point: &Pattern) -> f64 {
-        self.even()
-            .map(|part| part.weight * point.at(-part.shift))
-            .sum()
+        let light = self.even().map(|part| part.weight * point.at(-part.shift));
+        light.sum()
     }
 }
 

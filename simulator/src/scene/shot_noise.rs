@@ -102,10 +102,8 @@ fn few_electrons(mean: f32, word: u32) -> f32 {
     electrons as f32
 }
 
-/// More than [`few_electrons`] gives: of a mean of 10 the chance of 40 or more is 1e-12, a hundredth of what
-/// is left above the largest word.
+/// Of a mean of 10, more have a chance of 1e-12, a hundredth of what is left above the largest word.
 const MOST_OF_FEW: usize = 40;
-
 /// 1, 1/2, 1/3 ...: a division takes longer than all else of a step.
 const RECIPROCALS: [f64; MOST_OF_FEW] = {
     let mut reciprocals = [1.0; MOST_OF_FEW];

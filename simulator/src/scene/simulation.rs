@@ -66,7 +66,6 @@ impl Simulation {
         // The line of pixels that the row is read from.
         let line = (row % scene.sensor.rows()) as usize;
         let mut counts = vec![0.0; geometry.words];
-
         let light = &mut counts[geometry.light.clone()];
         self.add_light(light, row, time, distance, exposure);
         if let Some(lag) = &scene.lag {
@@ -75,8 +74,7 @@ impl Simulation {
                 laser: exposure.laser_before,
                 ..exposure
             };
-            let time_before = time - scene.period();
-            self.add_light(&mut before, row, time_before, distance, pulsed);
+            self.add_light(&mut before, row, time - scene.period(), distance, pulsed);
             let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
             lag.apply(light, &before, full_well);
         }
@@ -92,7 +90,6 @@ impl Simulation {
         if let Some(front_end) = &scene.front_end {
             front_end.amplify(light);
         }
-
         if let Some(black_level) = &scene.black_level {
             let level = black_level.after(time) as f32;
             counts.iter_mut().for_each(|count| *count += level);
@@ -120,8 +117,7 @@ impl Simulation {
         counts
     }
 
-    /// Adds to an empty row what its pixels collect, without noise: light, and dark current. `time` is the
-    /// middle of its exposure.
+    /// Adds light and dark current to an empty row, without noise. `time` is the middle of its exposure.
     fn add_light(&self, light: &mut [f32], row: u64, time: f64, distance: f64, exposure: Exposure) {
         let scene = &self.scene;
         let line = (row % scene.sensor.rows()) as usize;
@@ -156,8 +152,7 @@ impl Simulation {
 
     /// The factor of [`crate::scene::Reflectivity`] for a row; 1 for a scene that does not list it.
     pub fn reflectivity(&self, row: u64) -> f64 {
-        let time = self.time(row);
-        (self.scene.reflectivity).map_or(1.0, |it| it.factor(time))
+        (self.scene.reflectivity).map_or(1.0, |it| it.factor(self.time(row)))
     }
 
     /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated:
@@ -198,8 +193,7 @@ impl Simulation {
             .map_or(f64::NAN, |gaussian| gaussian.width)
     }
 
-    /// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed
-    /// at once.
+    /// Seconds from the middle of the first row's exposure. Rows of one frame are exposed at once.
     fn time(&self, row: u64) -> f64 {
         (row / self.scene.sensor.rows()) as f64 * self.scene.period()
     }

@@ -64,9 +64,7 @@ pub struct Rows {
 pub(super) const NEAREST: f64 = 0.3;
 /// ... to so many times the scene's distance.
 pub(super) const FARTHEST: f64 = 1.5;
-
-/// Patterns are computed to so many details (lambda z / a) from the geometric centre, with so many columns in
-/// a detail.
+/// Patterns are computed to so many details (lambda z / a) from the centre, with so many columns in each.
 const DETAILS: f64 = 24.0;
 const COLUMNS: f64 = 16.0;
 
@@ -89,12 +87,10 @@ impl Speckle {
             waist_diameter: spot.waist,
             waist_distance: spot.waist_distance,
         };
-        // Wavelengths for the coherence of paths that differ by 2.5 times their mean, which 92 % do not
-        // exceed (Laser::spectrum).
+        // For paths that differ by 2.5 times their mean, which 92 % do not exceed (Laser::spectrum).
         let phase = 2.5 * self.path_spread * laser.wavenumber_deviation();
         laser.wavelengths = ((2.0 / PI * phase * phase).ceil() as usize).clamp(5, 15);
-        // The beam reaches to 2.25 times its radius; half as far again is what a target may come to
-        // (Scene::check_distance).
+        // The beam reaches to 2.25 radii; half as far again may a target come (Scene::check_distance).
         let distances = [NEAREST, scene.distance, FARTHEST * scene.distance];
         let diameters = distances.map(|distance| spot.diameter(distance, wavelength));
         let diameter = diameters.into_iter().fold(0.0, f64::max);
@@ -164,8 +160,7 @@ impl RoughSurface {
             let image = image(&field::every(&places, EVERY)).with_rows_between(EVERY, rows);
             (0..rows).map(|row| mean(&image, row..row + 1)).collect()
         } else {
-            // Along the slit light varies over a tenth of a millimetre: the slit's fringes, or a spot of some
-            // millimetres.
+            // Along the slit light varies over 0.1 mm: the slit's fringes, or a spot of some millimetres.
             let places = within(scene.sensor.pixel_height(), 25e-6);
             let image = image(&places);
             vec![mean(&image, 0..places.len())]
@@ -220,14 +215,8 @@ impl RoughSurface {
             let is_lit = |row: &usize| place_across(scene, *row).abs() <= reach;
             let lit: Vec<usize> = (0..count).filter(is_lit).collect();
             let parts = within(pixel, detail / 3.0);
-            let places: Vec<f64> = lit
-                .iter()
-                .flat_map(|&row| {
-                    parts
-                        .iter()
-                        .map(move |part| place_across(scene, row) + part)
-                })
-                .collect();
+            let of_row = |&row| (parts.iter()).map(move |part| place_across(scene, row) + part);
+            let places: Vec<f64> = lit.iter().flat_map(of_row).collect();
             let image = image(&places);
             let factor = image.density / ideal.density;
             for (i, &row) in lit.iter().enumerate() {
@@ -235,8 +224,7 @@ impl RoughSurface {
                 light[row].iter_mut().for_each(|light| *light *= factor);
             }
         } else {
-            // All of the light that the pixel's height holds, over that which the spot in focus has in its
-            // middle column.
+            // The light that the pixel's height holds, over that in the middle column of the spot in focus.
             let places = within(pixel.min(2.0 * reach), detail / 3.0);
             let image = image(&places);
             let across = pixel.min(2.0 * reach);
@@ -252,8 +240,7 @@ impl RoughSurface {
 const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's \
                         distance, where the beam is wider: move the scene's distance or the beam's waist";
 
-/// Height in metres of the spot's image through a lens in focus, in its middle column: its light there over
-/// that in its middle.
+/// Height in metres of the spot's image in focus, in its middle column: its light over that in its middle.
 fn height_in_focus(scene: &Scene, pupil: &Pupil, distance: f64) -> f64 {
     let parts = Parts::new(scene, None, distance, AIRY_WIDTH * pupil.detail());
     let step = pupil.detail() / COLUMNS;

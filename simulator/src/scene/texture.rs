@@ -27,7 +27,6 @@ pub struct Texture {
 
 /// Points of white noise on a correlation length.
 const POINTS: f64 = 4.0;
-
 /// Points after which the surface repeats: a power of two.
 const PERIOD: usize = 4096;
 
@@ -44,9 +43,7 @@ impl Texture {
         let mut random = random::of_scene(seed, Effect::Texture);
         Surface {
             texture: *self,
-            noise: (0..PERIOD)
-                .map(|_| StandardNormal.sample(&mut random))
-                .collect(),
+            noise: Vec::from_iter((0..PERIOD).map(|_| StandardNormal.sample(&mut random))),
         }
     }
 }

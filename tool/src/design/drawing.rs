@@ -11,7 +11,6 @@ const INK: &str = "#222222";
 const GREY: &str = "#666666";
 const LIGHT: &str = "#d62728";
 
-/// A place on the drawing.
 type Place = (f64, f64);
 
 struct Svg(String);
@@ -41,7 +40,6 @@ impl Svg {
         self.text(at, anchor, text);
     }
 
-    /// The spot of the laser.
     fn spot(&mut self, (x, y): Place) {
         self.0 += &format!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="4" fill="{LIGHT}"/>"#);
         self.0.push('\n');

@@ -107,15 +107,14 @@ impl Design {
     fn centre_noise(&self, width: f64) -> f64 {
         // No row is longer: a wider spot covers the sensor.
         let reach = (6.0 * width).min(20_000.0) as i32 + 3;
-        let information: f64 = (-reach..=reach)
-            .map(|i| {
-                let x = f64::from(i) / width;
-                let light = self.options.height * (-0.5 * x * x).exp();
-                let slope = light * x / width;
-                slope * slope
-                    / (self.options.noise * self.options.noise + light / self.options.electrons)
-            })
-            .sum();
+        let of_pixel = |i| {
+            let x = f64::from(i) / width;
+            let light = self.options.height * (-0.5 * x * x).exp();
+            let slope = light * x / width;
+            slope * slope
+                / (self.options.noise * self.options.noise + light / self.options.electrons)
+        };
+        let information: f64 = (-reach..=reach).map(of_pixel).sum();
         information.sqrt().recip()
     }
 

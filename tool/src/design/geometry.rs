@@ -158,6 +158,5 @@ fn outer_slits(comb: bool) -> (f64, f64) {
 
 /// The width of the slits of a comb, in micrometres.
 pub const COMB_SLIT_UM: f64 = SLIT_WIDTH_UM as f64;
-
 /// The slits of a comb.
 pub const COMB_SLITS: usize = NOMINAL_PLACES_UM.len();

@@ -12,9 +12,9 @@ pub fn width_behind_slit(slit: f64, range: f64, focal: f64, wavelength: f64) -> 
     // The shadow of a wide slit, or the pattern of a narrow one.
     let shadow = slit * (1.0 + focal / range);
     let step = detail.min(shadow) / 32.0;
-    let pattern: Vec<f64> = (0..=(4.0 * (detail + shadow) / step) as usize)
-        .map(|i| light(i as f64 * step, slit, range, focal, wavelength))
-        .collect();
+    let light = |i| light(i as f64 * step, slit, range, focal, wavelength);
+    let steps = (4.0 * (detail + shadow) / step) as usize;
+    let pattern: Vec<f64> = (0..=steps).map(light).collect();
     // The misfit has one minimum in this range: a search by thirds.
     let (mut low, mut high) = (0.1 * detail.min(shadow), detail + shadow);
     while high - low > 1e-4 * low {

@@ -23,7 +23,6 @@ pub struct Report {
     file: String,
     /// Points that were read.
     points: usize,
-    /// Points that count.
     used: usize,
     rejected: Vec<Rejected>,
     form: Form,
@@ -41,13 +40,11 @@ pub struct Report {
     held_within_um: f64,
     /// What was known of the points' errors.
     weights: String,
-    /// How much the points scatter over what was given of their errors; where nothing was, their centres'
-    /// scatter in pixels.
+    /// The points' scatter over what was given of their errors; without that, that of the centres in pixels.
     scatter: Option<f64>,
     surface: Option<ShownSurface>,
     #[serde(skip_serializing_if = "Option::is_none")]
     comb: Option<ShownComb>,
-    /// What the points cannot show.
     cannot_show: Vec<String>,
     record: Option<RecordWritten>,
 }
@@ -105,8 +102,7 @@ struct Residuals {
     leverage_last: f64,
 }
 
-/// How far a target's surface moves distances. It grows with the distance, and varies as one over the square
-/// root of the spot's height.
+/// How far a target's surface moves distances: more with the distance, and as 1 / sqrt(height).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct ShownSurface {
     /// The distance in the middle of the points.
@@ -252,7 +248,6 @@ impl Report {
         report
     }
 
-    /// Adds the record that was written to a file.
     pub(super) fn add_record(&mut self, path: &Path, record: &EncodedRecord) {
         let shown = Shown::of(record);
         self.record = Some(RecordWritten {
@@ -392,7 +387,6 @@ impl fmt::Display for Report {
             "  freedoms {:.1}; leverage of the first point {:.2}, of the last {:.2}",
             curve.freedoms, curve.leverage_first, curve.leverage_last
         )?;
-
         if let Some(comb) = &self.comb {
             write_comb(f, comb)?;
         }
@@ -447,7 +441,6 @@ impl fmt::Display for Report {
     }
 }
 
-/// The slits of a comb, a line for each.
 fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
     let (slits, images) = (comb.slits.len(), comb.images);
     writeln!(f, "\nThe comb: {slits} slits, {images} images")?;

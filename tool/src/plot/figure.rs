@@ -12,7 +12,6 @@ use super::{Series, spectrum};
 
 /// The height of a panel in pixels.
 const HEIGHT: u32 = 340;
-
 /// The fewest and the most bins of the histogram.
 const BINS: (f64, f64) = (5.0, 60.0);
 
@@ -105,8 +104,7 @@ fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
     let width = (most - least) / bins as f64;
     let mut counts = vec![0_u32; bins];
     for value in mm {
-        let bin = ((value - least) / width) as usize;
-        if let Some(count) = counts.get_mut(bin) {
+        if let Some(count) = counts.get_mut(((value - least) / width) as usize) {
             *count += 1;
         }
     }

@@ -150,8 +150,7 @@ pub(super) fn keyed<'a, const N: usize>(
     (words.len() == 2 * N).then_some(values)
 }
 
-/// A number with as many decimals as the sensor sends: one more or one less is a line with a byte too many or
-/// too few.
+/// A number with as many decimals as the sensor sends: otherwise the line lost a byte, or has one too many.
 fn five_decimals(word: &str) -> Option<f64> {
     let (whole, decimals) = word.split_once('.')?;
     let digits = whole.strip_prefix('-').unwrap_or(whole);
@@ -334,8 +333,7 @@ mod tests {
         let said = "f too dim: 35.2 counts, needs 60.1\n(more laser power)";
         let fault = "too dim: 35.2 counts, needs 60.1".to_owned();
         let advice = "more laser power".to_owned();
-        let none = NoCentre { fault, advice };
-        assert_eq!(centre(&lines(said)), Some(Err(none)));
+        assert_eq!(centre(&lines(said)), Some(Err(NoCentre { fault, advice })));
         assert_eq!(centre(&lines("f too dim: 35.2 counts, needs 60.1")), None);
         assert_eq!(centre(&lines("d 799.9966 mm u 0.0016 x 1770.9878")), None);
     }

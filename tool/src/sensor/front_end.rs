@@ -50,7 +50,6 @@ pub struct MeasureOptions {
 
 /// The settings that measuring changes.
 const CHANGED: [Setting; 3] = [Setting::Ambient, Setting::Exposure, Setting::Laser];
-
 /// The settings that the upload of a record changes.
 const OF_RECORD: [Setting; 3] = [Setting::Estimator, Setting::Black, Setting::Slits];
 
@@ -119,7 +118,6 @@ pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) ->
     Ok(())
 }
 
-/// What the rows say of the front end.
 fn front_end(taken: &Taken, in_use: Polarity) -> Result<FrontEnd> {
     let line = &taken.photons.line;
     let gain = 1.0 / line.per_count;
@@ -156,7 +154,6 @@ fn front_end(taken: &Taken, in_use: Polarity) -> Result<FrontEnd> {
     })
 }
 
-/// What a person wants to know.
 fn report(front_end: &FrontEnd, in_use: &Geometry, output: &mut dyn Write) -> Result<()> {
     let ShownFrontEnd {
         polarity,

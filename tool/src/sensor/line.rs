@@ -365,8 +365,7 @@ impl<'a> Line<'a> {
                 if line.is_empty() {
                     continue;
                 }
-                // On a terminal, control characters would act.
-                let line = String::from_utf8_lossy(&line).replace(char::is_control, "\u{FFFD}");
+                let line = text_of(&line);
                 return match is_banner(&line) {
                     true => Err(LineError::Restarted(line)),
                     false => Ok(Some(line)),
@@ -400,6 +399,11 @@ fn is_in_use(error: &serialport::Error) -> bool {
     cfg!(unix) && error.kind() == serialport::ErrorKind::NoDevice
 }
 
+/// A line without control characters, which would act on a terminal.
+fn text_of(line: &[u8]) -> String {
+    String::from_utf8_lossy(line).replace(char::is_control, "\u{FFFD}")
+}
+
 /// `E3 out of range ...`
 fn is_error(line: &str) -> bool {
     let mut bytes = line.bytes();
@@ -421,4 +425,14 @@ pub(super) fn is_echoed(lines: &[String], command: &str) -> Option<()> {
 
 fn is_banner(line: &str) -> bool {
     line.starts_with("slitrange ") && line.contains(", started by ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_does_nothing_to_a_terminal() {
+        assert_eq!(text_of(b"E3 \x1b[2J\x07"), "E3 \u{FFFD}[2J\u{FFFD}");
+    }
 }

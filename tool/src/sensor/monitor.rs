@@ -24,21 +24,15 @@ use crate::screen::{Key, Screen};
 
 /// How long to wait for a line before keys are read and the view is drawn.
 const TICK: Duration = Duration::from_millis(50);
-
 /// The view is drawn so often.
 const DRAWN: Duration = Duration::from_millis(100);
-
-/// After so much time without a line, the sensor is asked whether it is there. A frame of 64 rows takes 0.4
-/// s.
+/// After so long without a line the sensor is asked whether it is there. 64 rows take 0.4 s.
 const SILENT: Duration = Duration::from_secs(3);
-
 /// After so much time the view no longer shows the last reading as if it were new.
 const STALE: Duration = Duration::from_secs(1);
-
 /// So often the view asks how many rows were lost. The answer takes the line for 50 ms, and nobody asks while
 /// a file is written, so that no reading is dropped for it.
 const STATUS: Duration = Duration::from_secs(10);
-
 /// So often a line says how a recording goes.
 const PROGRESS: Duration = Duration::from_secs(10);
 
@@ -81,7 +75,6 @@ struct Monitor<'a> {
     options: &'a MonitorOptions,
     pc: &'a dyn Pc,
     output: &'a mut dyn Write,
-    /// There is no view.
     as_lines: bool,
     /// The sensor head and its port.
     sensor: String,
@@ -97,7 +90,6 @@ struct Monitor<'a> {
     heard: Duration,
     /// When the last reading or fault came.
     reading_came: Duration,
-    /// Results so far.
     results: u64,
 }
 
@@ -201,7 +193,6 @@ impl<'a> Monitor<'a> {
         Ok(())
     }
 
-    /// Has the sensor stream.
     fn start(&mut self, mut session: Session<'a>) -> Link<'a> {
         self.heard = self.pc.now();
         let lost = self.prepare(&mut session);
@@ -218,8 +209,7 @@ impl<'a> Monitor<'a> {
         }
     }
 
-    /// Asks for what `monitor` must know, and sets the columns that it needs. Gives the rows lost and lines
-    /// dropped.
+    /// Asks what `monitor` must know, and sets its columns. Gives the rows lost and lines dropped.
     fn prepare(&mut self, session: &mut Session<'_>) -> Result<(u32, u32), LineError> {
         self.statistics.leaves_out = session.value(Setting::Rate)? != Value::Rate(0);
         if let Value::Output(columns) = session.value(Setting::Output)?
@@ -231,7 +221,6 @@ impl<'a> Monitor<'a> {
         session.losses()
     }
 
-    /// Takes the next line, if one comes.
     fn listen(&mut self, mut session: Session<'a>) -> Result<Link<'a>> {
         let is_there = match session.line().next_line(TICK) {
             Ok(Some(line)) => self.take(&line).map(Ok)?,
@@ -290,7 +279,6 @@ impl<'a> Monitor<'a> {
         Ok(())
     }
 
-    /// Takes a line of the answer to `status`.
     fn take_status(&mut self, status: &str) {
         let Some([_, (rows, dropped)]) = &mut self.lost else {
             return;
@@ -336,30 +324,21 @@ impl<'a> Monitor<'a> {
         Ok(screen.draw(&mut |frame| view.draw(frame))?)
     }
 
-    /// The text at the end of the command.
     fn sum_up(self) -> Result<()> {
         let (lost, seconds) = (self.losses(), self.time().as_secs_f64());
-        let Self {
-            statistics, output, ..
-        } = self;
+        let (statistics, output) = (&self.statistics, self.output);
         let (line, faults) = (statistics.line(), statistics.faults_line());
         writeln!(output, "{seconds:.1} s: {line}\n{faults}")?;
         if let Some((rows, dropped)) = lost {
             writeln!(output, "{rows} rows lost, {dropped} lines dropped")?;
         }
-        for (count, what) in [
-            (
-                statistics.missing,
-                "results did not arrive, by their numbers",
-            ),
-            (
-                statistics.unreadable,
-                "lines could not be read: check the cable",
-            ),
-        ] {
-            if count > 0 {
-                writeln!(output, "{count} {what}")?;
-            }
+        let (missing, unreadable) = (statistics.missing, statistics.unreadable);
+        if missing > 0 {
+            writeln!(output, "{missing} results did not arrive, by their numbers")?;
+        }
+        if unreadable > 0 {
+            let what = "lines could not be read: check the cable";
+            writeln!(output, "{unreadable} {what}")?;
         }
         if let Some(recording) = &self.recording {
             let (name, lines) = (recording.name(), recording.lines);

@@ -11,10 +11,8 @@ use statistics::least_and_most;
 
 use super::taken::Millimetres;
 
-/// Distances that somebody gives in metres by a slip are no larger: the largest that a record holds, in
-/// metres.
+/// No distance given in metres by a slip is larger: the largest that a record holds, in metres.
 const METRES: f64 = 8.38;
-
 /// The step of the distances that a person is asked for, in millimetres: what a ruler shows.
 const RULER_MM: f64 = 1.0;
 
@@ -73,8 +71,7 @@ impl Which {
     /// look like metres.
     pub fn list(&self, by_hand: bool) -> Result<Vec<f64>> {
         let usual = if by_hand { RULER_MM } else { STAGE_MM };
-        let round = self.round.unwrap_or(usual);
-        let positions = self.positions(round)?;
+        let positions = self.positions(self.round.unwrap_or(usual))?;
         let from_laser = self.positions.is_none() && self.spacing == Spacing::Pixels;
         // A stage may have its zero in the middle of a few millimetres.
         ensure!(
@@ -89,8 +86,7 @@ impl Which {
             (Some(path), ..) => {
                 let shown = format!("the positions in {}", path.display());
                 let text = std::fs::read_to_string(path);
-                let text = text.with_context(|| format!("{shown} cannot be read"))?;
-                listed(&text).context(shown)
+                listed(&text.with_context(|| format!("{shown} cannot be read"))?).context(shown)
             }
             (None, Some(from), Some(to)) => match self.spacing {
                 Spacing::Pixels => even_pixels(from, to, self.points, round),
@@ -130,10 +126,8 @@ fn listed(text: &str) -> Result<Vec<f64>> {
 
 /// A step in millimetres, as a person types it.
 fn step(text: &str) -> Result<f64, String> {
-    let mm = text
-        .parse()
-        .ok()
-        .filter(|mm| (STAGE_MM..=100.0).contains(mm));
+    let mm = text.parse().ok();
+    let mm = mm.filter(|mm| (STAGE_MM..=100.0).contains(mm));
     mm.ok_or_else(|| format!("it must be {STAGE_MM} to 100 mm"))
 }
 
@@ -293,7 +287,6 @@ pub fn check_command(command: &str) -> Result<()> {
 
 /// So far beyond the positions of a run a person may type a distance, or a tenth of the run's length.
 const BEYOND_MM: f64 = 50.0;
-
 /// By how much a person misses a position who then types where the target is, in millimetres.
 const MISSED_MM: f64 = 5.0;
 
@@ -344,9 +337,8 @@ mod tests {
         let stage = list(None, false).expect("positions");
         let off = by_hand.iter().zip(&stage).map(|(a, b)| (a - b).abs());
         assert!(off.fold(0.0, f64::max) <= 0.5 && stage != by_hand);
-        let error = which(600.0, 610.0, 12, None)
-            .list(true)
-            .expect_err("too close");
+        let close = which(600.0, 610.0, 12, None);
+        let error = close.list(true).expect_err("too close");
         let advice = "take fewer --points, or a finer --round";
         assert!(error.to_string().ends_with(advice));
     }
@@ -379,43 +371,26 @@ mod tests {
 
     #[test]
     fn malformed_lists_are_refused() {
-        let sensible = "it is -8380 to 8380 mm";
+        let word = "line 2: `610,5` is no distance in millimetres".to_owned();
+        let none = "there are none: write one distance in millimetres a line".to_owned();
+        let far = |at| format!("line {at} is no distance of a target: it is -8380 to 8380 mm");
         for (text, says) in [
-            (
-                "600\n610,5\n",
-                "line 2: `610,5` is no distance in millimetres".to_owned(),
-            ),
-            (
-                "600\nnan\n",
-                format!("line 2: nan is no distance of a target: {sensible}"),
-            ),
-            (
-                "600\n# far\n8381\n",
-                format!("line 3: 8381 is no distance of a target: {sensible}"),
-            ),
-            (
-                "\n# none\n",
-                "there are none: write one distance in millimetres a line".to_owned(),
-            ),
+            ("600\n610,5\n", word),
+            ("600\nnan\n", far("2: nan")),
+            ("600\n# far\n8381\n", far("3: 8381")),
+            ("\n# none\n", none),
         ] {
             assert_eq!(format!("{:#}", listed(text).expect_err("refused")), says);
         }
-        let twice = listed("600\n610\n600.0 # again\n")
-            .expect_err("refused")
-            .to_string();
-        assert!(
-            twice.starts_with("line 3: 600.0 is there already"),
-            "{twice}"
-        );
+        let twice = listed("600\n610\n600.0 # again\n").expect_err("refused");
+        assert!((twice.to_string()).starts_with("line 3: 600.0 is there already"));
     }
 
     #[test]
     fn a_list_is_walked_in_order_from_the_end_it_begins_with() {
         let list = |text| listed(text).expect("positions");
-        assert_eq!(
-            list("600\n 700.5 # here\n650\n900\n"),
-            [600.0, 650.0, 700.5, 900.0]
-        );
+        let rising = list("600\n 700.5 # here\n650\n900\n");
+        assert_eq!(rising, [600.0, 650.0, 700.5, 900.0]);
         assert_eq!(list("900\n600\n650\n"), [900.0, 650.0, 600.0]);
         // The zero of a stage may be anywhere.
         assert_eq!(list("-210\n-0\n210\n"), [-210.0, 0.0, 210.0]);

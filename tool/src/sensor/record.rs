@@ -20,13 +20,10 @@ use super::transfer::record_in_use;
 use crate::pc::Pc;
 use crate::recording::{Row, Rows, Sensor, Writer};
 
-/// Without a row for so long, the sensor has stopped. A row takes 66 ms; an emulated board can be slower than
-/// the clock on the wall.
+/// The sensor has stopped after so long. A row takes 66 ms; an emulated board can be slower than the clock.
 const PATIENCE: Duration = Duration::from_secs(10);
-
 /// After so much time without a packet, the command for packets is sent again.
 const AGAIN: Duration = Duration::from_secs(1);
-
 /// How long to wait for bytes before Ctrl-C is looked for.
 const TICK: Duration = Duration::from_millis(100);
 
@@ -54,9 +51,8 @@ pub struct RecordOptions {
 fn baud(word: &str) -> Result<Baud> {
     let rates = Baud::ALL.map(|baud| baud.bits_a_second());
     let rate = word.parse::<u32>().ok();
-    let baud = Baud::ALL
-        .into_iter()
-        .find(|it| Some(it.bits_a_second()) == rate);
+    let is_rate = |it: &Baud| Some(it.bits_a_second()) == rate;
+    let baud = Baud::ALL.into_iter().find(is_rate);
     baud.with_context(|| format!("the sensor has the rates {rates:?}"))
 }
 
@@ -112,8 +108,7 @@ fn sensor(session: &mut Session<'_>) -> Result<Sensor> {
     })
 }
 
-/// Takes rows until there are enough, or somebody presses Ctrl-C. Gives their number, and how many rows the
-/// sensor read between them.
+/// Takes rows until there are enough, or Ctrl-C. Gives their number, and how many rows came between them.
 fn take_rows(
     session: &mut Session<'_>,
     baud: Baud,

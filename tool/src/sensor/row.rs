@@ -22,8 +22,7 @@ use super::session::Session;
 use crate::pc::Pc;
 use crate::whole_file;
 
-/// How long to wait for a row: 114 lines take 1.1 s at 115,200 baud. An emulated board can be slower than the
-/// clock on the wall.
+/// How long to wait for a row: 1.1 s at 115,200 baud, and an emulated board can be slower than the clock.
 const ROW: Duration = Duration::from_secs(20);
 
 /// Show one row: its pixels, the fitted gaussian and the residuals
@@ -50,7 +49,6 @@ pub struct RowOptions {
 }
 
 impl RowOptions {
-    /// The pixels to ask for.
     fn part(&self) -> Result<RowPart> {
         match self.pixels.as_deref() {
             Some(&[first, last]) => {
@@ -86,7 +84,6 @@ pub struct RowAnswer {
 /// An image on a row, as a gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Image {
-    /// The centre in pixels.
     x_px: f64,
     /// The height above the level in counts.
     height: f64,
@@ -96,7 +93,6 @@ struct Image {
 
 /// Pixels so many widths from all centres show the level: an image has 4e-6 of its height there.
 const BESIDE: f64 = 5.0;
-
 /// The least sigma of an image in pixels.
 const LEAST_WIDTH: f64 = 0.5;
 
@@ -210,7 +206,6 @@ impl RowAnswer {
         }
     }
 
-    /// The images as gaussians.
     fn images(&self) -> Vec<Image> {
         let found = self.found();
         let shape = self.centre.as_ref().ok().and_then(|centre| centre.shape);
@@ -238,7 +233,6 @@ impl RowAnswer {
         came.contains(&x_px)
     }
 
-    /// The pixels and their counts.
     fn pixels(&self) -> impl Iterator<Item = (usize, f64)> {
         (self.first..).zip(self.counts.iter().map(|&count| count.into()))
     }
@@ -251,10 +245,7 @@ impl RowAnswer {
 
     /// Sigma of an image by the pixels above half of its height, in pixels. At least [`LEAST_WIDTH`].
     fn width_at_half(&self, x_px: f64, height: f64) -> f64 {
-        let at = |pixel: usize| {
-            let count = self.counts.get(pixel.checked_sub(self.first)?)?;
-            Some(f64::from(*count))
-        };
+        let at = |pixel: usize| Some(f64::from(*self.counts.get(pixel.checked_sub(self.first)?)?));
         let peak = x_px.round().max(0.0) as usize;
         let half = at(peak).unwrap_or_default() - 0.5 * height;
         let is_above = |pixel: &usize| at(*pixel).is_some_and(|count| count > half);
@@ -304,7 +295,6 @@ impl RowAnswer {
         }
     }
 
-    /// How many pixels are saturated.
     fn full(&self) -> usize {
         let is_full = |count: &&u16| **count >= self.saturated;
         self.counts.iter().filter(is_full).count()
@@ -315,7 +305,6 @@ impl RowAnswer {
         self.images().first().map_or(0.0, |image| image.width_px)
     }
 
-    /// What a person wants to know first.
     fn summary(&self) -> String {
         let mut text = String::new();
         match &self.centre {

@@ -26,23 +26,17 @@ use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
-
-/// Frames further than this many times their scatter from the others are no matter of chance: a digit that
-/// noise on the line changed, or a target that was not at rest.
+/// Frames this many times their scatter off: a digit that noise changed, or a target that was not at rest.
 const OUTLYING: f64 = 10.0;
-
 /// A target at rest moves its centre by less, in pixels: fifty times the noise of a point, for a laser that
 /// warms up. It is 0.07 mm at the farther end of the nominal range.
 const AT_REST_PX: f64 = 0.1;
-
 /// Standard deviations within which centres may differ by noise.
 const NOISE: f64 = 5.0;
-
 /// Eq. (1) of the nominal geometry, [`slitrange::distance::eq1::NOMINAL`], and the farther end of its range.
 const NOMINAL_D_MM: f64 = -115.385;
 const NOMINAL_K_MM_PX: f64 = 2_152_367.0;
 const FARTHEST_MM: f64 = 1100.0;
-
 /// The finest step of the sensor's centres, in pixels: no point claims to be better known.
 const FINEST_PX: f64 = 1e-5;
 
@@ -211,13 +205,11 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
     let estimator = setup.estimator.map(Value::Estimator);
     let default = Setup::default().unnamed();
     let others = setup.unnamed().into_iter();
-    estimator
-        .into_iter()
-        .chain(setup.black_level.map(Value::Black))
-        .chain(others.filter(move |value| !default.contains(value)))
+    let known = estimator.into_iter();
+    let known = known.chain(setup.black_level.map(Value::Black));
+    known.chain(others.filter(move |value| !default.contains(value)))
 }
 
-/// The way through the positions.
 struct Walk<'a> {
     session: Session<'a>,
     setup: Setup,
@@ -228,7 +220,6 @@ struct Walk<'a> {
     output: &'a mut dyn Write,
 }
 
-/// Why there is no point after Ctrl-C.
 const INTERRUPTED: &str = "stopped by Ctrl-C";
 
 impl Walk<'_> {
@@ -327,7 +318,6 @@ impl Walk<'_> {
         }
     }
 
-    /// Fails once somebody pressed Ctrl-C.
     fn check_interrupt(&mut self) -> Result<()> {
         ensure!(!self.session.line().pc().interrupted(), INTERRUPTED);
         Ok(())
@@ -402,9 +392,8 @@ impl Walk<'_> {
         let scatter = point.scatter_px.map(|it| format!(", scatter {it:.5}"));
         let misfits = Some(point.misfits).filter(|rows| *rows > 0);
         let misfits = misfits.map(|rows| format!("  {rows} rows do not look like their spot"));
-        let alike = point
-            .correlated
-            .map(|rows| format!("  rows err alike, worth {rows}"));
+        let alike = |rows| format!("  rows err alike, worth {rows}");
+        let alike = point.correlated.map(alike);
         writeln!(
             self.output,
             "{place}  {mm} mm  x {:.5} px +- {:.5} ({} frames{}, claimed {:.5}){}{}",
@@ -463,8 +452,7 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     Taken {
         x_px: rounded(mean(places())),
         d_mm,
-        // Frames of a target at rest share its speckle: their number brings down what differs between them
-        // only.
+        // Frames at rest share their speckle: their number brings down only what differs between them.
         sigma_px: rounded(claimed.max(scatter.unwrap_or_default()) / count.sqrt()).max(FINEST_PX),
         frames: centres.len(),
         scatter_px: scatter.map(rounded),
@@ -488,8 +476,7 @@ fn to_longest(centre: &Centre) -> f64 {
     f64::from(Exposure::LONGEST.us()) / f64::from(centre.exposure_us)
 }
 
-/// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half
-/// of the frames has none.
+/// The mean images of slits that have one in half of the frames, rounded as a file holds them.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
     let with_images = centres.iter().filter_map(|centre| {
         let height = |image: SlitImage| image.height_counts * to_longest(centre);
@@ -581,14 +568,13 @@ mod tests {
 
     #[test]
     fn a_shape_is_the_mean_of_all_frames() {
-        let with = |width_px: f64| Centre {
+        let mut centres = [7.1, 17.0, 7.2, 7.3].map(|width_px: f64| Centre {
             shape: Some(Shape {
                 width_px,
                 components_px: [0.001, -0.002, 0.1 * (width_px - 7.0), 0.0, 0.0],
             }),
             ..centre(1800.0)
-        };
-        let mut centres = [7.1, 17.0, 7.2, 7.3].map(with);
+        });
         let shape = taken(700.0, &centres).shape.expect("a shape");
         assert_eq!(shape.width_px, 7.25);
         assert_eq!(shape.components_px, [0.001, -0.002, 0.025, 0.0, 0.0]);
@@ -638,9 +624,7 @@ mod tests {
 
     #[test]
     fn a_changed_digit_does_not_count() {
-        let mut centres = [-0.003, -0.001, 0.0, 0.001, 0.002]
-            .map(|by| centre(1800.0 + by))
-            .to_vec();
+        let mut centres = [-0.003, -0.001, 0.0, 0.001, 0.002].map(|by| centre(1800.0 + by));
         assert_eq!(without_outlying(&centres).len(), 5);
         centres[2].x_px += 0.1;
         assert_eq!(without_outlying(&centres).len(), 4);

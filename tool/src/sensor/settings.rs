@@ -22,10 +22,8 @@ use crate::whole_file;
 
 /// The table of all settings fits in so many columns of a terminal.
 const WIDTH: usize = 100;
-
 /// The columns of the table for a setting's value.
 const VALUE_WIDTH: usize = 24;
-
 /// Between the table's columns.
 const GAP: &str = "  ";
 
@@ -185,8 +183,7 @@ fn value(session: &mut Session<'_>, setting: Setting) -> Result<Value> {
     }
 }
 
-/// The values of all settings that flash can hold, but for the sensor's address: another sensor has another
-/// one.
+/// All settings that flash can hold but the sensor's address, which another sensor has otherwise.
 fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
     let mut values = Vec::new();
     for &setting in Setting::ALL {
@@ -251,8 +248,7 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
 }
 
 fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
-    let setting = new.setting();
-    let before = value(session, setting)?;
+    let before = value(session, new.setting())?;
     if before == new {
         return Ok(writeln!(output, "{new} (as before)")?);
     }
@@ -338,8 +334,7 @@ fn load(
 ) -> Result<()> {
     let mut changes = Vec::new();
     for &new in values {
-        let setting = new.setting();
-        let before = value(session, setting)?;
+        let before = value(session, new.setting())?;
         if before != new {
             changes.push((before, new));
         }
@@ -347,9 +342,8 @@ fn load(
     // The tool needs text at 115200 baud.
     changes.retain(|(_, new)| !matches!(new, Value::Format(_) | Value::Baud(_)));
     for &(before, new) in &changes {
-        session
-            .set_for_good(new)
-            .context("some settings were sent, some were not: load the file again")?;
+        let sent = session.set_for_good(new);
+        sent.context("some settings were sent, some were not: load the file again")?;
         let (name, before, new) = (new.setting().name(), words(before), words(new));
         writeln!(output, "{name}: {before} -> {new}")?;
     }
@@ -407,9 +401,8 @@ mod tests {
         let error = from_toml("rows = 65\nblack = \"fixed\"\ncolour = \"red\"\nmean = \"plain\"\n");
         let error = format!("{:#}", error.expect_err("three wrong lines"));
         // The list of all settings grows.
-        let lines = error
-            .lines()
-            .map(|it| it.split(" The settings are: ").next());
+        let lines = error.lines();
+        let lines = lines.map(|it| it.split(" The settings are: ").next());
         insta::assert_debug_snapshot!(lines.collect::<Vec<_>>());
         let limit = "exposure = \"limit 20\"";
         for text in ["", "rows", "rows = [1]", "rows = 1.5", limit] {

@@ -144,9 +144,8 @@ impl FrameResult {
 /// A decimal number, as the sensor sends it: digits, one point at most, a minus in front at most.
 fn number(word: &str) -> Option<f64> {
     let digits = word.strip_prefix('-').unwrap_or(word);
-    let is_decimal = digits
-        .bytes()
-        .all(|byte| matches!(byte, b'0'..=b'9' | b'.'));
+    let is_part = |byte| matches!(byte, b'0'..=b'9' | b'.');
+    let is_decimal = digits.bytes().all(is_part);
     is_decimal.then(|| word.parse().ok())?
 }
 
@@ -229,7 +228,6 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a line says, a distance is a number.
         #[test]
         fn a_distance_is_finite(
             line in "(# [0-9]{1,9} )?[dz] [-0-9.eInaf]{1,12} mm( [a-z] [0-9./]{1,8}){0,4}",

@@ -168,8 +168,7 @@ pub(super) fn transfer(
         let Err(error) = result else {
             return Ok(());
         };
-        let may_pass = error.downcast_ref().is_some_and(LineError::may_pass);
-        if !may_pass || tries == TRIES {
+        if !error.downcast_ref().is_some_and(LineError::may_pass) || tries == TRIES {
             return Err(error);
         }
         tries += 1;
@@ -241,8 +240,7 @@ fn commit(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
     }
 }
 
-/// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is
-/// not asked to save that.
+/// Has the sensor keep what is in use. One that started anew uses its flash, and is not asked to save.
 fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
     const UNKNOWN: &str = "uploaded; whether it is saved, `calibration` on the sensor's line tells";
     let question = Command::Save.to_string();
@@ -292,7 +290,6 @@ pub fn read(options: &ReadOptions, pc: &dyn Pc, output: &mut dyn Write) -> Resul
     Ok(())
 }
 
-/// The record that a sensor uses.
 pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> {
     let in_use = session.calibration()?;
     let Some(RecordInUse {
@@ -316,9 +313,8 @@ pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> 
         })?;
         bytes.extend_from_slice(piece.bytes());
     }
-    let written = decode(&bytes)
-        .and_then(EncodedRecord::new)
-        .context("what the sensor sent is no record")?;
+    let written = decode(&bytes).and_then(EncodedRecord::new);
+    let written = written.context("what the sensor sent is no record")?;
     ensure!(
         written.sum() == crc,
         "what the sensor sent is another record, CRC-32 {:08x}, than it said, {crc:08x}: somebody changed it \

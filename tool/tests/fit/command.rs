@@ -41,8 +41,7 @@ impl Folder {
         std::fs::write(self.path(name), text).expect("written");
     }
 
-    /// Runs `slitrange calibrate fit` with options, in which + stands for a blank: the exit code, and what is
-    /// said.
+    /// `slitrange calibrate fit` with options, + for a blank: the exit code, and what is said.
     fn fit(&self, options: &str) -> (Option<i32>, String) {
         let output = Command::new(env!("CARGO_BIN_EXE_slitrange"))
             .current_dir(self.0.path())
@@ -78,7 +77,6 @@ fn points_become_a_record_a_report_and_a_figure() {
     throw_off(&mut points, 3, 2.0, false, &mut seeded(2));
     let folder = Folder::with(&points);
     insta::assert_snapshot!(folder.fits("points.csv --date 2026-01-31 --figure fit.svg"));
-
     let record = folder.record("points.record");
     assert_eq!(record.serial_number, 42);
     assert_eq!(record.estimator, Estimator::Adaptive);
@@ -92,7 +90,6 @@ fn points_become_a_record_a_report_and_a_figure() {
     });
     println!("the sensor's distances: RMS {rms:.3} um, largest {largest:.3} um");
     assert!(rms < 0.6 && largest < 4.0);
-
     let svg = std::fs::read_to_string(folder.path("fit.svg")).expect("a figure");
     assert_eq!(svg.matches("<circle").count(), 3 * 57);
     let rejected = "60 points and their fit (3 rejected, red)";
@@ -183,7 +180,6 @@ fn a_file_named_by_a_dash_is_refused() {
     }
 }
 
-/// A refused file of points makes no record, and leaves an older record unchanged.
 #[test]
 fn refusals_leave_existing_files_unchanged() {
     let points = Truth::nominal().points(20, 0.002, &mut seeded(3));

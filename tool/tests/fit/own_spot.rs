@@ -11,9 +11,7 @@ use slitrange::base::units::Counts;
 use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::measurement::Options;
-use slitrange::measurement::centre_of_spot;
+use slitrange::measurement::{Measurement, Options, centre_of_spot};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::pixels::PixelErrors;
@@ -123,20 +121,17 @@ impl Sensor {
         for point in 0..POINTS {
             let distance = NEAR + (FAR - NEAR) * point as f64 / (POINTS - 1) as f64;
             let height = 1000.0 * (0.8 / distance).powi(2);
-            let centres: Vec<answers::Centre> = (0..8)
-                .map(|_| {
-                    let measured = self.frame(&mut measurement, distance, height, &mut random);
-                    let line = CentreLine(&measured).to_string();
-                    answers::centre(&[line])
-                        .expect("an answer")
-                        .expect("a centre")
-                })
-                .collect();
+            let centre = |_| {
+                let measured = self.frame(&mut measurement, distance, height, &mut random);
+                answers::centre(&[CentreLine(&measured).to_string()])
+                    .expect("an answer")
+                    .expect("a centre")
+            };
+            let centres: Vec<answers::Centre> = (0..8).map(centre).collect();
             file.add(taken(1e3 * distance, &centres)).expect("added");
         }
         file.put_in_order().expect("in order");
-        let points = Points::read(&path).expect("points").points;
-        let solved = solve(&points, None).expect("a fit");
+        let solved = solve(&Points::read(&path).expect("points").points, None).expect("a fit");
         let made = form::make(&solved, None).expect("a calibration");
         Calibrated {
             errors: errors::of(&solved, &made),
@@ -195,15 +190,14 @@ impl Calibrated {
         let mut random = seeded(seed);
         let mut measurement = Measurement::new(tcd1304dg(), sensor.options(ROWS));
         measurement.set(sensor.options(ROWS), profile);
-        let readings: Vec<(f64, Reading)> = (0..count)
-            .map(|_| {
-                let (distance, height) = anywhere(&mut random);
-                let measured = sensor.frame(&mut measurement, distance, height, &mut random);
-                let reading = measured.reading(Some(&self.calibration), &self.errors, Surface::Off);
-                let reading = reading.expect("in range");
-                (reading.distance.to_f64() - 1e6 * distance, reading)
-            })
-            .collect();
+        let reading = |_| {
+            let (distance, height) = anywhere(&mut random);
+            let measured = sensor.frame(&mut measurement, distance, height, &mut random);
+            let reading = measured.reading(Some(&self.calibration), &self.errors, Surface::Off);
+            let reading = reading.expect("in range");
+            (reading.distance.to_f64() - 1e6 * distance, reading)
+        };
+        let readings: Vec<(f64, Reading)> = (0..count).map(reading).collect();
         let u = |reading: &Reading| reading.uncertainty.to_f64();
         let over: Vec<f64> = readings.iter().map(|(error, it)| error / u(it)).collect();
         let errors: Vec<f64> = readings.iter().map(|(error, _)| *error).collect();

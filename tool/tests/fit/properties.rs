@@ -128,9 +128,8 @@ fn random_points_on_a_curve_are_accepted() {
     use super::truth::{Truth, seeded};
     for (seed, distortion) in (0..10).flat_map(|seed| [(seed, 0.0), (seed, 0.03)]) {
         let points = Truth::distorted(distortion).points(40, 0.01, &mut seeded(seed));
-        let lines = points
-            .iter()
-            .map(|point| format!("{},{}\n", point.x_px, point.d_mm));
+        let lines = points.iter();
+        let lines = lines.map(|point| format!("{},{}\n", point.x_px, point.d_mm));
         let text = format!("x_px,d_mm\n{}", lines.collect::<String>());
         assert!(accepted(&text, None).expect("held"));
     }

@@ -40,9 +40,8 @@ fn runs(process: u32) -> bool {
     let until = Instant::now() + Duration::from_secs(10);
     let is_there = || {
         let mut kill = Command::new("kill");
-        let kill = kill
-            .args(["-0", &process.to_string()])
-            .stderr(Stdio::null());
+        let kill = kill.args(["-0", &process.to_string()]);
+        let kill = kill.stderr(Stdio::null());
         kill.status().expect("the command kill").success()
     };
     while is_there() {
@@ -123,7 +122,6 @@ fn a_board_that_ends_is_an_error() {
 #[test]
 fn without_the_board_the_error_says_how_to_build_it() {
     // The program of this test has no virtual board beside it.
-    let sensor = StandIn::new(4);
-    let error = sensor.refused("demo quiet-paper");
+    let error = StandIn::new(4).refused("demo quiet-paper");
     says(&error, ["`cargo build --bin demo`"]);
 }

@@ -50,7 +50,6 @@ fn a_script_takes_dark_and_lit_rows_in_two_runs() {
     begins(&sensor.refused(&lit), "the map is in use, but not saved: ");
 }
 
-/// Lines are lost and garbled, and the tool asks again.
 #[test]
 fn noise_on_the_line_does_not_matter() {
     for seed in 0..20 {

@@ -106,8 +106,7 @@ fn found(sensor: &StandIn) -> Option<FrontEnd> {
 
 /// A record with this serial number, and otherwise the one in use.
 fn with_number(sensor: &StandIn, serial_number: u32) -> EncodedRecord {
-    let in_use = sensor.state().record().expect("a record");
-    let mut record = in_use.record().clone();
+    let mut record = sensor.state().record().expect("a record").record().clone();
     record.serial_number = serial_number;
     EncodedRecord::new(record).expect("a record")
 }
@@ -156,8 +155,7 @@ fn unknown_heads_are_measured_to_five_percent() {
     println!("at most {worst:.2?} %");
 }
 
-/// The root mean square of errors over r, of many readings with this geometry. The exposure gives the spot
-/// half of its room.
+/// Errors over r, root mean square of many readings. The exposure gives the spot half of its room.
 fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -> f64 {
     const FRAMES: u64 = 1500;
     let options = Options {
@@ -182,8 +180,7 @@ fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -
     let true_centre = simulation.true_centre(0, scene.distance);
     let (mut squares, mut readings) = (0.0, 0.0);
     for row in 0..4 * FRAMES {
-        let outputs = simulation.row(row, scene.distance, times);
-        let mut words = words(&outputs, &of_outputs);
+        let mut words = words(&simulation.row(row, scene.distance, times), &of_outputs);
         let Some(result) = measurement.row(&mut words) else {
             continue;
         };
@@ -245,7 +242,6 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     says(&sensor.done(&format!("{figured} --dry-run")), ["a dry run"]);
     assert_eq!(sensor.state().record(), record);
     assert_eq!(sensor.state().settings(), settings);
-
     let parts = [
         "sensor TCD1304DG at ",
         "laser off: 4 rows",
@@ -306,13 +302,10 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
         motion: Some(Motion { speed: 0.05 }),
         ..bright.clone()
     };
+    let limit = "exposure limit 10";
     for (scene, line, expected) in [
         (with_light(&bright, 5e3), "", "put a brighter target"),
-        (
-            with_light(&bright, 5e6),
-            "exposure limit 10",
-            "put a brighter target",
-        ),
+        (with_light(&bright, 5e6), limit, "put a brighter target"),
         (with_light(&bright, 3e9), "", "put a darker target"),
         (with_light(&bright, 3e8), "", "put a darker target"),
         (bright.clone(), "laser off", "type `laser on`"),
@@ -320,11 +313,10 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
     ] {
         let sensor = sensor(scene, truth.polarity);
         sensor.state().type_line(line);
-        let settings = sensor.state().settings();
-        let record = sensor.state().record();
+        let held = || (sensor.state().settings(), sensor.state().record());
+        let before = held();
         says(&sensor.refused(MEASURE), [expected]);
-        assert_eq!(sensor.state().settings(), settings);
-        assert_eq!(sensor.state().record(), record);
+        assert_eq!(held(), before);
     }
     // A dimmer target: the gain is measured, the saturation is not.
     let sensor = sensor(with_light(&bright, 150e3), truth.polarity);
@@ -334,8 +326,7 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
     assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
 }
 
-/// At the longest exposure the spot would reach 0.9 to 2 times the saturation. Whether the saturation is
-/// found or not, no pixel that it cuts off makes the gain wrong.
+/// The spot would reach 0.9 to 2 times the saturation: no pixel that it cuts off makes the gain wrong.
 #[test]
 fn a_spot_that_just_saturates_gives_the_right_gain() {
     let (scene, truth) = head(2);
@@ -362,7 +353,6 @@ fn a_spot_that_just_saturates_gives_the_right_gain() {
     }
 }
 
-/// The tool switches the echo and the map of the pixels off, and on again.
 #[test]
 fn echo_and_map_are_put_back() {
     let (scene, truth) = head(2);
@@ -371,14 +361,12 @@ fn echo_and_map_are_put_back() {
         sensor.state().type_line(line);
     }
     sensor.done(NO_SAVE);
-    let found = recorded(&sensor);
-    assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
+    assert!((recorded(&sensor).gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
     assert!(sensor.state().settings().echo);
     assert!(sensor.state().settings().stream);
     assert!(sensor.state().is_map_on());
 }
 
-/// Ctrl-C ends the measurement, and the sensor has its own settings again.
 #[test]
 fn ctrl_c_ends_the_measurement_in_order() {
     let (scene, truth) = head(2);
@@ -423,23 +411,20 @@ fn a_tool_that_is_killed_loses_no_calibration() {
 fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
     let (scene, truth) = head(2);
     let sensor = sensor(scene, truth.polarity);
-    let own = with_number(&sensor, 9);
-    sensor.state().start_with(Some(own));
+    sensor.state().start_with(Some(with_number(&sensor, 9)));
     sensor.state().type_line("defaults");
     says(&sensor.refused(MEASURE), ["which would be lost"]);
     let saved = sensor.state().saved_record().expect("a record");
     assert_eq!(saved.record().serial_number, 9);
 }
 
-/// Lines that are lost or spoilt are asked again, and no number is wrong by it.
 #[test]
 fn a_noisy_line_gives_the_same_front_end() {
     let (scene, truth) = head(4);
     let sensor = sensor(scene, truth.polarity);
     sensor.state().trouble = Trouble::of_line(0.002, 0.002);
     sensor.done(MEASURE);
-    let found = recorded(&sensor);
-    for (name, _, over_u) in compare(&found, &truth) {
+    for (name, _, over_u) in compare(&recorded(&sensor), &truth) {
         println!("{name}: {over_u:.2} u");
         assert!(over_u.abs() < 4.0, "{name}");
     }

@@ -133,7 +133,6 @@ fn the_live_view_shows_readings_faults_and_that_the_sensor_is_away() {
     let border = named.lines().next().expect("a border").replace('─', "");
     let below: Vec<&str> = named.lines().skip(1).collect();
     insta::assert_snapshot!(format!("{border}\n{}", below.join("\n")));
-
     sensor.state().trouble.fault = 1.0;
     let (seen, _) = Person::new(&sensor, &[(20, Key::Quit)]).types("monitor --port PORT");
     says(&seen[0], ["fault: too dim: 35.0 counts, needs 60.0"]);

@@ -60,8 +60,7 @@ fn a_run_ends_at_a_fault_and_at_a_pause() {
         assert!((series.interval_s - 0.1).abs() < 1e-9);
     }
     // Too short.
-    let lines = lines(Kind::Fault);
-    let error = Series::of(&lines[60..70]).expect_err("ten readings");
+    let error = Series::of(&lines(Kind::Fault)[60..70]).expect_err("ten readings");
     says(&error.to_string(), ["has 10 readings, and 16 are needed"]);
     assert!(Series::of(&[]).is_err());
 }

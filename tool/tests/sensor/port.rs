@@ -66,14 +66,12 @@ fn the_only_sensor_is_found() {
 fn no_sensor_and_several_are_errors_that_name_the_ports() {
     let none = found(&Ports(vec![])).expect_err("no port");
     begins(&none, "this PC has no serial port: ");
-
     let pc = Ports(vec![silent(1), silent(2)]);
     let silent = found(&pc).expect_err("no sensor");
     begins(&silent, "no sensor is found: check ");
     for port in pc.ports() {
         says(&silent, [format!("\nno sensor answers at {port}")]);
     }
-
     let pc = Ports(vec![sensor(1), sensor(2)]);
     let several = found(&pc).expect_err("two sensors");
     let ports = pc.ports().join(" and at ");

@@ -23,8 +23,7 @@ fn a_row_is_summarised_tabulated_and_drawn() {
     let table = sensor.text("row.csv");
     let mut lines = table.lines();
     assert_eq!(lines.next(), Some("pixel,counts,fit_counts"));
-    let mut worst = 0.0f64;
-    let mut count = 0;
+    let (mut worst, mut count) = (0.0f64, 0);
     for (place, line) in lines.enumerate() {
         let fields = line.split(',').map(|it| it.parse().expect("a number"));
         let fields: Vec<f64> = fields.collect();
@@ -32,8 +31,7 @@ fn a_row_is_summarised_tabulated_and_drawn() {
         worst = worst.max((fields[1] - fields[2]).abs());
         count += 1;
     }
-    // The stand-in's pixels are off by 3 counts, and rounded. The sensor knows the width to 0.01 px, that is
-    // 2 counts on the flank.
+    // Pixels are off by 3 counts, and rounded. The width's 0.01 px are 2 counts on the flank.
     println!("the fit leaves at most {worst:.1} counts");
     assert_eq!(count, 3648);
     assert!(worst < 8.0);
@@ -51,8 +49,7 @@ fn a_row_is_summarised_tabulated_and_drawn() {
 
 #[test]
 fn a_window_is_a_hundred_pixels() {
-    let sensor = StandIn::new(2);
-    let output = sensor.done("row --port PORT --window");
+    let output = StandIn::new(2).done("row --port PORT --window");
     says(&output, ["pixels 1752 to 1848 of 3648"]);
 }
 
@@ -62,18 +59,15 @@ fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
     let range = "row --port PORT --pixels 1700 1839 --figure @row.svg";
     let median = "pixels 1700 to 1839 of 3648: median 300 counts";
     says(&sensor.done(range), ["centre 1800.2", median]);
-
     // The spot's flank, without the centre.
     let flank = "row --port PORT --pixels 1804 1860";
     let of_flank = "pixels 1804 to 1860 of 3648: median 300 counts";
     says(&sensor.done(flank), [of_flank]);
     sensor.done(&format!("{flank} --figure @row.svg"));
-
     sensor.state().type_line("laser off");
     let dark = "laser off, black level 300.00 counts";
     let output = sensor.done(range);
     says(&output, ["no centre: laser off\n", dark, median]);
-
     sensor.state().type_line("laser on");
     sensor.state().type_line("exposure 187");
     sensor.state().spot_height = 9000.0;
@@ -95,8 +89,7 @@ fn a_range_off_the_row_is_cut_and_a_reversed_one_is_refused() {
     says(&error, ["the first pixel lies beyond the last one"]);
 }
 
-/// The first thing that the tool's reader makes of lines which arrive one after the other. `None` if it waits
-/// for more.
+/// What the tool's reader first makes of lines that arrive in turn. `None` if it waits for more.
 fn read(bytes: &[u8]) -> Option<Option<RowAnswer>> {
     // As the line does: CR or LF ends a line, and empty lines do not count.
     let lines = bytes.split(|byte| b"\r\n".contains(byte));
@@ -106,25 +99,17 @@ fn read(bytes: &[u8]) -> Option<Option<RowAnswer>> {
     (1..=lines.len()).find_map(|count| RowAnswer::read(&lines[..count]))
 }
 
-/// Each character of the answer becomes another one, or is lost. The reader either reads the same values, or
-/// none. It reads the same values only if a line end or the last line is hit.
+/// Whatever character changes or is lost, the same values are read (a line end or the last line), or none.
 #[test]
 fn any_changed_character_of_an_answer_is_noticed() {
     let sensor = StandIn::new(6);
-    let range = RowPart::Range {
-        first: 1780,
-        last: 1829,
-    };
-    let beyond = RowPart::Range {
-        first: 4000,
-        last: 4000,
-    };
+    let range = |first, last| RowPart::Range { first, last };
     for (settings, part) in [
-        (&["exposure 187"][..], range),
-        (&["slits comb"], range),
-        (&["slits one", "laser off"], range),
+        (&["exposure 187"][..], range(1780, 1829)),
+        (&["slits comb"], range(1780, 1829)),
+        (&["slits one", "laser off"], range(1780, 1829)),
         (&[], RowPart::Window),
-        (&["laser on"], beyond),
+        (&["laser on"], range(4000, 4000)),
     ] {
         for line in settings {
             sensor.state().type_line(line);
@@ -173,14 +158,10 @@ fn the_answer_states_exposure_black_level_and_saturation() {
     let dark = ask(RowPart::Whole);
     assert_eq!(dark.exposure, RowExposure::Off);
     assert_eq!(dark.counts.len(), 3648);
-    assert!(
-        dark.centre
-            .is_err_and(|no_centre| no_centre.fault == "laser off")
-    );
+    assert_eq!(dark.centre.expect_err("dark").fault, "laser off");
 }
 
-/// Each line has a checksum, so the tool shows no wrong pixel. If a line is missing in all
-/// [`TRIES`] answers, the tool says so.
+/// No wrong pixel is shown. If a line is missing in all [`TRIES`] answers, the tool says so.
 #[test]
 fn spoilt_lines_are_never_shown() {
     let mut shown = 0;

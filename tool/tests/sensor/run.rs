@@ -38,8 +38,7 @@ fn run_stage(sensor: &StandIn, positions: &[f64], more: &str) -> Ended {
     )
 }
 
-/// The same with ten positions and three frames each, killed a number of uses of the port after the file has
-/// `count` points. Gives whether the run ended before that.
+/// Ten positions, three frames each, killed some uses of the port after `count` points. Whether it ended.
 fn run_killed(sensor: &StandIn, count: usize, uses: usize) -> bool {
     once_there_are(sensor, count, move |state| {
         state.trouble.kill_after = Some(uses)
@@ -91,7 +90,6 @@ fn noise(frames: u16) -> f64 {
 
 /// How the error of a run begins that stopped.
 const STOPPED: &str = "stopped; run the same command again to go on: ";
-
 const TEN: [f64; 10] = [
     600.0, 630.0, 660.0, 700.0, 740.0, 790.0, 840.0, 900.0, 960.0, 1020.0,
 ];
@@ -130,8 +128,7 @@ fn a_stage_goes_through_all_positions() {
         let same = |px: f64, pixels: Pixels| (px - pixels.to_f64()).abs() < 1e-5;
         let mut components = shape.components_px.into_iter().zip(SHAPE.components);
         assert!(same(shape.width_px, SHAPE.width) && components.all(|(px, it)| same(px, it)));
-        let sigma = point.sigma_px.expect("a sigma");
-        assert!((0.99 * least..3.0 * least).contains(&sigma));
+        assert!((0.99 * least..3.0 * least).contains(&point.sigma_px.expect("a sigma")));
     }
     let set = sensor.state().settings();
     assert!(set.stream && set.rows == 16, "put back");
@@ -146,8 +143,7 @@ fn a_person_is_asked_and_asked_again() {
     let sensor = StandIn::new(11);
     list(&sensor, &[600.0, 700.0, 800.0]);
     sensor.write("stage", "800");
-    // The target stays at 800 mm. The first is skipped, the second said to be where it is, and the third left
-    // for later.
+    // The target stays at 800 mm. The first is skipped, the second said to be there, the third left.
     let arguments = "--positions @list.txt --frames 2";
     let output = done(run(&sensor, arguments, "s\n799.5\nq\n"));
     says(&output, ["move the target to 600 mm, then Enter;"]);
@@ -188,8 +184,7 @@ fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, 
     (sensor, "--positions @list.txt --frames 2")
 }
 
-/// The input of a run that nobody watches ends. The error names the positions that are left, and the points
-/// are kept.
+/// The error names the positions that are left when the input ends, and the points are kept.
 #[test]
 fn the_end_of_the_input_is_an_error_while_positions_are_left() {
     let (sensor, arguments) = by_hand(30, &TEN, 4);
@@ -248,7 +243,6 @@ fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
     ends(&output, ", and no position is left\n");
 }
 
-/// Ctrl-C in the middle of a point: the points so far are in order, and the sensor is as it was.
 #[test]
 fn an_interrupted_run_keeps_its_points_and_puts_the_sensor_back() {
     let sensor = StandIn::new(34);
@@ -311,49 +305,29 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         assert_eq!(sensor.text("points.csv"), text);
         error
     };
-    let estimator = "# estimator adaptive\n";
+    let other = |file: &str, sensor: &str| {
+        let set =
+            format!("and the sensor is set to `{sensor}`: set it to that, or take another file");
+        format!("taken with `{file}`, {set}")
+    };
+    let serial = "taken with the sensor of serial number 7, and this one's is 0: take another file";
+    let head = "taken with sensor head X, and this is TCD1304DG: take another file";
+    let black = "it does not say with which black its points were taken";
+    let estimator = other("estimator phase-table", "estimator adaptive");
+    let region = other("region 1000 2000", "region all");
+    let peak = other("peak first", "peak strongest");
     let foreign = "it was not made by `calibrate run`";
+    let no_point = ", is no point: expected x_px,d_mm,sigma_px,";
     for (from, to, reason) in [
-        (
-            "# serial 0",
-            "# serial 7",
-            "taken with the sensor of serial number 7, and this one's is 0: take another file",
-        ),
-        (
-            "# head TCD1304DG",
-            "# head X",
-            "taken with sensor head X, and this is TCD1304DG: take another file",
-        ),
-        (
-            "# black shielded",
-            "",
-            "it does not say with which black its points were taken",
-        ),
-        (
-            "# estimator adaptive",
-            "# estimator phase-table",
-            "taken with `estimator phase-table`, and the sensor is set to `estimator adaptive`: set it to \
-             that, or take another file",
-        ),
-        (
-            estimator,
-            "# estimator adaptive\n# region 1000 2000\n",
-            "taken with `region 1000 2000`, and the sensor is set to `region all`: set it to that, or take \
-             another file",
-        ),
-        (
-            estimator,
-            "# estimator adaptive\n# peak first\n",
-            "taken with `peak first`, and the sensor is set to `peak strongest`: set it to that, or take \
-             another file",
-        ),
+        ("# serial 0", "# serial 7", serial),
+        ("# head TCD1304DG", "# head X", head),
+        ("# black shielded", "", black),
+        ("estimator adaptive", "estimator phase-table", &estimator),
+        (" adaptive\n", " adaptive\n# region 1000 2000\n", &region),
+        (" adaptive\n", " adaptive\n# peak first\n", &peak),
         ("# points of", "# Points of", foreign),
         (&*text, "x_px,d_mm\n1800,700\n", foreign),
-        (
-            ",700.000,",
-            ",seven,",
-            ", is no point: expected x_px,d_mm,sigma_px,",
-        ),
+        (",700.000,", ",seven,", no_point),
     ] {
         says(&refused(&text.replace(from, to)), [reason]);
     }
@@ -446,7 +420,6 @@ fn a_bad_line_loses_no_point() {
     }
 }
 
-/// The settings from before the killed run are set again after the run that continues it.
 #[test]
 fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     let sensor = StandIn::new(19);
@@ -464,8 +437,7 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     assert_eq!(set(), (32, true));
 }
 
-/// The program is killed after each point, at any moment. The final file has every line that the file had
-/// then.
+/// The program is killed after each point, at any moment. No line of the file is ever lost.
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
     let sensor = StandIn::new(17);

@@ -102,7 +102,6 @@ fn it_goes_on_after_the_cable_was_out() {
 
 #[test]
 fn without_a_terminal_there_is_another_way() {
-    let sensor = StandIn::new(5);
-    let error = sensor.refused("scope --port PORT");
+    let error = StandIn::new(5).refused("scope --port PORT");
     says(&error, ["`slitrange row --figure FILE`"]);
 }

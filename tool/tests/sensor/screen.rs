@@ -65,7 +65,6 @@ impl Pc for Person<'_> {
 struct InMemory<'a> {
     person: &'a Person<'a>,
     terminal: Terminal<TestBackend>,
-    /// Pictures since the last key.
     drawn: usize,
 }
 

@@ -65,8 +65,7 @@ fn a_value_is_changed_and_stays() {
     ] {
         let output = settings(&sensor, &format!("set {name} {value}"));
         assert_eq!(output, format!("{name} {value} (it was {before})\n"));
-        let output = settings(&sensor, &format!("get {name}"));
-        assert_eq!(output.trim_end(), value);
+        assert_eq!(settings(&sensor, &format!("get {name}")).trim_end(), value);
     }
     let now = sensor.state().settings();
     assert_eq!((now.rows, now.stream, now.echo), (64, false, true));
@@ -123,7 +122,6 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
         let (code, output) = second.run(&format!("settings --port PORT {command} {bench}"));
         (code.expect("an answer"), output)
     };
-
     let (code, output) = on_second("compare");
     assert_eq!(code, ExitCode::from(1));
     says(&output, [format!("rows: 16 at {port}, 32 in {bench}\n")]);

@@ -2,7 +2,6 @@
 //! says, and has whatever trouble it is given. It is the tool's PC as well: time goes on only while the tool
 //! waits.
 
-use std::any::Any;
 use std::cell::{RefCell, RefMut};
 use std::collections::VecDeque;
 use std::io;
@@ -60,7 +59,6 @@ const HARDWARE: Hardware = Hardware {
 
 /// The noise of a frame's centre, in pixels.
 pub const NOISE_PX: f64 = 0.002;
-
 /// The shape of every spot: a laser's skew.
 pub const SHAPE: SpotShape = SpotShape {
     components: [
@@ -77,10 +75,8 @@ pub const SHAPE: SpotShape = SpotShape {
 
 /// The step of the stand-in's clock. A line takes that long to be sent.
 const STEP: Duration = Duration::from_millis(1);
-
 /// How long the sensor starts after power came.
 const START: Duration = Duration::from_millis(50);
-
 /// The most bytes that wait to be read. A sensor sends a row in a second, and the stand-in sends it at once.
 const KEPT: usize = 4096 * 4;
 
@@ -109,12 +105,10 @@ pub struct Trouble {
     pub restarts_on_save: usize,
     /// The tool is killed after so many uses of its port.
     pub kill_after: Option<usize>,
-    /// Somebody pressed Ctrl-C.
     pub interrupted: bool,
 }
 
 impl Trouble {
-    /// A bad line.
     pub fn of_line(lost: f64, garbled: f64) -> Self {
         Self {
             lost,
@@ -125,7 +119,6 @@ impl Trouble {
 }
 
 type EachStep = Box<dyn FnMut(&mut State)>;
-
 /// A step of the clock, and what happens at that step.
 type AtStep = (usize, fn(&mut State));
 
@@ -154,12 +147,11 @@ pub struct State {
     pub light: Option<SimulatedHead>,
     /// The tool is dead: nothing that its destructors do has any effect.
     killed: bool,
-    /// The file that says where the target is.
     stage: PathBuf,
     /// Where the target was in the latest frame.
     seen_mm: Option<f64>,
     /// What it said and nobody has read.
-    pub sent: VecDeque<u8>,
+    sent: VecDeque<u8>,
     /// The line that comes in.
     line: Vec<u8>,
     centre_due: Option<Duration>,
@@ -198,7 +190,6 @@ impl State {
         self.unplugged_until = Some(self.now + time);
     }
 
-    /// Somebody else types a line.
     pub fn type_line(&mut self, line: &str) {
         self.take(Event::Line(parse(line.as_bytes())));
     }
@@ -235,21 +226,18 @@ impl State {
             result_us: time_us,
             ..Vitals::default()
         };
-        let Self {
-            session, actions, ..
-        } = self;
-        session.take(event, &vitals, actions);
-        let mut text = actions.text.as_str().to_owned();
-        if let Some(job) = actions.flat.take() {
+        self.session.take(event, &vitals, &mut self.actions);
+        let mut text = self.actions.text.as_str().to_owned();
+        if let Some(job) = self.actions.flat.take() {
             if let Some(outcome) = self.do_flat(job) {
                 text.push_str(&self.take(Event::Flat(outcome)));
             }
             return text;
         }
-        if let Some(part) = actions.row.take() {
+        if let Some(part) = self.actions.row.take() {
             return text + &self.row(part);
         }
-        if !actions.save {
+        if !self.actions.save {
             return text;
         }
         if self.trouble.restarts_on_save > 0 {
@@ -466,7 +454,6 @@ impl StandIn {
         self.directory.path().join(name)
     }
 
-    /// A file's path as text.
     pub fn file(&self, name: &str) -> String {
         self.path(name).to_str().expect("text").to_owned()
     }
@@ -587,9 +574,8 @@ impl Plug<'_> {
         let mut state = self.pc.state();
         if let Some(0) = state.trouble.kill_after {
             (state.trouble.kill_after, state.killed) = (None, true);
-            let killed: Box<dyn Any + Send> = Box::new(Killed);
             drop(state);
-            resume_unwind(killed);
+            resume_unwind(Box::new(Killed));
         }
         if let Some(left) = &mut state.trouble.kill_after {
             *left -= 1;
@@ -629,7 +615,6 @@ pub fn centre_px(mm: f64) -> f64 {
 }
 
 impl State {
-    /// Does what is due.
     fn step(&mut self) {
         if let Some(mut call) = self.each_step.take() {
             call(self);
@@ -699,8 +684,7 @@ impl State {
                 continue;
             };
             if command == Ok(Command::Centre) {
-                let late = self.random.random_bool(self.trouble.late);
-                let wait = FRAME * 11 / 10 * u32::from(late);
+                let wait = FRAME * 11 / 10 * u32::from(self.random.random_bool(self.trouble.late));
                 // Asked for twice, it is answered once.
                 self.centre_due.get_or_insert(self.now + wait);
             }
@@ -721,11 +705,9 @@ impl State {
                 needed: Counts::from_int(60),
             });
         }
-        let mm = std::fs::read_to_string(&self.stage)
-            .ok()
-            .and_then(|text| text.trim().parse().ok())
-            .or(self.seen_mm)
-            .unwrap_or(800.0);
+        let mm = std::fs::read_to_string(&self.stage).ok();
+        let mm = mm.and_then(|text| text.trim().parse().ok());
+        let mm = mm.or(self.seen_mm).unwrap_or(800.0);
         let before = self.seen_mm.replace(mm).unwrap_or(mm);
         let noise: f64 = StandardNormal.sample(&mut self.random);
         let settings = self.settings();
@@ -751,8 +733,7 @@ impl State {
     /// What the slits of a comb show of a centre: each with its own noise, and one of them nothing.
     fn combined(&mut self, centre: f64) -> Combined {
         let mut centres = SlitCentres::default();
-        let comb = Comb::nominal();
-        for (image, slit) in centres.iter_mut().zip(comb.slits()).skip(1) {
+        for (image, slit) in centres.iter_mut().zip(Comb::nominal().slits()).skip(1) {
             let noise: f64 = StandardNormal.sample(&mut self.random);
             let x0 = centre + NOISE_PX * noise;
             *image = Some(SlitCentre {

@@ -57,18 +57,16 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
 }
 
 fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
-    (0..count)
-        .map(|index| {
-            let centre = 1200.0 + 1400.0 * index as f64 / (count - 1) as f64;
-            Knot {
-                centre: Pixels::from_bits((centre * 65536.0) as i32),
-                value: Micrometres::from_bits((value(centre) * 256.0) as i32),
-            }
-        })
-        .collect()
+    let knot = |index| {
+        let centre = 1200.0 + 1400.0 * index as f64 / (count - 1) as f64;
+        Knot {
+            centre: Pixels::from_bits((centre * 65536.0) as i32),
+            value: Micrometres::from_bits((value(centre) * 256.0) as i32),
+        }
+    };
+    (0..count).map(knot).collect()
 }
 
-/// Some of every kind.
 fn kinds() -> Vec<EncodedRecord> {
     let curve = NOMINAL.expect("a curve");
     let distance = |centre: f64| -115_384.6 + 2_152_366_863.0 / (centre + 580.34616);
@@ -79,10 +77,8 @@ fn kinds() -> Vec<EncodedRecord> {
         let corrected = Corrected::new(curve.clone(), &knots(count, lens)).expect("usable");
         kinds.extend([Calibration::Table(table), Calibration::Corrected(corrected)]);
     }
-    (17..)
-        .zip(kinds)
-        .map(|(serial, calibration)| record(serial, calibration))
-        .collect()
+    let record = |(serial, kind)| record(serial, kind);
+    (17..).zip(kinds).map(record).collect()
 }
 
 /// Writes a record into the file `record` beside the sensor's port.
@@ -92,7 +88,6 @@ fn file(sensor: &StandIn, written: &EncodedRecord) {
 
 /// How the output of a record that is saved ends.
 const SAVED: &str = "saved: it is kept over a power cycle\n";
-
 const WRITE: &str = "calibrate write @record --port PORT";
 const NO_SAVE: &str = "calibrate write @record --port PORT --no-save";
 
@@ -140,8 +135,7 @@ fn without_saving_the_flash_stays_as_it_is() {
     begins(&sensor.refused(WRITE), unsaved);
 }
 
-/// A sensor that starts again uses the old record. So the tool must upload the new record again; another save
-/// alone would not help.
+/// A sensor that starts again uses the old record: the tool must upload again, not only save.
 #[test]
 fn a_record_is_written_again_after_power_fails_during_a_save() {
     let sensor = StandIn::new(36);
@@ -178,8 +172,7 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_eq!(sensor.refused(read), error);
     assert_eq!(bytes(), before);
     sensor.done(&format!("{read} --force"));
-    let nominal = EncodedRecord::nominal().expect("a record");
-    assert_eq!(bytes(), nominal.bytes());
+    assert_eq!(bytes(), EncodedRecord::nominal().expect("a record").bytes());
     // The same once more replaces nothing.
     sensor.done(read);
 }
@@ -219,22 +212,15 @@ fn damaged_and_foreign_records_are_refused() {
     says(&sensor.refused(WRITE), [damaged]);
     // A version, and the CRC-32 of that byte.
     let later = [&[2], &0x3c0c_8ea1_u32.to_le_bytes()[..]].concat();
-    for (bytes, reason) in [
-        (
-            &later[..],
-            "the record has version 2, this firmware or tool reads 1: update both, ",
-        ),
-        (
-            b"# points of a sensor\nx_px,d_mm\n1800,700\n",
-            "is a CSV file of points, and no record: `slitrange calibrate fit /",
-        ),
-    ] {
+    let version = "the record has version 2, this firmware or tool reads 1: update both, ";
+    let points = "# points of a sensor\nx_px,d_mm\n1800,700\n";
+    let of_points = "is a CSV file of points, and no record: `slitrange calibrate fit /";
+    for (bytes, reason) in [(&later[..], version), (points.as_bytes(), of_points)] {
         sensor.write("record", bytes);
         says(&sensor.refused("calibrate show @record"), [reason]);
     }
     let error = sensor.refused("calibrate show /nowhere/record");
     begins(&error, "/nowhere/record cannot be read: ");
-
     let mut other = written.record().clone();
     other.geometry.bits = 10;
     file(&sensor, &EncodedRecord::new(other).expect("a record"));
@@ -267,8 +253,7 @@ fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     }
 }
 
-/// Everything goes wrong at random. The record in use and the saved record are each the old one or the new
-/// one.
+/// Everything goes wrong at random. The records in use and in flash are each the old or the new one.
 #[test]
 fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let kinds = kinds();

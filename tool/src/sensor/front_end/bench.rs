@@ -18,83 +18,54 @@ use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING, dark_point, mean_ro
 
 /// Whole rows with the laser off. Their 3648 pixels give the read noise to 0.7 %.
 const DARK_ROWS: usize = 4;
-
-/// Exposures at which the spot is looked for, in us: each is four times as long as the one before. The
-/// longest one that may be used follows.
+/// Exposures at which the spot is looked for, in us. The longest that may be used follows.
 const SEARCH_US: [u16; 5] = [10, 40, 160, 640, 2560];
-
-/// Pixels over which a row is smoothed to find the spot: narrower than a spot, and the noise falls to a
-/// third.
+/// Pixels over which a row is smoothed to find the spot: narrower than a spot, with a third of the noise.
 const SMOOTHED: usize = 9;
-
 /// The spot is found once it is so high, in counts: 60 times the noise of the smoothed row.
 const HIGH: f64 = 300.0;
-
 /// A spot must be so high at the longest exposure, in counts.
 const LEAST_HIGH: f64 = 100.0;
-
 /// The window ends where the spot has this share of its height.
 const EDGE: f64 = 0.05;
-
 /// The most pixels in the window: a row of them takes 60 ms to send.
 const WIDEST: usize = 200;
-
 /// From one exposure to the next on the way to saturation.
 const STEP: f64 = 1.5;
-
 /// The light has stopped growing if it grows by less than this share of what the exposure does.
 const STOPPED: f64 = 0.3;
-
 /// A step whose height over its exposure is at least this share of the first one's shows no saturation. The
 /// noise of a height is below 1 %.
 const STRAIGHT: f64 = 0.95;
-
 /// Rows at each exposure on the way to saturation: the mean of few pixels needs no more.
 const ROWS_A_STEP: usize = 3;
-
-/// Rows at saturation.
 const ROWS_SATURATED: usize = 10;
-
 /// A pixel is saturated for certain if it would read so many times as much without a limit.
 const BEYOND: f64 = 1.3;
-
 /// Fewest saturated pixels that show the level.
 const FEWEST_SATURATED: usize = 3;
-
-/// The longest exposure for the noise brings the spot to this share of the saturation, so that no noise is
-/// cut off.
+/// The longest exposure for the noise brings the spot to this share of the saturation: no noise is cut off.
 const HIGHEST: f64 = 0.85;
-
 /// Exposures for the noise.
 const EXPOSURES: u32 = 12;
-
 /// The shortest of them is a little more than this part of the longest one: dim rows tell little of the gain.
 const LEAST_PART: f64 = 0.2;
-
 /// Fewest different exposures for the noise.
 const FEWEST_EXPOSURES: usize = 4;
-
 /// Rows at each of these exposures in a pass.
 const ROWS_A_PASS: usize = 20;
-
 /// Passes through these exposures: at least, and at most.
 const FEWEST_PASSES: usize = 2;
 const MOST_PASSES: usize = 12;
-
-/// No pass is needed once the gain is known so well: a quarter of 5 %. r of a reading follows the root of the
-/// gain at most.
+/// The gain is then known well enough: a quarter of 5 %. r follows the root of the gain at most.
 const AIM: f64 = 0.0125;
-
 /// A gain that is not known so well is refused.
 const WORST: f64 = 0.05;
-
 /// Points that lie farther off the line, over what chance allows, are refused. Chance alone gives 0.97 to
 /// 1.03 for a thousand points.
 const MOST_SCATTER: f64 = 1.2;
-
 /// What to do if the noise is not that of light.
 const NOT_AT_REST: &str = "check that the target is at rest and that no lamp flickers";
-
 /// What to do if the shortest exposure is too long.
 const TOO_BRIGHT: &str = "the spot saturates at the shortest exposure: put a darker target, such as white \
                           paper, before the sensor";
@@ -130,7 +101,6 @@ pub struct Bench<'a, 'b> {
     black: Vec<f64>,
 }
 
-/// The spot, as the search found it.
 struct Spot {
     window: Range<usize>,
     exposure: u16,
@@ -182,7 +152,6 @@ impl<'a, 'b> Bench<'a, 'b> {
         let in_the_dark = in_the_dark.context("the rows with the laser off have no pixels")?;
         let dark = whole[spot.window.clone()].to_vec();
         let dark_level = level(&dark_rows);
-
         let (steps, saturation) = self.raise(&spot, &dark, output)?;
         let longest = longest_for_noise(&steps, saturation, dark_level);
         let part = |step| f64::from(step) / f64::from(EXPOSURES);
@@ -198,8 +167,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         );
         let heights = steps.iter().map(|it| (it.exposure, it.height));
         let mut heights: Vec<(u16, f64)> = heights.collect();
-        // Rows of one exposure and pass, each with a mean of its own: a slow change of the target or the
-        // laser from pass to pass is no noise.
+        // By exposure and pass, each with its own mean: a slow change from pass to pass is no noise.
         let mut series = vec![];
         let mut photons = None;
         for pass in 1..=MOST_PASSES {
@@ -312,8 +280,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         Ok(self.counts(&rows))
     }
 
-    /// The mean and its standard uncertainty of what the rows say of their shielded pixels. Without shielded
-    /// pixels, the level with the laser off.
+    /// The mean of the shielded pixels with its u; without such pixels, the level with the laser off.
     fn black_level(&self, dark_level: f64) -> [f64; 2] {
         let levels = &self.black;
         if levels.len() < 2 {
@@ -359,8 +326,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         )
     }
 
-    /// Raises the exposure until the light grows no more, or to the longest one. Gives the steps and the
-    /// saturation with its uncertainty.
+    /// Raises the exposure until the light stops growing. Gives the steps and the saturation with its u.
     fn raise(
         &mut self,
         spot: &Spot,
@@ -399,8 +365,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         Ok((steps, level))
     }
 
-    /// The level of the pixels that light would lift far beyond it, and its standard uncertainty. `None` if
-    /// there are too few.
+    /// The level, with its u, of pixels that light would lift far beyond it. `None` if there are too few.
     fn saturation(&self, steps: &[Step], us: u16, rows: &[Vec<f64>]) -> Option<[f64; 2]> {
         let highest = steps.last()?.height;
         let straight = straight(steps)?;
@@ -441,8 +406,7 @@ impl Step {
         }
     }
 
-    /// Whether the height has grown with the exposure since the first step, but for a part that noise may
-    /// explain.
+    /// Whether the height has grown with the exposure since the first step, but for noise.
     fn follows_exposure(&self, steps: &[Self]) -> bool {
         let rate = |step: &Self| step.height / f64::from(step.exposure);
         (steps.first()).is_some_and(|first| rate(self) >= STRAIGHT * rate(first))
@@ -455,8 +419,7 @@ impl Step {
     }
 }
 
-/// The brightest step in which no pixel is near its limit: the one whose height is at most 0.6 of the last
-/// one's.
+/// The brightest step with no pixel near its limit: the height is at most 0.6 of the last one's.
 fn straight(steps: &[Step]) -> Option<&Step> {
     let highest = steps.last()?.height;
     steps.iter().rfind(|step| step.height <= 0.6 * highest)

@@ -12,12 +12,9 @@ use super::bench::Taken;
 use crate::photon_transfer::{Point, Transfer};
 use crate::record_file::ShownFrontEnd;
 
-/// Heights of the panels.
 const HEIGHTS: [u32; 2] = [460, 380];
-
 /// Points of neighbouring signals are drawn as one: so many to a factor of ten.
 const A_DECADE: f64 = 12.0;
-
 /// The least signal that is drawn, in counts.
 const LEAST: f64 = 10.0;
 

@@ -9,10 +9,8 @@ use crate::sensor::stream::{FrameResult, Kind, fault_kind};
 
 /// So many of the latest readings are shown as a line.
 pub const SHOWN: usize = 400;
-
 /// The rate is that of the results of this time.
 const RATE_OVER: Duration = Duration::from_secs(5);
-
 /// The kind of a fault in whose place the sensor sends an earlier reading. The line does not say which fault.
 pub const HELD: &str = "held";
 
@@ -114,11 +112,9 @@ impl Statistics {
         if self.faults.is_empty() {
             return "no faults".to_owned();
         }
-        let kinds = self
-            .faults
-            .iter()
-            .map(|(kind, count)| format!("{count} {kind}"));
-        format!("faults: {}", kinds.collect::<Vec<_>>().join(", "))
+        let word = |(kind, count): (&String, &u64)| format!("{count} {kind}");
+        let kinds: Vec<String> = self.faults.iter().map(word).collect();
+        format!("faults: {}", kinds.join(", "))
     }
 }
 
@@ -155,8 +151,7 @@ mod tests {
 
     #[test]
     fn held_readings_are_no_readings() {
-        let lines = "d 1.0 mm; d 1.0 mm g h 1; d 1.0 mm h 2 s; f laser off; d 3.0 mm g";
-        let statistics = taken(lines);
+        let statistics = taken("d 1.0 mm; d 1.0 mm g h 1; d 1.0 mm h 2 s; f laser off; d 3.0 mm g");
         assert_eq!(statistics.readings.count, 2);
         // 1 + 1 over 1.
         assert_eq!(statistics.readings.deviation(), Some(2.0_f64.sqrt()));
@@ -175,8 +170,7 @@ mod tests {
             (false, "# 18 d 1.0 mm"),
         ] {
             statistics.leaves_out = leaves_out;
-            let result = frame_result(line).expect("a result");
-            statistics.take(Duration::ZERO, &result);
+            statistics.take(Duration::ZERO, &frame_result(line).expect("a result"));
         }
         assert_eq!(statistics.missing, 1);
     }

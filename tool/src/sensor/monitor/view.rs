@@ -59,8 +59,7 @@ impl View<'_> {
     /// The distance in large figures, or why there is none.
     fn draw_value(&self, frame: &mut Frame<'_>, area: Rect) {
         let fault = |words: &str| {
-            let words = words.to_owned();
-            Paragraph::new(vec![Line::default(), Line::from(words)])
+            Paragraph::new(vec![Line::default(), Line::from(words.to_owned())])
                 .style(Style::new().fg(Color::Red).bold())
         };
         match (self.away, self.latest.map(|it| (it, it.distance_mm))) {
@@ -88,7 +87,6 @@ impl View<'_> {
         }
     }
 
-    /// The latest distances over time.
     fn draw_trend(&self, frame: &mut Frame<'_>, area: Rect) {
         let points: Vec<(f64, f64)> = (self.statistics.latest())
             .filter_map(|(at, mm)| Some((at.as_secs_f64(), mm?)))
@@ -103,10 +101,8 @@ impl View<'_> {
         let times = (first.0, last.0.max(first.0 + 1e-3));
         let axis = |title: &'static str, (from, to): (f64, f64), digits: usize| {
             let names = [from, to].map(|value| Line::from(format!("{value:.digits$}")));
-            Axis::default()
-                .title(title)
-                .bounds([from, to])
-                .labels(names)
+            let axis = Axis::default().title(title).bounds([from, to]);
+            axis.labels(names)
         };
         let chart = Chart::new(vec![line(&points, Color::Cyan)])
             .x_axis(axis("s", times, 1))

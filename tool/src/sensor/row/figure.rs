@@ -13,8 +13,6 @@ use super::{Image, RowAnswer};
 
 /// The pixels of an image.
 const WINDOW: RGBColor = RGBColor(0xf2, 0xec, 0xd8);
-
-/// Heights of the panels.
 const HEIGHTS: [u32; 3] = [380, 380, 260];
 
 /// Draws a row.
@@ -113,9 +111,8 @@ fn draw_fit(
     let line: Vec<(f64, f64)> = places.map(|pixel| (pixel, fit(pixel))).collect();
     axes::draw_line(&mut panel, line, FIT.stroke_width(2))?;
     let pixels = answer.points(window);
-    let left = pixels
-        .iter()
-        .map(|&(pixel, count)| (pixel, count - fit(pixel)));
+    let left = |&(pixel, count): &(f64, f64)| (pixel, count - fit(pixel));
+    let left = pixels.iter().map(left);
     let left: Vec<(f64, f64)> = left.collect();
     draw_pixels(&mut panel, pixels)?;
     let most = left
@@ -132,8 +129,7 @@ fn panel<'a, 'b>(
     pixels: &Range<usize>,
     counts: (f64, f64),
 ) -> Result<Panel<'a, 'b>> {
-    let ends = (pixels.start as f64, pixels.end as f64);
-    let x = Axis::linear(ends, "pixel", 10, 0);
+    let x = Axis::linear((pixels.start as f64, pixels.end as f64), "pixel", 10, 0);
     let y = Axis::linear(counts, "counts", 6, 0);
     axes::panel(area, title, 30, &x, &y)
 }

@@ -25,16 +25,12 @@ use crate::sensor::line::LineError;
 use crate::sensor::port::PortOption;
 use crate::sensor::session::{Link, Session};
 
-/// How long to wait for a row: a whole row takes 1.1 s at 115,200 baud, and an emulated board may run at a
-/// third of the clock on the wall.
+/// How long to wait for a row: 1.1 s at 115,200 baud, and an emulated board may take three times as long.
 const ROW: Duration = Duration::from_secs(4);
-
 /// How long to wait between two looks for a sensor that is away.
 const PAUSE: Duration = Duration::from_millis(100);
-
 /// The rate is that of so many rows.
 const RATED: usize = 10;
-
 /// A key changes the exposure by this factor.
 const STEP: f64 = 1.25;
 
@@ -231,8 +227,7 @@ impl Scope {
             ExposureMode::Fixed(exposure) => exposure,
         };
         let us = (f64::from(from.us()) * factor).round() as u16;
-        let us = us.clamp(Exposure::SHORTEST.us(), Exposure::LONGEST.us());
-        match Exposure::from_us(us) {
+        match Exposure::from_us(us.clamp(Exposure::SHORTEST.us(), Exposure::LONGEST.us())) {
             Some(exposure) => self.set(Value::Exposure(ExposureMode::Fixed(exposure)), session),
             None => Ok(()),
         }
@@ -255,9 +250,8 @@ impl Scope {
 
     fn draw(&self, frame: &mut Frame<'_>, away: Option<&str>) {
         let keys = " z zoom  up/down exposure  a auto exposure  e estimator  r/R region  q quit ";
-        let block = Block::bordered()
-            .title(format!(" {} ", self.title))
-            .title_bottom(keys);
+        let block = Block::bordered().title(format!(" {} ", self.title));
+        let block = block.title_bottom(keys);
         let area = block.inner(frame.area());
         frame.render_widget(block, frame.area());
         let [words, charts] =
@@ -390,11 +384,8 @@ impl Scope {
 }
 
 fn dots(points: &[(f64, f64)]) -> Dataset<'_> {
-    Dataset::default()
-        .marker(Marker::Dot)
-        .graph_type(GraphType::Scatter)
-        .style(Color::Cyan)
-        .data(points)
+    let dots = Dataset::default().graph_type(GraphType::Scatter);
+    dots.marker(Marker::Dot).style(Color::Cyan).data(points)
 }
 
 fn chart<'a>(
@@ -406,11 +397,10 @@ fn chart<'a>(
     let names = |(from, to): (f64, f64)| {
         [from, (from + to) / 2.0, to].map(|value| Line::from(format!("{value:>6.0}")))
     };
-    let axis = |range: (f64, f64)| {
-        let axis = Axis::default().bounds([range.0, range.1]);
+    let axis = |title: &'a str, range: (f64, f64)| {
+        let axis = Axis::default().title(title).bounds([range.0, range.1]);
         axis.labels(names(range))
     };
-    Chart::new(sets)
-        .x_axis(axis(pixels).title("pixel"))
-        .y_axis(axis(counts).title(name))
+    let chart = Chart::new(sets).x_axis(axis("pixel", pixels));
+    chart.y_axis(axis(name, counts))
 }
