@@ -12,6 +12,7 @@ mod flash;
 
 use crc::{Algorithm, Crc};
 use embassy_futures::block_on;
+use flash::{BYTES, Flash, SECTOR};
 use libfuzzer_sys::fuzz_target;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::table::Table;
@@ -24,7 +25,6 @@ use slitrange_device::record::date::Date;
 use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
 use slitrange_device::store::{Store, Stored};
-use flash::{BYTES, Flash, SECTOR};
 
 /// Steps at most, so that an input takes a few milliseconds.
 const MAX_STEPS: usize = 64;

@@ -313,7 +313,10 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
     ] {
         let sensor = sensor(scene, truth.polarity);
         sensor.state().type_line(line);
-        let held = || (sensor.state().settings(), sensor.state().record());
+        let held = || {
+            let state = sensor.state();
+            (state.settings(), state.record())
+        };
         let before = held();
         says(&sensor.refused(MEASURE), [expected]);
         assert_eq!(held(), before);
@@ -411,7 +414,8 @@ fn a_tool_that_is_killed_loses_no_calibration() {
 fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
     let (scene, truth) = head(2);
     let sensor = sensor(scene, truth.polarity);
-    sensor.state().start_with(Some(with_number(&sensor, 9)));
+    let own = with_number(&sensor, 9);
+    sensor.state().start_with(Some(own));
     sensor.state().type_line("defaults");
     says(&sensor.refused(MEASURE), ["which would be lost"]);
     let saved = sensor.state().saved_record().expect("a record");
