@@ -60,7 +60,8 @@ fn step(flash: &mut Flash, what: u8, a: u8, [b, c, d]: [u16; 3]) {
             flash.bytes.copy_within(whole, to);
         }
         6 => {
-            // After a power cut, flash may hold what no store has left: what is there can be used.
+            // The power cut may find contents that no store has left. Then it need only hold that what flash
+            // holds afterwards can be used.
             let torn = (a & 0x80 != 0).then_some(d.into());
             flash.cut_after(usize::from(c) % 1024, torn);
             let _ = block_on(Store::new(&mut *flash).save(&sample(a, b).as_ref()));

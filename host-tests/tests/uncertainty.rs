@@ -118,7 +118,7 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         let (calibration, errors) = (Calibration::nominal(), CalibrationErrors::Unknown);
         let reading = measured.reading(calibration.as_ref(), &errors, Surface::Auto);
         let reading = reading.ok()?;
-        // The estimate is for 1000 counts, and this light is 0.3 of that.
+        // The claim is made for a spot of 1000 counts. This scene has 0.3 of that light.
         let claim = reading.parts.surface.to_f64() * 0.3f64.sqrt();
         Some((reading.distance.to_f64() - 1e6 * distance) / claim)
     });

@@ -45,7 +45,8 @@ impl Line {
 
 /// The variance of rounding to whole counts, in counts squared. No sensor has less.
 pub const VARIANCE_OF_ROUNDING: f64 = 1.0 / 12.0;
-/// Fits, each weighed by the one before. From a line wrong by ten, the third is good to a thousandth.
+/// Fits of the line, each weighed by the one before. From a first line that is wrong by a factor of ten, the
+/// third fit differs from the second by less than a thousandth.
 const FITS: usize = 4;
 
 /// The variance of the pixels of rows with the laser off, all pixels together. Their common level may change

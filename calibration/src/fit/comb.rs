@@ -70,7 +70,8 @@ const FEWEST_POINTS: [usize; CORRECTIONS] = [2, 4, 8, 12];
 const LEAST_SPAN: [f64; CORRECTIONS] = [0.0, 0.25, 0.5, 0.75];
 /// An image is left out if it is so many standard deviations from its point's x0.
 const OUTLIER: f64 = 5.0;
-/// No image nearer to its point's x0 is left out, in pixels: a bent window may leave so much at degree three.
+/// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three
+/// may leave so much of a bent window.
 const LEAST_OFF: f64 = 0.25;
 /// The same for slits with few points: five times what 5 um of a mask move an image.
 const LEAST_OFF_OF_FEW: f64 = 3.0;
@@ -119,7 +120,7 @@ impl Image {
 
 type Corrections = [[f64; CORRECTIONS]; MAX_SLITS];
 
-/// The images of all points, and what is fitted to them.
+/// The images of all points, and the corrections and x0 that are fitted to the images.
 struct Fit {
     images: Vec<Image>,
     corrections: Corrections,
@@ -237,7 +238,7 @@ impl Fit {
         image.corrected(&self.corrections) - self.x0s[image.point]
     }
 
-    /// The weighted means of the points' images. If a point has no image that counts, all of its images count.
+    /// The weighted means of the points' images. If no image of a point counts, all of its images count.
     fn means(&self, corrections: &Corrections) -> Vec<f64> {
         let mut sums = vec![(0.0, 0.0); self.x0s.len()];
         let mut all = sums.clone();
@@ -352,7 +353,8 @@ impl Fit {
         Some(corrections)
     }
 
-    /// Finds images too far from their points' x0. An image deviates as one over the root of its light.
+    /// Finds the images that are too far from their points' x0. An image's deviation is in proportion to one
+    /// over the square root of its light.
     fn trust(&mut self, rejects: bool) {
         let off = |image: &Image| self.off(image).abs() * image.light.sqrt();
         let offs: Vec<f64> = self.images.iter().map(off).collect();

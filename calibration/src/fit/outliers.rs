@@ -21,7 +21,7 @@ use super::spline::{Equations, Grid, Residual, Spline, most_freedoms, penalties}
 const REACH: f64 = 4.685;
 /// The standard deviation of a gaussian over its median absolute deviation.
 const BY_MEDIAN: f64 = 1.4826;
-/// The least scatter, in pixels: the last digit of a centre, as rounding is no reason to reject a point.
+/// The least scatter in pixels is the last digit of a centre: rounding is no reason to reject a point.
 const LEAST_SCATTER: f64 = 1e-5;
 /// A curve is less certain where it is continued beyond its points than its own variance says, which takes it
 /// to bend there as it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were
@@ -112,7 +112,8 @@ fn off_others(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<f64
         .collect()
 }
 
-/// The curve with the least absolute residuals and penalty, and the weights by which least squares gives it.
+/// The curve with the least sum of absolute residuals and of the penalty, and the weights by which least
+/// squares gives it.
 fn least_absolute(grid: Grid, residuals: &[Judged], penalty: f64) -> Option<(Vec<f64>, Spline)> {
     let mut weights = Vec::new();
     // Beginning with the start's own residuals, which no outlier has moved.
@@ -171,7 +172,8 @@ impl Judged {
     }
 }
 
-/// Over the points' distances, but not stretched by those far beyond, which only an outlier makes.
+/// Over the distances of the points. Distances far beyond the others, which only an outlier makes, must not
+/// stretch it.
 fn grid(residuals: &[Judged]) -> Option<Grid> {
     let finite = residuals.iter().filter(|residual| residual.is_finite());
     let mut places: Vec<f64> = finite.map(|residual| residual.at).collect();

@@ -296,8 +296,7 @@ impl Correlated {
         }
         // The sum is above 1, because its first pair is.
         let rows = limited(n / sum - LOST, 1.0, n);
-        // For so many independent rows, the scatter about their mean is (rows - 1) / rows of that about the
-        // truth.
+        // The variance of independent rows about their mean is (rows - 1) / rows of that about the truth.
         let free = limited(rows - fitted, 1.0, n);
         Some(Self {
             rows,

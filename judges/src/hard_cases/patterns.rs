@@ -54,7 +54,8 @@ pub fn halves(number: u64) -> Vec<u16> {
     light
 }
 
-/// Any words: a multiplicative generator (D. H. Lehmer; S. K. Park and K. W. Miller, 1988).
+/// Any words: a multiplicative generator (D. H. Lehmer; S. K. Park and K. W. Miller, 1988), so that
+/// neighbouring pixels show no pattern.
 pub fn any_words(number: u64) -> Vec<u16> {
     let mut state = 48_271 * (number + 1) % 0x7fff_ffff;
     (0..PIXELS)

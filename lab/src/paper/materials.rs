@@ -1,6 +1,5 @@
-//! The paper's six materials, as scenes of `scenes/` show them. Every number there is chosen: the paper names
-//! the materials and gives none of their properties. Each is a property of the surface alone, the same for the
-//! lens and the slit.
+//! The paper's six materials, which files of `scenes/` describe. The paper names the materials and gives no
+//! numbers, so we chose all numbers. They describe the surface alone, and hold for the lens and for the slit.
 //!
 //! How much light a material reflects does not matter: each data set is exposed so that its mean peak is a
 //! quarter of full scale.

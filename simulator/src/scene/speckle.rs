@@ -90,7 +90,8 @@ impl Speckle {
         // For paths that differ by 2.5 times their mean, which 92 % do not exceed (Laser::spectrum).
         let phase = 2.5 * self.path_spread * laser.wavenumber_deviation();
         laser.wavelengths = ((2.0 / PI * phase * phase).ceil() as usize).clamp(5, 15);
-        // The beam reaches to 2.25 radii; half as far again may a target come (Scene::check_distance).
+        // The beam reaches to 2.25 times its radius. A target may come half as far again
+        // (Scene::check_distance).
         let distances = [NEAREST, scene.distance, FARTHEST * scene.distance];
         let diameters = distances.map(|distance| spot.diameter(distance, wavelength));
         let diameter = diameters.into_iter().fold(0.0, f64::max);
@@ -240,7 +241,8 @@ impl RoughSurface {
 const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's \
                         distance, where the beam is wider: move the scene's distance or the beam's waist";
 
-/// Height in metres of the spot's image in focus, in its middle column: its light over that in its middle.
+/// Height in metres of the spot's image through a lens in focus, in its middle column: its light there over
+/// that in its middle.
 fn height_in_focus(scene: &Scene, pupil: &Pupil, distance: f64) -> f64 {
     let parts = Parts::new(scene, None, distance, AIRY_WIDTH * pupil.detail());
     let step = pupil.detail() / COLUMNS;

@@ -26,7 +26,8 @@ use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
-/// Frames this many times their scatter off: a digit that noise changed, or a target that was not at rest.
+/// Frames further than this many times their scatter from the others are no matter of chance: a digit that
+/// noise on the line changed, or a target that was not at rest.
 const OUTLYING: f64 = 10.0;
 /// A target at rest moves its centre by less, in pixels: fifty times the noise of a point, for a laser that
 /// warms up. It is 0.07 mm at the farther end of the nominal range.
@@ -452,7 +453,7 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     Taken {
         x_px: rounded(mean(places())),
         d_mm,
-        // Frames at rest share their speckle: their number brings down only what differs between them.
+        // Frames of a target at rest share its speckle: more frames reduce only what differs between them.
         sigma_px: rounded(claimed.max(scatter.unwrap_or_default()) / count.sqrt()).max(FINEST_PX),
         frames: centres.len(),
         scatter_px: scatter.map(rounded),
@@ -476,7 +477,8 @@ fn to_longest(centre: &Centre) -> f64 {
     f64::from(Exposure::LONGEST.us()) / f64::from(centre.exposure_us)
 }
 
-/// The mean images of slits that have one in half of the frames, rounded as a file holds them.
+/// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half
+/// of the frames has none.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
     let with_images = centres.iter().filter_map(|centre| {
         let height = |image: SlitImage| image.height_counts * to_longest(centre);
