@@ -711,6 +711,23 @@ mod tests {
     }
 
     #[test]
+    fn a_line_that_another_program_adds_stays() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let points = [640.0, 610.0].map(|d_mm| Taken { d_mm, ..PLAIN });
+        let (mut file, path) = file(&directory, &points);
+        let mut other = open_to_append(&path).expect("the file");
+        other.write_all(b"# by hand\n").expect("written");
+        assert_eq!(file.take_back().expect("taken back"), Some(610.0));
+        other = open_to_append(&path).expect("the file");
+        other.write_all(b"# once more\n").expect("written");
+        file.add(points[1]).expect("added");
+        file.put_in_order().expect("in order");
+        let text = std::fs::read_to_string(&path).expect("text");
+        let stays = text.contains("# by hand\n") && text.contains("# once more\n");
+        assert!(stays, "{text}");
+    }
+
+    #[test]
     fn an_empty_file_is_begun() {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("points.csv");
