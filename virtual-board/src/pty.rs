@@ -3,12 +3,13 @@
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::poll::{PollFd, PollFlags, poll};
 use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::unistd::ttyname;
@@ -24,6 +25,10 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// How often the board's speed is looked at. Over this time, [`PATIENCE`] is a twentieth.
 const SPEED_PERIOD: Duration = Duration::from_secs(2);
 
+/// How long the board waits for a program that reads too slowly, in milliseconds. The system keeps 4 KiB for the program,
+/// which are 44 ms at the highest rate: a busy PC may let the program wait for longer.
+const WAIT_FOR_READER_MS: u16 = 2000;
+
 /// A board that is slower than this share of wall time is reported.
 const KEEPS_UP: f64 = 0.95;
 
@@ -33,6 +38,8 @@ pub struct PseudoTerminal {
     board_side: File,
     /// The bytes that a program has sent and that the board has not yet received.
     received: Vec<u8>,
+    /// Whether a program has read what the board sent last.
+    is_read: bool,
     /// Stays open, because reading fails if no program has the terminal open.
     _program_side: OwnedFd,
     path: PathBuf,
@@ -57,6 +64,7 @@ impl PseudoTerminal {
         Ok(Self {
             board_side: File::from(ends.master),
             received: vec![],
+            is_read: false,
             _program_side: ends.slave,
             path,
         })
@@ -68,14 +76,14 @@ impl PseudoTerminal {
     }
 
     /// Runs `board` and passes bytes both ways until `goes_on` returns false. Bytes that no program reads are
-    /// lost, as on a real line.
+    /// lost, as on a real line. For a program that reads, but too slowly, the board waits.
     ///
     /// `goes_on` is called every 5 ms: before the board receives the program's bytes, and before the program
     /// receives the board's bytes. So a command finds all that was done before it was sent, and `goes_on`
     /// sees what the board did before the program reads about it.
     ///
-    /// The board runs as fast as the wall clock. If the PC is too slow for that, a message on standard error
-    /// says every 2 s at what share of wall time the board runs.
+    /// The board runs as fast as the wall clock. If the PC or the program is too slow for that, a message on
+    /// standard error says every 2 s at what share of wall time the board runs.
     ///
     /// # Errors
     /// The pseudo-terminal failed, or an error of [`VirtualBoard::run_for`].
@@ -106,7 +114,10 @@ impl PseudoTerminal {
                 let ran = (board.now() - board_since) as f64 * 1e-9;
                 let share = ran / wall.as_secs_f64();
                 if share < KEEPS_UP {
-                    eprintln!("this PC is too slow: the board runs at {share:.2} of wall time");
+                    eprintln!(
+                        "the board runs at {share:.2} of wall time: this PC is too slow, or the program \
+                         that reads is"
+                    );
                 }
                 (since, board_since) = (now, board.now());
             }
@@ -130,12 +141,26 @@ impl PseudoTerminal {
         let said: Vec<u8> = said.collect();
         // The lines are not needed, and would pile up.
         board.take_lines();
-        match self.board_side.write(&said) {
-            Err(error) if !is_idle(error.kind()) => {
-                Err(error).context("writing to the pseudo-terminal")
+        let mut rest = said.as_slice();
+        while !rest.is_empty() {
+            match self.board_side.write(rest) {
+                Ok(written) => {
+                    rest = &rest[written..];
+                    self.is_read = true;
+                }
+                Err(error) if !is_idle(error.kind()) => {
+                    return Err(error).context("writing to the pseudo-terminal");
+                }
+                Err(_) if self.is_read => {
+                    let mut board_side = [PollFd::new(self.board_side.as_fd(), PollFlags::POLLOUT)];
+                    let ready = poll(&mut board_side, WAIT_FOR_READER_MS)
+                        .context("waiting for the pseudo-terminal")?;
+                    self.is_read = ready > 0;
+                }
+                Err(_) => break,
             }
-            _ => Ok(()),
         }
+        Ok(())
     }
 }
 
