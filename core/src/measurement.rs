@@ -9,7 +9,7 @@ use core::ops::Range;
 use crate::base::{Counts, Exposure, ExposureMode, Fault, Pixels, WorkBudget, numeric};
 use crate::centre::{self, Estimate, Estimator, RowCentre, estimate, estimate_robustly};
 use crate::check::own_spot::Profile;
-use crate::check::{self, judge, other_spot, repair};
+use crate::check::{self, judge, repair};
 use crate::frame::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::frame::{Frame, FrameCentre, Mean};
 use crate::light::ambient::{AmbientMean, AmbientMode};
@@ -21,7 +21,7 @@ use crate::row::pixels::map::{self, Correction, PixelMap};
 use crate::row::{BLOCK, BLOCK_LOG2, Background, Blocks, Geometry, Row};
 use crate::spot::choice::SpotChoice;
 use crate::spot::region::Region;
-use crate::spot::{self, Coarse, Spot};
+use crate::spot::{self, Spot};
 
 /// How rows are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,10 +79,9 @@ pub struct Measurement {
     /// Whether the option `peak` has chosen a spot in the frame under way.
     is_chosen: bool,
     profile: Option<Profile>,
-    /// The blocks of the row under way, and what follows from them. They have their place here because
-    /// clearing room for them would take time in each row.
+    /// The blocks of the row under way. They have their place here because clearing room for them would take
+    /// time in each row.
     blocks: Blocks,
-    coarse: Coarse,
     frame: Frame,
     black: BlackPixels,
     comb: CombMeasurement,
@@ -116,7 +115,6 @@ impl Measurement {
             is_chosen: false,
             profile: None,
             blocks: Blocks::NONE,
-            coarse: Coarse::new(),
             frame: Frame::default(),
             black: BlackPixels::default(),
             comb: CombMeasurement::new(Comb::nominal()),
@@ -296,9 +294,8 @@ impl Measurement {
     #[cold]
     #[inline(never)]
     fn choose_spot(&mut self, words: &[u16]) {
-        let (blocks, coarse) = (&mut self.blocks, &mut self.coarse);
-        let part =
-            (self.options.peak).part_with_spot(words, &self.geometry, &self.part, blocks, coarse);
+        let row = self.geometry.part_of_valid(words, &self.part);
+        let part = row.and_then(|row| self.options.peak.part_with_spot(&row, &self.part));
         self.is_chosen = part.is_some();
         if let Some(part) = part {
             self.part = part;
@@ -322,13 +319,10 @@ impl Measurement {
             self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
-        let (blocks, coarse) = (row.blocks(), &mut self.coarse);
-        let mut budget = WorkBudget::of_row();
+        let blocks = row.blocks();
         let spot = match &before {
-            Some((spot, centre)) => {
-                spot::find_again_in(&row, blocks, coarse, spot, centre.width, &mut budget)
-            }
-            None => spot::find_in(&row, blocks, coarse, &mut budget),
+            Some((spot, centre)) => spot::find_again_in(&row, blocks, spot, centre.width),
+            None => spot::find_in(&row, blocks),
         };
         let how = self.options.black_level;
         let mut black = BlackPixels::default();
@@ -370,7 +364,7 @@ impl Measurement {
             before.as_ref().map(|(_, centre)| centre),
             geometry,
             self.profile.as_ref(),
-            budget,
+            WorkBudget::of_row(),
         )?;
         self.before = Some((found, centre));
         self.height = centre.amplitude;
@@ -594,9 +588,8 @@ pub fn centre_of_spot(
             estimator, row, spot, before, geometry, profile, found, budget,
         );
     }
-    let is_alone = before.is_some() || other_spot::check(row, spot, &found, *budget)?;
     Ok(RowCentre {
-        misfit: found.misfit || !is_alone || check::may_be_bad_pixels(&found),
+        misfit: found.misfit || check::may_be_bad_pixels(&found),
         ..found
     })
 }

@@ -49,9 +49,8 @@
 //!
 //! If a row fails the check, the measurement tries [`repair`]. If that finds no better centre, the spot's
 //! shape makes u larger ([`crate::centre::spot_shape`]), and the row is flagged only where u cannot express
-//! the error. `other_spot` searches the rest of the row for a second spot.
+//! the error.
 
-pub(crate) mod other_spot;
 pub mod own_spot;
 mod pairs;
 pub mod repair;
