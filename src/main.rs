@@ -14,34 +14,38 @@
 //! interrupt, above the other tasks, so that a row's computation never shifts the sensor's pulses.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-#[cfg(target_os = "none")]
-mod acquisition;
+// A module uses those before it (host-tests/tests/floors.rs). rustfmt sorts each group.
 #[cfg(target_os = "none")]
 mod alarm;
 #[cfg(target_os = "none")]
-mod board;
-#[cfg(target_os = "none")]
 mod counters;
-#[cfg(target_os = "none")]
-mod heads;
 #[cfg(target_os = "none")]
 mod laser_order;
 #[cfg(target_os = "none")]
-mod measuring;
-#[cfg(target_os = "none")]
-mod requests;
-#[cfg(target_os = "none")]
 mod results;
+#[cfg(target_os = "none")]
+mod trigger;
+
+#[cfg(target_os = "none")]
+mod board;
+#[cfg(target_os = "none")]
+mod heads;
 #[cfg(target_os = "none")]
 mod rows;
 #[cfg(target_os = "none")]
-mod serial_line;
+mod watchdog;
+
+#[cfg(target_os = "none")]
+mod acquisition;
+#[cfg(target_os = "none")]
+mod requests;
 #[cfg(target_os = "none")]
 mod session;
+
 #[cfg(target_os = "none")]
-mod trigger;
+mod measuring;
 #[cfg(target_os = "none")]
-mod watchdog;
+mod serial_line;
 
 // Linked for what they define: where defmt's log goes, and what a panic does. defmt logs the panic,
 // everything stops, and the watchdog starts the board again.
@@ -51,16 +55,25 @@ use {defmt_rtt as _, panic_probe as _};
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
 async fn main(spawner: embassy_executor::Spawner) {
-    let board = board::init();
+    let board = board::init(heads::MASTER_CLOCK_HZ, heads::SCLK_HZ);
+    let sensor = heads::SensorHead::new(board.sensor);
+    let hardware = slitrange_device::protocol::info::Hardware {
+        board: board::NAME,
+        head: heads::NAME,
+        row_us: heads::ROW_PERIOD.as_micros() as u32,
+        longest_exposure: heads::LONGEST_EXPOSURE,
+        clock: board.clock,
+        brown_out: board.brown_out,
+    };
 
     // Spawning fails only if a task is spawned twice: a programming error, which the first start would show.
     let urgent = board::start_urgent_executor();
-    urgent.spawn(defmt::unwrap!(acquisition::acquire(board.sensor)));
+    urgent.spawn(defmt::unwrap!(acquisition::acquire(sensor)));
     urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
     spawner.spawn(defmt::unwrap!(measuring::measure()));
     spawner.spawn(defmt::unwrap!(serial_line::serve(
         board.serial,
-        board.hardware,
+        hardware,
         board.switch,
         board.started_by,
         board.flash

@@ -16,16 +16,8 @@ use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{Peri, pac, peripherals};
 use slitrange::base::exposure::Exposure;
 
-use crate::heads::{LONGEST_EXPOSURE, ROW_PERIOD};
-
 /// The counter's speed: a step is a microsecond.
 const COUNTER_HZ: u32 = 1_000_000;
-
-/// The longest pulse ends before the next row begins, with 100 us of room for a tick that is late.
-const _: () = {
-    let row_us = ROW_PERIOD.as_micros();
-    assert!(LONGEST_EXPOSURE.us() as u64 + 100 <= row_us);
-};
 
 /// Channel 4 of TIM4.
 const CHANNEL: usize = 3;
@@ -64,11 +56,12 @@ impl Laser {
         }
     }
 
-    /// Sets the length of the next pulse. `None`: no pulse. Call it while no pulse is under way.
-    pub fn set_exposure(&mut self, exposure: Option<Exposure>) {
+    /// Sets the length of the next pulse, whose middle is that of the `longest`. `None`: no pulse. Call it
+    /// while no pulse is under way.
+    pub fn set_exposure(&mut self, exposure: Option<Exposure>, longest: Exposure) {
         let us = exposure.map_or(0, Exposure::us);
         // The output is high from `rise` up to the counter's last value.
-        let rise = 1 + (LONGEST_EXPOSURE.us() - us) / 2;
+        let rise = 1 + (longest.us() - us) / 2;
         let last = if us == 0 { 0 } else { rise + us - 1 };
         pac::TIM4
             .ccr(CHANNEL)

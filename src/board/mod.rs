@@ -44,25 +44,24 @@ use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals, usart};
-use slitrange_device::protocol::info::Hardware;
+use slitrange_device::protocol::info::{BrownOut, Clock};
 use slitrange_device::protocol::status::StartCause;
 
 pub use flash::CalibrationFlash;
 pub use laser::Laser;
 pub use processor::{cycles, cycles_in_ns, reset, wait_until};
 pub use sensor_wires::{
-    CYCLES_A_MASTER_CLOCK, Converter, MasterClock, master_clock_rose, raise_icg_at, words_to_come,
+    Converter, MasterClock, Pins, master_clock_rose, raise_icg_at, words_to_come,
 };
 pub use serial::{Receiver, SerialPort, Transmitter};
 pub use trigger_pin::listen_to_trigger;
 pub use urgent::start_urgent_executor;
 pub use watchdog::Watchdog;
 
-use crate::heads::{self, LONGEST_EXPOSURE, Pins, ROW_PERIOD, SensorHead};
 use serial::{CountSerialErrors, NoteFlags, ReleaseLine};
 
 /// The board's name.
-const NAME: &str = "NUCLEO-F429ZI";
+pub const NAME: &str = "NUCLEO-F429ZI";
 
 bind_interrupts!(struct Interrupts {
     // The order matters. The first handler notes the flags before the second clears them, and does no more:
@@ -79,8 +78,8 @@ pub type Switch = Output<'static>;
 
 /// The board, ready.
 pub struct Board {
-    /// The sensor head.
-    pub sensor: SensorHead,
+    /// The wires to the sensor head: the converter, the other pins at their rest, and the running clock.
+    pub sensor: (Converter, Pins, MasterClock),
     /// The serial line.
     pub serial: SerialPort,
     /// The switching output of the setting `limits`.
@@ -91,12 +90,14 @@ pub struct Board {
     pub watchdog: Watchdog,
     /// What made the board start.
     pub started_by: StartCause,
-    /// What `info` says about it.
-    pub hardware: Hardware,
+    /// What times the rows and the serial line.
+    pub clock: Clock,
+    /// What the chip does while its supply is too low.
+    pub brown_out: BrownOut,
 }
 
-/// Sets up clocks and peripherals. Call once, first.
-pub fn init() -> Board {
+/// Sets up clocks and peripherals, with the sensor head's two clocks. Call once, first.
+pub fn init(master_clock_hz: u32, sclk_hz: u32) -> Board {
     watchdog::start();
     processor::set_up();
     let clock = clock::start();
@@ -118,30 +119,29 @@ pub fn init() -> Board {
         interrupt.set_priority(priority);
     }
     let watchdog = watchdog::set_timeout(p.IWDG);
-    let master_clock = sensor_wires::start_master_clock(p.TIM1, p.PE9);
-    let converter = sensor_wires::connect_converter(p.SPI1, p.PA5, p.PA6, p.DMA2_CH3, p.DMA2_CH0);
+    let master_clock = sensor_wires::start_master_clock(p.TIM1, p.PE9, master_clock_hz);
+    let converter =
+        sensor_wires::connect_converter(sclk_hz, p.SPI1, p.PA5, p.PA6, p.DMA2_CH3, p.DMA2_CH0);
     let laser = Laser::new(p.TIM4, p.PD15);
-    let pins = Pins::new(p.PF12.into(), p.PF13.into(), p.PD14.into(), laser);
-    let sensor = SensorHead::new(converter, pins, master_clock);
+    let pins = Pins {
+        icg: Output::new(p.PF12, Level::High, Speed::VeryHigh),
+        sh: Output::new(p.PF13, Level::Low, Speed::VeryHigh),
+        chip_select: Output::new(p.PD14, Level::High, Speed::VeryHigh),
+        laser,
+    };
     let serial = serial::open(p.USART3, p.PD9, p.PD8, p.PD12);
     trigger_pin::watch_trigger(p.PA3);
     flash::keep_pa12_low(p.PA12);
     let flash = Flash::new(p.FLASH, Interrupts).into_regions();
 
     Board {
-        sensor,
+        sensor: (converter, pins, master_clock),
         serial,
         switch: Output::new(p.PE11, Level::Low, Speed::Low),
         flash: CalibrationFlash::new(flash.bank2_region1),
         watchdog,
         started_by,
-        hardware: Hardware {
-            board: NAME,
-            head: heads::NAME,
-            row_us: ROW_PERIOD.as_micros() as u32,
-            longest_exposure: LONGEST_EXPOSURE,
-            clock,
-            brown_out: start_cause::brown_out(),
-        },
+        clock,
+        brown_out: start_cause::brown_out(),
     }
 }

@@ -2,7 +2,7 @@
 //! and ICG's edge.
 
 use cortex_m::peripheral::DWT;
-use embassy_stm32::gpio::{OutputType, Pull};
+use embassy_stm32::gpio::{Output, OutputType, Pull};
 use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{DMA2_CH0, DMA2_CH3, PA5, PA6, PE9, SPI1, TIM1};
 use embassy_stm32::spi::mode::Master;
@@ -12,12 +12,8 @@ use embassy_stm32::timer::low_level::CountingMode;
 use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
 use embassy_stm32::{Peri, pac};
 
-use super::Interrupts;
-use super::processor::{CORE_HZ, cycles};
-use crate::heads::{MASTER_CLOCK_HZ, SCLK_HZ};
-
-/// Core cycles in a period of the sensor's master clock.
-pub const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
+use super::processor::cycles;
+use super::{Interrupts, Laser};
 
 /// The sensor's converter.
 pub type Converter = Spi<'static, Async, Master>;
@@ -25,15 +21,31 @@ pub type Converter = Spi<'static, Async, Master>;
 /// The sensor's master clock.
 pub type MasterClock = SimplePwm<'static, TIM1>;
 
+/// The wires to the sensor head beside clock and SPI.
+pub struct Pins {
+    /// Integration clear gate, idle high.
+    pub icg: Output<'static>,
+    /// Shift gate, idle low.
+    pub sh: Output<'static>,
+    /// The converter's chip select, idle high.
+    pub chip_select: Output<'static>,
+    /// The laser's switch.
+    pub laser: Laser,
+}
+
 /// Starts the master clock.
-pub fn start_master_clock(timer: Peri<'static, TIM1>, pin: Peri<'static, PE9>) -> MasterClock {
+pub fn start_master_clock(
+    timer: Peri<'static, TIM1>,
+    pin: Peri<'static, PE9>,
+    hz: u32,
+) -> MasterClock {
     let mut clock = SimplePwm::new(
         timer,
         Some(PwmPin::new(pin, OutputType::PushPull)),
         None,
         None,
         None,
-        Hertz(MASTER_CLOCK_HZ),
+        Hertz(hz),
         CountingMode::EdgeAlignedUp,
     );
     clock.ch1().set_duty_cycle_fraction(1, 2);
@@ -43,6 +55,7 @@ pub fn start_master_clock(timer: Peri<'static, TIM1>, pin: Peri<'static, PE9>) -
 
 /// Connects the converter.
 pub fn connect_converter(
+    sclk_hz: u32,
     spi: Peri<'static, SPI1>,
     sclk: Peri<'static, PA5>,
     dout: Peri<'static, PA6>,
@@ -50,7 +63,7 @@ pub fn connect_converter(
     receiving: Peri<'static, DMA2_CH0>,
 ) -> Converter {
     let mut config = spi::Config::default();
-    config.frequency = Hertz(SCLK_HZ);
+    config.frequency = Hertz(sclk_hz);
     config.mode = spi::MODE_3;
     // Words of an absent converter are then all ones, which no row is.
     config.miso_pull = Pull::Up;

@@ -8,7 +8,7 @@ mod tcd1304;
 
 pub use read_out::{ReadOutError, SCLK_HZ};
 pub use tcd1304::{
-    LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, Pins, ROW_PERIOD, Tcd1304 as SensorHead, geometry,
+    LONGEST_EXPOSURE, MASTER_CLOCK_HZ, NAME, ROW_PERIOD, Tcd1304 as SensorHead, geometry,
 };
 
 /// Words in a row, all of which one DMA transfer brings.

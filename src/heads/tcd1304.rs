@@ -2,7 +2,7 @@
 //!
 //! The sensor integrates light all the time. A pulse on SH moves the gathered light into its shift register,
 //! so the time from one pulse to the next is the exposure to all light but the laser's, which is on for a
-//! part of that time ([`Laser`]). ICG, low around SH, makes the register take it. When ICG rises the register
+//! part of that time (`Laser`). ICG, low around SH, makes the register take it. When ICG rises the register
 //! puts out a pixel every four periods of fM, 3694 of them. fM never stops.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
@@ -53,8 +53,6 @@ use core::future::{Future as _, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_stm32::Peri;
-use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use embassy_time::{Duration, Instant};
 use slitrange::base::exposure::Exposure;
 use slitrange::row::Geometry;
@@ -62,9 +60,8 @@ use slitrange::row::sensor_heads::{self, TCD1304DG_LEAD_IN};
 
 use super::WORDS;
 use super::read_out::{ReadOutError, SCLK_HZ, end_read_out, find_end_of_word_0};
-use crate::board::{
-    self, CYCLES_A_MASTER_CLOCK, Converter, Laser, MasterClock, cycles_in_ns, wait_until,
-};
+use crate::board::processor::CORE_HZ;
+use crate::board::{self, Converter, MasterClock, Pins, cycles_in_ns, wait_until};
 use crate::counters::COUNTERS;
 
 /// The sensor head's name.
@@ -78,12 +75,18 @@ pub const fn geometry() -> Geometry {
 /// fM, from TIM1 (168 MHz) / 64: a pixel takes four periods.
 pub const MASTER_CLOCK_HZ: u32 = SCLK_HZ / 4;
 
+/// Core cycles in a period of fM.
+const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
+
 /// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the
 /// pulses and some slack. 175 rows a second.
 pub const ROW_PERIOD: Duration = Duration::from_micros(5700);
 
 /// The longest time of the laser in a row.
 pub const LONGEST_EXPOSURE: Exposure = Exposure::LONGEST;
+
+/// The longest pulse ends before the next row begins, with 100 us of room for a tick that is late.
+const _: () = assert!(LONGEST_EXPOSURE.us() as u64 + 100 <= ROW_PERIOD.as_micros());
 
 /// fM is high for half of its period.
 const MASTER_CLOCK_HIGH: u32 = CYCLES_A_MASTER_CLOCK / 2;
@@ -170,18 +173,6 @@ impl IcgRise {
 /// ICG rises at most so many cycles before or after the wanted time: 22 % of a pixel.
 const MOST_OFF: u32 = CYCLES_A_MASTER_CLOCK * 7 / 8;
 
-/// The wires to the sensor head beside clock and SPI.
-pub struct Pins {
-    /// Integration clear gate, idle high.
-    icg: Output<'static>,
-    /// Shift gate, idle low.
-    sh: Output<'static>,
-    /// The converter's chip select, idle high.
-    chip_select: Output<'static>,
-    /// The laser's switch.
-    laser: Laser,
-}
-
 /// The sensor head.
 pub struct Tcd1304 {
     converter: Converter,
@@ -196,7 +187,7 @@ pub struct Tcd1304 {
 
 impl Tcd1304 {
     /// A sensor head whose clock runs.
-    pub fn new(converter: Converter, pins: Pins, master_clock: MasterClock) -> Self {
+    pub fn new((converter, pins, master_clock): (Converter, Pins, MasterClock)) -> Self {
         Self {
             converter,
             pins,
@@ -215,7 +206,7 @@ impl Tcd1304 {
     /// laser is on in it for `laser`, or off.
     pub async fn pulse(&mut self, laser: Option<Exposure>) {
         self.exposing = laser;
-        self.pins.laser.set_exposure(laser);
+        self.pins.laser.set_exposure(laser, LONGEST_EXPOSURE);
         cortex_m::interrupt::free(|_| {
             let icg_fell = self.pins.raise_sh();
             self.pins.lower_sh(icg_fell);
@@ -242,7 +233,7 @@ impl Tcd1304 {
         let exposed = core::mem::replace(exposing, laser);
         let mut word_0 = Err(ReadOutError::Late);
         let mut look = next;
-        pins.laser.set_exposure(laser);
+        pins.laser.set_exposure(laser, LONGEST_EXPOSURE);
         let result = {
             let mut transfer = pin!(converter.read(&mut row[..]));
             let started = poll_fn(|context| {
@@ -267,21 +258,6 @@ impl Tcd1304 {
 }
 
 impl Pins {
-    /// The wires at their rest.
-    pub fn new(
-        icg: Peri<'static, AnyPin>,
-        sh: Peri<'static, AnyPin>,
-        chip_select: Peri<'static, AnyPin>,
-        laser: Laser,
-    ) -> Self {
-        Self {
-            icg: Output::new(icg, Level::High, Speed::VeryHigh),
-            sh: Output::new(sh, Level::Low, Speed::VeryHigh),
-            chip_select: Output::new(chip_select, Level::High, Speed::VeryHigh),
-            laser,
-        }
-    }
-
     /// Lowers ICG and raises SH. Returns when ICG fell, just after a rise of fM.
     fn raise_sh(&mut self) -> u32 {
         // A rise of fM that is far enough ahead not to be missed.

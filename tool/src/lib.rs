@@ -10,19 +10,22 @@
 //! Distances are in millimetres where a person reads or writes them, in metres in computations.
 #![forbid(unsafe_code)]
 
-pub mod demo;
+// A module uses those before it (host-tests/tests/floors.rs). rustfmt sorts each group.
 pub mod design;
-pub mod fit;
 pub mod keyboard;
-pub mod pc;
 pub mod photon_transfer;
-pub mod plot;
-pub mod record_file;
 pub mod recording;
-pub mod replay;
 pub mod screen;
-pub mod sensor;
 mod whole_file;
+
+pub mod pc;
+pub mod record_file;
+pub mod replay;
+pub mod sensor;
+
+pub mod demo;
+pub mod fit;
+pub mod plot;
 
 use std::io::{BufRead, Write};
 use std::process::ExitCode;

@@ -9,18 +9,15 @@ use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::store;
 
-use crate::Nanos;
+use crate::base::{CLOCK_HZ, Nanos};
 use crate::burst::Timing;
 use crate::flash::SharedFlash;
 use crate::flash_times::{FlashTimes, SHORTEST_ERASE};
 use crate::jumpers::Jumpers;
-use crate::sensor_head::pins::{self, SharedHead};
+use crate::pins::{self, Pins};
 use crate::serial_line::{DriverEnable, FarEnd, SerialLine};
-use crate::stm32f429::Stm32f429;
+use crate::stm32f429::{SUPPLY_MILLIVOLTS, Stm32f429};
 use crate::watched_core::{self, Watched};
-
-/// The processor's clock in Hz: the highest of an STM32F429 without over-drive.
-pub const CLOCK_HZ: u64 = 168_000_000;
 
 /// Instructions that the emulated core executes in a second of virtual time. One for each clock, so that the
 /// cycle counter (`DWT_CYCCNT`) counts instructions exactly. Silicon needs more clocks.
@@ -30,7 +27,6 @@ pub const INSTRUCTIONS_PER_SECOND: u64 = CLOCK_HZ;
 const HSE_HZ: u64 = 8_000_000;
 /// No 32 kHz crystal is used.
 const LSE_HZ: u64 = 0;
-pub(crate) const SUPPLY_MILLIVOLTS: NonZeroU32 = NonZeroU32::new(3300).expect("not zero");
 /// USART3, the ST-LINK's serial port, in rigless's order.
 pub(crate) const SERIAL_PORT: usize = 2;
 
@@ -106,7 +102,7 @@ fn default_speed() -> u64 {
 
 impl Nucleo {
     pub(crate) fn new(
-        head: &Arc<SharedHead>,
+        pins: &Arc<Pins>,
         line: Arc<Mutex<SerialLine>>,
         watched: Watched,
         conditions: &Conditions,
@@ -117,15 +113,12 @@ impl Nucleo {
         };
         let longer = conditions.flash_erase.saturating_sub(SHORTEST_ERASE);
         let flash = FlashTimes::new(longer, SUPPLY_MILLIVOLTS);
-        let mut processor = Stm32f429::new(head, conditions.row_timer_speed, timing, flash)
+        let mut processor = Stm32f429::new(&pins.head, conditions.row_timer_speed, timing, flash)
             .context("putting the emulated STM32F427 together")?;
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.rcc.calibrate_lsi(conditions.watchdog_hz);
         processor.part.set_supply(SUPPLY_MILLIVOLTS.get());
-        pins::attach(&mut processor, head);
-        if let Some(jumpers) = conditions.jumpers {
-            head.put_jumpers_on(jumpers);
-        }
+        pins::attach(&mut processor, pins);
         let driver = DriverEnable {
             line: Arc::clone(&line),
         };

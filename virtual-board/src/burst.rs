@@ -38,11 +38,17 @@ use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::spi::Spi;
 use rigless::time::{EventId, VirtualNanos};
 
-use crate::board::CLOCK_HZ;
+use crate::base::{CLOCK_HZ, Nanos, lock};
 use crate::forward::forward;
+use crate::random;
+use crate::sensor_head::SharedHead;
 use crate::sensor_head::limits::WORD_BITS;
-use crate::sensor_head::pins::{SPI1_DATA, SharedHead};
-use crate::{Nanos, lock, random};
+
+/// DMA2, which serves SPI1, in rigless's order.
+pub(crate) const DMA2: usize = 1;
+
+/// SPI1's data register, where the DMA streams that serve the converter read and write.
+const SPI1_DATA: u64 = 0x4001_300C;
 
 /// Words in a batch: 0.2 ms of a read-out.
 const BATCH: u64 = 128;
@@ -146,7 +152,7 @@ struct Pace {
 
 impl Pace {
     fn new(start: Nanos, bit_hz: u64, head: &SharedHead, timing: Timing) -> Self {
-        let last_timed = match head.lock().has_rate_limit {
+        let last_timed = match lock(head).has_rate_limit {
             true => u64::MAX,
             // The firmware raises ICG in word 3, and word 4 shows the first pixel.
             false => 3,
@@ -190,7 +196,7 @@ struct Words {
 #[derive(Debug)]
 pub(crate) struct Burst {
     state: State,
-    head: Arc<SharedHead>,
+    head: SharedHead,
     timing: Timing,
 }
 
@@ -215,7 +221,7 @@ impl Burst {
         let State::Running { words, pace } = &mut self.state else {
             return;
         };
-        let mut head = self.head.lock();
+        let mut head = lock(&self.head);
         // Four words are written at once where the address allows it.
         let mut address = words.address + 2 * words.done;
         let (mut gathered, mut bits) = (0, 0);
@@ -253,7 +259,7 @@ impl Burst {
 }
 
 /// Makes the two models, which share a read-out.
-pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>, timing: Timing) -> (BurstSpi, BurstDma) {
+pub(crate) fn pair(dma: Dma, head: &SharedHead, timing: Timing) -> (BurstSpi, BurstDma) {
     let burst = Arc::new(Mutex::new(Burst {
         state: State::Idle,
         head: Arc::clone(head),

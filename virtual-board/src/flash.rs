@@ -27,8 +27,8 @@ use rigless::soc::stm32f427::generated::flash::{Register, cr, sr};
 pub use contents::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES, SECTORS};
 pub use history::{Done, History};
 
-use crate::violations::Violations;
-use crate::{Nanos, Violation};
+use crate::base::{Nanos, lock};
+use crate::violations::{Violation, Violations};
 
 /// The flash interface's control register (RM0090 section 3.9.8).
 const CONTROL: u64 = 0x4002_3C10;
@@ -156,7 +156,7 @@ impl SharedFlash {
     }
 
     fn lock(&self) -> MutexGuard<'_, Flash> {
-        crate::lock(&self.0)
+        lock(&self.0)
     }
 
     /// Resets the interface and the violations: a board with this flash is powered on, of which a word takes

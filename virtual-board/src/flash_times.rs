@@ -9,7 +9,7 @@ use rigless::soc::stm32f427::peripherals::flash::Flash;
 use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::time::{EventId, VirtualNanos};
 
-use crate::Nanos;
+use crate::base::Nanos;
 use crate::forward::forward;
 
 /// How long an erase of a sector takes in rigless, ns.

@@ -15,7 +15,7 @@ use rigless::soc::stm32f427::generated::{tim1, tim2};
 use rigless::soc::stm32f427::peripherals::tim::Channel;
 use rigless::time::VirtualNanos;
 
-use crate::Nanos;
+use crate::base::Nanos;
 use crate::port_pin::{OUTPUT, Pin};
 use crate::sensor_head::{OpenLine, limits};
 use crate::stm32f429::Stm32f429;

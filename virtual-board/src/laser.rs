@@ -14,9 +14,10 @@ use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
 use rigless::time::{EventId, VirtualNanos};
 
+use crate::base::lock;
 use crate::forward::forward;
 use crate::port_pin::Pin;
-use crate::sensor_head::pins::SharedHead;
+use crate::sensor_head::SharedHead;
 
 /// PWM mode 2: the output is low while the counter is below the compare value (RM0090 section 18.4.8).
 const PWM_MODE_2: u64 = 0b111;
@@ -28,14 +29,14 @@ const TIMER_FUNCTION: u64 = 2;
 #[derive(Debug)]
 pub struct LaserTimer {
     timer: Tim<General>,
-    head: Arc<SharedHead>,
+    head: SharedHead,
     hz: u64,
     runs: bool,
 }
 
 impl LaserTimer {
     /// A timer that was just reset.
-    pub fn new(head: &Arc<SharedHead>) -> Self {
+    pub fn new(head: &SharedHead) -> Self {
         Self {
             // As rigless makes it.
             timer: Tim::with_clock(rcc::HSI_HZ, Counter::Narrow),
@@ -57,24 +58,24 @@ impl LaserTimer {
         let rise = registers.get(Register::Ccr4);
         if !runs && is_enabled && mode == PWM_MODE_2 && rise == 0 {
             let what = "the laser is on while its timer stands still: set the compare value first";
-            self.head.lock().violated(now.0, what);
+            lock(&self.head).violated(now.0, what);
         }
         if began || ended || !is_enabled {
-            self.head.lock().laser_off(now.0);
+            lock(&self.head).laser_off(now.0);
         }
         if !(began && is_enabled) {
             return;
         }
         if !cr1::OPM.is_set(control) || mode != PWM_MODE_2 || ccer::CC4P.is_set(enable) {
             let what = "the laser's timer started without one-pulse mode: nothing ends the pulse";
-            self.head.lock().violated(now.0, what);
+            lock(&self.head).violated(now.0, what);
             return;
         }
         let tick = (registers.get(Register::Psc) + 1) as f64 * 1e9 / self.hz as f64;
         let after = |ticks: u64| now.0 + (ticks as f64 * tick).round() as u64;
         let fall = registers.get(Register::Arr) + 1;
         if rise < fall {
-            self.head.lock().laser_pulse(after(rise), after(fall));
+            lock(&self.head).laser_pulse(after(rise), after(fall));
         }
     }
 }

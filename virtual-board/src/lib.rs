@@ -28,48 +28,46 @@
 //! times are not the silicon's), bus arbitration, analogue effects, and the instant at which a word
 //! of a read-out reaches memory (up to 0.2 ms late).
 
-pub mod board;
-mod burst;
+// A module uses those before it (host-tests/tests/floors.rs). rustfmt sorts each group.
+mod base;
+mod forward;
+pub mod hang;
+pub mod port_pin;
+mod random;
+pub mod rtt;
+pub mod trace;
+mod trigger;
+pub mod violations;
+mod warm_cores;
+
 pub mod firmware;
 pub mod flash;
 mod flash_times;
-mod forward;
-pub mod hang;
-pub mod jumpers;
-mod laser;
-pub mod light;
-pub mod port_pin;
-#[cfg(unix)]
-pub mod pty;
-mod random;
-pub mod row_rate;
-pub mod rtt;
-pub mod run;
 pub mod sensor_head;
 pub mod serial_line;
-pub mod stage;
-pub mod stm32f429;
-pub mod trace;
-mod trigger;
-pub mod upload;
-pub mod violations;
-mod warm_cores;
 mod watched_core;
 
+mod burst;
+mod laser;
+pub mod light;
+pub mod stage;
+pub mod stm32f429;
+
+pub mod jumpers;
+mod pins;
+
+pub mod board;
+pub mod run;
+pub mod upload;
+
+#[cfg(unix)]
+pub mod pty;
+pub mod row_rate;
+
+pub use base::Nanos;
 pub use firmware::Firmware;
 pub use flash::SharedFlash;
-
 pub use run::{Statistics, VirtualBoard};
 pub use sensor_head::{Exposure, FULL_SCALE, LightSource, OpenLine, PIXELS, Row, SensorHead};
 pub use serial_line::{Arrival, Line};
 pub use violations::Violation;
-
-/// Nanoseconds of virtual time, counted from power-on.
-pub type Nanos = u64;
-
-/// Locks what the emulator's thread shares with the caller. A panic leaves the data whole, so a poisoned lock
-/// is no error.
-fn lock<T>(mutex: &std::sync::Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    let guard = mutex.lock();
-    guard.unwrap_or_else(std::sync::PoisonError::into_inner)
-}

@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use simulator::distorted_optics::DistortedOptics;
 use simulator::scene::{Scene, Simulation};
 
-use crate::{Exposure, LightSource, Nanos, PIXELS};
+use crate::base::{Nanos, lock};
+use crate::sensor_head::{Exposure, LightSource, PIXELS};
 
 /// The target. Every clone can move it, and can tell where it was.
 #[derive(Clone, Debug)]
@@ -50,7 +51,7 @@ impl Target {
     }
 
     fn place(&self) -> MutexGuard<'_, Place> {
-        crate::lock(&self.0)
+        lock(&self.0)
     }
 
     /// Moves the target to a distance in metres. If the scene moves the target, the motion starts again from

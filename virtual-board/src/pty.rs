@@ -14,7 +14,7 @@ use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::unistd::ttyname;
 
-use crate::VirtualBoard;
+use crate::run::VirtualBoard;
 
 /// How long the board runs before the terminal is read again.
 const SLICE: Duration = Duration::from_millis(5);

@@ -10,8 +10,11 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 use simulator::scene::Scene;
 
+use crate::base::Nanos;
 use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND};
-use crate::{Exposure, Firmware, LightSource, Nanos, VirtualBoard};
+use crate::firmware::Firmware;
+use crate::run::VirtualBoard;
+use crate::sensor_head::{Exposure, LightSource};
 
 /// Rows of light that come one after the other, again and again.
 const LIGHT: u64 = 61;

@@ -15,18 +15,19 @@ use rigless::soc::Width;
 use rigless::soc::stm32f427::generated::rcc;
 use rigless::time::VirtualNanos;
 
+use crate::base::{Nanos, lock};
 use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
 use crate::firmware::Firmware;
 use crate::flash::{self, SharedFlash};
 use crate::hang::{self, Detour, Detours};
+use crate::pins::Pins;
 use crate::random::mixed;
 use crate::rtt::{self, Message};
-use crate::sensor_head::pins::SharedHead;
 use crate::sensor_head::{LightSource, OpenLine, SensorHead};
 use crate::serial_line::{Arrival, Line, SerialLine};
 use crate::trace::Call;
+use crate::violations::Violation;
 use crate::watched_core::Watched;
-use crate::{Nanos, Violation};
 
 /// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as
 /// much.
@@ -60,7 +61,7 @@ enum Order {
 /// ([`VirtualBoard::expect_violations`]).
 pub struct VirtualBoard {
     firmware: Firmware,
-    head: Arc<SharedHead>,
+    pins: Arc<Pins>,
     line: Arc<Mutex<SerialLine>>,
     watched: Watched,
     trap: u32,
@@ -132,7 +133,7 @@ impl VirtualBoard {
         flash.power_on(conditions.flash_word);
         let mut head = SensorHead::new(light);
         head.has_rate_limit = conditions.has_rate_limit;
-        let head = SharedHead::new(head);
+        let pins = Pins::new(head, conditions.jumpers);
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
@@ -152,11 +153,11 @@ impl VirtualBoard {
         let steps = Steps {
             orders: taken_orders,
             stops: reported_stops,
-            head: Arc::clone(&head),
+            pins: Arc::clone(&pins),
             flash: watched.flash.clone(),
             log: Arc::clone(&log),
         };
-        let board = Nucleo::new(&head, Arc::clone(&line), watched.clone(), &conditions)?;
+        let board = Nucleo::new(&pins, Arc::clone(&line), watched.clone(), &conditions)?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))
             .context("opening the emulator's session")?;
         let images = [firmware.image.clone()];
@@ -166,7 +167,7 @@ impl VirtualBoard {
             .context("the emulator's thread did not start")?;
         let mut board = Self {
             firmware: firmware.clone(),
-            head,
+            pins,
             line,
             watched,
             trap,
@@ -275,7 +276,7 @@ impl VirtualBoard {
 
     /// Takes the messages of the firmware's log since the last call.
     pub fn take_log(&mut self) -> Vec<Message> {
-        let mut bytes = crate::lock(&self.log.bytes);
+        let mut bytes = lock(&self.log.bytes);
         rtt::decode(&self.firmware.log_table, &mut bytes)
     }
 
@@ -329,12 +330,12 @@ impl VirtualBoard {
 
     /// Shows the sensor `light` from the next read-out on.
     pub fn set_light(&mut self, light: LightSource) {
-        self.head.lock().light = light;
+        lock(&self.pins.head).light = light;
     }
 
     /// Gives access to the sensor head: its rows and violations.
     pub fn head<T>(&mut self, look: impl FnOnce(&mut SensorHead) -> T) -> T {
-        look(&mut self.head.lock())
+        look(&mut lock(&self.pins.head))
     }
 
     /// The flash that outlives this board.
@@ -344,7 +345,7 @@ impl VirtualBoard {
 
     /// Disconnects the converter from the next word on, or connects it again.
     pub fn open_line(&mut self, line: Option<OpenLine>) {
-        self.head.lock().open_line = line;
+        lock(&self.pins.head).open_line = line;
     }
 
     /// Pauses SCLK for `pause` after word `word` (from 0) of each read-out to come. `None` ends the pauses.
@@ -433,32 +434,32 @@ impl VirtualBoard {
     /// Traces each call of the function at `address` from now on, with the functions that it calls: see
     /// [`crate::trace`].
     pub fn trace_calls_of(&mut self, address: u64) {
-        crate::lock(&self.watched.traces).functions.insert(address);
+        lock(&self.watched.traces).functions.insert(address);
     }
 
     /// Traces no more calls of the function at `address`.
     pub fn stop_tracing(&mut self, address: u64) {
-        crate::lock(&self.watched.traces).functions.remove(&address);
+        lock(&self.watched.traces).functions.remove(&address);
     }
 
     /// Takes the calls of traced functions that returned since the last call of this method, in the order of
     /// their return.
     pub fn take_calls(&mut self) -> Vec<Call> {
-        std::mem::take(&mut crate::lock(&self.watched.traces).calls)
+        std::mem::take(&mut lock(&self.watched.traces).calls)
     }
 
     /// Lets a debug probe write a word to one of the core's own registers (0xE000_0000 to 0xE00F_FFFF),
     /// before the next instruction.
     pub fn probe_writes(&mut self, register: u64, word: u32) {
         let now = self.now();
-        crate::lock(&self.watched.probe_writes).push((register, word, now));
+        lock(&self.watched.probe_writes).push((register, word, now));
     }
 
     /// Lets a debug probe read a word of one of the core's own registers (0xE000_0000 to 0xE00F_FFFF), after
     /// the next instruction. `None` if the core has no such register.
     pub fn probe_reads(&mut self, register: u64) -> Result<Option<u64>> {
         let read = Arc::clone(&self.watched.probe_read);
-        let lock = || crate::lock(&read);
+        let lock = || lock(&read);
         *lock() = (Some(register), None);
         self.run_for(Duration::from_millis(1))?;
         let (_, word) = *lock();
@@ -516,7 +517,7 @@ impl VirtualBoard {
         Statistics {
             seconds: self.now() as f64 / 1e9,
             instructions: self.instructions,
-            rows: self.head.lock().row_count(),
+            rows: lock(&self.pins.head).row_count(),
         }
     }
 
@@ -586,12 +587,12 @@ impl VirtualBoard {
     }
 
     fn violation_count(&self) -> u64 {
-        self.head.lock().violation_count() + self.flash().violation_count()
+        lock(&self.pins.head).violation_count() + self.flash().violation_count()
     }
 
     fn violations(&self) -> Vec<String> {
         let of_flash = self.flash().violations();
-        let head = self.head.lock();
+        let head = lock(&self.pins.head);
         let all = head.violations().iter().chain(&of_flash);
         let mut lines: Vec<String> = all.map(Violation::to_string).collect();
         drop(head);
@@ -603,11 +604,11 @@ impl VirtualBoard {
     }
 
     fn line(&self) -> MutexGuard<'_, SerialLine> {
-        crate::lock(&self.line)
+        lock(&self.line)
     }
 
     fn detours(&self) -> MutexGuard<'_, Detours> {
-        crate::lock(&self.watched.detours)
+        lock(&self.watched.detours)
     }
 
     fn order(&mut self, order: Order) -> Result<()> {
@@ -707,7 +708,7 @@ fn gaps(session: &Session<Nucleo>) -> Vec<String> {
 struct Steps {
     orders: Receiver<Order>,
     stops: Sender<Stop>,
-    head: Arc<SharedHead>,
+    pins: Arc<Pins>,
     flash: SharedFlash,
     log: Arc<Log>,
 }
@@ -725,7 +726,7 @@ impl Driver<Nucleo> for Steps {
             _ => return,
         };
         let processor = &mut session.board_mut().processor;
-        self.head.look_at(processor, now);
+        self.pins.look_at(processor, now);
         if let Some(end) = (self.flash).look_at(processor.flash_interface(), access.as_ref(), now) {
             processor.word_ends(end, now);
         }
@@ -738,7 +739,7 @@ impl Driver<Nucleo> for Steps {
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
         if self.log.is_read.load(Ordering::Relaxed) {
-            rtt::drain(host, self.log.block, &mut crate::lock(&self.log.bytes));
+            rtt::drain(host, self.log.block, &mut lock(&self.log.bytes));
         }
         self.stops.send(stop).ok()?;
         loop {

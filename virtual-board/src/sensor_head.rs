@@ -11,7 +11,7 @@
 //! | PD15 (TIM4 channel 4) | the laser, on while high |
 //!
 //! [`SensorHead`] is the state machine. It does not need the emulator: it takes edges and words with their
-//! instants, and gives words. `pins` connects it to the emulated processor.
+//! instants, and gives words. The module `pins` connects it to the emulated processor.
 //!
 //! **Exposure.** SH high moves the photodiodes' charge to the shift register, so an exposure lasts from the
 //! end of one SH pulse to the end of the next. The exposure that ends while ICG is low is read out.
@@ -30,13 +30,13 @@
 use std::collections::VecDeque;
 use std::fmt;
 use std::ops::{Range, RangeInclusive};
+use std::sync::{Arc, Mutex};
 
-use crate::violations::Violations;
-use crate::{Nanos, Violation, random};
+use crate::base::Nanos;
+use crate::random;
+use crate::violations::{Violation, Violations};
 
 pub mod limits;
-pub(crate) mod pins;
-mod wiring;
 
 pub use limits::PIXELS;
 pub use rigless::device::Level;
@@ -216,6 +216,10 @@ struct Burst {
     first_word: Nanos,
     last_word: Nanos,
 }
+
+/// The head, shared by its pins and the code that runs the board. A light source that panics ends the run,
+/// but the head's rows can still be read.
+pub(crate) type SharedHead = Arc<Mutex<SensorHead>>;
 
 /// The sensor head.
 pub struct SensorHead {

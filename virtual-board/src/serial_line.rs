@@ -8,7 +8,7 @@ use rigless::chip::{Timeline, spi, uart};
 use rigless::snapshot::store;
 use rigless::time::VirtualNanos;
 
-use crate::Nanos;
+use crate::base::{Nanos, lock};
 
 /// A line that the firmware sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -135,15 +135,15 @@ store! { FarEnd { values: [], parts: [], built: [line] } }
 impl uart::Peer for FarEnd {
     fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
         let [byte, _] = word.to_le_bytes();
-        crate::lock(&self.line).hear(context.now().0, byte);
+        lock(&self.line).hear(context.now().0, byte);
     }
 
     fn transmit(&mut self, now: VirtualNanos) -> Option<u16> {
-        crate::lock(&self.line).next(now.0).map(u16::from)
+        lock(&self.line).next(now.0).map(u16::from)
     }
 }
 
-/// The pin that enables the line's driver, as a chip with a chip select (see `sensor_head::pins`).
+/// The pin that enables the line's driver, as a chip with a chip select (see the module `pins`).
 #[derive(Debug)]
 pub(crate) struct DriverEnable {
     pub(crate) line: Arc<Mutex<SerialLine>>,
@@ -152,7 +152,7 @@ store! { DriverEnable { values: [], parts: [], built: [line] } }
 
 impl DriverEnable {
     fn edge(&self, rises: bool, now: Nanos) {
-        let mut line = crate::lock(&self.line);
+        let mut line = lock(&self.line);
         line.driver.push((now, rises));
     }
 }

@@ -11,6 +11,7 @@
 //! TIM5 is the firmware's clock. It says when a row is due. `RowTimer` can make it count faster, so that the
 //! same firmware takes more rows a second: see [`crate::row_rate`].
 
+use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use rigless::device::{
@@ -30,13 +31,12 @@ use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, Gene
 use rigless::soc::{Bus, Error, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
-use crate::Nanos;
-use crate::board::SUPPLY_MILLIVOLTS;
-use crate::burst::{self, BurstDma, BurstSpi, Timing};
+use crate::base::Nanos;
+use crate::burst::{self, BurstDma, BurstSpi, DMA2, Timing};
 use crate::flash_times::FlashTimes;
 use crate::forward::forward;
 use crate::laser::LaserTimer;
-use crate::sensor_head::pins::{DMA2, SharedHead};
+use crate::sensor_head::SharedHead;
 use crate::trigger::Trigger;
 
 /// The board's processor.
@@ -44,7 +44,7 @@ use crate::trigger::Trigger;
 pub struct Stm32f429 {
     /// rigless's model. Its own TIM1 (`advanced[0]`), SPI1 (`spi[0]`) and DMA2 (`dma[1]`) are not used.
     pub part: Stm32f427,
-    head: Arc<SharedHead>,
+    head: SharedHead,
     spi1: BurstSpi,
     dma2: BurstDma,
     word_by_word: bool,
@@ -57,6 +57,9 @@ pub struct Stm32f429 {
     slots: [usize; MODELS.len()],
 }
 
+/// The supply of the processor.
+pub(crate) const SUPPLY_MILLIVOLTS: NonZeroU32 = NonZeroU32::new(3300).expect("not zero");
+
 /// The peripherals whose models here take the place of rigless's.
 const MODELS: [&str; 7] = ["SPI1", "DMA2", "TIM1", "TIM4", "TIM5", "EXTI", "FLASH"];
 const TIM1: usize = 2;
@@ -66,7 +69,7 @@ const FLASH: usize = 6;
 impl Stm32f429 {
     /// A processor whose TIM5 counts `row_timer_speed` times as fast as its clock.
     pub(crate) fn new(
-        head: &Arc<SharedHead>,
+        head: &SharedHead,
         row_timer_speed: f64,
         timing: Timing,
         flash: FlashTimes,

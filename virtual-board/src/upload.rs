@@ -7,7 +7,7 @@ use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::piece::{PIECE, Piece};
 use slitrange_device::protocol::upload::Step;
 
-use crate::VirtualBoard;
+use crate::run::VirtualBoard;
 
 /// The pieces of a record, in order.
 ///

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::Nanos;
+use crate::base::Nanos;
 
 /// How many violations are kept. The first ones show what is wrong.
 const KEPT: usize = 200;

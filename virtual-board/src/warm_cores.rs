@@ -37,7 +37,7 @@ struct Warm {
 
 impl WarmCores {
     fn lock(&self) -> MutexGuard<'_, Vec<Warm>> {
-        crate::lock(&self.0)
+        crate::base::lock(&self.0)
     }
 
     pub(crate) fn count(&self) -> usize {

@@ -13,7 +13,7 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
-use crate::Nanos;
+use crate::base::{Nanos, lock};
 use crate::flash::{self, SharedFlash};
 use crate::forward::forward;
 use crate::hang::{Detour, Detours};
@@ -84,13 +84,13 @@ impl Core {
     }
 
     fn serve_the_probe(&mut self) {
-        let mut writes = crate::lock(&self.watched.probe_writes);
+        let mut writes = lock(&self.watched.probe_writes);
         for (address, word, now) in writes.drain(..) {
             let now = VirtualNanos(now);
             self.inner
                 .debugger_access(Some(word.into()), address, Width::W32, now);
         }
-        let mut read = crate::lock(&self.watched.probe_read);
+        let mut read = lock(&self.watched.probe_read);
         if let Some(address) = read.0.take() {
             read.1 = self
                 .inner
@@ -99,7 +99,7 @@ impl Core {
     }
 
     fn arm_detours(&mut self) {
-        let wanted = crate::lock(&self.watched.detours);
+        let wanted = lock(&self.watched.detours);
         if self.detours == *wanted {
             return;
         }
@@ -130,7 +130,7 @@ impl Core {
         bus.steps = false;
         if ran > 0 {
             let done = (self.recorder).step(from, self.inner.pc(), self.return_address());
-            crate::lock(&self.watched.traces).calls.extend(done);
+            lock(&self.watched.traces).calls.extend(done);
         }
         (exit, ran)
     }
@@ -222,7 +222,7 @@ impl Processor for Core {
         Self::arm(
             &mut self.inner,
             &mut self.traced,
-            &crate::lock(&self.watched.traces).functions,
+            &lock(&self.watched.traces).functions,
         );
         let (exit, ran) = match self.traced.is_empty() {
             true => self.inner.run(budget, bus),

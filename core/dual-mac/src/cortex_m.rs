@@ -23,7 +23,7 @@ use core::arch::asm;
 pub use crate::cortex_m::slope::{subtract_slope, subtract_to_12_bits};
 pub use crate::cortex_m::sweep::{sweep, sweep_wide};
 
-use crate::{BLOCK, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART};
+use crate::portable::{BLOCK, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART};
 
 // The layout of the weights that the assembly relies on.
 const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);

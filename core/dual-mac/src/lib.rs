@@ -34,6 +34,10 @@ mod cortex_m;
 #[cfg(has_fpu)]
 mod vsqrt;
 
+pub use portable::{
+    BESIDE, BLOCK, LARGEST_SAMPLE, PART, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART,
+};
+
 #[cfg(has_dsp)]
 pub use cortex_m::{
     contrasts, dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
@@ -48,28 +52,3 @@ pub use portable::{
 };
 #[cfg(has_fpu)]
 pub use vsqrt::square_root;
-
-/// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(C, align(4))]
-pub struct Pair(pub i16, pub i16);
-
-/// The weights of two neighbouring samples in two inner products.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(C)]
-pub struct Pairs(pub Pair, pub Pair);
-
-/// Samples in a block of [`sum_blocks`].
-pub const BLOCK: usize = 8;
-/// Pairs of samples in a part of [`sweep`].
-pub const PART: usize = 16;
-/// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
-pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;
-/// [`contrasts`] compares a sample with the two samples that are so far to its left and to its right.
-pub const BESIDE: usize = 4;
-/// The contrast of a sample depends on so many samples to its left, and on as many to its right.
-pub const REACH: usize = BESIDE + 1;
-/// Places in a part of [`contrasts`].
-pub const PLACES_OF_PART: usize = 24;
-/// Samples of the places in a part, and those to their sides.
-pub const SAMPLES_OF_PART: usize = PLACES_OF_PART + 2 * REACH;

@@ -1,8 +1,29 @@
-//! The portable twins of the assembly, in safe Rust.
+//! The weights, the sizes of blocks and parts, and the portable twins of the assembly, in safe Rust.
 
-#[cfg(doc)]
-use crate::LARGEST_SAMPLE;
-use crate::{BESIDE, BLOCK, PART, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART};
+/// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C, align(4))]
+pub struct Pair(pub i16, pub i16);
+
+/// The weights of two neighbouring samples in two inner products.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct Pairs(pub Pair, pub Pair);
+
+/// Samples in a block of [`sum_blocks`].
+pub const BLOCK: usize = 8;
+/// Pairs of samples in a part of [`sweep`].
+pub const PART: usize = 16;
+/// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
+pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;
+/// [`contrasts`] compares a sample with the two samples that are so far to its left and to its right.
+pub const BESIDE: usize = 4;
+/// The contrast of a sample depends on so many samples to its left, and on as many to its right.
+pub const REACH: usize = BESIDE + 1;
+/// Places in a part of [`contrasts`].
+pub const PLACES_OF_PART: usize = 24;
+/// Samples of the places in a part, and those to their sides.
+pub const SAMPLES_OF_PART: usize = PLACES_OF_PART + 2 * REACH;
 
 /// Sum of sample * weight over the samples, or over the weights if those are fewer. A last sample without a
 /// partner is left out.

@@ -2,7 +2,14 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::Background;
+/// The background under the spot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Background {
+    /// The black level.
+    Level,
+    /// A black level that rises or falls along the row.
+    Tilted,
+}
 
 /// A spot's profile. Takes the offset of a pixel's centre from the spot's, and the spot's width, both in
 /// pixels. Returns the light that the pixel gathers; a pixel at the peak of a very wide spot gathers 1.

@@ -20,7 +20,7 @@
 mod design;
 mod quantise;
 
-pub use design::{Profile, Shape, Table, design, gaussian, slit};
+pub use design::{Background, Profile, Shape, Table, design, gaussian, slit};
 pub use quantise::{IntegerTable, LARGEST_SAMPLE, rust_source};
 
 /// The widths of a set of tables in pixels: a geometric series.
@@ -66,15 +66,6 @@ pub struct Plan {
     pub background: Background,
     /// The widths of the tables.
     pub widths: Widths,
-}
-
-/// The background under the spot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Background {
-    /// The black level.
-    Level,
-    /// A black level that rises or falls along the row.
-    Tilted,
 }
 
 /// One set for every row: in any mix of read noise and shot noise at most 1.08 and 1.09 of the bound, the

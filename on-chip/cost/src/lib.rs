@@ -3,9 +3,11 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+// A module uses those before it (host-tests/tests/floors.rs). rustfmt sorts each group.
 pub mod calibrations;
 pub mod float_functions;
-pub mod inputs;
 pub mod methods;
-pub mod rows;
 pub mod whole_rows;
+
+pub mod inputs;
+pub mod rows;

@@ -9,19 +9,19 @@ use embassy_stm32::usart::BufferedUart;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::{NorFlash as _, ReadNorFlash as _};
 use slitrange::centre::Estimator;
-use slitrange_device::protocol::info::{Clock, Hardware};
+use slitrange_device::protocol::info::Clock;
 use slitrange_device::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
-use super::board::processor::CORE_HZ;
-use super::board::{CYCLES_A_MASTER_CLOCK, CalibrationFlash};
-use super::counters::COUNTERS;
-use super::estimators::{self, Load};
-use super::heads::{ROW_PERIOD, WORDS};
-use super::kept::Word;
-use super::report::{Report, text};
-use super::rows::ROWS;
-use super::wires::{self, SEEN};
+use crate::board::processor::CORE_HZ;
+use crate::board::{self, CalibrationFlash};
+use crate::counters::COUNTERS;
+use crate::estimators::{self, Load};
+use crate::heads::{MASTER_CLOCK_HZ, ROW_PERIOD, WORDS};
+use crate::kept::Word;
+use crate::report::{Report, text};
+use crate::rows::ROWS;
+use crate::wires::{self, SEEN};
 
 /// Rows to check, unless a test asks for fewer: 57 s.
 const ROWS_TO_CHECK: u32 = 10_000;
@@ -41,7 +41,7 @@ const VIRTUAL: [&str; 4] = [
 pub async fn run(
     serial: BufferedUart<'static>,
     mut flash: CalibrationFlash,
-    hardware: Hardware,
+    clock: Clock,
     started_by: StartCause,
 ) {
     let (tx, _rx) = serial.split();
@@ -61,7 +61,7 @@ pub async fn run(
         ROWS_TO_CHECK
     };
     report
-        .line(&text!("silicon-check on {}, {rows} rows", hardware.board))
+        .line(&text!("silicon-check on {}, {rows} rows", board::NAME))
         .await;
     if an_instruction_takes_a_cycle() {
         for line in VIRTUAL {
@@ -69,7 +69,7 @@ pub async fn run(
         }
     }
     wires::init();
-    check_clock(&mut report, hardware.clock).await;
+    check_clock(&mut report, clock).await;
     let mut load = Load::new();
     if check_rows(&mut report, rows, &mut load).await {
         check_miso(&mut report).await;
@@ -279,7 +279,7 @@ async fn check_pulses(report: &mut Report, expected: u32, has_master_clock: bool
         return;
     }
     let (least, most) = SEEN.t4.get();
-    let half = CYCLES_A_MASTER_CLOCK / 2;
+    let half = CORE_HZ / MASTER_CLOCK_HZ / 2;
     let found = text!(
         "ICG rises {} to {} ns after fM rose, of 0 to {} (fM is high)",
         ns(least),
@@ -361,7 +361,7 @@ async fn check_miso(report: &mut Report) {
 }
 
 /// The next row's words. `None`: none came within 100 ms.
-async fn next_row() -> Option<super::rows::Buffer> {
+async fn next_row() -> Option<crate::rows::Buffer> {
     COUNTERS.results.add();
     let row = embassy_time::with_timeout(Duration::from_millis(100), ROWS.full.receive()).await;
     row.ok().map(|row| row.words)

@@ -8,7 +8,7 @@ use slitrange::centre::Estimator;
 use slitrange::measurement::{Measurement, Options};
 use static_cell::ConstStaticCell;
 
-use super::board;
+use crate::board;
 
 /// What `cargo cost` counts.
 const ESTIMATES: &str = include_str!("../../../docs/cost/whole-rows.csv");

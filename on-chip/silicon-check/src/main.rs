@@ -23,7 +23,7 @@ mod board;
 mod counters;
 #[cfg(target_os = "none")]
 #[path = "../../../src/heads/mod.rs"]
-#[allow(dead_code)]
+#[allow(dead_code, unused_imports)]
 mod heads;
 #[cfg(target_os = "none")]
 #[path = "../../../src/laser_order.rs"]
@@ -42,8 +42,6 @@ mod trigger;
 mod watchdog;
 
 #[cfg(target_os = "none")]
-mod checks;
-#[cfg(target_os = "none")]
 mod estimators;
 #[cfg(target_os = "none")]
 mod kept;
@@ -52,6 +50,9 @@ mod report;
 #[cfg(target_os = "none")]
 mod wires;
 
+#[cfg(target_os = "none")]
+mod checks;
+
 // Linked for what they define: where the log goes, and what a panic does.
 #[cfg(target_os = "none")]
 use {defmt_rtt as _, panic_probe as _};
@@ -59,18 +60,19 @@ use {defmt_rtt as _, panic_probe as _};
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
 async fn main(spawner: embassy_executor::Spawner) {
-    let board = board::init();
+    let board = board::init(heads::MASTER_CLOCK_HZ, heads::SCLK_HZ);
+    let sensor = heads::SensorHead::new(board.sensor);
 
     // As the firmware's start. Spawning fails only if a task is spawned twice.
     let urgent = board::start_urgent_executor();
-    urgent.spawn(defmt::unwrap!(acquisition::acquire(board.sensor)));
+    urgent.spawn(defmt::unwrap!(acquisition::acquire(sensor)));
     urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
     // Dropping the output would make the pin an input.
     core::mem::forget(board.switch);
     spawner.spawn(defmt::unwrap!(checks::run(
         board.serial,
         board.flash,
-        board.hardware,
+        board.clock,
         board.started_by
     )));
 }

@@ -5,7 +5,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod corpus;
+// A module uses those before it (host-tests/tests/floors.rs). rustfmt sorts each group.
 pub mod description;
 pub mod mailbox;
 pub mod words;
+
+pub mod corpus;

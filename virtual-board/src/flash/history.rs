@@ -1,7 +1,7 @@
 //! The operations on flash in order. They give the contents after any operation.
 
 use super::contents::{Contents, Operation};
-use crate::Nanos;
+use crate::base::Nanos;
 
 /// An operation and when it began, counted from the power-on of the board that did it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use crate::Nanos;
+use crate::base::Nanos;
 
 /// Outputs of the TCD1304DG in a row: 32 before the light-sensitive ones, 3648 of those, 14 after (data
 /// sheet, timing chart 1).

@@ -6,7 +6,7 @@
 
 use core::arch::asm;
 
-use crate::PART;
+use crate::portable::PART;
 
 /// One pair of each half of a part. `$here` and `$there` hold the words of the two pairs, and then the pairs'
 /// sums and their second samples. `$two` and `$last` hold what these are of the pairs before. `$respond`

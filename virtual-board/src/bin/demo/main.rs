@@ -1,6 +1,7 @@
 //! `cargo demo`: runs the firmware on the emulated board, with a target that moves.
 #![forbid(unsafe_code)]
 
+mod command_line;
 #[cfg(unix)]
 mod flash_file;
 mod lines;
@@ -9,79 +10,11 @@ mod photograph;
 #[cfg(unix)]
 mod terminal;
 
-use std::path::PathBuf;
-
 use anyhow::{Context as _, Result};
-use clap::Parser;
+use clap::Parser as _;
 use virtual_board::Firmware;
 
-/// Builds the firmware, boots it on an emulated NUCLEO-F429ZI with sensor, laser and target, and shows what
-/// it reports.
-#[derive(Parser)]
-#[command(name = "cargo demo", bin_name = "cargo demo")]
-struct Options {
-    /// Keep the target at this distance in millimetres, instead of moving it from 600 to 1020
-    // The parser makes metres of them.
-    #[arg(long, value_name = "MM", value_parser = metres)]
-    distance: Option<f64>,
-    /// Rows in a frame.
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
-    rows: u16,
-    /// Distances to measure at, from 600 to 1020 mm [default: 43; with --scene only the scene's]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    steps: Option<u32>,
-    /// Show the sensor this scene instead of white paper: a name that `cargo scene` lists, or the path of a
-    /// .toml file. The firmware's exposure replaces the scene's.
-    #[arg(long, value_name = "NAME")]
-    scene: Option<String>,
-    /// Send the firmware this line before it measures, as "exposure 5600" or "ambient subtract". May be
-    /// given several times.
-    #[arg(long, value_name = "LINE", conflicts_with = "pgm")]
-    set: Vec<String>,
-    /// Put a comb of 16 slits before the sensor, instead of one slit, and tell the firmware `slits comb`. A
-    /// scene that has a comb keeps its own, with or without this option.
-    #[arg(long)]
-    comb: bool,
-    /// Show the sensor the rows of a photograph (binary PGM, 8 or 16 bit), one after the other.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "scene", "comb", "pty"])]
-    pgm: Option<PathBuf>,
-    /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
-    #[arg(long, conflicts_with_all = ["json", "steps"])]
-    pty: bool,
-    /// Put the target at the distance in FILE, in millimetres. The demo reads FILE again whenever it changes.
-    /// To try calibrating without hardware, use the stage command `echo {} > FILE`.
-    #[arg(long, value_name = "FILE", requires = "pty")]
-    stage: Option<PathBuf>,
-    /// Give the sensor an unknown geometry, so that it needs a calibration: distances are off by millimetres
-    /// to centimetres, and depart from eq. (1) by 0.3 mm. Each SEED is another geometry. For white paper
-    /// only.
-    #[arg(long, value_name = "SEED", requires = "pty", conflicts_with = "scene")]
-    unknown_geometry: Option<u64>,
-    /// Keep the sensor's flash in FILE. If you start the demo again with the same FILE, this is a power
-    /// cycle.
-    #[arg(long, value_name = "FILE", requires = "pty")]
-    flash: Option<PathBuf>,
-    /// Print the summary as one JSON object on standard output, and everything else on standard error.
-    #[arg(long)]
-    json: bool,
-}
-
-/// The metres of a distance that a person types in millimetres, as everywhere.
-fn metres(text: &str) -> Result<f64, String> {
-    let millimetres = text.parse().ok();
-    (millimetres.filter(|mm: &f64| (10.0..=8380.0).contains(mm)))
-        .map(|mm| 1e-3 * mm)
-        .ok_or_else(|| "it must be 10 to 8380 millimetres (800, not 0.8)".into())
-}
-
-/// Prints the table: on standard error if standard output is for JSON.
-fn say(json: bool, text: &str) {
-    if json {
-        eprintln!("{text}");
-    } else {
-        println!("{text}");
-    }
-}
+use crate::command_line::Options;
 
 fn main() -> Result<()> {
     let options = Options::parse();

@@ -25,8 +25,8 @@ use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
 use virtual_board::{Exposure, Firmware, Line, VirtualBoard};
 
+use crate::command_line::{Options, say};
 use crate::lines::{Reading, Report};
-use crate::{Options, say};
 
 /// The range of the paper's position table, in metres.
 pub const NEAREST: f64 = 0.60;

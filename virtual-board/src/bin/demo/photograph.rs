@@ -14,9 +14,9 @@ use statistics::{mean, rms};
 use virtual_board::light::{LIGHT, outputs};
 use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
 
+use crate::command_line::say;
 use crate::lines::{Reading, Report};
 use crate::moving_target::next_report;
-use crate::say;
 
 /// The least height of a spot that is compared: a twentieth of full scale. In dimmer rows, noise would
 /// dominate the comparison.

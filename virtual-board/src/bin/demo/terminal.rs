@@ -12,7 +12,7 @@ use virtual_board::pty::PseudoTerminal;
 use virtual_board::stage::Stage;
 use virtual_board::{Exposure, Firmware, LightSource, VirtualBoard};
 
-use crate::Options;
+use crate::command_line::Options;
 use crate::flash_file::FlashFile;
 use crate::moving_target::{self, FARTHEST, NEAREST};
 

@@ -4,7 +4,7 @@
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::spi1::{self, cr1};
 
-use super::pins::CONVERTER_BUS;
+use super::CONVERTER_BUS;
 use crate::port_pin::{ALTERNATE, OUTPUT, Pin};
 
 /// The fastest speed of an output (RM0090 section 8.4.3).

@@ -5,7 +5,7 @@
 //! are ICG and SH. On SPI2 they cannot disturb the converter's words.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
+use std::sync::{Arc, Mutex};
 
 use rigless::chip::{Timeline, spi};
 use rigless::snapshot::store;
@@ -14,76 +14,63 @@ use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
 use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 
-use super::{Clocks, Level, SensorHead, wiring};
-use crate::Nanos;
+use crate::base::{Nanos, lock};
 use crate::burst;
 use crate::jumpers::{Edge, Jumpers};
 use crate::laser;
+use crate::sensor_head::{Clocks, Level, SensorHead, SharedHead};
 use crate::serial_line::DriverEnable;
 use crate::stm32f429::Stm32f429;
 
+mod wiring;
+
 /// SPI1, which serves the converter, in rigless's order.
-pub(crate) const CONVERTER_BUS: usize = 0;
+const CONVERTER_BUS: usize = 0;
 /// SPI2, on which the edges of ICG and SH arrive. The firmware does not use it.
 const EDGE_BUS: usize = 1;
-/// DMA2, which serves SPI1.
-pub(crate) const DMA2: usize = 1;
 
-/// SPI1's data register, where the DMA streams that serve the converter read and write.
-pub(crate) const SPI1_DATA: u64 = 0x4001_300C;
-
-/// The head, shared by its pins and the code that runs the board.
+/// The head, and what the edges of its pins leave to do.
 #[derive(Debug)]
-pub(crate) struct SharedHead {
-    head: Mutex<SensorHead>,
+pub(crate) struct Pins {
+    pub(crate) head: SharedHead,
     /// True after an edge at which the processor's clocks must be read.
     look: AtomicBool,
     icg_rose: AtomicBool,
     /// The wires of `cargo silicon-check`, if they are there, and the edges that they have not seen yet.
-    jumpers: OnceLock<Jumpers>,
+    jumpers: Option<Jumpers>,
     edges: Mutex<Vec<Edge>>,
 }
 
-impl SharedHead {
-    pub(crate) fn new(head: SensorHead) -> Arc<Self> {
+impl Pins {
+    pub(crate) fn new(head: SensorHead, jumpers: Option<Jumpers>) -> Arc<Self> {
         Arc::new(Self {
-            head: Mutex::new(head),
+            head: Arc::new(Mutex::new(head)),
             look: AtomicBool::new(false),
             icg_rose: AtomicBool::new(false),
-            jumpers: OnceLock::new(),
+            jumpers,
             edges: Mutex::default(),
         })
     }
 
-    /// Locks the head. A light source that panics ends the run, but the head's rows can still be read.
-    pub(crate) fn lock(&self) -> MutexGuard<'_, SensorHead> {
-        crate::lock(&self.head)
-    }
-
-    pub(crate) fn put_jumpers_on(&self, jumpers: Jumpers) {
-        // The board does it once.
-        let _ = self.jumpers.set(jumpers);
-    }
-
     fn note(&self, edge: Edge) {
-        if self.jumpers.get().is_some() {
-            let mut edges = crate::lock(&self.edges);
+        if self.jumpers.is_some() {
+            let mut edges = lock(&self.edges);
             edges.push(edge);
         }
     }
 
     fn drive_jumpers(&self, processor: &mut Stm32f429, now: Nanos) {
-        let Some(jumpers) = self.jumpers.get() else {
+        let Some(jumpers) = self.jumpers else {
             return;
         };
         jumpers.drive_master_clock(processor, now);
         let edges = {
-            let mut edges = crate::lock(&self.edges);
+            let mut edges = lock(&self.edges);
             std::mem::take(&mut *edges)
         };
         for edge in edges {
             jumpers.drive(edge, processor, now);
-            self.lock().open_line = Some(jumpers.miso(&processor.part));
+            lock(&self.head).open_line = Some(jumpers.miso(&processor.part));
         }
     }
 
@@ -93,12 +80,12 @@ impl SharedHead {
         self.drive_jumpers(processor, now);
         if self.look.swap(false, Ordering::Relaxed) {
             let clocks = clocks(processor);
-            let (_, registers) = processor.part.controller(DMA2);
+            let (_, registers) = processor.part.controller(burst::DMA2);
             let buffers = burst::memory_addresses(registers);
             let laser_pin = laser::is_pin_connected(&processor.part);
             let icg_rose = self.icg_rose.swap(false, Ordering::Relaxed);
             let part = processor.part_of_master_clock(now);
-            let mut head = self.lock();
+            let mut head = lock(&self.head);
             if let Some(part) = part.filter(|_| icg_rose) {
                 head.icg_rose_at(part, now);
             }
@@ -126,10 +113,10 @@ pub(crate) fn attach_driver(processor: &mut Stm32f429, driver: DriverEnable) {
     processor.part.spi[EDGE_BUS].attach_selected(driver, select("GPIOD", 12, Level::High));
 }
 
-pub(crate) fn attach(processor: &mut Stm32f429, head: &Arc<SharedHead>) {
+pub(crate) fn attach(processor: &mut Stm32f429, pins: &Arc<Pins>) {
     let chip = |pin| HeadPin {
         pin,
-        head: Arc::clone(head),
+        pins: Arc::clone(pins),
     };
     let chip_select = select("GPIOD", 14, Level::Low);
     let converter = processor.converter_bus();
@@ -150,14 +137,14 @@ enum HeadPinName {
 #[derive(Debug)]
 struct HeadPin {
     pin: HeadPinName,
-    head: Arc<SharedHead>,
+    pins: Arc<Pins>,
 }
-store! { HeadPin { values: [], parts: [], built: [pin, head] } }
+store! { HeadPin { values: [], parts: [], built: [pin, pins] } }
 
 impl HeadPin {
     fn edge(&self, selected: bool, now: Nanos) {
-        let mut head = self.head.lock();
-        self.head.note(match (self.pin, selected) {
+        let mut head = lock(&self.pins.head);
+        self.pins.note(match (self.pin, selected) {
             (HeadPinName::Icg, high) => Edge::Icg(high),
             (HeadPinName::Sh, high) => Edge::Sh(high),
             (HeadPinName::ChipSelect, true) => Edge::ChipSelectFell,
@@ -173,13 +160,13 @@ impl HeadPin {
             HeadPinName::ChipSelect => head.chip_select(level, now),
             HeadPinName::Icg => {
                 head.icg(level, now);
-                let rose = &self.head.icg_rose;
+                let rose = &self.pins.icg_rose;
                 rose.fetch_or(is_high, Ordering::Relaxed);
             }
             HeadPinName::Sh => head.sh(level, now),
         }
         if !matches!(self.pin, HeadPinName::Sh) {
-            self.head.look.store(true, Ordering::Relaxed);
+            self.pins.look.store(true, Ordering::Relaxed);
         }
     }
 }
@@ -187,7 +174,7 @@ impl HeadPin {
 impl spi::Peer for HeadPin {
     fn transfer(&mut self, _mosi: u32, bits: u8, context: &mut Timeline<'_, '_>) -> u32 {
         match self.pin {
-            HeadPinName::ChipSelect => self.head.lock().word(bits, context.now().0).into(),
+            HeadPinName::ChipSelect => lock(&self.pins.head).word(bits, context.now().0).into(),
             HeadPinName::Icg | HeadPinName::Sh => 0,
         }
     }
@@ -201,7 +188,7 @@ impl spi::Peer for HeadPin {
     }
 
     fn restarted(&mut self, context: &mut Timeline<'_, '_>) {
-        self.head.lock().restarted(context.now().0);
+        lock(&self.pins.head).restarted(context.now().0);
     }
 }
 
