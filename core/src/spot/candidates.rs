@@ -1,14 +1,16 @@
 //! Lists the candidates of a row: all light that stands out of what is beside it, at every scale.
 //!
-//! At a scale of 2^k pixels the row is a sequence of means over as many pixels, smoothed by the kernel
-//! [1 2 1] / 4. A gaussian whose width is 0.9 of 2^k pixels gives that kernel 89 to 97 % of the signal-to-noise
-//! ratio of the best filter. A peak counts by its *prominence*: how far it rises above its sides, each at its
-//! lowest within [`REACH`] blocks, of which the higher one counts. So a background that rises along the row,
-//! an edge, or wide light beside or below a spot takes nothing away from it.
+//! At a scale of 2^k pixels the row is a sequence of means over as many pixels (a block), smoothed by the
+//! kernel [1 2 1] / 4. A gaussian whose width is 0.9 blocks gives that kernel 89 to 97 % of the
+//! signal-to-noise ratio of the best filter. A peak counts by its *prominence*: how far it rises above the
+//! mean of its sides, each at its lowest within [`REACH`] blocks. It is at most twice what the peak rises
+//! above its higher side. So a background that rises along the row takes nothing away from a spot, nor does
+//! light beside or below it, and an edge is no peak.
 //!
-//! One light makes a peak at several scales. The most significant one, prominence^2 * 2^k, is the candidate. It
-//! explains the peaks that a spot of its width makes at other scales ([`FINER`], [`COARSER`]). What is more
-//! prominent than that is a candidate of its own: a narrow spot on a lamp, or a lamp under a spot.
+//! One light makes a peak at several scales. The most significant one, prominence^2 * 2^k, is the candidate.
+//! It explains the peaks that a spot of its width makes at other scales ([`FINER`], [`COARSER`]). What is
+//! more prominent than that is a candidate of its own: a narrow spot on a lamp, or a lamp under a spot. If
+//! two peaks of one scale lie in the light of a wider one, and a valley parts them, both are candidates too.
 //!
 //! Heights are whole numbers of 1/16 counts: a mean of 12-bit counts fits 16 bits at every scale.
 
@@ -22,12 +24,12 @@ pub(super) const FRACTION: u32 = 4;
 /// The largest blocks have 2^7 pixels, for widths up to 130 pixels.
 pub(super) const LARGEST_LOG2: u32 = 7;
 /// The most candidates of a row.
-const MOST: usize = 16;
+pub(super) const MOST: usize = 16;
 /// The most peaks of all scales together.
 const MOST_PEAKS: usize = 64;
 /// If more peaks than this are as significant, the row is no row of spots.
 const MOST_TAKEN: usize = 256;
-/// Blocks to either side of a peak in which its sides are searched. A width is at most 1.3 blocks: less than a
+/// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
 /// thousandth of a spot is left there.
 const REACH: usize = 6;
 /// The least prominence, in halves of a standard deviation of the smoothed noise. Noise gets there in one row
@@ -75,7 +77,7 @@ pub(super) struct Peak {
     pub(super) is_cut: bool,
     /// Of a candidate: the next finer scale shows that it is at least 0.75 blocks wide.
     is_broad: bool,
-    /// Three blocks away there is more than a fifth of its height above the row's level.
+    /// It is too wide for a spot.
     pub(super) is_wide: bool,
 }
 
@@ -163,7 +165,8 @@ fn square(height: u16) -> u64 {
 /// The variance of the smoothed row is 6/16 of that of a mean, and that of a mean 2^-k of a pixel's. The
 /// significance of so many halves of a standard deviation, in the unit of a pixel's `variance`.
 fn significance_of(halves: u32, variance: u64) -> u64 {
-    variance.saturating_mul(u64::from(6 * halves * halves)) / 64
+    let halves = u64::from(halves);
+    variance.saturating_mul(halves.saturating_mul(halves).saturating_mul(6)) / 64
 }
 
 /// The height that a spot of one pixel needs.
@@ -275,7 +278,10 @@ impl Peaks {
                     .saturating_mul(5)
                     .saturating_add(least);
                 let darker = left.min(right);
-                let is_dead = 5 * here.saturating_sub(level).saturating_add(slack)
+                let is_dead = here
+                    .saturating_sub(level)
+                    .saturating_mul(5)
+                    .saturating_add(slack)
                     < darker.saturating_sub(level);
                 if here > most {
                     *pixel = numeric::to_u16(most as usize);
@@ -315,7 +321,11 @@ impl Peaks {
         let (mut third, mut second, mut before, mut here) = (0, 0, 0, 0);
         let three = means.windows(3).map(|it| smoothed(it)).chain([0]);
         for (block, smooth) in (0..usize::MAX).zip(three) {
-            if here >= before && here > smooth && here > least && here > third.min(second) + rises {
+            if here >= before
+                && here > smooth
+                && here > least
+                && here > rises.saturating_add(third.min(second))
+            {
                 self.see(means, log2, block, here);
             }
             (third, second, before, here) = (second, before, here, smooth);
@@ -334,7 +344,8 @@ impl Peaks {
         let is_cut = |cut: &Side, other: &Side, beside: Option<u32>| {
             let fallen = top.saturating_sub(other.lowest);
             let rest = beside.unwrap_or(top).saturating_sub(other.lowest);
-            2 * top.saturating_sub(cut.lowest) < fallen && 12 * rest <= fallen
+            top.saturating_sub(cut.lowest).saturating_mul(2) < fallen
+                && rest.saturating_mul(12) <= fallen
         };
         let level = u32::from(self.level);
         let near_level = self.near_level;
@@ -355,7 +366,9 @@ impl Peaks {
         };
         let base = left_foot.midpoint(right_foot);
         let above_higher_side = top.saturating_sub(left_foot.max(right_foot));
-        let prominence = top.saturating_sub(base).min(2 * above_higher_side);
+        let prominence = top
+            .saturating_sub(base)
+            .min(above_higher_side.saturating_mul(2));
         let three = [block.checked_sub(3), Some(block.saturating_add(3))];
         let [before_three, behind_three] = three.map(|it| it.and_then(|it| smooth(means, it)));
         let beside = match (before, behind) {
@@ -383,7 +396,7 @@ impl Peaks {
         let height =
             |peak: &Peak| square(peak.top.saturating_sub(self.level)).wrapping_shl(peak.log2);
         let is_high = top >= level.saturating_add(self.detected)
-            && 2 * prominence >= top.saturating_sub(level);
+            && prominence.saturating_mul(2) >= top.saturating_sub(level);
         if is_high
             && !peak.is_wide
             && self
@@ -422,7 +435,7 @@ impl Peaks {
         let left = |distance| at(block.checked_sub(blocks(distance)));
         let right = |distance| at(Some(block.saturating_add(blocks(distance))));
         let top = above(peak.top.into());
-        let most = u64::from(top).wrapping_shl(2 * peak.log2) / (1 << 11);
+        let most = u64::from(top).wrapping_shl(peak.log2.saturating_mul(2)) / (1 << 11);
         if u64::from(peak.prominence) > most {
             return false;
         }
@@ -453,7 +466,7 @@ impl Peaks {
         self.highest = None;
     }
 
-    /// The highest peak above the row's level, prominent or not, and whether noise is that high.
+    /// The highest peak above the row's level, prominent or not.
     pub(super) fn highest(&self) -> Option<Peak> {
         self.highest
     }

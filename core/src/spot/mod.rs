@@ -122,8 +122,8 @@ const NOTHING: Fault = Fault::NoSpot {
 /// On a row of fewer pixels all of them are searched.
 const SHORT: usize = 1024;
 
-/// Lists the candidates. Returns the highest peak above the level. `None` if
-/// there is more light than a row of spots has.
+/// Lists the candidates. Returns the highest peak above the level. `None` if there is more light than a row of
+/// spots has.
 #[inline(never)]
 fn search(
     light: Light<'_>,
@@ -247,27 +247,31 @@ fn two_spots(centre: usize, other: usize) -> Fault {
 /// The candidates that may be spots: without light that is too wide, without the parts of a spot that speckle
 /// breaks, without single pixels beside wider spots.
 fn list_spots(all: &Candidates, light: Light<'_>, spots: &mut Candidates) {
-    for candidate in all {
-        let parts = |whole| Parts::of(whole, all, light);
-        let is_lump = all.iter().any(|whole| {
-            candidate.is_part_of(whole)
-                && candidate.peak.significance() < whole.peak.significance()
-                && matches!(parts(whole), Parts::Lumps)
-        });
-        let is_two = matches!(parts(candidate), Parts::Two);
-        if !candidate.peak.is_wide && !is_lump && !is_two {
-            // There is room for all.
-            let _ = spots.push(*candidate);
-        }
+    let mut parts: Vec<Parts, { candidates::MOST }> = Vec::new();
+    for whole in all {
+        // There is room for all.
+        let _ = parts.push(Parts::of(whole, all, light));
     }
-    // Bad pixels look like narrow spots.
-    let may_be_pixels = spots.first().is_some_and(|it| it.peak.log2 > 2);
-    if may_be_pixels {
-        spots.retain(|it| it.peak.log2 > 0);
+    let is_spot = |&(candidate, own): &(&Candidate, &Parts)| {
+        // What is as significant as the whole is no lump of it.
+        let is_lump = all.iter().zip(&parts).any(|(whole, parts)| {
+            *parts == Parts::Lumps
+                && candidate.is_part_of(whole)
+                && candidate.peak.significance() < whole.peak.significance()
+        });
+        !candidate.peak.is_wide && !is_lump && *own != Parts::Two
+    };
+    let kept = || all.iter().zip(&parts).filter(is_spot);
+    // Beside a wider spot, a spot of one pixel may be a bad one.
+    let is_wide = kept().next().is_some_and(|(it, _)| it.peak.log2 > 2);
+    for (candidate, _) in kept().filter(|(it, _)| !is_wide || it.peak.log2 > 0) {
+        // There is room for all.
+        let _ = spots.push(*candidate);
     }
 }
 
 /// What lies within a candidate.
+#[derive(Clone, Copy, PartialEq)]
 enum Parts {
     /// Nothing, or narrow spots on wide light.
     One,
@@ -292,61 +296,48 @@ impl Parts {
             return Self::One;
         };
         let like = || parts().filter(|it| 4 * u32::from(it.height) > u32::from(strongest.height));
-        match numeric::count(like().map(|_| true)) {
-            1 => Self::One,
-            2 => {
-                let Some(other) = like().find(|it| it.peak.middle != strongest.peak.middle) else {
-                    return Self::Lumps;
-                };
-                let (left, right) = (
-                    strongest.place().min(other.place()),
-                    strongest.place().max(other.place()),
-                );
-                let narrower = strongest.peak.pixels().min(other.peak.pixels());
-                let apart = right.saturating_sub(left);
-                let both = left.saturating_sub(apart / 2)..right.saturating_add(apart / 2);
-                let reach = whole.peak.pixels().saturating_mul(4);
-                let all = whole.peak.middle.saturating_sub(reach)
-                    ..whole.peak.middle.saturating_add(reach);
-                let level = whole.peak.base;
-                let [both, all] = [both, all].map(|it| light_above(light, level, it));
-                // Three blocks are 3.5 widths, if a width is 0.86 blocks.
-                let are_apart = apart > narrower.saturating_mul(3)
-                    && has_valley(
-                        light,
-                        level,
-                        left..right,
-                        strongest.height.min(other.height),
-                    );
-                let is_wide = strongest.is_fine_part_of(whole) && other.is_fine_part_of(whole);
-                let are_high = 2 * u32::from(strongest.height) >= whole.height.into();
-                if are_apart && are_high && 8 * both >= 7 * all {
-                    Self::Two
-                } else if is_wide {
-                    Self::One
-                } else {
-                    Self::Lumps
-                }
+        let number = numeric::count(like().map(|_| true));
+        let other = like().find(|it| it.peak.middle != strongest.peak.middle);
+        match (number, other) {
+            (1, _) => Self::One,
+            (2, Some(other)) if whole.is_of_two(strongest, other, light) => Self::Two,
+            (2, Some(other)) if [strongest, other].into_iter().all(|it| it.is_fine(whole)) => {
+                Self::One
             }
             _ => Self::Lumps,
         }
     }
 }
 
-/// Whether the row falls to three eighths of a height between two places: the mean of two neighbours, because of dead
-/// pixels.
-fn has_valley(light: Light<'_>, level: u16, places: Range<usize>, height: u16) -> bool {
-    let above = u32::from(height / 4).saturating_mul(3);
-    let most = numeric::add_u32(2 * u32::from(level), above) >> candidates::FRACTION;
-    let between = light.slice(places).unwrap_or_default();
-    let next = between.iter().skip(1);
-    between
-        .iter()
-        .zip(next)
-        .any(|(a, b)| u32::from(a) + u32::from(b) <= most)
-}
-
 impl Candidate {
+    /// Whether it is nothing but two spots: they are far enough from each other for their width, a valley is
+    /// between them, and they have seven eighths of the light.
+    fn is_of_two(&self, one: &Self, other: &Self, light: Light<'_>) -> bool {
+        let (left, right) = (
+            one.place().min(other.place()),
+            one.place().max(other.place()),
+        );
+        let apart = right.saturating_sub(left);
+        let narrower = one.peak.pixels().min(other.peak.pixels());
+        let level = self.peak.base;
+        // To three eighths of the lower one. The mean of two neighbours counts, because of dead pixels.
+        let lower = u32::from(one.height.min(other.height) / 4).saturating_mul(3);
+        let most = numeric::add_u32(2 * u32::from(level), lower) >> candidates::FRACTION;
+        let between = light.slice(left..right).unwrap_or_default();
+        let mut twos = between.iter().zip(between.iter().skip(1));
+        let has_valley = twos.any(|(a, b)| u32::from(a) + u32::from(b) <= most);
+        let both = left.saturating_sub(apart / 2)..right.saturating_add(apart / 2);
+        let reach = self.peak.pixels().saturating_mul(4);
+        let middle = self.peak.middle;
+        let all = middle.saturating_sub(reach)..middle.saturating_add(reach);
+        let [both, all] = [both, all].map(|it| light_above(light, level, it));
+        // Three blocks are 3.5 widths, if a width is 0.86 blocks.
+        apart > narrower.saturating_mul(3)
+            && has_valley
+            && 2 * u32::from(one.height.max(other.height)) >= self.height.into()
+            && both.saturating_mul(8) >= all.saturating_mul(7)
+    }
+
     /// Whether it is at another place.
     pub(super) fn is_apart(&self, other: &Self) -> bool {
         let apart = self.peak.middle.abs_diff(other.peak.middle);
@@ -354,7 +345,7 @@ impl Candidate {
     }
 
     /// Whether it is narrower than another by at least a factor of eight.
-    fn is_fine_part_of(&self, whole: &Self) -> bool {
+    fn is_fine(&self, whole: &Self) -> bool {
         whole.peak.log2.saturating_sub(self.peak.log2) > 2
     }
 
@@ -441,7 +432,7 @@ fn nearer_to_the_end(peak: &Peak, light: Light<'_>) -> Option<(usize, u32)> {
         light.len().saturating_sub(middle)
     };
     let [outer, inner] = [outer, inner].map(|it| light_above(light, peak.beside, it));
-    (3 * inner < 2 * outer).then_some((place, log2))
+    (inner.saturating_mul(3) < outer.saturating_mul(2)).then_some((place, log2))
 }
 
 /// A height of a candidate in counts.
