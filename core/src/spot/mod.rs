@@ -15,8 +15,8 @@
 
 mod candidates;
 pub mod choice;
+mod groups;
 pub mod region;
-mod sums;
 
 use core::ops::Range;
 
@@ -25,7 +25,7 @@ use heapless::Vec;
 use crate::base::{Counts, Fault, Pixels, WorkBudget, numeric, order_statistic};
 use crate::row::{BLOCK_LOG2, Background, Blocks, LARGEST_COUNT, Light, MAX_PIXELS, Row};
 use crate::spot::candidates::{Candidate, Candidates, LARGEST_LOG2, Peak, Peaks};
-use crate::spot::sums::Groups;
+use crate::spot::groups::Groups;
 
 /// The shortest row that is searched, in pixels of its light range.
 pub const MIN_PIXELS: usize = 32;
