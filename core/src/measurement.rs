@@ -344,13 +344,9 @@ impl Measurement {
                 let window = window.start.saturating_add(first)..window.end.saturating_add(first);
                 self.correct(words, map, window, black);
                 let background = self.background_with(map, spot.background);
-                let row = match before {
-                    Some(_) => geometry.part_of_valid(words, part),
-                    // The search for other spots takes the blocks.
-                    None => (geometry.part_and_blocks(words, part, &mut self.blocks)).ok(),
-                };
                 let spot = Spot { background, ..spot };
                 // The words were a row before the correction.
+                let row = geometry.part_of_valid(words, part);
                 (row.ok_or(Fault::SensorSilent)?, spot)
             }
         };
@@ -557,17 +553,16 @@ impl Measurement {
     }
 }
 
-/// Finds the centre of a spot that stands alone on its row.
+/// Finds the centre of a spot.
 ///
 /// If the row fails the check about the estimate, the repair masks samples and fits the rest. Its centre
 /// replaces the first one if the row, without those samples, passes the check about it. Otherwise the first
 /// one stays, because in speckle the robust fit is worse than a plain one.
 ///
-/// `before` is the centre in the row before of the same frame. Without one, all of the row is searched for
-/// another spot.
+/// `before` is the centre in the row before of the same frame.
 ///
 /// # Errors
-/// Those of [`estimate`]; [`Fault::TwoSpots`] if there is another spot.
+/// Those of [`estimate`].
 #[inline(always)]
 pub fn centre_of_spot(
     estimator: Estimator,

@@ -13,7 +13,7 @@ pub struct WorkBudget(u16);
 
 /// The units of a row. With 50 fewer, a repair of a clean row among 3000 does not end (host-tests,
 /// second_judge.rs).
-pub(crate) const WHOLE: u16 = 4250;
+const WHOLE: u16 = 4250;
 
 impl WorkBudget {
     /// That of a row on which nothing is done yet.
