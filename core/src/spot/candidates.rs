@@ -319,7 +319,7 @@ impl Peaks {
         let least = u32::from(self.darkest).saturating_add(self.detected);
         // The smoothed heights of the three blocks before, and of this one. An end has none.
         let (mut third, mut second, mut before, mut here) = (0, 0, 0, 0);
-        let three = means.windows(3).map(|it| smoothed(it)).chain([0]);
+        let three = means.windows(3).map(smoothed).chain([0]);
         for (block, smooth) in (0..usize::MAX).zip(three) {
             if here >= before
                 && here > smooth

@@ -2,13 +2,13 @@
 //!
 //! First the search takes the level and the noise of the row's own background. Both are medians over blocks
 //! of pixels, so a spot that fills less than half of the row does not change them. Then it lists the lights
-//! that stand out of what is beside them ([`candidates`]): first in blocks of 8 pixels and more, and in the
+//! that stand out of what is beside them (`candidates`): first in blocks of 8 pixels and more, and in the
 //! pixels near what it found. Only where these leave a doubt, it searches all pixels. The highest candidate is
 //! the spot; another one nearly as high is a fault.
 //!
 //! The row before tells the next row's place and width. [`find_again`] searches the peak of the kernel's
-//! responses near that place. Then its sweep over the rest of the row only tests whether any response there
-//! is similar to the peak.
+//! responses near that place. On the rest of the row it only tests whether any response is similar to the
+//! peak.
 //!
 //! All sums are integers, and all results come from differences of counts: adding a constant to a row changes
 //! nothing.
