@@ -14,6 +14,8 @@
 //!
 //! Heights are whole numbers of 1/16 counts: a mean of 12-bit counts fits 16 bits at every scale.
 
+use core::cell::Cell;
+
 use heapless::Vec;
 
 use crate::base::{Counts, numeric};
@@ -23,12 +25,14 @@ use crate::row::{BLOCK_LOG2, Background, Light, MAX_PIXELS};
 pub(super) const FRACTION: u32 = 4;
 /// The largest blocks have 2^7 pixels, for widths up to 130 pixels.
 pub(super) const LARGEST_LOG2: u32 = 7;
+/// The most pixels of a part that is searched by itself.
+pub(super) const MOST_NEAR: usize = 512;
 /// The most candidates of a row.
 pub(super) const MOST: usize = 16;
 /// The most peaks of all scales together.
-const MOST_PEAKS: usize = 64;
-/// If more peaks than this are as significant, the row is no row of spots.
-const MOST_TAKEN: usize = 256;
+const MOST_PEAKS: usize = 40;
+/// If there are more peaks than this that may be prominent, the row is no row of spots.
+const MOST_SEEN: usize = 256;
 /// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
 /// thousandth of a spot is left there.
 const REACH: usize = 6;
@@ -38,8 +42,8 @@ const PROMINENT: u32 = 11;
 /// Sides that are so near to the row's level, in halves of a standard deviation, lie at this level: what is
 /// left is noise.
 const LEVEL: u32 = 8;
-/// A peak rises by more than this from three blocks before, in halves of a standard deviation.
-const RISES: u32 = 4;
+/// A peak rises by more than this within three blocks on both sides, in halves of a standard deviation.
+const RISES: u32 = 5;
 /// The least height above the level of a peak that is the only one, in halves of a standard deviation. Noise
 /// gets there in one row of forty: the estimator rejects those rows as too dim.
 const DETECTED: u32 = 9;
@@ -65,10 +69,11 @@ pub(super) struct Peak {
     /// The row's smoothed height there.
     pub(super) top: u16,
     pub(super) prominence: u16,
-    /// How far it rises above its higher side.
-    valley: u16,
-    /// The least prominence at its height.
-    least: u16,
+    /// Prominence^2 * 2^k, which white noise makes alike at all scales. Below 2^40. Of two scales that are
+    /// nearly alike the coarser one counts.
+    pub(super) significance: u64,
+    /// It rises above both sides by half of its height, and by more than noise.
+    has_valley: bool,
     /// The mean of both sides at their lowest.
     pub(super) base: u16,
     /// The row beside it, where a spot has ended: the mean at four blocks to both sides.
@@ -102,13 +107,6 @@ impl Peak {
         1usize.wrapping_shl(self.log2)
     }
 
-    /// Prominence^2 * 2^k, which white noise makes alike at all scales. Below 2^39. Of two scales that are
-    /// nearly alike the coarser one counts.
-    pub(super) fn significance(&self) -> u64 {
-        let square = square(self.prominence).wrapping_shl(self.log2);
-        square.saturating_add(square.wrapping_shr(6).saturating_mul(self.log2.into()))
-    }
-
     /// A part of its light rises from where it does.
     fn base_of_part(&self, part: Self) -> Self {
         let base = if self.is_wide { part.base } else { self.base };
@@ -120,12 +118,9 @@ impl Peak {
         self.middle.abs_diff(other.middle) <= self.pixels().max(other.pixels())
     }
 
-    /// Whether it may be one of two spots in light of a height: it rises above both sides by half of its own
-    /// height, and by more than noise.
+    /// Whether it may be one of two spots in light of a height.
     fn is_part(&self, height: u16) -> bool {
-        2 * u32::from(self.prominence) >= height.into()
-            && 2 * u32::from(self.valley) >= u32::from(self.top.saturating_sub(self.base))
-            && self.valley >= self.least
+        self.has_valley && 2 * u32::from(self.prominence) >= height.into()
     }
 
     /// The prominence that a candidate's light has at this peak's place and scale, in 1/64 of a unit.
@@ -188,9 +183,10 @@ pub(super) struct Peaks {
     rises: u32,
     detected: u32,
     found: Vec<Peak, MOST_PEAKS>,
-    taken: usize,
-    /// The highest one above the level, prominent or not.
-    highest: Option<Peak>,
+    /// How many peaks were looked at.
+    seen: usize,
+    /// The highest one above the level, prominent or not, and how significant that height is.
+    highest: Option<(u64, Peak)>,
     /// The first pixel of the part that is searched, and whether the part is the whole row.
     first: usize,
     is_whole: bool,
@@ -213,7 +209,7 @@ impl Peaks {
             rises: 0,
             detected: 0,
             found: Vec::new(),
-            taken: 0,
+            seen: 0,
             highest: None,
             first: 0,
             is_whole: true,
@@ -232,64 +228,68 @@ impl Peaks {
 
     /// Searches the pixels, and larger blocks. A pixel that is higher than both its neighbours by more than any
     /// spot makes it counts as high as a spot would, and one that is much lower as high as they are.
+    #[inline(never)]
     pub(super) fn search_pixels(&mut self, light: Light<'_>) {
-        self.search_part(light, 0, 0);
+        self.search_part(&mut [0; MAX_PIXELS], light, 0);
     }
 
     /// As [`Self::search_pixels`] in blocks of 2^`log2` pixels and more, in a part of the row that begins with a
     /// whole number of the largest that matter.
+    #[inline(never)]
     pub(super) fn search_near(&mut self, light: Light<'_>, first: usize, log2: u32) {
-        self.is_whole = false;
-        self.search_part(light, first, log2);
-        self.is_whole = true;
+        (self.first, self.is_whole) = (first, false);
+        self.search_part(&mut [0; MOST_NEAR], light, log2);
+        (self.first, self.is_whole) = (0, true);
     }
 
-    #[inline(never)]
-    fn search_part(&mut self, light: Light<'_>, first: usize, log2: u32) {
-        let mut means = [0; MAX_PIXELS];
-        for (mean, count) in means.iter_mut().zip(light.iter()) {
-            *mean = count.wrapping_shl(FRACTION);
-        }
-        self.remove_bad_pixels(means.get_mut(..light.len()).unwrap_or_default());
+    fn search_part(&mut self, means: &mut [u16], light: Light<'_>, log2: u32) {
+        self.fill(means, light);
         let mut number = light.len();
         for _ in 0..log2 {
-            number = halve(&mut means, number);
+            number = halve(means, number);
         }
-        self.first = first;
-        self.search(&mut means, number, log2);
+        self.search(means, number, log2);
     }
 
-    /// The narrowest spot has a width of 0.5 pixels. Its neighbours have at least 0.2 of its height.
-    fn remove_bad_pixels(&self, pixels: &mut [u16]) {
+    /// Writes the counts of the pixels, without bad ones.
+    fn fill(&self, means: &mut [u16], light: Light<'_>) {
         let noise = self.variance.isqrt();
         let slack = u32::try_from(noise.saturating_mul(8)).unwrap_or(u32::MAX);
-        let level = u32::from(self.level);
-        let least = level.saturating_add(slack);
-        let (mut left, mut here) = (level, level);
-        for next in 0..=pixels.len() {
-            let right = pixels.get(next).copied().map_or(level, u32::from);
-            let brightest = left.max(here).max(right);
-            let place = next.checked_sub(1).and_then(|here| pixels.get_mut(here));
-            if let Some(pixel) = place.filter(|_| brightest > least) {
-                // Both are below `here`, or both above.
-                let most = left
-                    .max(right)
-                    .saturating_sub(level)
-                    .saturating_mul(5)
-                    .saturating_add(least);
-                let darker = left.min(right);
-                let is_dead = here
-                    .saturating_sub(level)
-                    .saturating_mul(5)
-                    .saturating_add(slack)
-                    < darker.saturating_sub(level);
-                if here > most {
-                    *pixel = numeric::to_u16(most as usize);
-                } else if is_dead {
-                    *pixel = numeric::to_u16(darker as usize);
-                }
-            }
+        let least = u32::from(self.level).saturating_add(slack);
+        let mut counts = light
+            .iter()
+            .map(|count| u32::from(count.wrapping_shl(FRACTION)));
+        let Some(mut here) = counts.next() else {
+            return;
+        };
+        let mut left = u32::from(self.level);
+        let last = here;
+        for (mean, right) in means.iter_mut().zip(counts.chain([last])) {
+            let is_bright = here > least || left.min(right) > least;
+            let count = if is_bright {
+                self.without_bad(left, here, right, slack)
+            } else {
+                here
+            };
+            *mean = numeric::to_u16(count as usize);
             (left, here) = (here, right);
+        }
+    }
+
+    /// A pixel that is not bad stays. The narrowest spot has a width of 0.5 pixels, and its neighbours have at
+    /// least 0.2 of its height.
+    #[inline(never)]
+    fn without_bad(&self, left: u32, here: u32, right: u32, slack: u32) -> u32 {
+        let above = |height: u32| height.saturating_sub(self.level.into());
+        let five = |height: u32| above(height).saturating_mul(5).saturating_add(slack);
+        let most = five(left.max(right)).saturating_add(self.level.into());
+        let darker = left.min(right);
+        if here > most {
+            most
+        } else if five(here) < above(darker) {
+            darker
+        } else {
+            here
         }
     }
 
@@ -315,25 +315,38 @@ impl Peaks {
         };
         (self.near_level, self.rises, self.detected) =
             (limit(LEVEL), limit(RISES), limit(DETECTED));
-        let rises = self.rises;
         let least = u32::from(self.darkest).saturating_add(self.detected);
         // The smoothed heights of the three blocks before, and of this one. An end has none.
         let (mut third, mut second, mut before, mut here) = (0, 0, 0, 0);
-        let three = means.windows(3).map(smoothed).chain([0]);
-        for (block, smooth) in (0..usize::MAX).zip(three) {
-            if here >= before
-                && here > smooth
-                && here > least
-                && here > rises.saturating_add(third.min(second))
-            {
-                self.see(means, log2, block, here);
+        let mut block = 0usize;
+        for three in means.array_windows() {
+            let smooth = smoothed(three);
+            if here > smooth && here > least && here >= before {
+                self.see_if_it_rises(means, log2, block, here, third.min(second));
             }
             (third, second, before, here) = (second, before, here, smooth);
+            block = numeric::add_usize(block, 1);
+        }
+        if here > least && here >= before {
+            self.see_if_it_rises(means, log2, block, here, third.min(second));
+        }
+    }
+
+    #[inline(never)]
+    fn see_if_it_rises(&mut self, means: &[u16], log2: u32, block: usize, top: u32, left: u32) {
+        let [two, three] = [2, 3].map(|it| smooth(means, block.saturating_add(it)).unwrap_or(0));
+        let rises = |from: u32| top > from.saturating_add(self.rises);
+        if rises(left) && rises(two.min(three)) {
+            self.see(means, log2, block, top);
         }
     }
 
     #[inline(never)]
     fn see(&mut self, means: &[u16], log2: u32, block: usize, top: u32) {
+        if self.seen > MOST_SEEN {
+            return;
+        }
+        self.seen = self.seen.saturating_add(1);
         let left = lowest(means, top, (1..block).rev());
         let last = means.len().saturating_sub(1);
         let right = lowest(means, top, block.saturating_add(1)..last);
@@ -369,6 +382,17 @@ impl Peaks {
         let prominence = top
             .saturating_sub(base)
             .min(above_higher_side.saturating_mul(2));
+        let significance = |height: u32| {
+            let square = square(numeric::to_u16(height as usize)).wrapping_shl(log2);
+            square.saturating_add(square.wrapping_shr(6).saturating_mul(log2.into()))
+        };
+        let is_high = top >= level.saturating_add(self.detected)
+            && prominence.saturating_mul(2) >= top.saturating_sub(level);
+        let least = self.least(top);
+        let is_prominent = significance(prominence) >= least;
+        if !is_high && !is_prominent {
+            return;
+        }
         let three = [block.checked_sub(3), Some(block.saturating_add(3))];
         let [before_three, behind_three] = three.map(|it| it.and_then(|it| smooth(means, it)));
         let beside = match (before, behind) {
@@ -379,13 +403,15 @@ impl Peaks {
         };
         let half = 1usize.wrapping_shl(log2) / 2;
         let middle = block.wrapping_shl(log2).saturating_add(half);
+        let has_valley = above_higher_side.saturating_mul(2) >= top.saturating_sub(base)
+            && significance(above_higher_side) >= least;
         let mut peak = Peak {
             log2,
             middle: self.first.saturating_add(middle),
             top: numeric::to_u16(top as usize),
             prominence: numeric::to_u16(prominence as usize),
-            least: self.least(top, log2),
-            valley: numeric::to_u16(above_higher_side as usize),
+            significance: significance(prominence),
+            has_valley,
             base: numeric::to_u16(base as usize),
             beside: numeric::to_u16(beside as usize),
             is_cut,
@@ -393,30 +419,20 @@ impl Peaks {
             is_wide: false,
         };
         peak.is_wide = self.is_wide(means, &peak, block);
-        let height =
-            |peak: &Peak| square(peak.top.saturating_sub(self.level)).wrapping_shl(peak.log2);
-        let is_high = top >= level.saturating_add(self.detected)
-            && prominence.saturating_mul(2) >= top.saturating_sub(level);
-        if is_high
-            && !peak.is_wide
-            && self
-                .highest
-                .is_none_or(|other| height(&peak) > height(&other))
-        {
-            self.highest = Some(peak);
+        let height = significance(top.saturating_sub(level));
+        if is_high && !peak.is_wide && self.highest.is_none_or(|(other, _)| height > other) {
+            self.highest = Some((height, peak));
         }
-        if peak.prominence >= peak.least {
+        if is_prominent {
             self.take(peak);
         }
     }
 
-    /// The least prominence of a peak of this height. No sensor has more than half a count of shot noise,
+    /// The least significance of a peak of this height. No sensor has more than half a count of shot noise,
     /// squared, for each count.
-    fn least(&self, top: u32, log2: u32) -> u16 {
+    fn least(&self, top: u32) -> u64 {
         let shot = u64::from(top.saturating_sub(self.level.into())).saturating_mul(8);
-        let variance = self.variance.saturating_add(shot);
-        let square = significance_of(PROMINENT, variance).wrapping_shr(log2);
-        u16::try_from(square.isqrt()).unwrap_or(u16::MAX).max(1)
+        significance_of(PROMINENT, self.variance.saturating_add(shot)).max(1)
     }
 
     /// Whether the light is wider than a spot can be. A gaussian of 170 pixels has 15 to 18 % left 384 pixels
@@ -449,12 +465,11 @@ impl Peaks {
 
     /// Keeps the most significant peaks.
     fn take(&mut self, peak: Peak) {
-        self.taken = self.taken.saturating_add(1);
-        if self.taken > MOST_TAKEN || self.found.push(peak).is_ok() {
+        if self.found.push(peak).is_ok() {
             return;
         }
-        let least = self.found.iter_mut().min_by_key(|it| it.significance());
-        if let Some(least) = least.filter(|it| it.significance() < peak.significance()) {
+        let least = self.found.iter_mut().min_by_key(|it| it.significance);
+        if let Some(least) = least.filter(|it| it.significance < peak.significance) {
             *least = peak;
         }
     }
@@ -462,30 +477,31 @@ impl Peaks {
     /// Forgets what was found: the next search covers it.
     pub(super) fn clear(&mut self) {
         self.found.clear();
-        self.taken = 0;
+        self.seen = 0;
         self.highest = None;
     }
 
     /// The highest peak above the row's level, prominent or not.
     pub(super) fn highest(&self) -> Option<Peak> {
-        self.highest
+        self.highest.map(|(_, peak)| peak)
     }
 
     /// Whether there is more light than a row of spots has.
     pub(super) fn are_too_many(&self) -> bool {
-        self.taken > MOST_TAKEN
+        self.seen > MOST_SEEN
     }
 
     /// The candidates, the most significant first.
     #[inline(never)]
     pub(super) fn candidates(&mut self, candidates: &mut Candidates) {
         loop {
-            let best = (self.found.iter_mut())
-                .filter(|peak| peak.prominence > 0)
-                .max_by_key(|peak| peak.significance());
-            let Some(best) = best else { return };
+            // What has been taken has no significance.
+            let best = self.found.iter_mut().max_by_key(|peak| peak.significance);
+            let Some(best) = best.filter(|peak| peak.significance > 0) else {
+                return;
+            };
             let peak = *best;
-            best.prominence = 0;
+            best.significance = 0;
             if explain(candidates, peak) {
                 continue;
             }
@@ -617,27 +633,21 @@ fn lowest(means: &[u16], top: u32, blocks: impl ExactSizeIterator<Item = usize>)
 /// The smoothed height at a block. An end has none.
 fn smooth(means: &[u16], block: usize) -> Option<u32> {
     let first = block.checked_sub(1)?;
-    Some(smoothed(means.get(first..first.saturating_add(3))?))
+    Some(smoothed(means.get(first..)?.first_chunk()?))
 }
 
-fn smoothed(three: &[u16]) -> u32 {
-    let &[left, middle, right] = three else {
-        return 0;
-    };
+#[inline(always)]
+fn smoothed(&[left, middle, right]: &[u16; 3]) -> u32 {
     // Four of 16 bits.
     numeric::add_u32(u32::from(left) + u32::from(right), 2 * u32::from(middle)) / 4
 }
 
 /// The means of pairs, in place. Returns their number.
 fn halve(means: &mut [u16], number: usize) -> usize {
-    for pair in 0..number / 2 {
-        let first = pair.wrapping_mul(2);
-        let Some(&[one, other]) = means.get(first..first.wrapping_add(2)) else {
-            break;
-        };
-        if let Some(mean) = means.get_mut(pair) {
-            *mean = one.midpoint(other);
-        }
+    let means = Cell::from_mut(means).as_slice_of_cells();
+    let pairs = means.get(..number).unwrap_or_default().as_chunks::<2>().0;
+    for (mean, [one, other]) in means.iter().zip(pairs) {
+        mean.set(one.get().midpoint(other.get()));
     }
-    number / 2
+    pairs.len()
 }

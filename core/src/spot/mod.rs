@@ -98,7 +98,7 @@ pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16]) -> Result<Spot, Fault> {
     {
         return Err(Fault::SensorSilent);
     }
-    let (background, darkest) = background(light).ok_or(NOTHING)?;
+    let (background, darkest) = background(light, blocks).ok_or(NOTHING)?;
     let peaks = Peaks::of(background, darkest);
     let mut candidates = Candidates::new();
     let highest = search(light, blocks, peaks, &mut candidates).ok_or(NOTHING)?;
@@ -169,6 +169,9 @@ const NEAR: usize = 7;
 /// They are searched in blocks of an eighth.
 const FINE_LOG2: u32 = 3;
 
+// The widest candidate's part.
+const _: () = assert!((2 * NEAR + 1) << WIDEST_LOG2 <= candidates::MOST_NEAR);
+
 impl Candidate {
     /// Whether blocks of 8 pixels are fine enough for a spot so wide. The prominence of a width of 5 pixels
     /// falls by 1.67 from blocks of 8 pixels to those of 16, that of a narrower spot by up to 2.
@@ -191,7 +194,7 @@ impl Candidate {
 #[inline(never)]
 fn list_all(row: &Row<'_>, spots: &mut Candidates) -> Option<()> {
     let light = row.light();
-    let (background, darkest) = background(light)?;
+    let (background, darkest) = background(light, Blocks::of(light).sums())?;
     let mut peaks = Peaks::of(background, darkest);
     let mut all = Candidates::new();
     peaks.search_pixels(light);
@@ -213,7 +216,7 @@ fn choose(all: &Candidates, light: Light<'_>) -> Result<Option<Candidate>, Fault
         let is_higher = if it.is_apart(&highest) {
             it.height > highest.height
         } else {
-            let [least, other] = [highest, it].map(|it| it.peak.significance());
+            let [least, other] = [highest, it].map(|it| it.peak.significance);
             4 * u32::from(it.height) > 5 * u32::from(highest.height)
                 || it.peak.log2 < highest.peak.log2 && other >= least / 3
         };
@@ -247,17 +250,26 @@ fn two_spots(centre: usize, other: usize) -> Fault {
 /// The candidates that may be spots: without light that is too wide, without the parts of a spot that speckle
 /// breaks, without single pixels beside wider spots.
 fn list_spots(all: &Candidates, light: Light<'_>, spots: &mut Candidates) {
+    // Two spots together look like a wide one too, which is no part of another.
+    let mut leaves = Candidates::new();
+    for it in all {
+        let is_in = |part: &Candidate| part.is_part_of(it) && !part.is_apart(it);
+        if !all.iter().any(is_in) {
+            // There is room for all.
+            let _ = leaves.push(*it);
+        }
+    }
     let mut parts: Vec<Parts, { candidates::MOST }> = Vec::new();
     for whole in all {
         // There is room for all.
-        let _ = parts.push(Parts::of(whole, all, light));
+        let _ = parts.push(Parts::of(whole, &leaves, light));
     }
     let is_spot = |&(candidate, own): &(&Candidate, &Parts)| {
         // What is as significant as the whole is no lump of it.
         let is_lump = all.iter().zip(&parts).any(|(whole, parts)| {
             *parts == Parts::Lumps
                 && candidate.is_part_of(whole)
-                && candidate.peak.significance() < whole.peak.significance()
+                && candidate.peak.significance < whole.peak.significance
         });
         !candidate.peak.is_wide && !is_lump && *own != Parts::Two
     };
@@ -282,16 +294,8 @@ enum Parts {
 }
 
 impl Parts {
-    fn of(whole: &Candidate, all: &Candidates, light: Light<'_>) -> Self {
-        // Two spots together look like a wide one too.
-        let has_parts = |it: &&Candidate| {
-            let is_in = |part: &Candidate| !part.is_apart(it);
-            all.iter().any(|part| part.is_part_of(it) && is_in(part))
-        };
-        let parts = || {
-            all.iter()
-                .filter(|it| it.is_part_of(whole) && !has_parts(it))
-        };
+    fn of(whole: &Candidate, leaves: &Candidates, light: Light<'_>) -> Self {
+        let parts = || leaves.iter().filter(|it| it.is_part_of(whole));
         let Some(strongest) = parts().max_by_key(|it| it.height) else {
             return Self::One;
         };
@@ -574,13 +578,23 @@ const MEDIAN_BLOCKS: usize = 32;
 /// The background and where it is darkest. The level is the median over blocks of the largest size of which
 /// the row has 16 or more.
 #[inline(never)]
-fn background(light: Light<'_>) -> Option<(Background, Counts)> {
+fn background(light: Light<'_>, blocks: &[u16]) -> Option<(Background, Counts)> {
     let sizes = 1..=LARGEST_BLOCK_LOG2;
     let log2 = sizes.take_while(|&log2| light.len() >> log2 >= 16).last()?;
     let mut sums: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
-    for block in light.groups(1usize.wrapping_shl(log2)) {
-        // A row has at most 32 of them.
-        let _ = sums.push(block.sum());
+    // A row has at most 32 of them.
+    if let Some(larger) = log2.checked_sub(BLOCK_LOG2) {
+        for group in blocks.chunks_exact(1usize.wrapping_shl(larger).max(1)) {
+            let _ = sums.push(
+                group
+                    .iter()
+                    .fold(0, |all, &sum| numeric::add_u32(all, sum.into())),
+            );
+        }
+    } else {
+        for block in light.groups(1usize.wrapping_shl(log2)) {
+            let _ = sums.push(block.sum());
+        }
     }
     let mean = |sum| Counts::from_bits(in_q8(sum) >> log2);
     let background = Background {
