@@ -3,6 +3,8 @@
 //!
 //! A driver is a module with the items that are re-exported here. docs/another-sensor.md says how to add one.
 
+use crate::board::processor::CORE_HZ;
+
 mod read_out;
 mod tcd1304;
 
@@ -13,3 +15,6 @@ pub use tcd1304::{
 
 /// Words in a row, all of which one DMA transfer brings.
 pub const WORDS: usize = geometry().words;
+
+/// Core cycles in a period of the sensor's master clock.
+pub const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;

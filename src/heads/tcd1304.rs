@@ -2,8 +2,8 @@
 //!
 //! The sensor integrates light all the time. A pulse on SH moves the gathered light into its shift register,
 //! so the time from one pulse to the next is the exposure to all light but the laser's, which is on for a
-//! part of that time (`Laser`). ICG, low around SH, makes the register take it. When ICG rises the register
-//! puts out a pixel every four periods of fM, 3694 of them. fM never stops.
+//! part of that time. The register takes the light only while ICG is low, so ICG is low around the pulse on
+//! SH. When ICG rises, the register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
 //! from there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a
@@ -58,9 +58,8 @@ use slitrange::base::exposure::Exposure;
 use slitrange::row::Geometry;
 use slitrange::row::sensor_heads::{self, TCD1304DG_LEAD_IN};
 
-use super::WORDS;
 use super::read_out::{ReadOutError, SCLK_HZ, end_read_out, find_end_of_word_0};
-use crate::board::processor::CORE_HZ;
+use super::{CYCLES_A_MASTER_CLOCK, WORDS};
 use crate::board::{self, Converter, MasterClock, Pins, cycles_in_ns, wait_until};
 use crate::counters::COUNTERS;
 
@@ -74,9 +73,6 @@ pub const fn geometry() -> Geometry {
 
 /// fM, from TIM1 (168 MHz) / 64: a pixel takes four periods.
 pub const MASTER_CLOCK_HZ: u32 = SCLK_HZ / 4;
-
-/// Core cycles in a period of fM.
-const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
 
 /// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the
 /// pulses and some slack. 175 rows a second.

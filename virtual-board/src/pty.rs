@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use nix::poll::{PollFd, PollFlags, poll};
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::unistd::ttyname;
@@ -25,8 +26,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// How often the board's speed is looked at. Over this time, [`PATIENCE`] is a twentieth.
 const SPEED_PERIOD: Duration = Duration::from_secs(2);
 
-/// How long the board waits for a program that reads too slowly, in milliseconds. The system keeps 4 KiB for the program,
-/// which are 44 ms at the highest rate: a busy PC may let the program wait for longer.
+/// How long the board waits for a program that reads too slowly, in milliseconds. The system keeps 4 KiB for
+/// the program, which last 44 ms at the highest rate. On a busy PC the program may wait for longer than that.
 const WAIT_FOR_READER_MS: u16 = 2000;
 
 /// A board that is slower than this share of wall time is reported.
@@ -38,7 +39,7 @@ pub struct PseudoTerminal {
     board_side: File,
     /// The bytes that a program has sent and that the board has not yet received.
     received: Vec<u8>,
-    /// Whether a program has read what the board sent last.
+    /// Whether there was room for what the board sent last. Without it, no program reads.
     is_read: bool,
     /// Stays open, because reading fails if no program has the terminal open.
     _program_side: OwnedFd,
@@ -141,11 +142,15 @@ impl PseudoTerminal {
         let said: Vec<u8> = said.collect();
         // The lines are not needed, and would pile up.
         board.take_lines();
-        let mut rest = said.as_slice();
-        while !rest.is_empty() {
-            match self.board_side.write(rest) {
+        self.pass(&said, WAIT_FOR_READER_MS.into())
+    }
+
+    /// Passes bytes to the program, and waits for so long for one that has read until now.
+    fn pass(&mut self, mut bytes: &[u8], wait: PollTimeout) -> Result<()> {
+        while !bytes.is_empty() {
+            match self.board_side.write(bytes) {
                 Ok(written) => {
-                    rest = &rest[written..];
+                    bytes = &bytes[written..];
                     self.is_read = true;
                 }
                 Err(error) if !is_idle(error.kind()) => {
@@ -153,9 +158,14 @@ impl PseudoTerminal {
                 }
                 Err(_) if self.is_read => {
                     let mut board_side = [PollFd::new(self.board_side.as_fd(), PollFlags::POLLOUT)];
-                    let ready = poll(&mut board_side, WAIT_FOR_READER_MS)
-                        .context("waiting for the pseudo-terminal")?;
-                    self.is_read = ready > 0;
+                    match poll(&mut board_side, wait) {
+                        // A signal ended the wait.
+                        Err(Errno::EINTR) => {}
+                        ready => {
+                            let ready = ready.context("waiting for the pseudo-terminal")?;
+                            self.is_read = ready > 0;
+                        }
+                    }
                 }
                 Err(_) => break,
             }
@@ -167,4 +177,27 @@ impl PseudoTerminal {
 /// Whether the error means: nothing to read, or no program that reads.
 fn is_idle(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 64 KiB are sixteen times what the system keeps. With a wait that never ends, no busy PC can fail this.
+    #[test]
+    fn a_slow_program_gets_all_bytes_and_without_one_they_are_lost() -> Result<()> {
+        let bytes: Vec<u8> = (0..=255).cycle().take(1 << 16).collect();
+        let mut terminal = PseudoTerminal::open()?;
+        let mut program = File::open(terminal.path())?;
+        std::thread::scope(|scope| {
+            let sends = scope.spawn(|| terminal.pass(&bytes, PollTimeout::NONE));
+            let mut came = vec![0; bytes.len()];
+            program.read_exact(&mut came)?;
+            assert!(came == bytes);
+            sends.join().expect("no panic")
+        })?;
+        terminal.pass(&bytes, PollTimeout::ZERO)?;
+        assert!(!terminal.is_read);
+        terminal.pass(&bytes, PollTimeout::NONE)
+    }
 }

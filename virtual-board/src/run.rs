@@ -459,10 +459,9 @@ impl VirtualBoard {
     /// the next instruction. `None` if the core has no such register.
     pub fn probe_reads(&mut self, register: u64) -> Result<Option<u64>> {
         let read = Arc::clone(&self.watched.probe_read);
-        let lock = || lock(&read);
-        *lock() = (Some(register), None);
+        *lock(&read) = (Some(register), None);
         self.run_for(Duration::from_millis(1))?;
-        let (_, word) = *lock();
+        let (_, word) = *lock(&read);
         Ok(word)
     }
 

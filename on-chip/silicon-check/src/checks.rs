@@ -17,7 +17,7 @@ use crate::board::processor::CORE_HZ;
 use crate::board::{self, CalibrationFlash};
 use crate::counters::COUNTERS;
 use crate::estimators::{self, Load};
-use crate::heads::{MASTER_CLOCK_HZ, ROW_PERIOD, WORDS};
+use crate::heads::{CYCLES_A_MASTER_CLOCK, ROW_PERIOD, WORDS};
 use crate::kept::Word;
 use crate::report::{Report, text};
 use crate::rows::ROWS;
@@ -279,7 +279,7 @@ async fn check_pulses(report: &mut Report, expected: u32, has_master_clock: bool
         return;
     }
     let (least, most) = SEEN.t4.get();
-    let half = CORE_HZ / MASTER_CLOCK_HZ / 2;
+    let half = CYCLES_A_MASTER_CLOCK / 2;
     let found = text!(
         "ICG rises {} to {} ns after fM rose, of 0 to {} (fM is high)",
         ns(least),

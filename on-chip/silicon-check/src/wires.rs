@@ -24,8 +24,8 @@ use embassy_stm32::pac::gpio::Gpio;
 use embassy_stm32::pac::gpio::vals::{Moder, Ospeedr};
 use embassy_stm32::pac::timer::vals::{CcmrInputCcs, Mms, Sms, Ts};
 
-use crate::board::{self, processor::CORE_HZ};
-use crate::heads::MASTER_CLOCK_HZ;
+use crate::board;
+use crate::heads::CYCLES_A_MASTER_CLOCK;
 
 /// The alternate functions: TIM8 on port C, TIM2 on PA0, TIM3 on PB5 (STM32F429 data sheet, table 12).
 const TIM8_FUNCTION: u8 = 3;
@@ -211,7 +211,7 @@ pub struct MasterClock {
 /// Measures fM at the wire. `None`: no edge came.
 pub fn measure_master_clock() -> Option<MasterClock> {
     const EDGES: u32 = 64;
-    let period = CORE_HZ / MASTER_CLOCK_HZ;
+    let period = CYCLES_A_MASTER_CLOCK;
     let mut first = None;
     let (mut spread, mut high) = (0, (u32::MAX, 0));
     for _ in 0..EDGES {
@@ -311,7 +311,7 @@ fn TIM8_CC() {
     SEEN.t3.take(since(sh_fell, sh_rose));
     let master_clock_rises = MASTER_CLOCK_RISES.load(Ordering::Relaxed);
     SEEN.t4
-        .take(icg_rose.wrapping_sub(master_clock_rises) % (CORE_HZ / MASTER_CLOCK_HZ));
+        .take(icg_rose.wrapping_sub(master_clock_rises) % CYCLES_A_MASTER_CLOCK);
 }
 
 /// Chip select rose: the row has ended.
