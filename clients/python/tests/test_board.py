@@ -12,6 +12,10 @@ import pytest
 import slitrange
 from slitrange import Centre, Fault, Geometry, Reading, Sensor, packets
 
+FLAGS = ("g", "cg")
+"""The flags of a good frame: `g`, because the head was never calibrated, and by chance `c`. Of frames whose
+rows are independent, 0.2 % have `c`."""
+
 
 @pytest.fixture
 def sensor(virtual_board: str) -> Iterator[Sensor]:
@@ -49,7 +53,7 @@ def test_the_first_reading_is_that_of_the_target(virtual_board: str) -> None:
             # r is 1.6 um; nothing else is wrong with the distance in the simulation.
             assert reading.distance_mm == pytest.approx(800, abs=0.02)
             assert reading.rows == reading.rows_used == 16
-            assert reading.flags == "g"
+            assert reading.flags in FLAGS
             assert reading.unknown == ""
             break
 
@@ -214,7 +218,8 @@ def test_packets_hold_what_lines_hold(virtual_board: str) -> None:
             assert isinstance(reading, Reading)
             assert reading.distance_mm == pytest.approx(line.distance_mm, abs=0.02)
             assert reading.u_mm == pytest.approx(line.u_mm, rel=0.01)
-            assert (reading.rows, reading.flags, reading.estimator) == (16, "g", "adaptive")
+            assert (reading.rows, reading.estimator) == (16, "adaptive")
+            assert reading.flags in FLAGS
             assert window.first < reading.centre_px < window.first + len(window.counts)
         # Readings come as lines again.
         assert isinstance(next(iter(sensor)), Reading)

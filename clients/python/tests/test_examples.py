@@ -39,5 +39,5 @@ def test_the_first_readings_are_printed(virtual_board: str) -> None:
     lines = run("first_reading.py", virtual_board).splitlines()
     print("\n".join(lines))
     assert len(lines) == 5
-    # A head that was never calibrated has u of 17 mm, and the flag g.
-    assert all(re.fullmatch(r"(799\.9|800\.0)\d+ mm, u 17\.\d+ mm, flags g", line) for line in lines)
+    # A head that was never calibrated has u of 17 mm, and the flag g. Flag c comes by chance, seldom.
+    assert all(re.fullmatch(r"(799\.9|800\.0)\d+ mm, u 17\.\d+ mm, flags c?g", line) for line in lines)

@@ -110,6 +110,18 @@ def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
     assert sensor.settings["output"] == f"{columns} width"
 
 
+def test_a_sensor_that_misses_format_text_is_asked_again() -> None:
+    sensor = Played({**SETTINGS, "format": "binary"})
+
+    def special(command: str) -> list[str] | None:
+        is_missed = command == "format text" and sensor.heard.count(command) == 1
+        return ["\0\xf0\x05\xffpacketE1 unknown command, try help"] if is_missed else None
+
+    sensor.special = special
+    with played(sensor) as port, slitrange.open(port):
+        assert sensor.settings["format"] == "text"
+
+
 @pytest.mark.parametrize("streamed", ["on", "off"])
 @pytest.mark.parametrize("echoed", ["on", "off"])
 def test_the_sensor_is_left_as_it_was_found(streamed: str, echoed: str) -> None:

@@ -130,7 +130,8 @@ class Line:
 
         before = self._question("format", format_of)
         if before != "text":
-            self.ask("format text", lambda lines: True if lines[-1].endswith("format text") else None)
+            # Not by `ask`: after a lost byte it would wait for answers in text, and they come in packets.
+            self._question("format text", lambda line: True if line.endswith("format text") else None)
         return before
 
     def _question(self, command: str, answer: Callable[[str], T | None]) -> T:
