@@ -224,6 +224,12 @@ fn a_shifted_spot_has_the_shifted_centre() {
             match (here, there) {
                 (Ok(here), Ok(there)) => {
                     let there = shifted_back(there, pixels);
+                    // Of the pairs of a wide spot the check leaves out those that an end of the row cuts.
+                    let reach = 6.2 * here.width.to_f64() + 7.0;
+                    let last = light.len() as f64 - 1.0 - pixels as f64;
+                    if !(reach..=last - reach).contains(&here.centre.to_f64()) {
+                        continue;
+                    }
                     prop_assert_eq!(here, there, "{:?} {:?}", estimator, way);
                     *found.borrow_mut() += 1;
                 }
@@ -391,9 +397,13 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
             if drawn.is_clean() {
                 parts.add(estimator, off / claim);
             }
-            // From this width on a look is at samples of 16 pixels, maybe the first one only.
+            // From this width on a look is at samples of 16 pixels, maybe the first one only. The search has
+            // heights in 1/16 counts: of two scales that are nearly alike it may take the one or the other.
             let blocks = [one.0.block_log2, two.0.block_log2];
-            if blocks.iter().any(|it| *it >= 7) || here.class.block.max(there.class.block) == 16 {
+            if blocks.iter().any(|it| *it >= 7)
+                || blocks[0] != blocks[1]
+                || here.class.block.max(there.class.block) == 16
+            {
                 continue;
             }
             steps.add(estimator, off * STEPS);

@@ -1,0 +1,653 @@
+//! Lists the candidates of a row: all light that stands out of what is beside it, at every scale.
+//!
+//! At a scale of 2^k pixels the row is a sequence of means over as many pixels (a block), smoothed by the
+//! kernel [1 2 1] / 4. A gaussian whose width is 0.9 blocks gives that kernel 89 to 97 % of the
+//! signal-to-noise ratio of the best filter. A peak counts by its *prominence*: how far it rises above the
+//! mean of its sides, each at its lowest within [`REACH`] blocks. It is at most twice what the peak rises
+//! above its higher side. So a background that rises along the row takes nothing away from a spot, nor does
+//! light beside or below it, and an edge is no peak.
+//!
+//! One light makes a peak at several scales. The most significant one, prominence^2 * 2^k, is the candidate.
+//! It explains the peaks that a spot of its width makes at other scales ([`FINER`], [`COARSER`]). What is
+//! more prominent than that is a candidate of its own: a narrow spot on a lamp, or a lamp under a spot. If
+//! two peaks of one scale lie in the light of a wider one, and a valley parts them, both are candidates too.
+//!
+//! Heights are whole numbers of 1/16 counts: a mean of 12-bit counts fits 16 bits at every scale.
+
+use core::cell::Cell;
+
+use heapless::Vec;
+
+use crate::base::{Counts, numeric};
+use crate::row::{BLOCK_LOG2, Background, Light, MAX_PIXELS};
+
+/// Means have so many bits after the binary point.
+pub(super) const FRACTION: u32 = 4;
+/// The largest blocks have 2^7 pixels, for widths up to 130 pixels.
+pub(super) const LARGEST_LOG2: u32 = 7;
+/// The most pixels of a part that is searched by itself.
+pub(super) const MOST_NEAR: usize = 512;
+/// The most candidates of a row.
+pub(super) const MOST: usize = 16;
+/// The most peaks of all scales together.
+const MOST_PEAKS: usize = 40;
+/// If there are more peaks than this that may be prominent, the row is no row of spots.
+const MOST_SEEN: usize = 256;
+/// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
+/// thousandth of a spot is left there.
+const REACH: usize = 6;
+/// The least prominence, in halves of a standard deviation of the smoothed noise. Noise gets there in one row
+/// of 5000 (3648 pixels, all scales).
+const PROMINENT: u32 = 11;
+/// Sides that are so near to the row's level, in halves of a standard deviation, lie at this level: what is
+/// left is noise.
+const LEVEL: u32 = 8;
+/// A peak rises by more than this within three blocks on both sides, in halves of a standard deviation.
+const RISES: u32 = 5;
+/// The least height above the level of a peak that is the only one, in halves of a standard deviation. Noise
+/// gets there in one row of forty: the estimator rejects those rows as too dim.
+const DETECTED: u32 = 9;
+
+/// The prominence at a scale that is so many steps finer, over that at the spot's own scale, in 1/64. For a
+/// width of 0.42 blocks, less than any of a scale: the kernel leaves w / sqrt(w^2 + 0.58 * 4^-n) of the height,
+/// and 1 - exp(-(6 * 2^-n)^2 / 2 (w^2 + 0.58 * 4^-n)) of that is above the sides.
+const FINER: [u32; 8] = [64, 98, 120, 101, 43, 12, 3, 1];
+/// The same for a width of 0.75 blocks. At the next finer scale, light of at least that width has at most 1.27
+/// times the prominence.
+const FINER_OF_BROAD: [u32; 8] = [64, 81, 75, 35, 11, 3, 1, 1];
+/// The same at a scale that is coarser. For a width of 1.6 blocks, the most of a scale.
+const COARSER: [u32; 8] = [64, 51, 33, 18, 9, 5, 2, 1];
+/// A peak is another light if its prominence is so many 1/64 of what the others explain.
+const UNEXPLAINED: u32 = 80;
+
+/// A peak of the row at a scale. Heights in 1/16 counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Peak {
+    pub(super) log2: u32,
+    /// The pixel to the right of its block's middle.
+    pub(super) middle: usize,
+    /// The row's smoothed height there.
+    pub(super) top: u16,
+    pub(super) prominence: u16,
+    /// Prominence^2 * 2^k, which white noise makes alike at all scales. Below 2^40. Of two scales that are
+    /// nearly alike the coarser one counts.
+    pub(super) significance: u64,
+    /// It rises above both sides by half of its height, and by more than noise.
+    has_valley: bool,
+    /// The mean of both sides at their lowest.
+    pub(super) base: u16,
+    /// The row beside it, where a spot has ended: the mean at four blocks to both sides.
+    pub(super) beside: u16,
+    /// The row's end cuts its light.
+    pub(super) is_cut: bool,
+    /// Of a candidate: the next finer scale shows that it is at least 0.75 blocks wide.
+    is_broad: bool,
+    /// It is too wide for a spot.
+    pub(super) is_wide: bool,
+}
+
+/// A candidate for the laser's spot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    /// The peak at the scale of its width.
+    pub(super) peak: Peak,
+    /// The height, less at most a tenth that the kernel takes of its peaks at finer scales.
+    pub(super) height: u16,
+    /// The prominence at the next coarser scale.
+    pub(super) coarser: u16,
+    /// Its most significant peak at a finer scale. None if its parts are candidates.
+    finer: Option<Peak>,
+}
+
+/// The candidates, the most significant first.
+pub(super) type Candidates = Vec<Candidate, MOST>;
+
+impl Peak {
+    pub(super) fn pixels(&self) -> usize {
+        1usize.wrapping_shl(self.log2)
+    }
+
+    /// A part of its light rises from where it does.
+    fn base_of_part(&self, part: Self) -> Self {
+        let base = if self.is_wide { part.base } else { self.base };
+        Self { base, ..part }
+    }
+
+    /// Whether it is within a block of another.
+    fn is_beside(&self, other: &Self) -> bool {
+        self.middle.abs_diff(other.middle) <= self.pixels().max(other.pixels())
+    }
+
+    /// Whether it may be one of two spots in light of a height.
+    fn is_part(&self, height: u16) -> bool {
+        self.has_valley && 2 * u32::from(self.prominence) >= height.into()
+    }
+
+    /// The prominence that a candidate's light has at this peak's place and scale, in 1/64 of a unit.
+    fn explained_by(&self, candidate: &Peak) -> u32 {
+        let apart = self.middle.abs_diff(candidate.middle);
+        let (share, reach) = if self.log2 < candidate.log2 {
+            // Light that is much wider than its block has less at finer scales.
+            let wider = if candidate.is_wide { 3 } else { 0 };
+            let finer = candidate.log2.wrapping_sub(self.log2).wrapping_add(wider) as usize;
+            let shares = if candidate.is_broad {
+                FINER_OF_BROAD
+            } else {
+                FINER
+            };
+            (
+                shares.get(finer).copied(),
+                candidate.pixels().saturating_mul(2),
+            )
+        } else {
+            let coarser = self.log2.wrapping_sub(candidate.log2) as usize;
+            (
+                COARSER.get(coarser).copied(),
+                self.pixels().saturating_mul(5) / 2,
+            )
+        };
+        if apart > reach {
+            return 0;
+        }
+        u32::from(candidate.prominence).saturating_mul(share.unwrap_or_default())
+    }
+}
+
+fn square(height: u16) -> u64 {
+    u64::from(height) * u64::from(height)
+}
+
+/// The variance of the smoothed row is 6/16 of that of a mean, and that of a mean 2^-k of a pixel's. The
+/// significance of so many halves of a standard deviation, in the unit of a pixel's `variance`.
+fn significance_of(halves: u32, variance: u64) -> u64 {
+    let halves = u64::from(halves);
+    variance.saturating_mul(halves.saturating_mul(halves).saturating_mul(6)) / 64
+}
+
+/// The height that a spot of one pixel needs.
+pub(super) fn least_height(noise: Counts) -> Counts {
+    let noise = u64::from(noise.to_bits().unsigned_abs());
+    let square = significance_of(DETECTED, noise.saturating_mul(noise));
+    Counts::from_bits(i32::try_from(square.isqrt()).unwrap_or(i32::MAX))
+}
+
+/// The peaks of a row at the scales that were searched.
+pub(super) struct Peaks {
+    /// The row's level, and the variance of an unlit pixel in 1/256 counts^2.
+    level: u16,
+    variance: u64,
+    /// Where the row is darkest: the level, or less.
+    darkest: u16,
+    /// The scale's limits in 1/16 counts, after [`LEVEL`], [`RISES`] and [`DETECTED`].
+    near_level: u32,
+    rises: u32,
+    detected: u32,
+    found: Vec<Peak, MOST_PEAKS>,
+    /// How many peaks were looked at.
+    seen: usize,
+    /// The highest one above the level, prominent or not, and how significant that height is.
+    highest: Option<(u64, Peak)>,
+    /// The first pixel of the part that is searched, and whether the part is the whole row.
+    first: usize,
+    is_whole: bool,
+}
+
+impl Peaks {
+    /// None yet, above this background.
+    pub(super) fn of(background: Background, darkest: Counts) -> Self {
+        let dark_by = background.level_bits().saturating_sub(darkest.to_bits());
+        let dark_by =
+            u16::try_from(dark_by.max(0) >> (Counts::FRACTION - FRACTION)).unwrap_or(u16::MAX);
+        let level = background.level_bits() >> (Counts::FRACTION - FRACTION);
+        let level = numeric::i32_to_u16(level);
+        let noise = u64::from(background.noise.to_bits().unsigned_abs());
+        Self {
+            level,
+            variance: noise.saturating_mul(noise) >> 8,
+            darkest: level.saturating_sub(dark_by),
+            near_level: 0,
+            rises: 0,
+            detected: 0,
+            found: Vec::new(),
+            seen: 0,
+            highest: None,
+            first: 0,
+            is_whole: true,
+        }
+    }
+
+    /// Searches the sums of the row's blocks of 8 pixels, and larger ones.
+    pub(super) fn search_blocks(&mut self, blocks: &[u16]) {
+        let mut means = [0; MAX_PIXELS / 8];
+        for (mean, sum) in means.iter_mut().zip(blocks) {
+            // Sums of 8 counts of 12 bits: below 2^15.
+            *mean = sum.wrapping_mul(2);
+        }
+        self.search(&mut means, blocks.len(), BLOCK_LOG2);
+    }
+
+    /// Searches the pixels, and larger blocks. A pixel that is higher than both its neighbours by more than any
+    /// spot makes it counts as high as a spot would, and one that is much lower as high as they are.
+    #[inline(never)]
+    pub(super) fn search_pixels(&mut self, light: Light<'_>) {
+        self.search_part(&mut [0; MAX_PIXELS], light, 0);
+    }
+
+    /// As [`Self::search_pixels`] in blocks of 2^`log2` pixels and more, in a part of the row that begins with a
+    /// whole number of the largest that matter.
+    #[inline(never)]
+    pub(super) fn search_near(&mut self, light: Light<'_>, first: usize, log2: u32) {
+        (self.first, self.is_whole) = (first, false);
+        self.search_part(&mut [0; MOST_NEAR], light, log2);
+        (self.first, self.is_whole) = (0, true);
+    }
+
+    fn search_part(&mut self, means: &mut [u16], light: Light<'_>, log2: u32) {
+        self.fill(means, light);
+        let mut number = light.len();
+        for _ in 0..log2 {
+            number = halve(means, number);
+        }
+        self.search(means, number, log2);
+    }
+
+    /// Writes the counts of the pixels, without bad ones.
+    fn fill(&self, means: &mut [u16], light: Light<'_>) {
+        let noise = self.variance.isqrt();
+        let slack = u32::try_from(noise.saturating_mul(8)).unwrap_or(u32::MAX);
+        let least = u32::from(self.level).saturating_add(slack);
+        let mut counts = light
+            .iter()
+            .map(|count| u32::from(count.wrapping_shl(FRACTION)));
+        let Some(mut here) = counts.next() else {
+            return;
+        };
+        let mut left = u32::from(self.level);
+        let last = here;
+        for (mean, right) in means.iter_mut().zip(counts.chain([last])) {
+            let is_bright = here > least || left.min(right) > least;
+            let count = if is_bright {
+                self.without_bad(left, here, right, slack)
+            } else {
+                here
+            };
+            *mean = numeric::to_u16(count as usize);
+            (left, here) = (here, right);
+        }
+    }
+
+    /// A pixel that is not bad stays. The narrowest spot has a width of 0.5 pixels, and its neighbours have at
+    /// least 0.2 of its height.
+    #[inline(never)]
+    fn without_bad(&self, left: u32, here: u32, right: u32, slack: u32) -> u32 {
+        let above = |height: u32| height.saturating_sub(self.level.into());
+        let five = |height: u32| above(height).saturating_mul(5).saturating_add(slack);
+        let most = five(left.max(right)).saturating_add(self.level.into());
+        let darker = left.min(right);
+        if here > most {
+            most
+        } else if five(here) < above(darker) {
+            darker
+        } else {
+            here
+        }
+    }
+
+    fn search(&mut self, means: &mut [u16], number: usize, smallest_log2: u32) {
+        let mut number = number;
+        for log2 in smallest_log2..=LARGEST_LOG2 {
+            let Some(at_scale) = means.get(..number) else {
+                return;
+            };
+            if number < 4 {
+                return;
+            }
+            self.search_scale(at_scale, log2);
+            number = halve(means, number);
+        }
+    }
+
+    #[inline(never)]
+    fn search_scale(&mut self, means: &[u16], log2: u32) {
+        let limit = |halves| {
+            let square = significance_of(halves, self.variance).wrapping_shr(log2);
+            u32::try_from(square.isqrt()).unwrap_or(u32::MAX)
+        };
+        (self.near_level, self.rises, self.detected) =
+            (limit(LEVEL), limit(RISES), limit(DETECTED));
+        let least = u32::from(self.darkest).saturating_add(self.detected);
+        // The smoothed heights of the three blocks before, and of this one. An end has none.
+        let (mut third, mut second, mut before, mut here) = (0, 0, 0, 0);
+        let mut block = 0usize;
+        for three in means.array_windows() {
+            let smooth = smoothed(three);
+            if here > smooth && here > least && here >= before {
+                self.see_if_it_rises(means, log2, block, here, third.min(second));
+            }
+            (third, second, before, here) = (second, before, here, smooth);
+            block = numeric::add_usize(block, 1);
+        }
+        if here > least && here >= before {
+            self.see_if_it_rises(means, log2, block, here, third.min(second));
+        }
+    }
+
+    #[inline(never)]
+    fn see_if_it_rises(&mut self, means: &[u16], log2: u32, block: usize, top: u32, left: u32) {
+        let [two, three] = [2, 3].map(|it| smooth(means, block.saturating_add(it)).unwrap_or(0));
+        let rises = |from: u32| top > from.saturating_add(self.rises);
+        if rises(left) && rises(two.min(three)) {
+            self.see(means, log2, block, top);
+        }
+    }
+
+    #[inline(never)]
+    fn see(&mut self, means: &[u16], log2: u32, block: usize, top: u32) {
+        if self.seen > MOST_SEEN {
+            return;
+        }
+        self.seen = self.seen.saturating_add(1);
+        let left = lowest(means, top, (1..block).rev());
+        let last = means.len().saturating_sub(1);
+        let right = lowest(means, top, block.saturating_add(1)..last);
+        let four = [block.checked_sub(4), Some(block.saturating_add(4))];
+        let [before, behind] = four.map(|it| it.and_then(|it| smooth(means, it)));
+        // The row's end cuts the light: the other side counts if the light ends there. A background that
+        // rises towards the end falls on.
+        let is_cut = |cut: &Side, other: &Side, beside: Option<u32>| {
+            let fallen = top.saturating_sub(other.lowest);
+            let rest = beside.unwrap_or(top).saturating_sub(other.lowest);
+            top.saturating_sub(cut.lowest).saturating_mul(2) < fallen
+                && rest.saturating_mul(12) <= fallen
+        };
+        let level = u32::from(self.level);
+        let near_level = self.near_level;
+        let foot = |side: &Side| {
+            let is_level = side.lowest.abs_diff(level) <= near_level;
+            if is_level { level } else { side.lowest }
+        };
+        let is_cut = self.is_whole
+            && match (left.ends, right.ends) {
+                (true, false) => is_cut(&left, &right, behind),
+                (false, true) => is_cut(&right, &left, before),
+                _ => false,
+            };
+        let (left_foot, right_foot) = match (foot(&left), foot(&right)) {
+            (_, right_foot) if is_cut && left.ends => (right_foot, right_foot),
+            (left_foot, _) if is_cut => (left_foot, left_foot),
+            feet => feet,
+        };
+        let base = left_foot.midpoint(right_foot);
+        let above_higher_side = top.saturating_sub(left_foot.max(right_foot));
+        let prominence = top
+            .saturating_sub(base)
+            .min(above_higher_side.saturating_mul(2));
+        let significance = |height: u32| {
+            let square = square(numeric::to_u16(height as usize)).wrapping_shl(log2);
+            square.saturating_add(square.wrapping_shr(6).saturating_mul(log2.into()))
+        };
+        let is_high = top >= level.saturating_add(self.detected)
+            && prominence.saturating_mul(2) >= top.saturating_sub(level);
+        let least = self.least(top);
+        let is_prominent = significance(prominence) >= least;
+        if !is_high && !is_prominent {
+            return;
+        }
+        let three = [block.checked_sub(3), Some(block.saturating_add(3))];
+        let [before_three, behind_three] = three.map(|it| it.and_then(|it| smooth(means, it)));
+        let beside = match (before, behind) {
+            (Some(before), Some(behind)) => before.midpoint(behind),
+            // Nearer, because the background may rise.
+            _ if is_cut => before_three.or(behind_three).unwrap_or(base),
+            _ => base,
+        };
+        let half = 1usize.wrapping_shl(log2) / 2;
+        let middle = block.wrapping_shl(log2).saturating_add(half);
+        let has_valley = above_higher_side.saturating_mul(2) >= top.saturating_sub(base)
+            && significance(above_higher_side) >= least;
+        let mut peak = Peak {
+            log2,
+            middle: self.first.saturating_add(middle),
+            top: numeric::to_u16(top as usize),
+            prominence: numeric::to_u16(prominence as usize),
+            significance: significance(prominence),
+            has_valley,
+            base: numeric::to_u16(base as usize),
+            beside: numeric::to_u16(beside as usize),
+            is_cut,
+            is_broad: false,
+            is_wide: false,
+        };
+        peak.is_wide = self.is_wide(means, &peak, block);
+        let height = significance(top.saturating_sub(level));
+        if is_high && !peak.is_wide && self.highest.is_none_or(|(other, _)| height > other) {
+            self.highest = Some((height, peak));
+        }
+        if is_prominent {
+            self.take(peak);
+        }
+    }
+
+    /// The least significance of a peak of this height. No sensor has more than half a count of shot noise,
+    /// squared, for each count.
+    fn least(&self, top: u32) -> u64 {
+        let shot = u64::from(top.saturating_sub(self.level.into())).saturating_mul(8);
+        significance_of(PROMINENT, self.variance.saturating_add(shot)).max(1)
+    }
+
+    /// Whether the light is wider than a spot can be. A gaussian of 170 pixels has 15 to 18 % left 384 pixels
+    /// away, one of 200 pixels 23 to 25 %. They are taken above the darkest part of the row, because wide
+    /// light raises the level of the rest. Near the row's end, which may cut the light, 256 pixels to the
+    /// other side count. Such light falls by at most 2 * 4^(k - 6) of its height within the reach of a peak:
+    /// what is more prominent is a narrower spot on it.
+    fn is_wide(&self, means: &[u16], peak: &Peak, block: usize) -> bool {
+        if peak.log2 < BLOCK_LOG2 {
+            return false;
+        }
+        let above = |height: u32| height.saturating_sub(self.darkest.into());
+        let at = |block: Option<usize>| smooth(means, block?).map(above);
+        // Distances in 128 pixels.
+        let blocks = |distance: usize| distance.wrapping_shl(LARGEST_LOG2.wrapping_sub(peak.log2));
+        let left = |distance| at(block.checked_sub(blocks(distance)));
+        let right = |distance| at(Some(block.saturating_add(blocks(distance))));
+        let top = above(peak.top.into());
+        let most = u64::from(top).wrapping_shl(peak.log2.saturating_mul(2)) / (1 << 11);
+        if u64::from(peak.prominence) > most {
+            return false;
+        }
+        let beside = match (left(3), right(3)) {
+            (Some(left), Some(right)) => Some(left.midpoint(right)),
+            (None, _) => right(2),
+            (_, None) => left(2),
+        };
+        beside.is_some_and(|beside| beside > top / 5)
+    }
+
+    /// Keeps the most significant peaks.
+    fn take(&mut self, peak: Peak) {
+        if self.found.push(peak).is_ok() {
+            return;
+        }
+        let least = self.found.iter_mut().min_by_key(|it| it.significance);
+        if let Some(least) = least.filter(|it| it.significance < peak.significance) {
+            *least = peak;
+        }
+    }
+
+    /// Forgets what was found: the next search covers it.
+    pub(super) fn clear(&mut self) {
+        self.found.clear();
+        self.seen = 0;
+        self.highest = None;
+    }
+
+    /// The highest peak above the row's level, prominent or not.
+    pub(super) fn highest(&self) -> Option<Peak> {
+        self.highest.map(|(_, peak)| peak)
+    }
+
+    /// Whether there is more light than a row of spots has.
+    pub(super) fn are_too_many(&self) -> bool {
+        self.seen > MOST_SEEN
+    }
+
+    /// The candidates, the most significant first.
+    #[inline(never)]
+    pub(super) fn candidates(&mut self, candidates: &mut Candidates) {
+        loop {
+            // What has been taken has no significance.
+            let best = self.found.iter_mut().max_by_key(|peak| peak.significance);
+            let Some(best) = best.filter(|peak| peak.significance > 0) else {
+                return;
+            };
+            let peak = *best;
+            best.significance = 0;
+            if explain(candidates, peak) {
+                continue;
+            }
+            // A peak of the same light may have been taken for that of a wider one.
+            let finer = candidates.iter_mut().find_map(|it| {
+                let height = it.height;
+                let is_own = |own: &mut Peak| own.is_beside(&peak) && own.is_part(height);
+                it.finer
+                    .take_if(is_own)
+                    .map(|own| it.peak.base_of_part(own))
+            });
+            for peak in finer.into_iter().chain([peak]) {
+                if finer == Some(peak) || !explain(candidates, peak) {
+                    let candidate = Candidate::of(peak, candidates);
+                    // If there is no room, there are more than matter.
+                    let _ = candidates.push(candidate);
+                }
+            }
+        }
+    }
+}
+
+impl Candidate {
+    /// The pixel where it is highest.
+    pub(super) fn place(&self) -> usize {
+        self.finer.map_or(self.peak.middle, |finer| finer.middle)
+    }
+
+    /// A candidate beside those that were found before.
+    fn of(peak: Peak, others: &Candidates) -> Self {
+        // What stands on wider light is measured from there. Wider light has the others' in it.
+        let narrower = (others.iter())
+            .filter(|it| it.peak.log2 < peak.log2)
+            .fold(0u32, |all, it| {
+                all.saturating_add(peak.explained_by(&it.peak))
+            });
+        let height = u32::from(peak.top.saturating_sub(peak.base)).saturating_sub(narrower / 64);
+        Self {
+            peak,
+            height: numeric::to_u16(height as usize),
+            coarser: 0,
+            finer: None,
+        }
+    }
+}
+
+/// Whether a peak is that of the candidates' light.
+fn explain(candidates: &mut Candidates, peak: Peak) -> bool {
+    let explained = (candidates.iter()).fold(0u32, |all, it| {
+        all.saturating_add(peak.explained_by(&it.peak))
+    });
+    // Below 2^16 * 2^12.
+    if u32::from(peak.prominence).saturating_mul(64 * 64) > explained.saturating_mul(UNEXPLAINED) {
+        return false;
+    }
+    let nearest = (candidates.iter_mut())
+        .filter(|it| peak.explained_by(&it.peak) > 0)
+        .min_by_key(|it| it.peak.log2.abs_diff(peak.log2));
+    let Some(of) = nearest else { return true };
+    if of.peak.log2.wrapping_add(1) == peak.log2 {
+        of.coarser = of.coarser.max(peak.prominence);
+    }
+    if of.peak.log2 <= peak.log2 {
+        return true;
+    }
+    let is_part = peak.is_part(of.height);
+    let (whole, own) = (of.peak, of.finer);
+    if is_part && own.is_some_and(|own| !own.is_beside(&peak)) {
+        of.finer = None;
+    }
+    if is_part {
+        // With another one like it, both are parts of the candidate.
+        let others = own.filter(|own| !own.is_beside(&peak));
+        let is_other = |it: &Candidate| {
+            it.peak.log2 < whole.log2
+                && it.peak.explained_by(&whole) > 0
+                && !it.peak.is_beside(&peak)
+        };
+        if others.is_some() || candidates.iter().any(is_other) {
+            for peak in others.into_iter().chain([peak]) {
+                let part = whole.base_of_part(peak);
+                // If there is no room, there are more parts than matter.
+                let _ = candidates.push(Candidate::of(part, &Candidates::new()));
+            }
+            return true;
+        }
+    }
+    let Some(of) = candidates.iter_mut().find(|it| it.peak == whole) else {
+        return true;
+    };
+    of.finer = of.finer.or(Some(peak));
+    let is_next = peak.log2.wrapping_add(1) == whole.log2;
+    if is_next && 4 * u32::from(peak.prominence) <= 5 * u32::from(whole.prominence) {
+        of.peak.is_broad = true;
+    }
+    // Finer scales show more of the height.
+    if of.peak.log2.saturating_sub(peak.log2) <= 2 {
+        of.height = of.height.max(peak.top.saturating_sub(of.peak.base));
+    }
+    true
+}
+
+/// A side of a peak.
+#[derive(Clone, Copy)]
+struct Side {
+    lowest: u32,
+    /// The row ends within three blocks.
+    ends: bool,
+}
+
+/// The lowest height on the way from a peak, up to [`REACH`] blocks or to where the row is higher than it.
+fn lowest(means: &[u16], top: u32, blocks: impl ExactSizeIterator<Item = usize>) -> Side {
+    let mut side = Side {
+        lowest: top,
+        ends: blocks.len() < 3,
+    };
+    for block in blocks.take(REACH) {
+        let Some(height) = smooth(means, block) else {
+            break;
+        };
+        if height > top {
+            break;
+        }
+        side.lowest = side.lowest.min(height);
+    }
+    side
+}
+
+/// The smoothed height at a block. An end has none.
+fn smooth(means: &[u16], block: usize) -> Option<u32> {
+    let first = block.checked_sub(1)?;
+    Some(smoothed(means.get(first..)?.first_chunk()?))
+}
+
+#[inline(always)]
+fn smoothed(&[left, middle, right]: &[u16; 3]) -> u32 {
+    // Four of 16 bits.
+    numeric::add_u32(u32::from(left) + u32::from(right), 2 * u32::from(middle)) / 4
+}
+
+/// The means of pairs, in place. Returns their number.
+fn halve(means: &mut [u16], number: usize) -> usize {
+    let means = Cell::from_mut(means).as_slice_of_cells();
+    let pairs = means.get(..number).unwrap_or_default().as_chunks::<2>().0;
+    for (mean, [one, other]) in means.iter().zip(pairs) {
+        mean.set(one.get().midpoint(other.get()));
+    }
+    pairs.len()
+}
