@@ -255,24 +255,28 @@ impl Peaks {
     fn fill(&self, means: &mut [u16], light: Light<'_>) {
         let noise = self.variance.isqrt();
         let slack = u32::try_from(noise.saturating_mul(8)).unwrap_or(u32::MAX);
-        let least = u32::from(self.level).saturating_add(slack);
-        let mut counts = light
+        // Limited, so that all fits 31 bits.
+        let bent = numeric::to_i32(slack.min(1 << 20) as usize).saturating_mul(2);
+        let mut heights = light
             .iter()
             .map(|count| u32::from(count.wrapping_shl(FRACTION)));
-        let Some(mut here) = counts.next() else {
+        let Some(mut here) = heights.next() else {
             return;
         };
-        let mut left = u32::from(self.level);
         let last = here;
-        for (mean, right) in means.iter_mut().zip(counts.chain([last])) {
-            let is_bright = here > least || left.min(right) > least;
-            let count = if is_bright {
-                self.without_bad(left, here, right, slack)
-            } else {
-                here
-            };
-            *mean = numeric::to_u16(count as usize);
-            (left, here) = (here, right);
+        let (mut left, mut rise) = (u32::from(self.level), 0i32);
+        for (mean, right) in means.iter_mut().zip(heights.chain([last])) {
+            // A bad pixel stands out of both its neighbours by more than the slack.
+            let next_rise = right.wrapping_sub(here).cast_signed();
+            let bend = rise.wrapping_sub(next_rise);
+            let height =
+                if bend.wrapping_add(bent).cast_unsigned() > bent.cast_unsigned().wrapping_mul(2) {
+                    self.without_bad(left, here, right, slack)
+                } else {
+                    here
+                };
+            *mean = numeric::to_u16(height as usize);
+            (left, here, rise) = (here, right, next_rise);
         }
     }
 
@@ -307,6 +311,7 @@ impl Peaks {
         }
     }
 
+    /// Looks at the peaks of a scale: a peak rises by more than noise on both sides. The row's ends are dark.
     #[inline(never)]
     fn search_scale(&mut self, means: &[u16], log2: u32) {
         let limit = |halves| {
@@ -316,40 +321,57 @@ impl Peaks {
         (self.near_level, self.rises, self.detected) =
             (limit(LEVEL), limit(RISES), limit(DETECTED));
         let least = u32::from(self.darkest).saturating_add(self.detected);
-        // The smoothed heights of the three blocks before, and of this one. An end has none.
-        let (mut third, mut second, mut before, mut here) = (0, 0, 0, 0);
-        let mut block = 0usize;
-        for three in means.array_windows() {
-            let smooth = smoothed(three);
-            if here > smooth && here > least && here >= before {
-                self.see_if_it_rises(means, log2, block, here, third.min(second));
+        // Of four heights, as the sums below. Less than 2^22, as all differences.
+        let rises = numeric::to_i32(self.rises.min(1 << 20) as usize) * 4;
+        let least = least.saturating_mul(4);
+        let mut sums = Sums::of(means);
+        let number = sums.means.len();
+        let mut sum = sums.next();
+        while let Some(mut top) = sum {
+            // Up to where it has fallen from the top.
+            let mut behind = sums.means.len();
+            sum = loop {
+                let Some(here) = sums.next() else {
+                    break None;
+                };
+                let fall = top.wrapping_sub(here).cast_signed();
+                if fall > rises {
+                    break Some(here);
+                }
+                if fall <= 0 {
+                    (top, behind) = (here, sums.means.len());
+                }
+            };
+            if top > least {
+                // The first height is that of block 1.
+                self.see(means, log2, number.saturating_sub(behind), top / 4);
             }
-            (third, second, before, here) = (second, before, here, smooth);
-            block = numeric::add_usize(block, 1);
-        }
-        if here > least && here >= before {
-            self.see_if_it_rises(means, log2, block, here, third.min(second));
-        }
-    }
-
-    #[inline(never)]
-    fn see_if_it_rises(&mut self, means: &[u16], log2: u32, block: usize, top: u32, left: u32) {
-        let [two, three] = [2, 3].map(|it| smooth(means, block.saturating_add(it)).unwrap_or(0));
-        let rises = |from: u32| top > from.saturating_add(self.rises);
-        if rises(left) && rises(two.min(three)) {
-            self.see(means, log2, block, top);
+            // Up to where it has risen from the lowest.
+            let Some(mut lowest) = sum else { return };
+            sum = loop {
+                let Some(here) = sums.next() else { return };
+                let rise = here.wrapping_sub(lowest).cast_signed();
+                if rise > rises {
+                    break Some(here);
+                }
+                if rise < 0 {
+                    lowest = here;
+                }
+            };
         }
     }
 
     #[inline(never)]
     fn see(&mut self, means: &[u16], log2: u32, block: usize, top: u32) {
-        if self.seen > MOST_SEEN {
+        let left = means.get(..=block).unwrap_or_default();
+        let right = means.get(block..).unwrap_or_default();
+        let left = Side::of(top, left.array_windows().rev());
+        let right = Side::of(top, right.array_windows());
+        let rises = |side: &Side| side.ends || top > side.near.saturating_add(self.rises);
+        if self.seen > MOST_SEEN || !rises(&left) || !rises(&right) {
             return;
         }
         self.seen = self.seen.saturating_add(1);
-        let left = lowest(means, top, (1..block).rev());
-        let last = means.len().saturating_sub(1);
-        let right = lowest(means, top, block.saturating_add(1)..last);
         let four = [block.checked_sub(4), Some(block.saturating_add(4))];
         let [before, behind] = four.map(|it| it.and_then(|it| smooth(means, it)));
         // The row's end cuts the light: the other side counts if the light ends there. A background that
@@ -607,27 +629,31 @@ fn explain(candidates: &mut Candidates, peak: Peak) -> bool {
 /// A side of a peak.
 #[derive(Clone, Copy)]
 struct Side {
+    /// The lowest height on the way from the peak, up to [`REACH`] blocks or to where the row is higher than it.
     lowest: u32,
+    /// The lowest within three blocks.
+    near: u32,
     /// The row ends within three blocks.
     ends: bool,
 }
 
-/// The lowest height on the way from a peak, up to [`REACH`] blocks or to where the row is higher than it.
-fn lowest(means: &[u16], top: u32, blocks: impl ExactSizeIterator<Item = usize>) -> Side {
-    let mut side = Side {
-        lowest: top,
-        ends: blocks.len() < 3,
-    };
-    for block in blocks.take(REACH) {
-        let Some(height) = smooth(means, block) else {
-            break;
-        };
-        if height > top {
-            break;
+impl Side {
+    /// Of a peak of this height, with the blocks from it on.
+    fn of<'a>(top: u32, blocks: impl ExactSizeIterator<Item = &'a [u16; 3]>) -> Self {
+        let ends = blocks.len() < 3;
+        let (mut lowest, mut near) = (top, top);
+        for (block, three) in blocks.take(REACH).enumerate() {
+            let height = smoothed(three);
+            if height > top {
+                break;
+            }
+            lowest = lowest.min(height);
+            if block < 3 {
+                near = lowest;
+            }
         }
-        side.lowest = side.lowest.min(height);
+        Self { lowest, near, ends }
     }
-    side
 }
 
 /// The smoothed height at a block. An end has none.
@@ -640,6 +666,36 @@ fn smooth(means: &[u16], block: usize) -> Option<u32> {
 fn smoothed(&[left, middle, right]: &[u16; 3]) -> u32 {
     // Four of 16 bits.
     numeric::add_u32(u32::from(left) + u32::from(right), 2 * u32::from(middle)) / 4
+}
+
+/// The smoothed heights of a row's blocks, four times as high.
+struct Sums<'a> {
+    means: core::slice::Iter<'a, u16>,
+    last: u32,
+    last_two: u32,
+}
+
+impl<'a> Sums<'a> {
+    fn of(means: &'a [u16]) -> Self {
+        let mut means = means.iter();
+        let mut next = || means.next().copied().map_or(0, u32::from);
+        let (first, last) = (next(), next());
+        Self {
+            last_two: numeric::add_u32(first, last),
+            means,
+            last,
+        }
+    }
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<u32> {
+        // Sums of 16 bits: below 2^18.
+        let mean = u32::from(*self.means.next()?);
+        let two = numeric::add_u32(self.last, mean);
+        let four = numeric::add_u32(self.last_two, two);
+        (self.last, self.last_two) = (mean, two);
+        Some(four)
+    }
 }
 
 /// The means of pairs, in place. Returns their number.
