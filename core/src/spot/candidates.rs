@@ -30,9 +30,11 @@ pub(super) const MOST_NEAR: usize = 512;
 /// The most candidates of a row.
 pub(super) const MOST: usize = 16;
 /// The most peaks of all scales together.
-const MOST_PEAKS: usize = 40;
+const MOST_PEAKS: usize = 64;
 /// If there are more peaks than this that may be prominent, the row is no row of spots.
-const MOST_SEEN: usize = 256;
+const MOST_SEEN: usize = 192;
+/// The same in blocks: such a row has more than one spot, and its pixels are searched.
+const MOST_SEEN_IN_BLOCKS: usize = 32;
 /// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
 /// thousandth of a spot is left there.
 const REACH: usize = 6;
@@ -124,9 +126,20 @@ impl Peak {
     }
 
     /// The prominence that a candidate's light has at this peak's place and scale, in 1/64 of a unit.
-    fn explained_by(&self, candidate: &Peak) -> u32 {
+    #[inline(never)]
+    fn explained_by(&self, candidate: &Self) -> u32 {
         let apart = self.middle.abs_diff(candidate.middle);
-        let (share, reach) = if self.log2 < candidate.log2 {
+        let is_finer = self.log2 < candidate.log2;
+        // In half blocks of the coarser one.
+        let reach = if is_finer {
+            candidate.pixels().wrapping_mul(4)
+        } else {
+            self.pixels().wrapping_mul(5)
+        };
+        if apart.wrapping_mul(2) > reach {
+            return 0;
+        }
+        let share = if is_finer {
             // Light that is much wider than its block has less at finer scales.
             let wider = if candidate.is_wide { 3 } else { 0 };
             let finer = candidate.log2.wrapping_sub(self.log2).wrapping_add(wider) as usize;
@@ -135,26 +148,13 @@ impl Peak {
             } else {
                 FINER
             };
-            (
-                shares.get(finer).copied(),
-                candidate.pixels().saturating_mul(2),
-            )
+            shares.get(finer).copied()
         } else {
             let coarser = self.log2.wrapping_sub(candidate.log2) as usize;
-            (
-                COARSER.get(coarser).copied(),
-                self.pixels().saturating_mul(5) / 2,
-            )
+            COARSER.get(coarser).copied()
         };
-        if apart > reach {
-            return 0;
-        }
         u32::from(candidate.prominence).saturating_mul(share.unwrap_or_default())
     }
-}
-
-fn square(height: u16) -> u64 {
-    u64::from(height) * u64::from(height)
 }
 
 /// The variance of the smoothed row is 6/16 of that of a mean, and that of a mean 2^-k of a pixel's. The
@@ -171,6 +171,45 @@ pub(super) fn least_height(noise: Counts) -> Counts {
     Counts::from_bits(i32::try_from(square.isqrt()).unwrap_or(i32::MAX))
 }
 
+/// A scale, and its limits in 1/16 counts.
+#[derive(Clone, Copy, Default)]
+struct Scale {
+    log2: u32,
+    /// After [`LEVEL`], [`RISES`], [`DETECTED`] and [`PROMINENT`].
+    near_level: u32,
+    rises: u32,
+    detected: u32,
+    prominent: u32,
+}
+
+impl Scale {
+    /// With pixels of a variance in 1/256 counts^2.
+    fn of(log2: u32, variance: u64) -> Self {
+        // A standard deviation of the smoothed noise, in 1/32 of its half.
+        let square = significance_of(32, variance).wrapping_shr(log2);
+        let deviation = u32::try_from(square.isqrt()).unwrap_or(u32::MAX);
+        let limit = |halves| deviation.saturating_mul(halves) / 32;
+        Self {
+            log2,
+            near_level: limit(LEVEL),
+            rises: limit(RISES),
+            detected: limit(DETECTED),
+            prominent: limit(PROMINENT),
+        }
+    }
+
+    fn pixels(self) -> u32 {
+        1u32.wrapping_shl(self.log2)
+    }
+
+    /// Height^2 * 2^k. Of two scales that are nearly alike the coarser one has more. Below 2^40.
+    fn significance(self, height: u32) -> u64 {
+        let height = u64::from(numeric::to_u16(height as usize));
+        let square = numeric::mul_u64(numeric::mul_u64(height, height), self.pixels().into());
+        numeric::mul_u64(square, u64::from(64 + self.log2)) / 64
+    }
+}
+
 /// The peaks of a row at the scales that were searched.
 pub(super) struct Peaks {
     /// The row's level, and the variance of an unlit pixel in 1/256 counts^2.
@@ -178,13 +217,13 @@ pub(super) struct Peaks {
     variance: u64,
     /// Where the row is darkest: the level, or less.
     darkest: u16,
-    /// The scale's limits in 1/16 counts, after [`LEVEL`], [`RISES`] and [`DETECTED`].
-    near_level: u32,
-    rises: u32,
-    detected: u32,
+    scale: Scale,
     found: Vec<Peak, MOST_PEAKS>,
     /// How many peaks were looked at.
     seen: usize,
+    /// More than these are too many: the search ends.
+    most: usize,
+    are_too_many: bool,
     /// The highest one above the level, prominent or not, and how significant that height is.
     highest: Option<(u64, Peak)>,
     /// The first pixel of the part that is searched, and whether the part is the whole row.
@@ -205,11 +244,11 @@ impl Peaks {
             level,
             variance: noise.saturating_mul(noise) >> 8,
             darkest: level.saturating_sub(dark_by),
-            near_level: 0,
-            rises: 0,
-            detected: 0,
+            scale: Scale::default(),
             found: Vec::new(),
             seen: 0,
+            most: MOST_SEEN,
+            are_too_many: false,
             highest: None,
             first: 0,
             is_whole: true,
@@ -223,7 +262,9 @@ impl Peaks {
             // Sums of 8 counts of 12 bits: below 2^15.
             *mean = sum.wrapping_mul(2);
         }
+        self.most = MOST_SEEN_IN_BLOCKS;
         self.search(&mut means, blocks.len(), BLOCK_LOG2);
+        self.most = MOST_SEEN;
     }
 
     /// Searches the pixels, and larger blocks. A pixel that is higher than both its neighbours by more than any
@@ -257,26 +298,30 @@ impl Peaks {
         let slack = u32::try_from(noise.saturating_mul(8)).unwrap_or(u32::MAX);
         // Limited, so that all fits 31 bits.
         let bent = numeric::to_i32(slack.min(1 << 20) as usize).saturating_mul(2);
-        let mut heights = light
-            .iter()
-            .map(|count| u32::from(count.wrapping_shl(FRACTION)));
+        let mut heights = light.iter().map(|count| u32::from(count) << FRACTION);
         let Some(mut here) = heights.next() else {
             return;
         };
-        let last = here;
+        let last = heights.clone().next_back().unwrap_or(here);
         let (mut left, mut rise) = (u32::from(self.level), 0i32);
-        for (mean, right) in means.iter_mut().zip(heights.chain([last])) {
+        let mut write = |mean: &mut u16, right: u32| {
             // A bad pixel stands out of both its neighbours by more than the slack.
             let next_rise = right.wrapping_sub(here).cast_signed();
             let bend = rise.wrapping_sub(next_rise);
-            let height =
-                if bend.wrapping_add(bent).cast_unsigned() > bent.cast_unsigned().wrapping_mul(2) {
-                    self.without_bad(left, here, right, slack)
-                } else {
-                    here
-                };
+            let is_bent = bend.wrapping_add(bent).cast_unsigned() > bent.cast_unsigned() * 2;
+            let height = if is_bent {
+                self.without_bad(left, here, right, slack)
+            } else {
+                here
+            };
             *mean = numeric::to_u16(height as usize);
             (left, here, rise) = (here, right, next_rise);
+        };
+        for (mean, right) in means.iter_mut().zip(heights) {
+            write(mean, right);
+        }
+        if let Some(mean) = light.len().checked_sub(1).and_then(|it| means.get_mut(it)) {
+            write(mean, last);
         }
     }
 
@@ -303,7 +348,7 @@ impl Peaks {
             let Some(at_scale) = means.get(..number) else {
                 return;
             };
-            if number < 4 {
+            if number < 4 || self.are_too_many {
                 return;
             }
             self.search_scale(at_scale, log2);
@@ -314,20 +359,20 @@ impl Peaks {
     /// Looks at the peaks of a scale: a peak rises by more than noise on both sides. The row's ends are dark.
     #[inline(never)]
     fn search_scale(&mut self, means: &[u16], log2: u32) {
-        let limit = |halves| {
-            let square = significance_of(halves, self.variance).wrapping_shr(log2);
-            u32::try_from(square.isqrt()).unwrap_or(u32::MAX)
-        };
-        (self.near_level, self.rises, self.detected) =
-            (limit(LEVEL), limit(RISES), limit(DETECTED));
-        let least = u32::from(self.darkest).saturating_add(self.detected);
+        self.scale = Scale::of(log2, self.variance);
+        let least = u32::from(self.darkest).saturating_add(self.scale.detected);
         // Of four heights, as the sums below. Less than 2^22, as all differences.
-        let rises = numeric::to_i32(self.rises.min(1 << 20) as usize) * 4;
+        let rises = numeric::to_i32(self.scale.rises.min(1 << 20) as usize) * 4;
         let least = least.saturating_mul(4);
         let mut sums = Sums::of(means);
         let number = sums.means.len();
         let mut sum = sums.next();
-        while let Some(mut top) = sum {
+        while let Some(first) = sum {
+            if first <= least {
+                sum = sums.find(|&here| here > least);
+                continue;
+            }
+            let mut top = first;
             // Up to where it has fallen from the top.
             let mut behind = sums.means.len();
             sum = loop {
@@ -342,10 +387,8 @@ impl Peaks {
                     (top, behind) = (here, sums.means.len());
                 }
             };
-            if top > least {
-                // The first height is that of block 1.
-                self.see(means, log2, number.saturating_sub(behind), top / 4);
-            }
+            // The first height is that of block 1.
+            self.see(means, number.saturating_sub(behind), top / 4);
             // Up to where it has risen from the lowest.
             let Some(mut lowest) = sum else { return };
             sum = loop {
@@ -362,78 +405,68 @@ impl Peaks {
     }
 
     #[inline(never)]
-    fn see(&mut self, means: &[u16], log2: u32, block: usize, top: u32) {
+    fn see(&mut self, means: &[u16], block: usize, top: u32) {
+        let scale = self.scale;
         let left = means.get(..=block).unwrap_or_default();
         let right = means.get(block..).unwrap_or_default();
         let left = Side::of(top, left.array_windows().rev());
         let right = Side::of(top, right.array_windows());
-        let rises = |side: &Side| side.ends || top > side.near.saturating_add(self.rises);
-        if self.seen > MOST_SEEN || !rises(&left) || !rises(&right) {
+        let rises = |side: &Side| side.ends || top > side.near.saturating_add(scale.rises);
+        if self.are_too_many || !rises(&left) || !rises(&right) {
             return;
         }
-        self.seen = self.seen.saturating_add(1);
-        let four = [block.checked_sub(4), Some(block.saturating_add(4))];
-        let [before, behind] = four.map(|it| it.and_then(|it| smooth(means, it)));
-        // The row's end cuts the light: the other side counts if the light ends there. A background that
-        // rises towards the end falls on.
-        let is_cut = |cut: &Side, other: &Side, beside: Option<u32>| {
-            let fallen = top.saturating_sub(other.lowest);
-            let rest = beside.unwrap_or(top).saturating_sub(other.lowest);
-            top.saturating_sub(cut.lowest).saturating_mul(2) < fallen
-                && rest.saturating_mul(12) <= fallen
-        };
+        self.seen = numeric::add_usize(self.seen, 1);
+        self.are_too_many = self.seen > self.most;
         let level = u32::from(self.level);
-        let near_level = self.near_level;
         let foot = |side: &Side| {
-            let is_level = side.lowest.abs_diff(level) <= near_level;
+            let is_level = side.lowest.abs_diff(level) <= scale.near_level;
             if is_level { level } else { side.lowest }
         };
-        let is_cut = self.is_whole
-            && match (left.ends, right.ends) {
-                (true, false) => is_cut(&left, &right, behind),
-                (false, true) => is_cut(&right, &left, before),
-                _ => false,
+        let (mut left_foot, mut right_foot) = (foot(&left), foot(&right));
+        let is_cut = self.is_whole && left.ends != right.ends && {
+            let (cut, other) = if left.ends {
+                (left, right)
+            } else {
+                (right, left)
             };
-        let (left_foot, right_foot) = match (foot(&left), foot(&right)) {
-            (_, right_foot) if is_cut && left.ends => (right_foot, right_foot),
-            (left_foot, _) if is_cut => (left_foot, left_foot),
-            feet => feet,
+            is_cut(top, &cut, &other, beside(means, block, 4, left.ends))
         };
+        if is_cut && left.ends {
+            left_foot = right_foot;
+        } else if is_cut {
+            right_foot = left_foot;
+        }
         let base = left_foot.midpoint(right_foot);
         let above_higher_side = top.saturating_sub(left_foot.max(right_foot));
         let prominence = top
             .saturating_sub(base)
             .min(above_higher_side.saturating_mul(2));
-        let significance = |height: u32| {
-            let square = square(numeric::to_u16(height as usize)).wrapping_shl(log2);
-            square.saturating_add(square.wrapping_shr(6).saturating_mul(log2.into()))
-        };
-        let is_high = top >= level.saturating_add(self.detected)
-            && prominence.saturating_mul(2) >= top.saturating_sub(level);
-        let least = self.least(top);
-        let is_prominent = significance(prominence) >= least;
-        if !is_high && !is_prominent {
+        let above_level = top.saturating_sub(level);
+        let is_high = above_level >= scale.detected && prominence.saturating_mul(2) >= above_level;
+        let height = scale.significance(above_level);
+        let is_highest = is_high && self.highest.is_none_or(|(other, _)| height > other);
+        if !is_highest && prominence < scale.prominent {
             return;
         }
-        let three = [block.checked_sub(3), Some(block.saturating_add(3))];
-        let [before_three, behind_three] = three.map(|it| it.and_then(|it| smooth(means, it)));
-        let beside = match (before, behind) {
-            (Some(before), Some(behind)) => before.midpoint(behind),
+        let least = self.least(above_level);
+        let significance = scale.significance(prominence);
+        let at_four = [true, false].map(|is_right| beside(means, block, 4, is_right));
+        let beside = match at_four {
+            [Some(behind), Some(before)] => before.midpoint(behind),
             // Nearer, because the background may rise.
-            _ if is_cut => before_three.or(behind_three).unwrap_or(base),
+            _ if is_cut => beside(means, block, 3, left.ends).unwrap_or(base),
             _ => base,
         };
-        let half = 1usize.wrapping_shl(log2) / 2;
-        let middle = block.wrapping_shl(log2).saturating_add(half);
-        let has_valley = above_higher_side.saturating_mul(2) >= top.saturating_sub(base)
-            && significance(above_higher_side) >= least;
+        let half = 1usize.wrapping_shl(scale.log2) / 2;
+        let middle = block.wrapping_shl(scale.log2).saturating_add(half);
         let mut peak = Peak {
-            log2,
+            log2: scale.log2,
             middle: self.first.saturating_add(middle),
             top: numeric::to_u16(top as usize),
             prominence: numeric::to_u16(prominence as usize),
-            significance: significance(prominence),
-            has_valley,
+            significance,
+            has_valley: above_higher_side.saturating_mul(2) >= top.saturating_sub(base)
+                && scale.significance(above_higher_side) >= least,
             base: numeric::to_u16(base as usize),
             beside: numeric::to_u16(beside as usize),
             is_cut,
@@ -441,19 +474,18 @@ impl Peaks {
             is_wide: false,
         };
         peak.is_wide = self.is_wide(means, &peak, block);
-        let height = significance(top.saturating_sub(level));
-        if is_high && !peak.is_wide && self.highest.is_none_or(|(other, _)| height > other) {
+        if is_highest && !peak.is_wide {
             self.highest = Some((height, peak));
         }
-        if is_prominent {
-            self.take(peak);
+        if significance >= least && self.found.push(peak).is_err() {
+            self.are_too_many = true;
         }
     }
 
     /// The least significance of a peak of this height. No sensor has more than half a count of shot noise,
     /// squared, for each count.
-    fn least(&self, top: u32) -> u64 {
-        let shot = u64::from(top.saturating_sub(self.level.into())).saturating_mul(8);
+    fn least(&self, above_level: u32) -> u64 {
+        let shot = u64::from(above_level).saturating_mul(8);
         significance_of(PROMINENT, self.variance.saturating_add(shot)).max(1)
     }
 
@@ -485,21 +517,11 @@ impl Peaks {
         beside.is_some_and(|beside| beside > top / 5)
     }
 
-    /// Keeps the most significant peaks.
-    fn take(&mut self, peak: Peak) {
-        if self.found.push(peak).is_ok() {
-            return;
-        }
-        let least = self.found.iter_mut().min_by_key(|it| it.significance);
-        if let Some(least) = least.filter(|it| it.significance < peak.significance) {
-            *least = peak;
-        }
-    }
-
     /// Forgets what was found: the next search covers it.
     pub(super) fn clear(&mut self) {
         self.found.clear();
         self.seen = 0;
+        self.are_too_many = false;
         self.highest = None;
     }
 
@@ -510,13 +532,13 @@ impl Peaks {
 
     /// Whether there is more light than a row of spots has.
     pub(super) fn are_too_many(&self) -> bool {
-        self.seen > MOST_SEEN
+        self.are_too_many
     }
 
     /// The candidates, the most significant first.
     #[inline(never)]
     pub(super) fn candidates(&mut self, candidates: &mut Candidates) {
-        loop {
+        while !self.are_too_many && !candidates.is_full() {
             // What has been taken has no significance.
             let best = self.found.iter_mut().max_by_key(|peak| peak.significance);
             let Some(best) = best.filter(|peak| peak.significance > 0) else {
@@ -626,6 +648,14 @@ fn explain(candidates: &mut Candidates, peak: Peak) -> bool {
     true
 }
 
+/// Whether the row's end cuts the light: the other side counts then. The light ends there, as its height at
+/// four blocks tells. A background that rises towards the end falls on.
+fn is_cut(top: u32, cut: &Side, other: &Side, beside: Option<u32>) -> bool {
+    let fallen = top.saturating_sub(other.lowest);
+    let rest = beside.unwrap_or(top).saturating_sub(other.lowest);
+    top.saturating_sub(cut.lowest).saturating_mul(2) < fallen && rest.saturating_mul(12) <= fallen
+}
+
 /// A side of a peak.
 #[derive(Clone, Copy)]
 struct Side {
@@ -654,6 +684,16 @@ impl Side {
         }
         Self { lowest, near, ends }
     }
+}
+
+/// The smoothed height so many blocks to a peak's right, or left.
+fn beside(means: &[u16], block: usize, distance: usize, is_right: bool) -> Option<u32> {
+    let block = if is_right {
+        numeric::add_usize(block, distance)
+    } else {
+        block.checked_sub(distance)?
+    };
+    smooth(means, block)
 }
 
 /// The smoothed height at a block. An end has none.
@@ -686,6 +726,10 @@ impl<'a> Sums<'a> {
             last,
         }
     }
+}
+
+impl Iterator for Sums<'_> {
+    type Item = u32;
 
     #[inline(always)]
     fn next(&mut self) -> Option<u32> {
