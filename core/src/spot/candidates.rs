@@ -30,9 +30,9 @@ pub(super) const MOST_NEAR: usize = 512;
 /// The most candidates of a row.
 pub(super) const MOST: usize = 16;
 /// The most peaks of all scales together.
-const MOST_PEAKS: usize = 64;
+const MOST_PEAKS: usize = 40;
 /// If there are more peaks than this that may be prominent, the row is no row of spots.
-const MOST_SEEN: usize = 192;
+const MOST_SEEN: usize = 256;
 /// The same in blocks: such a row has more than one spot, and its pixels are searched.
 const MOST_SEEN_IN_BLOCKS: usize = 32;
 /// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
@@ -219,6 +219,8 @@ pub(super) struct Peaks {
     darkest: u16,
     scale: Scale,
     found: Vec<Peak, MOST_PEAKS>,
+    /// The most significant one first.
+    order: Vec<u8, MOST_PEAKS>,
     /// How many peaks were looked at.
     seen: usize,
     /// More than these are too many: the search ends.
@@ -246,6 +248,7 @@ impl Peaks {
             darkest: level.saturating_sub(dark_by),
             scale: Scale::default(),
             found: Vec::new(),
+            order: Vec::new(),
             seen: 0,
             most: MOST_SEEN,
             are_too_many: false,
@@ -374,7 +377,7 @@ impl Peaks {
             }
             let mut top = first;
             // Up to where it has fallen from the top.
-            let mut behind = sums.means.len();
+            let mut behind = sums.means.clone();
             sum = loop {
                 let Some(here) = sums.next() else {
                     break None;
@@ -384,11 +387,11 @@ impl Peaks {
                     break Some(here);
                 }
                 if fall <= 0 {
-                    (top, behind) = (here, sums.means.len());
+                    (top, behind) = (here, sums.means.clone());
                 }
             };
             // The first height is that of block 1.
-            self.see(means, number.saturating_sub(behind), top / 4);
+            self.see(means, number.saturating_sub(behind.len()), top / 4);
             // Up to where it has risen from the lowest.
             let Some(mut lowest) = sum else { return };
             sum = loop {
@@ -477,8 +480,8 @@ impl Peaks {
         if is_highest && !peak.is_wide {
             self.highest = Some((height, peak));
         }
-        if significance >= least && self.found.push(peak).is_err() {
-            self.are_too_many = true;
+        if significance >= least {
+            self.take(peak);
         }
     }
 
@@ -517,9 +520,39 @@ impl Peaks {
         beside.is_some_and(|beside| beside > top / 5)
     }
 
+    /// Keeps the most significant peaks.
+    fn take(&mut self, peak: Peak) {
+        let is_less = |at: &Cell<u8>, found: &[Peak]| {
+            let other = found.get(usize::from(at.get()));
+            other.is_none_or(|other| other.significance < peak.significance)
+        };
+        if self.found.push(peak).is_ok() {
+            // Below `MOST_PEAKS`.
+            let _ = self
+                .order
+                .push(numeric::to_u8(self.found.len().wrapping_sub(1)));
+        } else {
+            let last = self.order.last().map(|&last| Cell::new(last));
+            let Some(last) = last.filter(|last| is_less(last, &self.found)) else {
+                return;
+            };
+            if let Some(least) = self.found.get_mut(usize::from(last.get())) {
+                *least = peak;
+            }
+        }
+        let order = Cell::from_mut(self.order.as_mut_slice()).as_slice_of_cells();
+        for [before, new] in order.array_windows().rev() {
+            if !is_less(before, &self.found) {
+                break;
+            }
+            before.swap(new);
+        }
+    }
+
     /// Forgets what was found: the next search covers it.
     pub(super) fn clear(&mut self) {
         self.found.clear();
+        self.order.clear();
         self.seen = 0;
         self.are_too_many = false;
         self.highest = None;
@@ -537,15 +570,18 @@ impl Peaks {
 
     /// The candidates, the most significant first.
     #[inline(never)]
-    pub(super) fn candidates(&mut self, candidates: &mut Candidates) {
-        while !self.are_too_many && !candidates.is_full() {
-            // What has been taken has no significance.
-            let best = self.found.iter_mut().max_by_key(|peak| peak.significance);
-            let Some(best) = best.filter(|peak| peak.significance > 0) else {
+    pub(super) fn candidates(&self, candidates: &mut Candidates) {
+        if self.are_too_many {
+            return;
+        }
+        let in_order = self
+            .order
+            .iter()
+            .filter_map(|&at| self.found.get(usize::from(at)));
+        for &peak in in_order {
+            if candidates.is_full() {
                 return;
-            };
-            let peak = *best;
-            best.significance = 0;
+            }
             if explain(candidates, peak) {
                 continue;
             }
