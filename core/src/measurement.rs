@@ -320,15 +320,15 @@ impl Measurement {
             return Err(Fault::SensorSilent);
         };
         let blocks = row.blocks();
-        let spot = match &before {
+        let found = match &before {
             Some((spot, centre)) => spot::find_again_in(&row, blocks, spot, centre.width),
             None => spot::find_in(&row, blocks),
         };
         let how = self.options.black_level;
         let mut black = BlackPixels::default();
-        black.add(how, &row, spot.ok().map(|spot| spot.background));
+        black.add(how, &row, found.ok().map(|(spot, _)| spot.background));
         self.black.merge(black);
-        let found = spot?;
+        let (found, budget) = found?;
         let spot = Spot {
             // A sensor without shielded pixels has only the background's level.
             black_level: black.level(how).unwrap_or(found.background.level),
@@ -360,7 +360,7 @@ impl Measurement {
             before.as_ref().map(|(_, centre)| centre),
             geometry,
             self.profile.as_ref(),
-            WorkBudget::of_row(),
+            budget,
         )?;
         self.before = Some((found, centre));
         self.height = centre.amplitude;

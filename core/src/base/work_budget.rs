@@ -33,4 +33,9 @@ impl WorkBudget {
         self.0 = self.0.checked_sub(units)?;
         Some(())
     }
+
+    /// Uses some units, or all that are left.
+    pub(crate) fn use_up_to(&mut self, units: usize) {
+        self.0 = u16::try_from(units).map_or(0, |units| self.0.saturating_sub(units));
+    }
 }

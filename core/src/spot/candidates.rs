@@ -30,11 +30,13 @@ pub(super) const MOST_NEAR: usize = 512;
 /// The most candidates of a row.
 pub(super) const MOST: usize = 16;
 /// The most peaks of all scales together.
-const MOST_PEAKS: usize = 40;
+const MOST_PEAKS: usize = 32;
 /// If there are more peaks than this that may be prominent, the row is no row of spots.
 const MOST_SEEN: usize = 256;
 /// The same in blocks: such a row has more than one spot, and its pixels are searched.
-const MOST_SEEN_IN_BLOCKS: usize = 32;
+const MOST_SEEN_IN_BLOCKS: usize = 20;
+/// Pixels that may be bad. If a row has more of them, the others stay as they are.
+const MOST_BAD: u32 = 512;
 /// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
 /// thousandth of a spot is left there.
 const REACH: usize = 6;
@@ -287,44 +289,46 @@ impl Peaks {
     }
 
     fn search_part(&mut self, means: &mut [u16], light: Light<'_>, log2: u32) {
-        self.fill(means, light);
         let mut number = light.len();
+        for (mean, count) in means.iter_mut().zip(light.iter()) {
+            // 12 bits.
+            *mean = count.wrapping_shl(FRACTION);
+        }
+        self.mend(means.get_mut(..number).unwrap_or_default());
         for _ in 0..log2 {
             number = halve(means, number);
         }
         self.search(means, number, log2);
     }
 
-    /// Writes the counts of the pixels, without bad ones.
-    fn fill(&self, means: &mut [u16], light: Light<'_>) {
+    /// Mends bad pixels, which stand out of both their neighbours by more than any spot does.
+    fn mend(&self, heights: &mut [u16]) {
         let noise = self.variance.isqrt();
         let slack = u32::try_from(noise.saturating_mul(8)).unwrap_or(u32::MAX);
         // Limited, so that all fits 31 bits.
-        let bent = numeric::to_i32(slack.min(1 << 20) as usize).saturating_mul(2);
-        let mut heights = light.iter().map(|count| u32::from(count) << FRACTION);
-        let Some(mut here) = heights.next() else {
-            return;
+        let bent = slack.min(1 << 20) * 2;
+        let level = u32::from(self.level);
+        let heights = Cell::from_mut(heights).as_slice_of_cells();
+        let height = |cell: &Cell<u16>| u32::from(cell.get());
+        let mend = |left: u32, here: &Cell<u16>, right: u32| {
+            let mended = self.without_bad(left, height(here), right, slack);
+            here.set(numeric::to_u16(mended as usize));
         };
-        let last = heights.clone().next_back().unwrap_or(here);
-        let (mut left, mut rise) = (u32::from(self.level), 0i32);
-        let mut write = |mean: &mut u16, right: u32| {
-            // A bad pixel stands out of both its neighbours by more than the slack.
-            let next_rise = right.wrapping_sub(here).cast_signed();
-            let bend = rise.wrapping_sub(next_rise);
-            let is_bent = bend.wrapping_add(bent).cast_unsigned() > bent.cast_unsigned() * 2;
-            let height = if is_bent {
-                self.without_bad(left, here, right, slack)
-            } else {
-                here
-            };
-            *mean = numeric::to_u16(height as usize);
-            (left, here, rise) = (here, right, next_rise);
-        };
-        for (mean, right) in means.iter_mut().zip(heights) {
-            write(mean, right);
+        if let ([first, second, ..], [.., before, last]) = (heights, heights) {
+            mend(level, first, height(second));
+            mend(height(before), last, level);
         }
-        if let Some(mean) = light.len().checked_sub(1).and_then(|it| means.get_mut(it)) {
-            write(mean, last);
+        let mut most = MOST_BAD;
+        for [left, here, right] in heights.array_windows() {
+            // Between -2^17 and 2^17.
+            let bend = (height(here) * 2).wrapping_sub(height(left) + height(right));
+            if bend.wrapping_add(bent) > bent * 2 {
+                mend(height(left), here, height(right));
+                most = most.saturating_sub(1);
+                if most == 0 {
+                    return;
+                }
+            }
         }
     }
 
@@ -377,21 +381,32 @@ impl Peaks {
             }
             let mut top = first;
             // Up to where it has fallen from the top.
-            let mut behind = sums.means.clone();
-            sum = loop {
-                let Some(here) = sums.next() else {
-                    break None;
-                };
-                let fall = top.wrapping_sub(here).cast_signed();
-                if fall > rises {
-                    break Some(here);
+            let mut behind;
+            sum = 'climb: loop {
+                let mut next = sums.next();
+                while let Some(here) = next
+                    && here >= top
+                {
+                    top = here;
+                    next = sums.next();
                 }
-                if fall <= 0 {
-                    (top, behind) = (here, sums.means.clone());
+                behind = numeric::add_usize(sums.means.len(), next.is_some().into());
+                loop {
+                    let Some(here) = next else {
+                        break 'climb None;
+                    };
+                    if here >= top {
+                        top = here;
+                        continue 'climb;
+                    }
+                    if top.wrapping_sub(here).cast_signed() > rises {
+                        break 'climb next;
+                    }
+                    next = sums.next();
                 }
             };
             // The first height is that of block 1.
-            self.see(means, number.saturating_sub(behind.len()), top / 4);
+            self.see(means, number.saturating_sub(behind), top / 4);
             // Up to where it has risen from the lowest.
             let Some(mut lowest) = sum else { return };
             sum = loop {
@@ -412,12 +427,15 @@ impl Peaks {
         let scale = self.scale;
         let left = means.get(..=block).unwrap_or_default();
         let right = means.get(block..).unwrap_or_default();
-        let left = Side::of(top, left.array_windows().rev());
-        let right = Side::of(top, right.array_windows());
-        let rises = |side: &Side| side.ends || top > side.near.saturating_add(scale.rises);
-        if self.are_too_many || !rises(&left) || !rises(&right) {
+        if self.are_too_many {
             return;
         }
+        let Some(left) = Side::of(top, scale.rises, left.array_windows().rev()) else {
+            return;
+        };
+        let Some(right) = Side::of(top, scale.rises, right.array_windows()) else {
+            return;
+        };
         self.seen = numeric::add_usize(self.seen, 1);
         self.are_too_many = self.seen > self.most;
         let level = u32::from(self.level);
@@ -568,6 +586,11 @@ impl Peaks {
         self.are_too_many
     }
 
+    /// How many peaks were looked at.
+    pub(super) fn seen(&self) -> usize {
+        self.seen
+    }
+
     /// The candidates, the most significant first.
     #[inline(never)]
     pub(super) fn candidates(&self, candidates: &mut Candidates) {
@@ -697,28 +720,32 @@ fn is_cut(top: u32, cut: &Side, other: &Side, beside: Option<u32>) -> bool {
 struct Side {
     /// The lowest height on the way from the peak, up to [`REACH`] blocks or to where the row is higher than it.
     lowest: u32,
-    /// The lowest within three blocks.
-    near: u32,
     /// The row ends within three blocks.
     ends: bool,
 }
 
 impl Side {
-    /// Of a peak of this height, with the blocks from it on.
-    fn of<'a>(top: u32, blocks: impl ExactSizeIterator<Item = &'a [u16; 3]>) -> Self {
+    /// Of a peak of this height, with the blocks from it on. `None` if it does not rise by more than `rises`
+    /// within three blocks.
+    #[inline(always)]
+    fn of<'a>(
+        top: u32,
+        rises: u32,
+        blocks: impl ExactSizeIterator<Item = &'a [u16; 3]>,
+    ) -> Option<Self> {
         let ends = blocks.len() < 3;
-        let (mut lowest, mut near) = (top, top);
+        let mut lowest = top;
         for (block, three) in blocks.take(REACH).enumerate() {
             let height = smoothed(three);
             if height > top {
                 break;
             }
             lowest = lowest.min(height);
-            if block < 3 {
-                near = lowest;
+            if block == 2 && top.saturating_sub(lowest) <= rises {
+                return None;
             }
         }
-        Self { lowest, near, ends }
+        (ends || top.saturating_sub(lowest) > rises).then_some(Self { lowest, ends })
     }
 }
 

@@ -83,11 +83,11 @@ impl Spot {
 /// pixels read the same, which the noise of a sensor never allows.
 pub fn find(row: &Row<'_>) -> Result<(Spot, WorkBudget), Fault> {
     let blocks = Blocks::of(row.light());
-    Ok((find_in(row, blocks.sums())?, WorkBudget::of_row()))
+    find_in(row, blocks.sums())
 }
 
 /// As [`find`], with the row's blocks.
-pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16]) -> Result<Spot, Fault> {
+pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16]) -> Result<(Spot, WorkBudget), Fault> {
     let light = row.light();
     if light.len() < MIN_PIXELS {
         return Err(NOTHING);
@@ -101,16 +101,15 @@ pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16]) -> Result<Spot, Fault> {
     let (background, darkest) = background(light, blocks).ok_or(NOTHING)?;
     let peaks = Peaks::of(background, darkest);
     let mut candidates = Candidates::new();
-    let highest = search(light, blocks, peaks, &mut candidates).ok_or(NOTHING)?;
-    match choose(&candidates, light)? {
-        Some(candidate) => Ok(spot_of(&candidate.peak, light, background)),
-        // Noise may be as high: the estimator tells.
-        None => match highest {
-            Some(peak) => Ok(spot_of(&peak, light, background)),
-            None => Err(Fault::NoSpot {
-                amplitude: candidates::least_height(background.noise),
-            }),
-        },
+    let mut budget = WorkBudget::of_row();
+    let highest = search(light, blocks, peaks, &mut candidates, &mut budget).ok_or(NOTHING)?;
+    let candidate = choose(&candidates, light)?;
+    // Noise may be as high: the estimator tells.
+    match candidate.map(|it| it.peak).or(highest) {
+        Some(peak) => Ok((spot_of(&peak, light, background), budget)),
+        None => Err(Fault::NoSpot {
+            amplitude: candidates::least_height(background.noise),
+        }),
     }
 }
 
@@ -119,6 +118,9 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
+/// Units of the row's work budget for each peak that the search looks at, beyond a few.
+const WORK_OF_PEAK: usize = 12;
+const FEW_PEAKS: usize = 48;
 /// On a row of fewer pixels all of them are searched.
 const SHORT: usize = 1024;
 
@@ -130,6 +132,7 @@ fn search(
     blocks: &[u16],
     mut peaks: Peaks,
     candidates: &mut Candidates,
+    budget: &mut WorkBudget,
 ) -> Option<Option<Peak>> {
     if light.len() >= SHORT {
         peaks.search_blocks(blocks);
@@ -159,6 +162,8 @@ fn search(
     candidates.clear();
     peaks.search_pixels(light);
     peaks.candidates(candidates);
+    let many = peaks.seen().saturating_sub(FEW_PEAKS);
+    budget.use_up_to(many.saturating_mul(WORK_OF_PEAK));
     (!peaks.are_too_many()).then(|| peaks.highest())
 }
 
@@ -461,8 +466,7 @@ pub fn find_again(
     width: Pixels,
 ) -> Result<(Spot, WorkBudget), Fault> {
     let blocks = Blocks::of(row.light());
-    let spot = find_again_in(row, blocks.sums(), before, width)?;
-    Ok((spot, WorkBudget::of_row()))
+    find_again_in(row, blocks.sums(), before, width)
 }
 
 /// As [`find_again`], with the row's blocks.
@@ -471,7 +475,7 @@ pub(crate) fn find_again_in(
     blocks: &[u16],
     before: &Spot,
     width: Pixels,
-) -> Result<Spot, Fault> {
+) -> Result<(Spot, WorkBudget), Fault> {
     if width < NARROWEST || row.light().len() < MIN_PIXELS {
         return find_in(row, blocks);
     }
@@ -510,13 +514,14 @@ pub(crate) fn find_again_in(
     {
         return find_in(row, blocks);
     }
-    Ok(Spot {
+    let spot = Spot {
         centre,
         block_log2,
         height: height(response, block_log2),
         background: before.background,
         black_level: before.background.level,
-    })
+    };
+    Ok((spot, WorkBudget::of_row()))
 }
 
 /// A narrower spot is found by [`find`], in blocks of fewer pixels. With blocks of 8
