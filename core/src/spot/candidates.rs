@@ -15,6 +15,7 @@
 //! Heights are whole numbers of 1/16 counts: a mean of 12-bit counts fits 16 bits at every scale.
 
 use core::cell::Cell;
+use core::ops::RangeInclusive;
 
 use heapless::Vec;
 
@@ -173,6 +174,9 @@ pub(super) fn least_height(noise: Counts) -> Counts {
     Counts::from_bits(i32::try_from(square.isqrt()).unwrap_or(i32::MAX))
 }
 
+/// A half of a standard deviation has so many bits after the binary point, beyond those of heights.
+const NOISE_FRACTION: u32 = 8;
+
 /// A scale, and its limits in 1/16 counts.
 #[derive(Clone, Copy, Default)]
 struct Scale {
@@ -185,18 +189,21 @@ struct Scale {
 }
 
 impl Scale {
-    /// With pixels of a variance in 1/256 counts^2.
-    fn of(log2: u32, variance: u64) -> Self {
-        // A standard deviation of the smoothed noise, in 1/32 of its half.
-        let square = significance_of(32, variance).wrapping_shr(log2);
-        let deviation = u32::try_from(square.isqrt()).unwrap_or(u32::MAX);
-        let limit = |halves| deviation.saturating_mul(halves) / 32;
+    /// With so much noise of a pixel: a half of the standard deviation of the smoothed pixels.
+    fn of(log2: u32, noise: u32) -> Self {
+        // In 1/16 of a unit: 2^16 / sqrt(2^k) is below 2^17.
+        const SHARES: [u64; 8] = [65_536, 46_341, 32_768, 23_170, 16_384, 11_585, 8192, 5793];
+        let share = SHARES.get(log2 as usize).copied().unwrap_or_default();
+        let noise = numeric::mul_u64(noise.into(), share) >> 16;
+        let limit = |halves: u64| {
+            u32::try_from(numeric::mul_u64(noise, halves) >> NOISE_FRACTION).unwrap_or(u32::MAX)
+        };
         Self {
             log2,
-            near_level: limit(LEVEL),
-            rises: limit(RISES),
-            detected: limit(DETECTED),
-            prominent: limit(PROMINENT),
+            near_level: limit(LEVEL.into()),
+            rises: limit(RISES.into()),
+            detected: limit(DETECTED.into()),
+            prominent: limit(PROMINENT.into()),
         }
     }
 
@@ -217,6 +224,8 @@ pub(super) struct Peaks {
     /// The row's level, and the variance of an unlit pixel in 1/256 counts^2.
     level: u16,
     variance: u64,
+    /// A half of the standard deviation of the smoothed pixels.
+    noise: u32,
     /// Where the row is darkest: the level, or less.
     darkest: u16,
     scale: Scale,
@@ -244,9 +253,12 @@ impl Peaks {
         let level = background.level_bits() >> (Counts::FRACTION - FRACTION);
         let level = numeric::i32_to_u16(level);
         let noise = u64::from(background.noise.to_bits().unsigned_abs());
+        let variance = noise.saturating_mul(noise) >> 8;
+        let half = (significance_of(1, variance << (2 * NOISE_FRACTION))).isqrt();
         Self {
             level,
-            variance: noise.saturating_mul(noise) >> 8,
+            variance,
+            noise: u32::try_from(half).unwrap_or(u32::MAX),
             darkest: level.saturating_sub(dark_by),
             scale: Scale::default(),
             found: Vec::new(),
@@ -268,7 +280,7 @@ impl Peaks {
             *mean = sum.wrapping_mul(2);
         }
         self.most = MOST_SEEN_IN_BLOCKS;
-        self.search(&mut means, blocks.len(), BLOCK_LOG2);
+        self.search(&mut means, blocks.len(), BLOCK_LOG2..=LARGEST_LOG2);
         self.most = MOST_SEEN;
     }
 
@@ -276,29 +288,29 @@ impl Peaks {
     /// spot makes it counts as high as a spot would, and one that is much lower as high as they are.
     #[inline(never)]
     pub(super) fn search_pixels(&mut self, light: Light<'_>) {
-        self.search_part(&mut [0; MAX_PIXELS], light, 0);
+        self.search_part(&mut [0; MAX_PIXELS], light, 0..=LARGEST_LOG2);
     }
 
-    /// As [`Self::search_pixels`] in blocks of 2^`log2` pixels and more, in a part of the row that begins with a
-    /// whole number of the largest that matter.
+    /// Searches a part of the row, beside what was found in its blocks: in blocks of 2^`log2` pixels and more, but
+    /// of less than 8.
     #[inline(never)]
     pub(super) fn search_near(&mut self, light: Light<'_>, first: usize, log2: u32) {
         (self.first, self.is_whole) = (first, false);
-        self.search_part(&mut [0; MOST_NEAR], light, log2);
+        self.search_part(&mut [0; MOST_NEAR], light, log2..=BLOCK_LOG2 - 1);
         (self.first, self.is_whole) = (0, true);
     }
 
-    fn search_part(&mut self, means: &mut [u16], light: Light<'_>, log2: u32) {
+    fn search_part(&mut self, means: &mut [u16], light: Light<'_>, scales: RangeInclusive<u32>) {
         let mut number = light.len();
         for (mean, count) in means.iter_mut().zip(light.iter()) {
             // 12 bits.
             *mean = count.wrapping_shl(FRACTION);
         }
         self.mend(means.get_mut(..number).unwrap_or_default());
-        for _ in 0..log2 {
+        for _ in 0..*scales.start() {
             number = halve(means, number);
         }
-        self.search(means, number, log2);
+        self.search(means, number, scales);
     }
 
     /// Mends bad pixels, which stand out of both their neighbours by more than any spot does.
@@ -349,9 +361,9 @@ impl Peaks {
         }
     }
 
-    fn search(&mut self, means: &mut [u16], number: usize, smallest_log2: u32) {
+    fn search(&mut self, means: &mut [u16], number: usize, scales: RangeInclusive<u32>) {
         let mut number = number;
-        for log2 in smallest_log2..=LARGEST_LOG2 {
+        for log2 in scales {
             let Some(at_scale) = means.get(..number) else {
                 return;
             };
@@ -366,7 +378,7 @@ impl Peaks {
     /// Looks at the peaks of a scale: a peak rises by more than noise on both sides. The row's ends are dark.
     #[inline(never)]
     fn search_scale(&mut self, means: &[u16], log2: u32) {
-        self.scale = Scale::of(log2, self.variance);
+        self.scale = Scale::of(log2, self.noise);
         let least = u32::from(self.darkest).saturating_add(self.scale.detected);
         // Of four heights, as the sums below. Less than 2^22, as all differences.
         let rises = numeric::to_i32(self.scale.rises.min(1 << 20) as usize) * 4;

@@ -150,7 +150,6 @@ fn search(
             if let Some(from) = end.checked_sub(peak.pixels().saturating_mul(2 * NEAR + 1))
                 && let Some(near) = light.slice(from..end)
             {
-                peaks.clear();
                 candidates.clear();
                 peaks.search_near(near, from, peak.log2.saturating_sub(FINE_LOG2));
                 peaks.candidates(candidates);
@@ -170,7 +169,7 @@ fn search(
 /// On wider light, blocks of 8 pixels may not show a narrow spot.
 const WIDEST_LOG2: u32 = 5;
 /// Blocks to either side of a candidate in which its parts are searched.
-const NEAR: usize = 7;
+const NEAR: usize = 4;
 /// They are searched in blocks of an eighth.
 const FINE_LOG2: u32 = 3;
 
