@@ -388,7 +388,7 @@ impl Peaks {
         let mut sum = sums.next();
         while let Some(first) = sum {
             if first <= least {
-                sum = sums.find(|&here| here > least);
+                sum = sums.next_above(least);
                 continue;
             }
             let mut top = first;
@@ -799,6 +799,35 @@ impl<'a> Sums<'a> {
             last_two: numeric::add_u32(first, last),
             means,
             last,
+        }
+    }
+
+    /// The next sum above a limit.
+    #[inline(never)]
+    fn next_above(&mut self, limit: u32) -> Option<u32> {
+        loop {
+            // Where no height is above a quarter, no sum is above the limit.
+            let is_dark = |height: u32| height <= limit / 4;
+            if is_dark(self.last) && is_dark(self.last_two.wrapping_sub(self.last)) {
+                let rest = self.means.as_slice();
+                // The highest bit is set by a height above.
+                let bits = |eight: &[u16; 8]| {
+                    let above = |all, &mean| all | (limit / 4).wrapping_sub(u32::from(mean));
+                    eight.iter().fold(0, above)
+                };
+                let eights = rest.as_chunks::<8>().0.iter();
+                let dark = eights.take_while(|eight| bits(eight) >> 31 == 0).count();
+                let dark = dark.saturating_mul(8);
+                if let [.., first, last] = rest.get(..dark).unwrap_or_default() {
+                    self.last = u32::from(*last);
+                    self.last_two = u32::from(*first) + self.last;
+                    self.means = rest.get(dark..).unwrap_or_default().iter();
+                }
+            }
+            let sum = self.next()?;
+            if sum > limit {
+                return Some(sum);
+            }
         }
     }
 }
