@@ -37,7 +37,7 @@ const MOST_SEEN: usize = 256;
 /// The same in blocks: such a row has more than one spot, and its pixels are searched.
 const MOST_SEEN_IN_BLOCKS: usize = 20;
 /// Pixels that may be bad. If a row has more of them, the others stay as they are.
-const MOST_BAD: u32 = 512;
+const MOST_BAD: u32 = 256;
 /// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
 /// thousandth of a spot is left there.
 const REACH: usize = 6;
@@ -806,28 +806,34 @@ impl<'a> Sums<'a> {
     #[inline(never)]
     fn next_above(&mut self, limit: u32) -> Option<u32> {
         loop {
-            // Where no height is above a quarter, no sum is above the limit.
-            let is_dark = |height: u32| height <= limit / 4;
-            if is_dark(self.last) && is_dark(self.last_two.wrapping_sub(self.last)) {
-                let rest = self.means.as_slice();
-                // The highest bit is set by a height above.
-                let bits = |eight: &[u16; 8]| {
-                    let above = |all, &mean| all | (limit / 4).wrapping_sub(u32::from(mean));
-                    eight.iter().fold(0, above)
-                };
-                let eights = rest.as_chunks::<8>().0.iter();
-                let dark = eights.take_while(|eight| bits(eight) >> 31 == 0).count();
-                let dark = dark.saturating_mul(8);
-                if let [.., first, last] = rest.get(..dark).unwrap_or_default() {
-                    self.last = u32::from(*last);
-                    self.last_two = u32::from(*first) + self.last;
-                    self.means = rest.get(dark..).unwrap_or_default().iter();
+            self.skip_dark(limit / 4);
+            for _ in 0..8 {
+                let sum = self.next()?;
+                if sum > limit {
+                    return Some(sum);
                 }
             }
-            let sum = self.next()?;
-            if sum > limit {
-                return Some(sum);
-            }
+        }
+    }
+
+    /// Leaves out heights of which none is above a limit, eight at a time.
+    #[inline(always)]
+    fn skip_dark(&mut self, limit: u32) {
+        if self.last.max(self.last_two.wrapping_sub(self.last)) > limit {
+            return;
+        }
+        // The highest bit is set by a height above.
+        let above = |all, &mean: &u16| all | limit.wrapping_sub(u32::from(mean));
+        let is_dark = |eight: &&[u16; 8]| eight.iter().fold(0, above) >> 31 == 0;
+        let rest = self.means.as_slice();
+        let dark = rest.as_chunks::<8>().0.iter().take_while(is_dark).count();
+        let (dark, rest) = rest
+            .split_at_checked(dark.saturating_mul(8))
+            .unwrap_or_default();
+        if let [.., first, last] = dark {
+            self.last = u32::from(*last);
+            self.last_two = u32::from(*first) + self.last;
+            self.means = rest.iter();
         }
     }
 }

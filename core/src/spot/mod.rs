@@ -119,8 +119,8 @@ const NOTHING: Fault = Fault::NoSpot {
 };
 
 /// Units of the row's work budget for each peak that the search looks at, beyond a few.
-const WORK_OF_PEAK: usize = 12;
-const FEW_PEAKS: usize = 48;
+const WORK_OF_PEAK: usize = 15;
+const FEW_PEAKS: usize = 32;
 /// On a row of fewer pixels all of them are searched.
 const SHORT: usize = 1024;
 
