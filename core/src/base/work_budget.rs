@@ -1,7 +1,7 @@
 //! How much time a row may take on the chip, whatever is on it.
 //!
-//! Each row takes what the search, an estimator and the check take. The rest takes time only on some rows: a
-//! wide spot, a fit, a repair. All these together share one budget. If a repair has too little, the first
+//! Each row takes what the search, an estimator and the check take. The rest takes time only on some rows: many
+//! peaks, a wide spot, a fit, a repair. All these together share one budget. If a repair has too little, the first
 //! centre stays: its shape makes u larger, or it has a flag. If the check of a wide spot has too little, the
 //! row has a flag. If the fit of a cut or saturated spot has too little, or the fit of the estimator
 //! `gauss-newton`, the row has a fault.

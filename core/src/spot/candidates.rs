@@ -7,6 +7,9 @@
 //! above its higher side. So a background that rises along the row takes nothing away from a spot, nor does
 //! light beside or below it, and an edge is no peak.
 //!
+//! One pass over a scale finds its peaks: it climbs to a top until the row has fallen from it by more than
+//! noise ([`RISES`]), then falls to the lowest height until the row has risen from there by as much.
+//!
 //! One light makes a peak at several scales. The most significant one, prominence^2 * 2^k, is the candidate.
 //! It explains the peaks that a spot of its width makes at other scales ([`FINER`], [`COARSER`]). What is
 //! more prominent than that is a candidate of its own: a narrow spot on a lamp, or a lamp under a spot. If
@@ -27,16 +30,16 @@ pub(super) const FRACTION: u32 = 4;
 /// The largest blocks have 2^7 pixels, for widths up to 130 pixels.
 pub(super) const LARGEST_LOG2: u32 = 7;
 /// The most pixels of a part that is searched by itself.
-pub(super) const MOST_NEAR: usize = 512;
+pub(super) const MOST_NEAR: usize = 288;
 /// The most candidates of a row.
 pub(super) const MOST: usize = 16;
 /// The most peaks of all scales together.
 const MOST_PEAKS: usize = 32;
-/// If there are more peaks than this that may be prominent, the row is no row of spots.
+/// If more peaks than this rise by more than noise, the row is no row of spots.
 const MOST_SEEN: usize = 256;
-/// The same in blocks: such a row has more than one spot, and its pixels are searched.
+/// The same in blocks: such a row has more than one light, and its pixels are searched.
 const MOST_SEEN_IN_BLOCKS: usize = 20;
-/// Pixels that may be bad. If a row has more of them, the others stay as they are.
+/// Pairs of pixels that may be bad. If a row has more of them, the others stay as they are.
 const MOST_BAD: u32 = 256;
 /// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
 /// thousandth of a spot is left there.
@@ -175,7 +178,7 @@ pub(super) fn least_height(noise: Counts) -> Counts {
 }
 
 /// A half of a standard deviation has so many bits after the binary point, beyond those of heights.
-const NOISE_FRACTION: u32 = 8;
+const HALF_FRACTION: u32 = 8;
 
 /// A scale, and its limits in 1/16 counts.
 #[derive(Clone, Copy, Default)]
@@ -189,14 +192,15 @@ struct Scale {
 }
 
 impl Scale {
-    /// With so much noise of a pixel: a half of the standard deviation of the smoothed pixels.
-    fn of(log2: u32, noise: u32) -> Self {
-        // In 1/16 of a unit: 2^16 / sqrt(2^k) is below 2^17.
+    /// `half` is a half of a standard deviation of the smoothed pixels, in 2^-[`HALF_FRACTION`] of 1/16 counts.
+    fn of(log2: u32, half: u32) -> Self {
+        // 2^16 / sqrt(2^k): the mean of twice as many pixels has 1/sqrt(2) of the noise.
         const SHARES: [u64; 8] = [65_536, 46_341, 32_768, 23_170, 16_384, 11_585, 8192, 5793];
         let share = SHARES.get(log2 as usize).copied().unwrap_or_default();
-        let noise = numeric::mul_u64(noise.into(), share) >> 16;
+        // Below 2^32 times 2^17, then 2^32 times 2^4.
+        let half = numeric::mul_u64(half.into(), share) >> 16;
         let limit = |halves: u64| {
-            u32::try_from(numeric::mul_u64(noise, halves) >> NOISE_FRACTION).unwrap_or(u32::MAX)
+            u32::try_from(numeric::mul_u64(half, halves) >> HALF_FRACTION).unwrap_or(u32::MAX)
         };
         Self {
             log2,
@@ -211,11 +215,12 @@ impl Scale {
         1u32.wrapping_shl(self.log2)
     }
 
-    /// Height^2 * 2^k. Of two scales that are nearly alike the coarser one has more. Below 2^40.
+    /// Height^2 * 2^k, and 1/64 of it more for each step of k: of two scales that are nearly alike the coarser
+    /// one counts. Below 2^40.
     fn significance(self, height: u32) -> u64 {
         let height = u64::from(numeric::to_u16(height as usize));
         let square = numeric::mul_u64(numeric::mul_u64(height, height), self.pixels().into());
-        numeric::mul_u64(square, u64::from(64 + self.log2)) / 64
+        numeric::mul_u64(square, u64::from(self.log2.wrapping_add(64))) / 64
     }
 }
 
@@ -224,17 +229,18 @@ pub(super) struct Peaks {
     /// The row's level, and the variance of an unlit pixel in 1/256 counts^2.
     level: u16,
     variance: u64,
-    /// A half of the standard deviation of the smoothed pixels.
-    noise: u32,
+    /// A half of the standard deviation of the smoothed pixels, for [`Scale::of`].
+    half: u32,
     /// Where the row is darkest: the level, or less.
     darkest: u16,
+    /// The scale that is searched.
     scale: Scale,
     found: Vec<Peak, MOST_PEAKS>,
-    /// The most significant one first.
+    /// The places in `found`, that of the most significant one first.
     order: Vec<u8, MOST_PEAKS>,
     /// How many peaks were looked at.
     seen: usize,
-    /// More than these are too many: the search ends.
+    /// More than so many are too many: the search ends.
     most: usize,
     are_too_many: bool,
     /// The highest one above the level, prominent or not, and how significant that height is.
@@ -254,11 +260,11 @@ impl Peaks {
         let level = numeric::i32_to_u16(level);
         let noise = u64::from(background.noise.to_bits().unsigned_abs());
         let variance = noise.saturating_mul(noise) >> 8;
-        let half = (significance_of(1, variance << (2 * NOISE_FRACTION))).isqrt();
+        let half = (significance_of(1, variance << (2 * HALF_FRACTION))).isqrt();
         Self {
             level,
             variance,
-            noise: u32::try_from(half).unwrap_or(u32::MAX),
+            half: u32::try_from(half).unwrap_or(u32::MAX),
             darkest: level.saturating_sub(dark_by),
             scale: Scale::default(),
             found: Vec::new(),
@@ -284,8 +290,7 @@ impl Peaks {
         self.most = MOST_SEEN;
     }
 
-    /// Searches the pixels, and larger blocks. A pixel that is higher than both its neighbours by more than any
-    /// spot makes it counts as high as a spot would, and one that is much lower as high as they are.
+    /// Searches the pixels, and larger blocks.
     #[inline(never)]
     pub(super) fn search_pixels(&mut self, light: Light<'_>) {
         self.search_part(&mut [0; MAX_PIXELS], light, 0..=LARGEST_LOG2);
@@ -313,34 +318,42 @@ impl Peaks {
         self.search(means, number, scales);
     }
 
-    /// Mends bad pixels, which stand out of both their neighbours by more than any spot does.
+    /// Mends bad pixels. One that is higher than both its neighbours by more than any spot makes it counts as
+    /// high as a spot would, and one that is much lower as high as they are. It also differs from the other
+    /// pixel of its pair, so only pairs that differ are looked at.
     fn mend(&self, heights: &mut [u16]) {
         let noise = self.variance.isqrt();
         let slack = u32::try_from(noise.saturating_mul(8)).unwrap_or(u32::MAX);
-        // Limited, so that all fits 31 bits.
-        let bent = slack.min(1 << 20) * 2;
-        let level = u32::from(self.level);
+        // Heights are below 2^16.
+        let most_step = slack.min(1 << 16);
         let heights = Cell::from_mut(heights).as_slice_of_cells();
         let height = |cell: &Cell<u16>| u32::from(cell.get());
-        let mend = |left: u32, here: &Cell<u16>, right: u32| {
-            let mended = self.without_bad(left, height(here), right, slack);
-            here.set(numeric::to_u16(mended as usize));
+        let beside = |pixel: Option<usize>| {
+            let cell = pixel.and_then(|pixel| heights.get(pixel));
+            cell.map_or(self.level.into(), height)
         };
-        if let ([first, second, ..], [.., before, last]) = (heights, heights) {
-            mend(level, first, height(second));
-            mend(height(before), last, level);
-        }
+        let mended = |left: u32, here: u32, right: u32| {
+            let mended = self.without_bad(left, here, right, slack);
+            numeric::to_u16(mended as usize)
+        };
         let mut most = MOST_BAD;
-        for [left, here, right] in heights.array_windows() {
-            // Between -2^17 and 2^17.
-            let bend = (height(here) * 2).wrapping_sub(height(left) + height(right));
-            if bend.wrapping_add(bent) > bent * 2 {
-                mend(height(left), here, height(right));
+        let (pairs, last) = heights.as_chunks::<2>();
+        for (pair, [one, other]) in pairs.iter().enumerate() {
+            let step = height(one).wrapping_sub(height(other));
+            if step.wrapping_add(most_step) > 2 * most_step {
+                let (first, second) = (height(one), height(other));
+                let pixel = pair.saturating_mul(2);
+                one.set(mended(beside(pixel.checked_sub(1)), first, second));
+                other.set(mended(first, second, beside(pixel.checked_add(2))));
                 most = most.saturating_sub(1);
                 if most == 0 {
                     return;
                 }
             }
+        }
+        for last in last {
+            let left = beside(heights.len().checked_sub(2));
+            last.set(mended(left, height(last), self.level.into()));
         }
     }
 
@@ -348,6 +361,9 @@ impl Peaks {
     /// least 0.2 of its height.
     #[inline(never)]
     fn without_bad(&self, left: u32, here: u32, right: u32, slack: u32) -> u32 {
+        if (left.min(right)..=left.max(right)).contains(&here) {
+            return here;
+        }
         let above = |height: u32| height.saturating_sub(self.level.into());
         let five = |height: u32| above(height).saturating_mul(5).saturating_add(slack);
         let most = five(left.max(right)).saturating_add(self.level.into());
@@ -375,14 +391,15 @@ impl Peaks {
         }
     }
 
-    /// Looks at the peaks of a scale: a peak rises by more than noise on both sides. The row's ends are dark.
+    /// Looks at the peaks of a scale. The row's ends are dark.
     #[inline(never)]
     fn search_scale(&mut self, means: &[u16], log2: u32) {
-        self.scale = Scale::of(log2, self.noise);
-        let least = u32::from(self.darkest).saturating_add(self.scale.detected);
-        // Of four heights, as the sums below. Less than 2^22, as all differences.
-        let rises = numeric::to_i32(self.scale.rises.min(1 << 20) as usize) * 4;
-        let least = least.saturating_mul(4);
+        self.scale = Scale::of(log2, self.half);
+        // Four times a height, as the sums. Limited, so that differences are below 2^22.
+        let rises = self.scale.rises.min(1 << 20) * 4;
+        let least = u32::from(self.darkest)
+            .saturating_add(self.scale.detected)
+            .saturating_mul(4);
         let mut sums = Sums::of(means);
         let number = sums.means.len();
         let mut sum = sums.next();
@@ -391,49 +408,16 @@ impl Peaks {
                 sum = sums.next_above(least);
                 continue;
             }
-            let mut top = first;
-            // Up to where it has fallen from the top.
-            let mut behind;
-            sum = 'climb: loop {
-                let mut next = sums.next();
-                while let Some(here) = next
-                    && here >= top
-                {
-                    top = here;
-                    next = sums.next();
-                }
-                behind = numeric::add_usize(sums.means.len(), next.is_some().into());
-                loop {
-                    let Some(here) = next else {
-                        break 'climb None;
-                    };
-                    if here >= top {
-                        top = here;
-                        continue 'climb;
-                    }
-                    if top.wrapping_sub(here).cast_signed() > rises {
-                        break 'climb next;
-                    }
-                    next = sums.next();
-                }
-            };
-            // The first height is that of block 1.
-            self.see(means, number.saturating_sub(behind), top / 4);
-            // Up to where it has risen from the lowest.
-            let Some(mut lowest) = sum else { return };
-            sum = loop {
-                let Some(here) = sums.next() else { return };
-                let rise = here.wrapping_sub(lowest).cast_signed();
-                if rise > rises {
-                    break Some(here);
-                }
-                if rise < 0 {
-                    lowest = here;
-                }
-            };
+            let (top, behind, next) = sums.climb(first, rises);
+            // A peak falls within three blocks, or ends with the row. The first sum is that of block 1.
+            if next.is_none() || behind.saturating_sub(sums.means.len()) <= 3 {
+                self.see(means, number.saturating_sub(behind), top / 4);
+            }
+            sum = next.and_then(|next| sums.fall(next, rises));
         }
     }
 
+    /// Looks at a peak of the scale: keeps it if it is prominent, or the highest.
     #[inline(never)]
     fn see(&mut self, means: &[u16], block: usize, top: u32) {
         let scale = self.scale;
@@ -799,6 +783,48 @@ impl<'a> Sums<'a> {
             last_two: numeric::add_u32(first, last),
             means,
             last,
+        }
+    }
+
+    /// Climbs from a sum until one is lower than the top by more than `rises`. Returns the top, how many sums are
+    /// behind it, and that lower sum; `None` if the row ends.
+    #[inline(always)]
+    fn climb(&mut self, mut top: u32, rises: u32) -> (u32, usize, Option<u32>) {
+        loop {
+            let mut next = self.next();
+            while let Some(here) = next
+                && here >= top
+            {
+                top = here;
+                next = self.next();
+            }
+            let behind = numeric::add_usize(self.means.len(), next.is_some().into());
+            loop {
+                match next {
+                    Some(here) if here >= top => {
+                        top = here;
+                        break;
+                    }
+                    Some(here) if top.wrapping_sub(here) <= rises => next = self.next(),
+                    end => return (top, behind, end),
+                }
+            }
+        }
+    }
+
+    /// Falls from a sum until one is higher than the lowest by more than `rises`. Returns that one; `None` if the
+    /// row ends.
+    #[inline(always)]
+    fn fall(&mut self, mut lowest: u32, rises: u32) -> Option<u32> {
+        loop {
+            let here = self.next()?;
+            let rise = here.wrapping_sub(lowest).cast_signed();
+            if rise > rises.cast_signed() {
+                return Some(here);
+            }
+            if rise < 0 {
+                lowest = here;
+            }
         }
     }
 

@@ -75,7 +75,8 @@ impl Spot {
     }
 }
 
-/// Finds the spot. Returns it with the row's work budget, of which the search takes nothing.
+/// Finds the spot. Returns it with the row's work budget, of which the search takes units only if it looks at
+/// many peaks.
 ///
 /// # Errors
 /// [`Fault::NoSpot`] if nothing stands out, or the row is shorter than [`MIN_PIXELS`]. [`Fault::TwoSpots`] if
@@ -118,9 +119,12 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
-/// Units of the row's work budget for each peak that the search looks at, beyond a few.
+/// Units of the row's work budget for each peak that the search looks at: it takes 600 of the chip's instructions,
+/// and a unit is 40.
 const WORK_OF_PEAK: usize = 15;
+/// So many are free.
 const FEW_PEAKS: usize = 32;
+
 /// On a row of fewer pixels all of them are searched.
 const SHORT: usize = 1024;
 
@@ -153,7 +157,7 @@ fn search(
                 candidates.clear();
                 peaks.search_near(near, from, peak.log2.saturating_sub(FINE_LOG2));
                 peaks.candidates(candidates);
-                return Some(peaks.highest());
+                return (!peaks.are_too_many()).then(|| peaks.highest());
             }
         }
     }
@@ -161,14 +165,15 @@ fn search(
     candidates.clear();
     peaks.search_pixels(light);
     peaks.candidates(candidates);
-    let many = peaks.seen().saturating_sub(FEW_PEAKS);
-    budget.use_up_to(many.saturating_mul(WORK_OF_PEAK));
+    let paid = peaks.seen().saturating_sub(FEW_PEAKS);
+    budget.use_up_to(paid.saturating_mul(WORK_OF_PEAK));
     (!peaks.are_too_many()).then(|| peaks.highest())
 }
 
 /// On wider light, blocks of 8 pixels may not show a narrow spot.
 const WIDEST_LOG2: u32 = 5;
-/// Blocks to either side of a candidate in which its parts are searched.
+/// Blocks to either side of a candidate in which its parts are searched: [`Candidate::is_part_of`] takes those
+/// within three, and their sides are within one more.
 const NEAR: usize = 4;
 /// They are searched in blocks of an eighth.
 const FINE_LOG2: u32 = 3;
