@@ -397,8 +397,8 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
             let claim = here.uncertainty.to_f64();
             let blocks = [one.0.block_log2, two.0.block_log2];
             if drawn.is_clean() {
-                // The search has heights in 1/16 counts: of two scales that are nearly alike it may take the one
-                // or the other.
+                // The search has heights in 1/16 counts: of two scales that are nearly alike it may take the
+                // one or the other.
                 let is_alike = blocks[0] == blocks[1];
                 let of = if is_alike { &parts } else { &others };
                 of.add(estimator, off / claim);

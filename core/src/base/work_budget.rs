@@ -1,10 +1,10 @@
 //! How much time a row may take on the chip, whatever is on it.
 //!
-//! Each row takes what the search, an estimator and the check take. The rest takes time only on some rows: many
-//! peaks, a wide spot, a fit, a repair. All these together share one budget. If a repair has too little, the first
-//! centre stays: its shape makes u larger, or it has a flag. If the check of a wide spot has too little, the
-//! row has a flag. If the fit of a cut or saturated spot has too little, or the fit of the estimator
-//! `gauss-newton`, the row has a fault.
+//! Each row takes what the search, an estimator and the check take. The rest takes time only on some rows:
+//! many peaks, a wide spot, a fit, a repair. All these together share one budget. If a repair has too little,
+//! the first centre stays: its shape makes u larger, or it has a flag. If the check of a wide spot has too
+//! little, the row has a flag. If the fit of a cut or saturated spot has too little, or the fit of the
+//! estimator `gauss-newton`, the row has a fault.
 
 /// What a row may still take beyond a plain one. One unit is what a pass of the repair takes for a sample: 40
 /// of the chip's instructions.

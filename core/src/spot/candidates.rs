@@ -41,8 +41,8 @@ const MOST_SEEN: usize = 256;
 const MOST_SEEN_IN_BLOCKS: usize = 20;
 /// Pairs of pixels that may be bad. If a row has more of them, the others stay as they are.
 const MOST_BAD: u32 = 256;
-/// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than a
-/// thousandth of a spot is left there.
+/// Blocks to either side of a peak in which its sides are searched. A width is at most 1.6 blocks: less than
+/// a thousandth of a spot is left there.
 const REACH: usize = 6;
 /// The least prominence, in halves of a standard deviation of the smoothed noise. Noise gets there in one row
 /// of 5000 (3648 pixels, all scales).
@@ -57,11 +57,11 @@ const RISES: u32 = 5;
 const DETECTED: u32 = 9;
 
 /// The prominence at a scale that is so many steps finer, over that at the spot's own scale, in 1/64. For a
-/// width of 0.42 blocks, less than any of a scale: the kernel leaves w / sqrt(w^2 + 0.58 * 4^-n) of the height,
-/// and 1 - exp(-(6 * 2^-n)^2 / 2 (w^2 + 0.58 * 4^-n)) of that is above the sides.
+/// width of 0.42 blocks, less than any of a scale: the kernel leaves w / sqrt(w^2 + 0.58 * 4^-n) of the
+/// height, and 1 - exp(-(6 * 2^-n)^2 / 2 (w^2 + 0.58 * 4^-n)) of that is above the sides.
 const FINER: [u32; 8] = [64, 98, 120, 101, 43, 12, 3, 1];
-/// The same for a width of 0.75 blocks. At the next finer scale, light of at least that width has at most 1.27
-/// times the prominence.
+/// The same for a width of 0.75 blocks. At the next finer scale, light of at least that width has at most
+/// 1.27 times the prominence.
 const FINER_OF_BROAD: [u32; 8] = [64, 81, 75, 35, 11, 3, 1, 1];
 /// The same at a scale that is coarser. For a width of 1.6 blocks, the most of a scale.
 const COARSER: [u32; 8] = [64, 51, 33, 18, 9, 5, 2, 1];
@@ -192,7 +192,8 @@ struct Scale {
 }
 
 impl Scale {
-    /// `half` is a half of a standard deviation of the smoothed pixels, in 2^-[`HALF_FRACTION`] of 1/16 counts.
+    /// `half` is a half of a standard deviation of the smoothed pixels, in 2^-[`HALF_FRACTION`] of 1/16
+    /// counts.
     fn of(log2: u32, half: u32) -> Self {
         // 2^16 / sqrt(2^k): the mean of twice as many pixels has 1/sqrt(2) of the noise.
         const SHARES: [u64; 8] = [65_536, 46_341, 32_768, 23_170, 16_384, 11_585, 8192, 5793];
@@ -215,8 +216,8 @@ impl Scale {
         1u32.wrapping_shl(self.log2)
     }
 
-    /// Height^2 * 2^k, and 1/64 of it more for each step of k: of two scales that are nearly alike the coarser
-    /// one counts. Below 2^40.
+    /// Height^2 * 2^k, and 1/64 of it more for each step of k: of two scales that are nearly alike the
+    /// coarser one counts. Below 2^40.
     fn significance(self, height: u32) -> u64 {
         let height = u64::from(numeric::to_u16(height as usize));
         let square = numeric::mul_u64(numeric::mul_u64(height, height), self.pixels().into());
@@ -296,8 +297,8 @@ impl Peaks {
         self.search_part(&mut [0; MAX_PIXELS], light, 0..=LARGEST_LOG2);
     }
 
-    /// Searches a part of the row, beside what was found in its blocks: in blocks of 2^`log2` pixels and more, but
-    /// of less than 8.
+    /// Searches a part of the row, beside what was found in its blocks: in blocks of 2^`log2` pixels and
+    /// more, but of less than 8.
     #[inline(never)]
     pub(super) fn search_near(&mut self, light: Light<'_>, first: usize, log2: u32) {
         (self.first, self.is_whole) = (first, false);
@@ -357,8 +358,8 @@ impl Peaks {
         }
     }
 
-    /// A pixel that is not bad stays. The narrowest spot has a width of 0.5 pixels, and its neighbours have at
-    /// least 0.2 of its height.
+    /// A pixel that is not bad stays. The narrowest spot has a width of 0.5 pixels, and its neighbours have
+    /// at least 0.2 of its height.
     #[inline(never)]
     fn without_bad(&self, left: u32, here: u32, right: u32, slack: u32) -> u32 {
         if (left.min(right)..=left.max(right)).contains(&here) {
@@ -714,7 +715,8 @@ fn is_cut(top: u32, cut: &Side, other: &Side, beside: Option<u32>) -> bool {
 /// A side of a peak.
 #[derive(Clone, Copy)]
 struct Side {
-    /// The lowest height on the way from the peak, up to [`REACH`] blocks or to where the row is higher than it.
+    /// The lowest height on the way from the peak, up to [`REACH`] blocks or to where the row is higher than
+    /// it.
     lowest: u32,
     /// The row ends within three blocks.
     ends: bool,
@@ -786,8 +788,8 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// Climbs from a sum until one is lower than the top by more than `rises`. Returns the top, how many sums are
-    /// behind it, and that lower sum; `None` if the row ends.
+    /// Climbs from a sum until one is lower than the top by more than `rises`. Returns the top, how many sums
+    /// are behind it, and that lower sum; `None` if the row ends.
     #[inline(always)]
     fn climb(&mut self, mut top: u32, rises: u32) -> (u32, usize, Option<u32>) {
         loop {
@@ -812,8 +814,8 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// Falls from a sum until one is higher than the lowest by more than `rises`. Returns that one; `None` if the
-    /// row ends.
+    /// Falls from a sum until one is higher than the lowest by more than `rises`. Returns that one; `None` if
+    /// the row ends.
     #[inline(always)]
     fn fall(&mut self, mut lowest: u32, rises: u32) -> Option<u32> {
         loop {

@@ -34,8 +34,8 @@ const LEAST_SHARE: u32 = 10;
 
 impl SpotChoice {
     /// The part of `whole` in which the chosen spot is the strongest, and no other has a third of its height.
-    /// `whole` is a part of the light range, in words, and `row` its row. All of it if the spots are too close
-    /// to be parted. `None` if no spot is found.
+    /// `whole` is a part of the light range, in words, and `row` its row. All of it if the spots are too
+    /// close to be parted. `None` if no spot is found.
     pub(crate) fn part_with_spot(
         self,
         row: &Row<'_>,

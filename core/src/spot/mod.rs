@@ -3,8 +3,8 @@
 //! First the search takes the level and the noise of the row's own background. Both are medians over blocks
 //! of pixels, so a spot that fills less than half of the row does not change them. Then it lists the lights
 //! that stand out of what is beside them (`candidates`): first in blocks of 8 pixels and more, and in the
-//! pixels near what it found. Only where these leave a doubt, it searches all pixels. The highest candidate is
-//! the spot; another one nearly as high is a fault.
+//! pixels near what it found. Only where these leave a doubt, it searches all pixels. The highest candidate
+//! is the spot; another one nearly as high is a fault.
 //!
 //! The row before tells the next row's place and width. [`find_again`] searches the peak of the kernel's
 //! responses near that place. On the rest of the row it only tests whether any response is similar to the
@@ -119,8 +119,8 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
-/// Units of the row's work budget for each peak that the search looks at: it takes 600 of the chip's instructions,
-/// and a unit is 40.
+/// Units of the row's work budget for each peak that the search looks at: it takes 600 of the chip's
+/// instructions, and a unit is 40.
 const WORK_OF_PEAK: usize = 15;
 /// So many are free.
 const FEW_PEAKS: usize = 32;
@@ -128,8 +128,8 @@ const FEW_PEAKS: usize = 32;
 /// On a row of fewer pixels all of them are searched.
 const SHORT: usize = 1024;
 
-/// Lists the candidates. Returns the highest peak above the level. `None` if there is more light than a row of
-/// spots has.
+/// Lists the candidates. Returns the highest peak above the level. `None` if there is more light than a row
+/// of spots has.
 #[inline(never)]
 fn search(
     light: Light<'_>,
@@ -172,8 +172,8 @@ fn search(
 
 /// On wider light, blocks of 8 pixels may not show a narrow spot.
 const WIDEST_LOG2: u32 = 5;
-/// Blocks to either side of a candidate in which its parts are searched: [`Candidate::is_part_of`] takes those
-/// within three, and their sides are within one more.
+/// Blocks to either side of a candidate in which its parts are searched: [`Candidate::is_part_of`] takes
+/// those within three, and their sides are within one more.
 const NEAR: usize = 4;
 /// They are searched in blocks of an eighth.
 const FINE_LOG2: u32 = 3;
