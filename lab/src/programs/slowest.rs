@@ -34,46 +34,6 @@ pub struct Options {
 pub fn main(options: &Options) -> anyhow::Result<()> {
     let chip = Chip::power_on()?;
     let mut chips = Chips::like(&chip);
-    if std::env::var("TMP_CLEAN").is_ok() {
-        use slowest_on_chip::description::{Description, Kind, SHAPES, Shape};
-        for (width, height) in [(8.0, 1500), (2.0, 1500), (30.0, 1500)] {
-            let mut shapes = [Shape::default(); SHAPES];
-            shapes[0] = Shape {
-                kind: Kind::Spot,
-                rows: 3,
-                place: 1800 * 16 + 5,
-                width: (width * 256.0) as u16,
-                height,
-                more: 0,
-            };
-            let description = Description {
-                black: 100,
-                noise: 600,
-                seed: 7,
-                shapes,
-            };
-            let question = Question {
-                description,
-                estimator: Estimator::Adaptive,
-                follows: false,
-            };
-            let parts = slowest::attribution(chip.program(), &chip.trace(&question)?)?;
-            let all: u64 = parts.iter().map(|it| it.1).sum();
-            println!("clean {width}: {all}");
-            for (name, count) in parts.iter().take(16) {
-                println!("   {count:>8} {name}");
-            }
-        }
-    }
-    for slow in slowest::known().filter(|it| {
-        std::env::var("TMP_CLEAN").is_ok() && it.question.estimator == Estimator::Adaptive
-    }) {
-        let parts = slowest::attribution(chip.program(), &chip.trace(&slow.question)?)?;
-        println!("slow: {}", parts.iter().map(|it| it.1).sum::<u64>());
-        for (name, count) in parts.iter().take(22) {
-            println!("   {count:>8} {name}");
-        }
-    }
     let mut search = Search::new(options.seed);
     if !options.fresh {
         let known: Vec<Question> = slowest::known().map(|slow| slow.question).collect();
