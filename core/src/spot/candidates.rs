@@ -261,7 +261,7 @@ impl Peaks {
         let level = numeric::i32_to_u16(level);
         let noise = u64::from(background.noise.to_bits().unsigned_abs());
         let variance = noise.saturating_mul(noise) >> 8;
-        let half = (significance_of(1, variance << (2 * HALF_FRACTION))).isqrt();
+        let half = significance_of(1, variance.saturating_mul(1 << (2 * HALF_FRACTION))).isqrt();
         Self {
             level,
             variance,

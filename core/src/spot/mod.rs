@@ -379,7 +379,9 @@ fn light_above(light: Light<'_>, level: u16, pixels: Range<usize>) -> i64 {
         .slice(pixels.start..pixels.end.min(light.len()))
         .unwrap_or_default();
     let level = i64::from(level).saturating_mul(numeric::to_i32(part.len()).into());
-    (i64::from(part.sum()) << candidates::FRACTION).saturating_sub(level)
+    i64::from(part.sum())
+        .saturating_mul(1 << candidates::FRACTION)
+        .saturating_sub(level)
 }
 
 /// Makes a spot of a peak. Where the row beside it lies elsewhere than the level, that is its background.
@@ -450,7 +452,9 @@ fn nearer_to_the_end(peak: &Peak, light: Light<'_>) -> Option<(usize, u32)> {
 
 /// A height of a candidate in counts.
 fn in_counts(height: u16) -> Counts {
-    Counts::from_bits(i32::from(height) << (Counts::FRACTION - candidates::FRACTION))
+    Counts::from_bits(
+        i32::from(height).saturating_mul(1 << (Counts::FRACTION - candidates::FRACTION)),
+    )
 }
 
 /// Pixels to either side of a spot in which its noise is measured.
