@@ -2,8 +2,9 @@
 //!
 //! The sensor integrates light all the time. A pulse on SH moves the gathered light into its shift register,
 //! so the time from one pulse to the next is the exposure to all light but the laser's, which is on for a
-//! part of that time. The register takes the light only while ICG is low, so ICG is low around the pulse on
-//! SH. When ICG rises, the register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
+//! part of that time. The register takes the light only while ICG is low. So the driver pulls ICG low before
+//! the pulse on SH, and up after it. When ICG rises, the register puts out a pixel every four periods of fM,
+//! 3694 of them. fM never stops.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
 //! from there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a

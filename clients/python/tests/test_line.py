@@ -111,6 +111,7 @@ def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
 
 
 def test_a_sensor_that_misses_format_text_is_asked_again() -> None:
+    # A byte of the command is lost on its way. Until the sensor hears all of it, its answers come in packets.
     sensor = Played({**SETTINGS, "format": "binary"})
 
     def special(command: str) -> list[str] | None:
