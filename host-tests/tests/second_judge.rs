@@ -108,7 +108,7 @@ fn confident_errors_are_rare() {
         let (of, numbers) = (tally.count, &tally.numbers);
         println!("{name}: {numbers:?} of {of} are errors, over claims {ratio:.2}");
         if tally.share(tally.errors) > OF_A_KIND {
-            wrong.push(kind.name);
+            wrong.push(name);
         }
         errors += tally.errors;
         frames += tally.count;
