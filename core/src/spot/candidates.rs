@@ -47,9 +47,12 @@ const REACH: usize = 6;
 /// The least prominence, in halves of a standard deviation of the smoothed noise. Noise gets there in one row
 /// of 5000 (3648 pixels, all scales).
 const PROMINENT: u32 = 11;
-/// Sides that are so near to the row's level, in halves of a standard deviation, lie at this level: what is
-/// left is noise.
-const LEVEL: u32 = 8;
+/// A side's lowest height lies at the row's level if it is at most so far below it, in halves of a standard
+/// deviation: what is left is noise.
+const BELOW_LEVEL: u32 = 8;
+/// The same above the level. Noise takes the lowest of six heights a standard deviation down, so a height
+/// above is light that is beside the peak, or a wide light that the peak is a part of.
+const ABOVE_LEVEL: u32 = 2;
 /// A peak rises by more than this within three blocks on both sides, in halves of a standard deviation.
 const RISES: u32 = 5;
 /// The least height above the level of a peak that is the only one, in halves of a standard deviation. Noise
@@ -184,8 +187,9 @@ const HALF_FRACTION: u32 = 8;
 #[derive(Clone, Copy, Default)]
 struct Scale {
     log2: u32,
-    /// After [`LEVEL`], [`RISES`], [`DETECTED`] and [`PROMINENT`].
-    near_level: u32,
+    /// After [`BELOW_LEVEL`], [`ABOVE_LEVEL`], [`RISES`], [`DETECTED`] and [`PROMINENT`].
+    below_level: u32,
+    above_level: u32,
     rises: u32,
     detected: u32,
     prominent: u32,
@@ -205,7 +209,8 @@ impl Scale {
         };
         Self {
             log2,
-            near_level: limit(LEVEL.into()),
+            below_level: limit(BELOW_LEVEL.into()),
+            above_level: limit(ABOVE_LEVEL.into()),
             rises: limit(RISES.into()),
             detected: limit(DETECTED.into()),
             prominent: limit(PROMINENT.into()),
@@ -437,7 +442,9 @@ impl Peaks {
         self.are_too_many = self.seen > self.most;
         let level = u32::from(self.level);
         let foot = |side: &Side| {
-            let is_level = side.lowest.abs_diff(level) <= scale.near_level;
+            let lowest = level.saturating_sub(scale.below_level);
+            let highest = level.saturating_add(scale.above_level);
+            let is_level = (lowest..=highest).contains(&side.lowest);
             if is_level { level } else { side.lowest }
         };
         let (mut left_foot, mut right_foot) = (foot(&left), foot(&right));
