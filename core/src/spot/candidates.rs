@@ -66,9 +66,9 @@ const FINER: [u32; 8] = [64, 98, 120, 101, 43, 12, 3, 1];
 /// The same for a width of 0.75 blocks. At the next finer scale, light of at least that width has at most
 /// 1.27 times the prominence.
 const FINER_OF_BROAD: [u32; 8] = [64, 81, 75, 35, 11, 3, 1, 1];
-/// The same for light that is too wide for a spot, at each scale: with [`UNEXPLAINED`] what [`Peaks::is_wide`]
-/// says.
-const AT_SCALE_OF_WIDE: [u32; 8] = [1, 1, 1, 2, 7, 26, 51, 64];
+/// The same for light that is too wide for a spot, at each scale: 1 - exp(-(6 * 2^k / 170)^2 / 2), for the
+/// narrowest one of 170 pixels.
+const AT_SCALE_OF_WIDE: [u32; 8] = [1, 1, 1, 3, 9, 30, 59, 64];
 /// The same at a scale that is coarser. For a width of 1.6 blocks, the most of a scale.
 const COARSER: [u32; 8] = [64, 51, 33, 18, 9, 5, 2, 1];
 /// A peak is another light if its prominence is so many 1/64 of what the others explain.
