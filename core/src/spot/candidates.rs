@@ -640,6 +640,16 @@ impl Candidate {
         self.finer.map_or(self.peak.middle, |finer| finer.middle)
     }
 
+    /// Its peak. Of a spot of two pixels the highest one tells best where it is.
+    pub(super) fn sharpest(&self) -> Peak {
+        let pixel = self.finer.filter(|_| self.peak.log2 == 1);
+        let middle = pixel.map_or(self.peak.middle, |pixel| pixel.middle);
+        Peak {
+            middle,
+            ..self.peak
+        }
+    }
+
     /// A candidate beside those that were found before.
     fn of(peak: Peak, others: &Candidates) -> Self {
         // What stands on wider light is measured from there. Wider light has the others' in it.

@@ -106,7 +106,7 @@ pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16]) -> Result<(Spot, WorkBudget
     let highest = search(light, blocks, peaks, &mut candidates, &mut budget).ok_or(NOTHING)?;
     let candidate = choose(&candidates, light)?;
     // Noise may be as high: the estimator tells.
-    match candidate.map(|it| it.peak).or(highest) {
+    match candidate.map(|it| it.sharpest()).or(highest) {
         Some(peak) => Ok((spot_of(&peak, light, background), budget)),
         None => Err(Fault::NoSpot {
             amplitude: candidates::least_height(background.noise),
