@@ -9,7 +9,7 @@ use core::ops::Range;
 use crate::base::{Counts, Exposure, ExposureMode, Fault, Pixels, WorkBudget, numeric};
 use crate::centre::{self, Estimate, Estimator, RowCentre, estimate, estimate_robustly};
 use crate::check::own_spot::Profile;
-use crate::check::{self, judge, repair};
+use crate::check::{self, judge, other_spot, repair};
 use crate::frame::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::frame::{Frame, FrameCentre, Mean};
 use crate::light::ambient::{AmbientMean, AmbientMode};
@@ -21,7 +21,7 @@ use crate::row::pixels::map::{self, Correction, PixelMap};
 use crate::row::{BLOCK, BLOCK_LOG2, Background, Blocks, Geometry, Row};
 use crate::spot::choice::SpotChoice;
 use crate::spot::region::Region;
-use crate::spot::{self, Spot};
+use crate::spot::{self, Coarse, Spot};
 
 /// How rows are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,9 +79,10 @@ pub struct Measurement {
     /// Whether the option `peak` has chosen a spot in the frame under way.
     is_chosen: bool,
     profile: Option<Profile>,
-    /// The blocks of the row under way. They have their place here because clearing room for them would take
-    /// time in each row.
+    /// The blocks of the row under way, and what follows from them. They have their place here because
+    /// clearing room for them would take time in each row.
     blocks: Blocks,
+    coarse: Coarse,
     frame: Frame,
     black: BlackPixels,
     comb: CombMeasurement,
@@ -115,6 +116,7 @@ impl Measurement {
             is_chosen: false,
             profile: None,
             blocks: Blocks::NONE,
+            coarse: Coarse::new(),
             frame: Frame::default(),
             black: BlackPixels::default(),
             comb: CombMeasurement::new(Comb::nominal()),
@@ -294,8 +296,9 @@ impl Measurement {
     #[cold]
     #[inline(never)]
     fn choose_spot(&mut self, words: &[u16]) {
-        let row = self.geometry.part_of_valid(words, &self.part);
-        let part = row.and_then(|row| self.options.peak.part_with_spot(&row, &self.part));
+        let (blocks, coarse) = (&mut self.blocks, &mut self.coarse);
+        let part =
+            (self.options.peak).part_with_spot(words, &self.geometry, &self.part, blocks, coarse);
         self.is_chosen = part.is_some();
         if let Some(part) = part {
             self.part = part;
@@ -319,16 +322,19 @@ impl Measurement {
             self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
-        let blocks = row.blocks();
-        let found = match &before {
-            Some((spot, centre)) => spot::find_again_in(&row, blocks, spot, centre.width),
-            None => spot::find_in(&row, blocks),
+        let (blocks, coarse) = (row.blocks(), &mut self.coarse);
+        let mut budget = WorkBudget::of_row();
+        let spot = match &before {
+            Some((spot, centre)) => {
+                spot::find_again_in(&row, blocks, coarse, spot, centre.width, &mut budget)
+            }
+            None => spot::find_in(&row, blocks, coarse, &mut budget),
         };
         let how = self.options.black_level;
         let mut black = BlackPixels::default();
-        black.add(how, &row, found.ok().map(|(spot, _)| spot.background));
+        black.add(how, &row, spot.ok().map(|spot| spot.background));
         self.black.merge(black);
-        let (found, budget) = found?;
+        let found = spot?;
         let spot = Spot {
             // A sensor without shielded pixels has only the background's level.
             black_level: black.level(how).unwrap_or(found.background.level),
@@ -344,9 +350,13 @@ impl Measurement {
                 let window = window.start.saturating_add(first)..window.end.saturating_add(first);
                 self.correct(words, map, window, black);
                 let background = self.background_with(map, spot.background);
+                let row = match before {
+                    Some(_) => geometry.part_of_valid(words, part),
+                    // The search for other spots takes the blocks.
+                    None => (geometry.part_and_blocks(words, part, &mut self.blocks)).ok(),
+                };
                 let spot = Spot { background, ..spot };
                 // The words were a row before the correction.
-                let row = geometry.part_of_valid(words, part);
                 (row.ok_or(Fault::SensorSilent)?, spot)
             }
         };
@@ -553,16 +563,17 @@ impl Measurement {
     }
 }
 
-/// Finds the centre of a spot.
+/// Finds the centre of a spot that stands alone on its row.
 ///
 /// If the row fails the check about the estimate, the repair masks samples and fits the rest. Its centre
 /// replaces the first one if the row, without those samples, passes the check about it. Otherwise the first
 /// one stays, because in speckle the robust fit is worse than a plain one.
 ///
-/// `before` is the centre in the row before of the same frame.
+/// `before` is the centre in the row before of the same frame. Without one, all of the row is searched for
+/// another spot.
 ///
 /// # Errors
-/// Those of [`estimate`].
+/// Those of [`estimate`]; [`Fault::TwoSpots`] if there is another spot.
 #[inline(always)]
 pub fn centre_of_spot(
     estimator: Estimator,
@@ -583,8 +594,9 @@ pub fn centre_of_spot(
             estimator, row, spot, before, geometry, profile, found, budget,
         );
     }
+    let is_alone = before.is_some() || other_spot::check(row, spot, &found, *budget)?;
     Ok(RowCentre {
-        misfit: found.misfit || check::may_be_bad_pixels(&found),
+        misfit: found.misfit || !is_alone || check::may_be_bad_pixels(&found),
         ..found
     })
 }

@@ -2,7 +2,6 @@
 
 mod accuracy;
 mod ambient;
-mod beside;
 mod calibration;
 mod check;
 mod comb;

@@ -106,11 +106,9 @@ fn confident_errors_are_rare() {
         let tally = judge_frames(kind, 1000);
         let (name, ratio) = (kind.name, tally.error_over_claim());
         let (of, numbers) = (tally.count, &tally.numbers);
-        print!("{name}: {numbers:?} of {of} are errors, over claims {ratio:.2}; ");
-        let [flagged, good] = [tally.flagged, tally.flagged_good].map(|it| 100.0 * tally.share(it));
-        println!("{flagged:.1} % flagged, {good:.1} % though good");
+        println!("{name}: {numbers:?} of {of} are errors, over claims {ratio:.2}");
         if tally.share(tally.errors) > OF_A_KIND {
-            wrong.push(name);
+            wrong.push(kind.name);
         }
         errors += tally.errors;
         frames += tally.count;

@@ -224,7 +224,7 @@ mod tests {
                 Step::Convert,
             ),
             (
-                &["slitrange::spot::search", "slitrange::row::x"],
+                &["slitrange::spot::sweep::sweep", "slitrange::row::x"],
                 Step::Search,
             ),
             (
