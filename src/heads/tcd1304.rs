@@ -1,10 +1,10 @@
 //! Driver of the sensor Toshiba TCD1304DG behind a converter ADC122S101.
 //!
-//! The sensor integrates light all the time. A pulse on SH moves the gathered light into its shift register,
-//! so the time from one pulse to the next is the exposure to all light but the laser's, which is on for a
-//! part of that time. The register takes the light only while ICG is low. So the driver pulls ICG low before
-//! the pulse on SH, and up after it. When ICG rises, the register puts out a pixel every four periods of fM,
-//! 3694 of them. fM never stops.
+//! The sensor gathers light all the time. A pulse on SH moves this light into the shift register. So the
+//! exposure to the light of the room is the time from one pulse to the next. The laser is on for a part of
+//! that time. The register takes the light only while ICG is low: the driver pulls ICG low, pulses SH, and
+//! pulls ICG up. When ICG rises, the register puts out a pixel every four periods of fM, 3694 of them. fM
+//! never stops.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
 //! from there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a
