@@ -47,7 +47,7 @@
 //!
 //! | | bytes |
 //! |---|---|
-//! | [`Measurement`], with the frame under way, the sums over blocks, and the mean ambient light | 17,030 |
+//! | [`Measurement`], with the frame under way, the sums over blocks, and the mean ambient light | 15,296 |
 //! | [`Calibration`] | 2144 |
 //! | [`row::pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 25,800 |
 //! | [`Measured`], with the centre of each slit of a comb | 236 |

@@ -9,7 +9,7 @@ use core::ops::Range;
 use crate::base::{Counts, Exposure, ExposureMode, Fault, Pixels, WorkBudget, numeric};
 use crate::centre::{self, Estimate, Estimator, RowCentre, estimate, estimate_robustly};
 use crate::check::own_spot::Profile;
-use crate::check::{self, judge, other_spot, repair};
+use crate::check::{self, judge, repair};
 use crate::frame::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::frame::{Frame, FrameCentre, Mean};
 use crate::light::ambient::{AmbientMean, AmbientMode};
@@ -21,7 +21,7 @@ use crate::row::pixels::map::{self, Correction, PixelMap};
 use crate::row::{BLOCK, BLOCK_LOG2, Background, Blocks, Geometry, Row};
 use crate::spot::choice::SpotChoice;
 use crate::spot::region::Region;
-use crate::spot::{self, Coarse, Spot};
+use crate::spot::{self, Spot};
 
 /// How rows are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,10 +79,9 @@ pub struct Measurement {
     /// Whether the option `peak` has chosen a spot in the frame under way.
     is_chosen: bool,
     profile: Option<Profile>,
-    /// The blocks of the row under way, and what follows from them. They have their place here because
-    /// clearing room for them would take time in each row.
+    /// The blocks of the row under way. They have their place here because clearing room for them would take
+    /// time in each row.
     blocks: Blocks,
-    coarse: Coarse,
     frame: Frame,
     black: BlackPixels,
     comb: CombMeasurement,
@@ -116,7 +115,6 @@ impl Measurement {
             is_chosen: false,
             profile: None,
             blocks: Blocks::NONE,
-            coarse: Coarse::new(),
             frame: Frame::default(),
             black: BlackPixels::default(),
             comb: CombMeasurement::new(Comb::nominal()),
@@ -296,9 +294,8 @@ impl Measurement {
     #[cold]
     #[inline(never)]
     fn choose_spot(&mut self, words: &[u16]) {
-        let (blocks, coarse) = (&mut self.blocks, &mut self.coarse);
-        let part =
-            (self.options.peak).part_with_spot(words, &self.geometry, &self.part, blocks, coarse);
+        let row = self.geometry.part_of_valid(words, &self.part);
+        let part = row.and_then(|row| self.options.peak.part_with_spot(&row, &self.part));
         self.is_chosen = part.is_some();
         if let Some(part) = part {
             self.part = part;
@@ -322,19 +319,16 @@ impl Measurement {
             self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
-        let (blocks, coarse) = (row.blocks(), &mut self.coarse);
-        let mut budget = WorkBudget::of_row();
-        let spot = match &before {
-            Some((spot, centre)) => {
-                spot::find_again_in(&row, blocks, coarse, spot, centre.width, &mut budget)
-            }
-            None => spot::find_in(&row, blocks, coarse, &mut budget),
+        let blocks = row.blocks();
+        let found = match &before {
+            Some((spot, centre)) => spot::find_again_in(&row, blocks, spot, centre.width),
+            None => spot::find_in(&row, blocks),
         };
         let how = self.options.black_level;
         let mut black = BlackPixels::default();
-        black.add(how, &row, spot.ok().map(|spot| spot.background));
+        black.add(how, &row, found.ok().map(|(spot, _)| spot.background));
         self.black.merge(black);
-        let found = spot?;
+        let (found, budget) = found?;
         let spot = Spot {
             // A sensor without shielded pixels has only the background's level.
             black_level: black.level(how).unwrap_or(found.background.level),
@@ -350,13 +344,9 @@ impl Measurement {
                 let window = window.start.saturating_add(first)..window.end.saturating_add(first);
                 self.correct(words, map, window, black);
                 let background = self.background_with(map, spot.background);
-                let row = match before {
-                    Some(_) => geometry.part_of_valid(words, part),
-                    // The search for other spots takes the blocks.
-                    None => (geometry.part_and_blocks(words, part, &mut self.blocks)).ok(),
-                };
                 let spot = Spot { background, ..spot };
                 // The words were a row before the correction.
+                let row = geometry.part_of_valid(words, part);
                 (row.ok_or(Fault::SensorSilent)?, spot)
             }
         };
@@ -563,17 +553,16 @@ impl Measurement {
     }
 }
 
-/// Finds the centre of a spot that stands alone on its row.
+/// Finds the centre of a spot.
 ///
 /// If the row fails the check about the estimate, the repair masks samples and fits the rest. Its centre
 /// replaces the first one if the row, without those samples, passes the check about it. Otherwise the first
 /// one stays, because in speckle the robust fit is worse than a plain one.
 ///
-/// `before` is the centre in the row before of the same frame. Without one, all of the row is searched for
-/// another spot.
+/// `before` is the centre in the row before of the same frame.
 ///
 /// # Errors
-/// Those of [`estimate`]; [`Fault::TwoSpots`] if there is another spot.
+/// Those of [`estimate`].
 #[inline(always)]
 pub fn centre_of_spot(
     estimator: Estimator,
@@ -594,9 +583,8 @@ pub fn centre_of_spot(
             estimator, row, spot, before, geometry, profile, found, budget,
         );
     }
-    let is_alone = before.is_some() || other_spot::check(row, spot, &found, *budget)?;
     Ok(RowCentre {
-        misfit: found.misfit || !is_alone || check::may_be_bad_pixels(&found),
+        misfit: found.misfit || check::may_be_bad_pixels(&found),
         ..found
     })
 }

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod ambient;
+mod beside;
 mod calibration;
 mod check;
 mod comb;

@@ -4,9 +4,10 @@
 use crate::support::*;
 use slitrange::spot::MIN_PIXELS;
 
-/// The place that a spot's pixel stands for: it is the one to the right of a block's middle.
+/// The place that a spot's pixel stands for: it is a block of one pixel, or the one to the right of a larger
+/// block's middle.
 fn place(spot: &Spot) -> f64 {
-    spot.centre as f64 - 0.5
+    spot.centre as f64 - if spot.block_log2 == 0 { 0.0 } else { 0.5 }
 }
 
 /// Whether any estimator has a centre of the row's spot that is off by more than it claims, without a flag.

@@ -106,9 +106,11 @@ fn confident_errors_are_rare() {
         let tally = judge_frames(kind, 1000);
         let (name, ratio) = (kind.name, tally.error_over_claim());
         let (of, numbers) = (tally.count, &tally.numbers);
-        println!("{name}: {numbers:?} of {of} are errors, over claims {ratio:.2}");
+        print!("{name}: {numbers:?} of {of} are errors, over claims {ratio:.2}; ");
+        let [flagged, good] = [tally.flagged, tally.flagged_good].map(|it| 100.0 * tally.share(it));
+        println!("{flagged:.1} % flagged, {good:.1} % though good");
         if tally.share(tally.errors) > OF_A_KIND {
-            wrong.push(kind.name);
+            wrong.push(name);
         }
         errors += tally.errors;
         frames += tally.count;

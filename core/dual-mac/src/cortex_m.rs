@@ -1,4 +1,4 @@
-//! Inner products, sums and sweeps in assembly.
+//! Inner products, sums and responses in assembly.
 //!
 //! Both inner products: LDM loads registers in the order of their numbers. So the assembly names r2, r4, r5
 //! and r8, and r3 for the counter. LDM also advances its address. The compiler chooses a register for the
@@ -8,22 +8,9 @@
 //! (`pure`), and leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum
 //! wraps), so `preserves_flags` is not among the options.
 
-/// Instructions, a line each, of literals.
-macro_rules! lines {
-    ($([$($part:tt)+])+) => {
-        concat!($($($part,)+ "\n",)+)
-    };
-}
-
-mod slope;
-mod sweep;
-
 use core::arch::asm;
 
-pub use crate::cortex_m::slope::{subtract_slope, subtract_to_12_bits};
-pub use crate::cortex_m::sweep::{sweep, sweep_wide};
-
-use crate::portable::{BLOCK, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART};
+use crate::portable::{BLOCK, Pair, Pairs};
 
 // The layout of the weights that the assembly relies on.
 const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);
@@ -278,14 +265,14 @@ pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
 /// first one of the pair `$here`. Each is subtracted from `below` in two steps.
 macro_rules! two_responses {
     ($before:literal, $here:literal) => {
-        lines! {
-            ["ldr " $here ", [{sample}], #4"]
-            ["smlad {x}, " $before ", {one_two}, {below}"]
-            ["smlad {y}, " $before ", {none_one}, {below}"]
-            ["smlad {x}, " $here ", {one_none}, {x}"]
-            ["smlad {y}, " $here ", {two_one}, {y}"]
-            ["orr {signs}, {signs}, {x}"]
-            ["orr {signs}, {signs}, {y}"]
+        concat! {
+            "ldr ", $here, ", [{sample}], #4\n",
+            "smlad {x}, ", $before, ", {one_two}, {below}\n",
+            "smlad {y}, ", $before, ", {none_one}, {below}\n",
+            "smlad {x}, ", $here, ", {one_none}, {x}\n",
+            "smlad {y}, ", $here, ", {two_one}, {y}\n",
+            "orr {signs}, {signs}, {x}\n",
+            "orr {signs}, {signs}, {y}",
         }
     };
 }
@@ -338,110 +325,4 @@ pub fn reaches(samples: &[u16], least: i32) -> bool {
     }
     let last = (samples.get(samples.len().saturating_sub(3)..)).unwrap_or_default();
     (signs as i32) < 0 || !rest.is_empty() && crate::portable::reaches(last, least)
-}
-
-/// The responses of two neighbouring samples, each a quarter: `$word`, which holds the last two samples,
-/// takes them, and `$next` takes the next two samples. UHADD16 adds both halves and divides by two.
-macro_rules! quarters {
-    ($word:literal, $next:literal) => {
-        lines! {
-            ["ldr {x}, [{sample}, #2]"]
-            ["ldr " $next ", [{sample}, #4]!"]
-            ["uhadd16 " $word ", " $word ", " $next]
-            ["uhadd16 " $word ", " $word ", {x}"]
-        }
-    };
-}
-
-/// Takes the contrasts of the two samples at `$here`. `$left` has the responses to their left and is free
-/// afterwards; `$word` and `$next` are as in [`quarters`], and give those to their right. USUB16 remembers
-/// for SEL which half is higher; UQSUB16 gives zero for what is negative.
-macro_rules! two_contrasts {
-    ($left:literal, $here:literal, $word:literal, $next:literal) => {
-        concat!(
-            quarters!($word, $next),
-            lines! {
-                ["usub16 {x}, " $left ", " $word]
-                ["sel " $left ", " $left ", " $word]
-                ["uqsub16 " $left ", " $here ", " $left]
-                ["usub16 {x}, {both}, " $left]
-                ["sel {both}, {both}, " $left]
-            },
-        )
-    };
-}
-
-/// Twelve samples: six registers hold the responses before them, the last word and the next one. Each pair
-/// turns them by one.
-macro_rules! half_a_part {
-    () => {
-        concat!(
-            two_contrasts!("{a}", "{c}", "{e}", "{f}"),
-            two_contrasts!("{b}", "{d}", "{f}", "{a}"),
-            two_contrasts!("{c}", "{e}", "{a}", "{b}"),
-            two_contrasts!("{d}", "{f}", "{b}", "{c}"),
-            two_contrasts!("{e}", "{a}", "{c}", "{d}"),
-            two_contrasts!("{f}", "{b}", "{d}", "{e}"),
-        )
-    };
-}
-
-/// See [`crate::portable::contrasts`].
-#[inline(never)]
-pub fn contrasts(samples: &[u16], highest: &mut [u16]) {
-    let Some(last) = samples.last_chunk::<SAMPLES_OF_PART>() else {
-        return crate::portable::contrasts(samples, highest);
-    };
-    let places = samples.len().saturating_sub(2 * REACH);
-    let whole = (places / PLACES_OF_PART).min(highest.len());
-    let (whole, rest) = highest.split_at_mut(whole);
-    contrasts_of_parts(samples, whole);
-    if let ([highest, ..], true) = (rest, !places.is_multiple_of(PLACES_OF_PART)) {
-        contrasts_of_parts(last, core::slice::from_mut(highest));
-    }
-}
-
-/// As [`contrasts`], for parts that are all there: the samples are [`PLACES_OF_PART`] for each, and [`REACH`]
-/// to both sides. Writes nothing where there are fewer.
-fn contrasts_of_parts(samples: &[u16], highest: &mut [u16]) {
-    let parts = highest.len();
-    if parts == 0 || (samples.len().saturating_sub(2 * REACH) / PLACES_OF_PART) < parts {
-        return;
-    }
-    // SAFETY: 4 bytes are read once, then 4 times for the responses before the first sample, and then 12
-    // times a part, all of them one behind the other: 2 * (10 + 24 * `parts`) bytes, and the samples are as
-    // many. The words between two of these lie within them. 2 bytes are written for each part; both slices do
-    // not overlap. Addresses are as in `dot`.
-    unsafe {
-        asm!(
-            "ldr {a}, [{sample}]",
-            quarters!("{a}", "{b}"),
-            quarters!("{b}", "{c}"),
-            quarters!("{c}", "{d}"),
-            quarters!("{d}", "{e}"),
-            "movs {both}, #0",
-            "2:",
-            half_a_part!(),
-            half_a_part!(),
-            "lsrs {x}, {both}, #16",
-            "usub16 {f}, {both}, {x}",
-            "sel {both}, {both}, {x}",
-            "strh {both}, [{highest}], #2",
-            "movs {both}, #0",
-            "subs {parts}, #1",
-            "bne 2b",
-            sample = inout(reg) samples.as_ptr() => _,
-            highest = inout(reg) highest.as_mut_ptr() => _,
-            parts = inout(reg) parts => _,
-            both = out(reg) _,
-            x = out(reg) _,
-            a = out(reg) _,
-            b = out(reg) _,
-            c = out(reg) _,
-            d = out(reg) _,
-            e = out(reg) _,
-            f = out(reg) _,
-            options(nostack),
-        );
-    }
 }

@@ -6,8 +6,8 @@
 //! has the only `unsafe` of the core's arithmetic. Each function has a portable twin in [`portable`], which
 //! runs on all other targets and must agree bit for bit: a program on the emulated board compares the two.
 //!
-//! The same targets have the extension's instructions that add, subtract and compare two samples at once: for
-//! sums, sweeps and differences.
+//! The same targets have the extension's instructions that add and subtract two samples at once: for sums and
+//! differences.
 //!
 //! | target | inner products | square root |
 //! |---|---|---|
@@ -34,21 +34,13 @@ mod cortex_m;
 #[cfg(has_fpu)]
 mod vsqrt;
 
-pub use portable::{
-    BESIDE, BLOCK, LARGEST_SAMPLE, PART, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART,
-};
+pub use portable::{BLOCK, LARGEST_SAMPLE, Pair, Pairs};
 
 #[cfg(has_dsp)]
-pub use cortex_m::{
-    contrasts, dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
-    sweep, sweep_wide,
-};
+pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{
-    contrasts, dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
-    sweep, sweep_wide,
-};
+pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps};
 #[cfg(has_fpu)]
 pub use vsqrt::square_root;

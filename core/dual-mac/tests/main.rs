@@ -1,11 +1,8 @@
 //! Compares the portable twins with sums in 64 bits. `cost-on-chip` compares them with the assembly, on the
 //! chip.
 
-use dual_mac::portable::{
-    contrasts, dot, dot2, reaches, square_root, subtract_slope, subtract_to_12_bits, sum_blocks,
-    sum_of_steps, sweep, sweep_wide,
-};
-use dual_mac::{BESIDE, LARGEST_SAMPLE, PART, PLACES_OF_PART, Pair, Pairs, REACH};
+use dual_mac::portable::{dot, dot2, reaches, square_root, sum_blocks, sum_of_steps};
+use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
 use proptest::prelude::*;
 
 /// The most samples: more than in the longest window of the phase tables, which has 116.
@@ -83,72 +80,6 @@ proptest! {
                 prop_assert!(!reaches(&samples, highest + 1));
             }
             None => prop_assert!(!reaches(&samples, 0)),
-        }
-    }
-
-    /// The middles of a part's kernels follow the pair before it, or that pair's second sample.
-    #[test]
-    fn a_sweep_sums_pairs_and_keeps_the_highest_response_of_each_part(
-        words in samples(u16::MAX / 4),
-        inverted in prop_oneof![Just(0), Just(u16::MAX / 4)],
-    ) {
-        let samples: Vec<u32> = words.iter().map(|word| u32::from(word ^ inverted)).collect();
-        let pairs = samples.len() / 2;
-        let samples = &samples[..2 * pairs];
-        let pair_sums: Vec<u32> = samples.chunks(2).map(|pair| pair[0] + pair[1]).collect();
-        let responses: Vec<u32> = samples.windows(3).map(|it| it[0] + 2 * it[1] + it[2]).collect();
-        let parts = responses.chunks(2 * PART);
-        let highest: Vec<u32> = parts.map(|part| *part.iter().max().expect("some")).collect();
-        let (mut sums, mut parts) = (vec![7; pairs + 1], vec![7; highest.len() + 1]);
-        sweep(&words, inverted, &mut sums, &mut parts);
-        for _ in 0..2 {
-            prop_assert!(sums.iter().map(|&sum| u32::from(sum)).eq(pair_sums.iter().copied().chain([7])));
-            prop_assert!(parts.iter().eq(highest.iter().chain([&7])));
-            let counts: Vec<u16> = samples.iter().map(|&sample| sample as u16).collect();
-            sweep_wide(&counts, &mut sums, &mut parts);
-        }
-    }
-
-    #[test]
-    fn a_slope_is_subtracted_at_each_sample(
-        words in samples(4095),
-        inverted in prop_oneof![Just(0), Just(4095)],
-        start in 0..=1 << 28,
-        step in -(1 << 21)..1 << 21,
-    ) {
-        let mut differences = vec![7; words.len() + 1];
-        let lowest = subtract_slope(&words, inverted, start, step, &mut differences);
-        let below = |(i, word): (i32, &u16)| i32::from(word ^ inverted) - ((start + step * i) >> 16);
-        let expected: Vec<i32> = (0..).zip(&words).map(below).collect();
-        let with_room = expected.iter().copied().chain([7]);
-        prop_assert!(differences.iter().map(|&it| i32::from(it as i16)).eq(with_room));
-        prop_assert_eq!(i32::from(lowest), expected.iter().copied().min().unwrap_or(i16::MAX.into()));
-        subtract_to_12_bits(&mut differences[..words.len()], lowest);
-        for (&difference, expected) in differences.iter().zip(&expected) {
-            prop_assert_eq!(i32::from(difference), (expected - i32::from(lowest)).min(4095));
-        }
-    }
-
-    /// In quarters, which lose up to 3/4 of each response.
-    #[test]
-    fn each_part_has_its_highest_contrast(samples in samples(u16::MAX)) {
-        let response = |i: usize| {
-            u32::from(samples[i - 1]) + 2 * u32::from(samples[i]) + u32::from(samples[i + 1])
-        };
-        let places = REACH..samples.len().saturating_sub(REACH);
-        let contrast = |i| {
-            response(i).saturating_sub(response(i - BESIDE).max(response(i + BESIDE)))
-        };
-        let mut parts = [7; 8];
-        contrasts(&samples, &mut parts);
-        let number = places.len().div_ceil(PLACES_OF_PART);
-        prop_assert!(parts[number..].iter().all(|&part| part == 7));
-        for (part, &highest) in parts[..number].iter().enumerate() {
-            let last = places.end.saturating_sub(PLACES_OF_PART);
-            let start = (REACH + part * PLACES_OF_PART).min(last).max(REACH);
-            let expected = (start..places.end.min(start + PLACES_OF_PART)).map(contrast).max();
-            let error = 4 * i64::from(highest) - i64::from(expected.unwrap_or_default());
-            prop_assert!((-3..=3).contains(&error), "part {part}: {error}");
         }
     }
 

@@ -55,6 +55,7 @@ macro_rules! same_number {
 }
 
 same_number! {
+    to_u8: usize as u8;
     to_u16: usize as u16;
     to_u32: usize as u32;
     to_i32: usize as i32;

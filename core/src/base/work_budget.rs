@@ -1,11 +1,10 @@
 //! How much time a row may take on the chip, whatever is on it.
 //!
-//! Nearly all rows take what the plain search, an estimator and the check take. The rest takes time only on
-//! some rows: a tilt, narrow spots, wide light, a repair, light that may be another spot. All these together
-//! share one budget. The search has enough of it on every row. If a repair has too little, the first centre
-//! stays: its shape makes u larger, or it has a flag. If the check of a wide spot or the look for other spots
-//! has too little, the row has a flag. If the fit of a cut or saturated spot has too little, or the fit of
-//! the estimator `gauss-newton`, the row has a fault.
+//! Each row takes what the search, an estimator and the check take. The rest takes time only on some rows:
+//! many peaks, a wide spot, a fit, a repair. All these together share one budget. If a repair has too little,
+//! the first centre stays: its shape makes u larger, or it has a flag. If the check of a wide spot has too
+//! little, the row has a flag. If the fit of a cut or saturated spot has too little, or the fit of the
+//! estimator `gauss-newton`, the row has a fault.
 
 /// What a row may still take beyond a plain one. One unit is what a pass of the repair takes for a sample: 40
 /// of the chip's instructions.
@@ -14,7 +13,7 @@ pub struct WorkBudget(u16);
 
 /// The units of a row. With 50 fewer, a repair of a clean row among 3000 does not end (host-tests,
 /// second_judge.rs).
-pub(crate) const WHOLE: u16 = 4250;
+const WHOLE: u16 = 4250;
 
 impl WorkBudget {
     /// That of a row on which nothing is done yet.
@@ -36,8 +35,7 @@ impl WorkBudget {
     }
 
     /// Uses some units, or all that are left.
-    pub(crate) fn pay_at_most(&mut self, units: usize) {
-        let units = u16::try_from(units).unwrap_or(u16::MAX);
-        self.0 = self.0.saturating_sub(units);
+    pub(crate) fn use_up_to(&mut self, units: usize) {
+        self.0 = u16::try_from(units).map_or(0, |units| self.0.saturating_sub(units));
     }
 }

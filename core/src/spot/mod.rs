@@ -1,45 +1,36 @@
 //! Finds the spot on a row: its place to a pixel, its width to a factor of two.
 //!
 //! First the search takes the level and the noise of the row's own background. Both are medians over blocks
-//! of pixels, so a spot that fills less than half of the row does not change them. Then the kernel [1 2 1]
-//! runs over sums of 8, 16 ... 128 pixels, and over the pixels and sums of 2 and 4 pixels where these may
-//! show a spot that stands out more. A gaussian whose width is 0.9 of a block
-//! gives that kernel 89 to 97 % of the signal-to-noise ratio of the best filter, depending on how it lies on
-//! the blocks. Widths between two block sizes give 84 % or more. The spot is where the response stands
-//! highest above its own noise. A background that rises along the row and would hide the spot is subtracted
-//! first (`tilt`). If the highest response is that of light too wide for a spot, the search compares each
-//! place with the light beside it (`narrow`). Last, the search tests whether the light is two spots
-//! (`second_spot`).
+//! of pixels, so a spot that fills less than half of the row does not change them. Then it lists the lights
+//! that stand out of what is beside them (`candidates`): first in blocks of 8 pixels and more, and in the
+//! pixels near what it found. Only where these leave a doubt, it searches all pixels. The highest candidate
+//! is the spot; another one nearly as high is a fault.
 //!
 //! The row before tells the next row's place and width. [`find_again`] searches the peak of the kernel's
-//! responses near that place. Then its sweep over the rest of the row only tests whether any response there
-//! is similar to the peak.
+//! responses near that place. On the rest of the row it only tests whether any response is similar to the
+//! peak.
 //!
 //! All sums are integers, and all results come from differences of counts: adding a constant to a row changes
 //! nothing.
 
+mod candidates;
 pub mod choice;
-mod narrow;
+mod groups;
 pub mod region;
-mod second_spot;
-mod sums;
-mod tilt;
 
 use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::base::work_budget::{self, WorkBudget};
-use crate::base::{Counts, Fault, Pixels, numeric, order_statistic};
+use crate::base::{Counts, Fault, Pixels, WorkBudget, numeric, order_statistic};
 use crate::row::{BLOCK_LOG2, Background, Blocks, LARGEST_COUNT, Light, MAX_PIXELS, Row};
-pub(crate) use crate::spot::sums::Coarse;
-use crate::spot::sums::{Fine, Groups, Sums, sum_of};
-use crate::spot::tilt::Tilt;
+use crate::spot::candidates::{Candidate, Candidates, LARGEST_LOG2, Peak, Peaks};
+use crate::spot::groups::Groups;
 
 /// The shortest row that is searched, in pixels of its light range.
 pub const MIN_PIXELS: usize = 32;
 /// The largest block has 2^7 = 128 pixels, for widths up to 130 pixels.
-const LARGEST_BLOCK_LOG2: u32 = 7;
+const LARGEST_BLOCK_LOG2: u32 = LARGEST_LOG2;
 /// The least response of a spot, in halves of a standard deviation of its noise. At 4.5 standard deviations
 /// the search misses a spot of 1.5 pixels' width with a peak of five times the noise once in some thousand
 /// rows. Noise alone gets there in one row of forty: the estimator rejects those rows as too dim.
@@ -84,7 +75,8 @@ impl Spot {
     }
 }
 
-/// Finds the spot. Returns it with what the search leaves of the row's work budget.
+/// Finds the spot. Returns it with the row's work budget, of which the search takes units only if it looks at
+/// many peaks.
 ///
 /// # Errors
 /// [`Fault::NoSpot`] if nothing stands out, or the row is shorter than [`MIN_PIXELS`]. [`Fault::TwoSpots`] if
@@ -92,18 +84,11 @@ impl Spot {
 /// pixels read the same, which the noise of a sensor never allows.
 pub fn find(row: &Row<'_>) -> Result<(Spot, WorkBudget), Fault> {
     let blocks = Blocks::of(row.light());
-    let mut budget = WorkBudget::of_row();
-    let spot = find_in(row, blocks.sums(), &mut Coarse::new(), &mut budget)?;
-    Ok((spot, budget))
+    find_in(row, blocks.sums())
 }
 
-/// As [`find`], with the row's blocks, and room for what follows from them.
-pub(crate) fn find_in(
-    row: &Row<'_>,
-    blocks: &[u16],
-    coarse: &mut Coarse,
-    budget: &mut WorkBudget,
-) -> Result<Spot, Fault> {
+/// As [`find`], with the row's blocks.
+pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16]) -> Result<(Spot, WorkBudget), Fault> {
     let light = row.light();
     if light.len() < MIN_PIXELS {
         return Err(NOTHING);
@@ -114,10 +99,18 @@ pub(crate) fn find_in(
     {
         return Err(Fault::SensorSilent);
     }
-    let first = First::look(light, blocks, coarse).ok_or(NOTHING)?;
-    match first.tilt() {
-        None => first.search(budget),
-        Some(tilt) => search_level(light, tilt, coarse, budget),
+    let (background, darkest) = background(light, blocks).ok_or(NOTHING)?;
+    let peaks = Peaks::of(background, darkest);
+    let mut candidates = Candidates::new();
+    let mut budget = WorkBudget::of_row();
+    let highest = search(light, blocks, peaks, &mut candidates, &mut budget).ok_or(NOTHING)?;
+    let candidate = choose(&candidates, light)?;
+    // Noise may be as high: the estimator tells.
+    match candidate.map(|it| it.sharpest()).or(highest) {
+        Some(peak) => Ok((spot_of(&peak, light, background), budget)),
+        None => Err(Fault::NoSpot {
+            amplitude: candidates::least_height(background.noise),
+        }),
     }
 }
 
@@ -126,158 +119,346 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
-const WORK_OF_ALL_SIZES: usize = 1100;
-/// The work of searching a row again without its tilt.
-const WORK_OF_LEVEL: usize = 1100;
+/// Units of the row's work budget for each peak that the search looks at: it takes 600 of the chip's
+/// instructions, and a unit is 40.
+const WORK_OF_PEAK: usize = 15;
+/// So many are free.
+const FEW_PEAKS: usize = 32;
 
-// Only the search has paid yet, so it never has too little.
-const _: () =
-    assert!(WORK_OF_ALL_SIZES + WORK_OF_LEVEL + narrow::WORK <= work_budget::WHOLE as usize);
+/// On a row of fewer pixels all of them are searched.
+const SHORT: usize = 1024;
 
-/// What blocks of 8 pixels and more show.
-struct First<'a> {
-    sums: Sums<'a>,
-    background: Background,
-    best: Candidate,
-}
-
-impl<'a> First<'a> {
-    #[inline(never)]
-    fn look(light: Light<'a>, blocks: &'a [u16], coarse: &'a mut Coarse) -> Option<Self> {
-        coarse.sum(blocks);
-        let sums = Sums::new(light, blocks, coarse);
-        let level = sums.level()?;
-        Some(Self {
-            background: Background {
-                level,
-                noise: noise(&[light])?,
-            },
-            best: Candidate::best(&sums, level)?,
-            sums,
-        })
-    }
-
-    /// The background's tilt, if it may hide the spot.
-    fn tilt(&self) -> Option<Tilt> {
-        let height = self.best.height();
-        self.sums.tilt_that_may_hide(height, self.background.noise)
-    }
-
-    /// Searches a row whose tilt hides nothing.
-    #[inline(never)]
-    fn search(&self, budget: &mut WorkBudget) -> Result<Spot, Fault> {
-        let (sums, best, background) = (&self.sums, &self.best, self.background);
-        // The width is tested first, because the other test takes much more time.
-        if !best.is_too_wide(sums, background.level)
-            && best.is_best_of_all_sizes(sums, background)
-            && let Some(found) = take(sums, best, background, budget)
+/// Lists the candidates. Returns the highest peak above the level. `None` if there is more light than a row
+/// of spots has.
+#[inline(never)]
+fn search(
+    light: Light<'_>,
+    blocks: &[u16],
+    mut peaks: Peaks,
+    candidates: &mut Candidates,
+    budget: &mut WorkBudget,
+) -> Option<Option<Peak>> {
+    if light.len() >= SHORT {
+        peaks.search_blocks(blocks);
+        peaks.candidates(candidates);
+        if let [only] = candidates.as_slice()
+            && only.is_wide_enough()
         {
-            return found;
+            // The pixels near it tell whether it is one spot.
+            let peak = only.peak;
+            let reach = peak.pixels().saturating_mul(NEAR);
+            let end = peak
+                .middle
+                .saturating_add(reach)
+                .saturating_add(peak.pixels() / 2);
+            if let Some(from) = end.checked_sub(peak.pixels().saturating_mul(2 * NEAR + 1))
+                && let Some(near) = light.slice(from..end)
+            {
+                candidates.clear();
+                peaks.search_near(near, from, peak.log2.saturating_sub(FINE_LOG2));
+                peaks.candidates(candidates);
+                return (!peaks.are_too_many()).then(|| peaks.highest());
+            }
         }
-        search_all_sizes(sums, background, budget)
+    }
+    peaks.clear();
+    candidates.clear();
+    peaks.search_pixels(light);
+    peaks.candidates(candidates);
+    let paid = peaks.seen().saturating_sub(FEW_PEAKS);
+    budget.use_up_to(paid.saturating_mul(WORK_OF_PEAK));
+    (!peaks.are_too_many()).then(|| peaks.highest())
+}
+
+/// On wider light, blocks of 8 pixels may not show a narrow spot.
+const WIDEST_LOG2: u32 = 5;
+/// Blocks to either side of a candidate in which its parts are searched: [`Candidate::is_part_of`] takes
+/// those within three, and their sides are within one more.
+const NEAR: usize = 4;
+/// They are searched in blocks of an eighth.
+const FINE_LOG2: u32 = 3;
+
+// The widest candidate's part.
+const _: () = assert!((2 * NEAR + 1) << WIDEST_LOG2 <= candidates::MOST_NEAR);
+
+impl Candidate {
+    /// Whether blocks of 8 pixels are fine enough for a spot so wide. The prominence of a width of 5 pixels
+    /// falls by 1.67 from blocks of 8 pixels to those of 16, that of a narrower spot by up to 2.
+    fn is_wide_enough(&self) -> bool {
+        let Peak {
+            log2,
+            prominence,
+            is_wide,
+            ..
+        } = self.peak;
+        let coarser = u32::from(self.coarser);
+        !is_wide
+            && log2 <= WIDEST_LOG2
+            && (log2 > BLOCK_LOG2 || 7 * coarser >= 4 * u32::from(prominence))
     }
 }
 
+/// Lists the candidates of all pixels that may be spots. `None` if the row shows none.
 #[cold]
 #[inline(never)]
-fn search_all_sizes(
-    sums: &Sums<'_>,
-    background: Background,
-    budget: &mut WorkBudget,
-) -> Result<Spot, Fault> {
-    budget.pay(WORK_OF_ALL_SIZES).ok_or(NOTHING)?;
-    let mut fine = Fine::new();
-    fine.sum(sums.light);
-    let sums = sums.with(&fine);
-    let Background { level, noise } = background;
-    let mut best = Candidate::best(&sums, level).ok_or(NOTHING)?;
-    if best.block_log2 == 0 && best.is_one_pixel(&sums, level) {
-        // The highest response is that of a hot pixel. Larger blocks may show the spot that it hides.
-        best = Candidate::all(&sums, level)
-            .fold(None, |best: Option<Candidate>, candidate| {
-                let is_better =
-                    (best.as_ref()).is_none_or(|best| candidate.significance >= best.significance);
-                if is_better && !candidate.is_one_pixel(&sums, level) {
-                    Some(candidate)
-                } else {
-                    best
-                }
-            })
-            .ok_or(NOTHING)?;
-    }
-    let is_dim = best.significance < needed(narrow::LEAST_CONTRAST, noise);
-    let may_hide_another =
-        best.is_too_wide(&sums, level) || is_dim && sums.has_darker_background(level, noise);
-    if may_hide_another {
-        budget.pay(narrow::WORK).ok_or(NOTHING)?;
-        if let Some(found) = narrow::find(&sums, noise, budget) {
-            return found;
-        }
-    }
-    if best.significance < needed(DETECTION, noise) {
-        return Err(Fault::NoSpot {
-            amplitude: best.height(),
-        });
-    }
-    take(&sums, &best, background, budget).unwrap_or(Err(NOTHING))
+fn list_all(row: &Row<'_>, spots: &mut Candidates) -> Option<()> {
+    let light = row.light();
+    let (background, darkest) = background(light, Blocks::of(light).sums())?;
+    let mut peaks = Peaks::of(background, darkest);
+    let mut all = Candidates::new();
+    peaks.search_pixels(light);
+    peaks.candidates(&mut all);
+    list_spots(&all, light, spots);
+    Some(())
 }
 
-/// Takes a candidate for the spot, if there is no other spot. `None` where the sums do not hold what this
-/// needs.
-fn take(
-    sums: &Sums<'_>,
-    best: &Candidate,
-    background: Background,
-    budget: &mut WorkBudget,
-) -> Option<Result<Spot, Fault>> {
-    let block = sums.highest(best.block_log2)?;
-    let spot = Spot {
-        centre: middle(block, best.block_log2),
-        block_log2: best.block_log2,
-        height: best.height(),
+/// Chooses the laser's spot: the highest candidate. `None` if there is none.
+///
+/// # Errors
+/// [`Fault::TwoSpots`] if another one is about as high.
+fn choose(all: &Candidates, light: Light<'_>) -> Result<Option<Candidate>, Fault> {
+    let mut spots = Candidates::new();
+    list_spots(all, light, &mut spots);
+    let highest = spots.iter().copied().reduce(|highest, it| {
+        // Of two at one place the more significant one counts, unless the other is much higher, or narrower
+        // and as significant.
+        let is_higher = if it.is_apart(&highest) {
+            it.height > highest.height
+        } else {
+            let [least, other] = [highest, it].map(|it| it.peak.significance);
+            4 * u32::from(it.height) > 5 * u32::from(highest.height)
+                || it.peak.log2 < highest.peak.log2 && other >= least / 3
+        };
+        if is_higher { it } else { highest }
+    });
+    let Some(highest) = highest else {
+        return Ok(None);
+    };
+    let is_other =
+        |it: &&Candidate| it.is_apart(&highest) && has_similar_height(it.height, highest.height);
+    match spots.iter().find(is_other) {
+        Some(other) => Err(two_spots(highest.peak.middle, other.peak.middle)),
+        None => Ok(Some(highest)),
+    }
+}
+
+/// Whether two spots are so alike in height that nothing tells which is the laser's. A second spot of 50 % of
+/// the first one's height must not count as alike, one of 80 % must. Blocks measure heights to a tenth, so
+/// the limit is two thirds.
+fn has_similar_height(height: u16, highest: u16) -> bool {
+    3 * u32::from(height) > 2 * u32::from(highest)
+}
+
+fn two_spots(centre: usize, other: usize) -> Fault {
+    Fault::TwoSpots {
+        centre: Pixels::from_int(numeric::to_i32(centre)),
+        other: Pixels::from_int(numeric::to_i32(other)),
+    }
+}
+
+/// The candidates that may be spots: without light that is too wide, without the parts of a spot that speckle
+/// breaks, without single pixels beside wider spots.
+fn list_spots(all: &Candidates, light: Light<'_>, spots: &mut Candidates) {
+    // Two spots together look like a wide one too, which is no part of another.
+    let mut leaves = Candidates::new();
+    for it in all {
+        let is_in = |part: &Candidate| part.is_part_of(it) && !part.is_apart(it);
+        if !all.iter().any(is_in) {
+            // There is room for all.
+            let _ = leaves.push(*it);
+        }
+    }
+    let mut parts: Vec<Parts, { candidates::MOST }> = Vec::new();
+    for whole in all {
+        // There is room for all.
+        let _ = parts.push(Parts::of(whole, &leaves, light));
+    }
+    let is_spot = |&(candidate, own): &(&Candidate, &Parts)| {
+        // What is as significant as the whole is no lump of it.
+        let is_lump = all.iter().zip(&parts).any(|(whole, parts)| {
+            *parts == Parts::Lumps
+                && candidate.is_part_of(whole)
+                && candidate.peak.significance < whole.peak.significance
+        });
+        !candidate.peak.is_wide && !is_lump && *own != Parts::Two
+    };
+    let kept = || all.iter().zip(&parts).filter(is_spot);
+    // Beside a wider spot, a spot of one pixel may be a bad one.
+    let is_wide = kept().next().is_some_and(|(it, _)| it.peak.log2 > 2);
+    for (candidate, _) in kept().filter(|(it, _)| !is_wide || it.peak.log2 > 0) {
+        // There is room for all.
+        let _ = spots.push(*candidate);
+    }
+}
+
+/// What lies within a candidate.
+#[derive(Clone, Copy, PartialEq)]
+enum Parts {
+    /// Nothing, or narrow spots on wide light.
+    One,
+    /// Two spots, which have nearly all of its light.
+    Two,
+    /// Lumps: speckle, or a hole in the spot.
+    Lumps,
+}
+
+impl Parts {
+    fn of(whole: &Candidate, leaves: &Candidates, light: Light<'_>) -> Self {
+        let parts = || leaves.iter().filter(|it| it.is_part_of(whole));
+        let Some(strongest) = parts().max_by_key(|it| it.height) else {
+            return Self::One;
+        };
+        let like = || parts().filter(|it| 4 * u32::from(it.height) > u32::from(strongest.height));
+        let number = numeric::count(like().map(|_| true));
+        let other = like().find(|it| it.peak.middle != strongest.peak.middle);
+        match (number, other) {
+            (1, _) => Self::One,
+            (2, Some(other)) if whole.is_of_two(strongest, other, light) => Self::Two,
+            (2, Some(other)) if [strongest, other].into_iter().all(|it| it.is_fine(whole)) => {
+                Self::One
+            }
+            _ => Self::Lumps,
+        }
+    }
+}
+
+impl Candidate {
+    /// Whether it is nothing but two spots: they are far enough from each other for their width, a valley is
+    /// between them, and they have seven eighths of the light.
+    fn is_of_two(&self, one: &Self, other: &Self, light: Light<'_>) -> bool {
+        let (left, right) = (
+            one.place().min(other.place()),
+            one.place().max(other.place()),
+        );
+        let apart = right.saturating_sub(left);
+        let narrower = one.peak.pixels().min(other.peak.pixels());
+        let level = self.peak.base;
+        // To three eighths of the lower one. The mean of two neighbours counts, because of dead pixels.
+        let lower = u32::from(one.height.min(other.height) / 4).saturating_mul(3);
+        let most = numeric::add_u32(2 * u32::from(level), lower) >> candidates::FRACTION;
+        let between = light.slice(left..right).unwrap_or_default();
+        let mut twos = between.iter().zip(between.iter().skip(1));
+        let has_valley = twos.any(|(a, b)| u32::from(a) + u32::from(b) <= most);
+        let both = left.saturating_sub(apart / 2)..right.saturating_add(apart / 2);
+        let reach = self.peak.pixels().saturating_mul(4);
+        let middle = self.peak.middle;
+        let all = middle.saturating_sub(reach)..middle.saturating_add(reach);
+        let [both, all] = [both, all].map(|it| light_above(light, level, it));
+        // Three blocks are 3.5 widths, if a width is 0.86 blocks.
+        apart > narrower.saturating_mul(3)
+            && has_valley
+            && 2 * u32::from(one.height.max(other.height)) >= self.height.into()
+            && both.saturating_mul(8) >= all.saturating_mul(7)
+    }
+
+    /// Whether it is at another place.
+    pub(super) fn is_apart(&self, other: &Self) -> bool {
+        let apart = self.peak.middle.abs_diff(other.peak.middle);
+        apart > self.peak.pixels().max(other.peak.pixels())
+    }
+
+    /// Whether it is narrower than another by at least a factor of eight.
+    fn is_fine(&self, whole: &Self) -> bool {
+        whole.peak.log2.saturating_sub(self.peak.log2) > 2
+    }
+
+    /// Whether it is narrower than another, and within three widths of its middle. What is more than 32 times
+    /// as wide is no spot that the narrower one is a part of.
+    fn is_part_of(&self, whole: &Self) -> bool {
+        let reach = whole.peak.pixels().saturating_mul(11) / 4;
+        let finer = whole.peak.log2.saturating_sub(self.peak.log2);
+        !whole.peak.is_wide
+            && (1..6).contains(&finer)
+            && self.peak.middle.abs_diff(whole.peak.middle) <= reach
+    }
+}
+
+/// The light above a level in some pixels, in 1/16 counts: below 2^29.
+fn light_above(light: Light<'_>, level: u16, pixels: Range<usize>) -> i64 {
+    let part = light
+        .slice(pixels.start..pixels.end.min(light.len()))
+        .unwrap_or_default();
+    let level = i64::from(level).saturating_mul(numeric::to_i32(part.len()).into());
+    i64::from(part.sum())
+        .saturating_mul(1 << candidates::FRACTION)
+        .saturating_sub(level)
+}
+
+/// Makes a spot of a peak. Where the row beside it lies elsewhere than the level, that is its background.
+fn spot_of(peak: &Peak, light: Light<'_>, background: Background) -> Spot {
+    let beside = in_counts(peak.beside);
+    let is_elsewhere = [beside, in_counts(peak.base)].into_iter().all(|side| {
+        let apart = side.to_bits().abs_diff(background.level.to_bits());
+        apart > in_counts(peak.prominence).to_bits().unsigned_abs() / 8
+    });
+    let near = || {
+        let from = peak.middle.saturating_sub(NOISE_REACH);
+        let to = peak.middle.saturating_add(NOISE_REACH).min(light.len());
+        noise(&[light.slice(from..to)?])
+    };
+    let background = if is_elsewhere {
+        Background {
+            level: beside,
+            // Bright light has more noise than the rest of the row.
+            noise: near().unwrap_or_default().max(background.noise),
+        }
+    } else {
+        background
+    };
+    let height = in_counts(peak.top)
+        .to_bits()
+        .saturating_sub(background.level.to_bits());
+    let (centre, block_log2) = nearer_to_the_end(peak, light).unwrap_or((peak.middle, peak.log2));
+    Spot {
+        centre,
+        block_log2,
+        height: Counts::from_bits(height),
         background,
         black_level: background.level,
-    };
-    // What this paid counts only if it found out something.
-    let mut left = *budget;
-    let found = second_spot::check(sums, spot, &mut left)?;
-    *budget = left;
-    Some(found)
+    }
 }
 
-/// Searches a row without its tilt, and adds the tilt at the spot to the background's level.
-#[cold]
-#[inline(never)]
-fn search_level(
-    light: Light<'_>,
-    tilt: Tilt,
-    coarse: &mut Coarse,
-    budget: &mut WorkBudget,
-) -> Result<Spot, Fault> {
-    /// Aligned to 4 bytes, as `dual_mac` is fast with.
-    #[repr(align(4))]
-    struct Aligned([u16; MAX_PIXELS]);
-    let mut untilted = Aligned([0; MAX_PIXELS]);
-    // A row has no more pixels.
-    let untilted = untilted.0.get_mut(..light.len()).unwrap_or_default();
-    let lowest = tilt.subtract_from(light, untilted);
-    let untilted = Light::from(&*untilted);
-    budget.pay(WORK_OF_LEVEL).ok_or(NOTHING)?;
-    let blocks = Blocks::of(untilted);
-    let first = First::look(untilted, blocks.sums(), coarse).ok_or(NOTHING)?;
-    let spot = first.search(budget)?;
-    let lowest = lowest.saturating_mul(1 << Counts::FRACTION);
-    let level = spot.background.level.to_bits().saturating_add(lowest);
-    let level = Counts::from_bits(level.saturating_add(tilt.height_at(light, spot.centre)));
-    Ok(Spot {
-        background: Background {
-            level,
-            ..spot.background
-        },
-        black_level: level,
-        ..spot
-    })
+/// The place and the block of light that the row's end cuts near its top.
+fn nearer_to_the_end(peak: &Peak, light: Light<'_>) -> Option<(usize, u32)> {
+    let log2 = peak.log2.checked_sub(1).filter(|_| peak.is_cut)?;
+    let half = 1usize.wrapping_shl(log2);
+    let is_first = peak.middle < light.len() / 2;
+    let from_end = if is_first {
+        peak.middle
+    } else {
+        light.len().saturating_sub(peak.middle)
+    };
+    if from_end > half.saturating_mul(4) {
+        return None;
+    }
+    // Two blocks at the end, and the two beside them.
+    let two = half.saturating_mul(2);
+    let (outer, inner) = if is_first {
+        (0..two, two..two.saturating_mul(2))
+    } else {
+        let end = light.len();
+        let middle = end.saturating_sub(two);
+        (middle..end, middle.saturating_sub(two)..middle)
+    };
+    let middle = half.saturating_add(half / 2);
+    let place = if is_first {
+        middle
+    } else {
+        light.len().saturating_sub(middle)
+    };
+    let [outer, inner] = [outer, inner].map(|it| light_above(light, peak.beside, it));
+    (inner.saturating_mul(3) < outer.saturating_mul(2)).then_some((place, log2))
 }
+
+/// A height of a candidate in counts.
+fn in_counts(height: u16) -> Counts {
+    Counts::from_bits(
+        i32::from(height).saturating_mul(1 << (Counts::FRACTION - candidates::FRACTION)),
+    )
+}
+
+/// Pixels to either side of a spot in which its noise is measured.
+const NOISE_REACH: usize = 256;
 
 /// Finds the spot again in the next row, with a tenth of the work of [`find`]. Uses blocks of 8 pixels or
 /// more that fit the width of the spot before, and the background and the noise of the row before. Calls
@@ -293,23 +474,18 @@ pub fn find_again(
     width: Pixels,
 ) -> Result<(Spot, WorkBudget), Fault> {
     let blocks = Blocks::of(row.light());
-    let mut budget = WorkBudget::of_row();
-    let coarse = &mut Coarse::new();
-    let spot = find_again_in(row, blocks.sums(), coarse, before, width, &mut budget)?;
-    Ok((spot, budget))
+    find_again_in(row, blocks.sums(), before, width)
 }
 
-/// As [`find_again`], with the row's blocks, and room for what [`find`] makes of them.
+/// As [`find_again`], with the row's blocks.
 pub(crate) fn find_again_in(
     row: &Row<'_>,
     blocks: &[u16],
-    coarse: &mut Coarse,
     before: &Spot,
     width: Pixels,
-    budget: &mut WorkBudget,
-) -> Result<Spot, Fault> {
+) -> Result<(Spot, WorkBudget), Fault> {
     if width < NARROWEST || row.light().len() < MIN_PIXELS {
-        return find_in(row, blocks, coarse, budget);
+        return find_in(row, blocks);
     }
     let reach = spot_reach(width);
     // The kernel fits a width of 0.9 of its block best, and widths of 0.75 or 1.5 nearly as well.
@@ -328,12 +504,12 @@ pub(crate) fn find_again_in(
     // Not negative: the width is at least half of the block that was chosen for it.
     let width = (width.to_bits() >> Pixels::FRACTION).cast_unsigned() as usize;
     let Some(peak) = groups.peak_near(before.centre >> block_log2) else {
-        return find_in(row, blocks, coarse, budget);
+        return find_in(row, blocks);
     };
     let response = above(peak.response);
     let significance = square(response.unsigned_abs()) >> block_log2;
     let centre = middle(peak.group, block_log2);
-    // Another spot has two thirds of the peak's response or more: see `second_spot::has_similar_height`.
+    // Another spot has two thirds of the peak's response or more: see [`has_similar_height`].
     // Both terms are below 2^29.
     let least_similar =
         (numeric::add_i32(background, response / 3 * 2).max(0) >> Counts::FRACTION).unsigned_abs();
@@ -344,15 +520,16 @@ pub(crate) fn find_again_in(
         || has_background_changed(background, response, groups.beside(peak.group))
         || groups.has_another(peak.group, reach, least_similar)
     {
-        return find_in(row, blocks, coarse, budget);
+        return find_in(row, blocks);
     }
-    Ok(Spot {
+    let spot = Spot {
         centre,
         block_log2,
         height: height(response, block_log2),
         background: before.background,
         black_level: before.background.level,
-    })
+    };
+    Ok((spot, WorkBudget::of_row()))
 }
 
 /// A narrower spot is found by [`find`], in blocks of fewer pixels. With blocks of 8
@@ -388,190 +565,8 @@ fn square(value: u32) -> u64 {
     u64::from(value) * u64::from(value)
 }
 
-/// The highest response of the kernel [1 2 1] on blocks of up to four pixels. Zero for fewer than three
-/// blocks.
-fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) -> u32 {
-    let (Some(first), Some(second)) = (blocks.next(), blocks.next()) else {
-        return 0;
-    };
-    let (first, second) = (sum_of(first), sum_of(second));
-    let (mut last, mut last_two) = (second, numeric::add_u32(first, second));
-    blocks.map(sum_of).fold(0, |highest, block| {
-        let two = numeric::add_u32(last, block);
-        let response = numeric::add_u32(last_two, two);
-        (last, last_two) = (block, two);
-        highest.max(response)
-    })
-}
-
-/// These tests are not paid from the budget, so their number has a limit: where more blocks stand out, all
-/// sizes are searched. A spot that fits blocks of 8 pixels stands out on less than ten of them.
-const MOST_TRIED: u32 = 16;
-/// On a row of fewer pixels all sizes are searched.
-const SHORT: usize = 1024;
-/// How much darker than the level noise makes a pixel, in standard deviations: one in 30,000 is darker.
-const DARKEST: i32 = 4;
-
-/// The highest response of one block size, above the background.
-struct Candidate {
-    block_log2: u32,
-    /// Response above the background, Q24.8 counts.
-    response: i32,
-    /// response^2 / block size: comparable between block sizes, and with the noise's variance.
-    significance: u64,
-}
-
-impl Candidate {
-    fn new(sums: &Sums<'_>, block_log2: u32, level: Counts) -> Option<Self> {
-        let highest = sums.parts(block_log2).map(|(response, _)| response).max()?;
-        let response = above(highest, block_log2, level).max(0);
-        let significance = square(response.unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2);
-        Some(Self {
-            block_log2,
-            response,
-            significance,
-        })
-    }
-
-    /// The candidates of all sizes that the sums hold.
-    fn all(sums: &Sums<'_>, level: Counts) -> impl Iterator<Item = Self> {
-        (sums.smallest_log2()..=LARGEST_BLOCK_LOG2)
-            .filter_map(move |log2| Self::new(sums, log2, level))
-    }
-
-    /// The most significant one; of equal ones, that of the larger blocks.
-    fn best(sums: &Sums<'_>, level: Counts) -> Option<Self> {
-        Self::all(sums, level).max_by_key(|candidate| candidate.significance)
-    }
-
-    /// Whether no block of fewer than 8 pixels has a more significant response. `false` where that takes a
-    /// search of all sizes.
-    ///
-    /// A kernel on fewer pixels has its middle in one block of 8, and lies within the kernel about that
-    /// block. There each pixel has at least the weight that it has in the smaller kernel. So the smaller
-    /// kernel responds with at most as much, if no pixel is darker than the level. Pixels of weight 32 may be
-    /// darker: as a darker part of the background is, and by [`DARKEST`] standard deviations of noise each.
-    /// (Dead pixels are darker still, but then the spot is not where they are.) Only where the larger kernel
-    /// responds that much are the smaller ones tried.
-    fn is_best_of_all_sizes(&self, sums: &Sums<'_>, background: Background) -> bool {
-        let Background { level, noise } = background;
-        let root = self.root_of_significance();
-        let shadow = (level.to_bits()).saturating_sub(sums.darkest(level).to_bits());
-        let darkest = noise.to_bits().saturating_mul(DARKEST);
-        let darkest = darkest.saturating_add(shadow);
-        let least = root.saturating_sub(darkest.saturating_mul(32));
-        // Elsewhere noise alone would respond as much, by six standard deviations: sqrt(6 * 8) * 6 = 42. A
-        // short row does not tell how dark its background is.
-        if least < noise.to_bits().saturating_mul(42) || sums.light.len() < SHORT {
-            return false;
-        }
-        // What responds with more, background included.
-        let least = least.saturating_add(under_the_kernel(level, BLOCK_LOG2));
-        let least = (least >> Counts::FRACTION).max(0).unsigned_abs();
-        let mut tried = 0;
-        let is_better = &mut |block: usize, _| {
-            tried = numeric::add_u32(tried, 1);
-            if tried > MOST_TRIED {
-                return false;
-            }
-            let end = block.saturating_add(1).wrapping_shl(BLOCK_LOG2);
-            self.is_better_than_fine(sums.light, block.wrapping_shl(BLOCK_LOG2)..end, level)
-        };
-        // The larger kernel does not have its middle on the blocks of the row's ends. The last block may have
-        // no other to pair with.
-        let last = (sums.number(BLOCK_LOG2) / 2 * 2).saturating_sub(1);
-        let end = last.wrapping_shl(BLOCK_LOG2)..sums.light.len();
-        is_better(0, 0)
-            && self.is_better_than_fine(sums.light, end, level)
-            && (sums.parts(BLOCK_LOG2))
-                .filter(|&(highest, _)| highest > least)
-                .all(|(_, blocks)| sums.all_above(BLOCK_LOG2, blocks, least, is_better))
-    }
-
-    /// Whether no kernel on blocks of 1, 2 or 4 pixels is more significant with its middle on these pixels.
-    #[inline(never)]
-    fn is_better_than_fine(&self, light: Light<'_>, pixels: Range<usize>, level: Counts) -> bool {
-        let near = |around: usize| {
-            let to = pixels.end.saturating_add(around).min(light.len());
-            let near = light.slice(pixels.start.saturating_sub(around)..to);
-            near.unwrap_or_default()
-        };
-        // A kernel on up to 16 pixels responds with at most 16 times the brightest one's light. Over the root
-        // of its block's 4 pixels, that is 8 times.
-        let brightest = near(4).iter().max().map_or(0, u32::from);
-        if 8 * i64::from(in_q8(brightest).saturating_sub(level.to_bits()))
-            <= i64::from(self.root_of_significance())
-        {
-            return true;
-        }
-        let is_better = |response, block_log2| {
-            let response = above(response, block_log2, level).max(0);
-            square(response.unsigned_abs()) >> block_log2 <= self.significance
-        };
-        is_better(highest_response(near(1).chunks::<1>()), 0)
-            && is_better(highest_response(near(2).chunks::<2>()), 1)
-            && is_better(highest_response(near(4).chunks::<4>()), 2)
-    }
-
-    /// The root of the significance, rounded down by up to 3 %. Q24.8 counts.
-    fn root_of_significance(&self) -> i32 {
-        // 1/sqrt(2^block_log2), Q8, for blocks of 8 to 128 pixels.
-        let factor = match self.block_log2 {
-            3 => 90,
-            4 => 64,
-            5 => 45,
-            6 => 32,
-            _ => 22,
-        };
-        numeric::i64_to_i32((i64::from(self.response) * factor) >> 8)
-    }
-
-    fn is_one_pixel(&self, sums: &Sums<'_>, level: Counts) -> bool {
-        let block = sums.highest(self.block_log2);
-        block.is_some_and(|block| sums.is_one_pixel(self.block_log2, block, level))
-    }
-
-    /// Whether the light is wider than a spot can be: three blocks of 128 pixels to the sides there is more
-    /// than a fifth of the response left. A gaussian of 170 pixels has 15 to 18 % left, depending on how it
-    /// lies on the blocks; one of 200 pixels 23 to 25 %. They are taken above the darkest part of the row,
-    /// because wide light raises the level of the rest. Near the row's end, which may cut the light, two
-    /// blocks to the other side count.
-    fn is_too_wide(&self, sums: &Sums<'_>, level: Counts) -> bool {
-        if self.block_log2 != LARGEST_BLOCK_LOG2 {
-            return false;
-        }
-        let level = sums.darkest(level);
-        let Some(block) = sums.highest(self.block_log2) else {
-            return false;
-        };
-        let response = |block| {
-            let response = sums.response(self.block_log2, block)?;
-            Some(above(response, self.block_log2, level))
-        };
-        let left = |blocks| block.checked_sub(blocks).and_then(response);
-        let right = |blocks| response(block.saturating_add(blocks));
-        let beside = match (left(3), right(3)) {
-            (Some(left), Some(right)) => Some(left.midpoint(right)),
-            (None, _) => right(2),
-            (_, None) => left(2),
-        };
-        beside.is_some_and(|beside| beside > self.response / 5)
-    }
-
-    /// The height of the spot: the response over the kernel's weight, 1 + 2 + 1 blocks. True for a spot much
-    /// wider than the kernel, too low for others.
-    fn height(&self) -> Counts {
-        height(self.response, self.block_log2)
-    }
-}
-
 fn height(response: i32, block_log2: u32) -> Counts {
     Counts::from_bits(response >> (2 + block_log2.min(LARGEST_BLOCK_LOG2)))
-}
-
-/// A response above the background, in Q24.8 counts.
-fn above(response: u32, block_log2: u32, level: Counts) -> i32 {
-    in_q8(response).saturating_sub(under_the_kernel(level, block_log2))
 }
 
 /// The kernel's response to the background alone, in Q24.8 counts.
@@ -592,6 +587,35 @@ fn middle(block: usize, block_log2: u32) -> usize {
 
 /// The most values of a median.
 const MEDIAN_BLOCKS: usize = 32;
+
+/// The background and where it is darkest. The level is the median over blocks of the largest size of which
+/// the row has 16 or more.
+#[inline(never)]
+fn background(light: Light<'_>, blocks: &[u16]) -> Option<(Background, Counts)> {
+    let sizes = 1..=LARGEST_BLOCK_LOG2;
+    let log2 = sizes.take_while(|&log2| light.len() >> log2 >= 16).last()?;
+    let mut sums: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
+    // A row has at most 32 of them.
+    if let Some(larger) = log2.checked_sub(BLOCK_LOG2) {
+        for group in blocks.chunks_exact(1usize.wrapping_shl(larger).max(1)) {
+            let _ = sums.push(
+                group
+                    .iter()
+                    .fold(0, |all, &sum| numeric::add_u32(all, sum.into())),
+            );
+        }
+    } else {
+        for block in light.groups(1usize.wrapping_shl(log2)) {
+            let _ = sums.push(block.sum());
+        }
+    }
+    let mean = |sum| Counts::from_bits(in_q8(sum) >> log2);
+    let background = Background {
+        level: mean(median(&sums)?),
+        noise: noise(&[light])?,
+    };
+    Some((background, mean(*sums.iter().min()?)))
+}
 
 /// Estimates the noise of a pixel from the mean absolute difference of neighbours, which is sigma 2/sqrt(pi)
 /// for white noise. Takes the median of these means over pieces of the row, whose parts are given.

@@ -2,7 +2,9 @@
 
 use crate::second_judge::Rng;
 use crate::second_judge::plan::Plan;
-use crate::second_judge::{optics, pixels, signal, target, words};
+use crate::second_judge::{
+    beside, front_end, lopsided, moving, optics, pixels, signal, target, words,
+};
 
 /// Which parts of u a kind's errors are compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +46,7 @@ macro_rules! kinds {
     };
 }
 
-const KINDS: [Kind; 38] = kinds! {
+const KINDS: [Kind; 53] = kinds! {
     "clean" Centre target::clean,
         "nothing is wrong";
     "moving target" Centre target::moves,
@@ -121,4 +123,40 @@ const KINDS: [Kind; 38] = kinds! {
         "1 to 6 of 16 rows begin 1 to 60 words late; a single row has nothing to tell it by";
     "lost clock" Centre words::lost_clock,
         "from a pixel on, the words are shifted by 1 to 3 bits";
+    "spot beside wider light" Centre beside::wider_light,
+        "light with sigma 30 to 170 px elsewhere on a row of 3648 px; a spot of 60 to 3000 counts, 1.35 to 5 \
+         times as high";
+    "narrow spot on a wide lamp" Centre beside::wide_lamp,
+        "sigma 2 to 8 px, 300 to 3000 counts; the lamp: 0.3 to 0.7 of the height, sigma 60 to 150 px, up to \
+         2 of its widths off";
+    "weak ghost and outliers" Centre optics::ghost_and_outliers,
+        "2 to 5 % of the height, 0.8 to 2 sigma off; in 3 to 6 of 16 rows the spot jumps by 0.5 to 3 sigma, \
+         or 1 to 4 of its pixels get 300 to 1000 counts more";
+    "dim spot beside a hump" Centre beside::hides_dim_spot,
+        "20 to 100 counts with sigma 150 to 180 px; a spot of 60 to 200 counts on a row of 3648 px";
+    "narrow sinc^2" Centre target::narrow_sinc2,
+        "nothing is wrong: spots of a slit; the gaussian that fits best has sigma 1.2 to 1.5 px";
+    "edge of the reflectivity" Centre lopsided::reflectivity,
+        "beyond an edge within 1.5 sigma of the centre the light is 0.2 to 0.8 times as bright; the edge is \
+         blurred by 0.1 to 0.4 sigma";
+    "laser of two lobes" Centre lopsided::two_lobes,
+        "two gaussians, heights 1 and 0.3 to 0.9, 0.6 to 1.6 sigma apart";
+    "mode hop" Centre moving::mode_hop,
+        "from a row on the spot is 0.05 to 1 sigma elsewhere";
+    "video echo" Centre front_end::echo,
+        "each pixel gets 2 to 15 % of what the pixel 1 to 3 before it shows, added or taken away";
+    "translucent target" Centre lopsided::translucent,
+        "5 to 50 % of the light is an exponential tail to one side, with a length of 0.5 to 4 sigma";
+    "old pixels" Centre moving::old_pixels,
+        "every other pixel shows the row before, when the spot was 0.1 to 1 sigma elsewhere; in a frame a \
+         tenth of this";
+    "glass plate" Centre lopsided::glass_plate,
+        "a second spot of 0.9 to 1.1 of the height, 0.8 to 2.5 sigma off; only the width tells of it";
+    "vibration" Centre moving::vibration,
+        "the spot swings by 0.3 to 2 px to each side, 0.3 to 3 times in 16 rows";
+    "uneven dark pixels and response" CentreAndPixels pixels::uneven_both,
+        "responses differ by 0.5 to 2 %, offsets by 2 or 5 counts (standard deviations)";
+    "few photons on a pedestal" Centre beside::few_photons,
+        "a spot of 30 to 200 counts, 4 to 12 electrons a count; the pedestal: 0.2 to 2 times the height, 10 \
+         to 40 times as wide";
 };

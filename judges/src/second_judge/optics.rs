@@ -1,9 +1,10 @@
 //! Faults between the slit and the pixels: dust, ghosts, fringes, other light.
 
-use crate::second_judge::plan::Plan;
+use crate::second_judge::plan::{Plan, add};
 use crate::second_judge::target::add_spot;
 use crate::second_judge::{Rng, gaussian, log_even, side};
 use rand::Rng as _;
+use rand::seq::index;
 use rand_distr::{Distribution as _, StandardNormal};
 use std::f64::consts::{LN_2, TAU};
 
@@ -60,6 +61,38 @@ pub fn weak_ghost(plan: &mut Plan, random: &mut Rng) {
     let offset = side(random) * random.random_range(1.0..5.0);
     let widths = random.random_range(0.8..2.0);
     add_spot(plan, share, offset, widths);
+}
+
+/// A ghost in all rows, and 3 to 6 of 16 rows that a frame leaves out: the spot jumps in them, or up to four
+/// pixels on it are too bright. A single row has the ghost alone. The truth is the centre of the light
+/// without the ghost.
+pub fn ghost_and_outliers(plan: &mut Plan, random: &mut Rng) {
+    plan.spot.height = random.random_range(1500.0..3000.0);
+    let share = random.random_range(0.02..0.05);
+    let offset = side(random) * random.random_range(0.8..2.0);
+    let widths = random.random_range(0.8..2.0);
+    add_spot(plan, share, offset, widths);
+    if plan.rows == 1 {
+        return;
+    }
+    let count = random.random_range(3..=6);
+    let rows = index::sample(random, plan.rows, count).into_vec();
+    if random.random_bool(0.5) {
+        plan.shifts = vec![0.0; plan.rows];
+        for row in rows {
+            plan.shifts[row] = side(random) * random.random_range(0.5..3.0) * plan.spot.width;
+        }
+        return;
+    }
+    plan.volts.add(move |pixels, moment, random| {
+        let spot = moment.spot;
+        let first = (spot.centre + random.random_range(-1.5..1.5) * spot.width) as usize;
+        let bright = first..first + random.random_range(1..=4);
+        let counts = log_even(random, 300.0, 1000.0);
+        if rows.contains(&moment.row) {
+            add(&mut pixels[bright], |_| counts);
+        }
+    });
 }
 
 /// Interference in the cover glass. A glass of 0.7 mm has fringes of 8 to 25 pixels at 45 to 10 degrees.

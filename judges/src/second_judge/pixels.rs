@@ -108,6 +108,19 @@ pub fn uneven_response(plan: &mut Plan, random: &mut Rng) {
     });
 }
 
+/// Pixels that differ in both ways, on a sensor without a map of its pixels.
+pub fn uneven_both(plan: &mut Plan, random: &mut Rng) {
+    let response = log_even(random, 0.005, 0.02);
+    let offset = if random.random_bool(0.5) { 2.0 } else { 5.0 };
+    let [responses, offsets] = [normals(plan, random), normals(plan, random)];
+    plan.leave_room(2.0 * response * plan.spot.height);
+    plan.charge.add(move |pixels, _, _| {
+        for (i, pixel) in pixels.iter_mut().enumerate() {
+            *pixel = *pixel * (1.0 + response * responses[i]) + offset * offsets[i];
+        }
+    });
+}
+
 fn normals(plan: &Plan, random: &mut Rng) -> Vec<f64> {
     (0..plan.sensor.pixels)
         .map(|_| StandardNormal.sample(random))

@@ -49,6 +49,8 @@ pub struct Plan {
     pub spot: Spot,
     /// Pixels that the spot moves from row to row.
     pub speed: f64,
+    /// Pixels by which the spot of each row is elsewhere, beside the steady motion. Empty: by none.
+    pub shifts: Vec<f64>,
     /// What a perfect reader would say.
     pub truth: Truth,
     /// What lies before the sensor, and dims the spot.
@@ -63,6 +65,8 @@ pub struct Plan {
     pub counts: Changes<u16>,
     /// Words of the read-out.
     pub words: Changes<u16>,
+    /// The rows that a calibration saw.
+    calibration: Vec<Vec<u16>>,
 }
 
 /// The least height of the spot that a calibration sees, in counts: a person takes care that it is bright.
@@ -108,6 +112,7 @@ impl Plan {
             sensor,
             spot: Spot::draw(random, centre, width, height),
             speed,
+            shifts: vec![],
             truth: Truth::Centre(centre),
             glass: vec![],
             light: Changes::default(),
@@ -115,6 +120,7 @@ impl Plan {
             volts: Changes::default(),
             counts: Changes::default(),
             words: Changes::default(),
+            calibration: vec![],
         }
     }
 
@@ -135,6 +141,11 @@ impl Plan {
         self.spot.height = self.spot.height.min(self.sensor.room() - counts).max(60.0);
     }
 
+    /// Leaves room below full scale for other light on the spot, as a share of the spot's height.
+    pub fn leave_share(&mut self, share: f64) {
+        self.spot.height = self.spot.height.min(self.sensor.room() / (1.0 + share));
+    }
+
     /// Puts a glass with a transmission at each place before the sensor.
     pub fn glass(&mut self, transmission: impl Fn(f64) -> f64 + 'static) {
         self.glass.push(Box::new(transmission));
@@ -151,18 +162,19 @@ impl Plan {
     }
 
     /// Takes the frame's rows.
-    pub fn frame(&self, random: &mut Rng) -> Frame {
+    pub fn frame(self, random: &mut Rng) -> Frame {
         let middle = 0.5 * (self.rows as f64 - 1.0);
         let mut seen: Option<Vec<f64>> = None;
         let rows = (0..self.rows)
             .map(|row| {
+                let shift = self.shifts.get(row).copied().unwrap_or_default();
                 let spot = Spot {
-                    centre: self.spot.centre + self.speed * (row as f64 - middle),
+                    centre: self.spot.centre + self.speed * (row as f64 - middle) + shift,
                     ..self.spot
                 };
                 // A spot at rest has the same light in every row.
                 let light = match &seen {
-                    Some(light) if self.speed == 0.0 => light.clone(),
+                    Some(light) if self.speed == 0.0 && self.shifts.is_empty() => light.clone(),
                     _ => {
                         let mut light = vec![0.0; self.sensor.pixels];
                         spot.add_to(&mut light, |place| {
@@ -180,23 +192,24 @@ impl Plan {
             truth: self.truth,
             spot: self.spot,
             sensor: self.sensor,
-            calibration: vec![],
+            calibration: self.calibration,
         }
     }
 
-    /// Takes the rows that a calibration sees.
-    pub fn calibration(&self, random: &mut Rng) -> Vec<Vec<u16>> {
+    /// Takes the rows that a calibration sees. A fault that changes the sensor, or the shape or the width of
+    /// the spot without the fault, calls this again before it adds its changes.
+    pub fn calibrate(&mut self, random: &mut Rng) {
         let spot = Spot {
             height: self.spot.height.max(CALIBRATED_HEIGHT),
             ..self.spot
         };
-        (0..ROWS_OF_FRAME)
+        self.calibration = (0..ROWS_OF_FRAME)
             .map(|row| {
                 let mut light = vec![0.0; self.sensor.pixels];
                 spot.add_to(&mut light, |_| 1.0);
                 self.row(light, &Moment { row, spot }, random)
             })
-            .collect()
+            .collect();
     }
 
     fn row(&self, mut pixels: Vec<f64>, moment: &Moment, random: &mut Rng) -> Vec<u16> {

@@ -51,6 +51,16 @@ impl Shape {
         }
     }
 
+    /// The shape of a laser spot.
+    pub fn gaussian() -> &'static Self {
+        &SHAPES[0]
+    }
+
+    /// The shape that a narrow slit makes: sinc^2.
+    pub fn sinc2() -> &'static Self {
+        &SINC2
+    }
+
     /// The height at a distance from the centre in widths.
     fn at(&self, widths: f64) -> f64 {
         between(&self.values, widths.abs() * STEPS as f64)
@@ -139,6 +149,9 @@ static SHAPES: LazyLock<Vec<Shape>> = LazyLock::new(|| {
         slit(0.33, 0.3),
     ]
 });
+
+/// The pattern of a narrow slit without a blur.
+static SINC2: LazyLock<Shape> = LazyLock::new(|| slit(0.0, 0.01));
 
 /// A spot.
 #[derive(Clone, Copy, Debug)]

@@ -3,12 +3,21 @@
 use crate::hard_cases::Truth;
 use crate::second_judge::plan::Plan;
 use crate::second_judge::sensor::FULL_SCALE;
-use crate::second_judge::spot::Spot;
+use crate::second_judge::spot::{Shape, Spot};
 use crate::second_judge::{Rng, gaussian, log_even, side};
 use rand::Rng as _;
 
 /// Nothing is wrong.
 pub fn clean(_: &mut Plan, _: &mut Rng) {}
+
+/// The narrowest spots that are measured, with side lobes. The truth is the centre.
+pub fn narrow_sinc2(plan: &mut Plan, random: &mut Rng) {
+    plan.spot.shape = Shape::sinc2();
+    // The gaussian that fits sinc^2(u) best, by least squares, has a sigma of 0.3600. The gaussian of the
+    // same half-height width has 0.3762.
+    plan.spot.width = random.random_range(1.2..1.5) * 0.3762 / 0.3600;
+    plan.calibrate(random);
+}
 
 /// A steady motion. The truth is the spot's place in the middle of the frame.
 pub fn moves(plan: &mut Plan, random: &mut Rng) {

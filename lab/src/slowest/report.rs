@@ -111,12 +111,12 @@ mod tests {
         for (symbol, function) in [
             ("slitrange::spot::noise", "spot::noise"),
             (
-                "<slitrange::spot::sums::Sums>::response",
-                "spot::sums::Sums::response",
+                "<slitrange::spot::candidates::Peaks>::search_scale",
+                "spot::candidates::Peaks::search_scale",
             ),
             (
-                "slitrange::check::other_spot::check::{closure#7}",
-                "check::other_spot::check",
+                "slitrange::spot::list_spots::{closure#7}",
+                "spot::list_spots",
             ),
             (
                 "core::iter::fold::<u32, slitrange::spot::search::{closure#1}>",

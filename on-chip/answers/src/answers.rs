@@ -87,7 +87,7 @@ impl Default for Estimators {
     }
 }
 
-/// Makes a measurement. Inlined, it would leave a copy of 17 KB on the chip's stack for each estimator.
+/// Makes a measurement. Inlined, it would leave a copy of 15 KB on the chip's stack for each estimator.
 #[inline(never)]
 fn start_one(place: &mut Option<Measurement>, geometry: &Geometry, options: Options) {
     *place = Some(Measurement::new(geometry.clone(), options));

@@ -50,7 +50,7 @@ pub struct Chip {
     /// Every method at every width, the widths rising for each method.
     pub methods: Vec<MethodOnChip>,
     /// The coarse search of a whole row, the spot's width being known from the row before.
-    pub sweep_instructions_per_pixel: f64,
+    pub search_again_instructions_per_pixel: f64,
     /// The same for a spot of any width: the first row of a frame.
     pub search_instructions_per_pixel: f64,
     /// Turning the words of a read-out into a row.
@@ -155,7 +155,7 @@ fn chip(run: &Run) -> Result<Chip> {
     Ok(Chip {
         methods: methods(run, &program)?,
         search_instructions_per_pixel: per_item("spot-find")?,
-        sweep_instructions_per_pixel: per_item("spot-find-again")?,
+        search_again_instructions_per_pixel: per_item("spot-find-again")?,
         geometry_instructions_per_word: per_item("geometry-row")?,
         whole_rows: whole_rows::read(run, &program)?,
         forms: forms(run, &program)?,

@@ -65,7 +65,7 @@ impl Measured {
     pub fn json(&self) -> serde_json::Value {
         let mut json = serde_json::json!({
             "methods": self.figures(),
-            "sweep_instructions_per_pixel": self.chip.sweep_instructions_per_pixel,
+            "search_again_instructions_per_pixel": self.chip.search_again_instructions_per_pixel,
             "whole_rows": self.rows_json(),
         });
         if !self.peers.is_empty() {
@@ -142,7 +142,7 @@ impl Measured {
             self.accuracy.rows,
             self.accuracy_table(),
             self.cost_table(),
-            self.chip.sweep_instructions_per_pixel,
+            self.chip.search_again_instructions_per_pixel,
             self.chip.search_instructions_per_pixel,
             self.chip.geometry_instructions_per_word,
         )
@@ -384,7 +384,7 @@ mod tests {
         let mut measured = sample_measurements::measured();
         let json = measured.json();
         assert!(json.get("peers").is_none());
-        assert!(json["sweep_instructions_per_pixel"].is_f64());
+        assert!(json["search_again_instructions_per_pixel"].is_f64());
         let methods = json["methods"].as_array().expect("an array");
         assert_eq!(methods.len(), Method::ALL.len());
         for method in methods {

@@ -1,7 +1,5 @@
 //! The assembly of `dual_mac` against its portable twin.
 
-use core::ops::Range;
-
 use dual_mac::{Pair, Pairs, portable};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
@@ -33,10 +31,6 @@ pub fn compare() {
             weights.fill_with(|| Pairs(pair(&mut random), pair(&mut random)));
             let single = weights.map(|Pairs(first, _)| first);
             let start = round % 2;
-            let (range, is_inverted) = (start..start + samples, round % 4 < 2);
-            judge(sweeps_agree(&row, range.clone(), is_inverted));
-            let slope = [random.next_u32() as i32, random.next_u32() as i32 >> 8];
-            judge(slopes_agree(&row, range, number(&mut random), slope));
             let row = &row[start..start + samples];
             let weights_given = (samples / 2).saturating_sub(if round < 4 { round } else { 0 });
             let (single, double) = (&single[..weights_given], &weights[..weights_given]);
@@ -44,10 +38,6 @@ pub fn compare() {
             judge(dual_mac::dot2(row, double) == portable::dot2(row, double));
             let least = 2 * i32::from(number(&mut random));
             judge(dual_mac::reaches(row, least) == portable::reaches(row, least));
-            let (mut chip, mut twin) = ([7; 8], [7; 8]);
-            dual_mac::contrasts(row, &mut chip[..room(round)]);
-            portable::contrasts(row, &mut twin[..room(round)]);
-            judge(chip == twin);
             let fours = row.as_chunks().0;
             judge(dual_mac::sum_of_steps(fours) == portable::sum_of_steps(fours));
             let (blocks, weights) = (row.as_chunks().0, pair(&mut random));
@@ -69,46 +59,6 @@ pub fn compare() {
         different
     );
     super::board::let_the_log_out();
-}
-
-/// Whether both sweeps of these samples agree, where the samples are as large as they may be.
-fn sweeps_agree(row: &[u16; LONGEST + 1], samples: Range<usize>, is_inverted: bool) -> bool {
-    const NARROW: u16 = u16::MAX / 4;
-    const WIDE: u16 = u16::MAX / 2;
-    let nothing = ([0; LONGEST / 2], [0; LONGEST / 32]);
-    let (mut chip, mut twin) = (nothing, nothing);
-    let words = &row.map(|number| number & NARROW)[samples.clone()];
-    let inverted = if is_inverted { NARROW } else { 0 };
-    dual_mac::sweep(words, inverted, &mut chip.0, &mut chip.1);
-    portable::sweep(words, inverted, &mut twin.0, &mut twin.1);
-    let do_narrow_agree = chip == twin;
-    let samples = &row.map(|number| number & WIDE)[samples];
-    dual_mac::sweep_wide(samples, &mut chip.0, &mut chip.1);
-    portable::sweep_wide(samples, &mut twin.0, &mut twin.1);
-    do_narrow_agree && chip == twin
-}
-
-/// Whether the subtractions of a slope and of a number agree.
-fn slopes_agree(
-    row: &[u16; LONGEST + 1],
-    samples: Range<usize>,
-    inverted: u16,
-    [start, step]: [i32; 2],
-) -> bool {
-    let room = samples.clone();
-    let (mut chip, mut twin) = ([0; LONGEST + 1], [0; LONGEST + 1]);
-    let (words, to) = (&row[samples], &mut chip[room.clone()]);
-    let on_chip = dual_mac::subtract_slope(words, inverted, start, step, to);
-    let by_twin = portable::subtract_slope(words, inverted, start, step, &mut twin[room.clone()]);
-    let do_slopes_agree = on_chip == by_twin && chip == twin;
-    dual_mac::subtract_to_12_bits(&mut chip[room.clone()], on_chip);
-    portable::subtract_to_12_bits(&mut twin[room], on_chip);
-    do_slopes_agree && chip == twin
-}
-
-/// Room for fewer parts than the longest samples have, or for more.
-const fn room(round: usize) -> usize {
-    if round % 4 == 3 { 2 } else { 8 }
 }
 
 fn pair(random: &mut ChaCha8Rng) -> Pair {

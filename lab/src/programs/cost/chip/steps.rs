@@ -224,7 +224,7 @@ mod tests {
                 Step::Convert,
             ),
             (
-                &["slitrange::spot::sweep::sweep", "slitrange::row::x"],
+                &["slitrange::spot::search", "slitrange::row::x"],
                 Step::Search,
             ),
             (

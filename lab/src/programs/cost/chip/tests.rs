@@ -199,7 +199,12 @@ fn the_steps_of_whole_rows_add_up() {
                 row.expect("measured").total()
             });
             println!("{name}, sigma {width}: first row {first}, following {following}");
-            assert!(first > following, "{name}");
+            // A following row's search for a spot below 4 pixels looks at all pixels too.
+            let searches_in_full = f64::from(width) < 4.0;
+            assert!(
+                first > following || searches_in_full && following - first < first / 100,
+                "{name}"
+            );
         }
         let [last, following] = [LAST, FOLLOWING].map(|kind| rows.nominal(kind, name));
         assert!(last.expect("measured").frame() > following.expect("measured").frame());
