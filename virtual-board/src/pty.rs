@@ -183,7 +183,8 @@ fn is_idle(kind: ErrorKind) -> bool {
 mod tests {
     use super::*;
 
-    /// 64 KiB are sixteen times what the system keeps. With a wait that never ends, no busy PC can fail this.
+    /// 64 KiB are sixteen times what the system keeps. While the program reads, the wait never
+    /// ends, so no busy PC can fail this.
     #[test]
     fn a_slow_program_gets_all_bytes_and_without_one_they_are_lost() -> Result<()> {
         let bytes: Vec<u8> = (0..=255).cycle().take(1 << 16).collect();
@@ -196,8 +197,9 @@ mod tests {
             assert!(came == bytes);
             sends.join().expect("no panic")
         })?;
+        // With a wait, this could wait for ever: the system may make room after it said that there is none.
         terminal.pass(&bytes, PollTimeout::ZERO)?;
         assert!(!terminal.is_read);
-        terminal.pass(&bytes, PollTimeout::NONE)
+        Ok(())
     }
 }
