@@ -261,6 +261,121 @@ pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
     sum.wrapping_add(crate::portable::sum_of_steps(rest))
 }
 
+/// See [`crate::portable::blocks_at_most`].
+#[inline(never)]
+pub fn blocks_at_most(blocks: &[[u16; BLOCK]], limit: u16) -> usize {
+    if blocks.is_empty() {
+        return 0;
+    }
+    let left: usize;
+    // SAFETY: 16 bytes are read at most `blocks.len()` times. Addresses are as in `dot`. Nothing is written.
+    unsafe {
+        asm!(
+            // UQSUB16 leaves zero of a sample at or below the limit.
+            "2:",
+            "ldr r2, [{sample}], #4",
+            "ldr r4, [{sample}], #4",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "uqsub16 r2, r2, {limit}",
+            "uqsub16 r4, r4, {limit}",
+            "uqsub16 {x}, {x}, {limit}",
+            "uqsub16 {y}, {y}, {limit}",
+            "orr r2, r2, r4",
+            "orr {x}, {x}, {y}",
+            "orrs r2, r2, {x}",
+            "bne 3f",
+            "subs r3, #1",
+            "bne 2b",
+            "3:",
+            inout("r3") blocks.len() => left,
+            sample = inout(reg) blocks.as_ptr() => _,
+            limit = in(reg) u32::from(limit) | u32::from(limit) << 16,
+            x = out(reg) _,
+            y = out(reg) _,
+            out("r2") _,
+            out("r4") _,
+            options(readonly, nostack, pure),
+        );
+    }
+    blocks.len().wrapping_sub(left)
+}
+
+/// The results of an instruction for the pairs in eight samples.
+macro_rules! four_results {
+    ($instruction:literal) => {
+        concat! {
+            "ldr r2, [{sample}], #4\n",
+            "ldr r4, [{sample}], #4\n",
+            "pkhbt {x}, r2, r4, lsl #16\n",
+            "pkhtb {y}, r4, r2, asr #16\n",
+            $instruction, " {x}, {x}, {y}\n",
+            "ldr r2, [{sample}], #4\n",
+            "ldr r4, [{sample}], #4\n",
+            "str {x}, [{result}], #4\n",
+            "pkhbt {x}, r2, r4, lsl #16\n",
+            "pkhtb {y}, r4, r2, asr #16\n",
+            $instruction, " {x}, {x}, {y}\n",
+            "str {x}, [{result}], #4\n",
+            "subs r3, #1",
+        }
+    };
+}
+
+/// See [`crate::portable::sum_pairs`].
+#[inline(never)]
+pub fn sum_pairs(samples: &[u16], sums: &mut [u16]) {
+    let eights = (samples.len() / 8).min(sums.len() / 4);
+    if eights > 0 {
+        // SAFETY: 16 bytes are read `eights` times from the samples, and 8 are written to the sums; both
+        // slices are that long, and do not overlap. Addresses are as in `dot`.
+        unsafe {
+            asm!(
+                "2:",
+                four_results!("uadd16"),
+                "bne 2b",
+                inout("r3") eights => _,
+                sample = inout(reg) samples.as_ptr() => _,
+                result = inout(reg) sums.as_mut_ptr() => _,
+                x = out(reg) _,
+                y = out(reg) _,
+                out("r2") _,
+                out("r4") _,
+                options(nostack),
+            );
+        }
+    }
+    let samples = samples.get(8 * eights..).unwrap_or_default();
+    crate::portable::sum_pairs(samples, sums.get_mut(4 * eights..).unwrap_or_default());
+}
+
+/// See [`crate::portable::halve`].
+#[inline(never)]
+pub fn halve(samples: &mut [u16]) -> usize {
+    let eights = samples.len() / 8;
+    if eights > 0 {
+        let start = samples.as_mut_ptr();
+        // SAFETY: 16 bytes are read `eights` times from the samples, which are that long, and 8 are written
+        // to places that were read before. Addresses are as in `dot`.
+        unsafe {
+            asm!(
+                "2:",
+                four_results!("uhadd16"),
+                "bne 2b",
+                inout("r3") eights => _,
+                sample = inout(reg) start => _,
+                result = inout(reg) start => _,
+                x = out(reg) _,
+                y = out(reg) _,
+                out("r2") _,
+                out("r4") _,
+                options(nostack),
+            );
+        }
+    }
+    crate::portable::halve_from(samples, 4 * eights)
+}
+
 /// Two responses of the kernel [1 2 1]: their middles are the second sample of the pair `$before` and the
 /// first one of the pair `$here`. Each is subtracted from `below` in two steps.
 macro_rules! two_responses {

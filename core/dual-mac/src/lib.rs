@@ -6,8 +6,8 @@
 //! has the only `unsafe` of the core's arithmetic. Each function has a portable twin in [`portable`], which
 //! runs on all other targets and must agree bit for bit: a program on the emulated board compares the two.
 //!
-//! The same targets have the extension's instructions that add and subtract two samples at once: for sums and
-//! differences.
+//! The same targets have the extension's instructions that add and subtract two samples at once: for sums,
+//! differences and comparisons.
 //!
 //! | target | inner products | square root |
 //! |---|---|---|
@@ -37,10 +37,14 @@ mod vsqrt;
 pub use portable::{BLOCK, LARGEST_SAMPLE, Pair, Pairs};
 
 #[cfg(has_dsp)]
-pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use cortex_m::{
+    blocks_at_most, dot, dot2, halve, reaches, sum_blocks, sum_of_steps, sum_pairs,
+};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use portable::{
+    blocks_at_most, dot, dot2, halve, reaches, sum_blocks, sum_of_steps, sum_pairs,
+};
 #[cfg(has_fpu)]
 pub use vsqrt::square_root;

@@ -1,5 +1,7 @@
 //! The weights, the size of a block, and the portable twins of the assembly, in safe Rust.
 
+use core::cell::Cell;
+
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C, align(4))]
@@ -10,7 +12,7 @@ pub struct Pair(pub i16, pub i16);
 #[repr(C)]
 pub struct Pairs(pub Pair, pub Pair);
 
-/// Samples in a block of [`sum_blocks`].
+/// Samples in a block of [`sum_blocks`] and [`blocks_at_most`].
 pub const BLOCK: usize = 8;
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;
@@ -73,6 +75,35 @@ pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
         i32::from((step.unsigned_abs() & 0xffff) as i16).cast_unsigned()
     };
     fours.iter().map(step).fold(0, u32::wrapping_add)
+}
+
+/// How many blocks come before the first one that has a sample above a limit.
+pub fn blocks_at_most(blocks: &[[u16; BLOCK]], limit: u16) -> usize {
+    let has_none_above = |block: &&[u16; BLOCK]| block.iter().all(|&sample| sample <= limit);
+    blocks.iter().take_while(has_none_above).count()
+}
+
+/// The sums of pairs of samples, as many as there are or as there is room for. A sum wraps.
+pub fn sum_pairs(samples: &[u16], sums: &mut [u16]) {
+    for (&[one, other], sum) in samples.as_chunks::<2>().0.iter().zip(sums) {
+        *sum = one.wrapping_add(other);
+    }
+}
+
+/// Replaces the first half of the samples by the means of their pairs, rounded down. Returns how many these
+/// are. A last sample without a partner is left out.
+pub fn halve(samples: &mut [u16]) -> usize {
+    halve_from(samples, 0)
+}
+
+/// As [`halve`], where so many means are there.
+pub(crate) fn halve_from(samples: &mut [u16], done: usize) -> usize {
+    let samples = Cell::from_mut(samples).as_slice_of_cells();
+    let pairs = samples.as_chunks::<2>().0;
+    for (mean, [one, other]) in samples.iter().zip(pairs).skip(done) {
+        mean.set(one.get().midpoint(other.get()));
+    }
+    pairs.len()
 }
 
 /// Whether the kernel [1 2 1] responds with `least` or more anywhere on the samples.

@@ -1,7 +1,9 @@
 //! Compares the portable twins with sums in 64 bits. `cost-on-chip` compares them with the assembly, on the
 //! chip.
 
-use dual_mac::portable::{dot, dot2, reaches, square_root, sum_blocks, sum_of_steps};
+use dual_mac::portable::{
+    blocks_at_most, dot, dot2, halve, reaches, square_root, sum_blocks, sum_of_steps, sum_pairs,
+};
 use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
 use proptest::prelude::*;
 
@@ -69,6 +71,29 @@ proptest! {
         }
         prop_assert_eq!(sums.last(), Some(&7));
         prop_assert_eq!(bits, blocks.iter().flatten().fold(0, |bits, sample| bits | sample));
+    }
+
+    #[test]
+    fn the_next_block_has_a_sample_above_the_limit(samples in samples(u16::MAX), limit in any::<u16>()) {
+        let (blocks, _) = samples.as_chunks();
+        let (before, behind) = blocks.split_at(blocks_at_most(blocks, limit));
+        prop_assert!(before.as_flattened().iter().all(|&sample| sample <= limit));
+        prop_assert!(behind.first().is_none_or(|block| block.iter().any(|&sample| sample > limit)));
+    }
+
+    #[test]
+    fn pairs_have_a_sum_and_a_mean(samples in samples(u16::MAX), room in 0..LONGEST) {
+        let (pairs, last) = samples.as_chunks::<2>();
+        let sum = |&[one, other]: &[u16; 2]| u32::from(one) + u32::from(other);
+        let mut sums = vec![7; room];
+        sum_pairs(&samples, &mut sums);
+        for (at, all) in sums.into_iter().enumerate() {
+            prop_assert_eq!(all, pairs.get(at).map_or(7, |pair| sum(pair) as u16));
+        }
+        let mut means = samples.clone();
+        prop_assert_eq!(halve(&mut means), pairs.len());
+        prop_assert!(pairs.iter().zip(&means).all(|(pair, &mean)| u32::from(mean) == sum(pair) / 2));
+        prop_assert!(last.is_empty() || means.last() == last.last());
     }
 
     #[test]

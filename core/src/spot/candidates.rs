@@ -190,6 +190,8 @@ const HALF_FRACTION: u32 = 8;
 #[derive(Clone, Copy, Default)]
 struct Scale {
     log2: u32,
+    /// The kernel's sum is 2^`sum_log2` heights.
+    sum_log2: u32,
     /// After [`BELOW_LEVEL`], [`ABOVE_LEVEL`], [`RISES`], [`DETECTED`] and [`PROMINENT`].
     below_level: u32,
     above_level: u32,
@@ -212,6 +214,7 @@ impl Scale {
         };
         Self {
             log2,
+            sum_log2: 2,
             below_level: limit(BELOW_LEVEL.into()),
             above_level: limit(ABOVE_LEVEL.into()),
             rises: limit(RISES.into()),
@@ -222,6 +225,29 @@ impl Scale {
 
     fn pixels(self) -> u32 {
         1u32.wrapping_shl(self.log2)
+    }
+
+    #[inline(always)]
+    fn smoothed(self, &[left, middle, right]: &[u16; 3]) -> u32 {
+        // Four of 16 bits.
+        numeric::add_u32(u32::from(left) + u32::from(right), 2 * u32::from(middle))
+            .wrapping_shr(self.sum_log2)
+    }
+
+    /// The smoothed height at a block. An end has none.
+    fn smooth(self, means: &[u16], block: usize) -> Option<u32> {
+        let first = block.checked_sub(1)?;
+        Some(self.smoothed(means.get(first..)?.first_chunk()?))
+    }
+
+    /// The smoothed height so many blocks to a peak's right, or left.
+    fn beside(self, means: &[u16], block: usize, distance: usize, is_right: bool) -> Option<u32> {
+        let block = if is_right {
+            numeric::add_usize(block, distance)
+        } else {
+            block.checked_sub(distance)?
+        };
+        self.smooth(means, block)
     }
 
     /// Height^2 * 2^k, and 1/64 of it more for each step of k: of two scales that are nearly alike the
@@ -289,13 +315,20 @@ impl Peaks {
 
     /// Searches the sums of the row's blocks of 8 pixels, and larger ones.
     pub(super) fn search_blocks(&mut self, blocks: &[u16]) {
-        let mut means = [0; MAX_PIXELS / 8];
-        for (mean, sum) in means.iter_mut().zip(blocks) {
-            // Sums of 8 counts of 12 bits: below 2^15.
-            *mean = sum.wrapping_mul(2);
-        }
+        let mut means = [0; MAX_PIXELS / 16];
+        // Of 16 counts of 12 bits.
+        dual_mac::sum_pairs(blocks, &mut means);
         self.most = MOST_SEEN_IN_BLOCKS;
-        self.search(&mut means, blocks.len(), BLOCK_LOG2..=LARGEST_LOG2);
+        // A sum of 8 counts is half a height.
+        let scale = Scale::of(BLOCK_LOG2, self.half);
+        self.search_scale(
+            blocks,
+            Scale {
+                sum_log2: 1,
+                ..scale
+            },
+        );
+        self.search(&mut means, blocks.len() / 2, BLOCK_LOG2 + 1..=LARGEST_LOG2);
         self.most = MOST_SEEN;
     }
 
@@ -322,7 +355,7 @@ impl Peaks {
         }
         self.mend(means.get_mut(..number).unwrap_or_default());
         for _ in 0..*scales.start() {
-            number = halve(means, number);
+            number = dual_mac::halve(means.get_mut(..number).unwrap_or_default());
         }
         self.search(means, number, scales);
     }
@@ -352,8 +385,14 @@ impl Peaks {
             if step.wrapping_add(most_step) > 2 * most_step {
                 let (first, second) = (height(one), height(other));
                 let pixel = pair.saturating_mul(2);
-                one.set(mended(beside(pixel.checked_sub(1)), first, second));
-                other.set(mended(first, second, beside(pixel.checked_add(2))));
+                let (left, right) = (beside(pixel.checked_sub(1)), beside(pixel.checked_add(2)));
+                // The flank of a spot.
+                let rises = left <= first && first <= second && second <= right;
+                if rises || left >= first && first >= second && second >= right {
+                    continue;
+                }
+                one.set(mended(left, first, second));
+                other.set(mended(first, second, right));
                 most = most.saturating_sub(1);
                 if most == 0 {
                     return;
@@ -389,26 +428,25 @@ impl Peaks {
     fn search(&mut self, means: &mut [u16], number: usize, scales: RangeInclusive<u32>) {
         let mut number = number;
         for log2 in scales {
-            let Some(at_scale) = means.get(..number) else {
+            let Some(at_scale) = means.get_mut(..number) else {
                 return;
             };
             if number < 4 || self.are_too_many {
                 return;
             }
-            self.search_scale(at_scale, log2);
-            number = halve(means, number);
+            self.search_scale(at_scale, Scale::of(log2, self.half));
+            number = dual_mac::halve(at_scale);
         }
     }
 
     /// Looks at the peaks of a scale. The row's ends are dark.
     #[inline(never)]
-    fn search_scale(&mut self, means: &[u16], log2: u32) {
-        self.scale = Scale::of(log2, self.half);
-        // Four times a height, as the sums. Limited, so that differences are below 2^22.
-        let rises = self.scale.rises.min(1 << 20) * 4;
-        let least = u32::from(self.darkest)
-            .saturating_add(self.scale.detected)
-            .saturating_mul(4);
+    fn search_scale(&mut self, means: &[u16], scale: Scale) {
+        self.scale = scale;
+        // As the sums. Limited, so that differences are below 2^22.
+        let sum_of = |height: u32| height.min(1 << 20).wrapping_shl(scale.sum_log2);
+        let rises = sum_of(scale.rises);
+        let least = sum_of(u32::from(self.darkest).saturating_add(scale.detected));
         let mut sums = Sums::of(means);
         let number = sums.means.len();
         let mut sum = sums.next();
@@ -420,7 +458,8 @@ impl Peaks {
             let (top, behind, next) = sums.climb(first, rises);
             // A peak falls within three blocks, or ends with the row. The first sum is that of block 1.
             if next.is_none() || behind.saturating_sub(sums.means.len()) <= 3 {
-                self.see(means, number.saturating_sub(behind), top / 4);
+                let height = top.wrapping_shr(scale.sum_log2);
+                self.see(means, number.saturating_sub(behind), height);
             }
             sum = next.and_then(|next| sums.fall(next, rises));
         }
@@ -435,10 +474,10 @@ impl Peaks {
         if self.are_too_many {
             return;
         }
-        let Some(left) = Side::of(top, scale.rises, left.array_windows().rev()) else {
+        let Some(left) = Side::of(top, scale, left.array_windows().rev()) else {
             return;
         };
-        let Some(right) = Side::of(top, scale.rises, right.array_windows()) else {
+        let Some(right) = Side::of(top, scale, right.array_windows()) else {
             return;
         };
         self.seen = numeric::add_usize(self.seen, 1);
@@ -457,7 +496,8 @@ impl Peaks {
             } else {
                 (right, left)
             };
-            is_cut(top, &cut, &other, beside(means, block, 4, left.ends))
+            let beside = scale.beside(means, block, 4, left.ends);
+            is_cut(top, &cut, &other, beside)
         };
         if is_cut && left.ends {
             left_foot = right_foot;
@@ -478,11 +518,11 @@ impl Peaks {
         }
         let least = self.least(above_level);
         let significance = scale.significance(prominence);
-        let at_four = [true, false].map(|is_right| beside(means, block, 4, is_right));
+        let at_four = [true, false].map(|is_right| scale.beside(means, block, 4, is_right));
         let beside = match at_four {
             [Some(behind), Some(before)] => before.midpoint(behind),
             // Nearer, because the background may rise.
-            _ if is_cut => beside(means, block, 3, left.ends).unwrap_or(base),
+            _ if is_cut => scale.beside(means, block, 3, left.ends).unwrap_or(base),
             _ => base,
         };
         let half = 1usize.wrapping_shl(scale.log2) / 2;
@@ -527,7 +567,7 @@ impl Peaks {
             return false;
         }
         let above = |height: u32| height.saturating_sub(self.darkest.into());
-        let at = |block: Option<usize>| smooth(means, block?).map(above);
+        let at = |block: Option<usize>| self.scale.smooth(means, block?).map(above);
         // Distances in 128 pixels.
         let blocks = |distance: usize| distance.wrapping_shl(LARGEST_LOG2.wrapping_sub(peak.log2));
         let left = |distance| at(block.checked_sub(blocks(distance)));
@@ -743,53 +783,31 @@ struct Side {
 }
 
 impl Side {
-    /// Of a peak of this height, with the blocks from it on. `None` if it does not rise by more than `rises`
+    /// Of a peak of this height, with the blocks from it on. `None` if it does not rise by more than noise
     /// within three blocks.
     #[inline(always)]
     fn of<'a>(
         top: u32,
-        rises: u32,
+        scale: Scale,
         blocks: impl ExactSizeIterator<Item = &'a [u16; 3]>,
     ) -> Option<Self> {
         let ends = blocks.len() < 3;
         let mut lowest = top;
         for (block, three) in blocks.take(REACH).enumerate() {
-            let height = smoothed(three);
+            let height = scale.smoothed(three);
             if height > top {
                 break;
             }
             lowest = lowest.min(height);
-            if block == 2 && top.saturating_sub(lowest) <= rises {
+            if block == 2 && top.saturating_sub(lowest) <= scale.rises {
                 return None;
             }
         }
-        (ends || top.saturating_sub(lowest) > rises).then_some(Self { lowest, ends })
+        (ends || top.saturating_sub(lowest) > scale.rises).then_some(Self { lowest, ends })
     }
 }
 
-/// The smoothed height so many blocks to a peak's right, or left.
-fn beside(means: &[u16], block: usize, distance: usize, is_right: bool) -> Option<u32> {
-    let block = if is_right {
-        numeric::add_usize(block, distance)
-    } else {
-        block.checked_sub(distance)?
-    };
-    smooth(means, block)
-}
-
-/// The smoothed height at a block. An end has none.
-fn smooth(means: &[u16], block: usize) -> Option<u32> {
-    let first = block.checked_sub(1)?;
-    Some(smoothed(means.get(first..)?.first_chunk()?))
-}
-
-#[inline(always)]
-fn smoothed(&[left, middle, right]: &[u16; 3]) -> u32 {
-    // Four of 16 bits.
-    numeric::add_u32(u32::from(left) + u32::from(right), 2 * u32::from(middle)) / 4
-}
-
-/// The smoothed heights of a row's blocks, four times as high.
+/// The kernel's sums over a row's blocks.
 struct Sums<'a> {
     means: core::slice::Iter<'a, u16>,
     last: u32,
@@ -870,13 +888,11 @@ impl<'a> Sums<'a> {
         if self.last.max(self.last_two.wrapping_sub(self.last)) > limit {
             return;
         }
-        // The highest bit is set by a height above.
-        let above = |all, &mean: &u16| all | limit.wrapping_sub(u32::from(mean));
-        let is_dark = |eight: &&[u16; 8]| eight.iter().fold(0, above) >> 31 == 0;
         let rest = self.means.as_slice();
-        let dark = rest.as_chunks::<8>().0.iter().take_while(is_dark).count();
+        let limit = u16::try_from(limit).unwrap_or(u16::MAX);
+        let dark = dual_mac::blocks_at_most(rest.as_chunks().0, limit);
         let (dark, rest) = rest
-            .split_at_checked(dark.saturating_mul(8))
+            .split_at_checked(dark.saturating_mul(dual_mac::BLOCK))
             .unwrap_or_default();
         if let [.., first, last] = dark {
             self.last = u32::from(*last);
@@ -898,14 +914,4 @@ impl Iterator for Sums<'_> {
         (self.last, self.last_two) = (mean, two);
         Some(four)
     }
-}
-
-/// The means of pairs, in place. Returns their number.
-fn halve(means: &mut [u16], number: usize) -> usize {
-    let means = Cell::from_mut(means).as_slice_of_cells();
-    let pairs = means.get(..number).unwrap_or_default().as_chunks::<2>().0;
-    for (mean, [one, other]) in means.iter().zip(pairs) {
-        mean.set(one.get().midpoint(other.get()));
-    }
-    pairs.len()
 }

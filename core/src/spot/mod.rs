@@ -20,6 +20,7 @@ pub mod region;
 
 use core::ops::Range;
 
+use dual_mac::Pair;
 use heapless::Vec;
 
 use crate::base::{Counts, Fault, Pixels, WorkBudget, numeric, order_statistic};
@@ -31,6 +32,8 @@ use crate::spot::groups::Groups;
 pub const MIN_PIXELS: usize = 32;
 /// The largest block has 2^7 = 128 pixels, for widths up to 130 pixels.
 const LARGEST_BLOCK_LOG2: u32 = LARGEST_LOG2;
+/// In blocks of 8 pixels.
+const LARGEST_GROUP: usize = 1 << (LARGEST_BLOCK_LOG2 - BLOCK_LOG2);
 /// The least response of a spot, in halves of a standard deviation of its noise. At 4.5 standard deviations
 /// the search misses a spot of 1.5 pixels' width with a peak of five times the noise once in some thousand
 /// rows. Noise alone gets there in one row of forty: the estimator rejects those rows as too dim.
@@ -598,11 +601,12 @@ fn background(light: Light<'_>, blocks: &[u16]) -> Option<(Background, Counts)> 
     // A row has at most 32 of them.
     if let Some(larger) = log2.checked_sub(BLOCK_LOG2) {
         for group in blocks.chunks_exact(1usize.wrapping_shl(larger).max(1)) {
-            let _ = sums.push(
-                group
-                    .iter()
-                    .fold(0, |all, &sum| numeric::add_u32(all, sum.into())),
-            );
+            let sum = match group {
+                &[sum] => sum.into(),
+                // 16 sums of 8 counts of 12 bits: each is below 2^15, and all are below 2^19.
+                _ => dual_mac::dot(group, &[Pair(1, 1); LARGEST_GROUP / 2]).cast_unsigned(),
+            };
+            let _ = sums.push(sum);
         }
     } else {
         for block in light.groups(1usize.wrapping_shl(log2)) {
@@ -614,8 +618,16 @@ fn background(light: Light<'_>, blocks: &[u16]) -> Option<(Background, Counts)> 
         level: mean(median(&sums)?),
         noise: noise(&[light])?,
     };
-    Some((background, mean(*sums.iter().min()?)))
+    let darkest = mean(*sums.iter().min()?);
+    let dark_by = background.level.to_bits().abs_diff(darkest.to_bits());
+    let noise = square(background.noise.to_bits().unsigned_abs());
+    let is_noise = square(dark_by) <= noise.saturating_mul(DARK_BY_NOISE * DARK_BY_NOISE) >> log2;
+    let darkest = if is_noise { background.level } else { darkest };
+    Some((background, darkest))
 }
+
+/// In standard deviations of a block's mean. Noise alone makes a block so dark in one row of a thousand.
+const DARK_BY_NOISE: u64 = 4;
 
 /// Estimates the noise of a pixel from the mean absolute difference of neighbours, which is sigma 2/sqrt(pi)
 /// for white noise. Takes the median of these means over pieces of the row, whose parts are given.

@@ -26,7 +26,7 @@ fn no_known_row_has_become_slower() {
 }
 
 /// A spot of 10.5 pixels on a dark row, as the first row of a frame and as a following one. The following row's
-/// limit is the project's; the first one's is 50,000, which is not reached yet.
+/// limit is the project's; within the first one's, 7,500 rows a second lose none.
 #[test]
 #[ignore = "builds a program for the chip; run by .ci/run"]
 fn a_plain_row_takes_few_instructions() {
@@ -56,5 +56,5 @@ fn a_plain_row_takes_few_instructions() {
         .expect("counts");
     chip.finish().expect("a clean run");
     println!("first {}, following {}", counts[0], counts[1]);
-    assert!(counts[0] <= 53_000 && counts[1] <= 18_000);
+    assert!(counts[0] <= 46_000 && counts[1] <= 18_000);
 }

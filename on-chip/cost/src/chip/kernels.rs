@@ -41,6 +41,20 @@ pub fn compare() {
             let fours = row.as_chunks().0;
             judge(dual_mac::sum_of_steps(fours) == portable::sum_of_steps(fours));
             let (blocks, weights) = (row.as_chunks().0, pair(&mut random));
+            let limit = number(&mut random);
+            judge(
+                dual_mac::blocks_at_most(blocks, limit) == portable::blocks_at_most(blocks, limit),
+            );
+            let (mut chip, mut twin) = ([0; LONGEST / 3], [0; LONGEST / 3]);
+            dual_mac::sum_pairs(row, &mut chip);
+            portable::sum_pairs(row, &mut twin);
+            judge(chip == twin);
+            let (mut chip, mut twin) = ([0; LONGEST], [0; LONGEST]);
+            let (chip, twin) = (&mut chip[..samples], &mut twin[..samples]);
+            chip.copy_from_slice(row);
+            twin.copy_from_slice(row);
+            judge(dual_mac::halve(chip) == portable::halve(twin));
+            judge(chip == twin);
             let constant = number(&mut random);
             let (mut chip, mut twin) = ([0; LONGEST / 8], [0; LONGEST / 8]);
             let bits = dual_mac::sum_blocks(blocks, weights, constant, &mut chip);
