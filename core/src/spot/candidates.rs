@@ -316,7 +316,7 @@ impl Peaks {
     /// Searches the sums of the row's blocks of 8 pixels, and larger ones.
     pub(super) fn search_blocks(&mut self, blocks: &[u16]) {
         let mut means = [0; MAX_PIXELS / 16];
-        // Of 16 counts of 12 bits.
+        // 16 counts of 12 bits fit 16 bits.
         dual_mac::sum_pairs(blocks, &mut means);
         self.most = MOST_SEEN_IN_BLOCKS;
         // A sum of 8 counts is half a height.
@@ -380,7 +380,7 @@ impl Peaks {
         };
         let mut most = MOST_BAD;
         let (pairs, last) = heights.as_chunks::<2>();
-        for (pair, [one, other]) in pairs.iter().enumerate() {
+        for (pair, [one, other]) in (0..MAX_PIXELS).zip(pairs) {
             let step = height(one).wrapping_sub(height(other));
             if step.wrapping_add(most_step) > 2 * most_step {
                 let (first, second) = (height(one), height(other));
@@ -793,7 +793,7 @@ impl Side {
     ) -> Option<Self> {
         let ends = blocks.len() < 3;
         let mut lowest = top;
-        for (block, three) in blocks.take(REACH).enumerate() {
+        for (block, three) in (0..REACH).zip(blocks) {
             let height = scale.smoothed(three);
             if height > top {
                 break;
