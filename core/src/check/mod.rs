@@ -66,7 +66,7 @@ use crate::row::{Extremes, Geometry, Light, Row};
 use crate::spot::Spot;
 
 /// A narrower spot, in pixels, is flagged. Two or three bad pixels side by side look like a spot of 1.1. With
-/// this limit and the other tests, none of 2000 such centres had no flag; with 1.15, four.
+/// this limit and the other tests, all of 2000 such centres had a flag. With 1.15, four had none.
 const NARROWEST_SURE: f32 = 1.2;
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;

@@ -47,8 +47,8 @@ const REACH: usize = 6;
 /// The least prominence, in halves of a standard deviation of the smoothed noise. Noise gets there in one row
 /// of 5000 (3648 pixels, all scales).
 const PROMINENT: u32 = 11;
-/// A side's lowest height lies at the row's level if it is at most so far below it, in halves of a standard
-/// deviation: what is left is noise.
+/// A side's lowest height counts as the row's level if it is at most so far below that level, in halves of a
+/// standard deviation. Noise explains the difference.
 const BELOW_LEVEL: u32 = 8;
 /// The same above the level. Noise takes the lowest of six heights a standard deviation down, so a height
 /// above is light that is beside the peak, or a wide light that the peak is a part of.
@@ -60,8 +60,9 @@ const RISES: u32 = 5;
 const DETECTED: u32 = 9;
 
 /// The prominence at a scale that is so many steps finer, over that at the spot's own scale, in 1/64. For a
-/// width of 0.42 blocks, less than any of a scale: the kernel leaves w / sqrt(w^2 + 0.58 * 4^-n) of the
-/// height, and 1 - exp(-(6 * 2^-n)^2 / 2 (w^2 + 0.58 * 4^-n)) of that is above the sides.
+/// width w of 0.42 blocks, less than any of a scale. The kernel leaves a share of the height,
+/// w / sqrt(w^2 + 0.58 * 4^-n). Of that, the share 1 - exp(-(6 * 2^-n)^2 / 2 (w^2 + 0.58 * 4^-n)) is above
+/// the sides.
 const FINER: [u32; 8] = [64, 98, 120, 101, 43, 12, 3, 1];
 /// The same for a width of 0.75 blocks. At the next finer scale, light of at least that width has at most
 /// 1.27 times the prominence.
@@ -169,8 +170,8 @@ impl Peak {
     }
 }
 
-/// The variance of the smoothed row is 6/16 of that of a mean, and that of a mean 2^-k of a pixel's. The
-/// significance of so many halves of a standard deviation, in the unit of a pixel's `variance`.
+/// The significance of so many halves of a standard deviation, in the unit of a pixel's `variance`. A mean of
+/// 2^k pixels has 2^-k of a pixel's variance. The smoothed row has 6/16 of the mean's variance.
 fn significance_of(halves: u32, variance: u64) -> u64 {
     let halves = u64::from(halves);
     variance.saturating_mul(halves.saturating_mul(halves).saturating_mul(6)) / 64

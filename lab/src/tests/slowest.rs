@@ -25,8 +25,9 @@ fn no_known_row_has_become_slower() {
     }
 }
 
-/// A spot of 10.5 pixels on a dark row, as the first row of a frame and as a following one. The following row's
-/// limit is the project's; within the first one's, 7,500 rows a second lose none.
+/// A spot of 10.5 pixels on a dark row, as the first row of a frame and as a following one. The project asks
+/// for the following row's limit. At 7,500 rows a second, rows are lost if a first row takes more than its
+/// limit.
 #[test]
 #[ignore = "builds a program for the chip; run by .ci/run"]
 fn a_plain_row_takes_few_instructions() {
