@@ -21,6 +21,7 @@ pub mod steps;
 mod tests;
 pub mod whole_rows;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
@@ -57,6 +58,8 @@ pub struct Chip {
     pub geometry_instructions_per_word: f64,
     /// Words in, centre added to the frame: all that a row takes.
     pub whole_rows: WholeRows,
+    /// See [`whole_rows::core_files`].
+    pub core_files: BTreeSet<String>,
     /// Every form of a calibration, over several centres.
     pub forms: Vec<Counted>,
     /// The crates that one would use instead: a fit of eq. (5) to 127 pixels.
@@ -158,6 +161,7 @@ fn chip(run: &Run) -> Result<Chip> {
         search_again_instructions_per_pixel: per_item("spot-find-again")?,
         geometry_instructions_per_word: per_item("geometry-row")?,
         whole_rows: whole_rows::read(run, &program)?,
+        core_files: whole_rows::core_files(run, &program)?,
         forms: forms(run, &program)?,
         peers: counted("peer")?,
         floats: counted("float")?,

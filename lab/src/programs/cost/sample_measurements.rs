@@ -1,5 +1,7 @@
 //! Made-up measurements for tests of the report and of the figures.
 
+use std::collections::BTreeSet;
+
 use cost_on_chip::methods::Method;
 use judges::accuracy::Outcome;
 use slitrange::centre::Estimator;
@@ -26,6 +28,7 @@ pub fn measured() -> Measured {
     };
     let mut chip = Chip {
         whole_rows: whole_rows(),
+        core_files: BTreeSet::new(),
         ..Chip::default()
     };
     for (number, method) in (1..).zip(Method::ALL) {

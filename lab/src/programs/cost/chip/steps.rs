@@ -6,7 +6,7 @@
 //! for the step that needed it.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
 
 use addr2line::gimli::{EndianSlice, LittleEndian};
@@ -141,6 +141,8 @@ type Slice<'a> = EndianSlice<'a, LittleEndian>;
 pub struct Functions<'a> {
     debug: Context<Slice<'a>>,
     known: RefCell<HashMap<u64, Rc<[String]>>>,
+    /// The files of `core/src` whose functions were looked up, but for those of `base`.
+    files: RefCell<BTreeSet<String>>,
 }
 
 impl<'a> Functions<'a> {
@@ -156,7 +158,13 @@ impl<'a> Functions<'a> {
         Ok(Self {
             debug,
             known: RefCell::default(),
+            files: RefCell::default(),
         })
+    }
+
+    /// The core's files that the calls up to now lie in, but for those of `base`.
+    pub fn core_files(&self) -> BTreeSet<String> {
+        self.files.borrow().clone()
     }
 
     pub fn steps(&self, call: &Call) -> Result<Steps> {
@@ -191,6 +199,13 @@ impl<'a> Functions<'a> {
         while let Some(frame) = frames.next()? {
             if let Some(function) = frame.function {
                 names.push(format!("{:#}", demangle(&function.raw_name()?)));
+            }
+            let file = frame.location.and_then(|it| it.file).unwrap_or_default();
+            if let Some((home, file)) = file.split_once("/core/src/")
+                && !home.ends_with("/library")
+                && !file.starts_with("base/")
+            {
+                self.files.borrow_mut().insert(file.to_owned());
             }
         }
         names.reverse();

@@ -1,5 +1,7 @@
 //! Whole rows on the chip: the instructions from a row's words to its centre with its check, by step.
 
+use std::collections::BTreeSet;
+
 use anyhow::{Context as _, Result, ensure};
 use cost_on_chip::whole_rows::{COMB, FRAME, WIDTH};
 use slitrange::centre::Estimator;
@@ -47,6 +49,26 @@ impl WholeRows {
             steps,
         });
     }
+}
+
+/// The core's files, but for those of `base`, that a following row, a frame's last row and a reading by the
+/// default estimator lie in.
+pub fn core_files(run: &Run, program: &Program) -> Result<BTreeSet<String>> {
+    let functions = Functions::of(&run.firmware)?;
+    let name = Estimator::default().name();
+    let rows = with_calls(run, program, "whole-row", steps::ROW)?;
+    let is_usual = |line: &Line| {
+        let value = |key| line.values.get(key).copied();
+        value("width") == Some(WIDTH.into()) && value("place") >= Some(2.0)
+    };
+    let rows = rows.into_iter().filter(|(line, _)| is_usual(line));
+    let readings = with_calls(run, program, "reading", steps::READING)?;
+    for (line, call) in rows.chain(readings) {
+        if line.name == name {
+            functions.steps(call)?;
+        }
+    }
+    Ok(functions.core_files())
 }
 
 pub fn read(run: &Run, program: &Program) -> Result<WholeRows> {
