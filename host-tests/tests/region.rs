@@ -162,7 +162,7 @@ fn close_spots_give_no_confident_error() {
         match measure(geometry(), with_peak(peak), &rows) {
             Ok(found) if found.frame.misfits == 0 => {
                 centres += 1;
-                let u = found.frame.uncertainty.to_f64();
+                let u = (found.frame.uncertainty.to_f64()).hypot(found.by_shape.to_f64());
                 let error = |spot: &Light| (found.frame.centre.to_f64() - spot.0).abs();
                 if error(&first).min(error(&second)) > 5.0 * u {
                     wrong += 1;

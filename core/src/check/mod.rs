@@ -70,8 +70,9 @@ use crate::spot::Spot;
 const NARROWEST_SURE: f32 = 1.2;
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
-/// If the shape's part of u exceeds this many widths, the row is flagged.
-const LARGEST_SHAPE: f32 = 0.5;
+/// If the shape's part of u exceeds this many widths, the row is flagged: u then says no more than that the
+/// centre is somewhere in the spot, which has 1 % of its height left at three widths.
+const LARGEST_SHAPE: f32 = 3.0;
 /// A narrower spot, in pixels, is flagged if it is not symmetric: a single bad pixel looks like a shape
 /// there.
 const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;

@@ -147,53 +147,33 @@ impl Pairs<'_> {
     /// As [`Self::sums`] where all pairs count. The compiler knows the number of pixels.
     #[inline(never)]
     fn sums_of_whole<const PIXELS: usize>(&self, noise: &Noise, is_tilted: bool) -> (Odd, Even) {
-        let Some((right, left)) = self.sides() else {
-            return Default::default();
-        };
-        let (Some((inner, right)), Some((end, left))) = (right.split_first(), left.split_last())
-        else {
-            return Default::default();
-        };
-        let (right, _) = right.as_chunks::<PIXELS>();
-        let (_, left) = left.as_rchunks::<PIXELS>();
-        let number = right.len().min(left.len()).min(MOST_PAIRS);
-        let (Some(right), Some(left)) = (right.get(..number), left.get(..number)) else {
-            return Default::default();
-        };
-        let mut ends = Ends::new(*inner, *end);
-        let above = AboveLevel::new(self);
-        let mut at = Steps::new(self.u, self.pitch);
-        let mut pairs = Vec::<Pair, MOST_PAIRS>::new();
-        let (mut odd, mut even) = (Odd::default(), Even::default());
-        for i in 0..number {
-            let mirrored = number.wrapping_sub(1).wrapping_sub(i);
-            let (Some(right), Some(left)) = (right.get(i), left.get(mirrored)) else {
-                break;
-            };
-            let sums = ends.next(right, left);
-            let (z, both, lit) = if PIXELS <= MOST_EXACT {
-                above.exact(&sums)
-            } else {
-                above.of(&sums)
-            };
-            let Steps { u, e, .. } = at;
-            at.step();
-            even.add::<false>(both, u, e);
-            if pairs.push(noise.pair(&mut odd, z, lit, u, e)).is_err() {
-                break;
-            }
-        }
-        even.norms = Norms::of_all(self.u, self.pitch, number);
-        odd.add_products(&pairs);
-        if is_tilted {
-            return (Odd::without(odd.slope(), &mut pairs), even);
-        }
-        (odd, even)
+        self.sums_by::<PIXELS, true, _, _>(noise, is_tilted, |right, left| {
+            let (right, _) = right.as_chunks::<PIXELS>();
+            let (_, left) = left.as_rchunks::<PIXELS>();
+            right.iter().zip(left.iter().rev())
+        })
     }
 
     /// As [`Self::sums`] for any number of pixels, with gaps.
     #[inline(never)]
     fn sums_of_any(&self, noise: &Noise, is_tilted: bool) -> (Odd, Even) {
+        let pixels = self.pixels.max(1);
+        self.sums_by::<{ usize::MAX }, false, _, _>(noise, is_tilted, |right, left| {
+            right.chunks_exact(pixels).zip(left.rchunks_exact(pixels))
+        })
+    }
+
+    /// `samples` takes the words of both sides apart, the samples next to the mirror first.
+    #[inline(always)]
+    fn sums_by<'s, const PIXELS: usize, const ARE_WHOLE: bool, S: AsRef<[u16]> + 's + ?Sized, I>(
+        &'s self,
+        noise: &Noise,
+        is_tilted: bool,
+        samples: impl FnOnce(&'s [u16], &'s [u16]) -> I,
+    ) -> (Odd, Even)
+    where
+        I: Iterator<Item = (&'s S, &'s S)>,
+    {
         let Some((right, left)) = self.sides() else {
             return Default::default();
         };
@@ -201,19 +181,18 @@ impl Pairs<'_> {
         else {
             return Default::default();
         };
-        let pixels = self.pixels.max(1);
         let mut ends = Ends::new(*inner, *end);
         let above = AboveLevel::new(self);
         let mut at = Steps::new(self.u, self.pitch);
         let mut pairs = Vec::<Pair, MOST_PAIRS>::new();
         let (mut odd, mut even) = (Odd::default(), Even::default());
-        let mut gaps = if self.gaps.exist() {
+        let mut gaps = if !ARE_WHOLE && self.gaps.exist() {
             self.places_of_gaps()
         } else {
             0
         };
-        for (right, left) in right.chunks_exact(pixels).zip(left.rchunks_exact(pixels)) {
-            let sums = ends.next(right, left);
+        for (right, left) in samples(right, left) {
+            let sums = ends.next(right.as_ref(), left.as_ref());
             let Steps { u, e, .. } = at;
             at.step();
             let is_gap = gaps & 1 == 1;
@@ -221,11 +200,18 @@ impl Pairs<'_> {
             if is_gap {
                 continue;
             }
-            let (z, both, lit) = above.of(&sums);
-            even.add::<true>(both, u, e);
+            let (z, both, lit) = if PIXELS <= MOST_EXACT {
+                above.exact(&sums)
+            } else {
+                above.of(&sums)
+            };
+            even.add::<ARE_WHOLE>(both, u, e);
             if pairs.push(noise.pair(&mut odd, z, lit, u, e)).is_err() {
                 break;
             }
+        }
+        if ARE_WHOLE {
+            even.norms = Norms::of_all(self.u, self.pitch, pairs.len());
         }
         odd.add_products(&pairs);
         if is_tilted {
@@ -564,11 +550,11 @@ pub(super) struct Shape {
 impl Even {
     /// Adds a pair, and its norms unless [`Norms::of_all`] sums these.
     #[inline(always)]
-    fn add<const WITH_NORMS: bool>(&mut self, p: f32, u: f32, e: f32) {
+    fn add<const ARE_WHOLE: bool>(&mut self, p: f32, u: f32, e: f32) {
         let uu = u * u;
         let e1 = uu * e;
         let e2 = uu * e1;
-        if WITH_NORMS {
+        if !ARE_WHOLE {
             self.norms.add(e, e1, e2);
         }
         self.p += p;
@@ -579,7 +565,7 @@ impl Even {
     }
 
     pub(super) fn add_middle(&mut self, p: f32) {
-        self.add::<true>(p, 0.0, 1.0);
+        self.add::<false>(p, 0.0, 1.0);
     }
 
     /// Subtracts from each function in turn its parts along those before.

@@ -475,10 +475,10 @@ impl Peaks {
         if self.are_too_many {
             return;
         }
-        let Some(left) = Side::of(top, scale, left.array_windows().rev()) else {
+        let Some(left) = Side::of(top, scale, left.iter().rev()) else {
             return;
         };
-        let Some(right) = Side::of(top, scale, right.array_windows()) else {
+        let Some(right) = Side::of(top, scale, right.iter()) else {
             return;
         };
         self.seen = numeric::add_usize(self.seen, 1);
@@ -588,30 +588,22 @@ impl Peaks {
 
     /// Keeps the most significant peaks.
     fn take(&mut self, peak: Peak) {
-        let is_less = |at: &Cell<u8>, found: &[Peak]| {
-            let other = found.get(usize::from(at.get()));
-            other.is_none_or(|other| other.significance < peak.significance)
+        let is_before = |&at: &u8| {
+            let other = self.found.get(usize::from(at));
+            other.is_some_and(|other| other.significance >= peak.significance)
         };
+        let place = self.order.partition_point(is_before);
+        let mut new = numeric::to_u8(self.found.len());
         if self.found.push(peak).is_ok() {
             // Below `MOST_PEAKS`.
-            let _ = self
-                .order
-                .push(numeric::to_u8(self.found.len().wrapping_sub(1)));
-        } else {
-            let last = self.order.last().map(|&last| Cell::new(last));
-            let Some(last) = last.filter(|last| is_less(last, &self.found)) else {
-                return;
-            };
-            if let Some(least) = self.found.get_mut(usize::from(last.get())) {
-                *least = peak;
-            }
+            let _ = self.order.push(new);
+        } else if let Some(&last) = self.order.get(place..).and_then(<[u8]>::last)
+            && let Some(least) = self.found.get_mut(usize::from(last))
+        {
+            (*least, new) = (peak, last);
         }
-        let order = Cell::from_mut(self.order.as_mut_slice()).as_slice_of_cells();
-        for [before, new] in order.array_windows().rev() {
-            if !is_less(before, &self.found) {
-                break;
-            }
-            before.swap(new);
+        for at in self.order.get_mut(place..).unwrap_or_default() {
+            new = core::mem::replace(at, new);
         }
     }
 
@@ -784,24 +776,32 @@ struct Side {
 }
 
 impl Side {
-    /// Of a peak of this height, with the blocks from it on. `None` if it does not rise by more than noise
-    /// within three blocks.
+    /// Of a peak of this height, with the means from its block on. `None` if it does not rise by more than
+    /// noise within three blocks.
     #[inline(always)]
     fn of<'a>(
         top: u32,
         scale: Scale,
-        blocks: impl ExactSizeIterator<Item = &'a [u16; 3]>,
+        mut means: impl ExactSizeIterator<Item = &'a u16>,
     ) -> Option<Self> {
-        let ends = blocks.len() < 3;
+        let ends = means.len() < 5;
+        let mut next = || means.next().map(|&mean| u32::from(mean));
         let mut lowest = top;
-        for (block, three) in (0..REACH).zip(blocks) {
-            let height = scale.smoothed(three);
-            if height > top {
-                break;
-            }
-            lowest = lowest.min(height);
-            if block == 2 && top.saturating_sub(lowest) <= scale.rises {
-                return None;
+        if let (Some(first), Some(mut last)) = (next(), next()) {
+            // Sums of 16 bits: below 2^18.
+            let mut last_two = numeric::add_u32(first, last);
+            for block in 0..REACH {
+                let Some(mean) = next() else { break };
+                let two = numeric::add_u32(last, mean);
+                let height = numeric::add_u32(last_two, two).wrapping_shr(scale.sum_log2);
+                (last, last_two) = (mean, two);
+                if height > top {
+                    break;
+                }
+                lowest = lowest.min(height);
+                if block == 2 && top.saturating_sub(lowest) <= scale.rises {
+                    return None;
+                }
             }
         }
         (ends || top.saturating_sub(lowest) > scale.rises).then_some(Self { lowest, ends })

@@ -67,6 +67,7 @@ impl Measured {
             "methods": self.figures(),
             "search_again_instructions_per_pixel": self.chip.search_again_instructions_per_pixel,
             "whole_rows": self.rows_json(),
+            "core_files": self.chip.core_files,
         });
         if !self.peers.is_empty() {
             json["peers"] = serde_json::json!(self.peers);
