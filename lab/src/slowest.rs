@@ -18,11 +18,14 @@ pub use report::{attribution, markdown};
 
 use slitrange::centre::Estimator;
 use slowest_on_chip::corpus;
-use slowest_on_chip::description::Description;
+use slowest_on_chip::description::{Description, Kind, SHAPES, Shape};
 use slowest_on_chip::mailbox::Question;
 
 /// The goal: no row takes more instructions, whatever is on it. The slowest rows that we know still do.
 pub const LIMIT: u32 = 400_000;
+
+/// A chip without an FPU: ARMv6-M, whose instructions the emulated chip has too.
+pub const WITHOUT_FPU: &str = "thumbv6m-none-eabi";
 
 /// The slowest rows that the repository knows: for each estimator a first and a following row, with the
 /// instructions that the search counted.
@@ -42,6 +45,30 @@ pub fn known() -> impl Iterator<Item = Slow> {
     };
     let first = corpus::FIRST.iter().zip(Estimator::ALL).map(slow(false));
     first.chain(corpus::FOLLOWING.iter().zip(Estimator::ALL).map(slow(true)))
+}
+
+/// A spot of 10.5 pixels on a dark row, as the first row of a frame or as a following one.
+pub fn plain_row(estimator: Estimator, follows: bool) -> Question {
+    let mut shapes = [Shape::default(); SHAPES];
+    shapes[0] = Shape {
+        kind: Kind::Spot,
+        rows: 0b11,
+        place: 1800 * 16 + 5,
+        width: 2688,
+        height: 1500,
+        more: 0,
+    };
+    let description = Description {
+        black: 100,
+        noise: 600,
+        seed: 7,
+        shapes,
+    };
+    Question {
+        description,
+        estimator,
+        follows,
+    }
 }
 
 /// The words of the slowest row of an estimator, and those of the row before if it is no first row.

@@ -51,9 +51,17 @@ impl Firmware {
     /// # Errors
     /// The build fails (its messages are on stderr or in the error), or the ELF file cannot be loaded.
     pub fn build_package(package: &str) -> Result<Self> {
+        Self::build_package_for("thumbv7em-none-eabihf", package)
+    }
+
+    /// As [`Firmware::build_package`], for another target whose instructions the board's chip has too.
+    ///
+    /// # Errors
+    /// As [`Firmware::build_package`].
+    pub fn build_package_for(target: &str, package: &str) -> Result<Self> {
         let mut command = cargo();
         command
-            .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
+            .args(["build", "--release", "--target", target])
             .args(["--package", package, "--bin", package])
             .arg("--message-format=json-render-diagnostics");
         // A person sees the build's progress; a test's output stays clean unless the build fails.
@@ -64,7 +72,7 @@ impl Firmware {
         if !output.status.success() {
             bail!(
                 "the chip's program {package} did not build ({}); to see why, run\n\
-                 cargo build --release --target thumbv7em-none-eabihf \
+                 cargo build --release --target {target} \
                  --package {package} --bin {package}\n{}",
                 output.status,
                 String::from_utf8_lossy(&output.stderr)

@@ -16,6 +16,7 @@ mod reading_time;
 mod report;
 #[cfg(test)]
 mod sample_measurements;
+mod without_fpu;
 
 use anyhow::Context as _;
 use clap::Args;
@@ -101,6 +102,7 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
         methods,
         distances: distances::markdown(&chip)?,
         floats: float_functions::markdown(&chip)?,
+        without_fpu: without_fpu::markdown()?,
         chip,
         host_ns,
         peers,

@@ -22,7 +22,12 @@ pub struct Chip {
 
 impl Chip {
     pub fn power_on() -> Result<Self> {
-        Self::with(Firmware::build_package("slowest-on-chip")?, &[])
+        Self::power_on_for("thumbv7em-none-eabihf")
+    }
+
+    /// With the program built for a target, whose instructions the emulated chip has too.
+    pub fn power_on_for(target: &str) -> Result<Self> {
+        Self::with(Firmware::build_package_for(target, "slowest-on-chip")?, &[])
     }
 
     pub(super) fn with(program: Firmware, traced: &[u64]) -> Result<Self> {

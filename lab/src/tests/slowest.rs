@@ -1,7 +1,6 @@
 //! The slowest rows that are known, on the emulated chip.
 
 use slitrange::centre::Estimator;
-use slowest_on_chip::description::{Description, Kind, SHAPES, Shape};
 use slowest_on_chip::mailbox::Question;
 
 use crate::slowest::{self, Chip};
@@ -25,37 +24,20 @@ fn no_known_row_has_become_slower() {
     }
 }
 
-/// A spot of 10.5 pixels on a dark row, as the first row of a frame and as a following one. The project asks
-/// for the following row's limit. At 7,500 rows a second, rows are lost if a first row takes more than its
-/// limit.
+/// The project asks for the following row's limit. At 7,500 rows a second, rows are lost if a first row takes
+/// more than its limit. A chip without an FPU computes floats by its integers.
 #[test]
-#[ignore = "builds a program for the chip; run by .ci/run"]
+#[ignore = "builds a program for two chips; run by .ci/run"]
 fn a_plain_row_takes_few_instructions() {
-    let mut shapes = [Shape::default(); SHAPES];
-    shapes[0] = Shape {
-        kind: Kind::Spot,
-        rows: 0b11,
-        place: 1800 * 16 + 5,
-        width: 2688,
-        height: 1500,
-        more: 0,
-    };
-    let description = Description {
-        black: 100,
-        noise: 600,
-        seed: 7,
-        shapes,
-    };
-    let question = |follows| Question {
-        description,
-        estimator: Estimator::Adaptive,
-        follows,
-    };
-    let mut chip = Chip::power_on().expect("the chip's program");
-    let counts = chip
-        .count(&[question(false), question(true)])
-        .expect("counts");
-    chip.finish().expect("a clean run");
-    println!("first {}, following {}", counts[0], counts[1]);
-    assert!(counts[0] <= 46_000 && counts[1] <= 18_000);
+    for (target, most_first, most_following) in [
+        ("thumbv7em-none-eabihf", 46_000, 18_000),
+        (slowest::WITHOUT_FPU, 430_000, 365_000),
+    ] {
+        let mut chip = Chip::power_on_for(target).expect("the chip's program");
+        let rows = [false, true].map(|follows| slowest::plain_row(Estimator::default(), follows));
+        let counts = chip.count(&rows).expect("counts");
+        chip.finish().expect("a clean run");
+        println!("{target}: first {}, following {}", counts[0], counts[1]);
+        assert!(counts[0] <= most_first && counts[1] <= most_following);
+    }
 }

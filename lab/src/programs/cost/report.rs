@@ -47,6 +47,7 @@ pub struct Measured {
     pub chip: Chip,
     pub distances: String,
     pub floats: String,
+    pub without_fpu: String,
     /// The methods' time on this computer in nanoseconds a row.
     pub host_ns: Vec<Option<f64>>,
     pub readings: Vec<reading_time::Point>,
@@ -108,6 +109,11 @@ impl Measured {
             (ACCURACY, "cargo cost", self.markdown()),
             (ACCURACY, "cargo cost, distances", self.distances.clone()),
             (ACCURACY, "cargo cost, float functions", self.floats.clone()),
+            (
+                ACCURACY,
+                "cargo cost, without FPU",
+                self.without_fpu.clone(),
+            ),
         ];
         if !self.peers.is_empty() {
             let peers = peers_markdown(&self.peers);

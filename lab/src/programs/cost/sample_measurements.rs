@@ -71,6 +71,7 @@ pub fn measured() -> Measured {
         chip,
         distances: String::new(),
         floats: String::new(),
+        without_fpu: String::new(),
         host_ns: Method::ALL.map(|_| Some(70.0)).into(),
         readings: readings(),
         peers: vec![],
