@@ -122,8 +122,8 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
-/// Units of the row's work budget for each peak that the search looks at. It takes 760 of the chip's
-/// instructions, which are 19 units; but then, repairs of rows on rough targets would have too little left.
+/// Units of the row's work budget for each peak that the search looks at. A peak takes 760 of the chip's
+/// instructions, which are 19 units. With 19, repairs of rows on rough targets have too little left.
 const WORK_OF_PEAK: usize = 15;
 /// So many are free.
 const FEW_PEAKS: usize = 32;

@@ -44,8 +44,8 @@ pub fn markdown() -> Result<String> {
     Ok(table::of(&head, rows))
 }
 
-/// The instructions of the compiler's functions for f32 (Run-time ABI for the Arm Architecture, 5.1.2), and of
-/// the products of 64 bits that these take. The core's own products of 64 bits are few.
+/// The instructions of the compiler's functions for f32 (Run-time ABI for the Arm Architecture, 5.1.2), and
+/// of the products of 64 bits that these take. The core's own products of 64 bits are few.
 fn floats(functions: &[(String, u64)]) -> u64 {
     let is_float = |name: &str| {
         let of_abi = name.strip_prefix("__aeabi_");

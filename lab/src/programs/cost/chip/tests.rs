@@ -210,8 +210,8 @@ fn the_steps_of_whole_rows_add_up() {
         let [last, following] = [LAST, FOLLOWING].map(|kind| rows.nominal(kind, name));
         assert!(last.expect("measured").frame() > following.expect("measured").frame());
     }
-    // A newcomer who follows a row finds its way in so many files of the core. 7 of them are only asked whether
-    // there is something to do, or hold constants.
+    // Who follows a row finds its way in so many files of the core. Seven of them hold constants, or are only
+    // asked whether there is something to do.
     println!("files of the core: {:?}", CHIP.core_files);
     assert!(CHIP.core_files.len() <= 25, "{}", CHIP.core_files.len());
 }
