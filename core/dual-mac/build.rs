@@ -12,7 +12,13 @@ fn main() {
     let is_v8m = target.starts_with("thumbv8m.main-");
     let has_dsp = is_v7em || is_v8m && features.split(',').any(|feature| feature == "dsp");
     let has_fpu = (is_v7em || is_v8m) && variable("CARGO_CFG_TARGET_ABI") == "eabihf";
-    println!("cargo::rustc-check-cfg=cfg(has_dsp, has_fpu)");
+    // Cortex-M0, M0+ and M23 multiply to 32 bits.
+    let has_long_products =
+        !target.starts_with("thumbv6m-") && !target.starts_with("thumbv8m.base-");
+    println!("cargo::rustc-check-cfg=cfg(has_dsp, has_fpu, has_long_products)");
+    if has_long_products {
+        println!("cargo::rustc-cfg=has_long_products");
+    }
     if is_little_endian && has_dsp {
         println!("cargo::rustc-cfg=has_dsp");
     }

@@ -10,7 +10,7 @@
 
 use core::arch::asm;
 
-use crate::portable::{BLOCK, Pair, Pairs};
+use crate::portable::{BLOCK, Pair, Pairs, SixPairs};
 
 // The layout of the weights that the assembly relies on.
 const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);
@@ -148,6 +148,93 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
         );
     }
     (first, second)
+}
+
+/// Runs over the rows of [`gram`]: adds products of some columns to as many sums.
+macro_rules! products {
+    ($rows:expr, $code:literal, $($sum:ident)*) => {{
+        $(let mut $sum = 0i32;)*
+        if !$rows.is_empty() {
+            // SAFETY: each turn reads four bytes from some of the six columns of a row, and there are as many
+            // turns as rows. LDRD takes a multiple of 4, which they are aligned to. Nothing is written.
+            unsafe {
+                asm!(
+                    "2:",
+                    $code,
+                    "subs r3, #1",
+                    "bne 2b",
+                    inout("r3") $rows.len() => _,
+                    row = inout(reg) $rows.as_ptr() => _,
+                    $($sum = inout(reg) $sum,)*
+                    out("r4") _,
+                    out("r5") _,
+                    out("r2") _,
+                    options(readonly, nostack, pure),
+                );
+            }
+        }
+        [$($sum),*]
+    }};
+}
+
+/// See [`crate::portable::gram`].
+#[inline(never)]
+pub fn gram(rows: &[SixPairs]) -> [i32; 21] {
+    const { assert!(size_of::<SixPairs>() == 24 && align_of::<SixPairs>() == 4) };
+    let [s00, s10, s11, s20, s21, s22] = products!(
+        rows,
+        "ldr r2, [{row}, #8]
+        ldrd r4, r5, [{row}], #24
+        smlad {a}, r4, r4, {a}
+        smlad {b}, r4, r5, {b}
+        smlad {c}, r5, r5, {c}
+        smlad {d}, r4, r2, {d}
+        smlad {e}, r5, r2, {e}
+        smlad {f}, r2, r2, {f}",
+        a b c d e f
+    );
+    let [s33, s43, s44, s53, s54, s55] = products!(
+        rows,
+        "ldr r2, [{row}, #20]
+        ldrd r4, r5, [{row}, #12]
+        add {row}, #24
+        smlad {a}, r4, r4, {a}
+        smlad {b}, r4, r5, {b}
+        smlad {c}, r5, r5, {c}
+        smlad {d}, r4, r2, {d}
+        smlad {e}, r5, r2, {e}
+        smlad {f}, r2, r2, {f}",
+        a b c d e f
+    );
+    let [s30, s31, s40, s41, s50, s51] = products!(
+        rows,
+        "ldrd r4, r5, [{row}]
+        ldr r2, [{row}, #12]
+        smlad {a}, r4, r2, {a}
+        smlad {b}, r5, r2, {b}
+        ldr r2, [{row}, #16]
+        smlad {c}, r4, r2, {c}
+        smlad {d}, r5, r2, {d}
+        ldr r2, [{row}, #20]
+        add {row}, #24
+        smlad {e}, r4, r2, {e}
+        smlad {f}, r5, r2, {f}",
+        a b c d e f
+    );
+    let [s32, s42, s52] = products!(
+        rows,
+        "ldrd r4, r5, [{row}, #8]
+        smlad {a}, r4, r5, {a}
+        ldrd r5, r2, [{row}, #16]
+        add {row}, #24
+        smlad {b}, r4, r5, {b}
+        smlad {c}, r4, r2, {c}",
+        a b c
+    );
+    [
+        s00, s10, s11, s20, s21, s22, s30, s31, s32, s33, s40, s41, s42, s43, s44, s50, s51, s52,
+        s53, s54, s55,
+    ]
 }
 
 /// A block of eight samples: its bits and its sum.

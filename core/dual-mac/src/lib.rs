@@ -34,17 +34,21 @@ mod cortex_m;
 #[cfg(has_fpu)]
 mod vsqrt;
 
-pub use portable::{BLOCK, LARGEST_SAMPLE, Pair, Pairs};
+pub use portable::{BLOCK, LARGEST_SAMPLE, Pair, Pairs, SixPairs};
 
 #[cfg(has_dsp)]
 pub use cortex_m::{
-    blocks_at_most, dot, dot2, halve, reaches, sum_blocks, sum_of_steps, sum_pairs,
+    blocks_at_most, dot, dot2, gram, halve, reaches, sum_blocks, sum_of_steps, sum_pairs,
 };
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
+#[cfg(has_long_products)]
+pub use portable::upper_product;
+#[cfg(not(has_long_products))]
+pub use portable::upper_product_of_halves as upper_product;
 #[cfg(not(has_dsp))]
 pub use portable::{
-    blocks_at_most, dot, dot2, halve, reaches, sum_blocks, sum_of_steps, sum_pairs,
+    blocks_at_most, dot, dot2, gram, halve, reaches, sum_blocks, sum_of_steps, sum_pairs,
 };
 #[cfg(has_fpu)]
 pub use vsqrt::square_root;

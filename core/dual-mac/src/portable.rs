@@ -12,6 +12,11 @@ pub struct Pair(pub i16, pub i16);
 #[repr(C)]
 pub struct Pairs(pub Pair, pub Pair);
 
+/// Two signed 16-bit samples of each of six columns, the first one in the lower half.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct SixPairs(pub [u32; 6]);
+
 /// Samples in a block of [`sum_blocks`] and [`blocks_at_most`].
 pub const BLOCK: usize = 8;
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
@@ -56,14 +61,19 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
     let mut bits = 0;
     for (block, sum) in blocks.iter().zip(sums) {
-        let pairs = block.as_chunks::<2>().0.iter();
-        let pairs = pairs.map(|&[even, odd]| u32::from(even) | u32::from(odd) << 16);
-        bits |= pairs.clone().fold(0, |bits, pair| bits | pair);
-        let both = pairs.fold(0, u32::wrapping_add);
-        let all = two_products((both & 0xffff) as u16, (both >> 16) as u16, weights);
-        *sum = (all.cast_unsigned().wrapping_add(constant.into()) & 0xffff) as u16;
+        let (mut even, mut odd) = (0u32, 0u32);
+        for &[first, second] in block.as_chunks::<2>().0 {
+            bits |= first | second;
+            even = even.wrapping_add(first.into());
+            odd = odd.wrapping_add(second.into());
+        }
+        // The assembly adds both at once.
+        let odd = odd.wrapping_add(even >> 16);
+        let all = two_products((even & 0xffff) as u16, (odd & 0xffff) as u16, weights);
+        let all = all.cast_unsigned();
+        *sum = (all.wrapping_add(constant.into()) & 0xffff) as u16;
     }
-    ((bits | bits >> 16) & 0xffff) as u16
+    bits
 }
 
 /// The sum of the steps from the first to the second of each four samples, without sign. A step of 2^15 or
@@ -125,6 +135,49 @@ fn two_products(even: u16, odd: u16, weight: Pair) -> i32 {
     // Products of 16 bits fit 31; the sum of two wraps at most for (-2^15)^2 twice, as SMLAD's does.
     (i32::from(even as i16) * i32::from(weight.0))
         .wrapping_add(i32::from(odd as i16) * i32::from(weight.1))
+}
+
+/// The products of six columns with each other and with themselves: in each row the lower triangle of a
+/// symmetric matrix, (0, 0), (1, 0), (1, 1), (2, 0) and so on to (5, 5).
+pub fn gram(rows: &[SixPairs]) -> [i32; 21] {
+    let mut sums = [0i32; 21];
+    for row in rows {
+        let pairs = row
+            .0
+            .map(|pair| Pair((pair & 0xffff) as i16, (pair >> 16) as i16));
+        let mut sums = sums.iter_mut();
+        for (i, one) in pairs.iter().enumerate() {
+            let columns = pairs.iter().take(i.wrapping_add(1));
+            for (&other, sum) in columns.zip(&mut sums) {
+                let products = two_products(one.0.cast_unsigned(), one.1.cast_unsigned(), other);
+                *sum = sum.wrapping_add(products);
+            }
+        }
+    }
+    sums
+}
+
+/// The upper half of the product of two numbers, rounded down: an instruction where a chip has products of 64
+/// bits.
+#[inline(always)]
+pub fn upper_product(a: i32, b: i32) -> i32 {
+    (i64::from(a).wrapping_mul(i64::from(b)) >> 32) as i32
+}
+
+/// As [`upper_product`], for a chip whose products have 32 bits.
+#[inline(always)]
+pub fn upper_product_of_halves(a: i32, b: i32) -> i32 {
+    let (a_low, b_low) = (a & 0xffff, b & 0xffff);
+    let (a_high, b_high) = (a >> 16, b >> 16);
+    // A product of two lower halves has all 32 bits.
+    let low = a_low.cast_unsigned().wrapping_mul(b_low.cast_unsigned()) >> 16;
+    // 2^15 * (2^16 - 1) + 2^16 - 1 is below 2^31, so neither sum wraps.
+    let one = a_high.wrapping_mul(b_low).wrapping_add(low.cast_signed());
+    let other = a_low.wrapping_mul(b_high).wrapping_add(one & 0xffff);
+    a_high
+        .wrapping_mul(b_high)
+        .wrapping_add(one >> 16)
+        .wrapping_add(other >> 16)
 }
 
 /// The square root, rounded to nearest as IEEE 754 asks.

@@ -2,9 +2,10 @@
 //! chip.
 
 use dual_mac::portable::{
-    blocks_at_most, dot, dot2, halve, reaches, square_root, sum_blocks, sum_of_steps, sum_pairs,
+    blocks_at_most, dot, dot2, gram, halve, reaches, square_root, sum_blocks, sum_of_steps,
+    sum_pairs, upper_product, upper_product_of_halves,
 };
-use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
+use dual_mac::{LARGEST_SAMPLE, Pair, Pairs, SixPairs};
 use proptest::prelude::*;
 
 /// The most samples: more than in the longest window of the phase tables, which has 116.
@@ -127,6 +128,22 @@ proptest! {
         let (one, two) = dot2(&samples, &weights);
         prop_assert_eq!((i64::from(one), i64::from(two)), (first, second));
         prop_assert_eq!(i64::from(dot(&samples, &firsts)), first);
+    }
+
+    #[test]
+    fn products_of_columns_are_those_of_a_matrix(rows in prop::collection::vec(any::<[u32; 6]>(), 0..20)) {
+        let column = |at: usize| rows.iter().flat_map(move |row| [row[at] as i16, (row[at] >> 16) as i16]).map(i64::from);
+        let product = |i, j| column(i).zip(column(j)).map(|(a, b)| a * b).sum::<i64>() as i32;
+        let triangle: Vec<i32> = (0..6).flat_map(|i| (0..=i).map(move |j| product(i, j))).collect();
+        let rows: Vec<SixPairs> = rows.iter().map(|row| SixPairs(*row)).collect();
+        prop_assert_eq!(gram(&rows).to_vec(), triangle);
+    }
+
+    #[test]
+    fn halves_have_the_same_product(a in any::<i32>(), b in any::<i32>()) {
+        for (a, b) in [(a, b), (i32::MIN, b), (i32::MAX, b), (a | 0xffff, b | 0xffff), (i32::MIN, i32::MIN)] {
+            prop_assert_eq!(upper_product_of_halves(a, b), upper_product(a, b));
+        }
     }
 
     /// For any samples and weights the result is the low 32 bits of the sum, without a panic.

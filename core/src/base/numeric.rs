@@ -82,6 +82,46 @@ whole_part! {
     whole_i32: i32;
 }
 
+/// e^-x, Q31, of x >= 0, Q27, to 2^-26 of it.
+///
+/// e^-x = 2^-n e^-y with n the nearest integer to x / ln 2. Taylor's series up to the seventh power gives
+/// e^-y: y is within ln 2 / 2 of zero, so what is left is below 2^-27.
+pub(crate) fn exp_of_minus(x: i32) -> i32 {
+    /// 1 / ln 2, Q30, and ln 2, Q27.
+    const PER_LN2: i32 = 1_549_082_005;
+    const LN2: i32 = 93_032_640;
+    /// 1/7! to 1/1!, Q30.
+    const FACTORS: [i32; 7] = [
+        213_044,
+        1_491_308,
+        8_947_849,
+        44_739_243,
+        178_956_971,
+        536_870_912,
+        1_073_741_824,
+    ];
+    // The product has Q25, and n is at most 23.
+    let n = dual_mac::upper_product(x, PER_LN2).wrapping_add(1 << 24) >> 25;
+    // Q31.
+    let y = x.wrapping_sub(n.wrapping_mul(LN2)).wrapping_mul(1 << 4);
+    // Sums of Q30 are below 1.42.
+    let below = |sum: i32, factor: i32| {
+        factor.wrapping_sub(dual_mac::upper_product(y, sum).wrapping_mul(2))
+    };
+    let sum = FACTORS.into_iter().chain([1 << 30]).fold(0, below);
+    match n.cast_unsigned().checked_sub(1) {
+        Some(halvings) => sum >> halvings.min(31),
+        // One is the largest number of Q31.
+        None => sum.saturating_mul(2),
+    }
+}
+
+/// The lower word of a number.
+#[inline(always)]
+pub(crate) const fn low_word(value: i64) -> i32 {
+    value as i32
+}
+
 #[inline(always)]
 pub(crate) fn square(value: f32) -> f32 {
     value * value
@@ -117,5 +157,25 @@ pub(crate) fn limited(value: f32, low: f32, high: f32) -> f32 {
         low
     } else {
         value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::exp_of_minus;
+
+    #[test]
+    fn the_exponential_is_right_to_26_bits() {
+        assert_eq!(exp_of_minus(0), i32::MAX);
+        let mut worst = 0.0f64;
+        for x in (0..=i32::MAX).step_by(99_991) {
+            let exact = libm::exp(-f64::from(x) / f64::from(1 << 27));
+            let found = f64::from(exp_of_minus(x)) / f64::from(1u32 << 31);
+            // A step of Q31, and a share.
+            let error = (found - exact).abs() / (libm::ldexp(1.0, -31) + libm::ldexp(exact, -26));
+            worst = worst.max(error);
+        }
+        println!("{worst:.2}");
+        assert!(worst < 1.0);
     }
 }

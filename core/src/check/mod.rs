@@ -514,7 +514,8 @@ impl Symmetry {
         let pixels = numeric::whole_usize(width / SAMPLES_A_WIDTH).saturating_add(1);
         let block = pixels as f32;
         let mirror = Place::of(found.centre);
-        let d = mirror.offset.abs();
+        let offset = mirror.offset.to_f32();
+        let d = offset.abs();
         let s = dual_mac::square_root(width * width + block * block / 12.0);
         let per_s = 1.0 / s;
         let pitch = block * per_s;
@@ -532,7 +533,7 @@ impl Symmetry {
         };
         let unit = pairs.units_a_count();
         let height = found.amplitude.to_f32() * block * unit;
-        let correction = Correction::of(mirror.offset, per_s, height);
+        let correction = Correction::of(offset, per_s, height);
         let (noise, shot) = spot.background.variances(geometry);
         let (noise, shot) = (2.0 * noise * block * unit * unit, shot * unit);
         let profile_deviation = OTHER_PROFILE * correction.third;
@@ -558,10 +559,12 @@ impl Symmetry {
         Self {
             pairs: number,
             components,
-            pixels_a_deviation: s * per_height / dual_mac::square_root(odd.m1),
-            worst: odd.worst * white,
+            pixels_a_deviation: s
+                * per_height
+                * dual_mac::square_root(with_noise.dark / odd.norm_of_shift()),
+            worst: odd.worst() * white,
             own_of_a_pair: 0.0,
-            squares: (odd.squares - shift * shift) * white,
+            squares: (odd.squares() - shift * shift) * white,
             leverage: LEVERAGE_A_PITCH * pitch,
             width: width * (1.0 + shape.wider),
             flatness: shape.k4.map(|(k4, norm)| {

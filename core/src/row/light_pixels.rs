@@ -220,22 +220,29 @@ impl<'a> Light<'a> {
         };
         let few = u32::from(few).wrapping_mul(ONES);
         let rest = HIGHEST.wrapping_sub(u32::from(many) * ONES);
-        let (eights, last) = self.words.as_chunks::<8>();
-        let (mut less, mut more) = (0, 0);
-        let mut take = |low: u16, high: u16| {
+        let both = |low: u16, high: u16| {
             let words = u32::from(low) | (u32::from(high) * 0x1_0000);
-            less |= words.wrapping_sub(few);
-            more |= words.wrapping_add(rest);
+            (words.wrapping_sub(few), words.wrapping_add(rest))
         };
-        for &[a, b, c, d, e, f, g, h] in eights {
-            take(a, b);
-            take(c, d);
-            take(e, f);
-            take(g, h);
+        let either = |low: u16, high: u16| {
+            let (less, more) = both(low, high);
+            less | more
+        };
+        let (eights, last) = self.words.as_chunks::<8>();
+        // Most rows have none. A loop that ends early is not unrolled: it would need too many registers.
+        let none = eights.iter().all(|&[a, b, c, d, e, f, g, h]| {
+            (either(a, b) | either(c, d) | either(e, f) | either(g, h)) & HIGHEST == 0
+        }) && last.iter().all(|&word| either(word, word) & HIGHEST == 0);
+        if none {
+            return Extremes::default();
         }
-        for &word in last {
-            take(word, word);
-        }
+        let (less, more) = self
+            .words
+            .iter()
+            .fold((0, 0), |(all_less, all_more), &word| {
+                let (less, more) = both(word, word);
+                (all_less | less, all_more | more)
+            });
         let (least, largest) = (less & HIGHEST != 0, more & HIGHEST != 0);
         // Words that fall with light go from full scale down.
         let (zero, saturated) = match self.inverted {
@@ -247,7 +254,7 @@ impl<'a> Light<'a> {
 }
 
 /// Whether counts are at an end of what the sensor can deliver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extremes {
     /// A count is zero.
     pub zero: bool,

@@ -1,4 +1,5 @@
 use core::ops::Range;
+use std::vec::Vec;
 
 use super::*;
 use crate::centre::gauss_newton::MaskedPixels;
@@ -20,17 +21,6 @@ impl Even {
     }
 }
 
-impl Odd {
-    fn all(&self) -> [f32; 19] {
-        let it = self;
-        let [squares, worst] = [it.squares, it.worst];
-        [
-            it.m1, it.m2, it.m3, it.m4, it.m5, it.m6, it.m7, it.tt, it.t1, it.t3, it.t5, it.t7,
-            it.z1, it.z3, it.z5, it.z7, it.zt, squares, worst,
-        ]
-    }
-}
-
 #[test]
 fn the_mirror_is_the_nearest_half_pixel() {
     for (centre, right, left, to_right, offset) in [
@@ -43,11 +33,11 @@ fn the_mirror_is_the_nearest_half_pixel() {
         let place = Place::of(Pixels::from_f32(centre));
         let found = (place.right, place.left, place.to_right);
         assert_eq!(found, (right, left, to_right), "{centre}");
-        assert!((place.offset - offset).abs() < 1e-4, "{centre}");
+        assert!((place.offset.to_f32() - offset).abs() < 1e-4, "{centre}");
     }
     for end in [Pixels::MIN, Pixels::MAX] {
         let place = Place::of(end);
-        assert!(place.right >= 1 && place.offset.abs() <= 0.5);
+        assert!(place.right >= 1 && place.offset.to_f32().abs() <= 0.5);
     }
 }
 
@@ -107,7 +97,10 @@ fn interpolation_leaves_no_derivatives() {
                 let x = i as f32 * 0.5;
                 let z = moved(x) - moved(-x);
                 let u = x / width;
-                worst = worst.max((z + correction.at(u, libm::expf(-0.5 * u * u))).abs());
+                let Correction { c0, c1, c2, .. } = correction;
+                let of_interpolation =
+                    u * libm::expf(-0.5 * u * u) * (c0 + u * u * (c1 + u * u * c2));
+                worst = worst.max((z + of_interpolation).abs());
                 without = without.max(z.abs());
             }
         }
@@ -116,11 +109,19 @@ fn interpolation_leaves_no_derivatives() {
     }
 }
 
-/// All sums in f64, from the definitions, with the sum of their terms' magnitudes. Counts, not
-/// [`Pairs::units_a_count`].
-fn reference(pairs: &Pairs<'_>, noise: &Noise) -> [(f64, f64); 33] {
+/// What a pair is in f64, from the definitions. Counts, not [`Pairs::units_a_count`].
+struct Exact {
+    u: f64,
+    e: f64,
+    p: f64,
+    /// In standard deviations, as the functions times `root` are.
+    z: f64,
+    root: f64,
+}
+
+fn reference(pairs: &Pairs<'_>, noise: &Noise) -> Vec<Exact> {
     let light = |pixel: usize| f64::from(pairs.light.get(pixel).expect("a pixel"));
-    let offset = f64::from(pairs.mirror.offset);
+    let offset = pairs.mirror.offset.to_f64();
     let level = f64::from(pairs.level) / 256.0;
     let moved = |pixel: usize| {
         let first = if offset > 0.0 { pixel } else { pixel - 1 };
@@ -132,7 +133,7 @@ fn reference(pairs: &Pairs<'_>, noise: &Noise) -> [(f64, f64); 33] {
         pixels
             .all(|pixel| pairs.light.get(pixel) < Some(saturation) && !pairs.gaps.masked.has(pixel))
     };
-    let mut sums = [(0.0, 0.0); 33];
+    let mut exact = Vec::new();
     for i in 0.. {
         let u = f64::from(pairs.u) + f64::from(pairs.pitch) * f64::from(i);
         let from = pairs.mirror.right + i as usize * pairs.pixels;
@@ -152,46 +153,64 @@ fn reference(pairs: &Pairs<'_>, noise: &Noise) -> [(f64, f64); 33] {
         let [c0, c1, c2] = [c0, c1, c2].map(f64::from);
         let z = right - left + u * e * (c0 + u * u * (c1 + u * u * c2));
         let p = right + left;
-        let w = 1.0 / (f64::from(noise.dark) + f64::from(noise.shot) * p.max(0.0));
-        let f = |power: i32| libm::pow(u, power.into()) * e;
-        let mut terms = [0.0; 33];
-        for (k, term) in terms[..7].iter_mut().enumerate() {
-            *term = w * f(1) * f(1 + 2 * k as i32);
-        }
-        terms[7] = w * u * u;
-        for (k, power) in [1, 3, 5, 7].into_iter().enumerate() {
-            terms[8 + k] = w * u * f(power);
-            terms[12 + k] = w * z * f(power);
-        }
-        terms[16] = w * z * u;
-        terms[17] = w * z * z;
-        let [e0, e1, e2] = [f(0), f(2), f(4)];
-        let (alone, squares) = (
-            [1.0, e0, e1, e2],
-            [e0 * e0, e0 * e1, e0 * e2, e1 * e2, e2 * e2],
-        );
-        terms[19..23].copy_from_slice(&alone);
-        terms[23..28].copy_from_slice(&squares);
-        terms[28..].copy_from_slice(&[p, p * e0, p * e1, p * e2, p * p]);
-        // z is a small difference of samples.
-        let difference = (right.abs() + left.abs()) / z.abs().max(1e-9);
-        for (i, (sum, term)) in sums.iter_mut().zip(terms).enumerate() {
-            let of_z = (12..18).contains(&i);
-            let cancels = if of_z { difference } else { 1.0 };
-            *sum = (sum.0 + term, sum.1 + term.abs() * cancels);
-        }
-        sums[18].0 = sums[18].0.max(w * z * z);
+        let dark = f64::from(noise.dark);
+        let variance = dark + f64::from(noise.shot) * p.max(0.0);
+        let (z, root) = (z / variance.sqrt(), (dark / variance).sqrt());
+        exact.push(Exact { u, e, p, z, root });
     }
-    // The worst pair is one of the squares.
-    sums[18].1 = sums[17].1;
-    sums
+    exact
 }
 
-/// Rows with a spot, noise and a level that is no whole number: samples of all sizes, at all places about
-/// the mirror, whole, near the row's ends, and with saturated and masked pixels.
+impl Exact {
+    /// The terms of the sums of [`Even::all`].
+    fn even(&self) -> [f64; 14] {
+        let Self { u, e, p, .. } = *self;
+        let (e1, e2) = (u * u * e, u.powi(4) * e);
+        let squares = [e * e, e * e1, e * e2, e1 * e2, e2 * e2];
+        let mut terms = [1.0; 14];
+        terms[1..4].copy_from_slice(&[e, e1, e2]);
+        terms[4..9].copy_from_slice(&squares);
+        terms[9..].copy_from_slice(&[p, p * e, p * e1, p * e2, p * p]);
+        terms
+    }
+
+    fn odd(&self) -> [f64; COMPONENTS] {
+        let f = |power| self.root * self.u.powi(power) * self.e;
+        [f(1), self.root * self.u, f(3), f(5), f(7)]
+    }
+}
+
+/// The components in standard deviations, by the method of Gram and Schmidt.
+fn exact_components(pairs: &[Exact]) -> [f64; COMPONENTS] {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let z: Vec<f64> = pairs.iter().map(|pair| pair.z).collect();
+    let mut before: Vec<Vec<f64>> = Vec::new();
+    core::array::from_fn(|i| {
+        let whole: Vec<f64> = pairs.iter().map(|pair| pair.odd()[i]).collect();
+        let mut rest = whole.clone();
+        for function in &before {
+            let along = dot(&rest, function);
+            rest.iter_mut()
+                .zip(function)
+                .for_each(|(it, f)| *it -= along * f);
+        }
+        let norm = dot(&rest, &rest);
+        // As `Odd::components`.
+        if norm <= f64::from(odd::LEAST_NORM) * dot(&whole, &whole) {
+            return 0.0;
+        }
+        rest.iter_mut().for_each(|it| *it /= norm.sqrt());
+        before.push(rest);
+        before.last().map_or(0.0, |function| dot(&z, function))
+    })
+}
+
+/// Rows with a spot, noise, and a level that is no whole number: samples of all sizes, at all places about
+/// the mirror, whole, near the row's ends, with saturated and masked pixels, and lopsided.
 #[test]
 fn sums_agree_with_their_definitions() {
-    let (mut worst, mut whole, mut others) = (0.0f64, 0, 0);
+    let (mut worst_sum, mut worst_component, mut worst_square) = (0.0f64, 0.0f64, 0.0f64);
+    let (mut whole, mut others, mut largest) = (0, 0, 0.0f64);
     let widths = [
         0.9, 1.5, 2.5, 4.5, 7.0, 10.5, 14.0, 20.0, 25.0, 33.0, 40.0, 60.0f32,
     ];
@@ -203,9 +222,11 @@ fn sums_agree_with_their_definitions() {
             450.0
         };
         let centre = start + 0.173 * case as f32;
+        let second = [0.0, 3.0, 100.0, 900.0][case % 4];
         let mut light: [u16; 901] = core::array::from_fn(|i| {
-            let spot = (200.0 + 2000.0 * gaussian(i, centre, width)) as u16;
-            spot + (hash(i + 901 * case) >> 28) as u16
+            let spot = 200.0 + 2000.0 * gaussian(i, centre, width);
+            let second = second * gaussian(i, centre + 1.7 * width, 0.8 * width);
+            (spot + second) as u16 + (hash(i + 901 * case) >> 28) as u16
         });
         let has_saturated = case % 5 == 2;
         if has_saturated {
@@ -237,7 +258,7 @@ fn sums_agree_with_their_definitions() {
         };
         let unit = pairs.units_a_count();
         let noise = |unit: f32| Noise {
-            correction: Correction::of(mirror.offset, per_s, 2000.0 * block * unit),
+            correction: Correction::of(mirror.offset.to_f32(), per_s, 2000.0 * block * unit),
             dark: 2.0 * 16.0 * block * unit * unit,
             shot: 0.1 * unit,
         };
@@ -248,24 +269,57 @@ fn sums_agree_with_their_definitions() {
         };
         *number += 1;
         let (odd, even) = pairs.sums(&noise(unit), false);
-        let (w, z) = (unit * unit, unit);
-        // Weights fall with the square of the unit.
-        let mut units = [w; 33];
-        units[12..17].fill(w / z);
-        units[17..28].fill(1.0);
-        units[28..32].fill(1.0 / unit);
-        units[32] = 1.0 / w;
-        let found = odd.all().into_iter().chain(even.all());
-        let sums = reference(&pairs, &noise(1.0)).into_iter().zip(units);
-        for (i, (found, ((sum, magnitude), unit))) in found.zip(sums).enumerate() {
-            let error = (f64::from(found) * f64::from(unit) - sum).abs();
-            worst = worst.max(error / magnitude);
-            let is_right = error <= 2e-5 * magnitude;
-            assert!(is_right, "{i} of {width} at {centre}: {found} {sum}");
+        let exact = reference(&pairs, &noise(1.0));
+        let mut units = [1.0; 14];
+        units[9..13].fill(f64::from(unit));
+        units[13] = f64::from(unit * unit);
+        for (i, (found, unit)) in even.all().zip(units).enumerate() {
+            // Products far from the centre have the absolute error of those at the centre.
+            let least = if i < 9 { 1.0 } else { 1000.0 };
+            let terms = exact.iter().map(|pair| pair.even()[i]);
+            let (sum, magnitude) = terms.fold((0.0, least), |(sum, all), term| {
+                (sum + term, all + term.abs())
+            });
+            let error = (f64::from(found) / unit - sum).abs() / magnitude;
+            worst_sum = worst_sum.max(error);
+            assert!(error <= 2e-5, "{i} of {width} at {centre}: {found} {sum}");
+        }
+        let squares: f64 = exact.iter().map(|pair| pair.z * pair.z).sum();
+        let most = exact.iter().map(|pair| pair.z.abs()).fold(0.0, f64::max);
+        largest = largest.max(most);
+        for (found, exact) in [
+            (odd.squares(), squares),
+            (odd.worst(), most * most),
+            (
+                odd.norm_of_shift(),
+                exact.iter().map(|it| it.odd()[0].powi(2)).sum(),
+            ),
+        ] {
+            let error = (f64::from(found) - exact).abs();
+            worst_square = worst_square.max(error / (exact + 1e-3));
+            assert!(
+                error <= 0.03 * exact + 1e-6,
+                "{width} at {centre}: {found} {exact}"
+            );
+        }
+        // Of fewer pairs a function may be rounding alone.
+        if exact.len() < 11 {
+            continue;
+        }
+        for (found, exact) in odd.components().into_iter().zip(exact_components(&exact)) {
+            let error = (f64::from(found) - exact).abs() / (1.0 + most);
+            worst_component = worst_component.max(error);
+            assert!(
+                error <= 0.02,
+                "{width} at {centre}: {found} {exact}, {most}"
+            );
         }
     }
-    println!("{worst:.1e} of {whole} whole and {others} others");
-    assert!(whole > 100 && others > 100);
+    println!(
+        "{whole} whole and {others} others, z up to {largest:.0}: sums {worst_sum:.1e}, squares \
+         {worst_square:.1e}, components {worst_component:.1e} standard deviations"
+    );
+    assert!(whole > 100 && others > 100 && largest > 100.0);
 }
 
 /// The sums over all pairs in f64, one after the other. Beyond the reach lies less than 1e-6 of a sum,

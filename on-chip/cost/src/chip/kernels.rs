@@ -1,6 +1,6 @@
 //! The assembly of `dual_mac` against its portable twin.
 
-use dual_mac::{Pair, Pairs, portable};
+use dual_mac::{Pair, Pairs, SixPairs, portable};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
 
@@ -36,6 +36,10 @@ pub fn compare() {
             let (single, double) = (&single[..weights_given], &weights[..weights_given]);
             judge(dual_mac::dot(row, single) == portable::dot(row, single));
             judge(dual_mac::dot2(row, double) == portable::dot2(row, double));
+            let mut rows = [SixPairs::default(); LONGEST / 5];
+            rows.fill_with(|| SixPairs([(); 6].map(|()| random.next_u32())));
+            let rows = &rows[..samples / 5];
+            judge(dual_mac::gram(rows) == portable::gram(rows));
             let least = 2 * i32::from(number(&mut random));
             judge(dual_mac::reaches(row, least) == portable::reaches(row, least));
             let fours = row.as_chunks().0;

@@ -47,7 +47,7 @@ impl Program {
         Ok(Self {
             functions,
             addresses,
-            targets: disassemble(firmware)?,
+            targets: disassembly(firmware)?.lines().filter_map(target).collect(),
         })
     }
 
@@ -105,7 +105,8 @@ impl Program {
     }
 }
 
-fn disassemble(firmware: &Firmware) -> Result<BTreeMap<u64, u64>> {
+/// The program as `llvm-objdump` shows it.
+pub fn disassembly(firmware: &Firmware) -> Result<String> {
     let output = Command::new(objdump()?)
         .args(["--disassemble", "--mcpu=cortex-m4"])
         .arg(firmware.path())
@@ -116,8 +117,7 @@ fn disassemble(firmware: &Firmware) -> Result<BTreeMap<u64, u64>> {
         "llvm-objdump failed: {}",
         String::from_utf8_lossy(&output.stderr)
     );
-    let text = String::from_utf8(output.stdout)?;
-    Ok(text.lines().filter_map(target).collect())
+    Ok(String::from_utf8(output.stdout)?)
 }
 
 /// `llvm-objdump` of the toolchain's component llvm-tools, which `rust-toolchain.toml` asks for.
@@ -165,7 +165,34 @@ fn target(line: &str) -> Option<(u64, u64)> {
 
 #[cfg(test)]
 mod tests {
-    use super::target;
+    use super::*;
+
+    /// The loops over the pairs of a row, from the words to the products of the columns. All names of the
+    /// FPU's instructions begin with V.
+    #[test]
+    #[ignore = "builds the firmware; run by .ci/run"]
+    fn the_sums_over_pairs_use_no_float() {
+        let firmware = Firmware::build().expect("the firmware");
+        let text = disassembly(&firmware).expect("the program");
+        for name in ["7list_of", "8list_any", "12tabulate_all", "8cortex_m4gram"] {
+            let functions = text.split("\n\n").filter(|function| {
+                let head = function.lines().find(|line| line.ends_with(">:"));
+                head.is_some_and(|head| head.contains(name))
+            });
+            let (mut instructions, mut floats) = (0, vec![]);
+            for line in functions.flat_map(str::lines) {
+                if let Some(mnemonic) = line.split('\t').nth(1) {
+                    instructions += 1;
+                    floats.extend(mnemonic.trim().starts_with('v').then_some(line));
+                }
+            }
+            println!("{name}: {instructions} instructions");
+            assert!(
+                instructions > 20 && floats.is_empty(),
+                "{name}: {floats:#?}"
+            );
+        }
+    }
 
     #[test]
     fn branches_have_targets() {
