@@ -1,4 +1,4 @@
-//! Tells the crate which instructions of its assembly the target has. Stable Rust shows `cfg` neither the
+//! Tells the crate which instructions the target has. Stable Rust shows `cfg` neither the
 //! processor's architecture nor its DSP extension, so both are read from the target's name.
 
 fn main() {

@@ -14,8 +14,12 @@ const TIMEOUT_US: u32 = 1_000_000;
 
 /// Starts the watchdog. Its first timeout is that of every start, 0.3 to 1 s.
 pub fn start() {
-    // A breakpoint stops the watchdog too.
-    pac::DBGMCU.apb1fzr().modify(|freeze| freeze.set_iwdg(true));
+    // A breakpoint stops the watchdog too, but not the laser's timer: it would leave the laser on. A debugger
+    // may have set that, and a reset does not clear it (RM0090 section 38.16.4).
+    pac::DBGMCU.apb1fzr().modify(|freeze| {
+        freeze.set_iwdg(true);
+        freeze.set_tim4(false);
+    });
     pac::IWDG.kr().write(|kr| kr.set_key(Key::START));
 }
 

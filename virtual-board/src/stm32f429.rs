@@ -22,6 +22,7 @@ use rigless::edge::Pulse;
 use rigless::mcu::Mcu;
 use rigless::snapshot::{self, Reader, Store, Writer};
 use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::dbg;
 use rigless::soc::stm32f427::generated::tim1::{Register as Tim1, cr1, cr2, smcr};
 use rigless::soc::stm32f427::generated::tim2::Register as Tim5;
 use rigless::soc::stm32f427::peripherals::dma::Dma;
@@ -75,6 +76,10 @@ impl Stm32f429 {
         flash: FlashTimes,
     ) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
+        // A debugger was there before: it told all timers to stop with the core. No reset clears that.
+        let debug = part.bus().slot("DBG")?;
+        let (registers, _) = part.bus_mut().drive(VirtualNanos(0), debug);
+        registers.set(dbg::Register::DbgmcuApb1Fz, u64::from(u32::MAX));
         let mut slots = [0; MODELS.len()];
         for (slot, name) in slots.iter_mut().zip(MODELS) {
             *slot = part.bus().slot(name)?;

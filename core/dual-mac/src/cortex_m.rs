@@ -4,7 +4,7 @@
 //! and r8, and r3 for the counter. LDM also advances its address. The compiler chooses a register for the
 //! address, but never a register that is named here. SMLAD multiplies the low halves of two words and their
 //! high halves; the first of a pair is the low one, because this core is little-endian. The options: the
-//! assembly reads the two slices and nothing else (`readonly`), writes no memory and has no other effect
+//! assembly reads its slices and nothing else (`readonly`), writes no memory and has no other effect
 //! (`pure`), and leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum
 //! wraps), so `preserves_flags` is not among the options.
 

@@ -82,7 +82,7 @@ whole_part! {
     whole_i32: i32;
 }
 
-/// e^-x, Q31, of x >= 0, Q27, to 2^-26 of it.
+/// e^-x, Q31, of x >= 0, Q27, to 2^-26 of it and a step of Q31.
 ///
 /// e^-x = 2^-n e^-y with n the nearest integer to x / ln 2. Taylor's series up to the seventh power gives
 /// e^-y: y is within ln 2 / 2 of zero, so what is left is below 2^-27.
@@ -104,7 +104,7 @@ pub(crate) fn exp_of_minus(x: i32) -> i32 {
     let n = dual_mac::upper_product(x, PER_LN2).wrapping_add(1 << 24) >> 25;
     // Q31.
     let y = x.wrapping_sub(n.wrapping_mul(LN2)).wrapping_mul(1 << 4);
-    // Sums of Q30 are below 1.42.
+    // The sums, Q30, stay below 1.42.
     let below = |sum: i32, factor: i32| {
         factor.wrapping_sub(dual_mac::upper_product(y, sum).wrapping_mul(2))
     };

@@ -2,8 +2,9 @@
 //! them.
 //!
 //! The pairs are most of the check's work, and the check is part of each row's. So [`Pairs::sums`] is in
-//! integers, and goes over the pixels once. It sums the [`Even`] part at once. For the [`Odd`] part it leaves
-//! a table of six columns with 16 bits, whose products two instructions of the chip take four at a time.
+//! integers, and goes over the pixels once, or twice if z is very large. It sums the [`Even`] part at once.
+//! For the [`Odd`] part it writes a table of six columns with 16 bits. The chip multiplies these two at a
+//! time.
 //!
 //! | number | unit | range |
 //! |---|---|---|
@@ -11,7 +12,7 @@
 //! | u | widths, Q6.26 | 0 to 10 |
 //! | u^2 | Q8.24 | 0 to 100 |
 //! | e, u e, u^2 e, u^3 e, u^4 e, u^5 e, u^7 e | Q31, Q30, Q30, Q29, Q28, Q27, Q25 | below 2^31 |
-//! | 1/root of a pair's variance over that of an unlit pair | Q16 | 0 to 1, see [`weight`] |
+//! | root of an unlit pair's variance over the pair's | Q30 | 0 to 1, see [`weight`] |
 //! | columns u e, u, u^3 e, u^5 e, u^7 e, times this root | Q14, Q10, Q13, Q11, Q9 | below 2^14 |
 //! | column z, times this root | 2^-7 standard deviations ([`DEVIATION`]) | up to [`LARGEST`] |
 //!
@@ -40,11 +41,11 @@ use crate::row::Light;
 const MOST_PAIRS: usize = 37;
 /// A standard deviation of z in its column.
 const DEVIATION: i32 = 1 << 7;
-/// The largest z in its column, 59 standard deviations: the squares of [`MOST_PAIRS`] are below 2^31. Where z
-/// is larger, its column gets another unit.
+/// The largest z in its column, 59 standard deviations: the sum of the squares of [`MOST_PAIRS`] such numbers
+/// is below 2^31. Where z is larger, its column gets another unit.
 const LARGEST: i32 = 7600;
-/// Bits after the point of z and p: as many as leave the sum of a pair of samples, and the level under it,
-/// below 2^30 (2 pixels of a sample, 4095 counts). The interpolation has 16 bits.
+/// Bits after the point of z and p: as many as leave 2 * pixels * 4095 counts, which both are below, under
+/// 2^30. The interpolation needs no more than 16 bits.
 const fn fraction(pixels: usize) -> u32 {
     // A sample has at most 2^12 pixels.
     match pixels.saturating_sub(1).checked_ilog2() {
@@ -53,6 +54,16 @@ const fn fraction(pixels: usize) -> u32 {
         Some(log2) => 16u32.saturating_sub(log2),
     }
 }
+
+const _: () = {
+    let most = LARGEST as i64 + 1;
+    assert!(MOST_PAIRS as i64 * most * most < 1 << 31);
+    let mut pixels = 1;
+    while pixels <= 1 << 12 {
+        assert!((2 * pixels as u64 * 4095) << fraction(pixels) <= 1 << 30);
+        pixels += 1;
+    }
+};
 
 /// The pairs of a row, as far as its ends and [`REACH`] allow.
 pub(super) struct Pairs<'a> {
@@ -90,9 +101,10 @@ struct Scale {
     /// By how many bits the correction is smaller.
     correction_shift: u32,
     /// The shot noise's variance for each unit of light, over that of an unlit pair: times 2^32 [`UNLIT`].
+    /// Saturates if the noise is below 0.25 counts, where quantisation alone has 0.29.
     shot: i32,
     /// What makes z, times its pair's root, a number of its column: 2^34 `deviation` over the standard
-    /// deviation of an unlit pair.
+    /// deviation of an unlit pair. Saturates for samples of 1000 pixels, which leave no three pairs.
     z: i32,
     /// A standard deviation in z's column: [`DEVIATION`], or less where z would be above [`LARGEST`].
     deviation: f32,
@@ -145,7 +157,7 @@ impl Pairs<'_> {
     /// a sample, for the interpolation.
     fn number(&self) -> (usize, usize) {
         let Self { mirror, pixels, .. } = self;
-        // The width is at most 2^15 pixels, and so the pitch 1/6 or more.
+        // The pitch is at least 0.166: see `MOST_PAIRS`.
         let most = numeric::whole_usize(REACH / self.pitch).saturating_add(1);
         let right = (self.light.len()).saturating_sub(mirror.right.saturating_add(1));
         let left = mirror.left.saturating_sub(1);
@@ -174,20 +186,29 @@ impl Pairs<'_> {
         let number = self.number().1.min(MOST_PAIRS);
         let mut table = [SixPairs::default(); MOST_PAIRS.div_ceil(2)];
         let table = table.get_mut(..number.div_ceil(2)).unwrap_or_default();
-        let mut scale = Scale::of(noise, self.pitch, DEVIATION as f32);
+        let (mut scale, at) = (
+            Scale::of(noise, self.pitch, DEVIATION as f32),
+            Steps::new(self.u, self.pitch),
+        );
         self.list(number, gaps, table);
-        let (mut largest, mut sums) = self.tabulate(number, gaps, &scale, table);
+        let (mut largest, mut sums) = tabulate(at, &scale, table);
         if largest > LARGEST {
             // Rare, so the pairs have no coarser column from the start.
             let coarser = scale.deviation * LARGEST as f32 / (largest as f32 + 1.0);
             scale = Scale::of(noise, self.pitch, coarser);
             self.list(number, gaps, table);
-            (largest, sums) = self.tabulate(number, gaps, &scale, table);
+            (largest, sums) = tabulate(at, &scale, table);
+        }
+        if number % 2 == 1 {
+            leave_out(table, number);
         }
         let norms = if self.are_whole() {
             Norms::of_all(self.u, self.pitch, number)
         } else {
-            self.norms(number, gaps)
+            // A pair that does not count still has its correction.
+            places(gaps).for_each(|place| leave_out(table, place));
+            largest = largest_z(table);
+            norms(at, number, gaps)
         };
         let mut odd = Odd::of(table, largest, scale.deviation);
         if is_tilted {
@@ -304,75 +325,60 @@ impl Pairs<'_> {
             row.0 = numbers.map(i32::cast_unsigned);
         }
     }
+}
 
-    /// Writes the table of the odd part. Returns the largest z in its column, without sign, and the even part
-    /// without its norms. A pair that does not count has no light, and gets zeros.
-    fn tabulate(
-        &self,
-        number: usize,
-        gaps: u64,
-        scale: &Scale,
-        table: &mut [SixPairs],
-    ) -> (i32, EvenSums) {
-        let (largest, sums) = Self::tabulate_all(Steps::new(self.u, self.pitch), scale, table);
-        if number % 2 == 1 {
-            leave_out(table, number);
-        }
-        if gaps == 0 {
-            return (largest, sums);
-        }
-        for place in places(gaps) {
-            leave_out(table, place);
-        }
-        let z = table.iter().flat_map(|row| halves(row.0[COMPONENTS]));
-        (z.fold(0, |largest, z| largest.max(z.abs())), sums)
-    }
-
-    #[inline(never)]
-    fn tabulate_all(mut at: Steps, scale: &Scale, table: &mut [SixPairs]) -> (i32, EvenSums) {
-        let (mut largest, mut sums) = (0, EvenSums::default());
-        for row in table {
-            let [z, p, other_z, other_p, ..] = row.0.map(u32::cast_signed);
-            let two = [
-                Pair { z, p },
-                Pair {
-                    z: other_z,
-                    p: other_p,
-                },
-            ];
-            let [(one, z), (other, other_z)] = two.map(|pair| {
-                let columns = scale.columns(pair, at, &mut sums);
-                at.step();
-                largest = largest.max(columns.1 ^ (columns.1 >> 31));
-                columns
-            });
-            let [f1, t, f3, f5, f7, zs] = &mut row.0;
-            let functions = [f1, t, f3, f5, f7]
-                .into_iter()
-                .zip(one.into_iter().zip(other));
-            for (pair, (one, other)) in functions {
-                *pair = one.cast_unsigned() >> 16 | other.cast_unsigned() & !0xffff;
-            }
-            *zs = pair(z, other_z);
-        }
-        (largest, sums)
-    }
-
-    /// The norms of the even part over the pairs that count.
-    #[cold]
-    #[inline(never)]
-    fn norms(&self, number: usize, mut gaps: u64) -> Norms {
-        let mut norms = Norms::default();
-        let mut at = Steps::new(self.u, self.pitch);
-        for _ in 0..number {
-            if gaps & 1 == 0 {
-                norms.add(&at);
-            }
-            gaps >>= 1;
+/// Writes the table of the odd part over z and p. Returns the largest z in its column, without sign, and the
+/// even part without its norms.
+#[inline(never)]
+fn tabulate(mut at: Steps, scale: &Scale, table: &mut [SixPairs]) -> (i32, EvenSums) {
+    let (mut largest, mut sums) = (0, EvenSums::default());
+    for row in table {
+        let [z, p, other_z, other_p, ..] = row.0.map(u32::cast_signed);
+        let two = [
+            Pair { z, p },
+            Pair {
+                z: other_z,
+                p: other_p,
+            },
+        ];
+        let [(one, z), (other, other_z)] = two.map(|pair| {
+            let columns = scale.columns(pair, at, &mut sums);
             at.step();
+            largest = largest.max(columns.1 ^ (columns.1 >> 31));
+            columns
+        });
+        let [f1, t, f3, f5, f7, zs] = &mut row.0;
+        let functions = [f1, t, f3, f5, f7]
+            .into_iter()
+            .zip(one.into_iter().zip(other));
+        for (pair, (one, other)) in functions {
+            *pair = one.cast_unsigned() >> 16 | other.cast_unsigned() & !0xffff;
         }
-        norms
+        *zs = pair(z, other_z);
     }
+    (largest, sums)
+}
+
+/// The norms of the even part over the pairs that count.
+#[cold]
+#[inline(never)]
+fn norms(mut at: Steps, number: usize, mut gaps: u64) -> Norms {
+    let mut norms = Norms::default();
+    for _ in 0..number {
+        if gaps & 1 == 0 {
+            norms.add(&at);
+        }
+        gaps >>= 1;
+        at.step();
+    }
+    norms
+}
+
+/// The largest z in its column, without sign.
+#[cold]
+fn largest_z(table: &[SixPairs]) -> i32 {
+    let z = table.iter().flat_map(|row| halves(row.0[COMPONENTS]));
+    z.fold(0, |largest, z| largest.max(z.abs()))
 }
 
 /// The places of the bits of a number, the lowest first.
@@ -393,7 +399,7 @@ fn leave_out(table: &mut [SixPairs], place: usize) {
     }
 }
 
-/// Two numbers of a column, which are below 2^15.
+/// The lower 16 bits of two numbers of a column.
 #[inline(always)]
 fn pair(one: i32, other: i32) -> u32 {
     one.cast_unsigned() & 0xffff | other.cast_unsigned().wrapping_shl(16)
@@ -493,8 +499,8 @@ impl AboveLevel {
         }
     }
 
-    /// The difference of a pair, and its sum above the level. The samples lie between sums of their pixels
-    /// and the next ones, so only intermediate results wrap. A constant on the row changes no bit.
+    /// The difference of a pair, and its sum above the level: below 2^30 in all steps, and the interpolation
+    /// below 2^29, so nothing wraps. A constant on the row changes no bit.
     #[inline(always)]
     fn of(&self, sums: &Sums) -> Pair {
         let between = |sum: i32, rise: i32| {
@@ -534,8 +540,8 @@ impl Steps {
     fn new(u: f32, pitch: f32) -> Self {
         let q26 = |u: f32| numeric::whole_i32(u * (1 << 26) as f32);
         let (u, pitch) = (q26(u), q26(pitch));
-        // Half of a product: Q52 above the point becomes Q27. A spot that is wider than 0.3 pixels has none
-        // above 16.
+        // Half a product: it has 52 bits after the point, and 26 after the shift. Read with 27, it is half. A
+        // spot that is wider than 0.3 pixels has none above 16.
         let half = |a: i32, b: i32| {
             let product = i64::from(a).wrapping_mul(b.into()) >> 26;
             exp_of_minus(numeric::i64_to_i32(product.min(i32::MAX.into())))
@@ -602,7 +608,7 @@ impl Place {
     }
 }
 
-/// Corrects z for the error of linear interpolation of a gaussian: add [`Correction::at`] to z.
+/// Corrects z for the error of linear interpolation of a gaussian: add u e (c0 + c1 u^2 + c2 u^4) to z.
 ///
 /// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to
 /// a function that is even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a
@@ -637,10 +643,17 @@ impl Correction {
     fn coefficients(&self, furthest: f32) -> ([i32; 3], u32) {
         let square = furthest * furthest;
         let most = self.c0.abs() + square * (self.c1.abs() + square * self.c2.abs());
-        // The products have 2^8 / 36 = 2^2.9 times as much.
+        // The sum of all is below 2^27 then, so c1 * 2^8 is below 2^30: the distance is at least 6.
         let log2 = (most.to_bits() >> 23).saturating_sub(127);
-        let shift = log2.saturating_sub(26).min(31);
-        let unit = 1.0 / 1u32.wrapping_shl(shift) as f32;
+        // No light of 12 bits needs more: more is left out, so that nothing wraps.
+        let shift = log2.saturating_sub(26).min(6);
+        let most_left = (1u64 << 33) as f32;
+        let unit = if most > most_left {
+            most_left / most
+        } else {
+            1.0
+        };
+        let unit = unit / 1u32.wrapping_shl(shift) as f32;
         let [c0, c1, c2] =
             [self.c0, self.c1, 256.0 * self.c2].map(|it| numeric::whole_i32(it * unit));
         ([c0, c1, c2], shift)

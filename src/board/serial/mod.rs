@@ -5,6 +5,7 @@ mod rs485;
 mod transmitter;
 
 use embassy_stm32::Peri;
+use embassy_stm32::gpio::Pull;
 use embassy_stm32::interrupt::Interrupt;
 use embassy_stm32::peripherals::{PD8, PD9, PD12, USART3};
 use embassy_stm32::usart::{self, BufferedUart};
@@ -40,6 +41,8 @@ pub fn open(
     rs485::start(driver);
     let mut config = usart::Config::default();
     config.baudrate = Baud::default().bits_a_second();
+    // While the sensor sends, an RS-485 chip whose RE is tied to DE lets go of the pin.
+    config.rx_pull = Pull::Up;
     let (to_send, received) = (TO_SEND.take(), receiver::RECEIVED.take());
     let port = BufferedUart::new(port, rx, tx, to_send, received, Interrupts, config);
     // The configuration is constant: a wrong one fails at the first start.

@@ -1,7 +1,9 @@
-//! What the firmware sets up for the sensor head's pins: functions, speeds, pulls, and SPI's mode. The
+//! What the firmware sets up for its pins: functions, speeds, pulls, and SPI's mode. The
 //! emulator's models work with other values too, so they are checked here, at the first row.
 
+use rigless::mcu::Mcu as _;
 use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::dbg;
 use rigless::soc::stm32f427::generated::spi1::{self, cr1};
 
 use super::CONVERTER_BUS;
@@ -24,9 +26,9 @@ type Wanted = (
     Option<u64>,
 );
 
-/// The head's pins. All outputs but the laser's need the fastest speed. SCLK floats while SPI is off, and
-/// DOUT if there is no converter.
-const PINS: [Wanted; 7] = {
+/// The head's pins and the serial line's. All outputs but the laser's need the fastest speed. SCLK floats
+/// while SPI is off, DOUT if there is no converter, and RX while a driver of RS-485 sends.
+const PINS: [Wanted; 8] = {
     let (fast, pulled) = (Some(VERY_HIGH), Some(PULL_UP));
     [
         ("PE9 (fM)", "GPIOE", 9, Some(1), fast, None),
@@ -35,6 +37,7 @@ const PINS: [Wanted; 7] = {
         ("PD14 (chip select)", "GPIOD", 14, None, fast, None),
         ("PA5 (SCLK)", "GPIOA", 5, Some(5), fast, pulled),
         ("PA6 (DOUT)", "GPIOA", 6, Some(5), None, pulled),
+        ("PD9 (RX)", "GPIOD", 9, Some(7), None, pulled),
         ("PD15 (laser)", "GPIOD", 15, Some(2), None, None),
     ]
 };
@@ -59,6 +62,11 @@ pub(crate) fn faults(processor: &mut Stm32f427) -> Vec<String> {
     // PA7 is CRS_DV of the board's Ethernet, which drives it.
     if matches!(Pin::of(processor, "GPIOA", 7).mode, OUTPUT | ALTERNATE) {
         faults.push("PA7 is driven, and so does the board's Ethernet (UM1974)".to_owned());
+    }
+    let debug = (processor.bus().slot("DBG")).expect("the part has this peripheral");
+    let debug = processor.bus().slots()[debug].registers();
+    if dbg::dbgmcu_apb1_fz::DBG_TIM4_STOP.is_set(debug.get(dbg::Register::DbgmcuApb1Fz)) {
+        faults.push("a breakpoint stops TIM4 and leaves the laser on (RM0090 38.16.4)".to_owned());
     }
     let (_, registers) = processor.serial(CONVERTER_BUS);
     let control = registers.get(spi1::Register::Cr1);

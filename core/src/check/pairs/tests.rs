@@ -222,7 +222,7 @@ fn sums_agree_with_their_definitions() {
             450.0
         };
         let centre = start + 0.173 * case as f32;
-        let second = [0.0, 3.0, 100.0, 900.0][case % 4];
+        let second = [0.0, 3.0, 100.0, 1500.0][case % 4];
         let mut light: [u16; 901] = core::array::from_fn(|i| {
             let spot = 200.0 + 2000.0 * gaussian(i, centre, width);
             let second = second * gaussian(i, centre + 1.7 * width, 0.8 * width);
@@ -257,9 +257,11 @@ fn sums_agree_with_their_definitions() {
             },
         };
         let unit = pairs.units_a_count();
+        // Less noise than that of the row makes z larger than 16 bits hold.
+        let read = [4.0, 0.5][case / 20 % 2];
         let noise = |unit: f32| Noise {
             correction: Correction::of(mirror.offset.to_f32(), per_s, 2000.0 * block * unit),
-            dark: 2.0 * 16.0 * block * unit * unit,
+            dark: 2.0 * read * read * block * unit * unit,
             shot: 0.1 * unit,
         };
         let number = if pairs.are_whole() {
@@ -319,7 +321,7 @@ fn sums_agree_with_their_definitions() {
         "{whole} whole and {others} others, z up to {largest:.0}: sums {worst_sum:.1e}, squares \
          {worst_square:.1e}, components {worst_component:.1e} standard deviations"
     );
-    assert!(whole > 100 && others > 100 && largest > 100.0);
+    assert!(whole > 100 && others > 100 && largest > 300.0);
 }
 
 /// The sums over all pairs in f64, one after the other. Beyond the reach lies less than 1e-6 of a sum,

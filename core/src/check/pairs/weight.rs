@@ -4,8 +4,8 @@
 /// middle of its entry, so the root of an unlit pair's weight is exact.
 pub(super) const UNLIT: u32 = 4096 + 32;
 
-/// Roots of weights, Q16 where a variance has 18 leading zeros, by the highest eight bits of a variance, in 2^-6 of its highest power of four.
-/// Below 64 nothing is looked up.
+/// 2^16 over the root of a variance in units of [`UNLIT`], for one with 18 leading zeros, by its eight bits from
+/// there on. Entries below 64 are not used.
 static ROOTS: [u16; 256] = roots();
 
 #[expect(clippy::cast_possible_truncation, reason = "the root is below 2^16")]

@@ -174,7 +174,7 @@ mod tests {
     fn the_sums_over_pairs_use_no_float() {
         let firmware = Firmware::build().expect("the firmware");
         let text = disassembly(&firmware).expect("the program");
-        for name in ["7list_of", "8list_any", "12tabulate_all", "8cortex_m4gram"] {
+        for name in ["7list_of", "8list_any", "5pairs8tabulate", "8cortex_m4gram"] {
             let functions = text.split("\n\n").filter(|function| {
                 let head = function.lines().find(|line| line.ends_with(">:"));
                 head.is_some_and(|head| head.contains(name))
