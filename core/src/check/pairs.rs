@@ -12,24 +12,18 @@
 //! | u | widths, Q6.26 | 0 to 10 |
 //! | u^2 | Q8.24 | 0 to 100 |
 //! | e, u e, u^2 e, u^3 e, u^4 e, u^5 e, u^7 e | Q31, Q30, Q30, Q29, Q28, Q27, Q25 | below 2^31 |
-//! | root of an unlit pair's variance over the pair's | Q30 | 0 to 1, see [`weight`] |
+//! | root of an unlit pair's variance over the pair's | Q30 | 0 to 1, see [`root_of_weight`] |
 //! | columns u e, u, u^3 e, u^5 e, u^7 e, times this root | Q14, Q10, Q13, Q11, Q9 | below 2^14 |
 //! | column z, times this root | 2^-7 standard deviations ([`DEVIATION`]) | up to [`LARGEST`] |
 //!
 //! The products of a column with itself are below 2^31 for all pitches, so that those of two columns are too.
 //! The tests compare all of it with sums in f64.
 
-mod even;
 mod gaps;
-mod odd;
-mod weight;
 
 use dual_mac::{SixPairs, upper_product};
 
-use self::even::{Even, EvenSums, FINE_PITCH, Norms};
 pub(super) use self::gaps::Gaps;
-use self::odd::Odd;
-use self::weight::{UNLIT, root_of_weight};
 use super::REACH;
 use crate::base::numeric::exp_of_minus;
 use crate::base::{Counts, Pixels, numeric};
@@ -165,10 +159,14 @@ impl Pairs<'_> {
         (most, most.min(fit))
     }
 
+    fn have_gaps(&self) -> bool {
+        self.gaps.saturation.is_some() || self.gaps.masked.samples != 0
+    }
+
     /// Whether all pairs up to [`REACH`] count, and are as near to each other as [`Norms::of_all`] needs.
     fn are_whole(&self) -> bool {
         let (most, number) = self.number();
-        self.pitch <= FINE_PITCH && number == most && !self.gaps.exist()
+        self.pitch <= FINE_PITCH && number == most && !self.have_gaps()
     }
 
     /// The units of z and p in a count.
@@ -178,7 +176,7 @@ impl Pairs<'_> {
 
     /// Sums all pairs, in [`Self::units_a_count`]. If the row is tilted, z is without the tilt's slope.
     pub(super) fn sums(&self, noise: &Noise, is_tilted: bool) -> (Odd, Even) {
-        let gaps = if self.gaps.exist() {
+        let gaps = if self.have_gaps() {
             self.places_of_gaps()
         } else {
             0
@@ -657,6 +655,313 @@ impl Correction {
         let [c0, c1, c2] =
             [self.c0, self.c1, 256.0 * self.c2].map(|it| numeric::whole_i32(it * unit));
         ([c0, c1, c2], shift)
+    }
+}
+
+/// A variance with the unit that [`root_of_weight`] takes: that of a pair without light. It lies in the
+/// middle of its entry, so the root of an unlit pair's weight is exact.
+const UNLIT: u32 = 4096 + 32;
+
+/// 2^16 over the root of a variance in units of [`UNLIT`], for one with 18 leading zeros, by its eight bits from
+/// there on. Entries below 64 are not used.
+static ROOTS: [u16; 256] = roots();
+
+#[expect(clippy::cast_possible_truncation, reason = "the root is below 2^16")]
+const fn roots() -> [u16; 256] {
+    let mut roots = [u16::MAX; 256];
+    let mut bits = 65;
+    while bits < 256 {
+        // The middle of the entry is bits + 1/2, and that of UNLIT's entry 64 + 1/2. Below 2^16.
+        let square = (129u64 << 32) / (2 * bits as u64 + 1);
+        roots[bits] = square.isqrt() as u16;
+        bits += 1;
+    }
+    roots
+}
+
+/// The root of one over a variance, which is at least [`UNLIT`] / 1.008 and below 2^31: Q30, one for `UNLIT`,
+/// to 0.4 %.
+#[inline(always)]
+fn root_of_weight(variance: u32) -> i32 {
+    // An even number of leading zeros, at most 18: so many as the variance of an unlit pair has.
+    let zeros = variance.leading_zeros() & !1;
+    let [.., highest] = variance.wrapping_shl(zeros).to_le_bytes();
+    let root = i32::from(ROOTS[usize::from(highest)]);
+    // Below 2^16 * 2^9 * 2^5.
+    root.wrapping_shl(zeros >> 1).wrapping_mul(1 << 5)
+}
+
+/// The least norm of u^4 e that is left without its parts along the other functions, over its full norm. With
+/// less, k4 is only rounding: three or four pairs have too few samples for the four functions.
+const LEAST_NORM: f32 = 1e-5;
+
+/// Sums of the even part: those of the functions alone, and the products of 1, e, u^2 e and u^4 e with p.
+#[derive(Default)]
+pub(super) struct Even {
+    pub(super) norms: Norms,
+    pub(super) p: f32,
+    p0: f32,
+    p1: f32,
+    p2: f32,
+    squares: f32,
+}
+
+/// The number of samples, and the sums of u^k e (`l`) and of u^k e^2 (`m`) over them, for even k. They depend
+/// on the distances of the samples alone.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Norms {
+    pub(super) samples: f32,
+    l0: f32,
+    l1: f32,
+    l2: f32,
+    pub(super) m0: f32,
+    m1: f32,
+    m2: f32,
+    m3: f32,
+    m4: f32,
+}
+
+/// Up to this distance between pairs, the sums over all pairs are integrals, to a few parts in a million.
+const FINE_PITCH: f32 = 0.5;
+
+impl Norms {
+    /// The sums over all `number` pairs up to [`REACH`] widths, the first at `u`, without a loop.
+    ///
+    /// The sum of a function over u, u + h, u + 2h ... follows from its integral, after Euler and Maclaurin.
+    /// If the function is even, the integral from zero is I, and f, f2, f4 ... are its value and derivatives
+    /// at zero, the sum is I/h - B1(x) f - B3(x)/3! h^2 f2 - B5(x)/5! h^4 f4 ..., with x = u/h and
+    /// Bernoulli's polynomials B. Less than a millionth of a sum lies beyond the reach.
+    fn of_all(u: f32, pitch: f32, number: usize) -> Self {
+        // Integrals from zero, without their common factor: of u^k e over sqrt(pi/2), of u^k e^2 over
+        // sqrt(pi)/2.
+        const GAUSSIAN: f32 = 1.253_314_1;
+        const SQUARED: f32 = 0.886_226_9;
+        let per_pitch = 1.0 / pitch;
+        let x = u * per_pitch;
+        // From the middle of the range, where the polynomials are zero.
+        let y = x - 0.5;
+        let (yy, hh) = (y * y, pitch * pitch);
+        // B1 = y, B3 = y (y^2 - 1/4), B5 = B3 (y^2 - 7/12), B7 = B3 (y^4 - 3/2 y^2 + 31/48).
+        let b3 = y * (yy - 0.25);
+        let h2 = hh * b3 * (1.0 / 6.0);
+        let h4 = hh * hh * b3 * (yy - 7.0 / 12.0) * (1.0 / 120.0);
+        let h6 = hh * hh * hh * b3 * (yy * (yy - 1.5) + 31.0 / 48.0) * (1.0 / 5040.0);
+        let (e, ee) = (GAUSSIAN * per_pitch, SQUARED * per_pitch);
+        Self {
+            samples: number as f32,
+            l0: e - y + h2 - 3.0 * h4 + 15.0 * h6,
+            l1: e - 2.0 * h2 + 12.0 * h4 - 90.0 * h6,
+            l2: 3.0 * e - 24.0 * h4 + 360.0 * h6,
+            m0: ee - y + 2.0 * h2 - 12.0 * h4 + 120.0 * h6,
+            m1: 0.5 * ee - 2.0 * h2 + 24.0 * h4 - 360.0 * h6,
+            m2: 0.75 * ee - 24.0 * h4 + 720.0 * h6,
+            m3: 1.875 * ee - 720.0 * h6,
+            m4: 6.5625 * ee,
+        }
+    }
+
+    fn add(&mut self, at: &Steps) {
+        let (e1, e2) = at.even(at.square());
+        let e = at.e as f32 * (1.0 / (1u32 << 31) as f32);
+        let e1 = e1 as f32 * (1.0 / (1 << 30) as f32);
+        let e2 = e2 as f32 * (1.0 / (1 << 28) as f32);
+        self.samples += 1.0;
+        self.l0 += e;
+        self.l1 += e1;
+        self.l2 += e2;
+        self.m0 += e * e;
+        self.m1 += e * e1;
+        self.m2 += e1 * e1;
+        self.m3 += e1 * e2;
+        self.m4 += e2 * e2;
+    }
+}
+
+pub(super) struct Shape {
+    /// The coefficient of u^2 e over that of e: how much wider the light is than the spot.
+    pub(super) wider: f32,
+    /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if
+    /// rounding is all of it.
+    pub(super) k4: Option<(f32, f32)>,
+    /// The sum of squares that the fit without k4 leaves.
+    pub(super) rest: f32,
+}
+
+impl Even {
+    /// The middle has u = 0 and e = 1.
+    pub(super) fn add_middle(&mut self, p: f32) {
+        self.norms.samples += 1.0;
+        self.norms.l0 += 1.0;
+        self.norms.m0 += 1.0;
+        self.p += p;
+        self.p0 += p;
+        self.squares += p * p;
+    }
+
+    /// Subtracts from each function in turn its parts along those before.
+    pub(super) fn solve(&self) -> Shape {
+        let norms = &self.norms;
+        let samples = norms.samples;
+        let (l0, l1, l2, p) = (
+            norms.l0 / samples,
+            norms.l1 / samples,
+            norms.l2 / samples,
+            self.p / samples,
+        );
+        let c00 = norms.m0 - l0 * norms.l0;
+        let c01 = norms.m1 - l0 * norms.l1;
+        let c02 = norms.m2 - l0 * norms.l2;
+        let p0 = self.p0 - p * norms.l0;
+        let (f1, f2) = (c01 / c00, c02 / c00);
+        let c11 = norms.m2 - l1 * norms.l1 - f1 * c01;
+        let c12 = norms.m3 - l1 * norms.l2 - f1 * c02;
+        let p1 = self.p1 - p * norms.l1 - f1 * p0;
+        let f = c12 / c11;
+        let norm = norms.m4 - l2 * norms.l2 - f2 * c02 - f * c12;
+        let p2 = self.p2 - p * norms.l2 - f2 * p0 - f * p1;
+        let (second, first) = (p1 / c11, p0 / c00);
+        Shape {
+            // p0 has the part of u^2 e along e.
+            wider: second / (first - f1 * second),
+            k4: (norm > LEAST_NORM * norms.m4).then(|| (p2 / norm, norm)),
+            rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
+        }
+    }
+}
+
+/// Products of p with the even functions, in integers: p / 4 is below 2^28, and the sums of the functions, of
+/// at most [`MOST_PAIRS`] pairs with a pitch of a sixth or more, are at most 8 (e), 8 (u^2 e) and 23 (u^4 e).
+/// So no sum exceeds 2^31, and that of the squares is below 2^62.
+#[derive(Default)]
+struct EvenSums {
+    /// Of p in 2^6 units, and of its products with the functions in 2^3, 2^4 and 2^6 units.
+    p: i32,
+    p0: i32,
+    p1: i32,
+    p2: i32,
+    squares: i64,
+}
+
+impl EvenSums {
+    #[inline(always)]
+    fn add(&mut self, p: i32, at: &Steps, square: i32) {
+        let p = p >> 2;
+        let (e1, e2) = at.even(square);
+        self.p = self.p.wrapping_add(p >> 4);
+        self.p0 = self.p0.wrapping_add(upper_product(p, at.e));
+        self.p1 = self.p1.wrapping_add(upper_product(p, e1));
+        self.p2 = self.p2.wrapping_add(upper_product(p, e2));
+        self.squares = (self.squares).wrapping_add(i64::from(p).wrapping_mul(p.into()));
+    }
+
+    fn even(&self, norms: Norms) -> Even {
+        Even {
+            norms,
+            p: 64.0 * self.p as f32,
+            p0: 8.0 * self.p0 as f32,
+            p1: 16.0 * self.p1 as f32,
+            p2: 64.0 * self.p2 as f32,
+            squares: 16.0 * self.squares as f32,
+        }
+    }
+}
+
+/// The least norm of a column that is left without its parts along those before, over its full norm. With
+/// less it is only rounding.
+const LEAST_NORM_OF_COLUMN: f32 = 1e-4;
+
+/// The products of the columns of u e, u, u^3 e, u^5 e, u^7 e and z with each other.
+#[derive(Default)]
+pub(super) struct Odd {
+    /// The lower triangle, in the columns' units.
+    products: [f32; 21],
+    /// The largest z, without sign.
+    largest: i32,
+    /// A standard deviation in z's column.
+    deviation: f32,
+}
+
+impl Odd {
+    #[inline(always)]
+    fn of(table: &[SixPairs], largest: i32, deviation: f32) -> Self {
+        Self {
+            products: dual_mac::gram(table).map(|sum| sum as f32),
+            largest,
+            deviation,
+        }
+    }
+
+    /// The same without the slope of a tilt in z.
+    #[cold]
+    #[inline(never)]
+    fn without_slope(&self, table: &mut [SixPairs]) -> Self {
+        let [m11, mt1, mtt, .., z1, zt, _, _, _, _] = self.products;
+        // That of the tilt without its part along the shift.
+        let slope = (zt - mt1 / m11 * z1) / (mtt - mt1 * mt1 / m11);
+        let mut largest = 0;
+        for row in &mut *table {
+            let [_, t, _, _, _, z] = &mut row.0;
+            let [one, other] = [0, 1].map(|half| {
+                let (t, z) = (halves(*t)[half], halves(*z)[half]);
+                let rest = numeric::whole_i32(z as f32 - slope * t as f32);
+                rest.clamp(-LARGEST, LARGEST)
+            });
+            largest = largest.max(one.abs()).max(other.abs());
+            *z = pair(one, other);
+        }
+        Self::of(table, largest, self.deviation)
+    }
+
+    /// The sum of (u e)^2 over the pairs, weighted as if an unlit pair had the weight one.
+    pub(super) fn norm_of_shift(&self) -> f32 {
+        let [norm, ..] = self.products;
+        norm * (1.0 / (1 << 28) as f32)
+    }
+
+    /// The square of the worst pair's deviation, in variances.
+    pub(super) fn worst(&self) -> f32 {
+        numeric::square(self.largest as f32 / self.deviation)
+    }
+
+    /// The sum of the squares of all pairs' deviations, in variances.
+    pub(super) fn squares(&self) -> f32 {
+        let [.., squares] = self.products;
+        squares / numeric::square(self.deviation)
+    }
+
+    /// The components along u e, u, u^3 e, u^5 e and u^7 e, each less its parts along those before, in
+    /// standard deviations. By Cholesky's method: if A = L L^T are the functions' products, the components
+    /// are L^-1 z. Zero for a function that only rounding tells from those before.
+    pub(super) fn components(&self) -> [f32; COMPONENTS] {
+        let inverse_root = |pivot: f32, element: f32| {
+            if pivot > LEAST_NORM_OF_COLUMN * element {
+                1.0 / dual_mac::square_root(pivot)
+            } else {
+                0.0
+            }
+        };
+        let [m11, mt1, mtt, m31, m3t, m33, m51, m5t, m53, m55, ..] = self.products;
+        let [.., m71, m7t, m73, m75, m77, z1, zt, z3, z5, z7, _] = self.products;
+        let p1 = inverse_root(m11, 0.0);
+        let (t1, l31, l51, l71) = (mt1 * p1, m31 * p1, m51 * p1, m71 * p1);
+        let y1 = z1 * p1;
+        let pt = inverse_root(mtt - t1 * t1, mtt);
+        let l3t = (m3t - l31 * t1) * pt;
+        let l5t = (m5t - l51 * t1) * pt;
+        let l7t = (m7t - l71 * t1) * pt;
+        let yt = (zt - t1 * y1) * pt;
+        let p3 = inverse_root(m33 - l31 * l31 - l3t * l3t, m33);
+        let l53 = (m53 - l51 * l31 - l5t * l3t) * p3;
+        let l73 = (m73 - l71 * l31 - l7t * l3t) * p3;
+        let y3 = (z3 - l31 * y1 - l3t * yt) * p3;
+        let p5 = inverse_root(m55 - l51 * l51 - l5t * l5t - l53 * l53, m55);
+        let l75 = (m75 - l71 * l51 - l7t * l5t - l73 * l53) * p5;
+        let y5 = (z5 - l51 * y1 - l5t * yt - l53 * y3) * p5;
+        let rest = m77 - l71 * l71 - l7t * l7t - l73 * l73 - l75 * l75;
+        let p7 = inverse_root(rest, m77);
+        let y7 = (z7 - l71 * y1 - l7t * yt - l73 * y3 - l75 * y5) * p7;
+        let per_deviation = 1.0 / self.deviation;
+        [y1, yt, y3, y5, y7].map(|component| component * per_deviation)
     }
 }
 

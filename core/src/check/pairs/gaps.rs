@@ -15,10 +15,6 @@ pub struct Gaps<'a> {
 }
 
 impl Gaps<'_> {
-    pub(super) fn exist(&self) -> bool {
-        self.saturation.is_some() || self.masked.samples != 0
-    }
-
     /// Whether no pixel of a range is saturated or masked. `false` off the row.
     pub(super) fn leave(&self, light: Light<'_>, pixels: Range<usize>) -> bool {
         let Some(counts) = light.slice(pixels.clone()) else {
