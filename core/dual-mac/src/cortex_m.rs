@@ -150,9 +150,21 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     (first, second)
 }
 
+/// The products of three columns with each other and with themselves.
+macro_rules! triangle {
+    () => {
+        "smlad {a}, r4, r4, {a}
+        smlad {b}, r4, r5, {b}
+        smlad {c}, r5, r5, {c}
+        smlad {d}, r4, r2, {d}
+        smlad {e}, r5, r2, {e}
+        smlad {f}, r2, r2, {f}"
+    };
+}
+
 /// Runs over the rows of [`gram`]: adds products of some columns to as many sums.
 macro_rules! products {
-    ($rows:expr, $code:literal, $($sum:ident)*) => {{
+    ($rows:expr, $code:expr, $($sum:ident)*) => {{
         $(let mut $sum = 0i32;)*
         if !$rows.is_empty() {
             // SAFETY: each turn reads four bytes from some of the six columns of a row, and there are as many
@@ -183,27 +195,17 @@ pub fn gram(rows: &[SixPairs]) -> [i32; 21] {
     const { assert!(size_of::<SixPairs>() == 24 && align_of::<SixPairs>() == 4) };
     let [s00, s10, s11, s20, s21, s22] = products!(
         rows,
-        "ldr r2, [{row}, #8]
-        ldrd r4, r5, [{row}], #24
-        smlad {a}, r4, r4, {a}
-        smlad {b}, r4, r5, {b}
-        smlad {c}, r5, r5, {c}
-        smlad {d}, r4, r2, {d}
-        smlad {e}, r5, r2, {e}
-        smlad {f}, r2, r2, {f}",
+        concat!("ldr r2, [{row}, #8]\n", "ldrd r4, r5, [{row}], #24\n", triangle!()),
         a b c d e f
     );
     let [s33, s43, s44, s53, s54, s55] = products!(
         rows,
-        "ldr r2, [{row}, #20]
-        ldrd r4, r5, [{row}, #12]
-        add {row}, #24
-        smlad {a}, r4, r4, {a}
-        smlad {b}, r4, r5, {b}
-        smlad {c}, r5, r5, {c}
-        smlad {d}, r4, r2, {d}
-        smlad {e}, r5, r2, {e}
-        smlad {f}, r2, r2, {f}",
+        concat!(
+            "ldr r2, [{row}, #20]\n",
+            "ldrd r4, r5, [{row}, #12]\n",
+            "add {row}, #24\n",
+            triangle!()
+        ),
         a b c d e f
     );
     let [s30, s31, s40, s41, s50, s51] = products!(

@@ -56,8 +56,8 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 
 /// Sums blocks of samples. Samples of even and of odd places have their own weight; the constant is added to
 /// each sum. Writes as many sums as there are blocks or room for them, and returns all bits that are set in
-/// any of these samples. If four samples of even or of odd places are together above [`LARGEST_SAMPLE`], their
-/// block's sum means nothing.
+/// any of these samples. If four samples of even or of odd places are together above [`LARGEST_SAMPLE`],
+/// their block's sum means nothing.
 pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
     let mut bits = 0;
     for (block, sum) in blocks.iter().zip(sums) {

@@ -132,7 +132,8 @@ proptest! {
 
     #[test]
     fn products_of_columns_are_those_of_a_matrix(rows in prop::collection::vec(any::<[u32; 6]>(), 0..20)) {
-        let column = |at: usize| rows.iter().flat_map(move |row| [row[at] as i16, (row[at] >> 16) as i16]).map(i64::from);
+        let halves = |pair: u32| [pair as i16, (pair >> 16) as i16].map(i64::from);
+        let column = |at: usize| rows.iter().flat_map(move |row| halves(row[at]));
         let product = |i, j| column(i).zip(column(j)).map(|(a, b)| a * b).sum::<i64>() as i32;
         let triangle: Vec<i32> = (0..6).flat_map(|i| (0..=i).map(move |j| product(i, j))).collect();
         let rows: Vec<SixPairs> = rows.iter().map(|row| SixPairs(*row)).collect();

@@ -84,8 +84,8 @@ whole_part! {
 
 /// e^-x, Q31, of x >= 0, Q27, to 2^-26 of it and a step of Q31.
 ///
-/// e^-x = 2^-n e^-y with n the nearest integer to x / ln 2. Taylor's series up to the seventh power gives
-/// e^-y: y is within ln 2 / 2 of zero, so what is left is below 2^-27.
+/// e^-x is 2^-n e^-y, with n the nearest integer to x / ln 2. Taylor's series gives e^-y, up to the seventh
+/// power. The higher powers are together below 2^-27, because y is at most ln 2 / 2.
 pub(crate) fn exp_of_minus(x: i32) -> i32 {
     /// 1 / ln 2, Q30, and ln 2, Q27.
     const PER_LN2: i32 = 1_549_082_005;
@@ -114,12 +114,6 @@ pub(crate) fn exp_of_minus(x: i32) -> i32 {
         // One is the largest number of Q31.
         None => sum.saturating_mul(2),
     }
-}
-
-/// The lower word of a number.
-#[inline(always)]
-pub(crate) const fn low_word(value: i64) -> i32 {
-    value as i32
 }
 
 #[inline(always)]

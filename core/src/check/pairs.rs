@@ -272,7 +272,7 @@ impl Pairs<'_> {
         ))
     }
 
-    /// All pairs. The compiler knows the number of pixels.
+    /// Writes all pairs. The compiler knows the number of pixels.
     #[inline(never)]
     fn list_of<const PIXELS: usize>(&self, number: usize, table: &mut [SixPairs]) {
         self.list_by::<PIXELS, _, _>(number, table, |right, left| {
@@ -282,7 +282,7 @@ impl Pairs<'_> {
         });
     }
 
-    /// The same for any number of pixels.
+    /// As [`Self::list_of`] for any number of pixels.
     #[inline(never)]
     fn list_any(&self, number: usize, table: &mut [SixPairs]) {
         let pixels = self.pixels.max(1);
@@ -291,8 +291,8 @@ impl Pairs<'_> {
         });
     }
 
-    /// `PIXELS` is the number of pixels in a sample, or zero for any number. `samples` takes the words of both
-    /// sides apart, the samples next to the mirror first.
+    /// `PIXELS` is the number of pixels in a sample, or zero for any number. `samples` takes the words of
+    /// both sides apart, the samples next to the mirror first.
     #[inline(always)]
     fn list_by<'s, const PIXELS: usize, S: AsRef<[u16]> + 's + ?Sized, I>(
         &'s self,
@@ -349,8 +349,8 @@ fn tabulate(mut at: Steps, scale: &Scale, table: &mut [SixPairs]) -> (i32, EvenS
         let functions = [f1, t, f3, f5, f7]
             .into_iter()
             .zip(one.into_iter().zip(other));
-        for (pair, (one, other)) in functions {
-            *pair = one.cast_unsigned() >> 16 | other.cast_unsigned() & !0xffff;
+        for (column, (one, other)) in functions {
+            *column = pair(one >> 16, other >> 16);
         }
         *zs = pair(z, other_z);
     }
@@ -492,7 +492,7 @@ impl AboveLevel {
         Self {
             sign,
             part: sign.wrapping_mul(part),
-            level: numeric::low_word(level).wrapping_sub(full_scale.wrapping_shl(fraction)),
+            level: numeric::i64_to_i32(level).wrapping_sub(full_scale.wrapping_shl(fraction)),
             fraction,
         }
     }
@@ -662,8 +662,8 @@ impl Correction {
 /// middle of its entry, so the root of an unlit pair's weight is exact.
 const UNLIT: u32 = 4096 + 32;
 
-/// 2^16 over the root of a variance in units of [`UNLIT`], for one with 18 leading zeros, by its eight bits from
-/// there on. Entries below 64 are not used.
+/// 2^16 over the root of a variance, in units of [`UNLIT`]. The place of an entry is the highest eight bits
+/// of a variance with 18 leading zeros: places below 64 are not used.
 static ROOTS: [u16; 256] = roots();
 
 #[expect(clippy::cast_possible_truncation, reason = "the root is below 2^16")]
@@ -891,7 +891,7 @@ impl Odd {
         }
     }
 
-    /// The same without the slope of a tilt in z.
+    /// The products after the slope of a tilt is subtracted from z.
     #[cold]
     #[inline(never)]
     fn without_slope(&self, table: &mut [SixPairs]) -> Self {
