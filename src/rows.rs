@@ -13,7 +13,7 @@ pub type Buffer = &'static mut [u16; WORDS];
 
 /// Rows in use at a time. With two, a row may take twice the row's period before a row is lost. The first row
 /// of a frame takes several times as long as the others, so a fast sensor needs more: four are enough for
-/// 7,000 rows a second.
+/// 6,500 rows a second.
 pub const BUFFERS: usize = 4;
 
 /// A row that was read.

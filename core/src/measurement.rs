@@ -668,12 +668,10 @@ fn repair_or_keep(
         _ => robust_centre(row, spot, before, geometry, profile, budget).ok(),
     };
     match repaired {
-        Some(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
-            RowCentre {
-                class: found.class,
-                ..other
-            }
-        }
+        Some(other) if !other.misfit || other.width < repair::NARROWEST_SURE_REFIT => RowCentre {
+            class: found.class,
+            ..other
+        },
         _ => found,
     }
 }

@@ -150,6 +150,42 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     (first, second)
 }
 
+/// See [`crate::portable::upper_product`]. The compiler knows this instruction, but turns the shift to the left
+/// that mostly follows it into four instructions.
+#[inline(always)]
+pub fn upper_product(a: i32, b: i32) -> i32 {
+    let product: i32;
+    // SAFETY: the instruction reads and writes registers.
+    unsafe {
+        asm!(
+            "smmul {product}, {a}, {b}",
+            product = lateout(reg) product,
+            a = in(reg) a,
+            b = in(reg) b,
+            options(pure, nomem, nostack, preserves_flags),
+        );
+    }
+    product
+}
+
+/// A sum and the upper half of a product. Wraps.
+#[inline(always)]
+pub fn add_upper_product(sum: i32, a: i32, b: i32) -> i32 {
+    let more: i32;
+    // SAFETY: the instruction reads and writes registers.
+    unsafe {
+        asm!(
+            "smmla {more}, {a}, {b}, {sum}",
+            more = lateout(reg) more,
+            sum = in(reg) sum,
+            a = in(reg) a,
+            b = in(reg) b,
+            options(pure, nomem, nostack, preserves_flags),
+        );
+    }
+    more
+}
+
 /// The products of three columns with each other and with themselves.
 macro_rules! triangle {
     () => {

@@ -38,11 +38,12 @@ pub use portable::{BLOCK, LARGEST_SAMPLE, Pair, Pairs, SixPairs};
 
 #[cfg(has_dsp)]
 pub use cortex_m::{
-    blocks_at_most, dot, dot2, gram, halve, reaches, sum_blocks, sum_of_steps, sum_pairs,
+    add_upper_product, blocks_at_most, dot, dot2, gram, halve, reaches, sum_blocks, sum_of_steps,
+    sum_pairs, upper_product,
 };
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
-#[cfg(has_long_products)]
+#[cfg(all(has_long_products, not(has_dsp)))]
 pub use portable::upper_product;
 #[cfg(not(has_long_products))]
 pub use portable::upper_product_of_halves as upper_product;
@@ -52,3 +53,10 @@ pub use portable::{
 };
 #[cfg(has_fpu)]
 pub use vsqrt::square_root;
+
+/// A sum and the upper half of a product. Wraps.
+#[cfg(not(has_dsp))]
+#[inline(always)]
+pub fn add_upper_product(sum: i32, a: i32, b: i32) -> i32 {
+    sum.wrapping_add(upper_product(a, b))
+}

@@ -116,6 +116,123 @@ pub(crate) fn exp_of_minus(x: i32) -> i32 {
     }
 }
 
+/// 2^16 over the root of a number. The place of an entry is the highest eight bits of the number, in steps of
+/// two bits: places below 64 are not used. The middle of entry 64 has 2^16.
+pub(crate) static ROOTS: [u16; 256] = {
+    let mut roots = [u16::MAX; 256];
+    let mut bits = 65;
+    while bits < 256 {
+        // The middle of the entry is bits + 1/2.
+        let square = (129u64 << 32) / (2 * bits as u64 + 1);
+        roots[bits] = square.isqrt() as u16;
+        bits += 1;
+    }
+    roots
+};
+
+/// One over the root of x / 2^32, to 2^-25 of it: the first number, Q29, one to two, times 2 to the second
+/// one. Any number for zero.
+#[inline]
+pub(crate) fn inverse_root(x: u32) -> (i32, u32) {
+    let halvings = x.leading_zeros() / 2;
+    let x = x.wrapping_shl(2 * halvings);
+    let [.., highest] = x.to_le_bytes();
+    // Newton's steps, root (3 - x root^2) / 2: the table is right to 0.4 %, the first step to 2^-14.
+    let root = u32::from(ROOTS[usize::from(highest)]);
+    // 2^32 of the root's unit is 256 / 64.5.
+    const ONE: u32 = 16_512;
+    let product = (root.wrapping_mul(root) >> 16).wrapping_mul(x >> 16) >> 16;
+    let twice = u64::from(root.wrapping_mul((3 * ONE).wrapping_sub(product)));
+    // 2^(29 - 16) times the root of 256 / 64.5, over 2 ONE: Q32.
+    let root = (twice.wrapping_mul(2_122_661_009) >> 32) as i32;
+    // Q28, and Q27.
+    let square = dual_mac::upper_product(root, root).wrapping_mul(4);
+    let product = dual_mac::upper_product((x >> 1).cast_signed(), square);
+    let factor = (3i32 << 27).wrapping_sub(product).wrapping_mul(4);
+    let root = dual_mac::upper_product(root, factor).wrapping_mul(4);
+    (root, halvings)
+}
+
+/// As [`inverse_root`] of x / 2^64.
+#[inline]
+pub(crate) fn inverse_root_of_64(x: u64) -> (i32, u32) {
+    let halvings = x.leading_zeros() / 2;
+    let high = x.wrapping_shl(2 * halvings) >> 32;
+    let (root, _) = inverse_root(high as u32);
+    (root, halvings)
+}
+
+/// Its square: one over x / 2^32, from what [`inverse_root`] says of x: Q28, and what 2 to the second number
+/// is a factor of it.
+#[inline(always)]
+pub(crate) fn inverse((root, halvings): (i32, u32)) -> (i32, i32) {
+    let square = dual_mac::upper_product(root, root).wrapping_mul(4);
+    (square, halvings.wrapping_mul(2).cast_signed())
+}
+
+/// A number times 2^`by`, rounded down. Saturates.
+#[inline]
+pub(crate) fn shifted(value: i64, by: i32) -> i64 {
+    #[cold]
+    #[inline(never)]
+    fn left(value: i64, by: u32) -> i64 {
+        let bits = by.min(63);
+        let moved = value.wrapping_shl(bits);
+        if moved >> bits == value {
+            moved
+        } else if value < 0 {
+            i64::MIN
+        } else {
+            i64::MAX
+        }
+    }
+    if by <= 0 {
+        value >> by.unsigned_abs().min(63)
+    } else {
+        left(value, by.unsigned_abs())
+    }
+}
+
+/// As [`shifted`].
+#[inline]
+pub(crate) fn shifted_32(value: i32, by: i32) -> i32 {
+    let bits = by.unsigned_abs().min(31);
+    let moved = value.wrapping_shl(bits);
+    if by <= 0 {
+        value >> bits
+    } else if moved >> bits == value {
+        moved
+    } else if value < 0 {
+        i32::MIN
+    } else {
+        i32::MAX
+    }
+}
+
+/// The whole product.
+#[inline(always)]
+pub(crate) const fn product(a: i32, b: i32) -> i64 {
+    (a as i64).wrapping_mul(b as i64)
+}
+
+/// The root of a number that is not negative, rounded down.
+#[inline]
+pub(crate) fn root(value: i64) -> i32 {
+    let root = value.max(0).cast_unsigned().isqrt();
+    saturated(root.cast_signed())
+}
+
+/// A number limited to 32 bits.
+#[inline]
+pub(crate) fn saturated(value: i64) -> i32 {
+    let low = value as i32;
+    if i64::from(low) == value {
+        low
+    } else {
+        i32::MAX ^ (value >> 63) as i32
+    }
+}
+
 #[inline(always)]
 pub(crate) fn square(value: f32) -> f32 {
     value * value
@@ -156,7 +273,7 @@ pub(crate) fn limited(value: f32, low: f32, high: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::exp_of_minus;
+    use super::{exp_of_minus, inverse_root, inverse_root_of_64, shifted};
 
     #[test]
     fn the_exponential_is_right_to_26_bits() {
@@ -171,5 +288,41 @@ mod tests {
         }
         println!("{worst:.2}");
         assert!(worst < 1.0);
+    }
+
+    #[test]
+    fn a_root_is_right_to_25_bits() {
+        let mut worst = 0.0f64;
+        let near_powers = (0..32).flat_map(|log2| [0, 1, 2].map(|more| (1u32 << log2) - 1 + more));
+        for x in (1..=u32::MAX).step_by(9_991_003).chain(near_powers.skip(1)) {
+            for (exact, (root, halvings)) in [
+                (f64::from(x), inverse_root(x)),
+                (f64::from(x), inverse_root_of_64(u64::from(x) << 32)),
+                (libm::ldexp(x.into(), -32), inverse_root_of_64(x.into())),
+            ] {
+                let exact = libm::ldexp(exact.sqrt(), -16);
+                let found = libm::ldexp(root.into(), halvings as i32 - 29);
+                worst = worst.max((found * exact - 1.0).abs());
+            }
+        }
+        println!("{:.1} bits", -worst.log2());
+        assert!(worst < libm::ldexp(1.0, -25));
+    }
+
+    #[test]
+    fn a_shifted_number_saturates() {
+        for (value, by, expected) in [
+            (5, 2, 20),
+            (-5, 2, -20),
+            (-5, -1, -3),
+            (5, -70, 0),
+            (-5, -70, -1),
+            (5, 61, i64::MAX),
+            (-5, 61, i64::MIN),
+            (5, 70, i64::MAX),
+            (0, 70, 0),
+        ] {
+            assert_eq!(shifted(value, by), expected, "{value} {by}");
+        }
     }
 }

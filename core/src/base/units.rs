@@ -61,7 +61,7 @@ macro_rules! quantity {
             /// As [`Self::from_f32`] for a value that is not negative, in fewer instructions. A negative one
             /// may be a step off.
             #[inline(always)]
-            pub fn from_positive_f32(value: f32) -> Self {
+            pub const fn from_positive_f32(value: f32) -> Self {
                 Self(numeric::whole_i32(value * (1u32 << $fraction) as f32 + 0.5))
             }
 

@@ -40,15 +40,15 @@ pub struct SpotShape {
 /// The sensor's own spot at a centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OwnSpot {
-    /// The width in pixels.
-    pub width: f32,
+    /// The width.
+    pub width: Pixels,
     /// How far the widths of spots without a flaw differ from that, as a standard deviation.
-    pub width_deviation: f32,
-    /// The components in pixels.
-    pub components: [f32; COMPONENTS],
+    pub width_deviation: Pixels,
+    /// The components.
+    pub components: [Pixels; COMPONENTS],
     /// How far the components of spots without a flaw differ from those beyond noise, as a standard
     /// deviation.
-    pub deviation: f32,
+    pub deviation: Pixels,
 }
 
 /// The uncertainty that the sets of [`adaptive`](crate::centre::Estimator::Adaptive) add, over how lopsided
@@ -83,12 +83,12 @@ impl SpotShape {
         // Where the check had too few pairs, nothing is known.
         if let Some(own) = own.filter(|_| self.width > Pixels::default()) {
             for (component, own) in components.iter_mut().zip(own.components) {
-                *component -= own;
+                *component -= own.to_f32();
             }
-            variance = noise + square(own.deviation);
+            variance = noise + square(own.deviation.to_f32());
             limit = NOISE_WITH_WIDTH;
-            let wider = square(self.width.to_f32() - own.width);
-            chi_square = wider / (noise + square(own.width_deviation));
+            let wider = square(self.width.to_f32() - own.width.to_f32());
+            chi_square = wider / (noise + square(own.width_deviation.to_f32()));
             hidden = wider * square(HIDDEN_BY_WIDTH);
         }
         for (component, factor) in components.iter().zip(HIDDEN) {
@@ -112,7 +112,7 @@ impl SpotShape {
     pub fn uncertainty_by_sets(&self, own: Option<&OwnSpot>) -> Pixels {
         let by_flaws = self.uncertainty(own);
         let Some(own) = own else { return by_flaws };
-        let lopsided: f32 = own.components.iter().map(|it| square(*it)).sum();
+        let lopsided: f32 = own.components.iter().map(|it| square(it.to_f32())).sum();
         let variance = square(by_flaws.to_f32()) + square(BETWEEN_SETS) * lopsided;
         Pixels::from_f32(dual_mac::square_root(variance))
     }
@@ -131,12 +131,17 @@ mod tests {
         }
     }
 
-    const OWN: OwnSpot = OwnSpot {
-        width: 8.0,
-        width_deviation: 0.02,
-        components: [0.0, 0.0, 0.5, 0.0, 0.0],
-        deviation: 0.0,
-    };
+    const fn own(components: [Pixels; COMPONENTS]) -> OwnSpot {
+        OwnSpot {
+            width: Pixels::from_int(8),
+            width_deviation: Pixels::from_positive_f32(0.02),
+            components,
+            deviation: Pixels::from_int(0),
+        }
+    }
+
+    const NONE: Pixels = Pixels::from_int(0);
+    const OWN: OwnSpot = own([NONE, NONE, Pixels::from_positive_f32(0.5), NONE, NONE]);
 
     #[test]
     fn noise_adds_nothing_and_a_flaw_adds_what_it_may_hide() {
@@ -155,7 +160,10 @@ mod tests {
 
     #[test]
     fn the_sensors_own_spot_has_no_flaw() {
-        let own = spot(OWN.components);
+        let own = SpotShape {
+            components: OWN.components,
+            ..spot([0.0; 5])
+        };
         assert!(own.uncertainty(None) > Pixels::from_int(2));
         assert_eq!(own.uncertainty(Some(&OWN)), Pixels::default());
         // A symmetric spot is a flaw then.
@@ -170,16 +178,12 @@ mod tests {
 
     #[test]
     fn the_sets_of_adaptive_have_other_centres_of_a_lopsided_spot() {
-        let own = OwnSpot {
-            components: [0.0, 0.0, 3.0, -4.0, 0.0],
-            ..OWN
-        };
-        let same = spot(own.components);
+        let same = spot([0.0, 0.0, 3.0, -4.0, 0.0]);
+        let own = own(same.components);
         let by_sets = |own| same.uncertainty_by_sets(own).to_f32();
         assert!((by_sets(Some(&own)) - 0.1 * 5.0).abs() < 1e-4);
         assert_eq!(same.uncertainty(Some(&own)).to_f32(), 0.0);
-        let components = [0.0; 5];
-        let symmetric = OwnSpot { components, ..OWN };
+        let symmetric = super::tests::own([NONE; COMPONENTS]);
         for own in [None, Some(&symmetric)] {
             assert_eq!(by_sets(own), same.uncertainty(own).to_f32());
         }

@@ -55,8 +55,11 @@ pub mod own_spot;
 mod pairs;
 pub mod repair;
 
+use core::ops::Range;
+
 use self::pairs::{Correction, Gaps, Noise, Pairs, Place};
-use crate::base::{Pixels, WorkBudget, numeric};
+use crate::base::numeric::product;
+use crate::base::{Counts, Pixels, WorkBudget, numeric};
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::spot_shape::{COMPONENTS, OwnSpot, SpotShape};
 use crate::centre::tables::TILTED;
@@ -67,61 +70,61 @@ use crate::spot::Spot;
 
 /// A narrower spot, in pixels, is flagged. Two or three bad pixels side by side look like a spot of 1.1. With
 /// this limit and the other tests, all of 2000 such centres had a flag. With 1.15, four had none.
-const NARROWEST_SURE: f32 = 1.2;
+const NARROWEST_SURE: Pixels = Pixels::from_positive_f32(1.2);
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
-const NARROWEST_CUT: f32 = 1.25;
+const NARROWEST_CUT: Pixels = Pixels::from_positive_f32(1.25);
 /// If the shape's part of u exceeds this many widths, the row is flagged: u then says no more than that the
 /// centre is somewhere in the spot, which has 1 % of its height left at three widths.
-const LARGEST_SHAPE: f32 = 3.0;
+const LARGEST_SHAPE: i32 = 3;
 /// A narrower spot, in pixels, is flagged if it is not symmetric: a single bad pixel looks like a shape
 /// there.
-const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;
+const NARROWEST_WITH_SHAPE: Pixels = repair::NARROWEST_SURE_REFIT;
 
 /// How far the pairs reach from the centre, in widths.
-const REACH: f32 = 6.0;
+const REACH: i32 = 6;
 /// Samples in a width. A sample has at least one pixel, so a narrow spot has fewer samples.
-const SAMPLES_A_WIDTH: f32 = 6.0;
+const SAMPLES_A_WIDTH: i32 = 6;
 /// How much the third derivative of real profiles differs from a gaussian's: a standard deviation, as a share
-/// of the correction for that derivative. For sinc^2 of a width of 0.8 pixels, the correction is 5 % of the
-/// height, and the difference is less than a third of the correction.
-const OTHER_PROFILE: f32 = 0.3;
-const FEWEST_PAIRS: f32 = 3.0;
+/// of the correction for that derivative, Q8. For sinc^2 of a width of 0.8 pixels, the correction is 5 % of
+/// the height, and the difference is less than a third of the correction.
+const OTHER_PROFILE: i32 = 77;
+const FEWEST_PAIRS: i32 = 3;
 /// The fewest pairs for a check where samples were masked so that the others fit.
-const FEWEST_OF_A_PART: f32 = 5.0;
-/// Limits of tilt and skew, in standard deviations. Noise exceeds them in one row of 7000 and in one of 5000.
-const TILT: f32 = 3.8;
-const SKEW: f32 = 3.7;
-/// Limit of the worst pair, in standard deviations. Noise exceeds it in one row of 12,000 that have 32 pairs.
-const WORST: f32 = 4.7;
+const FEWEST_OF_A_PART: i32 = 5;
+/// Limits of tilt and skew, in standard deviations, Q12: 3.8 and 3.7. Noise exceeds them in one row of 7000
+/// and in one of 5000.
+const TILT: i32 = 15_565;
+const SKEW: i32 = 15_155;
+/// Limit of the worst pair, in standard deviations, Q7: 4.7. Noise exceeds it in one row of 12,000 that have
+/// 32 pairs.
+const WORST: i32 = 602;
 /// The sum of squares of n pairs may exceed n by so many standard deviations, and by a constant more, because
-/// a chi-square is skewed: (2/3)(3.7^2 - 1), after Cornish and Fisher.
-const SCATTER: f32 = 3.7;
-const SCATTER_SKEWED: f32 = 8.5;
-/// The square of the relative uncertainty of the noise's variance. That uncertainty is 6 %, because the noise
-/// is known to 3 % (see [`crate::spot::find`]).
-const NOISE_VARIANCE_UNCERTAINTY_SQUARED: f32 = 0.0036;
+/// a chi-square is skewed: (2/3)(3.7^2 - 1), after Cornish and Fisher. Q8.
+const SCATTER: i32 = 947;
+const SCATTER_SKEWED: i32 = 2176;
 /// Limit of the shift: so many times the uncertainty, and [`SHIFTED_PIXELS`] more.
-const SHIFTED: f32 = 4.0;
-/// Pixels by which profiles other than the gaussian, and a table's rounding, move a centre.
-const SHIFTED_PIXELS: f32 = 0.02;
+const SHIFTED: i32 = 4;
+/// Pixels by which profiles other than the gaussian, and a table's rounding, move a centre: 0.02, Q24.
+const SHIFTED_PIXELS: i64 = 335_544;
 /// The largest leverage of a pair, for a distance of one width between the pairs: the maximum of (u e)^2 over
-/// its integral, e^-1 / (sqrt(pi) / 4).
-const LEVERAGE_A_PITCH: f32 = 0.83;
-/// The lowest k4: between that of sinc^2 (-0.040) and that of two equal spots 1.8 widths apart.
-const FLAT: f32 = -0.05;
-/// Limit of the shape's misfit, which is the mean square that the fit leaves of the even part, over that of
-/// the spot. Fresnel's patterns have 0.003 at the nominal slit's Fresnel number of 0.33, and 0.011 at 0.55 if
-/// the width is that of the gaussian that fits best. With the widths and the heights that the estimators find
-/// there, they have up to 0.015.
-const SHAPE_MISFIT: f32 = 0.018;
-/// The same for a spot so narrow that it may be bad pixels: twice that of the nominal slit's pattern.
-const SHAPE_MISFIT_OF_NARROW: f32 = 0.006;
-/// How many standard deviations k4 and the shape's misfit may be beyond their limits.
-const EVEN: f32 = 4.0;
-/// The same for a spot so narrow that it may be bad pixels: these are likelier than so much noise.
-const EVEN_OF_NARROW: f32 = 2.5;
-/// Factor of all other limits for such a spot.
-const TRUST_OF_NARROW: f32 = 0.7;
+/// its integral, e^-1 / (sqrt(pi) / 4), Q8.
+const LEVERAGE_A_PITCH: i32 = 212;
+/// The lowest k4, times -2^16: 0.05, between that of sinc^2 (-0.040) and that of two equal spots 1.8 widths
+/// apart.
+const FLAT: i32 = 3277;
+/// Limit of the shape's misfit, Q16, which is the mean square that the fit leaves of the even part, over that
+/// of the spot: 0.018. Fresnel's patterns have 0.003 at the nominal slit's Fresnel number of 0.33, and 0.011
+/// at 0.55 if the width is that of the gaussian that fits best. With the widths and the heights that the
+/// estimators find there, they have up to 0.015.
+const SHAPE_MISFIT: i32 = 1180;
+/// The same for a spot so narrow that it may be bad pixels, 0.006: twice that of the nominal slit's pattern.
+const SHAPE_MISFIT_OF_NARROW: i32 = 393;
+/// How many standard deviations k4 and the shape's misfit may be beyond their limits, Q4.
+const EVEN: i32 = 64;
+/// The same for a spot so narrow that it may be bad pixels, 2.5: these are likelier than so much noise.
+const EVEN_OF_NARROW: i32 = 40;
+/// Factor of all other limits for such a spot, Q8: 0.7.
+const TRUST_OF_NARROW: i32 = 179;
 
 /// What the check says of a centre.
 #[derive(Clone, Copy, Debug)]
@@ -191,7 +194,7 @@ pub(crate) fn may_be_bad_pixels(found: &RowCentre) -> bool {
     } else {
         found.width
     };
-    width.to_f32() < NARROWEST_SURE
+    width < NARROWEST_SURE
 }
 
 /// Compares a row with its mirror image about a centre. A fit's own flag stays if saturation or the sensor's
@@ -207,7 +210,7 @@ pub(crate) fn by_symmetry(
     let own = own.as_ref();
     let nothing = MaskedPixels::default();
     let Some(verdict) = compare(row, spot, found, geometry, own, &nothing) else {
-        let misfit = found.misfit || found.width.to_f32() < NARROWEST_CUT;
+        let misfit = found.misfit || found.width < NARROWEST_CUT;
         return Verdict {
             shape: found.shape,
             is_clean: !misfit,
@@ -218,9 +221,7 @@ pub(crate) fn by_symmetry(
     let shape = verdict.shape;
     let is_sound = verdict.is_spot && !(found.misfit && !is_whole(row, found));
     let is_clean = is_sound && verdict.is_symmetric;
-    let width = found.width.to_f32();
-    let is_expressed = verdict.is_symmetric
-        || width > NARROWEST_WITH_SHAPE && shape.uncertainty(own).to_f32() <= LARGEST_SHAPE * width;
+    let is_expressed = verdict.is_symmetric || is_expressed(&shape, found, own);
     Verdict {
         shape,
         is_clean,
@@ -229,21 +230,41 @@ pub(crate) fn by_symmetry(
     }
 }
 
+/// Whether the shape's part of u is one that says more than that the centre is somewhere in the spot.
+#[cold]
+#[inline(never)]
+fn is_expressed(shape: &SpotShape, found: &RowCentre, own: Option<&OwnSpot>) -> bool {
+    let most = found.width.to_bits().saturating_mul(LARGEST_SHAPE);
+    found.width > NARROWEST_WITH_SHAPE && shape.uncertainty(own).to_bits() <= most
+}
+
 /// Whether the part of a spot that the edge leaves is enough to tell it from a background that falls towards
 /// the edge.
 fn is_certain_cut(row: &Row<'_>, found: &RowCentre) -> bool {
-    let width = found.width.to_f32();
-    32.0 * found.uncertainty.to_f32() <= width && row.light().len() as f32 >= 8.0 * width
+    let (width, uncertainty) = (found.width.to_bits(), found.uncertainty.to_bits());
+    let length = pixels(row.light().len());
+    uncertainty.saturating_mul(32) <= width && length >= width.saturating_mul(8)
 }
 
 /// Whether all of the spot within five widths is on the row, and no pixel of it saturated.
 fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
-    let reach = 5.0 * found.width.to_f32();
-    // A row has at most 2^12 pixels.
-    let (centre, end) = (found.centre.to_f32(), row.light().len() as f32 - 1.0);
-    let last = numeric::whole_usize(centre + reach);
-    let near = numeric::whole_usize(centre - reach)..last.saturating_add(1);
-    centre >= reach && end - centre >= reach && !row.reaches_saturation(near)
+    let (near, fits) = around(row.light(), found, found.width.to_bits().saturating_mul(5));
+    fits == [true; 2] && !row.reaches_saturation(near.start..near.end.saturating_add(1))
+}
+
+/// The pixels as far from a centre as a reach, Q16.16, and whether the row has them on the left and on the
+/// right.
+fn around(light: Light<'_>, found: &RowCentre, reach: i32) -> (Range<usize>, [bool; 2]) {
+    let centre = found.centre.to_bits();
+    let (start, end) = (centre.saturating_sub(reach), centre.saturating_add(reach));
+    let whole = |bits: i32| usize::try_from(bits >> Pixels::FRACTION).unwrap_or_default();
+    let last = pixels(light.len().saturating_sub(1));
+    (whole(start)..whole(end), [start >= 0, end <= last])
+}
+
+/// A number of pixels on a row, at most 2^12, Q16.16.
+fn pixels(number: usize) -> i32 {
+    numeric::to_i32(number).wrapping_mul(1 << Pixels::FRACTION)
 }
 
 #[derive(Clone, Copy, Default)]
@@ -313,29 +334,30 @@ pub(super) fn compare(
 
 /// Whether the row ends within three widths on both sides: the spot then has no background beside it.
 fn is_row_too_short(light: Light<'_>, found: &RowCentre) -> bool {
-    // A row has at most 2^12 pixels.
-    let (centre, end) = (found.centre.to_f32(), light.len() as f32 - 1.0);
-    let reach = 3.0 * found.width.to_f32();
-    centre < reach && end - centre < reach
+    let (_, fits) = around(light, found, found.width.to_bits().saturating_mul(3));
+    fits == [false; 2]
 }
 
 /// Whether the steps of the converter's words are coarser than the noise.
 fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
-    let width = found.width.to_f32();
-    let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
-    let (_, near) = light.split(numeric::whole_usize(centre - reach));
-    let end = numeric::whole_usize(2.0 * reach);
-    let near = near.slice(..end).unwrap_or(near);
+    let reach = found
+        .width
+        .to_bits()
+        .saturating_mul(REACH)
+        .saturating_add(pixels(4));
+    let (near, _) = around(light, found, reach);
+    let near = light
+        .slice(near.start..near.end.min(light.len()))
+        .unwrap_or(light);
     // What turns words into counts changes no difference.
     let (near, _) = near.words();
     let Some(first) = near.first() else {
         return false;
     };
-    let noise = spot.background.noise.to_f32();
-    let is_coarse = |changes: u16| {
-        let step = f32::from(changes.isolate_lowest_one());
-        step * step > 12.0 * noise * noise
-    };
+    // A step of the root of 12 times the noise, Q8.
+    let finest = spot.background.noise.to_bits().saturating_mul(887) >> 8;
+    let is_coarse =
+        |changes: u16| i32::from(changes.isolate_lowest_one()) << Counts::FRACTION > finest;
     // More changes never make a step coarser: a few pixels of most rows tell that it is fine.
     let mut changes = 0;
     for counts in near.chunks(8) {
@@ -352,11 +374,13 @@ fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
 #[cold]
 #[inline(never)]
 fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
-    let reach = numeric::whole_usize(REACH * found.width.to_f32());
-    let middle = numeric::whole_usize(found.centre.to_f32()).min(light.len());
-    let (left, right) = light.split(middle);
-    let (_, left) = left.split(left.len().saturating_sub(reach));
-    let right = right.slice(..reach).unwrap_or(right);
+    let (near, _) = around(light, found, found.width.to_bits().saturating_mul(REACH));
+    let (middle, _) = around(light, found, 0);
+    let (left, right) = light.split(middle.start);
+    let (_, left) = left.split(near.start);
+    let right = right
+        .slice(..near.end.saturating_sub(middle.start))
+        .unwrap_or(right);
     let (left, right) = (left.zeros(), right.zeros());
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
@@ -366,25 +390,24 @@ fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
 /// half a hundredth and a third of a pixel. A pair more than [`REACH`] ends a sample further out.
 fn extremes_near(row: &Row<'_>, found: &RowCentre) -> Extremes {
     let light = row.light();
-    let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
-    let reach = (REACH + 0.2) * width + 7.0;
-    let start = numeric::whole_usize(centre - reach).min(light.len());
-    let end = numeric::whole_usize(centre + reach);
+    // Widths of 6.25.
+    let reach = (found.width.to_bits() / 4).saturating_mul(4 * REACH + 1);
+    let (near, _) = around(light, found, reach.saturating_add(pixels(7)));
     // Whole eights are quicker.
-    let pixels = end.saturating_sub(start).saturating_add(7) & !7;
-    let (_, near) = light.split(start);
-    let near = near.slice(..pixels).unwrap_or(near);
+    let number = near.len().saturating_add(7) & !7;
+    let (_, near) = light.split(near.start.min(light.len()));
+    let near = near.slice(..number).unwrap_or(near);
     near.extremes(row.saturated_from())
 }
 
 /// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look
 /// like a narrow spot.
 fn is_sharp(light: Light<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
-    if found.width.to_f32() > SHARP_WIDTH {
+    if found.width > SHARP_WIDTH {
         return false;
     }
-    let middle = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let (_, near) = light.split(middle.saturating_sub(3));
+    let (middle, _) = around(light, found, 0);
+    let (_, near) = light.split(middle.start.saturating_sub(3));
     let near = near.slice(..8).unwrap_or(near);
     let (mut highest, mut rise, mut fall) = (0, 0, 0);
     for (a, b) in near.iter().zip(near.iter().skip(1)) {
@@ -392,87 +415,158 @@ fn is_sharp(light: Light<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometr
         rise = rise.max(b.saturating_sub(a));
         fall = fall.max(a.saturating_sub(b));
     }
-    let (noise, shot) = spot.background.variances(geometry);
-    let height = f32::from(highest) - spot.background.level.to_f32();
-    let beyond = f32::from(rise) + f32::from(fall) - SHARPEST * height;
-    let is_smooth =
-        beyond <= 0.0 || beyond * beyond <= SHARP * SHARP * 4.0 * (noise + shot * height);
-    !is_smooth
+    let counts = |it: u16| i64::from(it) << Counts::FRACTION;
+    let height = counts(highest).saturating_sub(spot.background.level_bits().into());
+    // Five times what is beyond the limit, Q8.
+    let change = counts(rise).saturating_add(counts(fall));
+    let beyond = change
+        .saturating_mul(5)
+        .saturating_sub(height.saturating_mul(SHARPEST));
+    // That of four pixels, Q16.
+    let variance = i64::from(spot.background.noise.to_bits())
+        .saturating_pow(2)
+        .saturating_add(
+            height.saturating_mul(geometry.shot_variance_per_count_q16.into()) >> Counts::FRACTION,
+        );
+    beyond > 0 && beyond.saturating_pow(2) > variance.saturating_mul(4 * SHARP_SQUARED)
 }
 
 /// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
-const SHARP_WIDTH: f32 = 1.5;
-/// The largest rise from pixel to pixel plus the largest fall, over the height of the highest pixel. A width
-/// of 0.8 with a pixel's edge in its middle has 1.5, sinc^2 has 1.6. The sum of rise and fall has the noise
-/// of about four pixels.
-const SHARPEST: f32 = 1.6;
-/// How many standard deviations of noise that sum may be beyond its limit.
-const SHARP: f32 = 2.5;
+const SHARP_WIDTH: Pixels = Pixels::from_positive_f32(1.5);
+/// Five times the largest rise from pixel to pixel plus the largest fall, over the height of the highest
+/// pixel. A width of 0.8 with a pixel's edge in its middle has 5 * 1.5, sinc^2 has 5 * 1.6. The sum of rise
+/// and fall has the noise of about four pixels.
+const SHARPEST: i64 = 8;
+/// How many standard deviations of noise that sum may be beyond its limit: the square of five times 2.5.
+const SHARP_SQUARED: i64 = 156;
 
 /// How a row differs from its mirror image.
 struct Symmetry {
-    pairs: f32,
-    /// The components of z, each in standard deviations of its noise: see [`crate::centre::spot_shape`].
-    components: [f32; COMPONENTS],
-    /// The shift in pixels that makes a component of one standard deviation.
-    pixels_a_deviation: f32,
-    /// The square of the worst pair's deviation, in variances.
-    worst: f32,
-    /// The most that the sensor's own spot makes of a pair's deviation, in standard deviations.
-    own_of_a_pair: f32,
-    /// The sum of squares without the shift.
-    squares: f32,
-    /// The largest leverage of a pair: how much of a shift's norm is its own.
-    leverage: f32,
-    /// The width of the symmetric light, in pixels.
-    width: f32,
-    /// k4 and its standard deviation, if there are enough samples for it.
-    flatness: Option<(f32, f32)>,
-    /// The mean square that the even fit leaves, over that of the spot, and its standard deviation.
-    shape_misfit: f32,
-    shape_misfit_deviation: f32,
+    pairs: i32,
+    /// The components of z, in standard deviations of its noise, Q12: see [`crate::centre::spot_shape`].
+    components: [i32; COMPONENTS],
+    /// The standard deviations that a shift of a pixel makes, Q14, and one over it, Q24. Zero if no pair tells
+    /// of a shift.
+    deviations_a_pixel: i32,
+    pixels_a_deviation: i32,
+    /// The square of the worst pair's deviation, in variances, Q14.
+    worst: i64,
+    /// The most that the sensor's own spot makes of a pair's deviation, in standard deviations, Q7.
+    own_of_a_pair: i32,
+    /// The sum of squares without the shift, in variances, Q8.
+    squares: i64,
+    /// The largest leverage of a pair, Q16: how much of a shift's norm is its own.
+    leverage: i32,
+    /// The width of the symmetric light.
+    width: Pixels,
+    even: Even,
+}
+
+/// The tests of the even part, in the units of [`pairs::Shape`]. Variances have Q16.
+#[derive(Clone, Copy, Debug)]
+struct Even {
+    /// The part along u^4 e, what it is for a k4 of one, both Q15, and its variance, if there are enough
+    /// samples for it.
+    fourth: Option<(i32, i64, i64)>,
+    /// The sum of squares that the fit leaves, that of the spot, and the variance of a pair. Q16.
+    rest: i64,
+    spot: i64,
+    variance: i64,
+}
+
+impl Even {
+    /// `height` is in 4 units of z.
+    fn of(shape: &pairs::Shape, height: i32, noise: &Noise, fraction: u32) -> Self {
+        let pairs::Shape { unit, samples, .. } = *shape;
+        let sum = numeric::add_i32;
+        // Of z, Q16, and the shot noise's for each Q8 of p, Q32.
+        // Limits that no light reaches, so that no product is too large.
+        let dark = numeric::shifted(noise.dark.cast_signed(), sum(sum(unit, unit), 16));
+        let dark = dark.min(1 << 46);
+        let shot =
+            numeric::shifted_32(noise.shot.into(), sum(sum(unit, fraction.cast_signed()), 8));
+        let variance = |p: i32| numeric::add_i64(dark, product(p, shot) >> 16);
+        // Q8. See `pairs::Even::solve`.
+        let in_units = |p: i32, more: i32| numeric::shifted_32(p, sum(unit, more)).min(1 << 24);
+        let (peak, mean) = (in_units(height, 8 + 3), in_units(shape.mean, 8));
+        let of_noise = variance(mean);
+        let squares = numeric::i64_to_i32(product(peak, peak) >> 18);
+        Self {
+            fourth: (shape.fourth)
+                .map(|(norm, along)| (along, product(peak, norm) >> 8, variance(peak))),
+            rest: numeric::sub_i64(
+                i64::from(shape.rest) << 16,
+                numeric::mul_i64(sum(samples, -3).into(), of_noise),
+            ),
+            spot: product(squares, shape.squares_of_e) >> 6,
+            variance: of_noise,
+        }
+    }
 }
 
 impl Symmetry {
     /// Subtracts the antisymmetric light of the sensor's own spot.
     fn subtract(&mut self, own: &OwnSpot) {
-        let (mut before, mut after) = (0.0, 0.0);
+        let (mut change, mut sum) = (0i64, 0i64);
         // The shift is no part of the squares.
         for (i, (component, own)) in self.components.iter_mut().zip(own.components).enumerate() {
-            let rest = *component - own / self.pixels_a_deviation;
+            // From Q16 and Q14.
+            let own = product(own.to_bits(), self.deviations_a_pixel) >> 18;
+            let own = numeric::saturated(own);
+            let rest = component.saturating_sub(own);
             if i > 0 {
-                before += *component * *component;
-                after += rest * rest;
+                let squared = |it: i32| product(it, it) >> 16;
+                change = change
+                    .saturating_add(squared(rest))
+                    .saturating_sub(squared(*component));
             }
+            let limited = own.clamp(-(1 << 24), 1 << 24);
+            sum = numeric::add_i64(sum, product(limited, limited) >> 8);
             *component = rest;
         }
-        self.squares -= before - after;
-        // By Cauchy's inequality: no pair has more of a function's norm than `leverage`, nearly.
-        let own: f32 = own.components.iter().map(|it| it * it).sum();
-        let most = COMPONENTS as f32 * self.leverage * own;
-        self.own_of_a_pair = dual_mac::square_root(most) / self.pixels_a_deviation;
+        self.squares = self.squares.saturating_add(change);
+        // By Cauchy's inequality: no pair has more of a function's norm than `leverage`, nearly. Q16 each.
+        let leverages = numeric::mul_i32(self.leverage, numeric::to_i32(COMPONENTS));
+        let most = sum.saturating_mul(leverages.into());
+        self.own_of_a_pair = numeric::root(most) >> 9;
     }
 
-    /// Whether noise explains all of the difference. `false` if any of the numbers is not a number.
+    /// Whether noise explains all of the difference.
     fn is_symmetric(&self, found: &RowCentre, trust: Trust) -> bool {
         let Trust { odd: trust, .. } = trust;
-        let [shift, tilt, skew, ..] = self.components;
-        let shift = shift * self.pixels_a_deviation;
-        let uncertainty = found.uncertainty.to_f32();
-        let worst = trust * WORST + self.own_of_a_pair;
-        shift.abs() <= trust * SHIFTED * uncertainty + SHIFTED_PIXELS
-            && tilt.abs() <= trust * TILT
-            && skew.abs() <= trust * SKEW
-            && self.worst <= worst * worst
-            && self.squares <= most_squares(self.pairs - 1.0, trust)
+        let [shift, tilt, skew, ..] = self.components.map(i32::saturating_abs);
+        let shift = product(shift, self.pixels_a_deviation) >> 12;
+        let worst = ((trust * WORST) >> 8).saturating_add(self.own_of_a_pair);
+        self.deviations_a_pixel > 0
+            && shift <= product(trust * SHIFTED, found.uncertainty.to_bits()) + SHIFTED_PIXELS
+            && tilt <= (trust * TILT) >> 8
+            && skew <= (trust * SKEW) >> 8
+            && self.worst <= product(worst, worst)
+            && self.squares <= most_squares(self.pairs - 1, trust).into()
     }
 
-    /// Whether the even part has the shape of a spot. `false` if any of the numbers is not a number.
+    /// Whether the even part has the shape of a spot.
     fn is_spot(&self, trust: Trust) -> bool {
-        let Trust { even, misfit, .. } = trust;
-        self.width > 0.0
-            && (self.flatness).is_none_or(|(k4, deviation)| k4 >= FLAT - even * deviation)
-            && self.shape_misfit <= misfit + even * self.shape_misfit_deviation
+        let (even, misfit) = (i64::from(trust.even), i64::from(trust.misfit));
+        let Even {
+            fourth,
+            rest,
+            spot,
+            variance,
+        } = self.even;
+        let is_flat = |(along, one, variance): (i32, i64, i64)| {
+            let limit = numeric::mul_i64(one, FLAT.into()) >> 16;
+            let below = numeric::add_i64(limit, along.into());
+            // Q32 each.
+            let squares = numeric::mul_i64(below, below) >> 14;
+            below < 0 && squares > numeric::mul_i64((even * even) >> 8, variance)
+        };
+        let scatter = (even * i64::from(root_of_double(self.pairs))) >> 4;
+        let by_noise = numeric::mul_i64(scatter, variance) >> 8;
+        self.width > Pixels::default()
+            && self.deviations_a_pixel > 0
+            && !fourth.is_some_and(is_flat)
+            && rest <= numeric::add_i64(misfit * (spot >> 16), by_noise)
     }
 
     /// The spot's shape, with the sensor's own antisymmetric light in it.
@@ -481,22 +575,25 @@ impl Symmetry {
     /// deviations moves the centre by t times the root of its leverage, w f^2 / sum w f^2, which is at most
     /// that of the pairs at one width.
     fn shape(&self) -> SpotShape {
-        let pixels = self.pixels_a_deviation;
-        let described: f32 = self.components.iter().skip(1).map(|it| it * it).sum();
-        let freedom = self.pairs - COMPONENTS as f32;
-        let undescribed = self.squares - described;
-        // Most spots need no limit.
-        let rest = if undescribed > freedom {
-            let excess = undescribed - most_squares(freedom, 1.0);
-            pixels * dual_mac::square_root(self.leverage * if excess > 0.0 { excess } else { 0.0 })
+        // From a number with 12 bits after the point.
+        let in_pixels = |it: i32| {
+            let pixels = product(it, self.pixels_a_deviation) >> 20;
+            Pixels::from_bits(numeric::saturated(pixels))
+        };
+        let squares = self.components.map(|it| product(it, it) >> 16);
+        let described: i64 = squares.into_iter().skip(1).sum();
+        let most = most_squares(self.pairs - numeric::to_i32(COMPONENTS), 1 << 8);
+        let excess = numeric::sub_i64(self.squares, described + i64::from(most));
+        let rest = if excess > 0 {
+            numeric::root(product(self.leverage, numeric::saturated(excess)))
         } else {
-            0.0
+            0
         };
         SpotShape {
-            components: self.components.map(|it| Pixels::from_f32(it * pixels)),
-            width: Pixels::from_f32(self.width),
-            noise: Pixels::from_f32(pixels),
-            rest: Pixels::from_f32(rest),
+            components: self.components.map(in_pixels),
+            width: self.width,
+            noise: in_pixels(1 << 12),
+            rest: in_pixels(rest),
         }
     }
 
@@ -510,103 +607,141 @@ impl Symmetry {
         masked: &MaskedPixels,
         is_saturated: bool,
     ) -> Self {
-        let width = found.width.to_f32();
-        let pixels = numeric::whole_usize(width / SAMPLES_A_WIDTH).saturating_add(1);
-        let block = pixels as f32;
+        let width = found.width.to_bits().max(0);
+        // At most 2^15 / 6.
+        let block = ((width / SAMPLES_A_WIDTH) >> Pixels::FRACTION) + 1;
+        // s^2 = width^2 + block^2 / 12, in samples: Q24, below 37.
+        let width_in_samples = (width / block) << 12;
+        let s_squared =
+            dual_mac::add_upper_product((1 << 24) / 12, width_in_samples, width_in_samples);
+        // 1 / s, in samples: below 3.5.
+        let (root, halvings) = numeric::inverse_root(s_squared.cast_unsigned());
+        let pitch = root >> 7u32.saturating_sub(halvings);
         let mirror = Place::of(found.centre);
-        let offset = mirror.offset.to_f32();
-        let d = offset.abs();
-        let s = dual_mac::square_root(width * width + block * block / 12.0);
-        let per_s = 1.0 / s;
-        let pitch = block * per_s;
         let pairs = Pairs {
             light: row.light(),
             mirror,
-            pixels,
-            u: (mirror.to_right + 0.5 * (block - 1.0)) * per_s,
+            pixels: usize::try_from(block).unwrap_or_default(),
             pitch,
+            per_pitch: dual_mac::upper_product(s_squared, pitch << 3) << 3,
             level: spot.background.level_bits(),
             gaps: Gaps {
                 saturation: is_saturated.then(|| row.saturated_from()),
                 masked,
             },
         };
-        let unit = pairs.units_a_count();
-        let height = found.amplitude.to_f32() * block * unit;
-        let correction = Correction::of(offset, per_s, height);
-        let (noise, shot) = spot.background.variances(geometry);
-        let (noise, shot) = (2.0 * noise * block * unit * unit, shot * unit);
-        let profile_deviation = OTHER_PROFILE * correction.third;
-        let with_noise = Noise {
+        let fraction = pairs.fraction();
+        // In units of z.
+        // In units of z, with so many bits fewer: below 2^30 for 2^16 counts.
+        let in_units = |counts: Counts, fewer: u32| {
+            let counts = counts.to_bits().clamp(1, 1 << 24);
+            let bits = product(counts, 1 << fraction) >> (Counts::FRACTION + fewer);
+            numeric::saturated(bits)
+        };
+        let height = in_units(found.amplitude, 2).saturating_mul(block);
+        let per_s = pitch / block;
+        let correction =
+            (block == 1).then(|| Correction::of(mirror.offset, per_s, height.saturating_mul(4)));
+        let noise = in_units(spot.background.noise, 0).clamp(1, 1 << 28);
+        let third = correction.map_or(0, |correction| correction.third);
+        let of_profile = numeric::i64_to_i32(product(OTHER_PROFILE, third) >> 8);
+        // Below 2^60.
+        let dark = numeric::mul_i64(product(noise, noise), (2 * block).into());
+        let dark = numeric::add_i64(dark, product(of_profile, of_profile)).unsigned_abs();
+        let noise = Noise {
             correction,
-            dark: noise + profile_deviation * profile_deviation,
-            shot,
+            dark,
+            per_root: numeric::inverse_root_of_64(dark),
+            shot: geometry.shot_variance_per_count_q16,
         };
         let is_tilted = found.class.set == TILTED.number;
-        let (odd, mut even) = pairs.sums(&with_noise, is_tilted);
-        let number = even.norms.samples;
+        let (odd, mut even) = pairs.sums(&noise, is_tilted);
+        let number = even.number();
         if let Some(middle) = pairs.middle() {
-            even.add_middle(middle * unit);
+            even.add_middle(middle);
         }
-        // Interpolation lowers the variance of white noise. This factor raises it again.
-        let white = 1.0 / (1.0 - 2.0 * d * (1.0 - d) / block);
+        // Interpolation lowers the variance of white noise by 2 d (1 - d) / block. This factor, Q16, raises it
+        // again.
+        let d = mirror.offset.to_bits().unsigned_abs().min(1 << 14);
+        let lowered = ((d * ((1 << 16) - d)) >> 15) / block.cast_unsigned();
+        let white = (u32::MAX / (1u32 << 16).saturating_sub(lowered).max(1)).cast_signed();
         let shape = even.solve();
-        let per_height = 0.5 / height;
-        let per_square = per_height * per_height;
-        let variance = noise + shot * even.p / even.norms.samples;
-        let components = odd.components();
-        let [shift, ..] = components;
+        let (components, squares) = odd.components(white);
+        let worst = odd.worst();
+        // 2 height norm per_s / deviation, Q14.
+        let (norm, bits) = odd.norm_of_shift();
+        let (root, halvings) = noise.per_root;
+        let shifts = product(
+            dual_mac::upper_product(norm, per_s << 3),
+            dual_mac::upper_product(height, root),
+        );
+        let by = numeric::sub_i32(halvings.cast_signed(), numeric::add_i32(bits, 9));
+        let deviations_a_pixel = numeric::saturated(numeric::shifted(shifts, by));
+        let inverse = numeric::inverse_root(deviations_a_pixel.cast_unsigned());
+        let (pixels_a_deviation, doublings) = numeric::inverse(inverse);
+        let pixels_a_deviation = numeric::shifted_32(pixels_a_deviation, doublings - 22);
+        let wider = (shape.wider).map_or(i64::MIN, |(wider, log2)| {
+            numeric::shifted(product(wider, width), log2)
+        });
         Self {
             pairs: number,
             components,
-            pixels_a_deviation: s
-                * per_height
-                * dual_mac::square_root(with_noise.dark / odd.norm_of_shift()),
-            worst: odd.worst() * white,
-            own_of_a_pair: 0.0,
-            squares: (odd.squares() - shift * shift) * white,
-            leverage: LEVERAGE_A_PITCH * pitch,
-            width: width * (1.0 + shape.wider),
-            flatness: shape.k4.map(|(k4, norm)| {
-                // The noise at the top, where most of it comes from.
-                let deviation = dual_mac::square_root((noise + 2.0 * shot * height) / norm);
-                (k4 * per_height, deviation * per_height)
-            }),
-            shape_misfit: (shape.rest - (even.norms.samples - 3.0) * variance) * per_square
-                / even.norms.m0,
-            shape_misfit_deviation: variance * dual_mac::square_root(2.0 * number) * per_square
-                / even.norms.m0,
+            deviations_a_pixel,
+            pixels_a_deviation,
+            worst: numeric::mul_i64(product(worst, worst), white.into()) >> 16,
+            own_of_a_pair: 0,
+            squares,
+            leverage: ((pitch >> 10) * LEVERAGE_A_PITCH) >> 8,
+            width: Pixels::from_bits(numeric::saturated(wider.saturating_add(width.into()))),
+            even: Even::of(&shape, height, &noise, fraction),
         }
     }
 }
 
-/// The most that the sum of squares of so many pairs may be by chance.
-fn most_squares(freedom: f32, trust: f32) -> f32 {
-    let scatter = dual_mac::square_root(
-        2.0 * freedom + NOISE_VARIANCE_UNCERTAINTY_SQUARED * freedom * freedom,
-    );
-    freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
+/// The most that the sum of squares of so many pairs may be by chance, Q8.
+fn most_squares(freedom: i32, trust: i32) -> i32 {
+    let by_chance = ((SCATTER * root_of_double(freedom)) >> 8) + SCATTER_SKEWED;
+    let freedom = numeric::mul_i32(freedom, 256);
+    numeric::add_i32(freedom, numeric::mul_i32(trust, by_chance) >> 8)
+}
+
+/// The standard deviation of the sum of the squares of so many deviations, Q8: the root of 2 n, and of the
+/// noise's variance, which is known to 6 %, because the noise is known to 3 % (see [`crate::spot::find`]).
+fn root_of_double(number: i32) -> i32 {
+    static ROOTS: [u16; pairs::MOST_PAIRS + 1] = {
+        let mut roots = [0; pairs::MOST_PAIRS + 1];
+        let mut n = 0;
+        while n < roots.len() {
+            // 0.0036 n^2, Q16.
+            let square = ((2 * n) << 16) + 236 * n * n;
+            roots[n] = numeric::to_u16(square.isqrt());
+            n += 1;
+        }
+        roots
+    };
+    let place = usize::try_from(number).unwrap_or_default();
+    ROOTS.get(place).copied().unwrap_or(u16::MAX).into()
 }
 
 /// How far the statistics of a spot may be from those of noise.
 #[derive(Clone, Copy)]
 struct Trust {
-    /// Standard deviations of the even statistics beyond their limits.
-    even: f32,
-    /// Factor of the limits of the odd ones.
-    odd: f32,
-    /// Limit of the shape's misfit.
-    misfit: f32,
+    /// Standard deviations of the even statistics beyond their limits, Q4.
+    even: i32,
+    /// Factor of the limits of the odd ones, Q8.
+    odd: i32,
+    /// Limit of the shape's misfit, Q16.
+    misfit: i32,
 }
 
 impl Trust {
     /// A narrow spot without some of its pixels is flagged anyway.
     fn of(found: &RowCentre, masked: &MaskedPixels) -> Self {
-        let is_wide = found.width.to_f32() > SHARP_WIDTH || masked.samples != 0;
+        let is_wide = found.width > SHARP_WIDTH || masked.samples != 0;
         if is_wide {
             Self {
                 even: EVEN,
-                odd: 1.0,
+                odd: 1 << 8,
                 misfit: SHAPE_MISFIT,
             }
         } else {

@@ -8,8 +8,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::Pixels;
 use crate::base::places::{PLACES, place_at};
+use crate::base::{Pixels, numeric};
 use crate::centre::spot_shape::{COMPONENTS, OwnSpot};
 
 /// The sensor's own spot at [`PLACES`] centres, evenly from the first to the last.
@@ -33,19 +33,26 @@ pub struct Profile {
 impl Profile {
     /// Interpolates linearly. Beyond the range the spot is that of its end.
     pub fn at(&self, centre: Pixels) -> OwnSpot {
-        let first = self.first.to_f32();
-        // If the range is empty this is infinite or not a number. `place_at` limits it to 0 to 1.
-        let along = (centre.to_f32() - first) / (self.last.to_f32() - first);
-        let (index, part) = place_at(along);
+        let from_first =
+            |it: Pixels| i64::from(it.to_bits()).saturating_sub(self.first.to_bits().into());
+        // Q16. An empty range is that of its first centre.
+        let along = numeric::shifted(from_first(centre), 16).checked_div(from_first(self.last));
+        let (index, part) = place_at(numeric::saturated(along.unwrap_or_default()));
         let between = |values: &[Pixels; PLACES]| match values.get(index..) {
-            Some([from, to, ..]) => from.to_f32() + (to.to_f32() - from.to_f32()) * part,
-            _ => 0.0,
+            Some([from, to, ..]) => {
+                let rise = i64::from(to.to_bits()).saturating_sub(from.to_bits().into());
+                let part = rise.saturating_mul(part.into()) >> 16;
+                Pixels::from_bits(numeric::saturated(
+                    part.saturating_add(from.to_bits().into()),
+                ))
+            }
+            _ => Pixels::default(),
         };
         OwnSpot {
             width: between(&self.width),
-            width_deviation: self.width_deviation.to_f32(),
+            width_deviation: self.width_deviation,
             components: self.components.each_ref().map(between),
-            deviation: self.deviation.to_f32(),
+            deviation: self.deviation,
         }
     }
 
@@ -84,13 +91,17 @@ mod tests {
             (3000, 15.0),
         ] {
             let own = profile.at(Pixels::from_int(centre));
-            assert!((own.width - width).abs() < 1e-4, "{centre}: {own:?}");
-            assert_eq!(own.components[2], own.width - 11.0);
-            assert_eq!((own.width_deviation, own.deviation), (0.25, 0.5));
+            assert!(
+                (own.width.to_f32() - width).abs() < 1e-4,
+                "{centre}: {own:?}"
+            );
+            assert_eq!(own.components[2], own.width.moved_by(-11));
+            let deviations = (own.width_deviation, own.deviation);
+            assert_eq!(deviations, (profile.width_deviation, profile.deviation));
         }
         let last = profile.first;
         let empty = Profile { last, ..profile };
-        assert_eq!(empty.at(Pixels::from_int(1000)).width, 7.0);
+        assert_eq!(empty.at(Pixels::from_int(1000)).width, Pixels::from_int(7));
         assert!(profile.is_sensible());
         let spoil: [fn(&mut Profile); 3] = [
             |it| it.width[0] = Pixels::default(),

@@ -11,33 +11,31 @@
 //! | z and p | 2^-16 counts, coarser for samples of more than two pixels ([`fraction`]) | below 2^30 |
 //! | u | widths, Q6.26 | 0 to 10 |
 //! | u^2 | Q8.24 | 0 to 100 |
-//! | e, u e, u^2 e, u^3 e, u^4 e, u^5 e, u^7 e | Q31, Q30, Q30, Q29, Q28, Q27, Q25 | below 2^31 |
+//! | e, u e, u^2 e, u^3 e, u^4 e, u^5 e, u^7 e | Q31, Q30, Q30, Q29, Q28, Q27, Q24 | below 2^31 |
 //! | root of an unlit pair's variance over the pair's | Q30 | 0 to 1, see [`root_of_weight`] |
-//! | columns u e, u, u^3 e, u^5 e, u^7 e, times this root | Q14, Q10, Q13, Q11, Q9 | below 2^14 |
-//! | column z, times this root | 2^-7 standard deviations ([`DEVIATION`]) | up to [`LARGEST`] |
+//! | columns u e, u, u^3 e, u^5 e, u^7 e, times this root | Q14, Q10, Q13, Q11, Q8 | below 2^14 |
+//! | column z, times this root | standard deviations, Q7, coarser if one is above [`LARGEST`] | up to [`LARGEST`] |
 //!
-//! The products of a column with itself are below 2^31 for all pitches, so that those of two columns are too.
+//! The products of a column with itself are below 2^30 for all pitches, so that those of two columns are too.
 //! The tests compare all of it with sums in f64.
 
 mod gaps;
 
-use dual_mac::{SixPairs, upper_product};
+use dual_mac::{SixPairs, add_upper_product, upper_product};
 
 pub(super) use self::gaps::Gaps;
 use super::REACH;
-use crate::base::numeric::exp_of_minus;
+use crate::base::numeric::{ROOTS, exp_of_minus, inverse_root, product, shifted, shifted_32};
 use crate::base::{Counts, Pixels, numeric};
 use crate::centre::spot_shape::COMPONENTS;
 use crate::row::Light;
 
 /// The most pairs. A sample has at least a sixth of the width, so the pitch is at least 0.166: s is below
 /// 6.01 samples.
-const MOST_PAIRS: usize = 37;
-/// A standard deviation of z in its column.
-const DEVIATION: i32 = 1 << 7;
-/// The largest z in its column, 59 standard deviations: the sum of the squares of [`MOST_PAIRS`] such numbers
-/// is below 2^31. Where z is larger, its column gets another unit.
-const LARGEST: i32 = 7600;
+pub(super) const MOST_PAIRS: usize = 37;
+/// The largest z in its column, 41 standard deviations: the sum of the squares of [`MOST_PAIRS`] such numbers
+/// is below 2^30. Where z is larger, its column has fewer bits after the point.
+const LARGEST: i32 = 5300;
 /// Bits after the point of z and p: as many as leave 2 * pixels * 4095 counts, which both are below, under
 /// 2^30. The interpolation needs no more than 16 bits.
 const fn fraction(pixels: usize) -> u32 {
@@ -51,7 +49,7 @@ const fn fraction(pixels: usize) -> u32 {
 
 const _: () = {
     let most = LARGEST as i64 + 1;
-    assert!(MOST_PAIRS as i64 * most * most < 1 << 31);
+    assert!(MOST_PAIRS as i64 * most * most < 1 << 30);
     let mut pixels = 1;
     while pixels <= 1 << 12 {
         assert!((2 * pixels as u64 * 4095) << fraction(pixels) <= 1 << 30);
@@ -65,21 +63,25 @@ pub(super) struct Pairs<'a> {
     pub(super) mirror: Place,
     /// Pixels in a sample.
     pub(super) pixels: usize,
-    /// The first pair's distance from the centre, and the distance between pairs, in widths.
-    pub(super) u: f32,
-    pub(super) pitch: f32,
+    /// The distance between pairs in widths, Q6.26, and one over it, Q8.24.
+    pub(super) pitch: i32,
+    pub(super) per_pitch: i32,
     /// The background's level, Q24.8.
     pub(super) level: i32,
     pub(super) gaps: Gaps<'a>,
 }
 
-/// How z becomes a deviation, in [`Pairs::units_a_count`].
+/// How z becomes a deviation, in units of z.
 pub(super) struct Noise {
-    pub(super) correction: Correction,
-    /// The variance of an unlit pair.
-    pub(super) dark: f32,
-    /// The variance of the shot noise for each unit of light.
-    pub(super) shot: f32,
+    /// For samples of one pixel. With larger samples the spot is so wide that interpolation adds at most 2e-4 of
+    /// its height, a twentieth of a deviation.
+    pub(super) correction: Option<Correction>,
+    /// The variance of an unlit pair, below 2^60.
+    pub(super) dark: u64,
+    /// One over the root of this variance over 2^64: see [`inverse_root`].
+    pub(super) per_root: (i32, u32),
+    /// The variance of the shot noise for each count of light, in counts squared, Q0.16.
+    pub(super) shot: u16,
 }
 
 /// A pair's z and p: the difference of the samples, right less left, and their sum above the level.
@@ -89,40 +91,49 @@ struct Pair {
     p: i32,
 }
 
-/// [`Noise`] in integers.
+/// [`Noise`] for the columns.
 struct Scale {
-    correction: [i32; 3],
-    /// By how many bits the correction is smaller.
-    correction_shift: u32,
+    correction: Option<Correction>,
     /// The shot noise's variance for each unit of light, over that of an unlit pair: times 2^32 [`UNLIT`].
     /// Saturates if the noise is below 0.25 counts, where quantisation alone has 0.29.
     shot: i32,
-    /// What makes z, times its pair's root, a number of its column: 2^34 `deviation` over the standard
-    /// deviation of an unlit pair. Saturates for samples of 1000 pixels, which leave no three pairs.
+    /// What makes z, times its pair's root, a number of its column: 2^34 standard deviations, in the column's
+    /// unit, over that of an unlit pair. Saturates for samples of 1000 pixels, which leave no three pairs.
     z: i32,
-    /// A standard deviation in z's column: [`DEVIATION`], or less where z would be above [`LARGEST`].
-    deviation: f32,
 }
 
 impl Scale {
-    fn of(noise: &Noise, pitch: f32, deviation: f32) -> Self {
-        const POWER: f32 = (1u64 << 34) as f32;
-        let per_root = deviation / dual_mac::square_root(noise.dark);
-        let shot = noise.shot / noise.dark * ((1u64 << 32) as f32 * UNLIT as f32);
-        let (correction, correction_shift) = noise.correction.coefficients(REACH + pitch);
+    /// z's column has so many bits fewer after the point.
+    fn of(noise: &Noise, fraction: u32, coarser: i32) -> Self {
+        // 2^(16 + fraction) over the variance, which is above 2^(6 + fraction).
+        let (inverse, doublings) = numeric::inverse(noise.per_root);
+        let by = 76i32
+            .wrapping_sub(fraction.cast_signed())
+            .wrapping_sub(doublings);
+        let shot = i64::from(UNLIT.wrapping_mul(noise.shot.into())).wrapping_mul(inverse.into());
+        // 2^(34 + 7) times the root's 2^-29 and 2^-32.
+        let (root, halvings) = noise.per_root;
+        let z = halvings
+            .cast_signed()
+            .wrapping_sub(20)
+            .wrapping_sub(coarser);
         Self {
-            correction,
-            correction_shift,
-            shot: numeric::whole_i32(shot),
-            z: numeric::whole_i32(per_root * POWER),
-            deviation,
+            correction: noise.correction,
+            shot: numeric::saturated(shifted(shot, by.wrapping_neg())),
+            z: numeric::saturated(shifted(root.into(), z)),
         }
     }
 
     /// The columns of a pair's functions, in the upper halves of the numbers, and that of z. Adds the pair to
     /// the even part.
     #[inline(always)]
-    fn columns(&self, pair: Pair, at: Steps, sums: &mut EvenSums) -> ([i32; COMPONENTS], i32) {
+    fn columns(
+        &self,
+        pair: Pair,
+        at: Steps,
+        correction: Option<&Correction>,
+        sums: &mut EvenSums,
+    ) -> ([i32; COMPONENTS], i32) {
         let Pair { z, p } = pair;
         let Steps { u, e, .. } = at;
         let square = at.square();
@@ -134,13 +145,15 @@ impl Scale {
         let f1 = upper_product(upper_product(e, root), u).wrapping_mul(1 << 7);
         let f3 = upper_product(f1, square).wrapping_mul(1 << 7);
         let f5 = upper_product(f3, square).wrapping_mul(1 << 6);
-        let f7 = upper_product(f5, square).wrapping_mul(1 << 6);
-        let [c0, c1, c2] = self.correction;
-        // See `Correction::coefficients`.
-        let c1 = upper_product(c2, square).wrapping_add(c1);
-        let c0 = upper_product(c1.wrapping_mul(1 << 8), square).wrapping_add(c0);
-        let correction = upper_product(c0, f1).wrapping_shl(self.correction_shift);
-        let z = upper_product(z, root).wrapping_add(correction);
+        let f7 = upper_product(f5, square).wrapping_mul(1 << 5);
+        let mut z = upper_product(z, root);
+        if let Some(correction) = correction {
+            let Correction { c0, c1, c2, .. } = *correction;
+            let c1 = add_upper_product(c1, c2, square);
+            let c0 = add_upper_product(c0, c1.wrapping_mul(1 << 8), square);
+            let product = upper_product(c0, f1);
+            z = z.wrapping_add(product.wrapping_shl(correction.coarser));
+        }
         let t = upper_product(u, root).wrapping_mul(1 << 2);
         ([f1, t, f3, f5, f7], upper_product(z, self.z))
     }
@@ -151,12 +164,25 @@ impl Pairs<'_> {
     /// a sample, for the interpolation.
     fn number(&self) -> (usize, usize) {
         let Self { mirror, pixels, .. } = self;
-        // The pitch is at least 0.166: see `MOST_PAIRS`.
-        let most = numeric::whole_usize(REACH / self.pitch).saturating_add(1);
+        // Q24, and below 37.
+        let most = self.per_pitch.wrapping_mul(REACH) >> 24;
+        let most = usize::try_from(most).unwrap_or_default().saturating_add(1);
         let right = (self.light.len()).saturating_sub(mirror.right.saturating_add(1));
         let left = mirror.left.saturating_sub(1);
         let fit = right.min(left).checked_div(*pixels).unwrap_or_default();
         (most, most.min(fit))
+    }
+
+    /// The first pair's distance from the centre in widths, Q6.26: half a sample, and half a pixel if the
+    /// mirror is in a pixel's middle.
+    fn first(&self) -> i32 {
+        let pixels = if self.mirror.is_in_a_pixel {
+            numeric::to_i32(self.pixels)
+        } else {
+            i32::MAX
+        };
+        let pixel = self.pitch.checked_div(pixels).unwrap_or_default();
+        self.pitch.wrapping_add(pixel) / 2
     }
 
     fn have_gaps(&self) -> bool {
@@ -169,12 +195,12 @@ impl Pairs<'_> {
         self.pitch <= FINE_PITCH && number == most && !self.have_gaps()
     }
 
-    /// The units of z and p in a count.
-    pub(super) fn units_a_count(&self) -> f32 {
-        1u32.wrapping_shl(fraction(self.pixels)) as f32
+    /// The bits after the point of z and p in counts.
+    pub(super) const fn fraction(&self) -> u32 {
+        fraction(self.pixels)
     }
 
-    /// Sums all pairs, in [`Self::units_a_count`]. If the row is tilted, z is without the tilt's slope.
+    /// Sums all pairs. If the row is tilted, z is without the tilt's slope.
     pub(super) fn sums(&self, noise: &Noise, is_tilted: bool) -> (Odd, Even) {
         let gaps = if self.have_gaps() {
             self.places_of_gaps()
@@ -182,61 +208,64 @@ impl Pairs<'_> {
             0
         };
         let number = self.number().1.min(MOST_PAIRS);
+        let rows = number.div_ceil(2);
+        let mut listed = [[Pair::default(); 2]; MOST_PAIRS.div_ceil(2)];
+        let listed = listed.get_mut(..rows).unwrap_or_default();
         let mut table = [SixPairs::default(); MOST_PAIRS.div_ceil(2)];
-        let table = table.get_mut(..number.div_ceil(2)).unwrap_or_default();
-        let (mut scale, at) = (
-            Scale::of(noise, self.pitch, DEVIATION as f32),
-            Steps::new(self.u, self.pitch),
-        );
-        self.list(number, gaps, table);
-        let (mut largest, mut sums) = tabulate(at, &scale, table);
+        let table = table.get_mut(..rows).unwrap_or_default();
+        self.list(number, gaps, listed.as_flattened_mut());
+        let at = Steps::new(self.first(), self.pitch);
+        let mut tabulate = |coarser| {
+            let scale = Scale::of(noise, self.fraction(), coarser);
+            tabulate(at, &scale, listed, table)
+        };
+        let (mut largest, sums) = tabulate(0);
+        let mut coarser = 0;
         if largest > LARGEST {
             // Rare, so the pairs have no coarser column from the start.
-            let coarser = scale.deviation * LARGEST as f32 / (largest as f32 + 1.0);
-            scale = Scale::of(noise, self.pitch, coarser);
-            self.list(number, gaps, table);
-            (largest, sums) = tabulate(at, &scale, table);
+            let times = (largest / LARGEST).leading_zeros();
+            coarser = 32i32.wrapping_sub(times.cast_signed());
+            (largest, _) = tabulate(coarser);
         }
         if number % 2 == 1 {
             leave_out(table, number);
         }
         let norms = if self.are_whole() {
-            Norms::of_all(self.u, self.pitch, number)
+            Norms::of_all(self, number)
         } else {
             // A pair that does not count still has its correction.
             places(gaps).for_each(|place| leave_out(table, place));
             largest = largest_z(table);
             norms(at, number, gaps)
         };
-        let mut odd = Odd::of(table, largest, scale.deviation);
+        let mut odd = Odd::of(table, largest, coarser);
         if is_tilted {
             odd = odd.without_slope(table);
         }
-        (odd, sums.even(norms))
+        (odd, Even { norms, sums })
     }
 
-    /// Writes z and p of all pairs into the first four columns of the table, those of gaps as zeros.
-    fn list(&self, number: usize, gaps: u64, table: &mut [SixPairs]) {
+    /// Writes z and p of all pairs, those of gaps as zeros.
+    fn list(&self, number: usize, gaps: u64, pairs: &mut [Pair]) {
         match self.pixels {
-            1 => self.list_of::<1>(number, table),
-            2 => self.list_of::<2>(number, table),
-            3 => self.list_of::<3>(number, table),
-            4 => self.list_of::<4>(number, table),
-            5 => self.list_of::<5>(number, table),
-            6 => self.list_of::<6>(number, table),
-            _ => self.list_any(number, table),
+            1 => self.list_of::<1>(number, pairs),
+            2 => self.list_of::<2>(number, pairs),
+            3 => self.list_of::<3>(number, pairs),
+            4 => self.list_of::<4>(number, pairs),
+            5 => self.list_of::<5>(number, pairs),
+            6 => self.list_of::<6>(number, pairs),
+            _ => self.list_any(number, pairs),
         }
         for place in places(gaps) {
-            if let Some(row) = table.get_mut(place / 2) {
-                let z = place % 2 * 2;
-                (row.0[z], row.0[z + 1]) = (0, 0);
+            if let Some(pair) = pairs.get_mut(place) {
+                *pair = Pair::default();
             }
         }
     }
 
-    /// The light of the pixel in the mirror's middle, twice, in counts: it is its own image.
-    pub(super) fn middle(&self) -> Option<f32> {
-        if self.pixels != 1 || self.mirror.to_right != 1.0 {
+    /// The light of the pixel in the mirror's middle, twice, as a p: it is its own image.
+    pub(super) fn middle(&self) -> Option<i32> {
+        if self.pixels != 1 || !self.mirror.is_in_a_pixel {
             return None;
         }
         let middle = self.mirror.right.checked_sub(1)?;
@@ -244,17 +273,25 @@ impl Pairs<'_> {
         if !self.gaps.leave(self.light, near.clone()) {
             return None;
         }
-        let at = |pixel: usize| self.light.get(pixel);
-        let (before, after) = (at(near.start)?, at(middle.saturating_add(1))?);
-        let middle = at(middle)?;
-        let offset = self.mirror.offset.to_f32();
-        let rise = if offset > 0.0 {
-            f32::from(after) - f32::from(middle)
+        let at = |pixel: usize| self.light.get(pixel).map(i32::from);
+        let (before, middle, after) = (at(near.start)?, at(middle)?, at(middle.saturating_add(1))?);
+        let offset = self.mirror.offset.to_bits();
+        let (from, to) = if offset > 0 {
+            (middle, after)
         } else {
-            f32::from(middle) - f32::from(before)
+            (before, middle)
         };
-        let above = numeric::sub_i32(i32::from(middle) * (1 << Counts::FRACTION), self.level);
-        Some(2.0 * (above as f32 / 256.0 + offset * rise))
+        // With 16 bits after the point: below 2^28, and the rise times a quarter of a pixel below 2^26.
+        let above = middle
+            .wrapping_mul(1 << Counts::FRACTION)
+            .wrapping_sub(self.level);
+        let rise = offset.wrapping_mul(to.wrapping_sub(from));
+        Some(
+            above
+                .wrapping_mul(1 << 8)
+                .wrapping_add(rise)
+                .wrapping_mul(2),
+        )
     }
 
     /// The words of so many samples to the right of the mirror and to the left. A sample moves by a part
@@ -274,8 +311,8 @@ impl Pairs<'_> {
 
     /// Writes all pairs. The compiler knows the number of pixels.
     #[inline(never)]
-    fn list_of<const PIXELS: usize>(&self, number: usize, table: &mut [SixPairs]) {
-        self.list_by::<PIXELS, _, _>(number, table, |right, left| {
+    fn list_of<const PIXELS: usize>(&self, number: usize, pairs: &mut [Pair]) {
+        self.list_by::<PIXELS, _, _>(number, pairs, |right, left| {
             let (right, _) = right.as_chunks::<PIXELS>();
             let (_, left) = left.as_rchunks::<PIXELS>();
             right.iter().zip(left.iter().rev())
@@ -284,9 +321,9 @@ impl Pairs<'_> {
 
     /// As [`Self::list_of`] for any number of pixels.
     #[inline(never)]
-    fn list_any(&self, number: usize, table: &mut [SixPairs]) {
+    fn list_any(&self, number: usize, pairs: &mut [Pair]) {
         let pixels = self.pixels.max(1);
-        self.list_by::<0, _, _>(number, table, |right, left| {
+        self.list_by::<0, _, _>(number, pairs, |right, left| {
             right.chunks_exact(pixels).zip(left.rchunks_exact(pixels))
         });
     }
@@ -297,7 +334,7 @@ impl Pairs<'_> {
     fn list_by<'s, const PIXELS: usize, S: AsRef<[u16]> + 's + ?Sized, I>(
         &'s self,
         number: usize,
-        table: &mut [SixPairs],
+        pairs: &mut [Pair],
         samples: impl FnOnce(&'s [u16], &'s [u16]) -> I,
     ) where
         I: Iterator<Item = (&'s S, &'s S)>,
@@ -311,40 +348,42 @@ impl Pairs<'_> {
         };
         let mut ends = Ends::new(*inner, *end);
         let above = AboveLevel::new(self, if PIXELS == 0 { self.pixels } else { PIXELS });
-        let mut samples = samples(right, left);
-        for row in table {
-            let [one, other] = [(); 2].map(|()| {
-                let Some((right, left)) = samples.next() else {
-                    return Pair::default();
-                };
-                above.of(&ends.next(right.as_ref(), left.as_ref()))
-            });
-            let numbers = [one.z, one.p, other.z, other.p, 0, 0];
-            row.0 = numbers.map(i32::cast_unsigned);
+        for (pair, (right, left)) in pairs.iter_mut().zip(samples(right, left)) {
+            *pair = above.of(&ends.next(right.as_ref(), left.as_ref()));
         }
     }
 }
 
-/// Writes the table of the odd part over z and p. Returns the largest z in its column, without sign, and the
-/// even part without its norms.
-#[inline(never)]
-fn tabulate(mut at: Steps, scale: &Scale, table: &mut [SixPairs]) -> (i32, EvenSums) {
+/// Writes the table of the odd part. Returns the largest z in its column, without sign, and the even part
+/// without its norms.
+fn tabulate(
+    at: Steps,
+    scale: &Scale,
+    pairs: &[[Pair; 2]],
+    table: &mut [SixPairs],
+) -> (i32, EvenSums) {
+    match &scale.correction {
+        None => tabulate_with(at, scale, None, pairs, table),
+        correction => tabulate_with(at, scale, correction.as_ref(), pairs, table),
+    }
+}
+
+/// As [`tabulate`], with or without a correction: the compiler knows which.
+#[inline(always)]
+fn tabulate_with(
+    mut at: Steps,
+    scale: &Scale,
+    correction: Option<&Correction>,
+    pairs: &[[Pair; 2]],
+    table: &mut [SixPairs],
+) -> (i32, EvenSums) {
     let (mut largest, mut sums) = (0, EvenSums::default());
-    for row in table {
-        let [z, p, other_z, other_p, ..] = row.0.map(u32::cast_signed);
-        let two = [
-            Pair { z, p },
-            Pair {
-                z: other_z,
-                p: other_p,
-            },
-        ];
-        let [(one, z), (other, other_z)] = two.map(|pair| {
-            let columns = scale.columns(pair, at, &mut sums);
-            at.step();
-            largest = largest.max(columns.1 ^ (columns.1 >> 31));
-            columns
-        });
+    for (row, &[pair_before, pair_after]) in table.iter_mut().zip(pairs) {
+        let (one, z) = scale.columns(pair_before, at, correction, &mut sums);
+        at.step();
+        let (other, other_z) = scale.columns(pair_after, at, correction, &mut sums);
+        at.step();
+        largest = largest.max(z ^ (z >> 31)).max(other_z ^ (other_z >> 31));
         let [f1, t, f3, f5, f7, zs] = &mut row.0;
         let functions = [f1, t, f3, f5, f7]
             .into_iter()
@@ -524,7 +563,7 @@ fn sum(first: i32, rest: &[u16]) -> i32 {
 }
 
 /// u, Q26, and e = exp(-u^2/2), Q31, of one pair after the other.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Steps {
     u: i32,
     e: i32,
@@ -535,9 +574,7 @@ struct Steps {
 }
 
 impl Steps {
-    fn new(u: f32, pitch: f32) -> Self {
-        let q26 = |u: f32| numeric::whole_i32(u * (1 << 26) as f32);
-        let (u, pitch) = (q26(u), q26(pitch));
+    fn new(u: i32, pitch: i32) -> Self {
         // Half a product: it has 52 bits after the point, and 26 after the shift. Read with 27, it is half. A
         // spot that is wider than 0.3 pixels has none above 16.
         let half = |a: i32, b: i32| {
@@ -582,8 +619,8 @@ pub(super) struct Place {
     right: usize,
     /// The mirror's left side has so many pixels.
     left: usize,
-    /// From that place to pixel `right`: half a pixel or one.
-    pub(super) to_right: f32,
+    /// Whether that place is the middle of a pixel.
+    pub(super) is_in_a_pixel: bool,
     /// From that place to the centre: within a quarter of a pixel.
     pub(super) offset: Pixels,
 }
@@ -596,11 +633,10 @@ impl Place {
         // Within 2^14 of zero.
         let offset = (centre.to_bits()).wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
         let halves = usize::try_from(halves).unwrap_or_default();
-        let right = (halves / 2).wrapping_add(1);
         Self {
-            right,
+            right: (halves / 2).wrapping_add(1),
             left: halves.div_ceil(2),
-            to_right: right as f32 - 0.5 * halves as f32,
+            is_in_a_pixel: halves.is_multiple_of(2),
             offset: Pixels::from_bits(offset),
         }
     }
@@ -611,73 +647,61 @@ impl Place {
 /// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to
 /// a function that is even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a
 /// gaussian are e (3 u - u^3) / s^3 and e (10 u^3 - 15 u - u^5) / s^5.
+///
+/// The coefficients are in units of z times 2^`coarser`, the last one in 2^-8 of that, as the product with
+/// u^2, Q24, makes up for.
 #[derive(Clone, Copy)]
 pub(super) struct Correction {
-    pub(super) third: f32,
-    c0: f32,
-    c1: f32,
-    c2: f32,
+    /// The factor of the third derivative, in units of z.
+    pub(super) third: i32,
+    c0: i32,
+    c1: i32,
+    c2: i32,
+    coarser: u32,
 }
 
 impl Correction {
-    pub(super) fn of(offset: f32, per_s: f32, height: f32) -> Self {
-        let d = offset.abs();
-        let t = 1.0 - d;
-        let (dd, tt, per_s2) = (d * d, t * t, per_s * per_s);
-        let scale = 2.0 * offset * t * height * per_s * per_s2;
-        let third = scale * (tt - dd) / 6.0;
-        let fifth = scale * per_s2 * (tt * tt - dd * dd) / 120.0;
+    /// `per_s` is pixels in widths, Q6.26, and `height` that of the spot in units of z.
+    pub(super) fn of(offset: Pixels, per_s: i32, height: i32) -> Self {
+        // Of spots that are narrower than the check trusts the correction would be larger.
+        let per_s = per_s.min(5 << 24);
+        let height = height.min(1 << 28);
+        let offset = offset.to_bits();
+        // At most a quarter of a pixel, Q16.
+        let d = offset.wrapping_abs();
+        // Twice t (1-t), Q32, times (1-t)^2 - t^2 = 1 - 2 t, Q31: Q31, at most 0.2.
+        let twice = offset.wrapping_mul(0x2_0000i32.wrapping_sub(d.wrapping_mul(2)));
+        let rest = 0x1_0000i32
+            .wrapping_sub(d.wrapping_mul(2))
+            .wrapping_mul(1 << 15);
+        let of_height = upper_product(upper_product(twice, rest), height);
+        // Q-1 becomes Q0 with a sixth.
+        let sixth = of_height / 3;
+        // Q29.
+        let per_s = per_s.wrapping_mul(1 << 3);
+        let times = |a: i32, b: i32| upper_product(a.wrapping_mul(1 << 3), b);
+        let third = times(times(times(sixth, per_s), per_s), per_s);
+        // (1-t)^4 - t^4 is (1 - 2 t) (1 - 2 t (1-t)), Q29.
+        let less = (1i32 << 29).wrapping_sub(twice.wrapping_abs() >> 3);
+        let fifth = times(times(times(third, per_s), per_s), less) / 20;
+        // All sums up to eight widths have room: for s from 2, `third` is below 2^20, c1 + c2 u^2 below 2^21,
+        // and the whole below 2^27. For narrower spots `third` is below 2^25, and the whole below 2^33.
+        let coarser = if per_s > 1 << 25 { 6 } else { 0 };
+        let half = 1i32.wrapping_shl(coarser) / 2;
+        let rounded = |value: i32| value.wrapping_add(half).wrapping_shr(coarser);
         Self {
+            coarser,
             third,
-            c0: 15.0 * fifth - 3.0 * third,
-            c1: third - 10.0 * fifth,
-            c2: fifth,
+            c0: rounded(fifth.wrapping_mul(15).wrapping_sub(third.wrapping_mul(3))),
+            c1: rounded(third.wrapping_sub(fifth.wrapping_mul(10))),
+            c2: rounded(fifth.wrapping_mul(1 << 8)),
         }
-    }
-
-    /// The coefficients of 1, u^2 and u^4 in units of z, and by how many bits they are smaller so that all
-    /// products have room up to a distance. The last one is 2^8 times as large, as the product with u^2, Q24,
-    /// makes up for.
-    fn coefficients(&self, furthest: f32) -> ([i32; 3], u32) {
-        let square = furthest * furthest;
-        let most = self.c0.abs() + square * (self.c1.abs() + square * self.c2.abs());
-        // The sum of all is below 2^27 then, so c1 * 2^8 is below 2^30: the distance is at least 6.
-        let log2 = (most.to_bits() >> 23).saturating_sub(127);
-        // No light of 12 bits needs more: more is left out, so that nothing wraps.
-        let shift = log2.saturating_sub(26).min(6);
-        let most_left = (1u64 << 33) as f32;
-        let unit = if most > most_left {
-            most_left / most
-        } else {
-            1.0
-        };
-        let unit = unit / 1u32.wrapping_shl(shift) as f32;
-        let [c0, c1, c2] =
-            [self.c0, self.c1, 256.0 * self.c2].map(|it| numeric::whole_i32(it * unit));
-        ([c0, c1, c2], shift)
     }
 }
 
 /// A variance with the unit that [`root_of_weight`] takes: that of a pair without light. It lies in the
 /// middle of its entry, so the root of an unlit pair's weight is exact.
 const UNLIT: u32 = 4096 + 32;
-
-/// 2^16 over the root of a variance, in units of [`UNLIT`]. The place of an entry is the highest eight bits
-/// of a variance with 18 leading zeros: places below 64 are not used.
-static ROOTS: [u16; 256] = roots();
-
-#[expect(clippy::cast_possible_truncation, reason = "the root is below 2^16")]
-const fn roots() -> [u16; 256] {
-    let mut roots = [u16::MAX; 256];
-    let mut bits = 65;
-    while bits < 256 {
-        // The middle of the entry is bits + 1/2, and that of UNLIT's entry 64 + 1/2. Below 2^16.
-        let square = (129u64 << 32) / (2 * bits as u64 + 1);
-        roots[bits] = square.isqrt() as u16;
-        bits += 1;
-    }
-    roots
-}
 
 /// The root of one over a variance, which is at least [`UNLIT`] / 1.008 and below 2^31: Q30, one for `UNLIT`,
 /// to 0.4 %.
@@ -691,140 +715,198 @@ fn root_of_weight(variance: u32) -> i32 {
     root.wrapping_shl(zeros >> 1).wrapping_mul(1 << 5)
 }
 
-/// The least norm of u^4 e that is left without its parts along the other functions, over its full norm. With
-/// less, k4 is only rounding: three or four pairs have too few samples for the four functions.
-const LEAST_NORM: f32 = 1e-5;
-
-/// Sums of the even part: those of the functions alone, and the products of 1, e, u^2 e and u^4 e with p.
-#[derive(Default)]
-pub(super) struct Even {
-    pub(super) norms: Norms,
-    pub(super) p: f32,
-    p0: f32,
-    p1: f32,
-    p2: f32,
-    squares: f32,
-}
-
-/// The number of samples, and the sums of u^k e (`l`) and of u^k e^2 (`m`) over them, for even k. They depend
-/// on the distances of the samples alone.
+/// The norms of the functions 1, e, u^2 e and u^4 e, and their products with each other, over the samples:
+/// the sums of u^k e (`l`) and of u^k e^2 (`m`) for even k. They depend on the distances of the samples alone.
+/// Q24, below 2^30.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Norms {
-    pub(super) samples: f32,
-    l0: f32,
-    l1: f32,
-    l2: f32,
-    pub(super) m0: f32,
-    m1: f32,
-    m2: f32,
-    m3: f32,
-    m4: f32,
+struct Norms {
+    /// The number of samples.
+    samples: i32,
+    l0: i32,
+    l1: i32,
+    l2: i32,
+    m0: i32,
+    m1: i32,
+    m2: i32,
+    m3: i32,
+    m4: i32,
 }
 
-/// Up to this distance between pairs, the sums over all pairs are integrals, to a few parts in a million.
-const FINE_PITCH: f32 = 0.5;
+/// Up to this distance between pairs, Q6.26, the sums over all pairs are integrals, to a few parts in a million.
+const FINE_PITCH: i32 = 1 << 25;
 
 impl Norms {
-    /// The sums over all `number` pairs up to [`REACH`] widths, the first at `u`, without a loop.
+    /// The sums over all `number` pairs up to [`REACH`] widths, without a loop.
     ///
     /// The sum of a function over u, u + h, u + 2h ... follows from its integral, after Euler and Maclaurin.
     /// If the function is even, the integral from zero is I, and f, f2, f4 ... are its value and derivatives
     /// at zero, the sum is I/h - B1(x) f - B3(x)/3! h^2 f2 - B5(x)/5! h^4 f4 ..., with x = u/h and
     /// Bernoulli's polynomials B. Less than a millionth of a sum lies beyond the reach.
-    fn of_all(u: f32, pitch: f32, number: usize) -> Self {
-        // Integrals from zero, without their common factor: of u^k e over sqrt(pi/2), of u^k e^2 over
-        // sqrt(pi)/2.
-        const GAUSSIAN: f32 = 1.253_314_1;
-        const SQUARED: f32 = 0.886_226_9;
-        let per_pitch = 1.0 / pitch;
-        let x = u * per_pitch;
-        // From the middle of the range, where the polynomials are zero.
-        let y = x - 0.5;
-        let (yy, hh) = (y * y, pitch * pitch);
-        // B1 = y, B3 = y (y^2 - 1/4), B5 = B3 (y^2 - 7/12), B7 = B3 (y^4 - 3/2 y^2 + 31/48).
-        let b3 = y * (yy - 0.25);
-        let h2 = hh * b3 * (1.0 / 6.0);
-        let h4 = hh * hh * b3 * (yy - 7.0 / 12.0) * (1.0 / 120.0);
-        let h6 = hh * hh * hh * b3 * (yy * (yy - 1.5) + 31.0 / 48.0) * (1.0 / 5040.0);
-        let (e, ee) = (GAUSSIAN * per_pitch, SQUARED * per_pitch);
+    fn of_all(pairs: &Pairs<'_>, number: usize) -> Self {
+        // Integrals from zero, without their common factor: of u^k e over sqrt(pi/2), Q30, of u^k e^2 over
+        // sqrt(pi)/2, Q31.
+        const GAUSSIAN: i32 = 1345735808;
+        const SQUARED: i32 = 1903157831;
+        // From the middle of the range, where the polynomials are zero: 1/2 over the pixels of a sample, Q30.
+        let half = (1i32 << 29).checked_div(numeric::to_i32(pairs.pixels));
+        let y = half
+            .filter(|_| pairs.mirror.is_in_a_pixel)
+            .unwrap_or_default();
+        let times = |a, b| upper_product(a, b).wrapping_mul(4);
+        let (yy, pitch) = (times(y, y), pairs.pitch.wrapping_mul(1 << 4));
+        let hh = times(pitch, pitch);
+        // B1 = y, B3 = y (y^2 - 1/4), B5 = B3 (y^2 - 7/12).
+        let b3 = times(times(y, yy.wrapping_sub(1 << 28)), hh);
+        let b5 = times(times(b3, yy.wrapping_sub(626_349_397)), hh);
+        // h2 to h4 have Q30, and the rest has Q24.
+        let (h2, h4) = (b3 / 6, b5 / 120);
+        let part = |h2: i32, h4: i32| h2.wrapping_add(h4) >> 6;
+        let e = upper_product(pairs.per_pitch, GAUSSIAN).wrapping_mul(4);
+        let ee = upper_product(pairs.per_pitch, SQUARED).wrapping_mul(2);
+        let y = y >> 6;
+        let scaled = |h2_factor: i32, h4_factor: i32| {
+            part(h2.wrapping_mul(h2_factor), h4.wrapping_mul(h4_factor))
+        };
         Self {
-            samples: number as f32,
-            l0: e - y + h2 - 3.0 * h4 + 15.0 * h6,
-            l1: e - 2.0 * h2 + 12.0 * h4 - 90.0 * h6,
-            l2: 3.0 * e - 24.0 * h4 + 360.0 * h6,
-            m0: ee - y + 2.0 * h2 - 12.0 * h4 + 120.0 * h6,
-            m1: 0.5 * ee - 2.0 * h2 + 24.0 * h4 - 360.0 * h6,
-            m2: 0.75 * ee - 24.0 * h4 + 720.0 * h6,
-            m3: 1.875 * ee - 720.0 * h6,
-            m4: 6.5625 * ee,
+            samples: numeric::to_i32(number),
+            l0: e.wrapping_sub(y).wrapping_add(scaled(1, -3)),
+            l1: e.wrapping_add(scaled(-2, 12)),
+            l2: e.wrapping_mul(3).wrapping_add(scaled(0, -24)),
+            m0: ee.wrapping_sub(y).wrapping_add(scaled(2, -12)),
+            m1: (ee / 2).wrapping_add(scaled(-2, 24)),
+            m2: (ee / 4).wrapping_mul(3).wrapping_add(scaled(0, -24)),
+            m3: (ee / 8).wrapping_mul(15),
+            m4: (ee / 16).wrapping_mul(105),
         }
     }
 
     fn add(&mut self, at: &Steps) {
         let (e1, e2) = at.even(at.square());
-        let e = at.e as f32 * (1.0 / (1u32 << 31) as f32);
-        let e1 = e1 as f32 * (1.0 / (1 << 30) as f32);
-        let e2 = e2 as f32 * (1.0 / (1 << 28) as f32);
-        self.samples += 1.0;
-        self.l0 += e;
-        self.l1 += e1;
-        self.l2 += e2;
-        self.m0 += e * e;
-        self.m1 += e * e1;
-        self.m2 += e1 * e1;
-        self.m3 += e1 * e2;
-        self.m4 += e2 * e2;
+        let terms = [
+            (&mut self.samples, 1),
+            (&mut self.l0, at.e >> 7),
+            (&mut self.l1, e1 >> 6),
+            (&mut self.l2, e2 >> 4),
+            (&mut self.m0, upper_product(at.e, at.e) >> 6),
+            (&mut self.m1, upper_product(at.e, e1) >> 5),
+            (&mut self.m2, upper_product(e1, e1) >> 4),
+            (&mut self.m3, upper_product(e1, e2) >> 2),
+            (&mut self.m4, upper_product(e2, e2)),
+        ];
+        for (sum, term) in terms {
+            *sum = sum.wrapping_add(term);
+        }
     }
 }
 
+/// The even part: p as b + A e (1 + k2 u^2 + k4 u^4), by least squares.
+pub(super) struct Even {
+    norms: Norms,
+    sums: EvenSums,
+}
+
+/// What [`Even`] says of the light. The parts of p are in units of z times 2^`unit`.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
-    /// The coefficient of u^2 e over that of e: how much wider the light is than the spot.
-    pub(super) wider: f32,
-    /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if
-    /// rounding is all of it.
-    pub(super) k4: Option<(f32, f32)>,
-    /// The sum of squares that the fit without k4 leaves.
-    pub(super) rest: f32,
+    /// How much wider the light is than the spot, times 2 to the second number: the coefficient of u^2 e over
+    /// that of e. `None` if the light is no spot.
+    pub(super) wider: Option<(i32, i32)>,
+    pub(super) unit: i32,
+    /// The norm of the part of u^4 e that it shares with no other function, Q15, and the part of p along it,
+    /// Q15. `None` if rounding is all of it.
+    pub(super) fourth: Option<(i32, i32)>,
+    /// The sum of squares that the fit without u^4 e leaves of p.
+    pub(super) rest: i32,
+    /// The sum of e^2, Q24.
+    pub(super) squares_of_e: i32,
+    /// The mean of p, in units of z, and the number of samples.
+    pub(super) mean: i32,
+    pub(super) samples: i32,
 }
 
 impl Even {
-    /// The middle has u = 0 and e = 1.
-    pub(super) fn add_middle(&mut self, p: f32) {
-        self.norms.samples += 1.0;
-        self.norms.l0 += 1.0;
-        self.norms.m0 += 1.0;
-        self.p += p;
-        self.p0 += p;
-        self.squares += p * p;
+    /// The number of samples.
+    pub(super) fn number(&self) -> i32 {
+        self.norms.samples
     }
 
-    /// Subtracts from each function in turn its parts along those before.
+    /// The middle has u = 0 and e = 1.
+    pub(super) fn add_middle(&mut self, p: i32) {
+        let one = Steps {
+            e: i32::MAX,
+            ..Steps::default()
+        };
+        self.norms.add(&one);
+        self.sums.add(p, &one, 0);
+    }
+
+    /// Solves the normal equations.
     pub(super) fn solve(&self) -> Shape {
-        let norms = &self.norms;
-        let samples = norms.samples;
-        let (l0, l1, l2, p) = (
-            norms.l0 / samples,
-            norms.l1 / samples,
-            norms.l2 / samples,
-            self.p / samples,
-        );
-        let c00 = norms.m0 - l0 * norms.l0;
-        let c01 = norms.m1 - l0 * norms.l1;
-        let c02 = norms.m2 - l0 * norms.l2;
-        let p0 = self.p0 - p * norms.l0;
-        let (f1, f2) = (c01 / c00, c02 / c00);
-        let c11 = norms.m2 - l1 * norms.l1 - f1 * c01;
-        let c12 = norms.m3 - l1 * norms.l2 - f1 * c02;
-        let p1 = self.p1 - p * norms.l1 - f1 * p0;
-        let f = c12 / c11;
-        let norm = norms.m4 - l2 * norms.l2 - f2 * c02 - f * c12;
-        let p2 = self.p2 - p * norms.l2 - f2 * p0 - f * p1;
-        let (second, first) = (p1 / c11, p0 / c00);
+        /// The least norm of u^4 e that is left without its parts along the other functions, over its full
+        /// norm: 2^-17. With less, k4 is only rounding: three or four pairs have too few samples for the four
+        /// functions.
+        const LEAST_NORM: u32 = 17;
+        let Norms {
+            l0,
+            l1,
+            l2,
+            m0,
+            m1,
+            m2,
+            m3,
+            m4,
+            samples,
+        } = self.norms;
+        let EvenSums {
+            p,
+            p0,
+            p1,
+            p2,
+            squares,
+        } = self.sums;
+        // p / 4 gets so many bits fewer that the sum of its squares is below 2^30. That sum is below 2^62.
+        let bits = 64u32.wrapping_sub(squares.cast_unsigned().leading_zeros());
+        let fewer = (bits.saturating_sub(29) / 2).cast_signed();
+        // The functions have 12 bits after the point, so that their products have 24. After Cauchy no
+        // product exceeds 2^30.
+        let with_p = |sum: i32, log2: i32| shifted_32(sum, log2.wrapping_sub(fewer));
+        let squares = squares.wrapping_shr(2 * fewer.cast_unsigned());
+        #[rustfmt::skip]
+        let products = [
+            // At most 38 samples.
+            samples.wrapping_mul(1 << 24),
+            l0, m0,
+            l1, m1, m2,
+            l2, m2, m3, m4,
+            0, 0, 0, 0, 0,
+            with_p(p, 16), with_p(p0, 13), with_p(p1, 14), with_p(p2, 16), 0, numeric::i64_to_i32(squares),
+        ];
+        let factors = Factors::of(&products, LEAST_NORM);
+        let [_, shift1, shift2, shift3, _, shift_p] = factors.enlarged;
+        let [_, l11, l22, norm, _] = factors.norms;
+        let [_, y1, y2, y3, _] = factors.last;
+        let (l21, rest) = (factors.third_along_second, factors.rest);
+        let y3_squared = upper_product(y3, y3).wrapping_mul(4);
+        // Their units differ by the columns' bits. The inverse is that of first / 2^32.
+        let second = upper_product(y2, l11);
+        let first = upper_product(y1, l22).wrapping_sub(upper_product(l21, y2));
+        let (inverse, doublings) = numeric::inverse(inverse_root(first.max(0).cast_unsigned()));
+        let ratio = upper_product(second, inverse);
+        let by = doublings
+            .wrapping_sub(28)
+            .wrapping_add(shift2)
+            .wrapping_sub(shift1);
+        let unit = shift_p.wrapping_sub(2).wrapping_sub(fewer);
+        let norm = shifted_32(norm, shift3.wrapping_add(12).wrapping_neg());
         Shape {
-            // p0 has the part of u^2 e along e.
-            wider: second / (first - f1 * second),
-            k4: (norm > LEAST_NORM * norms.m4).then(|| (p2 / norm, norm)),
-            rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
+            wider: (first > 0).then_some((ratio, by)),
+            unit,
+            fourth: (norm > 0).then_some((norm, y3)),
+            rest: rest.wrapping_add(y3_squared),
+            squares_of_e: m0,
+            // At most 2^30.
+            mean: (p / samples.max(1)).wrapping_mul(64),
+            samples,
         }
     }
 }
@@ -832,7 +914,7 @@ impl Even {
 /// Products of p with the even functions, in integers: p / 4 is below 2^28, and the sums of the functions, of
 /// at most [`MOST_PAIRS`] pairs with a pitch of a sixth or more, are at most 8 (e), 8 (u^2 e) and 23 (u^4 e).
 /// So no sum exceeds 2^31, and that of the squares is below 2^62.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct EvenSums {
     /// Of p in 2^6 units, and of its products with the functions in 2^3, 2^4 and 2^6 units.
     p: i32,
@@ -848,46 +930,31 @@ impl EvenSums {
         let p = p >> 2;
         let (e1, e2) = at.even(square);
         self.p = self.p.wrapping_add(p >> 4);
-        self.p0 = self.p0.wrapping_add(upper_product(p, at.e));
-        self.p1 = self.p1.wrapping_add(upper_product(p, e1));
-        self.p2 = self.p2.wrapping_add(upper_product(p, e2));
+        self.p0 = add_upper_product(self.p0, p, at.e);
+        self.p1 = add_upper_product(self.p1, p, e1);
+        self.p2 = add_upper_product(self.p2, p, e2);
         self.squares = (self.squares).wrapping_add(i64::from(p).wrapping_mul(p.into()));
-    }
-
-    fn even(&self, norms: Norms) -> Even {
-        Even {
-            norms,
-            p: 64.0 * self.p as f32,
-            p0: 8.0 * self.p0 as f32,
-            p1: 16.0 * self.p1 as f32,
-            p2: 64.0 * self.p2 as f32,
-            squares: 16.0 * self.squares as f32,
-        }
     }
 }
 
-/// The least norm of a column that is left without its parts along those before, over its full norm. With
-/// less it is only rounding.
-const LEAST_NORM_OF_COLUMN: f32 = 1e-4;
-
-/// The products of the columns of u e, u, u^3 e, u^5 e, u^7 e and z with each other.
-#[derive(Default)]
+/// The odd part: the products of the columns of u e, u, u^3 e, u^5 e, u^7 e and z with each other.
 pub(super) struct Odd {
-    /// The lower triangle, in the columns' units.
-    products: [f32; 21],
+    factors: Factors,
     /// The largest z, without sign.
     largest: i32,
-    /// A standard deviation in z's column.
-    deviation: f32,
+    /// By how many bits z's column is coarser.
+    coarser: i32,
 }
 
 impl Odd {
-    #[inline(always)]
-    fn of(table: &[SixPairs], largest: i32, deviation: f32) -> Self {
+    fn of(table: &[SixPairs], largest: i32, coarser: i32) -> Self {
+        /// The least norm of a column that is left without its parts along those before, over its full norm:
+        /// 2^-13. With less it is only rounding.
+        const LEAST_NORM: u32 = 13;
         Self {
-            products: dual_mac::gram(table).map(|sum| sum as f32),
+            factors: Factors::of(&dual_mac::gram(table), LEAST_NORM),
             largest,
-            deviation,
+            coarser,
         }
     }
 
@@ -895,73 +962,172 @@ impl Odd {
     #[cold]
     #[inline(never)]
     fn without_slope(&self, table: &mut [SixPairs]) -> Self {
-        let [m11, mt1, mtt, .., z1, zt, _, _, _, _] = self.products;
-        // That of the tilt without its part along the shift.
-        let slope = (zt - mt1 / m11 * z1) / (mtt - mt1 * mt1 / m11);
+        let Factors {
+            enlarged,
+            norms,
+            last,
+            ..
+        } = self.factors;
+        let ([_, norm, ..], [_, along, ..]) = (norms, last);
+        let [_, enlarged, .., enlarged_z] = enlarged;
+        // That of the tilt without its part along the shift, Q16.
+        let along = shifted(
+            along.into(),
+            16i32.wrapping_add(enlarged).wrapping_sub(enlarged_z),
+        );
+        let slope = along.checked_div(norm.into()).unwrap_or_default();
         let mut largest = 0;
         for row in &mut *table {
             let [_, t, _, _, _, z] = &mut row.0;
             let [one, other] = [0, 1].map(|half| {
                 let (t, z) = (halves(*t)[half], halves(*z)[half]);
-                let rest = numeric::whole_i32(z as f32 - slope * t as f32);
-                rest.clamp(-LARGEST, LARGEST)
+                let rest = i64::from(z).saturating_sub(slope.saturating_mul(t.into()) >> 16);
+                numeric::i64_to_i32(rest.clamp((-LARGEST).into(), LARGEST.into()))
             });
             largest = largest.max(one.abs()).max(other.abs());
             *z = pair(one, other);
         }
-        Self::of(table, largest, self.deviation)
+        Self::of(table, largest, self.coarser)
     }
 
-    /// The sum of (u e)^2 over the pairs, weighted as if an unlit pair had the weight one.
-    pub(super) fn norm_of_shift(&self) -> f32 {
-        let [norm, ..] = self.products;
-        norm * (1.0 / (1 << 28) as f32)
+    /// The norm of u e over the pairs, weighted as if an unlit pair had the weight one: a number, and the bits
+    /// after its point.
+    pub(super) fn norm_of_shift(&self) -> (i32, i32) {
+        let ([norm, ..], [enlarged, ..]) = (self.factors.norms, self.factors.enlarged);
+        (norm, enlarged.wrapping_add(29))
     }
 
-    /// The square of the worst pair's deviation, in variances.
-    pub(super) fn worst(&self) -> f32 {
-        numeric::square(self.largest as f32 / self.deviation)
-    }
-
-    /// The sum of the squares of all pairs' deviations, in variances.
-    pub(super) fn squares(&self) -> f32 {
-        let [.., squares] = self.products;
-        squares / numeric::square(self.deviation)
+    /// The worst pair's deviation, in standard deviations, Q7: limited to 2^14.
+    pub(super) fn worst(&self) -> i32 {
+        shifted_32(self.largest, self.coarser).min(1 << 21)
     }
 
     /// The components along u e, u, u^3 e, u^5 e and u^7 e, each less its parts along those before, in
-    /// standard deviations. By Cholesky's method: if A = L L^T are the functions' products, the components
-    /// are L^-1 z. Zero for a function that only rounding tells from those before.
-    pub(super) fn components(&self) -> [f32; COMPONENTS] {
-        let inverse_root = |pivot: f32, element: f32| {
-            if pivot > LEAST_NORM_OF_COLUMN * element {
-                1.0 / dual_mac::square_root(pivot)
+    /// standard deviations, Q12. Zero for a function that only rounding tells from those before. The sum of
+    /// the squares of all pairs' deviations, without the first component, in variances, Q8, times a factor, Q16.
+    pub(super) fn components(&self, white: i32) -> ([i32; COMPONENTS], i64) {
+        let Factors {
+            enlarged,
+            last,
+            rest,
+            ..
+        } = self.factors;
+        let [.., enlarged] = enlarged;
+        // The numbers have Q15, and the column Q7.
+        let more = self.coarser.wrapping_sub(enlarged);
+        let components = last.map(|it| shifted_32(it, more.wrapping_sub(10)));
+        let squares = last
+            .iter()
+            .skip(1)
+            .map(|&it| upper_product(it, it).wrapping_mul(4));
+        let squares = squares.fold(rest, i32::wrapping_add);
+        let by = more.wrapping_mul(2).wrapping_sub(6 + 16);
+        (components, shifted(product(squares, white), by))
+    }
+}
+
+/// What is left of a product of two columns without their parts along others, which are given.
+#[inline(always)]
+fn left<const N: usize>(product: i32, one: [i32; N], other: [i32; N]) -> i32 {
+    let parts = one.into_iter().zip(other);
+    let sum = parts.fold(0, |sum, (one, other)| add_upper_product(sum, one, other));
+    product.wrapping_sub(sum.wrapping_mul(4))
+}
+
+/// Cholesky's factors of the products of six columns with each other, A = L L^T: of the columns with some bits
+/// more, and times 2^15.
+///
+/// The first five columns span a space. The last row of L has the components of the last column along its
+/// orthonormal directions. They are zero for a column that only rounding tells from those before.
+struct Factors {
+    /// By how many bits each column was enlarged, so that the sum of its squares is at least 2^28.
+    enlarged: [i32; 6],
+    /// The diagonal of L: the norms of the columns without their parts along those before.
+    norms: [i32; 5],
+    /// The element in the third row and the second column.
+    third_along_second: i32,
+    last: [i32; 5],
+    /// The sum of squares of what is left of the last column.
+    rest: i32,
+}
+
+impl Factors {
+    /// Takes the lower triangle, one row after the other. The diagonal is below 2^30, so that no element of L
+    /// exceeds 2^30 after Cauchy. Only rounding tells a column from those before if the square of what is left of
+    /// it is below 2^-`least`.
+    #[inline(never)]
+    fn of(products: &[i32; 21], least: u32) -> Self {
+        let [a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, ..] = *products;
+        let [.., a40, a41, a42, a43, a44, a50, a51, a52, a53, a54, a55] = *products;
+        let bits = |square: i32| (square.leading_zeros() / 2).saturating_sub(1);
+        let enlarged = [a00, a11, a22, a33, a44, a55].map(bits);
+        let [s0, s1, s2, s3, s4, s5] = enlarged.map(|bits| 1i32.wrapping_shl(bits));
+        let larger =
+            |product: i32, one: i32, other: i32| product.wrapping_mul(one).wrapping_mul(other);
+        let root = |whole: i32, left: i32| {
+            if left > whole.wrapping_shr(least) {
+                let (root, halvings) = inverse_root(left.cast_unsigned());
+                (root, 4i32.wrapping_shl(halvings))
             } else {
-                0.0
+                (0, 0)
             }
         };
-        let [m11, mt1, mtt, m31, m3t, m33, m51, m5t, m53, m55, ..] = self.products;
-        let [.., m71, m7t, m73, m75, m77, z1, zt, z3, z5, z7, _] = self.products;
-        let p1 = inverse_root(m11, 0.0);
-        let (t1, l31, l51, l71) = (mt1 * p1, m31 * p1, m51 * p1, m71 * p1);
-        let y1 = z1 * p1;
-        let pt = inverse_root(mtt - t1 * t1, mtt);
-        let l3t = (m3t - l31 * t1) * pt;
-        let l5t = (m5t - l51 * t1) * pt;
-        let l7t = (m7t - l71 * t1) * pt;
-        let yt = (zt - t1 * y1) * pt;
-        let p3 = inverse_root(m33 - l31 * l31 - l3t * l3t, m33);
-        let l53 = (m53 - l51 * l31 - l5t * l3t) * p3;
-        let l73 = (m73 - l71 * l31 - l7t * l3t) * p3;
-        let y3 = (z3 - l31 * y1 - l3t * yt) * p3;
-        let p5 = inverse_root(m55 - l51 * l51 - l5t * l5t - l53 * l53, m55);
-        let l75 = (m75 - l71 * l51 - l7t * l5t - l73 * l53) * p5;
-        let y5 = (z5 - l51 * y1 - l5t * yt - l53 * y3) * p5;
-        let rest = m77 - l71 * l71 - l7t * l7t - l73 * l73 - l75 * l75;
-        let p7 = inverse_root(rest, m77);
-        let y7 = (z7 - l71 * y1 - l7t * yt - l73 * y3 - l75 * y5) * p7;
-        let per_deviation = 1.0 / self.deviation;
-        [y1, yt, y3, y5, y7].map(|component| component * per_deviation)
+        let of = |a: i32, (root, factor): (i32, i32)| upper_product(a, root).wrapping_mul(factor);
+        let a00 = larger(a00, s0, s0);
+        let n0 = a00;
+        let r0 = root(a00, n0);
+        let l10 = of(larger(a10, s1, s0), r0);
+        let a11 = larger(a11, s1, s1);
+        let n1 = left(a11, [l10], [l10]);
+        let r1 = root(a11, n1);
+        let l20 = of(larger(a20, s2, s0), r0);
+        let l21 = of(left(larger(a21, s2, s1), [l20], [l10]), r1);
+        let a22 = larger(a22, s2, s2);
+        let n2 = left(a22, [l20, l21], [l20, l21]);
+        let r2 = root(a22, n2);
+        let l30 = of(larger(a30, s3, s0), r0);
+        let l31 = of(left(larger(a31, s3, s1), [l30], [l10]), r1);
+        let l32 = of(left(larger(a32, s3, s2), [l30, l31], [l20, l21]), r2);
+        let a33 = larger(a33, s3, s3);
+        let n3 = left(a33, [l30, l31, l32], [l30, l31, l32]);
+        let r3 = root(a33, n3);
+        let l40 = of(larger(a40, s4, s0), r0);
+        let l41 = of(left(larger(a41, s4, s1), [l40], [l10]), r1);
+        let l42 = of(left(larger(a42, s4, s2), [l40, l41], [l20, l21]), r2);
+        let l43 = of(
+            left(larger(a43, s4, s3), [l40, l41, l42], [l30, l31, l32]),
+            r3,
+        );
+        let a44 = larger(a44, s4, s4);
+        let n4 = left(a44, [l40, l41, l42, l43], [l40, l41, l42, l43]);
+        let r4 = root(a44, n4);
+        let l50 = of(larger(a50, s5, s0), r0);
+        let l51 = of(left(larger(a51, s5, s1), [l50], [l10]), r1);
+        let l52 = of(left(larger(a52, s5, s2), [l50, l51], [l20, l21]), r2);
+        let l53 = of(
+            left(larger(a53, s5, s3), [l50, l51, l52], [l30, l31, l32]),
+            r3,
+        );
+        let l54 = of(
+            left(
+                larger(a54, s5, s4),
+                [l50, l51, l52, l53],
+                [l40, l41, l42, l43],
+            ),
+            r4,
+        );
+        let rest = left(
+            larger(a55, s5, s5),
+            [l50, l51, l52, l53, l54],
+            [l50, l51, l52, l53, l54],
+        );
+        Self {
+            enlarged: enlarged.map(u32::cast_signed),
+            norms: [of(n0, r0), of(n1, r1), of(n2, r2), of(n3, r3), of(n4, r4)],
+            third_along_second: l21,
+            last: [l50, l51, l52, l53, l54],
+            rest,
+        }
     }
 }
 

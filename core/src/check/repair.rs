@@ -19,7 +19,7 @@
 
 use core::cell::Cell;
 
-use crate::base::{WorkBudget, numeric};
+use crate::base::{Pixels, WorkBudget, numeric};
 use crate::centre::RowCentre;
 use crate::centre::check_uncertainty;
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start, Window};
@@ -44,7 +44,7 @@ const NEIGHBOUR_UNCERTAINTY: f32 = 2.8;
 const NARROWEST: f32 = 1.0;
 /// If a fit with masked pixels finds a narrower spot, in pixels, it is flagged: the few bad pixels that are
 /// left may fit by chance.
-pub(crate) const NARROWEST_SURE_REFIT: f32 = 2.5;
+pub(crate) const NARROWEST_SURE_REFIT: Pixels = Pixels::from_positive_f32(2.5);
 /// The most bad pixels side by side, in samples. More samples side by side are light, which may be the spot.
 const BAD_PIXELS: u32 = 3;
 /// Half of a window, in widths: room for a second spot at five widths, with three widths to either side of
@@ -238,7 +238,7 @@ impl Scene<'_> {
     ) -> Option<RowCentre> {
         let found = window.row_centre(fit);
         let found = RowCentre {
-            misfit: found.width.to_f32() < NARROWEST_SURE_REFIT,
+            misfit: found.width < NARROWEST_SURE_REFIT,
             ..found
         };
         let freedom = residuals.unmasked - 4.0;

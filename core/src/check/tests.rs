@@ -82,12 +82,19 @@ fn statistics_of_noise_have_the_variances_that_the_check_assumes() {
                 (level + spot + noise * normal(&mut state) + 0.5) as u16
             });
             let (it, _) = symmetry_of(&light, (centre, width, height), (level, noise));
-            let (k4, deviation) = it.flatness.expect("many pairs");
-            let flatness = (k4 / deviation).powi(2);
-            let misfit = it.shape_misfit / it.shape_misfit_deviation;
-            let squares = it.squares / (it.pairs - 1.0);
+            let (along, _, variance) = it.even.fourth.expect("many pairs");
+            let flatness = libm::ldexpf(along as f32, -15).powi(2);
+            let flatness = flatness / libm::ldexpf(variance as f32, -16);
+            let Even { rest, variance, .. } = it.even;
+            let scatter = root_of_double(it.pairs) as f32 / 256.0;
+            let misfit = rest as f32 / (variance as f32 * scatter);
+            let squares = it.squares as f32 / (256 * (it.pairs - 1)) as f32;
             let others = [squares, flatness, misfit, misfit * misfit];
-            let statistics = it.components.map(|it| it * it).into_iter().chain(others);
+            let statistics = it
+                .components
+                .map(|it| (it as f32 / 4096.0).powi(2))
+                .into_iter()
+                .chain(others);
             for (sum, statistic) in sums.iter_mut().zip(statistics) {
                 *sum += f64::from(statistic);
             }
@@ -176,11 +183,11 @@ fn flatness_is_a_number_or_is_not_tested() {
         // So near the row's end that it has few pixels on one side.
         let width = 0.7 + 0.01 * (seed % 60) as f32;
         let (symmetry, found) = symmetry(width, 3.5 + 0.05 * (seed % 33) as f32, seed);
-        let is_number = |(k4, deviation): (f32, f32)| k4.is_finite() && deviation > 0.0;
-        assert!(symmetry.flatness.is_none_or(is_number), "{width}");
-        if symmetry.pairs <= 4.0 {
+        let is_sensible = |(_, one, variance): (i32, i64, i64)| one > 0 && variance > 0;
+        assert!(symmetry.even.fourth.is_none_or(is_sensible), "{width}");
+        if symmetry.pairs <= 4 {
             few += 1;
-            without += usize::from(symmetry.flatness.is_none());
+            without += usize::from(symmetry.even.fourth.is_none());
             flagged += usize::from(!is_clean(&symmetry, &found));
         }
     }
@@ -189,19 +196,25 @@ fn flatness_is_a_number_or_is_not_tested() {
 }
 
 #[test]
-fn not_a_number_is_not_clean() {
+fn each_limit_flags() {
     let (good, found) = symmetry(4.0, 32.0, 1);
     assert!(is_clean(&good, &found));
-    let spoil: [fn(&mut Symmetry); 9] = [
-        |it| it.pairs = f32::NAN,
-        |it| it.components[0] = f32::NAN,
-        |it| it.components[1] = f32::NAN,
-        |it| it.components[2] = f32::NAN,
-        |it| it.pixels_a_deviation = f32::NAN,
-        |it| it.worst = f32::NAN,
-        |it| it.squares = f32::NAN,
-        |it| it.flatness = Some((f32::NAN, 1.0)),
-        |it| it.shape_misfit = f32::NAN,
+    let spoil: [fn(&mut Symmetry); 10] = [
+        |it| it.pairs = 0,
+        |it| it.components[0] = i32::MIN,
+        |it| it.components[1] = i32::MIN,
+        |it| it.components[2] = i32::MAX,
+        |it| it.deviations_a_pixel = 0,
+        |it| it.worst = i64::MAX,
+        |it| it.squares = i64::MAX,
+        |it| it.width = Pixels::default(),
+        |it| {
+            it.even.fourth = it
+                .even
+                .fourth
+                .map(|(_, one, variance)| (i32::MIN, one, variance))
+        },
+        |it| it.even.rest = i64::MAX,
     ];
     for (i, spoil) in spoil.into_iter().enumerate() {
         let mut spoiled = symmetry(4.0, 32.0, 1).0;
@@ -232,31 +245,35 @@ fn lopsided(width: f32, skewness: f32, flaw: u16) -> (Symmetry, RowCentre) {
 }
 
 /// An own spot without deviations.
-fn own_spot(width: f32, components: [f32; COMPONENTS]) -> OwnSpot {
+fn own_spot(width: Pixels, components: [Pixels; COMPONENTS]) -> OwnSpot {
     OwnSpot {
         width,
-        width_deviation: 0.0,
+        width_deviation: Pixels::default(),
         components,
-        deviation: 0.0,
+        deviation: Pixels::default(),
     }
 }
 
 #[test]
 fn the_own_spots_light_leaves_the_components_and_the_squares() {
     let mut symmetry = symmetry(4.0, 32.0, 1).0;
-    symmetry.components = [1.0, 2.0, 3.0, 4.0, 5.0];
-    (symmetry.pixels_a_deviation, symmetry.leverage) = (0.25, 0.2);
-    symmetry.squares = 100.0;
-    symmetry.subtract(&own_spot(4.0, [0.0; COMPONENTS]));
-    assert_eq!(symmetry.components, [1.0, 2.0, 3.0, 4.0, 5.0]);
-    assert_eq!((symmetry.squares, symmetry.own_of_a_pair), (100.0, 0.0));
+    let deviations = |all: [i32; COMPONENTS]| all.map(|it| it << 12);
+    symmetry.components = deviations([1, 2, 3, 4, 5]);
+    // A quarter of a pixel, and a leverage of 0.2.
+    (symmetry.deviations_a_pixel, symmetry.leverage) = (4 << 14, 13_107);
+    symmetry.squares = 100 << 8;
+    let quarters = |all: [i32; COMPONENTS]| all.map(|it| Pixels::from_bits(it << 14));
+    symmetry.subtract(&own_spot(Pixels::from_int(4), quarters([0; COMPONENTS])));
+    assert_eq!(symmetry.components, deviations([1, 2, 3, 4, 5]));
+    assert_eq!((symmetry.squares, symmetry.own_of_a_pair), (100 << 8, 0));
     // 1, 2, 1, 0 and -1 standard deviations. Without the shift, the sum of the components' squares rises
     // from 4 + 9 + 16 + 25 to 0 + 4 + 16 + 36.
-    symmetry.subtract(&own_spot(4.0, [0.25, 0.5, 0.25, 0.0, -0.25]));
-    assert_eq!(symmetry.components, [0.0, 0.0, 2.0, 4.0, 6.0]);
-    assert_eq!(symmetry.squares, 102.0);
+    symmetry.subtract(&own_spot(Pixels::from_int(4), quarters([1, 2, 1, 0, -1])));
+    assert_eq!(symmetry.components, deviations([0, 0, 2, 4, 6]));
+    assert_eq!(symmetry.squares, 102 << 8);
     // The root of 5 functions times the leverage times the sum of squares 1 + 4 + 1 + 1.
-    assert!((symmetry.own_of_a_pair - libm::sqrtf(5.0 * 0.2 * 7.0)).abs() < 1e-5);
+    let most = symmetry.own_of_a_pair as f32 / 128.0;
+    assert!((most - libm::sqrtf(5.0 * 0.2 * 7.0)).abs() < 0.01);
 }
 
 /// All of this row's difference from its mirror image is that of the own spot. So no pair may differ by
@@ -267,17 +284,21 @@ fn the_own_spot_explains_a_lopsided_row_and_no_pixel_that_stands_out() {
         let (mut row, found) = lopsided(width, skewness, 0);
         let trust = Trust::of(&found, &MaskedPixels::default());
         let shape = row.shape();
-        let own = own_spot(shape.width.to_f32(), shape.components.map(Pixels::to_f32));
+        let own = own_spot(shape.width, shape.components);
         assert!(!row.is_symmetric(&found, trust), "{width} {skewness}");
         row.subtract(&own);
         assert!(row.is_symmetric(&found, trust), "{width} {skewness}");
         // The components were rounded to 2^-16 px.
-        let rounding = 1.0 / 65536.0 / row.pixels_a_deviation;
-        assert!(row.components.iter().all(|it| it.abs() <= rounding));
-        let worst = libm::sqrtf(row.worst);
+        let rounding = (row.deviations_a_pixel >> 17) + 2;
+        assert!(
+            row.components.iter().all(|it| it.abs() <= rounding),
+            "{:?} {rounding}",
+            row.components
+        );
+        let worst = row.worst.isqrt() as i32;
         println!("{width} {skewness}: {worst} of {}", row.own_of_a_pair);
         // The limit is a few times the most that the own spot makes of a pair, not without end.
-        let limits = worst..5.0 * worst;
+        let limits = worst..5 * worst;
         assert!(limits.contains(&row.own_of_a_pair), "{width} {skewness}");
 
         let mut flawed = lopsided(width, skewness, 900).0;

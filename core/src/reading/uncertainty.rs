@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::drawing::{DRAWING, Drawing};
 use crate::base::numeric::{at_least, at_most, square};
 use crate::base::places::{PLACES, place_at};
-use crate::base::{Counts, Exposure, Micrometres, Pixels};
+use crate::base::{Counts, Exposure, Micrometres, Pixels, numeric};
 use crate::centre::Estimator;
 use crate::frame::FrameCentre;
 use crate::row::pixels::PixelErrors;
@@ -331,9 +331,9 @@ fn brightness(frame: &FrameCentre) -> f32 {
 
 /// Linear interpolation. `along` is limited to 0 to 1; not-a-number counts as 0.
 fn between(values: &[f32; PLACES], along: f32) -> f32 {
-    let (index, part) = place_at(along);
+    let (index, part) = place_at(numeric::whole_i32(along * 65536.0));
     match values.get(index..) {
-        Some([from, to, ..]) => from + (to - from) * part,
+        Some([from, to, ..]) => from + (to - from) * (part as f32 / 65536.0),
         _ => 0.0,
     }
 }

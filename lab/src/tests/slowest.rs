@@ -24,14 +24,13 @@ fn no_known_row_has_become_slower() {
     }
 }
 
-/// The project asks for the following row's limit. At 7,000 rows a second, rows are lost if a first row takes
-/// more than its limit. A chip without an FPU computes floats by its integers.
+/// The project asks for the limits of the chip with an FPU. The other one computes floats by its integers.
 #[test]
 #[ignore = "builds a program for two chips; run by .ci/run"]
 fn a_plain_row_takes_few_instructions() {
     for (target, most_first, most_following) in [
-        ("thumbv7em-none-eabihf", 47_000, 18_000),
-        (slowest::WITHOUT_FPU, 200_000, 135_000),
+        ("thumbv7em-none-eabihf", 50_000, 18_000),
+        (slowest::WITHOUT_FPU, 150_000, 85_000),
     ] {
         let mut chip = Chip::power_on_for(target).expect("the chip's program");
         let rows = [false, true].map(|follows| slowest::plain_row(Estimator::default(), follows));

@@ -2,37 +2,50 @@ use core::ops::Range;
 use std::vec::Vec;
 
 use super::*;
+use crate::base::numeric::inverse_root_of_64;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::row::Polarity;
 use crate::tests::{bare, gaussian, hash};
 
 impl Norms {
-    fn sums(&self) -> [f32; 8] {
+    fn sums(&self) -> [f64; 8] {
         let it = self;
-        [it.l0, it.l1, it.l2, it.m0, it.m1, it.m2, it.m3, it.m4]
+        let sums = [it.l0, it.l1, it.l2, it.m0, it.m1, it.m2, it.m3, it.m4];
+        sums.map(|sum| f64::from(sum) / f64::from(1 << 24))
     }
 }
 
 impl Even {
-    /// All sums, the norms first.
-    fn all(&self) -> impl Iterator<Item = f32> {
-        let norms = [self.norms.samples].into_iter().chain(self.norms.sums());
-        norms.chain([self.p, self.p0, self.p1, self.p2, self.squares])
+    /// All sums, the norms first, those with p in units of z.
+    fn all(&self) -> impl Iterator<Item = f64> {
+        let norms = [f64::from(self.norms.samples)]
+            .into_iter()
+            .chain(self.norms.sums());
+        let EvenSums {
+            p,
+            p0,
+            p1,
+            p2,
+            squares,
+        } = self.sums;
+        let sums = [(p, 64.0), (p0, 8.0), (p1, 16.0), (p2, 64.0)];
+        let sums = sums.map(|(sum, unit)| f64::from(sum) * unit);
+        norms.chain(sums).chain([16.0 * squares as f64])
     }
 }
 
 #[test]
 fn the_mirror_is_the_nearest_half_pixel() {
-    for (centre, right, left, to_right, offset) in [
-        (10.0, 11, 10, 1.0, 0.0),
-        (10.2, 11, 10, 1.0, 0.2),
-        (10.3, 11, 11, 0.5, -0.2),
-        (10.5, 11, 11, 0.5, 0.0),
-        (9.8, 11, 10, 1.0, -0.2),
+    for (centre, right, left, is_in_a_pixel, offset) in [
+        (10.0, 11, 10, true, 0.0),
+        (10.2, 11, 10, true, 0.2),
+        (10.3, 11, 11, false, -0.2),
+        (10.5, 11, 11, false, 0.0),
+        (9.8, 11, 10, true, -0.2),
     ] {
         let place = Place::of(Pixels::from_f32(centre));
-        let found = (place.right, place.left, place.to_right);
-        assert_eq!(found, (right, left, to_right), "{centre}");
+        let found = (place.right, place.left, place.is_in_a_pixel);
+        assert_eq!(found, (right, left, is_in_a_pixel), "{centre}");
         assert!((place.offset.to_f32() - offset).abs() < 1e-4, "{centre}");
     }
     for end in [Pixels::MIN, Pixels::MAX] {
@@ -40,6 +53,9 @@ fn the_mirror_is_the_nearest_half_pixel() {
         assert!(place.right >= 1 && place.offset.to_f32().abs() <= 0.5);
     }
 }
+
+/// One, Q6.26.
+const Q26: i32 = 1 << 26;
 
 /// Saturated pixels, masked ones, and both; samples of all sizes, and mirrors near the row's ends.
 #[test]
@@ -60,8 +76,8 @@ fn a_pair_with_a_gap_is_one_whose_samples_take_one() {
                 light: (&light).into(),
                 mirror: Place::of(Pixels::from_f32(centre)),
                 pixels,
-                u: 0.1,
-                pitch: 0.2,
+                pitch: Q26 / 5,
+                per_pitch: 5 << 24,
                 level: 0,
                 gaps: Gaps {
                     saturation,
@@ -81,6 +97,15 @@ fn a_pair_with_a_gap_is_one_whose_samples_take_one() {
     }
 }
 
+impl Correction {
+    /// Those of 1, u^2 and u^4 in units of z.
+    fn coefficients(&self) -> [f64; 3] {
+        let unit = f64::from(1 << self.coarser);
+        let coefficients = [(self.c0, unit), (self.c1, unit), (self.c2, unit / 256.0)];
+        coefficients.map(|(it, unit)| f64::from(it) * unit)
+    }
+}
+
 /// A gaussian sampled at whole pixels, without noise. At a width of 0.85 pixels, interpolation makes an
 /// error in z of 5 % of the height, and the correction leaves 0.2 %.
 #[test]
@@ -90,14 +115,18 @@ fn interpolation_leaves_no_derivatives() {
         for step in -25..=25 {
             let offset = step as f32 / 100.0;
             let y = |x: f32| libm::expf(-0.5 * (x - offset) * (x - offset) / (width * width));
-            let correction = Correction::of(offset, 1.0 / width, 1.0);
+            let height = 1 << 28;
+            let per_s = (Q26 as f32 / width) as i32;
+            let correction = Correction::of(Pixels::from_f32(offset), per_s, height);
+            let [c0, c1, c2] = correction
+                .coefficients()
+                .map(|it| it as f32 / height as f32);
             let next = if offset > 0.0 { 1.0 } else { -1.0 };
             let moved = |x: f32| y(x) + offset.abs() * (y(x + next) - y(x));
             for i in 1..8 {
                 let x = i as f32 * 0.5;
                 let z = moved(x) - moved(-x);
                 let u = x / width;
-                let Correction { c0, c1, c2, .. } = correction;
                 let of_interpolation =
                     u * libm::expf(-0.5 * u * u) * (c0 + u * u * (c1 + u * u * c2));
                 worst = worst.max((z + of_interpolation).abs());
@@ -109,7 +138,7 @@ fn interpolation_leaves_no_derivatives() {
     }
 }
 
-/// What a pair is in f64, from the definitions. Counts, not [`Pairs::units_a_count`].
+/// What a pair is in f64, from the definitions. In counts, not in units of z.
 struct Exact {
     u: f64,
     e: f64,
@@ -123,6 +152,7 @@ fn reference(pairs: &Pairs<'_>, noise: &Noise) -> Vec<Exact> {
     let light = |pixel: usize| f64::from(pairs.light.get(pixel).expect("a pixel"));
     let offset = pairs.mirror.offset.to_f64();
     let level = f64::from(pairs.level) / 256.0;
+    let unit = libm::ldexp(1.0, pairs.fraction() as i32);
     let moved = |pixel: usize| {
         let first = if offset > 0.0 { pixel } else { pixel - 1 };
         light(pixel) + offset * (light(first + 1) - light(first)) - level
@@ -135,11 +165,12 @@ fn reference(pairs: &Pairs<'_>, noise: &Noise) -> Vec<Exact> {
     };
     let mut exact = Vec::new();
     for i in 0.. {
-        let u = f64::from(pairs.u) + f64::from(pairs.pitch) * f64::from(i);
+        let (first, pitch) = (f64::from(pairs.first()), f64::from(pairs.pitch));
+        let u = (first + pitch * f64::from(i)) / f64::from(Q26);
         let from = pairs.mirror.right + i as usize * pairs.pixels;
         let to = pairs.mirror.left as i64 - i64::from(i) * pairs.pixels as i64;
         let start = to - pairs.pixels as i64;
-        let last = f64::from(pairs.u) + f64::from(REACH) - f64::from(pairs.pitch * 1e-4);
+        let last = f64::from(REACH) + (first - pitch * 1e-4) / f64::from(Q26);
         if u > last || start < 1 || from + pairs.pixels >= pairs.light.len() {
             break;
         }
@@ -149,12 +180,12 @@ fn reference(pairs: &Pairs<'_>, noise: &Noise) -> Vec<Exact> {
         }
         let (right, left): (f64, f64) = (right.map(moved).sum(), left.map(moved).sum());
         let e = libm::exp(-0.5 * u * u);
-        let Correction { c0, c1, c2, .. } = noise.correction;
-        let [c0, c1, c2] = [c0, c1, c2].map(f64::from);
+        let coefficients = noise.correction.map_or([0.0; 3], |it| it.coefficients());
+        let [c0, c1, c2] = coefficients.map(|it| it / unit);
         let z = right - left + u * e * (c0 + u * u * (c1 + u * u * c2));
         let p = right + left;
-        let dark = f64::from(noise.dark);
-        let variance = dark + f64::from(noise.shot) * p.max(0.0);
+        let dark = noise.dark as f64 / (unit * unit);
+        let variance = dark + f64::from(noise.shot) / 65536.0 * p.max(0.0);
         let (z, root) = (z / variance.sqrt(), (dark / variance).sqrt());
         exact.push(Exact { u, e, p, z, root });
     }
@@ -195,8 +226,8 @@ fn exact_components(pairs: &[Exact]) -> [f64; COMPONENTS] {
                 .for_each(|(it, f)| *it -= along * f);
         }
         let norm = dot(&rest, &rest);
-        // As `Odd::components`.
-        if norm <= f64::from(LEAST_NORM_OF_COLUMN) * dot(&whole, &whole) {
+        // As `Odd::of`.
+        if norm <= libm::ldexp(1.0, -13) * dot(&whole, &whole) {
             return 0.0;
         }
         rest.iter_mut().for_each(|it| *it /= norm.sqrt());
@@ -242,27 +273,32 @@ fn sums_agree_with_their_definitions() {
         };
         let pixels = (width / 6.0) as usize + 1;
         let block = pixels as f32;
-        let per_s = 1.0 / libm::sqrtf(width * width + block * block / 12.0);
+        let samples = libm::sqrtf(width * width + block * block / 12.0) / block;
         let mirror = Place::of(Pixels::from_f32(centre));
+        let pitch = (Q26 as f32 / samples) as i32;
         let pairs = Pairs {
             light: row.light(),
             mirror,
             pixels,
-            u: (mirror.to_right + 0.5 * (block - 1.0)) * per_s,
-            pitch: block * per_s,
+            pitch,
+            per_pitch: (samples * (1 << 24) as f32) as i32,
             level: 200 * 256 + 77,
             gaps: Gaps {
                 saturation: has_saturated.then_some(4095),
                 masked: &masked,
             },
         };
-        let unit = pairs.units_a_count();
+        let unit = libm::ldexpf(1.0, pairs.fraction() as i32);
         // Less noise than that of the row makes z larger than 16 bits hold.
         let read = [4.0, 0.5][case / 20 % 2];
-        let noise = |unit: f32| Noise {
-            correction: Correction::of(mirror.offset.to_f32(), per_s, 2000.0 * block * unit),
-            dark: 2.0 * read * read * block * unit * unit,
-            shot: 0.1 * unit,
+        let dark = (2.0 * read * read * block * unit * unit) as u64;
+        let height = (2000.0 * block * unit) as i32;
+        let noise = Noise {
+            correction: (pixels == 1).then(|| Correction::of(mirror.offset, pitch, height)),
+            dark,
+            per_root: inverse_root_of_64(dark),
+            // 0.1.
+            shot: 6554,
         };
         let number = if pairs.are_whole() {
             &mut whole
@@ -270,8 +306,8 @@ fn sums_agree_with_their_definitions() {
             &mut others
         };
         *number += 1;
-        let (odd, even) = pairs.sums(&noise(unit), false);
-        let exact = reference(&pairs, &noise(1.0));
+        let (odd, even) = pairs.sums(&noise, false);
+        let exact = reference(&pairs, &noise);
         let mut units = [1.0; 14];
         units[9..13].fill(f64::from(unit));
         units[13] = f64::from(unit * unit);
@@ -282,22 +318,26 @@ fn sums_agree_with_their_definitions() {
             let (sum, magnitude) = terms.fold((0.0, least), |(sum, all), term| {
                 (sum + term, all + term.abs())
             });
-            let error = (f64::from(found) / unit - sum).abs() / magnitude;
+            let error = (found / unit - sum).abs() / magnitude;
             worst_sum = worst_sum.max(error);
             assert!(error <= 2e-5, "{i} of {width} at {centre}: {found} {sum}");
         }
         let squares: f64 = exact.iter().map(|pair| pair.z * pair.z).sum();
+        let (components, rest) = odd.components(1 << 16);
+        let found = components.map(|it| f64::from(it) / 4096.0);
+        let (norm, bits) = odd.norm_of_shift();
+        let worst = odd.worst() as f64 / 128.0;
         let most = exact.iter().map(|pair| pair.z.abs()).fold(0.0, f64::max);
         largest = largest.max(most);
         for (found, exact) in [
-            (odd.squares(), squares),
-            (odd.worst(), most * most),
+            (rest as f64 / 256.0 + found[0] * found[0], squares),
+            (worst * worst, most * most),
             (
-                odd.norm_of_shift(),
+                libm::ldexp(norm.into(), -bits).powi(2),
                 exact.iter().map(|it| it.odd()[0].powi(2)).sum(),
             ),
         ] {
-            let error = (f64::from(found) - exact).abs();
+            let error = (found - exact).abs();
             worst_square = worst_square.max(error / (exact + 1e-3));
             assert!(
                 error <= 0.03 * exact + 1e-6,
@@ -308,8 +348,8 @@ fn sums_agree_with_their_definitions() {
         if exact.len() < 11 {
             continue;
         }
-        for (found, exact) in odd.components().into_iter().zip(exact_components(&exact)) {
-            let error = (f64::from(found) - exact).abs() / (1.0 + most);
+        for (found, exact) in found.into_iter().zip(exact_components(&exact)) {
+            let error = (found - exact).abs() / (1.0 + most);
             worst_component = worst_component.max(error);
             assert!(
                 error <= 0.02,
@@ -332,15 +372,27 @@ fn the_series_gives_the_sums_over_all_pairs() {
     // A sample has one pixel below a width of six, two below twelve, and so on.
     for width in [2.0f32, 3.0, 5.9, 6.0, 10.5, 12.0, 17.9, 18.0, 25.0, 35.9] {
         let block = libm::floorf(width / 6.0) + 1.0;
-        let s = libm::sqrtf(width * width + block * block / 12.0);
-        let pitch = block / s;
+        let samples = libm::sqrtf(width * width + block * block / 12.0) / block;
+        let nothing = MaskedPixels::default();
         // The mirror between two pixels, and in the middle of a pixel.
-        for to_right in [0.5, 1.0] {
-            let first = (to_right + 0.5 * (block - 1.0)) / s;
-            let number = (REACH / pitch) as usize + 1;
+        for centre in [10.5, 10.0] {
+            let pairs = Pairs {
+                light: (&[0; 20]).into(),
+                mirror: Place::of(Pixels::from_f32(centre)),
+                pixels: block as usize,
+                pitch: (Q26 as f32 / samples) as i32,
+                per_pitch: (samples * (1 << 24) as f32) as i32,
+                level: 0,
+                gaps: Gaps {
+                    saturation: None,
+                    masked: &nothing,
+                },
+            };
+            let (number, _) = pairs.number();
             let mut sums = [0.0f64; 8];
             for i in 0..number {
-                let u = f64::from(first) + i as f64 * f64::from(pitch);
+                let u = f64::from(pairs.first()) + i as f64 * f64::from(pairs.pitch);
+                let u = u / f64::from(Q26);
                 let e = libm::exp(-0.5 * u * u);
                 let parts = [0, 2, 4].map(|power| (power, e)).into_iter();
                 let parts = parts.chain([0, 2, 4, 6, 8].map(|power| (power, e * e)));
@@ -348,12 +400,12 @@ fn the_series_gives_the_sums_over_all_pairs() {
                     *sum += u.powi(power) * part;
                 }
             }
-            let norms = Norms::of_all(first, pitch, number);
-            assert_eq!(norms.samples, number as f32);
+            let norms = Norms::of_all(&pairs, number);
+            assert_eq!(norms.samples, number as i32);
             for (norm, sum) in norms.sums().into_iter().zip(sums) {
-                let error = (f64::from(norm) / sum - 1.0).abs();
+                let error = (norm / sum - 1.0).abs();
                 worst = worst.max(error);
-                assert!(error < 1.5e-6, "{width} {to_right}: {norm} {sum}");
+                assert!(error < 4e-6, "{width} {centre}: {norm} {sum}");
             }
         }
     }

@@ -167,30 +167,44 @@ fn target(line: &str) -> Option<(u64, u64)> {
 mod tests {
     use super::*;
 
-    /// The loops over the pairs of a row, from the words to the products of the columns. All names of the
-    /// FPU's instructions begin with V.
+    /// All names of the FPU's instructions begin with V. Only rows that are not clean take the repair, and ask
+    /// what their shape adds to u.
     #[test]
     #[ignore = "builds the firmware; run by .ci/run"]
-    fn the_sums_over_pairs_use_no_float() {
+    fn the_check_of_a_clean_row_uses_no_float() {
         let firmware = Firmware::build().expect("the firmware");
         let text = disassembly(&firmware).expect("the program");
-        for name in ["7list_of", "8list_any", "5pairs8tabulate", "8cortex_m4gram"] {
-            let functions = text.split("\n\n").filter(|function| {
-                let head = function.lines().find(|line| line.ends_with(">:"));
-                head.is_some_and(|head| head.contains(name))
-            });
-            let (mut instructions, mut floats) = (0, vec![]);
-            for line in functions.flat_map(str::lines) {
-                if let Some(mnemonic) = line.split('\t').nth(1) {
-                    instructions += 1;
-                    floats.extend(mnemonic.trim().starts_with('v').then_some(line));
-                }
+        let mut found = vec![];
+        for function in text.split("\n\n") {
+            let head = function.lines().find(|line| line.ends_with(">:"));
+            let Some(head) = head.and_then(|head| head.split('<').nth(1)) else {
+                continue;
+            };
+            let of_others = ["6repair", "12is_expressed"];
+            let is_checks = head.contains("9slitrange5check")
+                && !of_others.iter().any(|name| head.contains(name))
+                || ["8cortex_m4gram", "7numeric12exp_of_minus"]
+                    .iter()
+                    .any(|name| head.contains(name));
+            if !is_checks {
+                continue;
             }
-            println!("{name}: {instructions} instructions");
-            assert!(
-                instructions > 20 && floats.is_empty(),
-                "{name}: {floats:#?}"
-            );
+            let mnemonics = (function.lines()).filter_map(|line| line.split('\t').nth(1));
+            let mut floats = mnemonics.filter(|name| name.trim().starts_with('v'));
+            assert_eq!(floats.next(), None, "{head}");
+            found.push(head);
+        }
+        println!("{found:#?}");
+        for name in [
+            "7compare",
+            "11by_symmetry",
+            "8Symmetry",
+            "7list_of",
+            "8list_any",
+            "7Factors",
+            "4gram",
+        ] {
+            assert!(found.iter().any(|found| found.contains(name)), "{name}");
         }
     }
 
