@@ -3,6 +3,7 @@
 //! Two judges count those. The firmware's check is tuned on the first one's rows, and nothing on the second
 //! one's.
 
+mod lopsided;
 mod story;
 
 use std::time::Instant;
@@ -124,6 +125,7 @@ const PAGE: &str = "docs/hard-cases.md";
 /// Rewrites the catalogue's tables, and the rates of both judges if there are any.
 fn write(catalogue: &Catalogue, rates: Option<(&Tally, &Tally, &Report)>) -> anyhow::Result<()> {
     docs::write_block(PAGE, report::CATALOGUE, &catalogue.markdown())?;
+    docs::write_block("docs/uncertainty.md", lopsided::TOOL, &lopsided::markdown())?;
     if let Some((clean, mixtures, second)) = rates {
         let block = report::random_rows_markdown(clean, mixtures);
         docs::write_block(PAGE, report::RANDOM_ROWS, &block)?;
