@@ -445,8 +445,8 @@ struct Symmetry {
     pairs: i32,
     /// The components of z, in standard deviations of its noise, Q12: see [`crate::centre::spot_shape`].
     components: [i32; COMPONENTS],
-    /// The standard deviations that a shift of a pixel makes, Q14, and one over it, Q24. Zero if no pair tells
-    /// of a shift.
+    /// The standard deviations that a shift of a pixel makes, Q14, and one over it, Q24, at most 128 pixels.
+    /// Zero and the largest if no pair tells of a shift.
     deviations_a_pixel: i32,
     pixels_a_deviation: i32,
     /// The square of the worst pair's deviation, in variances, Q14.
@@ -468,37 +468,38 @@ struct Even {
     /// The part along u^4 e, what it is for a k4 of one, both Q15, and its variance, if there are enough
     /// samples for it.
     fourth: Option<(i32, i64, i64)>,
-    /// The sum of squares that the fit leaves, that of the spot, and the variance of a pair. Q16.
+    /// The sum of squares that the fit leaves, without what noise leaves, that of the spot, and the variance
+    /// of a pair. Q16.
     rest: i64,
     spot: i64,
     variance: i64,
 }
 
 impl Even {
-    /// `height` is in 4 units of z.
-    fn of(shape: &pairs::Shape, height: i32, noise: &Noise, fraction: u32) -> Self {
+    /// `unlit` is the variance of an unlit pair, and `height` is in 4 units of z.
+    fn of(shape: &pairs::Shape, height: i32, unlit: i64, shot: u16, fraction: u32) -> Self {
         let pairs::Shape { unit, samples, .. } = *shape;
         let sum = numeric::add_i32;
-        // Of z, Q16, and the shot noise's for each Q8 of p, Q32.
-        // Limits that no light reaches, so that no product is too large.
-        let dark = numeric::shifted(noise.dark.cast_signed(), sum(sum(unit, unit), 16));
-        let dark = dark.min(1 << 46);
-        let shot =
-            numeric::shifted_32(noise.shot.into(), sum(sum(unit, fraction.cast_signed()), 8));
-        let variance = |p: i32| numeric::add_i64(dark, product(p, shot) >> 16);
-        // Q8. See `pairs::Even::solve`.
-        let in_units = |p: i32, more: i32| numeric::shifted_32(p, sum(unit, more)).min(1 << 24);
-        let (peak, mean) = (in_units(height, 8 + 3), in_units(shape.mean, 8));
+        // Variances, Q16, and the shot noise's for each Q4 of p, Q32. The limits leave room for all products.
+        let unlit = numeric::shifted(unlit, sum(sum(unit, unit), 16)).min(1 << 46);
+        let shot = numeric::shifted(shot.into(), sum(sum(unit, fraction.cast_signed()), 12));
+        let shot = shot.min(1 << 38);
+        let variance = |p: i32| numeric::add_i64(unlit, numeric::mul_i64(p.into(), shot) >> 16);
+        // Q4. The root of the sum of the light's squares is 2^18 to 2^19 (`pairs::Even::solve`), and the height
+        // that a fit of the flanks claims up to 32 times as much.
+        let in_units =
+            |p: i32, more: i32| numeric::shifted_32(p, sum(unit, more)).clamp(-(1 << 24), 1 << 24);
+        let (peak, mean) = (in_units(height, 4 + 3), in_units(shape.mean, 4));
         let of_noise = variance(mean);
         let squares = numeric::i64_to_i32(product(peak, peak) >> 18);
         Self {
             fourth: (shape.fourth)
-                .map(|(norm, along)| (along, product(peak, norm) >> 8, variance(peak))),
+                .map(|(norm, along)| (along, product(peak, norm) >> 4, variance(peak))),
             rest: numeric::sub_i64(
                 i64::from(shape.rest) << 16,
                 numeric::mul_i64(sum(samples, -3).into(), of_noise),
             ),
-            spot: product(squares, shape.squares_of_e) >> 6,
+            spot: product(squares, shape.squares_of_e) << 2,
             variance: of_noise,
         }
     }
@@ -556,10 +557,10 @@ impl Symmetry {
         } = self.even;
         let is_flat = |(along, one, variance): (i32, i64, i64)| {
             let limit = numeric::mul_i64(one, FLAT.into()) >> 16;
-            let below = numeric::add_i64(limit, along.into());
-            // Q32 each.
-            let squares = numeric::mul_i64(below, below) >> 14;
-            below < 0 && squares > numeric::mul_i64((even * even) >> 8, variance)
+            let below = numeric::saturated(numeric::add_i64(limit, along.into()));
+            // From Q30 and Q16 to Q16.
+            let noise = numeric::mul_i64(even * even, variance) >> 8;
+            below < 0 && product(below, below) >> 14 > noise
         };
         let scatter = (even * i64::from(root_of_double(self.pairs))) >> 4;
         let by_noise = numeric::mul_i64(scatter, variance) >> 8;
@@ -631,23 +632,23 @@ impl Symmetry {
             },
         };
         let fraction = pairs.fraction();
-        // In units of z.
         // In units of z, with so many bits fewer: below 2^30 for 2^16 counts.
-        let in_units = |counts: Counts, fewer: u32| {
-            let counts = counts.to_bits().clamp(1, 1 << 24);
-            let bits = product(counts, 1 << fraction) >> (Counts::FRACTION + fewer);
-            numeric::saturated(bits)
+        let in_units = |counts: i32, fewer: u32| {
+            let bits = product(counts.min(1 << 24), 1 << fraction);
+            numeric::saturated(bits >> (Counts::FRACTION + fewer))
         };
-        let height = in_units(found.amplitude, 2).saturating_mul(block);
+        let height = in_units(found.amplitude.to_bits().max(0), 2).saturating_mul(block);
         let per_s = pitch / block;
         let correction =
             (block == 1).then(|| Correction::of(mirror.offset, per_s, height.saturating_mul(4)));
-        let noise = in_units(spot.background.noise, 0).clamp(1, 1 << 28);
+        // Quantisation alone has 0.29 counts, and 2^12 are more than a row has.
+        let noise = spot.background.noise.to_bits().clamp(74, 1 << 20);
+        let noise = in_units(noise, 0);
+        // Below 2^59.
+        let unlit = numeric::mul_i64(product(noise, noise), (2 * block).into());
         let third = correction.map_or(0, |correction| correction.third);
         let of_profile = numeric::i64_to_i32(product(OTHER_PROFILE, third) >> 8);
-        // Below 2^60.
-        let dark = numeric::mul_i64(product(noise, noise), (2 * block).into());
-        let dark = numeric::add_i64(dark, product(of_profile, of_profile)).unsigned_abs();
+        let dark = numeric::add_i64(unlit, product(of_profile, of_profile)).unsigned_abs();
         let noise = Noise {
             correction,
             dark,
@@ -677,9 +678,13 @@ impl Symmetry {
         );
         let by = numeric::sub_i32(halvings.cast_signed(), numeric::add_i32(bits, 9));
         let deviations_a_pixel = numeric::saturated(numeric::shifted(shifts, by));
-        let inverse = numeric::inverse_root(deviations_a_pixel.cast_unsigned());
-        let (pixels_a_deviation, doublings) = numeric::inverse(inverse);
-        let pixels_a_deviation = numeric::shifted_32(pixels_a_deviation, doublings - 22);
+        let pixels_a_deviation = if deviations_a_pixel > 0 {
+            let root = numeric::inverse_root(deviations_a_pixel.cast_unsigned());
+            let (inverse, doublings) = numeric::inverse(root);
+            numeric::shifted_32(inverse, doublings - 22)
+        } else {
+            i32::MAX
+        };
         let wider = (shape.wider).map_or(i64::MIN, |(wider, log2)| {
             numeric::shifted(product(wider, width), log2)
         });
@@ -693,7 +698,7 @@ impl Symmetry {
             squares,
             leverage: ((pitch >> 10) * LEVERAGE_A_PITCH) >> 8,
             width: Pixels::from_bits(numeric::saturated(wider.saturating_add(width.into()))),
-            even: Even::of(&shape, height, &noise, fraction),
+            even: Even::of(&shape, height, unlit, noise.shot, fraction),
         }
     }
 }

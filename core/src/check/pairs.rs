@@ -100,6 +100,8 @@ struct Scale {
     /// What makes z, times its pair's root, a number of its column: 2^34 standard deviations, in the column's
     /// unit, over that of an unlit pair. Saturates for samples of 1000 pixels, which leave no three pairs.
     z: i32,
+    /// Half of a step of that column before it: so z is rounded, and its mean not lower than it is.
+    half: i32,
 }
 
 impl Scale {
@@ -113,14 +115,16 @@ impl Scale {
         let shot = i64::from(UNLIT.wrapping_mul(noise.shot.into())).wrapping_mul(inverse.into());
         // 2^(34 + 7) times the root's 2^-29 and 2^-32.
         let (root, halvings) = noise.per_root;
-        let z = halvings
+        let more = halvings
             .cast_signed()
             .wrapping_sub(20)
             .wrapping_sub(coarser);
+        let z = shifted_32(root, more).max(1);
         Self {
             correction: noise.correction,
             shot: numeric::saturated(shifted(shot, by.wrapping_neg())),
-            z: numeric::saturated(shifted(root.into(), z)),
+            z,
+            half: i32::MAX / z,
         }
     }
 
@@ -155,7 +159,10 @@ impl Scale {
             z = z.wrapping_add(product.wrapping_shl(correction.coarser));
         }
         let t = upper_product(u, root).wrapping_mul(1 << 2);
-        ([f1, t, f3, f5, f7], upper_product(z, self.z))
+        (
+            [f1, t, f3, f5, f7],
+            upper_product(z.wrapping_add(self.half), self.z),
+        )
     }
 }
 
@@ -215,6 +222,37 @@ impl Pairs<'_> {
         let table = table.get_mut(..rows).unwrap_or_default();
         self.list(number, gaps, listed.as_flattened_mut());
         let at = Steps::new(self.first(), self.pitch);
+        let sum = |listed: &[[Pair; 2]], table: &mut _| self.sum(noise, at, gaps, listed, table);
+        let (mut odd, sums) = sum(listed, table);
+        if is_tilted {
+            // A slope from a coarse column is only near: the rest has a finer one.
+            for _ in 0..2 {
+                let scale = Scale::of(noise, self.fraction(), odd.coarser);
+                odd.subtract_slope(&scale, at, listed.as_flattened_mut());
+                let is_fine = odd.coarser < 4;
+                (odd, _) = sum(listed, table);
+                if is_fine {
+                    break;
+                }
+            }
+        }
+        let norms = if self.are_whole() {
+            Norms::of_all(self, number)
+        } else {
+            norms(at, number, gaps)
+        };
+        (odd, Even { norms, sums })
+    }
+
+    /// Sums the pairs that were listed.
+    fn sum(
+        &self,
+        noise: &Noise,
+        at: Steps,
+        gaps: u64,
+        listed: &[[Pair; 2]],
+        table: &mut [SixPairs],
+    ) -> (Odd, EvenSums) {
         let mut tabulate = |coarser| {
             let scale = Scale::of(noise, self.fraction(), coarser);
             tabulate(at, &scale, listed, table)
@@ -227,22 +265,16 @@ impl Pairs<'_> {
             coarser = 32i32.wrapping_sub(times.cast_signed());
             (largest, _) = tabulate(coarser);
         }
+        let number = self.number().1.min(MOST_PAIRS);
         if number % 2 == 1 {
             leave_out(table, number);
         }
-        let norms = if self.are_whole() {
-            Norms::of_all(self, number)
-        } else {
+        if !self.are_whole() {
             // A pair that does not count still has its correction.
             places(gaps).for_each(|place| leave_out(table, place));
             largest = largest_z(table);
-            norms(at, number, gaps)
-        };
-        let mut odd = Odd::of(table, largest, coarser);
-        if is_tilted {
-            odd = odd.without_slope(table);
         }
-        (odd, Even { norms, sums })
+        (Odd::of(table, largest, coarser), sums)
     }
 
     /// Writes z and p of all pairs, those of gaps as zeros.
@@ -665,7 +697,8 @@ impl Correction {
     pub(super) fn of(offset: Pixels, per_s: i32, height: i32) -> Self {
         // Of spots that are narrower than the check trusts the correction would be larger.
         let per_s = per_s.min(5 << 24);
-        let height = height.min(1 << 28);
+        // 2^14 counts. A fit of the flanks may claim more: then less is corrected.
+        let height = height.min(1 << 30);
         let offset = offset.to_bits();
         // At most a quarter of a pixel, Q16.
         let d = offset.wrapping_abs();
@@ -684,9 +717,9 @@ impl Correction {
         // (1-t)^4 - t^4 is (1 - 2 t) (1 - 2 t (1-t)), Q29.
         let less = (1i32 << 29).wrapping_sub(twice.wrapping_abs() >> 3);
         let fifth = times(times(times(third, per_s), per_s), less) / 20;
-        // All sums up to eight widths have room: for s from 2, `third` is below 2^20, c1 + c2 u^2 below 2^21,
-        // and the whole below 2^27. For narrower spots `third` is below 2^25, and the whole below 2^33.
-        let coarser = if per_s > 1 << 25 { 6 } else { 0 };
+        // All sums up to eight widths have room: for s from 3, `third` is below 2^21, c1 + c2 u^2 below 2^22,
+        // and the whole below 2^28. For narrower spots `third` is below 2^27, and all have six bits less.
+        let coarser = if per_s > (1 << 29) / 3 { 6 } else { 0 };
         let half = 1i32.wrapping_shl(coarser) / 2;
         let rounded = |value: i32| value.wrapping_add(half).wrapping_shr(coarser);
         Self {
@@ -806,10 +839,10 @@ pub(super) struct Even {
 }
 
 /// What [`Even`] says of the light. The parts of p are in units of z times 2^`unit`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Shape {
     /// How much wider the light is than the spot, times 2 to the second number: the coefficient of u^2 e over
-    /// that of e. `None` if the light is no spot.
+    /// that of e. `None` if the light does not tell.
     pub(super) wider: Option<(i32, i32)>,
     pub(super) unit: i32,
     /// The norm of the part of u^4 e that it shares with no other function, Q15, and the part of p along it,
@@ -857,6 +890,10 @@ impl Even {
             m4,
             samples,
         } = self.norms;
+        if m0 < 1 << 8 {
+            // No pair is within 3.3 widths: the products are rounding.
+            return Shape::default();
+        }
         let EvenSums {
             p,
             p0,
@@ -890,8 +927,8 @@ impl Even {
         // Their units differ by the columns' bits. The inverse is that of first / 2^32.
         let second = upper_product(y2, l11);
         let first = upper_product(y1, l22).wrapping_sub(upper_product(l21, y2));
-        let (inverse, doublings) = numeric::inverse(inverse_root(first.max(0).cast_unsigned()));
-        let ratio = upper_product(second, inverse);
+        let (inverse, doublings) = numeric::inverse(inverse_root(first.unsigned_abs()));
+        let ratio = upper_product(second, inverse).wrapping_mul(first.signum());
         let by = doublings
             .wrapping_sub(28)
             .wrapping_add(shift2)
@@ -899,7 +936,7 @@ impl Even {
         let unit = shift_p.wrapping_sub(2).wrapping_sub(fewer);
         let norm = shifted_32(norm, shift3.wrapping_add(12).wrapping_neg());
         Shape {
-            wider: (first > 0).then_some((ratio, by)),
+            wider: (first != 0).then_some((ratio, by)),
             unit,
             fourth: (norm > 0).then_some((norm, y3)),
             rest: rest.wrapping_add(y3_squared),
@@ -958,10 +995,10 @@ impl Odd {
         }
     }
 
-    /// The products after the slope of a tilt is subtracted from z.
+    /// Subtracts from each z the slope that the sums show: that of the tilt without its part along the shift.
     #[cold]
     #[inline(never)]
-    fn without_slope(&self, table: &mut [SixPairs]) -> Self {
+    fn subtract_slope(&self, scale: &Scale, mut at: Steps, pairs: &mut [Pair]) {
         let Factors {
             enlarged,
             norms,
@@ -970,24 +1007,26 @@ impl Odd {
         } = self.factors;
         let ([_, norm, ..], [_, along, ..]) = (norms, last);
         let [_, enlarged, .., enlarged_z] = enlarged;
-        // That of the tilt without its part along the shift, Q16.
-        let along = shifted(
-            along.into(),
-            16i32.wrapping_add(enlarged).wrapping_sub(enlarged_z),
-        );
-        let slope = along.checked_div(norm.into()).unwrap_or_default();
-        let mut largest = 0;
-        for row in &mut *table {
-            let [_, t, _, _, _, z] = &mut row.0;
-            let [one, other] = [0, 1].map(|half| {
-                let (t, z) = (halves(*t)[half], halves(*z)[half]);
-                let rest = i64::from(z).saturating_sub(slope.saturating_mul(t.into()) >> 16);
-                numeric::i64_to_i32(rest.clamp((-LARGEST).into(), LARGEST.into()))
-            });
-            largest = largest.max(one.abs()).max(other.abs());
-            *z = pair(one, other);
+        // In steps of z's column for one of u's, Q16, and in units of z for a width. A step of u is 2^-10 widths,
+        // and one of z 2^34 units over the scale.
+        let by = 16i32.wrapping_add(enlarged).wrapping_sub(enlarged_z);
+        let slope = shifted(along.into(), by)
+            .checked_div(norm.into())
+            .unwrap_or_default();
+        let slope = shifted(slope, 28)
+            .checked_div(scale.z.into())
+            .unwrap_or_default();
+        let slope = numeric::saturated(slope);
+        for pair in pairs {
+            // Those that do not count stay zero.
+            if (pair.z, pair.p) != (0, 0) {
+                // Limited, so that z stays below 2^30.
+                let tilt = product(slope, at.u) >> 26;
+                let rest = i64::from(pair.z).wrapping_sub(tilt);
+                pair.z = numeric::i64_to_i32(rest.clamp(-(1 << 30) + 1, (1 << 30) - 1));
+            }
+            at.step();
         }
-        Self::of(table, largest, self.coarser)
     }
 
     /// The norm of u e over the pairs, weighted as if an unlit pair had the weight one: a number, and the bits

@@ -1,4 +1,5 @@
 use super::*;
+use crate::centre::WidthClass;
 use crate::tests::{found_at, gaussian, hash, normal, row, spot_at, tcd1304dg};
 
 #[test]
@@ -220,6 +221,80 @@ fn each_limit_flags() {
         let mut spoiled = symmetry(4.0, 32.0, 1).0;
         spoil(&mut spoiled);
         assert!(!is_clean(&spoiled, &found), "{i}");
+    }
+}
+
+/// A slope of 2.5 counts a pixel under a wide spot with little noise is a tilt of thousands of standard
+/// deviations. What is left of it after the sums' slope is subtracted is that of the words' rounding, which has
+/// the variance that the check assumes.
+#[test]
+fn the_slope_of_a_tilted_row_leaves_no_tilt() {
+    let (centre, width, height) = (450.3, 52.0, 886.0);
+    let light: [u16; 901] = core::array::from_fn(|i| {
+        let slope = 2600.0 - 2.5 * i as f32;
+        (slope + height * gaussian(i, centre, width) + 0.5) as u16
+    });
+    let spot = spot_at(450, 0, height, (2600.0 - 2.5 * centre, 0.31));
+    let found = RowCentre {
+        amplitude: spot.height,
+        ..found_at(centre, width)
+    };
+    let tilted = RowCentre {
+        class: WidthClass {
+            set: TILTED.number,
+            ..found.class
+        },
+        ..found
+    };
+    let nothing = MaskedPixels::default();
+    let [with, without] = [found, tilted].map(|found| {
+        let symmetry = Symmetry::of(&row(&light), &spot, &found, &tcd1304dg(), &nothing, false);
+        (
+            symmetry.components[1] as f32 / 4096.0,
+            symmetry.squares as f32 / 256.0,
+        )
+    });
+    println!("{with:.1?} and {without:.3?}");
+    // Of 35 pairs.
+    assert!(with.0.abs() > 1000.0 && without.0.abs() < 1.0 && without.1 < 60.0);
+}
+
+/// A spot of no height, and one of which no pair within three widths counts.
+#[test]
+fn without_light_that_tells_of_a_shift_nothing_is_clean() {
+    let light: [u16; 129] =
+        core::array::from_fn(|i| 300 + (2000.0 * gaussian(i, 64.0, 8.0)) as u16);
+    let spot = spot_at(64, 0, 2000.0, (300.0, 1.0));
+    let middle = MaskedPixels {
+        first: 64 - 30,
+        block: 1,
+        samples: (1 << 61) - 1,
+    };
+    for (amplitude, masked) in [
+        (0.0, MaskedPixels::default()),
+        (-1.0, MaskedPixels::default()),
+        (2000.0, middle),
+    ] {
+        let found = RowCentre {
+            amplitude: Counts::from_f32(amplitude),
+            uncertainty: Pixels::from_int(1),
+            ..found_at(64.0, 8.0)
+        };
+        let symmetry = Symmetry::of(&row(&light), &spot, &found, &tcd1304dg(), &masked, false);
+        assert!(
+            symmetry.pairs >= 5 && !is_clean(&symmetry, &found),
+            "{amplitude}"
+        );
+        let Symmetry {
+            deviations_a_pixel,
+            pixels_a_deviation,
+            ..
+        } = symmetry;
+        println!("{amplitude}: {deviations_a_pixel} {pixels_a_deviation}");
+        assert!(
+            deviations_a_pixel >= 0 && pixels_a_deviation > 0,
+            "{amplitude}"
+        );
     }
 }
 
