@@ -651,7 +651,6 @@ impl Symmetry {
         let dark = numeric::add_i64(unlit, product(of_profile, of_profile)).unsigned_abs();
         let noise = Noise {
             correction,
-            dark,
             per_root: numeric::inverse_root_of_64(dark),
             shot: geometry.shot_variance_per_count_q16,
         };

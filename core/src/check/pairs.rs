@@ -76,9 +76,7 @@ pub(super) struct Noise {
     /// For samples of one pixel. With larger samples the spot is so wide that interpolation adds at most 2e-4 of
     /// its height, a twentieth of a deviation.
     pub(super) correction: Option<Correction>,
-    /// The variance of an unlit pair, below 2^60.
-    pub(super) dark: u64,
-    /// One over the root of this variance over 2^64: see [`inverse_root`].
+    /// One over the root of the variance of an unlit pair over 2^64: see [`inverse_root`].
     pub(super) per_root: (i32, u32),
     /// The variance of the shot noise for each count of light, in counts squared, Q0.16.
     pub(super) shot: u16,
