@@ -150,8 +150,8 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     (first, second)
 }
 
-/// See [`crate::portable::upper_product`]. The compiler knows this instruction, but turns the shift to the left
-/// that mostly follows it into four instructions.
+/// See [`crate::portable::upper_product`]. The compiler knows this instruction, but turns the shift to the
+/// left that mostly follows it into four instructions.
 #[inline(always)]
 pub fn upper_product(a: i32, b: i32) -> i32 {
     let product: i32;

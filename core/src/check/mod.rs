@@ -485,8 +485,8 @@ impl Even {
         let shot = numeric::shifted(shot.into(), sum(sum(unit, fraction.cast_signed()), 12));
         let shot = shot.min(1 << 38);
         let variance = |p: i32| numeric::add_i64(unlit, numeric::mul_i64(p.into(), shot) >> 16);
-        // Q4. The root of the sum of the light's squares is 2^18 to 2^19 (`pairs::Even::solve`), and the height
-        // that a fit of the flanks claims up to 32 times as much.
+        // Q4. The root of the sum of the light's squares is 2^18 to 2^19 (`pairs::Even::solve`), and the
+        // height that a fit of the flanks claims up to 32 times as much.
         let in_units =
             |p: i32, more: i32| numeric::shifted_32(p, sum(unit, more)).clamp(-(1 << 24), 1 << 24);
         let (peak, mean) = (in_units(height, 4 + 3), in_units(shape.mean, 4));
@@ -660,8 +660,8 @@ impl Symmetry {
         if let Some(middle) = pairs.middle() {
             even.add_middle(middle);
         }
-        // Interpolation lowers the variance of white noise by 2 d (1 - d) / block. This factor, Q16, raises it
-        // again.
+        // Interpolation lowers the variance of white noise by 2 d (1 - d) / block. This factor, Q16, raises
+        // it again.
         let d = mirror.offset.to_bits().unsigned_abs().min(1 << 14);
         let lowered = ((d * ((1 << 16) - d)) >> 15) / block.cast_unsigned();
         let white = (u32::MAX / (1u32 << 16).saturating_sub(lowered).max(1)).cast_signed();

@@ -14,7 +14,7 @@
 //! | e, u e, u^2 e, u^3 e, u^4 e, u^5 e, u^7 e | Q31, Q30, Q30, Q29, Q28, Q27, Q24 | below 2^31 |
 //! | root of an unlit pair's variance over the pair's | Q30 | 0 to 1, see [`root_of_weight`] |
 //! | columns u e, u, u^3 e, u^5 e, u^7 e, times this root | Q14, Q10, Q13, Q11, Q8 | below 2^14 |
-//! | column z, times this root | standard deviations, Q7, coarser if one is above [`LARGEST`] | up to [`LARGEST`] |
+//! | column z, times this root | standard deviations, Q7, coarser where needed | up to [`LARGEST`] |
 //!
 //! The products of a column with itself are below 2^30 for all pitches, so that those of two columns are too.
 //! The tests compare all of it with sums in f64.
@@ -73,8 +73,8 @@ pub(super) struct Pairs<'a> {
 
 /// How z becomes a deviation, in units of z.
 pub(super) struct Noise {
-    /// For samples of one pixel. With larger samples the spot is so wide that interpolation adds at most 2e-4 of
-    /// its height, a twentieth of a deviation.
+    /// For samples of one pixel. With larger samples the spot is so wide that interpolation adds at most 2e-4
+    /// of its height, a twentieth of a deviation.
     pub(super) correction: Option<Correction>,
     /// One over the root of the variance of an unlit pair over 2^64: see [`inverse_root`].
     pub(super) per_root: (i32, u32),
@@ -747,8 +747,8 @@ fn root_of_weight(variance: u32) -> i32 {
 }
 
 /// The norms of the functions 1, e, u^2 e and u^4 e, and their products with each other, over the samples:
-/// the sums of u^k e (`l`) and of u^k e^2 (`m`) for even k. They depend on the distances of the samples alone.
-/// Q24, below 2^30.
+/// the sums of u^k e (`l`) and of u^k e^2 (`m`) for even k. They depend on the distances of the samples
+/// alone. Q24, below 2^30.
 #[derive(Clone, Copy, Default)]
 struct Norms {
     /// The number of samples.
@@ -763,7 +763,8 @@ struct Norms {
     m4: i32,
 }
 
-/// Up to this distance between pairs, Q6.26, the sums over all pairs are integrals, to a few parts in a million.
+/// Up to this distance between pairs, Q6.26, the sums over all pairs are integrals, to a few parts in a
+/// million.
 const FINE_PITCH: i32 = 1 << 25;
 
 impl Norms {
@@ -1005,8 +1006,8 @@ impl Odd {
         } = self.factors;
         let ([_, norm, ..], [_, along, ..]) = (norms, last);
         let [_, enlarged, .., enlarged_z] = enlarged;
-        // In steps of z's column for one of u's, Q16, and in units of z for a width. A step of u is 2^-10 widths,
-        // and one of z 2^34 units over the scale.
+        // In steps of z's column for one of u's, Q16, and in units of z for a width. A step of u is 2^-10
+        // widths, and one of z 2^34 units over the scale.
         let by = 16i32.wrapping_add(enlarged).wrapping_sub(enlarged_z);
         let slope = shifted(along.into(), by)
             .checked_div(norm.into())
@@ -1027,8 +1028,8 @@ impl Odd {
         }
     }
 
-    /// The norm of u e over the pairs, weighted as if an unlit pair had the weight one: a number, and the bits
-    /// after its point.
+    /// The norm of u e over the pairs, weighted as if an unlit pair had the weight one: a number, and the
+    /// bits after its point.
     pub(super) fn norm_of_shift(&self) -> (i32, i32) {
         let ([norm, ..], [enlarged, ..]) = (self.factors.norms, self.factors.enlarged);
         (norm, enlarged.wrapping_add(29))
@@ -1041,7 +1042,8 @@ impl Odd {
 
     /// The components along u e, u, u^3 e, u^5 e and u^7 e, each less its parts along those before, in
     /// standard deviations, Q12. Zero for a function that only rounding tells from those before. The sum of
-    /// the squares of all pairs' deviations, without the first component, in variances, Q8, times a factor, Q16.
+    /// the squares of all pairs' deviations, without the first component, in variances, Q8, times a factor,
+    /// Q16.
     pub(super) fn components(&self, white: i32) -> ([i32; COMPONENTS], i64) {
         let Factors {
             enlarged,
@@ -1071,8 +1073,8 @@ fn left<const N: usize>(product: i32, one: [i32; N], other: [i32; N]) -> i32 {
     product.wrapping_sub(sum.wrapping_mul(4))
 }
 
-/// Cholesky's factors of the products of six columns with each other, A = L L^T: of the columns with some bits
-/// more, and times 2^15.
+/// Cholesky's factors of the products of six columns with each other, A = L L^T: of the columns with some
+/// bits more, and times 2^15.
 ///
 /// The first five columns span a space. The last row of L has the components of the last column along its
 /// orthonormal directions. They are zero for a column that only rounding tells from those before.
@@ -1090,8 +1092,8 @@ struct Factors {
 
 impl Factors {
     /// Takes the lower triangle, one row after the other. The diagonal is below 2^30, so that no element of L
-    /// exceeds 2^30 after Cauchy. Only rounding tells a column from those before if the square of what is left of
-    /// it is below 2^-`least`.
+    /// exceeds 2^30 after Cauchy. Only rounding tells a column from those before if the square of what is
+    /// left of it is below 2^-`least`.
     #[inline(never)]
     fn of(products: &[i32; 21], least: u32) -> Self {
         let [a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, ..] = *products;

@@ -147,8 +147,8 @@ pub fn markdown() -> String {
 mod tests {
     use super::*;
 
-    /// The estimators that a user chooses for their accuracy lie between peak and centroid, to 0.02 pixels, and
-    /// neither end is further off than 2u.
+    /// The estimators that a user chooses for their accuracy lie between peak and centroid, to 0.02 pixels,
+    /// and neither end is further off than 2u.
     #[test]
     fn u_covers_the_span_from_peak_to_centroid() {
         for (name, light) in SHAPES {

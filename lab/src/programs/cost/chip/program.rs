@@ -167,8 +167,8 @@ fn target(line: &str) -> Option<(u64, u64)> {
 mod tests {
     use super::*;
 
-    /// All names of the FPU's instructions begin with V. Only rows that are not clean take the repair, and ask
-    /// what their shape adds to u.
+    /// All names of the FPU's instructions begin with V. Only rows that are not clean take the repair, and
+    /// ask what their shape adds to u.
     #[test]
     #[ignore = "builds the firmware; run by .ci/run"]
     fn the_check_of_a_clean_row_uses_no_float() {
