@@ -357,7 +357,7 @@ fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
     // A step of the root of 12 times the noise, Q8.
     let finest = spot.background.noise.to_bits().saturating_mul(887) >> 8;
     let is_coarse =
-        |changes: u16| i32::from(changes.isolate_lowest_one()) << Counts::FRACTION > finest;
+        |changes: u16| i32::from(changes.isolate_lowest_one()) * (1 << Counts::FRACTION) > finest;
     // More changes never make a step coarser: a few pixels of most rows tell that it is fine.
     let mut changes = 0;
     for counts in near.chunks(8) {
@@ -415,7 +415,7 @@ fn is_sharp(light: Light<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometr
         rise = rise.max(b.saturating_sub(a));
         fall = fall.max(a.saturating_sub(b));
     }
-    let counts = |it: u16| i64::from(it) << Counts::FRACTION;
+    let counts = |it: u16| i64::from(it) * (1 << Counts::FRACTION);
     let height = counts(highest).saturating_sub(spot.background.level_bits().into());
     // Five times what is beyond the limit, Q8.
     let change = counts(rise).saturating_add(counts(fall));
@@ -496,10 +496,10 @@ impl Even {
             fourth: (shape.fourth)
                 .map(|(norm, along)| (along, product(peak, norm) >> 4, variance(peak))),
             rest: numeric::sub_i64(
-                i64::from(shape.rest) << 16,
+                product(shape.rest, 1 << 16),
                 numeric::mul_i64(sum(samples, -3).into(), of_noise),
             ),
-            spot: product(squares, shape.squares_of_e) << 2,
+            spot: numeric::mul_i64(product(squares, shape.squares_of_e), 1 << 2),
             variance: of_noise,
         }
     }
@@ -612,7 +612,7 @@ impl Symmetry {
         // At most 2^15 / 6.
         let block = ((width / SAMPLES_A_WIDTH) >> Pixels::FRACTION) + 1;
         // s^2 = width^2 + block^2 / 12, in samples: Q24, below 37.
-        let width_in_samples = (width / block) << 12;
+        let width_in_samples = numeric::mul_i32(width / block, 1 << 12);
         let s_squared =
             dual_mac::add_upper_product((1 << 24) / 12, width_in_samples, width_in_samples);
         // 1 / s, in samples: below 3.5.
@@ -624,7 +624,10 @@ impl Symmetry {
             mirror,
             pixels: usize::try_from(block).unwrap_or_default(),
             pitch,
-            per_pitch: dual_mac::upper_product(s_squared, pitch << 3) << 3,
+            per_pitch: numeric::mul_i32(
+                dual_mac::upper_product(s_squared, numeric::mul_i32(pitch, 1 << 3)),
+                1 << 3,
+            ),
             level: spot.background.level_bits(),
             gaps: Gaps {
                 saturation: is_saturated.then(|| row.saturated_from()),
@@ -672,7 +675,7 @@ impl Symmetry {
         let (norm, bits) = odd.norm_of_shift();
         let (root, halvings) = noise.per_root;
         let shifts = product(
-            dual_mac::upper_product(norm, per_s << 3),
+            dual_mac::upper_product(norm, numeric::mul_i32(per_s, 1 << 3)),
             dual_mac::upper_product(height, root),
         );
         let by = numeric::sub_i32(halvings.cast_signed(), numeric::add_i32(bits, 9));
@@ -717,7 +720,7 @@ fn root_of_double(number: i32) -> i32 {
         let mut n = 0;
         while n < roots.len() {
             // 0.0036 n^2, Q16.
-            let square = ((2 * n) << 16) + 236 * n * n;
+            let square = 2 * n * (1 << 16) + 236 * n * n;
             roots[n] = numeric::to_u16(square.isqrt());
             n += 1;
         }

@@ -332,12 +332,12 @@ fn own_spot(width: Pixels, components: [Pixels; COMPONENTS]) -> OwnSpot {
 #[test]
 fn the_own_spots_light_leaves_the_components_and_the_squares() {
     let mut symmetry = symmetry(4.0, 32.0, 1).0;
-    let deviations = |all: [i32; COMPONENTS]| all.map(|it| it << 12);
+    let deviations = |all: [i32; COMPONENTS]| all.map(|it| it * (1 << 12));
     symmetry.components = deviations([1, 2, 3, 4, 5]);
     // A quarter of a pixel, and a leverage of 0.2.
     (symmetry.deviations_a_pixel, symmetry.leverage) = (4 << 14, 13_107);
     symmetry.squares = 100 << 8;
-    let quarters = |all: [i32; COMPONENTS]| all.map(|it| Pixels::from_bits(it << 14));
+    let quarters = |all: [i32; COMPONENTS]| all.map(|it| Pixels::from_bits(it * (1 << 14)));
     symmetry.subtract(&own_spot(Pixels::from_int(4), quarters([0; COMPONENTS])));
     assert_eq!(symmetry.components, deviations([1, 2, 3, 4, 5]));
     assert_eq!((symmetry.squares, symmetry.own_of_a_pair), (100 << 8, 0));
