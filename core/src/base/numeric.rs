@@ -162,8 +162,7 @@ pub(crate) fn inverse_root_of_64(x: u64) -> (i32, u32) {
     (root, halvings)
 }
 
-/// Its square: one over x / 2^32, from what [`inverse_root`] says of x: Q28, and what 2 to the second number
-/// is a factor of it.
+/// One over x / 2^32, from [`inverse_root`] of x: the first number, Q28, times 2 to the second one.
 #[inline(always)]
 pub(crate) fn inverse((root, halvings): (i32, u32)) -> (i32, i32) {
     let square = dual_mac::upper_product(root, root).wrapping_mul(4);

@@ -98,7 +98,7 @@ struct Scale {
     /// What makes z, times its pair's root, a number of its column: 2^34 standard deviations, in the column's
     /// unit, over that of an unlit pair. Saturates for samples of 1000 pixels, which leave no three pairs.
     z: i32,
-    /// Half of a step of that column before it: so z is rounded, and its mean not lower than it is.
+    /// Half a step of z's column, in units of z: added before the product, it rounds z to the nearest step.
     half: i32,
 }
 
@@ -678,8 +678,8 @@ impl Place {
 /// a function that is even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a
 /// gaussian are e (3 u - u^3) / s^3 and e (10 u^3 - 15 u - u^5) / s^5.
 ///
-/// The coefficients are in units of z times 2^`coarser`, the last one in 2^-8 of that, as the product with
-/// u^2, Q24, makes up for.
+/// The unit of c0 and c1 is 2^`coarser` units of z. That of c2 is 2^8 times smaller: its product with u^2,
+/// Q24, is then in the unit of c1.
 #[derive(Clone, Copy)]
 pub(super) struct Correction {
     /// The factor of the third derivative, in units of z.
@@ -777,8 +777,8 @@ impl Norms {
     fn of_all(pairs: &Pairs<'_>, number: usize) -> Self {
         // Integrals from zero, without their common factor: of u^k e over sqrt(pi/2), Q30, of u^k e^2 over
         // sqrt(pi)/2, Q31.
-        const GAUSSIAN: i32 = 1345735808;
-        const SQUARED: i32 = 1903157831;
+        const GAUSSIAN: i32 = 1_345_735_808;
+        const SQUARED: i32 = 1_903_157_831;
         // From the middle of the range, where the polynomials are zero: 1/2 over the pixels of a sample, Q30.
         let half = (1i32 << 29).checked_div(numeric::to_i32(pairs.pixels));
         let y = half
@@ -1065,7 +1065,7 @@ impl Odd {
     }
 }
 
-/// What is left of a product of two columns without their parts along others, which are given.
+/// The product of two columns, less the products of their parts along the columns before.
 #[inline(always)]
 fn left<const N: usize>(product: i32, one: [i32; N], other: [i32; N]) -> i32 {
     let parts = one.into_iter().zip(other);
@@ -1086,7 +1086,7 @@ struct Factors {
     /// The element in the third row and the second column.
     third_along_second: i32,
     last: [i32; 5],
-    /// The sum of squares of what is left of the last column.
+    /// The sum of squares of the part of the last column that the first five do not span.
     rest: i32,
 }
 

@@ -224,9 +224,8 @@ fn each_limit_flags() {
     }
 }
 
-/// A slope of 2.5 counts a pixel under a wide spot with little noise is a tilt of thousands of standard
-/// deviations. What is left of it after the sums' slope is subtracted is that of the words' rounding, which
-/// has the variance that the check assumes.
+/// A slope of 2.5 counts a pixel is a tilt of thousands of standard deviations under a wide spot with little
+/// noise. The check subtracts it. Only the rounding of the words is left, and that is less than the noise.
 #[test]
 fn the_slope_of_a_tilted_row_leaves_no_tilt() {
     let (centre, width, height) = (450.3, 52.0, 886.0);

@@ -122,9 +122,9 @@ fn found(light: Light, estimator: Estimator) -> Found {
 /// The table of docs/uncertainty.md.
 pub fn markdown() -> String {
     let mut text = format!(
-        "Simulated on a PC: {FRAMES} frames of {ROWS} rows of each spot, {WIDTH} pixels wide and {HEIGHT} counts \
-         high, on a sensor that was never calibrated. Pixels from the peak to the centroid, and from the peak \
-         to the centre of each estimator, with the noise's and the shape's part of u.\n\n\
+        "Simulated on a PC: {FRAMES} frames of {ROWS} rows of each spot, {WIDTH} pixels wide and \
+         {HEIGHT} counts high, on a sensor that was never calibrated. Pixels from the peak to the \
+         centroid, and from the peak to the centre of each estimator, with the noise's and the shape's part of u.\n\n\
          | spot | centroid |"
     );
     for estimator in ESTIMATORS {
