@@ -138,6 +138,33 @@ fn interpolation_leaves_no_derivatives() {
     }
 }
 
+/// The widest inputs: a quarter of a pixel, the largest height, and widths from where the correction stops to
+/// grow. What `Scale::columns` computes with wrapping products fits 32 bits, out to eight widths.
+#[test]
+fn no_correction_wraps() {
+    let mut largest = 0;
+    for (offset, tenths) in [-0.25, -0.21, 0.1, 0.21, 0.25]
+        .into_iter()
+        .flat_map(|at| (3..=65).map(move |it| (at, it)))
+    {
+        let per_s = Q26 / tenths * 10;
+        let it = Correction::of(Pixels::from_f32(offset), per_s, i32::MAX);
+        for step in 0..=80 {
+            let u = f64::from(step) / 10.0;
+            let f1 = u * libm::exp(-0.5 * u * u) * f64::from(1 << 30);
+            let (f1, square) = (f1 as i64, (u * u * f64::from(1 << 24)) as i64);
+            let c1 = (i64::from(it.c2) * square >> 32) + i64::from(it.c1);
+            let c0 = ((c1 << 8) * square >> 32) + i64::from(it.c0);
+            let correction = (c0 * f1 >> 32) << it.coarser;
+            for sum in [c1 << 8, c0, correction] {
+                largest = largest.max(sum.abs());
+                assert!(i32::try_from(sum).is_ok(), "{offset} {tenths} {u}");
+            }
+        }
+    }
+    println!("2^{:.1}", (largest as f64).log2());
+}
+
 /// What a pair is in f64, from the definitions. In counts, not in units of z.
 struct Exact {
     u: f64,
