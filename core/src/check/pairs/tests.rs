@@ -153,10 +153,10 @@ fn no_correction_wraps() {
             let u = f64::from(step) / 10.0;
             let f1 = u * libm::exp(-0.5 * u * u) * f64::from(1 << 30);
             let (f1, square) = (f1 as i64, (u * u * f64::from(1 << 24)) as i64);
-            let c1 = (i64::from(it.c2) * square >> 32) + i64::from(it.c1);
-            let c0 = ((c1 << 8) * square >> 32) + i64::from(it.c0);
-            let correction = (c0 * f1 >> 32) << it.coarser;
-            for sum in [c1 << 8, c0, correction] {
+            let c1 = ((i64::from(it.c2) * square) >> 32) + i64::from(it.c1);
+            let c0 = ((c1 * (1 << 8) * square) >> 32) + i64::from(it.c0);
+            let correction = ((c0 * f1) >> 32) * (1 << it.coarser);
+            for sum in [c1 * (1 << 8), c0, correction] {
                 largest = largest.max(sum.abs());
                 assert!(i32::try_from(sum).is_ok(), "{offset} {tenths} {u}");
             }
