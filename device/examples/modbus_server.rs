@@ -33,11 +33,8 @@ fn reading(settings: Settings) -> Result<Reading, Fault> {
     let measured = (0..settings.rows).find_map(|_| measurement.row(&mut words.clone()));
     let nominal = Calibration::nominal();
     let errors = CalibrationErrors::Nominal;
-    (measured.unwrap_or(Err(Fault::SensorSilent)))?.reading(
-        nominal.as_ref(),
-        &errors,
-        Surface::Auto,
-    )
+    let measured = measured.unwrap_or(Err(Fault::SensorSilent))?;
+    measured.reading(nominal.as_ref(), &errors, Surface::Auto)
 }
 
 fn say(result: &Result<Reading, Fault>) {

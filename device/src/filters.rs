@@ -33,9 +33,9 @@ pub struct Filters {
 impl Filters {
     /// Forgets all readings. The switching output is off until the next one.
     pub fn clear(&mut self) {
-        self.spikes.clear();
+        self.spikes = Spikes::default();
         self.average.clear();
-        self.hold.clear();
+        self.hold = Hold::default();
         self.is_within = false;
     }
 }
@@ -73,11 +73,6 @@ pub struct Spikes {
 }
 
 impl Spikes {
-    /// Forgets all readings.
-    pub fn clear(&mut self) {
-        *self = Self::default();
-    }
-
     /// Takes a result. Returns it, or [`Fault::Spike`] in place of a reading that jumped away.
     pub fn take(
         &mut self,
@@ -136,11 +131,6 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// Forgets the last reading.
-    pub fn clear(&mut self) {
-        self.last = None;
-    }
-
     /// Takes a result. Instead of a fault it returns the last reading, for at most so many results in
     /// succession.
     pub fn take(&mut self, most: u16, result: Result<Reading, Fault>) -> Result<Held, Fault> {

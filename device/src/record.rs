@@ -338,10 +338,9 @@ impl Fields {
                 words: usize::from(self.words),
                 shielded: range(self.shielded),
                 light: range(self.light),
-                polarity: if self.falling {
-                    Polarity::Falling
-                } else {
-                    Polarity::Rising
+                polarity: match self.falling {
+                    true => Polarity::Falling,
+                    false => Polarity::Rising,
                 },
                 bits: self.bits,
                 shot_variance_per_count_q16: self.shot_variance_per_count_q16,

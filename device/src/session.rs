@@ -56,7 +56,7 @@ pub enum Event {
 }
 
 /// What commands want of the next result.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Wanted {
     distance: bool,
     centre: bool,
@@ -160,15 +160,8 @@ impl Session {
     }
 
     /// Whether a command waits for a frame.
-    pub const fn is_frame_due(&self) -> bool {
-        let Wanted {
-            distance,
-            centre,
-            parts,
-            zero,
-            result,
-        } = &self.wanted;
-        *distance || *centre || *parts || zero.is_some() || *result
+    pub fn is_frame_due(&self) -> bool {
+        self.wanted != Wanted::default()
     }
 
     fn streams_pixels(&self, pixels: PixelStream) -> bool {
@@ -200,7 +193,7 @@ impl Session {
 
     /// Whether rows are to be corrected with the map of the pixels.
     pub const fn is_map_on(&self) -> bool {
-        self.flat.is_on()
+        self.flat.is_on
     }
 
     /// What `save` writes to flash: without a record if it is that of the factory. `None` without a
@@ -283,10 +276,8 @@ impl Session {
     ) -> modbus::Answer {
         actions.start(self.settings.address);
         let station = u8::try_from(self.settings.address).unwrap_or(1).max(1);
-        let (number, result) = match &self.latest {
-            Some((number, result)) => (*number, Some(result)),
-            None => (0, None),
-        };
+        let latest = self.latest.as_ref();
+        let (number, result) = latest.map_or((0, None), |(number, it)| (*number, Some(it)));
         let shown = Shown {
             inputs: &modbus::inputs(result, number),
             settings: &self.settings,

@@ -423,11 +423,9 @@ fn read_u32(word: &str, least: u32, most: u32) -> Result<u32, ValueError> {
     if word.is_empty() || !word.bytes().all(|byte| byte.is_ascii_digit()) {
         return Err(ValueError::Form);
     }
-    let number = word
-        .parse()
-        .ok()
-        .filter(|number| (least..=most).contains(number));
-    number.ok_or(ValueError::Range)
+    let number = word.parse().ok();
+    let in_range = number.filter(|number| (least..=most).contains(number));
+    in_range.ok_or(ValueError::Range)
 }
 
 #[cfg(test)]

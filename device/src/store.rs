@@ -91,6 +91,7 @@ struct Item {
 }
 
 /// The result of a search through the items of both sectors.
+#[derive(Default)]
 struct Items {
     /// The highest number of all whole items, usable or not; 0 if there is none.
     last: u32,
@@ -308,11 +309,7 @@ impl<F: NorFlash> Store<F> {
 
     /// Reads the items of both sectors.
     async fn items(&mut self) -> Result<Items, StoreError> {
-        let mut items = Items {
-            last: 0,
-            newest: None,
-            later: None,
-        };
+        let mut items = Items::default();
         for sector in Sector::BOTH {
             let mut queue = sector.queue(&mut self.flash);
             let Some(mut iterator) = none_if_corrupt(queue.iter().await)? else {

@@ -29,20 +29,17 @@ fn subtracted_light_costs_the_noise_that_is_computed() {
     for light in LIGHTS {
         let found = light.measure(Subtract, 16, FRAMES);
         let off = light.measure(Off, 16, FRAMES);
-        let price = found.rms_um / dark.rms_um;
+        let [price, of_off] = [&found, &off].map(|it| it.rms_um / dark.rms_um);
         let computed = light.computed_price(Subtract, 16);
-        println!(
-            "{}: {price:.2} times the dark room's error, computed {computed:.2}, with ambient off {:.2}\n\
-             {found:.3?}\n{off:.3?}",
-            light.name,
-            off.rms_um / dark.rms_um
-        );
+        let name = light.name;
+        println!("{name}: {price:.2} times the dark room's error, computed {computed:.2}");
+        println!("with ambient off {of_off:.2}\n{found:.3?}\n{off:.3?}");
         assert_eq!((found.faults, found.flagged > FRAMES / 50), (0, false));
         // The ratio of two standard deviations of 400 readings each is known to 5 %.
-        assert!((price / computed - 1.0).abs() < 0.15, "{}", light.name);
+        assert!((price / computed - 1.0).abs() < 0.15, "{name}");
         // 95.4 % are expected within 2. Of 400, the standard deviation is 1 %.
-        assert!(found.beyond_2 < FRAMES * 8 / 100, "{}", light.name);
-        assert_eq!(found.beyond_5, 0, "{}", light.name);
+        assert!(found.beyond_2 < FRAMES * 8 / 100, "{name}");
+        assert_eq!(found.beyond_5, 0, "{name}");
     }
     let window = named("beside a window").measure(Subtract, 16, FRAMES);
     assert!(window.rms_um < 1.5 * dark.rms_um);

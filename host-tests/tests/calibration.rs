@@ -4,7 +4,6 @@
 mod common;
 mod figures;
 mod record;
-mod reference;
 mod refusals;
 mod residuals;
 mod tables;

@@ -4,11 +4,6 @@ use crate::support::*;
 use judges::hard_cases::Shape;
 use judges::hard_cases::recipe::Place;
 
-/// An estimator's answer to a row, alone and as the measurement takes it.
-fn answers_to(row: &HardRow, estimator: Estimator) -> [Answer; 2] {
-    accuracy::answers(&row.geometry, &row.light, estimator)
-}
-
 /// Whether the check flagged or repaired a centre. It always measures the shape.
 fn is_doubted([alone, checked]: &[Answer; 2]) -> bool {
     let without_shape =
@@ -42,40 +37,39 @@ fn clean_rows_pass_the_check() {
     let (mut rows, mut doubted, mut failures) = (0, 0, vec![]);
     println!("rows of {ROWS} that were doubted: dim, middle, bright, bright without shot noise");
     use Shape::{Fresnel, Gaussian, LaserSpot, SincSquared};
-    for shape in [Gaussian, SincSquared, Fresnel, LaserSpot] {
-        for width in [0.8, 1.5, 4.0, 10.5, 20.0] {
-            let mut cells = vec![];
-            for (amplitude, read_noise, electrons_per_count) in NOISES {
-                let recipe = with(Recipe::clean(width), |it| {
-                    (it.pixels, it.read_noise) = (512, read_noise);
-                    it.electrons_per_count = electrons_per_count;
-                });
-                let recipe = recipe.spot(|it| (it.shape, it.amplitude) = (shape, amplitude));
-                let [centres, cell, wrong] = tally(ROWS, |number| {
-                    let row = recipe.row(7, number);
-                    let answers = answers_to(&row, Estimator::PhaseTable);
-                    let is_centre = answers[0].is_ok();
-                    let wrong = is_confident_error(&row, &answers[1]);
-                    [is_centre, is_centre && is_doubted(&answers), wrong].map(u64::from)
-                });
-                if width >= 4.0 {
-                    rows += centres;
-                    doubted += cell;
-                }
-                cells.push(cell);
-                let one_in = match width {
-                    width if width < 1.0 => 1,
-                    // A slit's pattern of 1.5 is narrower at half of its height; narrow spots are flagged.
-                    width if width < 4.0 => 15,
-                    _ => 200,
-                };
-                if wrong > 0 || cell * one_in > ROWS {
-                    let name = format!("{shape:?} of {width}, {amplitude} counts");
-                    failures.push(format!("{name}: {cell} doubted, {wrong} wrong"));
-                }
+    let shapes = [Gaussian, SincSquared, Fresnel, LaserSpot];
+    for (shape, width) in pairs(shapes, [0.8, 1.5, 4.0, 10.5, 20.0]) {
+        let mut cells = vec![];
+        for (amplitude, read_noise, electrons_per_count) in NOISES {
+            let recipe = with(Recipe::clean(width), |it| {
+                (it.pixels, it.read_noise) = (512, read_noise);
+                it.electrons_per_count = electrons_per_count;
+            });
+            let recipe = recipe.spot(|it| (it.shape, it.amplitude) = (shape, amplitude));
+            let [centres, cell, wrong] = tally(ROWS, |number| {
+                let row = recipe.row(7, number);
+                let answers = accuracy::answers(&row.geometry, &row.light, Estimator::PhaseTable);
+                let is_centre = answers[0].is_ok();
+                let wrong = is_confident_error(&row, &answers[1]);
+                [is_centre, is_centre && is_doubted(&answers), wrong].map(u64::from)
+            });
+            if width >= 4.0 {
+                rows += centres;
+                doubted += cell;
             }
-            println!("{:<14} sigma {width:>4}: {cells:?}", format!("{shape:?}"));
+            cells.push(cell);
+            let one_in = match width {
+                width if width < 1.0 => 1,
+                // A slit's pattern of 1.5 is narrower at half of its height; narrow spots are flagged.
+                width if width < 4.0 => 15,
+                _ => 200,
+            };
+            if wrong > 0 || cell * one_in > ROWS {
+                let name = format!("{shape:?} of {width}, {amplitude} counts");
+                failures.push(format!("{name}: {cell} doubted, {wrong} wrong"));
+            }
         }
+        println!("{:<14} sigma {width:>4}: {cells:?}", format!("{shape:?}"));
     }
     println!("{doubted} of {rows}");
     assert!(failures.is_empty(), "{failures:#?}");
@@ -154,14 +148,11 @@ fn confident_errors_of_each_flaw_stay_few() {
             let mut random = random(number);
             random.set_stream(kind as u64);
             let row = kind.recipe(&mut random).row(number, 0);
-            let [alone, checked] = answers_to(&row, Estimator::default());
-            [
-                is_confident_error(&row, &checked),
-                checked.is_ok_and(|found| found.misfit),
-                checked.is_err(),
-                is_confident_error(&row, &alone),
-            ]
-            .map(u64::from)
+            let [alone, checked] =
+                accuracy::answers(&row.geometry, &row.light, Estimator::default());
+            let [wrong, before] = [&checked, &alone].map(|it| is_confident_error(&row, it));
+            let is_flagged = checked.is_ok_and(|found| found.misfit);
+            [wrong, is_flagged, checked.is_err(), before].map(u64::from)
         });
         println!("{kind:?}: {wrong}, {flagged}, {faults} ({before})");
         if wrong as f64 > limit {
@@ -180,7 +171,7 @@ fn a_sloped_background_leaves_no_bias() {
     let recipe = with(Recipe::clean(10.5), |it| it.pixels = 512).with(Flaw::Slope(2.0));
     let errors = (0..ROWS).into_par_iter().filter_map(|number| {
         let row = recipe.row(3, number);
-        let [_, checked] = answers_to(&row, Estimator::PhaseTable);
+        let [_, checked] = accuracy::answers(&row.geometry, &row.light, Estimator::PhaseTable);
         let found = checked.ok().filter(|found| !found.misfit)?;
         Some(row.truth.error(found.centre.to_f64()))
     });

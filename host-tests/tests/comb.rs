@@ -1,5 +1,4 @@
-//! A comb of slits in the core: which peak belongs to which slit, and rows of all slits as a whole. The tests
-//! print every figure that they assert.
+//! A comb of slits in the core: which peak belongs to which slit, and rows of all slits as a whole.
 
 use crate::support::*;
 use rand::seq::SliceRandom as _;
@@ -19,12 +18,11 @@ fn check_random_peaks(rows: u64) {
         let mut slits: Vec<usize> = (0..MAX_SLITS).collect();
         slits.shuffle(&mut random);
         let missing = random.random_range(0..=MAX_SLITS / 2);
-        let mut peaks: Vec<Maximum> = (slits[missing..].iter())
-            .map(|&slit| {
-                let normal: f64 = random.sample(StandardNormal);
-                peak(comb.slits()[slit].from_axis(Pixels::from_f32(x0)).to_f64() + 2.4 * normal)
-            })
-            .collect();
+        let peaks = slits[missing..].iter().map(|&slit| {
+            let normal: f64 = random.sample(StandardNormal);
+            peak(comb.slits()[slit].from_axis(Pixels::from_f32(x0)).to_f64() + 2.4 * normal)
+        });
+        let mut peaks: Vec<Maximum> = peaks.collect();
         peaks.push(peak(random.random_range(0.0..3648.0)));
         peaks.shuffle(&mut random);
         match assign(&peaks, &comb) {
@@ -169,25 +167,22 @@ fn errors_of_slits(waist: f64, linewidth: f64, surfaces: u64) -> Vec<[Option<f64
     let mut scene = listing(scene("speckle-at-rest"), &light);
     scene.comb = Some(Mask::nominal());
     let comb = Comb::nominal();
-    (0..surfaces)
-        .into_par_iter()
-        .filter_map(|surface| {
-            let simulation = Simulation::on_surface(scene.clone(), surface);
-            let distance = 0.6 + 0.42 * (surface as f64 * 0.618_033_988_749_895).fract();
-            let found =
-                frames::measure(&simulation, comb_options(1), distance, surface, None).ok()?;
-            let truth = scene.optics.centre(distance);
-            let mut errors = [None; MAX_SLITS];
-            let images = found.comb?.centres;
-            for ((error, image), slit) in errors.iter_mut().zip(images).zip(comb.slits()) {
-                *error = image.map(|image| {
-                    let off = slit.to_axis(image.centre).to_f64() - truth;
-                    off * f64::from(image.height).sqrt()
-                });
-            }
-            Some(errors)
-        })
-        .collect()
+    let errors = (0..surfaces).into_par_iter().filter_map(|surface| {
+        let simulation = Simulation::on_surface(scene.clone(), surface);
+        let distance = 0.6 + 0.42 * (surface as f64 * 0.618_033_988_749_895).fract();
+        let found = frames::measure(&simulation, comb_options(1), distance, surface, None).ok()?;
+        let truth = scene.optics.centre(distance);
+        let mut errors = [None; MAX_SLITS];
+        let images = found.comb?.centres;
+        for ((error, image), slit) in errors.iter_mut().zip(images).zip(comb.slits()) {
+            *error = image.map(|image| {
+                let off = slit.to_axis(image.centre).to_f64() - truth;
+                off * f64::from(image.height).sqrt()
+            });
+        }
+        Some(errors)
+    });
+    errors.collect()
 }
 
 /// Neighbours share some speckle if the laser spot is small. With the correlation c of neighbours, the mean

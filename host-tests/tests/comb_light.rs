@@ -47,16 +47,15 @@ impl Ways {
         let centre = optics.behind(place(SLITS[1])).centre(distance);
         let first = centre.round() - f64::from(HALF);
         // In coordinates of the casing: along the baseline, and along the beam.
-        let columns: Vec<[f64; 2]> = (0..(2 * HALF + 1) * PARTS as i32)
-            .map(|i| {
-                let pixel = first + (f64::from(i) + 0.5) / PARTS as f64 - 0.5;
-                let x = (pixel - optics.axis) * optics.pitch;
-                [
-                    optics.baseline + optics.focal_length * cos + x * sin,
-                    optics.offset - optics.focal_length * sin + x * cos,
-                ]
-            })
-            .collect();
+        let columns = (0..(2 * HALF + 1) * PARTS as i32).map(|i| {
+            let pixel = first + (f64::from(i) + 0.5) / PARTS as f64 - 0.5;
+            let x = (pixel - optics.axis) * optics.pitch;
+            [
+                optics.baseline + optics.focal_length * cos + x * sin,
+                optics.offset - optics.focal_length * sin + x * cos,
+            ]
+        });
+        let columns: Vec<[f64; 2]> = columns.collect();
         let length = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
         let width = f64::from(SLIT_WIDTH_UM) / 1e6;
         let slits = SLITS.map(|slit| {
@@ -217,14 +216,12 @@ fn fringes_of_a_rough_surface_move_its_image_less_than_speckle_does() {
             let mut random = random(seed);
             let [mut together, mut apart] = ways.dark();
             for _ in 0..polarisations {
-                let amplitudes: Vec<Wave> = places
-                    .iter()
-                    .map(|x| {
-                        let size = (-(x / radius).powi(2)).exp();
-                        let size = size * (-(1.0 - random.random::<f64>()).ln()).sqrt();
-                        size * Wave::cis(TAU * random.random::<f64>())
-                    })
-                    .collect();
+                let amplitudes = places.iter().map(|x| {
+                    let size = (-(x / radius).powi(2)).exp();
+                    let size = size * (-(1.0 - random.random::<f64>()).ln()).sqrt();
+                    size * Wave::cis(TAU * random.random::<f64>())
+                });
+                let amplitudes: Vec<Wave> = amplitudes.collect();
                 ways.add(&amplitudes, &mut together, &mut apart);
             }
             moved.add(&together, &apart, ways.middle);

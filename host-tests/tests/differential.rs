@@ -63,24 +63,22 @@ struct Pair {
 const ROWS: u64 = 21_000;
 
 /// Every row for which the estimator finds a centre, with the model's. It finds one too.
-fn pairs(estimator: Estimator, weights: &[Weights], sampling: Sampling) -> Vec<Pair> {
-    (0..ROWS)
-        .into_par_iter()
-        .filter_map(|number| {
-            let drawn = drawn(3, number)?;
-            let found = drawn.centre(estimator)?;
-            let model = model::phase_table::centre(&drawn.light, &drawn.spot, weights, sampling);
-            let cell = drawn.cell;
-            let model = model.unwrap_or_else(|| panic!("{cell:?}: {found:?}, none by the model"));
-            let steps = f64::from(found.centre.to_bits()) - model.centre * STEPS;
-            Some(Pair {
-                found,
-                noise: drawn.spot.background.noise.to_f64(),
-                model,
-                steps,
-            })
+fn pairs(estimator: Estimator, weights: &[Weights]) -> Vec<Pair> {
+    let pairs = (0..ROWS).into_par_iter().filter_map(|number| {
+        let drawn = drawn(3, number)?;
+        let found = drawn.centre(estimator)?;
+        let model = model::phase_table::centre(&drawn.light, &drawn.spot, weights);
+        let cell = drawn.cell;
+        let model = model.unwrap_or_else(|| panic!("{cell:?}: {found:?}, none by the model"));
+        let steps = f64::from(found.centre.to_bits()) - model.centre * STEPS;
+        Some(Pair {
+            found,
+            noise: drawn.spot.background.noise.to_f64(),
+            model,
+            steps,
         })
-        .collect()
+    });
+    pairs.collect()
 }
 
 impl Pair {
@@ -109,12 +107,12 @@ fn fixed_point_agrees_with_its_model_in_f64() {
     let gaussian = model::phase_table::integer(tables::GAUSSIAN.tables());
     let slit = model::phase_table::integer(tables::SLIT.tables());
     println!("off by, in steps of 2^-16 pixel:");
-    for (estimator, weights, sampling) in [
-        (Estimator::PhaseTable, &gaussian, Sampling::Fine),
-        (Estimator::Fraunhofer, &slit, Sampling::Fine),
+    for (estimator, weights) in [
+        (Estimator::PhaseTable, &gaussian),
+        (Estimator::Fraunhofer, &slit),
     ] {
         let is_halved = |pair: &Pair| pair.model.block == 16 || pair.found.class.block == 16;
-        let pairs = pairs(estimator, weights, sampling).into_iter();
+        let pairs = pairs(estimator, weights).into_iter();
         let (halved, whole): (Vec<Pair>, Vec<Pair>) = pairs.partition(is_halved);
         let (same, other): (Vec<&Pair>, Vec<&Pair>) =
             whole.iter().partition(|pair| pair.steps.abs() <= 1.0);
@@ -123,15 +121,10 @@ fn fixed_point_agrees_with_its_model_in_f64() {
         let all = rms(whole.iter().map(|pair| pair.steps)) / STEPS;
         let worst_other = worst(other.iter().map(|pair| pair.of_claim()));
         let cut_off = rms(halved.iter().map(|pair| pair.of_claim() * 8.0 * pair.noise));
-        println!(
-            "{:>12}: {rms_same:.3} rms, {worst_same:.3} at most, of {} rows; {} more took another window: \
-             {worst_other:.3} of the uncertainty at most, {all:.1e} px rms with them; halved sums: \
-             {cut_off:.2} of 1/8 over the noise, of {} rows",
-            estimator.name(),
-            same.len(),
-            other.len(),
-            halved.len(),
-        );
+        let rows = [same.len(), other.len(), halved.len()];
+        println!("{estimator:?}, {rows:?} rows of the same window, of another, of halved sums:");
+        print!("{rms_same:.3} rms, {worst_same:.3} at most; {worst_other:.3} of the uncertainty, ");
+        println!("{all:.1e} px rms with them; {cut_off:.2} of 1/8 over the noise");
         let is_near = rms_same <= 0.31 && worst_same <= 0.84 && all <= 5e-5;
         assert!(is_near, "{estimator:?}");
         assert!(other.len() <= 5 && worst_other <= 0.1, "{estimator:?}");
@@ -158,9 +151,8 @@ fn integer_tables_agree_with_the_designed_tables() {
         let both = (0..ROWS).into_par_iter().filter_map(|number| {
             let drawn = drawn(3, number)?;
             let found = drawn.centre(estimator)?;
-            let [integer, exact] = [&integer, &exact].map(|weights| {
-                model::phase_table::centre(&drawn.light, &drawn.spot, weights, Sampling::Fine)
-            });
+            let [integer, exact] = [&integer, &exact]
+                .map(|weights| model::phase_table::centre(&drawn.light, &drawn.spot, weights));
             let (integer, exact) = (integer?, exact?);
             let place = |found: &Found| (found.block, found.table, found.window);
             let apart = integer.centre - exact.centre;
@@ -187,22 +179,18 @@ fn the_centroid_agrees_with_its_model() {
     let steps = (0..ROWS).into_par_iter().filter_map(|number| {
         let drawn = drawn(3, number)?;
         let found = drawn.centre(Estimator::Centroid)?;
-        let model = model::centroid::centre(&drawn.light, &drawn.spot)?;
+        let model = model::centroid(&drawn.light, &drawn.spot)?;
         Some(f64::from(found.centre.to_bits()) - model * STEPS)
     });
     let steps: Vec<f64> = steps.collect();
     let (same, other): (Vec<f64>, Vec<f64>) = steps.iter().partition(|steps| steps.abs() <= 1.0);
-    let (all, most) = (rms(steps.iter().copied()), worst(other.iter().copied()));
-    println!(
-        "centroid: {:.3} steps of 2^-16 pixel rms, of {} rows; {} more stopped elsewhere, {most:.1} steps \
-         away at most; {:.1e} px rms with them",
-        rms(same.iter().copied()),
-        same.len(),
-        other.len(),
-        all / STEPS
-    );
+    let (all, most) = (rms(&steps), largest(&other));
+    let (of_same, rows) = (rms(&same), [same.len(), other.len()]);
+    let all = all / STEPS;
+    print!("{rows:?} rows, at rest at the same place and elsewhere: {of_same:.3} steps rms; ");
+    println!("{most:.1} steps of 2^-16 pixel away at most, {all:.1e} px rms with them");
     // A thousandth of the windows rest within 2^-10 of their border by chance.
-    assert!(all / STEPS <= 5e-5 && other.len() <= 20 && most <= 64.0);
+    assert!(all <= 5e-5 && other.len() <= 20 && most <= 64.0);
 }
 
 /// Compares eq. (1) in 64-bit integers with f64: a distance is rounded to 2^-8 um. The second comparison
@@ -221,7 +209,7 @@ fn distances_agree_with_the_model() {
         model,
         steps,
         ..
-    } in pairs(Estimator::PhaseTable, &tables, Sampling::Fine)
+    } in pairs(Estimator::PhaseTable, &tables)
     {
         let (distance, slope) = curve.distance_at(found.centre).expect("a valid centre");
         let off = |centre| f64::from(distance.to_bits()) - 256.0 * model::distance(&curve, centre);
@@ -233,14 +221,10 @@ fn distances_agree_with_the_model() {
             assert!(off <= most, "{off} of {most} steps at {}", found.centre);
         }
     }
-    let (alone_rms, alone_most) = (rms(alone.iter().copied()), worst(alone.iter().copied()));
-    println!(
-        "eq. (1): {alone_rms:.3} steps of 2^-8 um rms, {alone_most:.3} at most; from the row on: {:.2} rms, \
-         {:.2} at most, of {} rows",
-        rms(whole.iter().copied()),
-        worst(whole.iter().copied()),
-        whole.len()
-    );
+    let (alone_rms, alone_most) = (rms(&alone), largest(&alone));
+    let (from_row, rows) = ([rms(&whole), largest(&whole)], whole.len());
+    println!("eq. (1): {alone_rms:.3} steps of 2^-8 um rms, {alone_most:.3} at most");
+    println!("from the row on: {from_row:.2?} of {rows} rows");
     assert!(whole.len() >= 20_000 && alone_rms <= 0.30 && alone_most <= 0.501);
 }
 
@@ -276,13 +260,10 @@ fn the_fit_agrees_with_the_reference_and_the_tables_come_near_it() {
         let product = statistics::mean(fits.iter().map(|fits| fits.reference * fits.table));
         let (ratio, correlation) = (reference / table, product / reference / table);
         let bound = cell.spot().bound();
-        println!(
-            "sigma {width}, {amplitude} counts, noise {noise:?}: fit and \
-             reference apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference \
-             {:.3} of the bound, default {:.3}; ratio {ratio:.3}, correlation {correlation:.3}",
-            reference / bound,
-            table / bound
-        );
+        let of_bound = [reference, table].map(|it| it / bound);
+        println!("sigma {width}, {amplitude} counts, {noise:?}: fit and reference apart by");
+        println!("{apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most;");
+        println!("of the bound {of_bound:.3?}, ratio {ratio:.3}, correlation {correlation:.3}");
         assert!(apart_rms <= 0.003 && apart_most <= 0.02, "{width}");
         // The standard error of a root mean square over 4000 rows is 1.1 %.
         assert!((reference / bound - 1.0).abs() <= 0.04, "{width}");

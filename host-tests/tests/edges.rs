@@ -1,5 +1,5 @@
 //! Spots that the sensor's edge cuts: they are fitted at the bound of the pixels that remain, or are a fault.
-//! No phase table measures a window that the edge cuts. The tests print every figure that they assert.
+//! No phase table measures a window that the edge cuts.
 
 use crate::support::*;
 use judges::accuracy::answers;

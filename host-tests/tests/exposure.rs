@@ -132,22 +132,21 @@ fn a_fault_names_the_exposure_of_its_rows() {
 /// In ambient light, whatever the estimator, and with a well below the level that is stated.
 #[test]
 fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
-    for effect in [
+    let effects = [
         "ambient = { counts_per_second = 3.5e5, slope = 0.0 }",
         "saturation = { full_well = 2200.0, blooming = 0.1 }",
-    ] {
-        for estimator in Estimator::ALL {
-            let options = options(|it| it.estimator = estimator);
-            let mut sensor = Sensor::new(listing(scene(), effect), options);
-            sensor.frames(0.03, 3);
-            let exposures: BTreeSet<u16> = (0..320).map(|_| sensor.row(0.03).0.us()).collect();
-            let results = sensor.frames(0.03, 10);
-            let valid = results.iter().filter(|result| result.is_ok()).count();
-            println!("{effect}, {estimator:?}: exposures {exposures:?}, {valid} of 10 frames");
-            assert_eq!(valid, 10, "{effect}, {estimator:?}: {results:?}");
-            let is_settled = exposures.len() <= 2;
-            assert!(is_settled, "{effect}, {estimator:?}: {exposures:?}");
-        }
+    ];
+    for (effect, estimator) in pairs(effects, Estimator::ALL) {
+        let options = options(|it| it.estimator = estimator);
+        let mut sensor = Sensor::new(listing(scene(), effect), options);
+        sensor.frames(0.03, 3);
+        let exposures: BTreeSet<u16> = (0..320).map(|_| sensor.row(0.03).0.us()).collect();
+        let results = sensor.frames(0.03, 10);
+        let valid = results.iter().filter(|result| result.is_ok()).count();
+        println!("{effect}, {estimator:?}: exposures {exposures:?}, {valid} of 10 frames");
+        assert_eq!(valid, 10, "{effect}, {estimator:?}: {results:?}");
+        let is_settled = exposures.len() <= 2;
+        assert!(is_settled, "{effect}, {estimator:?}: {exposures:?}");
     }
 }
 
@@ -254,7 +253,6 @@ fn exposures_are_those_of_the_settings() {
         let found = measured.frame.amplitude.to_f64();
         println!("{expected} us: {found} counts, of the scene {height:.1}");
         assert!((found / height - 1.0).abs() < 0.1);
-        assert!(measured.frame.amplitude > Counts::from_int(0));
     }
 }
 

@@ -2,17 +2,14 @@
 //! distances show.
 
 use crate::support::*;
-use rand::SeedableRng as _;
-use rand_distr::Distribution as _;
 use slitrange_device::filters::average::{Average, Filter};
 use slitrange_device::filters::{Limits, SpikeFilter, Spikes};
 
 /// A reading at a distance, whose parts are all 3 um but for the noise.
 fn reading(distance: Micrometres, noise: Micrometres) -> Reading {
     let parts = with(parts([Micrometres::from_int(3); 7]), |it| it.noise = noise);
-    let calibration = Calibration::nominal();
     let errors = CalibrationErrors::Nominal;
-    let reading = at_centre(1800.0).reading(calibration.as_ref(), &errors, Surface::Auto);
+    let reading = nominal_reading(&at_centre(1800.0), &errors, Surface::Auto);
     with(reading.expect("a distance"), |it| {
         (it.distance, it.uncertainty, it.parts) = (distance, parts.combined(), parts);
     })
@@ -48,7 +45,7 @@ fn the_repeatability_of_a_filter_is_its_scatter() {
         let mut squares = [0.0; 5];
         let mut claimed = [0.0; 5];
         for run in 0..RUNS {
-            let mut random = ChaCha8Rng::seed_from_u64(run as u64);
+            let mut random = random(run as u64);
             let mut filter = Filter::default();
             for count in 1..=3 * usize::from(n) {
                 let error: f64 = StandardNormal.sample(&mut random);

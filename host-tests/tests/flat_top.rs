@@ -1,6 +1,5 @@
 //! The recognition of tops that are cut off below full scale: false alarms, detections, and confident errors
-//! with wells that the geometry states and wells that it does not. The tests print every figure that they
-//! assert.
+//! with wells that the geometry states and wells that it does not.
 
 use crate::support::*;
 use judges::hard_cases::judge::{Answer, Answers, answers};
@@ -46,18 +45,13 @@ fn speckle_is_seldom_taken_for_a_flat_top() {
         let scene = scene(name);
         let (distance, exposure) = (scene.distance, scene.exposure);
         let geometry = scene.geometry();
-        let found: Vec<Option<bool>> = (0..ROWS)
-            .into_par_iter()
-            .map_init(
-                || Simulation::new(scene.clone()),
-                |simulation, number| {
-                    simulation.set_surface(number);
-                    let row = light_of(&simulation.row(number, distance, exposure), &geometry);
-                    let is_measured = answers(&row)[ADAPTIVE].alone.is_ok();
-                    is_measured.then(|| is_recognised_by_any(&row))
-                },
-            )
-            .collect();
+        let found = (0..ROWS).into_par_iter().map(|number| {
+            let simulation = Simulation::on_surface(scene.clone(), number);
+            let row = light_of(&simulation.row(number, distance, exposure), &geometry);
+            let is_measured = answers(&row)[ADAPTIVE].alone.is_ok();
+            is_measured.then(|| is_recognised_by_any(&row))
+        });
+        let found: Vec<Option<bool>> = found.collect();
         let measured = found.iter().flatten().count();
         let flat = found.iter().flatten().filter(|it| **it).count();
         println!("{name}: {flat} of {measured} rows with a centre, {ROWS} rows");

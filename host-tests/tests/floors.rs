@@ -57,10 +57,8 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
 fn code(path: &Path) -> String {
     let source = read(path);
     let code = source.split("#[cfg(test)]").next().unwrap_or_default();
-    let lines = code.lines().map(|line| line.split("//").next());
-    lines
-        .flat_map(|line| [line.unwrap_or_default(), "\n"])
-        .collect()
+    let lines = code.lines().filter_map(|line| line.split("//").next());
+    lines.flat_map(|line| [line, "\n"]).collect()
 }
 
 /// The names that follow a word in code: one, or a list in braces.

@@ -388,11 +388,9 @@ fn check_acceleration(case: Case, found: &[FrameCentre], shift: f64) {
     let noise = mean(|it| it.uncertainty.to_f64()) / claim;
     let pull = rms(found.iter().map(|it| pull(it, TRUTH)));
     let unseen = mean(|it| f64::from(it.motion.to_f64() == 0.0));
-    println!(
-        "{name}: shift by a (n^2 - 1)/24 {shift:.4} px, off by {off:.4} px, motion {motion:.4} px +- \
-         {scatter:.2} claims, unseen in {:.2} %, error / claim {pull:.3}, uncertainty {noise:.2} u / sqrt(n)",
-        100.0 * unseen
-    );
+    print!("{name}: shift {shift:.4} px, off by {off:.4} px, motion {motion:.4} px, ");
+    print!("scatter {scatter:.2} claims, {unseen:.4} unseen, error / claim {pull:.3}, ");
+    println!("uncertainty {noise:.2} u / sqrt(n)");
     let (missing, is_large) = (case.2, shift > 20.0 * claim);
     if missing == Missing::None || is_large && missing != Missing::Random {
         assert!((0.9..=1.1).contains(&pull), "{pull}");
@@ -462,11 +460,9 @@ fn the_spread_is_the_displacement_beyond_the_noise() {
                 let variance = displacement.powi(2);
                 let left = (variance - spread.powi(2)).max(0.0).sqrt();
                 let none = found.iter().filter(|it| it.spread.to_f64() == 0.0).count();
-                println!(
-                    "displaced by {displacement} px, {share} of the one before, {rows} rows, {speed} px a \
-                     row, {how:?}: spread {spread:.4} px, none in {none} of {FRAMES}, mean off by {off:.4} px, \
-                     sqrt(V - E[spread^2]) {left:.4} px"
-                );
+                print!("displaced by {displacement} px, {share} of the one before, {rows} rows, ");
+                print!("{speed} px a row, {how:?}: spread {spread:.4} px, none in {none}, ");
+                println!("mean off by {off:.4} px, sqrt(V - E[spread^2]) {left:.4} px");
                 if rows < 16 {
                     continue;
                 }
@@ -520,14 +516,12 @@ fn a_swinging_target_widens_the_uncertainty() {
 fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
     let scene = support::scene(name);
     let options = options(|it| it.rows = rows);
-    let calibration = Calibration::nominal();
     let found = (0..count).into_par_iter().filter_map(|reading| {
         let scene = with(scene.clone(), |it| it.seed += reading);
         let simulation = Simulation::new(scene.clone());
         let result = frames::measure(&simulation, options, scene.distance, 0, None);
         let errors = CalibrationErrors::Unknown;
-        let reading = (result.ok()?).reading(calibration.as_ref(), &errors, Surface::Off);
-        let reading = reading.ok()?;
+        let reading = nominal_reading(&result.ok()?, &errors, Surface::Off).ok()?;
         let distances = (0..rows).map(|row| simulation.true_distance(row.into(), scene.distance));
         Some(Found {
             bound: 0.0,

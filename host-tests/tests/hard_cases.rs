@@ -29,29 +29,14 @@ fn the_catalogue_is_large_and_its_cases_differ() {
     }
 }
 
-/// No estimator gives an impossible answer, alone or in the measurement. Every calibration gives its expected
-/// result.
 #[test]
-fn no_case_gives_an_impossible_answer() {
-    for estimator in Estimator::ALL {
-        let mut nonsense = CATALOGUE.failures(estimator);
-        nonsense.retain(|failure| failure.contains(": nonsense"));
-        assert!(nonsense.is_empty(), "{}: {nonsense:#?}", estimator.name());
-    }
+fn every_calibration_gives_the_expected_result() {
     for (case, found) in &CATALOGUE.calibrations {
         assert!(found.is_due, "{}: {}", case.name, found.answer);
     }
 }
 
 const USED: [Estimator; 2] = [Estimator::Adaptive, Estimator::PhaseTable];
-
-#[test]
-fn the_used_estimators_give_the_expected_result_in_every_case() {
-    for estimator in USED {
-        let failures = CATALOGUE.failures(estimator);
-        assert!(failures.is_empty(), "{}: {failures:#?}", estimator.name());
-    }
-}
 
 /// The repair finds the spot among bad pixels, beside a second spot, and if its top is cut off.
 #[test]
@@ -65,13 +50,19 @@ fn the_repair_gives_the_expected_result() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// The snapshot lists the cases in which each estimator fails, so that a change shows as a difference.
+/// The snapshot lists the cases in which each estimator fails, so that a change shows as a difference. The
+/// estimators that people use fail in none. No estimator gives an impossible answer, alone or in the
+/// measurement.
 #[test]
 fn estimators_fail_only_in_the_cases_of_the_snapshot() {
     let mut text = String::new();
     for estimator in Estimator::ALL {
-        let failures = CATALOGUE.failures(estimator);
-        text += &format!("{}: {}\n", estimator.name(), failures.len());
+        let (name, failures) = (estimator.name(), CATALOGUE.failures(estimator));
+        let is_nonsense = failures.iter().any(|it| it.contains(": nonsense"));
+        assert!(!is_nonsense, "{name}: {failures:#?}");
+        let may_fail = !USED.contains(&estimator);
+        assert!(may_fail || failures.is_empty(), "{name}: {failures:#?}");
+        text += &format!("{name}: {}\n", failures.len());
         for failure in failures {
             text += &format!("    {failure}\n");
         }

@@ -50,19 +50,16 @@ impl Lines {
             commands.push(name.to_owned());
             commands.push(Settings::default().get(setting).to_string());
             let values: Vec<String> = match setting.form() {
-                Form::Number { least, most, .. } => (0..8)
-                    .map(|i| (least + (most - least) / 7 * i).to_string())
-                    .collect(),
+                Form::Number { least, most, .. } => {
+                    let number = |i: u32| (least + (most - least) / 7 * i).to_string();
+                    (0..8).map(number).collect()
+                }
                 Form::Words(words) => words.split('|').flat_map(of_form).collect(),
-                Form::Several(names) => (0..8)
-                    .map(|i| {
-                        let names = names.split(' ').skip(i).step_by(2);
-                        names.collect::<Vec<_>>().join(" ")
-                    })
-                    .collect(),
-                Form::Listed => ["adaptive", "centroid", "phase-table"]
-                    .map(Into::into)
-                    .into(),
+                Form::Several(names) => {
+                    let some = |i| names.split(' ').skip(i).step_by(2).collect::<Vec<_>>();
+                    (0..8).map(|i| some(i).join(" ")).collect()
+                }
+                Form::Listed => Estimator::ALL.iter().map(|it| it.name().into()).collect(),
             };
             let lines = values.iter().map(|value| format!("{name} {value}"));
             // Lines are no commands with Modbus.
@@ -386,19 +383,11 @@ impl Sensor {
         let default = Settings::default();
         let mut settings = self.settings;
         for &setting in Setting::ALL {
-            let is_of_stream =
-                matches!(setting, Setting::Stream | Setting::Format | Setting::Pixels);
-            if is_of_stream || setting.affects() == Affects::Measurement {
+            use Setting::{Average, Baud, Format, Output, Pixels, Stream, Units};
+            let any = [Stream, Format, Pixels, Units, Output, Average, Baud];
+            if any.contains(&setting) || setting.affects() == Affects::Measurement {
                 settings.set(default.get(setting));
             }
-        }
-        for setting in [
-            Setting::Units,
-            Setting::Output,
-            Setting::Average,
-            Setting::Baud,
-        ] {
-            settings.set(default.get(setting));
         }
         settings == default
     }

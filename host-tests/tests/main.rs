@@ -1,4 +1,5 @@
-//! The core on a PC against synthetic rows. All topics are one test program, so that it links only once.
+//! The core on a PC against synthetic rows. All topics are one test program, so that it links only once. The
+//! tests print every figure that they assert.
 
 mod accuracy;
 mod ambient;
@@ -23,7 +24,6 @@ mod model;
 mod packets;
 mod photographs;
 mod pixels;
-mod profile_rows;
 mod profiles;
 mod properties;
 mod records;

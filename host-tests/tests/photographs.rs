@@ -6,23 +6,10 @@
 use crate::support::*;
 use phase_tables::{LEAST_SQUARES, gaussian};
 use simulator::photograph::Photograph;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
 const BRIGHT: f64 = 4095.0 / 20.0;
-
-/// The folder of the photographs, if it is there. Says so if not.
-fn folder() -> Option<PathBuf> {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/laser-spots");
-    let is_there = folder.is_dir();
-    if !is_there {
-        // Past the capture of a passing test's output.
-        let (mut errors, folder) = (std::io::stderr(), folder.display());
-        let _ = writeln!(errors, "SKIPPED: no photographs in {folder}");
-    }
-    is_there.then_some(folder)
-}
 
 fn photographs(folder: &Path) -> impl Iterator<Item = (&'static str, Photograph)> {
     let names = ["TEM00_200mm", "t-580mm", "t-hene"].into_iter();
@@ -34,7 +21,7 @@ fn photographs(folder: &Path) -> impl Iterator<Item = (&'static str, Photograph)
 
 #[test]
 fn centres_lie_near_the_least_squares_fit() {
-    let Some(folder) = folder() else {
+    let Some(folder) = shared_data("laser-spots") else {
         return;
     };
     let least_squares_tables = phase_tables::set(&gaussian, LEAST_SQUARES);
@@ -85,29 +72,28 @@ fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, 
 /// A real spot is lopsided. The check does not reject it: u says how far its centre is uncertain.
 #[test]
 fn few_rows_are_flagged_and_centres_lie_within_two_uncertainties_of_the_fit() {
-    let Some(folder) = folder() else {
+    let Some(folder) = shared_data("laser-spots") else {
         return;
     };
     let geometry = sensor_heads::tcd1304dg();
     for (name, photograph) in photographs(&folder) {
         // Each row: error over uncertainty, the shape's part of it in widths, whether it has a flag.
-        let rows: Vec<(f64, f64, bool)> = (0..photograph.height)
-            .filter_map(|y| {
-                let (light, first, picture) = row(&photograph, y)?;
-                let found = checked(&geometry, &light, Estimator::PhaseTable).ok()?;
-                if found.amplitude.to_f64() < BRIGHT {
-                    return None;
-                }
-                let place = found.centre.to_f64() - first as f64;
-                let fit = least_squares::fit_near(&picture, place)?;
-                let by_shape = found.shape.uncertainty(None).to_f64();
-                let u = found.uncertainty.to_f64().hypot(by_shape);
-                fit.is_whole_in(picture.len()).then(|| {
-                    let off = (place - fit.centre).abs() / u;
-                    (off, by_shape / fit.width, found.misfit)
-                })
+        let rows = (0..photograph.height).filter_map(|y| {
+            let (light, first, picture) = row(&photograph, y)?;
+            let found = checked(&geometry, &light, Estimator::PhaseTable).ok()?;
+            if found.amplitude.to_f64() < BRIGHT {
+                return None;
+            }
+            let place = found.centre.to_f64() - first as f64;
+            let fit = least_squares::fit_near(&picture, place)?;
+            let by_shape = found.shape.uncertainty(None).to_f64();
+            let u = found.uncertainty.to_f64().hypot(by_shape);
+            fit.is_whole_in(picture.len()).then(|| {
+                let off = (place - fit.centre).abs() / u;
+                (off, by_shape / fit.width, found.misfit)
             })
-            .collect();
+        });
+        let rows: Vec<(f64, f64, bool)> = rows.collect();
         let share = |is: fn(&(f64, f64, bool)) -> bool| {
             rows.iter().filter(|row| is(row)).count() as f64 / rows.len() as f64
         };

@@ -13,18 +13,12 @@ pub fn cases(cases: u32) -> ProptestConfig {
 }
 
 pub fn nominal() -> Record {
-    Record {
-        serial_number: 4711,
-        date: Date::new(2026, 11, 21).expect("a day"),
-        geometry: sensor_heads::tcd1304dg(),
-        estimator: Estimator::PhaseTable,
-        black_level: BlackLevel::Fixed(Counts::from_int(120)),
-        calibration: Calibration::nominal().expect("a curve"),
-        profile: None,
-        errors: CalibrationErrors::Unknown,
-        comb: None,
-        front_end: None,
-    }
+    with(Record::nominal().expect("a record"), |it| {
+        (it.serial_number, it.errors) = (4711, CalibrationErrors::Unknown);
+        it.date = Date::new(2026, 11, 21).expect("a day");
+        it.estimator = Estimator::PhaseTable;
+        it.black_level = BlackLevel::Fixed(Counts::from_int(120));
+    })
 }
 
 fn counts() -> impl Strategy<Value = Estimate<Counts>> {
@@ -124,7 +118,7 @@ prop_compose! {
     }
 }
 
-fn black_levels() -> impl Strategy<Value = BlackLevel> {
+pub fn black_levels() -> impl Strategy<Value = BlackLevel> {
     let fixed = (0..=4095 << 8).prop_map(|bits| BlackLevel::Fixed(Counts::from_bits(bits)));
     prop_oneof![Just(BlackLevel::Shielded), Just(BlackLevel::Frame), fixed]
 }

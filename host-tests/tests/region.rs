@@ -1,14 +1,9 @@
 //! The settings `region` and `peak`: which part of a row is searched, and which of several spots is measured.
-//! The tests print every figure that they assert.
 
-use crate::support::{self, *};
+use crate::support::*;
 use slitrange::spot::choice::SpotChoice;
 
 const PIXELS: usize = 3648;
-
-fn geometry() -> Geometry {
-    support::geometry(PIXELS, 6554)
-}
 
 #[derive(Clone, Copy, Debug)]
 struct Light(f64, f64, f64);
@@ -21,15 +16,8 @@ fn row(random: &mut ChaCha8Rng, spots: &[Light]) -> Vec<u16> {
     })
 }
 
-fn measure(geometry: Geometry, mut options: Options, rows: &[Vec<u16>]) -> Result<Measured, Fault> {
-    options.rows = rows.len() as u16;
-    let mut measurement = Measurement::new(geometry, options);
-    let measured = rows.iter().map(|row| measurement.row(&mut row.clone()));
-    measured.last().flatten().expect("the frame is complete")
-}
-
-fn with_peak(peak: SpotChoice) -> Options {
-    options(|it| it.peak = peak)
+fn measure(options: Options, rows: &[Vec<u16>]) -> Result<Measured, Fault> {
+    frames::measure_rows(rows, &geometry(PIXELS, 6554), options, None)
 }
 
 #[test]
@@ -51,15 +39,16 @@ fn a_region_is_measured_as_a_row_of_these_pixels() {
             spots.push(spot(anywhere, &mut random));
         }
         let rows: Vec<_> = (0..3).map(|_| row(&mut random, &spots)).collect();
-        let narrow = with(geometry(), |it| {
+        let narrow = with(geometry(PIXELS, 6554), |it| {
             it.light = first.into()..usize::from(last) + 1
         });
         let whole = options(|it| it.estimator = Estimator::ALL[number % Estimator::ALL.len()]);
         let region = Region::new(first, last).expect("a region");
         let narrowed = with(whole, |it| it.region = region);
-        let in_region = measure(geometry(), narrowed, &rows);
+        let in_region = measure(narrowed, &rows);
         let on_row = |place: Pixels| Pixels::from_bits(place.to_bits() + (i32::from(first) << 16));
-        match (in_region, measure(narrow, whole, &rows)) {
+        let of_row = frames::measure_rows(&rows, &narrow, whole, None);
+        match (in_region, of_row) {
             (Ok(found), Ok(expected)) => {
                 centres += 1;
                 let centre = on_row(expected.frame.centre);
@@ -95,20 +84,18 @@ fn peak_measures_the_first_or_the_last_spot() {
         for _ in 0..1000 {
             let width = random.random_range(3.0..12.0);
             let mut centre = random.random_range(300.0..800.0);
-            let spots: Vec<_> = (0..random.random_range(2..=3))
-                .map(|_| {
-                    let spot = Light(centre, width, random.random_range(500.0..2500.0));
-                    centre += random.random_range(40.0..100.0) * width;
-                    spot
-                })
-                .collect();
-            let spots: Vec<_> = spots.into_iter().filter(|it| it.0 < 3400.0).collect();
+            let spots = (0..random.random_range(2..=3)).map(|_| {
+                let spot = Light(centre, width, random.random_range(500.0..2500.0));
+                centre += random.random_range(40.0..100.0) * width;
+                spot
+            });
+            let spots: Vec<_> = spots.filter(|it| it.0 < 3400.0).collect();
             let rows: Vec<_> = (0..2).map(|_| row(&mut random, &spots)).collect();
             let wanted = match peak {
                 SpotChoice::Last => spots.last(),
                 _ => spots.first(),
             };
-            match measure(geometry(), with_peak(peak), &rows) {
+            match measure(options(|it| it.peak = peak), &rows) {
                 Ok(found) if found.frame.misfits > 0 => flagged += 1,
                 Ok(found) => {
                     let error = found.frame.centre.to_f64() - wanted.expect("a spot").0;
@@ -136,9 +123,9 @@ fn one_spot_is_the_first_and_the_last() {
         let width = random.random_range(1.2..25.0);
         let spot = Light(centre, width, random.random_range(20.0..3500.0));
         let rows = [row(&mut random, &[spot]), row(&mut random, &[spot])];
-        let strongest = measure(geometry(), Options::default(), &rows);
+        let strongest = measure(Options::default(), &rows);
         for peak in [SpotChoice::First, SpotChoice::Last] {
-            let found = measure(geometry(), with_peak(peak), &rows);
+            let found = measure(options(|it| it.peak = peak), &rows);
             let [found, strongest] = [&found, &strongest].map(|it| format!("{it:?}"));
             assert_eq!(found, strongest, "{} {spot:?}", peak.name());
         }
@@ -159,7 +146,7 @@ fn close_spots_give_no_confident_error() {
         let second = Light(centre, width, random.random_range(300.0..2500.0));
         let rows = [row(&mut random, &[first, second])];
         let peak = [SpotChoice::First, SpotChoice::Last][centres % 2];
-        match measure(geometry(), with_peak(peak), &rows) {
+        match measure(options(|it| it.peak = peak), &rows) {
             Ok(found) if found.frame.misfits == 0 => {
                 centres += 1;
                 let u = (found.frame.uncertainty.to_f64()).hypot(found.by_shape.to_f64());
@@ -167,7 +154,7 @@ fn close_spots_give_no_confident_error() {
                 if error(&first).min(error(&second)) > 5.0 * u {
                     wrong += 1;
                     // They look like one spot.
-                    let strongest = measure(geometry(), Options::default(), &rows);
+                    let strongest = measure(Options::default(), &rows);
                     let found = format!("{:?}", Ok::<_, Fault>(found));
                     assert_eq!(found, format!("{strongest:?}"));
                 }

@@ -10,10 +10,6 @@ fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
     robust_centre(&row, &spot, None, geometry, None, &mut budget)
 }
 
-fn with_the_default(geometry: &Geometry, light: &[u16]) -> Answer {
-    centre_of(geometry, light, Estimator::PhaseTable)
-}
-
 /// A spot of so many counts, in the noise of all rows here.
 fn cell(width: f64, amplitude: f64, seed: u64) -> Cell {
     support::cell(width, amplitude, (2.0, Some(5.0)), rows(width), seed)
@@ -46,7 +42,7 @@ struct Outcome {
     faults: u64,
 }
 
-fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outcome {
+fn run(centre: impl Fn(&Geometry, &[u16]) -> Answer + Sync, width: f64, flaw: Flaw) -> Outcome {
     let amplitude = match flaw {
         Flaw::Saturated(times) => times * 4095.0,
         _ => 2000.0,
@@ -120,7 +116,9 @@ fn the_repair_leaves_outliers_out() {
         (4.0, Flaw::Dead, 0.03),
     ] {
         let repair = run(repaired, width, flaw);
-        let default = run(with_the_default, width, flaw);
+        let by = Estimator::PhaseTable;
+        let find = |geometry: &Geometry, light: &[u16]| centre_of(geometry, light, by);
+        let default = run(find, width, flaw);
         let line = format!(
             "sigma {width:>4} {:<18} {:.4} ({:+.4}; {}, {}, {}) | {:.4} ({:+.4}; {}, {}), bound {:.4}, limit \
              {limit:.4}\n",

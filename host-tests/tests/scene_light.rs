@@ -18,10 +18,6 @@ fn plain_with(effects: &str) -> Scene {
     listing(gaussian(8.6), effects)
 }
 
-fn plain() -> Scene {
-    plain_with("")
-}
-
 /// A spot of 2 pixels behind the paper's lens, and effects.
 fn lens_with(effects: &str) -> Scene {
     let lens = with(gaussian(2.0), |it| {
@@ -53,7 +49,6 @@ fn worst(row: &[f32], first: usize, pixels: usize, expected: impl Fn(f64) -> f64
         .fold(0.0, f64::max)
 }
 
-const FRAUNHOFER: &str = "diffraction = 'fraunhofer'";
 const FRESNEL: &str = "diffraction = 'fresnel'";
 
 /// Fresnel's pattern of a laser spot with a 1/e^2 diameter in metres at 0.8 m.
@@ -74,7 +69,7 @@ fn sinc_squared(x: f64) -> f64 {
 /// between pixels. Its first zero is at lambda z / a = 162.5 um.
 #[test]
 fn pixels_gather_the_pattern_over_their_width() {
-    let (scene, first_zero) = (plain_with(FRAUNHOFER), 162.5 / 8.0);
+    let (scene, first_zero) = (plain_with("diffraction = 'fraunhofer'"), 162.5 / 8.0);
     let of_phase = [0.0, 0.13, 0.5, 0.77].map(|phase| {
         let centre = 1800.0 + phase;
         worst(&scene.row_with_centre(0, centre, 1.0), 1500, 600, |pixel| {
@@ -151,9 +146,11 @@ fn a_row_through_a_slit_agrees_with_the_profile() {
 #[test]
 fn a_laser_spot_widens_a_gaussian_in_quadrature() {
     let waist = 0.5e-3;
-    let spot = with(MILLIMETRE, |it| {
-        (it.waist, it.waist_distance) = (waist, 0.75)
-    });
+    let spot = LaserSpot {
+        waist,
+        waist_distance: 0.75,
+        wander: 0.0,
+    };
     // A Rayleigh length from the waist, 0.302 m, a beam is sqrt 2 as wide.
     let rayleigh = PI * waist * waist / (4.0 * 650e-9);
     let diameter = spot.diameter(0.75 + rayleigh, 650e-9);
@@ -280,9 +277,10 @@ fn a_lobe_brightens_what_is_seen_near_the_mirror_direction() {
         width: 0.15,
         tilt: 0.05,
     };
-    let scene = with(plain(), |it| it.specular_lobe = Some(lobe));
+    let scene = with(plain_with(""), |it| it.specular_lobe = Some(lobe));
     for distance in [0.6, 0.8, 1.0] {
-        let [with, without] = [&scene, &plain()].map(|it| moments(&it.row(0, distance, 1.0)).0);
+        let [with, without] =
+            [&scene, &plain_with("")].map(|it| moments(&it.row(0, distance, 1.0)).0);
         let ratio = with / without;
         let off = (0.3f64 / distance).atan() - 2.0 * 0.05;
         let expected = 1.0 + 3.0 * (-0.5 * (off / 0.15).powi(2)).exp();
@@ -481,7 +479,7 @@ fn a_ghost_moves_against_the_spot() {
 #[test]
 fn a_second_reflection_is_a_second_gaussian() {
     let scene = plain_with("second_reflection = { offset = 60.0, width = 12.0, strength = 0.1 }");
-    let [with, without] = [scene, plain()].map(|it| it.row_with_centre(0, 1500.25, 1.0));
+    let [with, without] = [scene, plain_with("")].map(|it| it.row_with_centre(0, 1500.25, 1.0));
     let (sum, mean, variance) = moments(&difference(&with, &without));
     println!("{sum:.1} counts at {mean:.4}, variance {variance:.3}");
     assert!((mean - 1560.25).abs() < 1e-3 && (variance - 144.0 - 1.0 / 12.0).abs() < 0.05);
@@ -548,7 +546,7 @@ fn the_expected_width_is_that_of_the_best_gaussian() {
         // Pixels of a width of 1 add 1/12 to the variance: 0.006 pixels.
         assert!((width - expected).abs() < 0.02);
     }
-    let gaussian = Simulation::new(plain()).spot_width(0.8);
+    let gaussian = Simulation::new(plain_with("")).spot_width(0.8);
     println!("gaussian of 8.6: {gaussian:.4}");
     // A pixel adds 1/12 to the variance.
     assert!((gaussian - (8.6f64 * 8.6 + 1.0 / 12.0).sqrt()).abs() < 1e-3);
@@ -573,13 +571,6 @@ fn a_warmer_sensor_moves_the_centre_as_eq_1_says() {
     }
 }
 
-/// A laser spot of a 1/e^2 diameter of 1 mm at 0.8 m.
-const MILLIMETRE: LaserSpot = LaserSpot {
-    waist: 1e-3,
-    waist_distance: 0.8,
-    wander: 0.0,
-};
-
 /// Speckle of a surface that keeps no polarisation, in light of one wavelength.
 const PAPER: Speckle = Speckle {
     polarisations: 2,
@@ -589,7 +580,7 @@ const PAPER: Speckle = Speckle {
 
 fn camera(aperture: Aperture) -> Scene {
     let camera = with(Scene::dark(Sensor::Camera), |it| {
-        (it.spot, it.optics.aperture) = (plain().spot, aperture);
+        (it.spot, it.optics.aperture) = (plain_with("").spot, aperture);
     });
     listing(camera, &fresnel(1e-3))
 }

@@ -1,11 +1,12 @@
 //! What a sensor makes of light, effect by effect, compared with closed forms and counts. Also the random
-//! numbers of all effects, and the scenes in the folder. The tests print every figure that they assert.
+//! numbers of all effects, and the scenes in the folder.
 
 use crate::support::{self, *};
 use simulator::scene::{
     Exposure, FixedPattern, HotPixels, Lag, MainsLight, Quantisation, ReadNoise, Response,
     Saturation, Settling, file, random,
 };
+use std::collections::HashSet;
 use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
 use std::fmt::Display;
 
@@ -66,8 +67,6 @@ fn assert_chi_squared(name: &str, counted: &[f64], expected: &[f64]) {
     println!("{name}: chi squared {squared:.1} of {n} cells");
     assert!(n >= 2.0 && squared < n + 5.0 * (2.0 * n).sqrt() + 10.0);
 }
-
-// ---- Effects ----
 
 #[test]
 fn read_noise_is_white_and_normal() {
@@ -206,9 +205,8 @@ fn each_line_of_a_camera_has_patterns_of_its_own() {
     assert_eq!(of(17), of(17 + scene.sensor.rows()));
     let (one, other) = (of(17), of(18));
     let pairs = one.iter().zip(&other);
-    let product: f64 = (pairs.filter(|(a, b)| a.abs() < 100.0 && b.abs() < 100.0))
-        .map(|(a, b)| f64::from(a * b) / 9.0)
-        .sum();
+    let cold = pairs.filter(|(a, b)| a.abs() < 100.0 && b.abs() < 100.0);
+    let product: f64 = cold.map(|(a, b)| f64::from(a * b) / 9.0).sum();
     let correlation = product / 1920.0;
     println!("correlation of two lines {correlation:.3}");
     assert!(correlation.abs() < 5.0 / 1920f64.sqrt());
@@ -611,8 +609,6 @@ fn ambient_light_and_dark_current_do_not_depend_on_the_laser() {
     assert_eq!(of(&scene, 0.0), of(&dark, 0.002));
 }
 
-// ---- Random numbers ----
-
 const EVERY_EFFECT: &str = r#"
 diffraction = "fresnel"
 laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 }
@@ -687,10 +683,8 @@ fn all_random_streams_differ() {
         first.push(random::words(&mut random::of_row(seed, effect, number)));
         first.push(random::words(&mut random::of_line(seed, effect, number)));
     }
-    let streams = first.len();
-    first.sort();
-    first.dedup();
-    assert_eq!(first.len(), streams);
+    let different: HashSet<_> = first.iter().collect();
+    assert_eq!(different.len(), first.len());
 
     let response = Response { deviation: 0.01 }.factors(1, 0, 3648);
     let response: Vec<f32> = response.iter().map(|factor| factor - 1.0).collect();
@@ -878,15 +872,10 @@ fn rows_of_scenes_never_change() {
     insta::assert_snapshot!("scenes", table);
 }
 
-// ---- Scenes ----
-
 #[test]
 fn scenes_are_read_and_written() {
-    let names = file::names().expect("the folder of scenes");
-    println!("{}", names.join(", "));
-    assert!(names.len() >= 12);
-    for name in names {
-        let scene = support::scene(&name);
+    assert!(texts().count() >= 12);
+    for (name, scene, _) in texts() {
         let text = scene.to_toml().expect("text");
         assert_eq!(Scene::from_toml(&text).expect("a scene"), scene, "{name}");
         let about = &scene.about;

@@ -1,5 +1,5 @@
 //! The coarse search on seeded rows: it finds the spot, tells the spot from a second one, and finds no spot
-//! in noise. The tests print every figure that they assert.
+//! in noise.
 
 use crate::support::*;
 use slitrange::spot::MIN_PIXELS;
@@ -438,11 +438,8 @@ fn check_rows_without_spot(rows: u64) {
         for (estimator, (&[candidates, flagged, centres], most_flagged)) in
             ESTIMATORS.into_iter().zip(found)
         {
-            println!(
-                "{} {light:?}: of {rows} rows {candidates} have a candidate, {flagged} a flagged centre, \
-                 {centres} a centre without a flag",
-                estimator.name()
-            );
+            print!("{estimator:?} {light:?}: of {rows} rows {candidates} have a candidate, ");
+            println!("{flagged} a flagged centre, {centres} a centre without a flag");
             assert_eq!(centres, 0);
             assert!(flagged <= most_flagged);
         }

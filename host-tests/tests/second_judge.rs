@@ -89,9 +89,7 @@ fn a_story_tells_the_fault_and_the_result() {
 }
 
 fn kinds(name: &str) -> &'static [Kind] {
-    let place = Kind::all().iter().position(|kind| kind.name == name);
-    let place = place.expect("a kind");
-    &Kind::all()[place..=place]
+    std::slice::from_ref(Kind::named(name).expect("a kind"))
 }
 
 /// What the check has to reach. Of the frames of each kind, and of all frames.
@@ -104,9 +102,11 @@ fn confident_errors_are_rare() {
     let (mut wrong, mut errors, mut frames) = (vec![], 0, 0);
     for kind in Kind::all() {
         let tally = judge_frames(kind, 1000);
-        let (name, ratio) = (kind.name, tally.error_over_claim());
-        let (of, numbers) = (tally.count, &tally.numbers);
-        print!("{name}: {numbers:?} of {of} are errors, over claims {ratio:.2}; ");
+        let (name, ratio, of) = (kind.name, tally.error_over_claim(), tally.count);
+        print!(
+            "{name}: {:?} of {of} are errors, over claims {ratio:.2}; ",
+            tally.numbers
+        );
         let [flagged, good] = [tally.flagged, tally.flagged_good].map(|it| 100.0 * tally.share(it));
         println!("{flagged:.1} % flagged, {good:.1} % though good");
         if tally.share(tally.errors) > OF_A_KIND {

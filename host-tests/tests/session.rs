@@ -499,7 +499,7 @@ proptest! {
         let mut sensor = Sensor::new();
         for line in &lines {
             let answer = sensor.ask(line);
-                        use Command::{Centre, Distance, Nothing};
+            use Command::{Centre, Distance, Nothing};
             let is_silent = matches!(parse(line.as_bytes()), Ok(Nothing | Distance | Centre));
             prop_assert_eq!(answer.is_empty(), is_silent, "{}: {}", line, answer);
         }
@@ -507,7 +507,7 @@ proptest! {
         let saved = saved.expect("the nominal calibration at least");
         let again = Sensor::started(tcd1304dg(), StartCause::PowerOn, Stored::Newest(saved));
         prop_assert_eq!(again.session.record(), sensor.session.record());
-                let settings = *sensor.session.settings();
+        let settings = *sensor.session.settings();
         let restarted = with(*again.session.settings(), |it| it.stream = settings.stream);
         prop_assert_eq!(restarted, settings);
     }

@@ -97,14 +97,13 @@ fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
     let mut random = random(16);
     println!("hidden shift over its uncertainty: median, 90 %, 99 %, root mean square");
     for (name, draw) in KINDS {
-        let mut ratios: Vec<f64> = (0..FLAWS)
-            .map(|number| {
-                let flaw = draw(&mut random);
-                // White noise, a mix, and shot noise.
-                let (shift, uncertainty) = hidden(flaw, [100.0, 0.1, 0.01][number % 3]);
-                shift / uncertainty
-            })
-            .collect();
+        let ratios = (0..FLAWS).map(|number| {
+            let flaw = draw(&mut random);
+            // White noise, a mix, and shot noise.
+            let (shift, uncertainty) = hidden(flaw, [100.0, 0.1, 0.01][number % 3]);
+            shift / uncertainty
+        });
+        let mut ratios: Vec<f64> = ratios.collect();
         ratios.sort_by(f64::total_cmp);
         let quantile = |share: f64| ratios[(share * FLAWS as f64) as usize];
         let rms = statistics::rms(&ratios);

@@ -24,7 +24,7 @@ pub use slitrange::base::places::PLACES;
 pub use slitrange::base::units::Electrons;
 pub use slitrange::base::work_budget::WorkBudget;
 pub use slitrange::centre::spot_shape::{COMPONENTS, SpotShape};
-pub use slitrange::centre::tables::{BLOCKS, Sampling, TableSet};
+pub use slitrange::centre::tables::{BLOCKS, TableSet};
 pub use slitrange::centre::{self, half_width};
 pub use slitrange::check::own_spot::Profile;
 pub use slitrange::distance::eq1::{Eq1, NOMINAL};
@@ -63,6 +63,8 @@ pub use slitrange_device::store::pixel_map::StoredMap;
 pub use slitrange_device::store::{StoreError, Stored};
 pub use statistics::{mean, rms, upper_median};
 pub use std::f64::consts::TAU;
+use std::io::Write as _;
+use std::path::PathBuf;
 
 pub fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
@@ -77,6 +79,15 @@ pub fn options(change: impl FnOnce(&mut Options)) -> Options {
     with(Options::default(), change)
 }
 
+/// The reading of a frame by the nominal calibration.
+pub fn nominal_reading(
+    measured: &Measured,
+    errors: &CalibrationErrors,
+    surface: Surface,
+) -> Result<Reading, Fault> {
+    measured.reading(Calibration::nominal().as_ref(), errors, surface)
+}
+
 /// A knot of a centre in pixels and a value in micrometres.
 pub fn knot(centre: i32, um: i32) -> Knot {
     let (centre, value) = (Pixels::from_int(centre), Micrometres::from_int(um));
@@ -85,6 +96,18 @@ pub fn knot(centre: i32, um: i32) -> Knot {
 
 pub fn scene(name: &str) -> Scene {
     Scene::load(name).expect("a scene")
+}
+
+/// A folder beside the repository, if it is there. Says so if not.
+pub fn shared_data(name: &str) -> Option<PathBuf> {
+    let shared = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let folder = Some(shared.join(name)).filter(|it| it.is_dir());
+    if folder.is_none() {
+        // Past the capture of a passing test's output.
+        let (mut errors, shared) = (std::io::stderr(), shared.display());
+        let _ = writeln!(errors, "SKIPPED: no {name} in {shared}");
+    }
+    folder
 }
 
 /// The scene with the effects of a text, written as in a scene's file: an effect a line.

@@ -1,6 +1,5 @@
 //! What must not change a row's centre, and how the centre must follow a change of the row, for every
-//! estimator. proptest draws the rows around a spot, the same rows in every run. The tests print every figure
-//! that they assert.
+//! estimator. proptest draws the rows around a spot, the same rows in every run.
 
 use crate::support::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
@@ -119,10 +118,7 @@ enum Way {
     Pipeline,
 }
 
-fn estimators_and_ways() -> impl Iterator<Item = (Estimator, Way)> {
-    let of = |estimator| [Way::Alone, Way::Pipeline].map(|way| (estimator, way));
-    Estimator::ALL.into_iter().flat_map(of)
-}
+const WAYS: [Way; 2] = [Way::Alone, Way::Pipeline];
 
 /// The way in which an estimator's figures go on from row to row. The check of the centroid repairs a centre
 /// that does not look right, which for the centroid is often and makes a step.
@@ -183,7 +179,7 @@ fn the_black_level_changes_no_bit() {
         let geometry = drawn.geometry();
         let light = drawn.light(4094 - offset);
         let raised: Vec<u16> = light.iter().map(|count| count + offset).collect();
-        for (estimator, way) in estimators_and_ways() {
+        for (estimator, way) in pairs(Estimator::ALL, WAYS) {
             let of = |light: &[u16]| find_centre(way, estimator, light, &geometry);
             let (dark, bright) = (of(&light), of(&raised));
             prop_assert_eq!(dark, bright, "{:?} {:?}", estimator, way);
@@ -218,7 +214,7 @@ fn a_shifted_spot_has_the_shifted_centre() {
         };
         let shifted = turned(&light, pixels);
         let there = with(spot, |it| it.0.centre += pixels);
-        for (estimator, way) in estimators_and_ways() {
+        for (estimator, way) in pairs(Estimator::ALL, WAYS) {
             let here = centre_at(way, estimator, &light, &spot, &geometry);
             let there = centre_at(way, estimator, &shifted, &there, &geometry);
             match (here, there) {
@@ -425,11 +421,8 @@ fn twice_the_light_gives_the_same_centre_and_uncertainty() {
         let of_steps = (500, f64::INFINITY, most_steps);
         steps.assert(estimator, "steps of 2^-16 pixel", of_steps);
         parts.assert(estimator, "of the uncertainty", (500, 0.05, 1.0));
-        others.assert(
-            estimator,
-            "of the uncertainty, at another scale",
-            (0, f64::INFINITY, 2.0),
-        );
+        let at_other_scale = "of the uncertainty, at another scale";
+        others.assert(estimator, at_other_scale, (0, f64::INFINITY, 2.0));
         claims.assert(estimator, "uncertainty", (0, f64::INFINITY, 0.05));
     }
 }

@@ -5,11 +5,6 @@ use crate::records::cases;
 use crate::support::*;
 use simulator::distorted_optics::DistortedOptics;
 
-fn within(values: &[f64], limit: f64) -> f64 {
-    let count = values.iter().filter(|value| value.abs() <= limit).count();
-    count as f64 / values.len() as f64
-}
-
 fn frame(scene: &Scene, options: Options, distance: f64) -> Option<Measured> {
     frames::measure(&Simulation::new(scene.clone()), options, distance, 0, None).ok()
 }
@@ -22,28 +17,26 @@ fn pixels_over_claim(
 ) -> Vec<f64> {
     let options = options(|it| (it.rows, it.estimator) = (16, estimator));
     let errors = pixel_errors((response * 65536.0) as u16, (offset * 256.0) as i32);
-    (0..300_u32)
-        .into_par_iter()
-        .filter_map(|seed| {
-            let centre = 1023.5 + (f64::from(seed) * 0.618_034).fract();
-            let text = format!(
-                "spot = {{ width = {width}, counts_per_second = {height} }}
+    let found = (0..300_u32).into_par_iter().filter_map(|seed| {
+        let centre = 1023.5 + (f64::from(seed) * 0.618_034).fract();
+        let text = format!(
+            "spot = {{ width = {width}, counts_per_second = {height} }}
                 black_level.counts = 300.0
                 response.deviation = {response}
                 fixed_pattern.counts = {offset}
                 read_noise.counts = 4.0
                 shot_noise.electrons_per_count = 10.0"
-            );
-            let mut scene = listing(Scene::dark(Sensor::Row(2048)), &text);
-            (scene.seed, scene.exposure) = (seed.into(), 1.0);
-            let measured = frame(&scene, options, scene.optics.distance(centre))?.frame;
-            let (width, height, ambient) = (measured.width, measured.amplitude, Counts::default());
-            let pixels = errors.of_centre(estimator, width, height, ambient);
-            // The rows' noise is small beside the pixels here, and known.
-            let claim = f64::from(pixels).hypot(measured.uncertainty.to_f64());
-            Some((measured.centre.to_f64() - centre) / claim)
-        })
-        .collect()
+        );
+        let mut scene = listing(Scene::dark(Sensor::Row(2048)), &text);
+        (scene.seed, scene.exposure) = (seed.into(), 1.0);
+        let measured = frame(&scene, options, scene.optics.distance(centre))?.frame;
+        let (width, height, ambient) = (measured.width, measured.amplitude, Counts::default());
+        let pixels = errors.of_centre(estimator, width, height, ambient);
+        // The rows' noise is small beside the pixels here, and known.
+        let claim = f64::from(pixels).hypot(measured.uncertainty.to_f64());
+        Some((measured.centre.to_f64() - centre) / claim)
+    });
+    found.collect()
 }
 
 /// A claim may be too large where an estimator's weights follow the noise, and must not be too small. 300
@@ -51,23 +44,17 @@ fn pixels_over_claim(
 #[test]
 #[ignore = "takes 4 CPU s; run by .ci/run"]
 fn response_and_offset_of_pixels_move_centres_as_far_as_claimed() {
-    for estimator in Estimator::ALL {
-        for spot in [(4.0, 1000.0), (9.0, 300.0), (9.0, 2000.0), (30.0, 1000.0)] {
-            let [response, offset] = [(0.05, 0.0), (0.0, 20.0)].map(|pixels| {
-                let found = pixels_over_claim(estimator, spot, pixels);
-                assert!(found.len() > 250, "{}: {}", estimator.name(), found.len());
-                rms(&found)
-            });
-            let name = estimator.name();
-            println!("{name:12} {spot:?}: response {response:.2} offset {offset:.2}");
-            assert!((0.8..1.15).contains(&response) && (0.8..1.15).contains(&offset));
-        }
+    let spots = [(4.0, 1000.0), (9.0, 300.0), (9.0, 2000.0), (30.0, 1000.0)];
+    for (estimator, spot) in pairs(Estimator::ALL, spots) {
+        let [response, offset] = [(0.05, 0.0), (0.0, 20.0)].map(|pixels| {
+            let found = pixels_over_claim(estimator, spot, pixels);
+            assert!(found.len() > 250, "{}: {}", estimator.name(), found.len());
+            rms(&found)
+        });
+        let name = estimator.name();
+        println!("{name:12} {spot:?}: response {response:.2} offset {offset:.2}");
+        assert!((0.8..1.15).contains(&response) && (0.8..1.15).contains(&offset));
     }
-}
-
-fn nominal_reading(measured: &Measured, surface: Surface) -> Option<Reading> {
-    let calibration = Calibration::nominal();
-    (measured.reading(calibration.as_ref(), &CalibrationErrors::Nominal, surface)).ok()
 }
 
 /// 2000 heads that were never adjusted, at distances over the table, with the nominal calibration. Then the
@@ -81,7 +68,10 @@ fn an_unadjusted_head_is_off_by_its_tolerances() {
     let (mut errors, mut steps) = (vec![], vec![]);
     for seed in 0..2000 {
         let optics = DistortedOptics::unknown(seed, 1e-6).expect("a geometry");
-        let at = |distance: f64| nominal_reading(&at_centre(optics.centre(distance)), Surface::Off);
+        let at = |distance: f64| {
+            let measured = at_centre(optics.centre(distance));
+            nominal_reading(&measured, &CalibrationErrors::Nominal, Surface::Off).ok()
+        };
         let share = (seed as f64 * 0.618_034).fract();
         let (first, second) = (0.62 + 0.3 * share, 0.62 + 0.3 * share + 0.1 * (1.0 - share));
         let (Some(before), Some(after)) = (at(first), at(second)) else {
@@ -115,16 +105,16 @@ fn speckle_moves_distances_as_far_as_physics_says() {
         let distance = 0.62 + 0.38 * (f64::from(seed) * 0.618_034).fract();
         let scene = with(metal.clone(), |it| it.seed = 1000 + u64::from(seed));
         let measured = frame(&scene, options, distance)?;
-        let (calibration, errors) = (Calibration::nominal(), CalibrationErrors::Unknown);
-        let reading = measured.reading(calibration.as_ref(), &errors, Surface::Auto);
-        let reading = reading.ok()?;
+        let errors = CalibrationErrors::Unknown;
+        let reading = nominal_reading(&measured, &errors, Surface::Auto).ok()?;
         // The claim is made for a spot of 1000 counts. This scene has 0.3 of that light.
         let claim = reading.parts.surface.to_f64() * 0.3f64.sqrt();
         Some((reading.distance.to_f64() - 1e6 * distance) / claim)
     });
     let found: Vec<f64> = found.collect();
-    let [one, two] = [1.0, 2.0].map(|limit| within(&found, limit));
     let (count, rms) = (found.len(), rms(&found));
+    let within = |limit: f64| found.iter().filter(|it| it.abs() <= limit).count();
+    let [one, two] = [1.0, 2.0].map(|limit| within(limit) as f64 / count as f64);
     println!("{count}: RMS {rms:.3}, within u {one:.3}, 2 u {two:.3}");
     // Too dark for a distance: a few.
     assert!(count > 360);
@@ -191,10 +181,8 @@ proptest! {
             (0..50_000).prop_map(|um| Surface::Fixed(Micrometres::from_int(um))),
         ],
     ) {
-        let calibration = Calibration::nominal();
-        let [before, now] = [before, now].map(|measured| {
-            measured.reading(calibration.as_ref(), &errors, surface).expect("in range")
-        });
+        let [before, now] = [before, now]
+            .map(|measured| nominal_reading(&measured, &errors, surface).expect("in range"));
         for reading in [now, now.relative_to(&before)] {
             prop_assert!(reading.uncertainty > Micrometres::default());
             // A float has 24 bits, and u saturates.

@@ -128,11 +128,8 @@ impl CalibrationAnswer<'_> {
             FlashStatus::Nothing => "none",
             FlashStatus::Damaged | FlashStatus::OtherSensor | FlashStatus::Later(_) => "unusable",
             FlashStatus::Record(sum) | FlashStatus::Older(sum) => {
-                if self.record.map(record::sum) == Some(sum) {
-                    "same"
-                } else {
-                    "other"
-                }
+                let is_same = self.record.map(record::sum) == Some(sum);
+                if is_same { "same" } else { "other" }
             }
         }
     }

@@ -243,10 +243,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         return Ok(command);
     }
     match name {
-        "row" => match RowPart::parse(values) {
-            Ok(part) => Ok(Command::Row(part)),
-            Err(error) => Err(Error::Row(error)),
-        },
+        "row" => RowPart::parse(values).map(Command::Row).map_err(Error::Row),
         "master" => match values {
             [value] if let Some(value) = MasterValue::read(value) => {
                 Ok(Command::Master(Some(value)))

@@ -95,9 +95,7 @@ impl fmt::Display for Remaining {
         let response = (u64::from(self.0.response_q16) * 100_000 + 0x8000) >> 16;
         let (whole, decimals) = (response / 1000, response % 1000);
         let offset = self.0.offset;
-        write!(
-            f,
-            "response {whole}.{decimals:03} % offset {offset:.2} counts"
-        )
+        write!(f, "response {whole}.{decimals:03} % ")?;
+        write!(f, "offset {offset:.2} counts")
     }
 }

@@ -38,12 +38,11 @@ const AFTER_SETTINGS: [&str; 11] = [
     "reset\tstart the sensor again; it loses what was not saved",
 ];
 
-const LAST: [&str; 4] = [
-    "a name alone shows its value; f is a fault; d is a reading, z one relative to zero:",
-    "u uncertainty, r repeatability, x centre, a height, n rows used,",
-    "# number of the result, @ its time in us, w width, t exposure in us, k slits used; and flags:",
-    "m rows misfit, c rows correlated, g never calibrated, s not as calibrated, h held",
-];
+const LAST: &str = "\
+    a name alone shows its value; f is a fault; d is a reading, z one relative to zero:\r\n\
+    u uncertainty, r repeatability, x centre, a height, n rows used,\r\n\
+    # number of the result, @ its time in us, w width, t exposure in us, k slits used; and flags:\r\n\
+    m rows misfit, c rows correlated, g never calibrated, s not as calibrated, h held";
 
 /// The width of what is typed. Longer forms move their explanation: padding costs bytes of the answer.
 const COLUMN: usize = 24;
@@ -85,8 +84,7 @@ impl fmt::Display for Help {
         for (typed, help) in AFTER_SETTINGS.map(parts) {
             write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
-        let [first, second, third, fourth] = LAST;
-        write!(f, "{first}\r\n{second}\r\n{third}\r\n{fourth}")
+        f.write_str(LAST)
     }
 }
 

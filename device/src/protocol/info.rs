@@ -11,7 +11,7 @@ use slitrange::base::units::{AsMillimetres, Micrometres};
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knots;
 use slitrange::frame::comb::Slits;
-use slitrange::row::front_end::FrontEnd;
+use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange::row::pixels::PixelErrors;
 use slitrange::{Calibration, CalibrationErrors, Geometry, Polarity, Surface};
 
@@ -203,10 +203,9 @@ impl Info<'_> {
         if is_comb && self.settings.surface != Surface::Off {
             f.write_str("of each frame, from its slits")?;
         }
-        let (and, shared) = if is_comb {
-            (", and ", " that they share")
-        } else {
-            ("", "")
+        let (and, shared) = match is_comb {
+            true => (", and ", " that they share"),
+            false => ("", ""),
         };
         let of_points = of_points.map(|surface| Range(&surface.deviation));
         match (self.settings.surface, of_points) {
@@ -233,25 +232,14 @@ impl Info<'_> {
 /// Writes the front end as it was measured, in three lines.
 fn write_front_end(front_end: &FrontEnd, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     const PART: &str = "\r\ninfo front end";
-    let FrontEnd {
-        gain,
-        read_noise: noise,
-        black_level: black,
-        ..
-    } = front_end;
-    write!(
-        f,
-        "{PART} gain {} electrons a count, u {}",
-        gain.value, gain.u
-    )?;
-    write!(
-        f,
-        "{PART} read noise {:.2} counts, u {:.2}; ",
-        noise.value, noise.u
-    )?;
-    write!(f, "black level {:.2} counts, u {:.2}", black.value, black.u)?;
-    match &front_end.saturation {
-        Some(it) => write!(f, "{PART} saturation {:.1} counts, u {:.1}", it.value, it.u),
+    let Estimate { value, u } = front_end.gain;
+    write!(f, "{PART} gain {value} electrons a count, u {u}")?;
+    let Estimate { value, u } = front_end.read_noise;
+    write!(f, "{PART} read noise {value:.2} counts, u {u:.2}; ")?;
+    let Estimate { value, u } = front_end.black_level;
+    write!(f, "black level {value:.2} counts, u {u:.2}")?;
+    match front_end.saturation {
+        Some(Estimate { value, u }) => write!(f, "{PART} saturation {value:.1} counts, u {u:.1}"),
         None => write!(f, "{PART} saturation not measured: the target was too dim"),
     }
 }
@@ -274,16 +262,12 @@ fn write_curve(curve: &Eq1, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let (k_mm_px, decimals) = (size / 1000, size % 1000);
     let (d, pole) = (AsMillimetres(curve.d()), curve.pole());
     f.write_str("\r\ninfo calibration d = D + K/(x - xp)\r\ninfo calibration ")?;
-    write!(
-        f,
-        "D {d} mm, K {sign}{k_mm_px}.{decimals:03} mm px, xp {pole} px"
-    )
+    write!(f, "D {d} mm, K {sign}{k_mm_px}.{decimals:03} mm px, ")?;
+    write!(f, "xp {pole} px")
 }
 
 fn write_table(kind: &str, knots: &Knots, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let knots = knots.len();
-    write!(
-        f,
-        "\r\ninfo calibration {kind} at {knots} knots, monotone cubics between them"
-    )
+    write!(f, "\r\ninfo calibration {kind} at {knots} knots, ")?;
+    f.write_str("monotone cubics between them")
 }

@@ -306,20 +306,18 @@ mod tests {
 
     #[test]
     fn a_long_typed_line_is_one_error_and_can_be_taken_back() {
-        let mut bytes = std::vec![b'x'; MAX_LINE + 9];
-        bytes.extend_from_slice(b"\x03help\r");
-        let (shown, commands) = typed(&bytes);
+        let line = format!("{}\x03help\r", "x".repeat(MAX_LINE + 9));
+        let (shown, commands) = typed(line.as_bytes());
         assert_eq!(commands, [Err(Error::TooLong), Ok(Command::Help)]);
         assert_eq!(shown.matches('x').count(), MAX_LINE + 1);
     }
 
     #[test]
     fn a_long_line_is_one_error_and_the_next_line_is_read() {
-        let mut bytes = std::vec![b'x'; 10 * MAX_LINE];
-        bytes.extend_from_slice(b"\nhelp\n");
-        assert_eq!(all(&bytes), [Err(Error::TooLong), Ok(Command::Help)]);
-        let mut longest = std::vec![b' '; MAX_LINE - 4];
-        longest.extend_from_slice(b"help\n");
-        assert_eq!(all(&longest), [Ok(Command::Help)]);
+        let lines = format!("{}\nhelp\n", "x".repeat(10 * MAX_LINE));
+        let expected = [Err(Error::TooLong), Ok(Command::Help)];
+        assert_eq!(all(lines.as_bytes()), expected);
+        let longest = format!("{}help\n", " ".repeat(MAX_LINE - 4));
+        assert_eq!(all(longest.as_bytes()), [Ok(Command::Help)]);
     }
 }

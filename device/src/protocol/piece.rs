@@ -90,9 +90,8 @@ impl Piece {
 
     /// Its bytes.
     pub fn bytes(&self) -> &[u8] {
-        self.bytes
-            .get(..usize::from(self.count))
-            .unwrap_or_default()
+        let count = usize::from(self.count);
+        self.bytes.get(..count).unwrap_or_default()
     }
 
     fn checksum(&self) -> u16 {

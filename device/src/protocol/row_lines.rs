@@ -74,15 +74,10 @@ impl RowPart {
         };
         let place = |word| read_number(word, 0, u16::MAX.into());
         // A word that is no number counts more than a number that is too large.
-        let (first, last) = match (place(first), place(last)) {
-            (Err(ValueError::Form), _) | (_, Err(ValueError::Form)) => {
-                return Err(ValueError::Form);
-            }
-            (first, last) => (first?, last?),
-        };
-        match first <= last {
-            true => Ok(Self::Range { first, last }),
-            false => Err(ValueError::Range),
+        match (place(first), place(last)) {
+            (Err(ValueError::Form), _) | (_, Err(ValueError::Form)) => Err(ValueError::Form),
+            (Ok(first), Ok(last)) if first <= last => Ok(Self::Range { first, last }),
+            _ => Err(ValueError::Range),
         }
     }
 }
@@ -194,12 +189,8 @@ impl<'a> RowHead<'a> {
 
     /// Writes the lines before the checksum, with CR LF between them.
     fn write_lines(&self, to: &mut dyn fmt::Write) -> fmt::Result {
-        let (first, count) = (self.sent.start, self.sent.len());
-        write!(
-            to,
-            "row pixels {} first {first} count {count} ",
-            self.pixels
-        )?;
+        let (pixels, first, count) = (self.pixels, self.sent.start, self.sent.len());
+        write!(to, "row pixels {pixels} first {first} count {count} ")?;
         write!(to, "exposure {} black ", self.exposure)?;
         match self.black {
             Some(black) => write!(to, "{black:.2}")?,

@@ -136,20 +136,17 @@ mod tests {
 
     /// A record with as many knots and slits as there may be.
     fn long() -> EncodedRecord {
-        let knots: Vec<Knot> = (0..MAX_KNOTS as i32)
-            .map(|i| Knot {
-                centre: Pixels::from_bits(78_053_377 + 744_002 * i),
-                value: Micrometres::from_bits(-50_000 + 782 * i),
-            })
-            .collect();
+        let knot = |i: i32| Knot {
+            centre: Pixels::from_bits(78_053_377 + 744_002 * i),
+            value: Micrometres::from_bits(-50_000 + 782 * i),
+        };
+        let knots: Vec<Knot> = (0..MAX_KNOTS as i32).map(knot).collect();
         let corrected = Corrected::new(NOMINAL.expect("a curve"), &knots).expect("usable");
-        EncodedRecord::new(Record {
-            calibration: Calibration::Corrected(corrected),
-            errors: CalibrationErrors::Unknown,
-            comb: Some(Comb::nominal()),
-            ..Record::nominal().expect("a record")
-        })
-        .expect("a record")
+        let mut record = Record::nominal().expect("a record");
+        record.calibration = Calibration::Corrected(corrected);
+        record.errors = CalibrationErrors::Unknown;
+        record.comb = Some(Comb::nominal());
+        EncodedRecord::new(record).expect("a record")
     }
 
     fn pieces(bytes: &[u8]) -> impl Iterator<Item = Piece> {
@@ -259,33 +256,30 @@ mod tests {
     #[test]
     fn a_record_that_is_damaged_or_of_another_sensor_is_refused_and_ends_the_upload() {
         let written = nominal();
-        let mut damaged = written.bytes().to_vec();
+        let whole = written.bytes();
+        let mut damaged = whole.to_vec();
         damaged[7] ^= 1;
-        let mut upload = Upload::none();
-        send(&mut upload, &damaged);
-        let refusal = refused(&mut upload, Step::Commit);
-        let checksum = matches!(refusal, Refusal::Record(RecordError::Checksum { .. }));
-        assert!(checksum, "{refusal}");
-        assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
-
-        send(&mut upload, &written.bytes()[..3]);
-        let short = Refusal::Record(RecordError::Short { bytes: 3 });
-        assert_eq!(refused(&mut upload, Step::Commit), short);
-
+        let checksum = decode(&damaged).expect_err("another checksum");
+        let is_checksum = matches!(checksum, RecordError::Checksum { .. });
+        assert!(is_checksum, "{checksum}");
+        let short = RecordError::Short { bytes: 3 };
         let mut other = tcd1304dg();
         other.polarity = Polarity::Rising;
-        send(&mut upload, written.bytes());
-        let taken_by_other = taken(&mut upload, Step::Commit, &other);
-        assert_eq!(taken_by_other, Err(Refusal::OtherSensor));
-        assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
-        send(&mut upload, written.bytes());
-        assert_eq!(commit(&mut upload), *written.record());
-
         // A better estimate of the sensor's noise leaves its calibration as it is.
         let mut noisier = tcd1304dg();
         noisier.shot_variance_per_count_q16 = 1;
-        send(&mut upload, written.bytes());
-        let taken = taken(&mut upload, Step::Commit, &noisier);
-        assert_eq!(taken, Ok(Some(written.record().clone())));
+        let mut upload = Upload::none();
+        for (bytes, sensor, refusal) in [
+            (&damaged[..], tcd1304dg(), Some(Refusal::Record(checksum))),
+            (&whole[..3], tcd1304dg(), Some(Refusal::Record(short))),
+            (whole, other, Some(Refusal::OtherSensor)),
+            (whole, tcd1304dg(), None),
+            (whole, noisier, None),
+        ] {
+            send(&mut upload, bytes);
+            let expected = refusal.map_or_else(|| Ok(Some(written.record().clone())), Err);
+            assert_eq!(taken(&mut upload, Step::Commit, &sensor), expected);
+            assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
+        }
     }
 }

@@ -89,14 +89,12 @@ impl Session {
                 if sent_packets && !self.sends_packets() {
                     actions.add_line(&"");
                 }
-                if matches!(
-                    value,
-                    Value::Estimator(_) | Value::Black(_) | Value::Slits(_)
-                ) {
-                    self.forget_readings();
-                }
-                if matches!(value, Value::Limits(_)) {
-                    self.filters.is_within = false;
+                match value {
+                    Value::Estimator(_) | Value::Black(_) | Value::Slits(_) => {
+                        self.forget_readings()
+                    }
+                    Value::Limits(_) => self.filters.is_within = false,
+                    _ => {}
                 }
                 if value.setting().affects() == Affects::Measurement {
                     self.filters.clear();

@@ -39,7 +39,8 @@ pub enum Outcome {
 #[derive(Clone, Debug, Default)]
 pub(super) struct FlatState {
     map: Option<MapSummary>,
-    is_on: bool,
+    /// Whether rows are to be corrected with the map.
+    pub(super) is_on: bool,
     has_dark_rows: bool,
     stored: StoredMap,
     is_stored: bool,
@@ -48,12 +49,11 @@ pub(super) struct FlatState {
 }
 
 impl FlatState {
-    /// Whether rows are to be corrected with the map.
-    pub(super) const fn is_on(&self) -> bool {
-        self.is_on
-    }
-
     pub(super) fn execute(&mut self, flat: Flat, actions: &mut Actions) -> Result<(), Refusal> {
+        let mut pause = |job| {
+            actions.flat = Some(job);
+            actions.add_line(&format_args!("{flat} pauses the stream"));
+        };
         match flat {
             Flat::Show => actions.add_line(&FlatAnswer {
                 map: self.map.as_ref(),
@@ -65,14 +65,10 @@ impl FlatState {
             Flat::Take(Kind::Lit) if !self.has_dark_rows => {
                 return Err(Refusal::NotTaken(TakeError::NoDark));
             }
-            Flat::Take(kind) => {
-                actions.flat = Some(Job::Take(kind));
-                actions.add_line(&format_args!("{flat} pauses the stream"));
-            }
+            Flat::Take(kind) => pause(Job::Take(kind)),
             Flat::Save => {
                 self.map.ok_or(Refusal::NoMap)?;
-                actions.flat = Some(Job::Save);
-                actions.add_line(&format_args!("{flat} pauses the stream"));
+                pause(Job::Save);
             }
             Flat::Use(true) if self.map.is_none() => {
                 if !matches!(self.stored, StoredMap::Newest | StoredMap::Older) {
@@ -88,10 +84,7 @@ impl FlatState {
                 actions.flat = Some(Job::Use(is_on));
                 actions.add_line(&flat);
             }
-            Flat::Erase => {
-                actions.flat = Some(Job::Erase);
-                actions.add_line(&format_args!("{flat} pauses the stream"));
-            }
+            Flat::Erase => pause(Job::Erase),
         }
         Ok(())
     }

@@ -65,15 +65,9 @@ impl Columns {
 impl Default for Columns {
     /// All but counter, time and width.
     fn default() -> Self {
-        Self::NONE
-            .with(Column::Distance)
-            .with(Column::Uncertainty)
-            .with(Column::Repeatability)
-            .with(Column::Centre)
-            .with(Column::Height)
-            .with(Column::Rows)
-            .with(Column::Exposure)
-            .with(Column::Flags)
+        let is_there = |it: &Column| !matches!(it, Column::Counter | Column::Time | Column::Width);
+        let columns = Column::ALL.into_iter().filter(is_there);
+        columns.fold(Self::NONE, Self::with)
     }
 }
 

@@ -166,11 +166,10 @@ impl ValueText for Limits {
 }
 
 impl ValueText for ExposureMode {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
         match words {
             ["auto"] => Ok(Self::Auto),
-            [us] => read_exposure(us).map(Self::Fixed),
-            _ => Err(ValueError::Form),
+            words => Exposure::read(words, form).map(Self::Fixed),
         }
     }
 
@@ -184,8 +183,11 @@ impl ValueText for ExposureMode {
 
 impl ValueText for Exposure {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match words {
-            [us] => read_exposure(us),
+        match *words {
+            [us] => {
+                let us = read_number(us, 0, u16::MAX.into())?;
+                Self::from_us(us).ok_or(ValueError::Range)
+            }
             _ => Err(ValueError::Form),
         }
     }
@@ -193,11 +195,6 @@ impl ValueText for Exposure {
     fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(&self.us(), f)
     }
-}
-
-/// Reads an exposure in microseconds.
-fn read_exposure(word: &str) -> Result<Exposure, ValueError> {
-    Exposure::from_us(read_number(word, 0, u16::MAX.into())?).ok_or(ValueError::Range)
 }
 
 /// The values of these types are one word each: `name` writes it, `named` reads it. Another word is the error

@@ -73,7 +73,7 @@ impl Iterator for Words<'_> {
                     entry.gain_q15().cast_unsigned(),
                 ),
                 None if next == self.map.entries().len().saturating_add(HEADER) => {
-                    self.sum.value().to_le_bytes()
+                    self.sum.0.to_le_bytes()
                 }
                 None => return None,
             },
@@ -95,10 +95,6 @@ impl Sum {
         let mut digest = CRC.digest_with_initial((!self.0).reverse_bits());
         digest.update(&word);
         self.0 = digest.finalize();
-    }
-
-    fn value(self) -> u32 {
-        self.0
     }
 }
 
@@ -136,7 +132,7 @@ impl Reader {
             Some(&[a, b, ..]) => u16::from_le_bytes([a, b]),
             _ => 0,
         });
-        let sum = self.sum.value();
+        let sum = self.sum.0;
         self.sum.add(word);
         let at = self.next;
         self.next = at.saturating_add(1);
@@ -260,10 +256,8 @@ mod tests {
                 let mut changed = words.clone();
                 changed[at] = (u32::from_le_bytes(changed[at]) ^ (1 << bit)).to_le_bytes();
                 let read = read(&changed, &mut back);
-                assert!(
-                    !matches!(read, Read::Whole(_) | Read::Later(_)),
-                    "{at} {bit}"
-                );
+                let is_taken = matches!(read, Read::Whole(_) | Read::Later(_));
+                assert!(!is_taken, "{at} {bit}");
                 assert!(!back.is_whole());
             }
         }

@@ -201,9 +201,8 @@ async fn read<F: NorFlash>(
         }
         at = at.saturating_add(PART);
     }
-    Ok(if is_erased {
-        Contents::Erased
-    } else {
-        Contents::Damaged
+    Ok(match is_erased {
+        true => Contents::Erased,
+        false => Contents::Damaged,
     })
 }

@@ -1,7 +1,6 @@
 //! How exact calibrations are over the paper's geometry.
 
-use super::common::STEP;
-use super::reference::pchip;
+use super::common::{STEP, pchip};
 use crate::support::*;
 
 /// The paper's shortest and longest distance in metres.
@@ -32,14 +31,13 @@ fn paper_range(optics: &Optics) -> (f64, f64) {
 fn worst(calibration: &Calibration, truth: impl Fn(f64) -> f64) -> f64 {
     let (first, last) = calibration.valid();
     let step = (last.to_bits() - first.to_bits()) as usize / 100_000;
-    (first.to_bits()..=last.to_bits())
-        .step_by(step)
-        .map(|bits| {
-            let centre = Pixels::from_bits(bits);
-            let (distance, _) = calibration.distance_at(centre).expect("in range");
-            (distance.to_f64() - truth(centre.to_f64())).abs()
-        })
-        .fold(0.0, f64::max)
+    let bits = (first.to_bits()..=last.to_bits()).step_by(step);
+    let off = bits.map(|bits| {
+        let centre = Pixels::from_bits(bits);
+        let (distance, _) = calibration.distance_at(centre).expect("in range");
+        (distance.to_f64() - truth(centre.to_f64())).abs()
+    });
+    off.fold(0.0, f64::max)
 }
 
 /// A table's arithmetic adds three steps of Q24.8 and 2^-22 of the difference of two knots

@@ -35,15 +35,12 @@ fn digest(calibration: &Calibration) -> u32 {
     let knots = knots.into_iter().flat_map(Knots::iter);
     let near = knots.flat_map(|knot| (-1..=1).map(move |by| i64::from(knot.centre.to_bits()) + by));
     let places = even.chain(near).filter(|place| (from..=to).contains(place));
-    let bytes: Vec<u8> = places
-        .flat_map(|place| {
-            let at = calibration.distance_at(Pixels::from_bits(place as i32));
-            let (distance, slope) = at.expect("in range");
-            [distance.to_bits(), slope.to_bits().cast_signed()].map(i32::to_le_bytes)
-        })
-        .flatten()
-        .collect();
-    crc32(&bytes)
+    let bytes = places.flat_map(|place| {
+        let at = calibration.distance_at(Pixels::from_bits(place as i32));
+        let (distance, slope) = at.expect("in range");
+        [distance.to_bits(), slope.to_bits().cast_signed()].map(i32::to_le_bytes)
+    });
+    crc32(&bytes.flatten().collect::<Vec<u8>>())
 }
 
 /// Kind, estimator, [`digest`] and bytes of a record. The format must not change unless its version changes.
@@ -106,11 +103,8 @@ fn slits_and_front_end_end_a_record() {
 fn the_longest_record_is_as_long_as_is_stated() {
     let longest = longest();
     let bytes = encoded(&longest);
-    println!(
-        "{} bytes; with eq. (1) alone {}",
-        bytes.len(),
-        encoded(&nominal()).len()
-    );
+    let (all, least) = (bytes.len(), encoded(&nominal()).len());
+    println!("{all} bytes; with eq. (1) alone {least}");
     assert_eq!(bytes.len(), MAX_ENCODED);
     assert_eq!(decode(&bytes), Ok(longest.clone()));
     for room in 0..MAX_ENCODED {
@@ -196,14 +190,10 @@ fn unusable_records_are_refused() {
         let error = (!fits).then_some(RecordError::OffTheSensor { first, last });
         assert_eq!(wrong(record), error);
     }
-    let errors = |curve: i32, height: i32| {
-        CalibrationErrors::Fitted(FittedErrors {
-            curve: [Micrometres::from_bits(curve); PLACES],
-            surface: Some(FittedSurface {
-                deviation: [Micrometres::from_int(300); PLACES],
-                height: [Counts::from_bits(height); PLACES],
-            }),
-        })
+    let errors = |curve, height| {
+        let curve = [Micrometres::from_bits(curve); PLACES];
+        let deviation = [Micrometres::from_int(300); PLACES];
+        fitted(curve, deviation, [Counts::from_bits(height); PLACES])
     };
     for (errors, is_wrong) in [
         (errors(0, 1), false),

@@ -12,12 +12,11 @@ fn a_corrected_distance_turns_back_by_the_stated_steps_at_most() {
     // As steep against the curve as may be, and level. A cubic is half as steep again as its secants.
     let rises = [0, 50, 50, 0, -50, -50];
     let mut value = 0;
-    let knots: Vec<Knot> = (first..=last)
-        .map(|centre| {
-            value += rises[(centre - first) as usize % rises.len()];
-            knot(centre, value)
-        })
-        .collect();
+    let knots = (first..=last).map(|centre| {
+        value += rises[(centre - first) as usize % rises.len()];
+        knot(centre, value)
+    });
+    let knots: Vec<Knot> = knots.collect();
     let corrected = Corrected::new(curve, &knots).expect("usable");
     let distance = |bits| {
         let at = corrected.distance_at(Pixels::from_bits(bits));

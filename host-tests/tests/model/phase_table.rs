@@ -72,8 +72,6 @@ pub fn exact(profile: Profile<'_>, plan: Plan) -> Vec<Weights> {
 pub struct Found {
     /// The centre in pixels.
     pub centre: f64,
-    /// The width in pixels.
-    pub width: f64,
     /// Pixels in a sample.
     pub block: u8,
     /// Index of the table.
@@ -83,18 +81,18 @@ pub struct Found {
 }
 
 /// The centre of a spot that the core's coarse search found. `None` where no table fits.
-pub fn centre(light: &[u16], spot: &Spot, tables: &[Weights], sampling: Sampling) -> Option<Found> {
+pub fn centre(light: &[u16], spot: &Spot, tables: &[Weights]) -> Option<Found> {
     let start = spot.centre as f64;
     let start_width = 0.9 * f64::from(1 << spot.block_log2);
     let mut at = start;
-    let (mut block, mut index) = choose(tables, start_width, sampling);
+    let (mut block, mut index) = choose(tables, start_width);
     let mut cut = false;
     for pass in 0..10 {
         let table = &tables[index];
         let Some(look) = Look::at(light, at, block, table) else {
             cut = true;
             let narrower = table.width * f64::from(block) * 0.7;
-            (block, index) = choose(tables, narrower, sampling);
+            (block, index) = choose(tables, narrower);
             if narrower < 0.6 {
                 return None;
             }
@@ -113,13 +111,12 @@ pub fn centre(light: &[u16], spot: &Spot, tables: &[Weights], sampling: Sampling
             4..=6 => (2.0, 0.1),
             _ => (2.0, 0.3),
         };
-        let better = choose(tables, width, sampling);
+        let better = choose(tables, width);
         let fits =
             mismatch(tables, (block, index), width) <= mismatch(tables, better, width) + margin;
         if fits && look.distance.abs() <= steps * look.near_limit {
             return (0.6..150.0).contains(&width).then_some(Found {
                 centre: at,
-                width,
                 block,
                 table: index,
                 window: look.window,
@@ -134,20 +131,14 @@ pub fn centre(light: &[u16], spot: &Spot, tables: &[Weights], sampling: Sampling
     None
 }
 
-/// Pixels in a sample, and the table for a width.
-fn choose(tables: &[Weights], width: f64, sampling: Sampling) -> (u8, usize) {
+/// Pixels in a sample, and the table for a width, with samples as fine as may be.
+fn choose(tables: &[Weights], width: f64) -> (u8, usize) {
     // Half a step between the widths, and a tenth of it.
     let reach = 0.6 * (tables[1].width / tables[0].width - 1.0);
     let widest = tables[tables.len() - 1].width * (1.0 + reach);
     let mut blocks = BLOCKS.into_iter();
-    let block = match sampling {
-        Sampling::Fine => blocks
-            .find(|&block| width <= widest * f64::from(block))
-            .unwrap_or(16),
-        Sampling::Coarse => blocks
-            .rfind(|&block| width >= 1.15 * f64::from(block))
-            .unwrap_or(1),
-    };
+    let block = blocks.find(|&block| width <= widest * f64::from(block));
+    let block = block.unwrap_or(16);
     let samples = width / f64::from(block);
     let narrower = |pair: &&[Weights]| samples * samples > pair[0].width * pair[1].width;
     (block, tables.windows(2).take_while(narrower).count())

@@ -52,13 +52,11 @@ pub fn frame(words: &[&str]) -> Measured {
                         .try_into()
                         .expect("rows"),
                 };
-                let centres: [_; MAX_SLITS] =
-                    std::array::from_fn(|i| (i < slits).then(|| image(i)));
                 measured.comb = Some(Combined {
                     shift: Pixels::default(),
                     surface: Pixels::from_f32(0.5),
                     used: slits as u8,
-                    centres,
+                    centres: std::array::from_fn(|i| (i < slits).then(|| image(i))),
                 });
             }
             other => panic!("no part of a frame: {other}"),

@@ -23,22 +23,17 @@ fn settings_bytes(configuration: &Configuration) -> usize {
 #[test]
 fn the_records_own_bytes_follow_the_settings() {
     let configuration = sample(Size::Middle, 5);
-    let mut buffer = [0; record::MAX_ENCODED];
-    let own = record::encode(configuration.record.as_ref().expect("one"), &mut buffer);
-    let from = settings_bytes(&configuration);
-    assert_eq!(&encoded(&configuration)[from..], own.expect("usable"));
+    let (all, from) = (encoded(&configuration), settings_bytes(&configuration));
+    let own = EncodedRecord::new(configuration.record.expect("one")).expect("usable");
+    assert_eq!(all[from..], *own.bytes());
 }
 
 #[test]
 fn the_longest_configuration_fits_and_shorter_buffers_are_refused() {
     let longest = sample(Size::Most, 7);
     let bytes = encoded(&longest);
-    println!(
-        "{} bytes of {MAX_ENCODED}; with eq. (1) {}, settings alone {}",
-        bytes.len(),
-        encoded(&sample(Size::Middle, 7)).len(),
-        encoded(&sample(Size::Least, 7)).len()
-    );
+    let lengths = [Size::Most, Size::Middle, Size::Least].map(|it| encoded(&sample(it, 7)).len());
+    println!("{lengths:?} bytes of {MAX_ENCODED}: the longest, with eq. (1), settings alone");
     assert!(bytes.len() <= MAX_ENCODED);
     let settings = settings_bytes(&longest);
     for room in (0..bytes.len()).step_by(97).chain(0..80) {

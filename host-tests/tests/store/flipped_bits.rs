@@ -2,9 +2,8 @@
 //! and says so, or says that the flash is unusable.
 
 use super::flash::{BYTES, Flash, SECTOR};
-use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
+use super::samples::{HEADER, Size, item_bytes, read, sample, save_and_check, saves};
 use crate::support::*;
-use rand::{Rng, SeedableRng};
 
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Count {
@@ -62,7 +61,7 @@ fn all() -> impl Iterator<Item = usize> {
 
 /// One bit of each byte in use, one of every eighth byte of the erased rest, and all bits of the marks.
 fn one_of_each_byte(flash: &Flash) -> impl Iterator<Item = usize> + use<> {
-    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let mut random = random(6);
     let last = [0, SECTOR].map(|start| {
         let sector = &flash.bytes[start..start + SECTOR - 4];
         let used = sector.iter().rposition(|&byte| byte != 0xff);
@@ -76,16 +75,6 @@ fn one_of_each_byte(flash: &Flash) -> impl Iterator<Item = usize> + use<> {
     })
 }
 
-/// An erased flash after a number of saves of a size, with what was saved.
-fn saves(size: Size, count: u32) -> (Flash, Vec<Configuration>) {
-    let mut flash = Flash::erased();
-    let saved: Vec<Configuration> = (0..count).map(|i| sample(size, i)).collect();
-    for saved in &saved {
-        save_and_check(&mut flash, saved);
-    }
-    (flash, saved)
-}
-
 #[test]
 fn a_flipped_bit_in_erased_flash() {
     let count = flip("erased", &Flash::erased(), &[], all());
@@ -93,47 +82,36 @@ fn a_flipped_bit_in_erased_flash() {
 }
 
 #[test]
-fn a_flipped_bit_after_a_single_save() {
-    for size in [Size::Middle, Size::Most] {
-        let (flash, saved) = saves(size, 1);
-        let bits = one_of_each_byte(&flash);
-        let count = flip(&format!("one {size:?}"), &flash, &saved, bits);
-        let bits = item_bytes(size) + 7 * HEADER;
-        assert_eq!((count.unusable, count.before), (bits, 0));
-    }
-}
-
-#[test]
-#[ignore = "every bit; takes 8 CPU s; run by .ci/run"]
-fn every_flipped_bit_after_a_single_save() {
-    let (flash, saved) = saves(Size::Middle, 1);
-    let count = flip("one", &flash, &saved, all());
-    let bits = 8 * item_bytes(Size::Middle);
-    assert_eq!((count.unusable, count.before), (bits, 0));
-}
-
-#[test]
-fn a_flipped_bit_after_several_saves() {
-    for (size, saves_of_it) in [(Size::Middle, 4), (Size::Most, 3)] {
-        let (flash, saved) = saves(size, saves_of_it);
-        let what = format!("{saves_of_it} {size:?}");
+fn a_flipped_bit_after_saves() {
+    use Size::{Middle, Most};
+    for (size, number) in [(Middle, 1), (Most, 1), (Middle, 4), (Most, 3)] {
+        let (flash, saved) = saves(&vec![size; number]);
+        let what = format!("{number} {size:?}");
         let count = flip(&what, &flash, &saved, one_of_each_byte(&flash));
-        assert_eq!((count.unusable, count.before), (0, item_bytes(size)));
+        let bytes = item_bytes(size);
+        let expected = match number {
+            1 => (bytes + 7 * HEADER, 0),
+            _ => (0, bytes),
+        };
+        assert_eq!((count.unusable, count.before), expected, "{what}");
     }
 }
 
 #[test]
-#[ignore = "every bit; takes 9 CPU s; run by .ci/run"]
-fn every_flipped_bit_after_several_saves() {
-    let (flash, saved) = saves(Size::Middle, 4);
-    let count = flip("four", &flash, &saved, all());
+#[ignore = "every bit; takes 17 CPU s; run by .ci/run"]
+fn every_flipped_bit_after_saves() {
     let bits = 8 * item_bytes(Size::Middle);
-    assert_eq!((count.unusable, count.before), (0, bits));
+    for (number, expected) in [(1, (bits, 0)), (4, (0, bits))] {
+        let (flash, saved) = saves(&vec![Size::Middle; number]);
+        let what = number.to_string();
+        let count = flip(&what, &flash, &saved, all());
+        assert_eq!((count.unusable, count.before), expected, "{what} saves");
+    }
 }
 
 /// Seven of the largest: the last one is the first in its sector.
 fn flip_after_a_change_of_sectors(step: usize) -> Count {
-    let (flash, saved) = saves(Size::Most, 7);
+    let (flash, saved) = saves(&[Size::Most; 7]);
     assert_eq!(flash.erases, [1, 1]);
     let bits = one_of_each_byte(&flash).step_by(step);
     flip("seven of the largest", &flash, &saved, bits)

@@ -61,9 +61,8 @@ fn a_record_of_a_later_version_is_reported() {
     let mut flash = Flash::erased();
     let saved = sample(Size::Middle, 0);
     save_and_check(&mut flash, &saved);
-    let mut record = [0; record::MAX_ENCODED];
-    let record = record::encode(saved.record.as_ref().expect("a record"), &mut record);
-    let length = record.expect("usable").len();
+    let own = EncodedRecord::new(saved.record.expect("a record")).expect("usable");
+    let length = own.bytes().len();
     let item = &mut flash.bytes[4..][..item_bytes(Size::Middle)];
     let from = item.len() - length;
     assert_eq!(item[from], record::VERSION);

@@ -60,3 +60,14 @@ pub fn save_and_check(flash: &mut Flash, saved: &Configuration) {
     let is_there = read(flash) == Stored::Newest(saved.clone());
     assert!(is_there, "the configuration is not there");
 }
+
+/// A flash after saves of these sizes, with what was saved.
+pub fn saves(sizes: &[Size]) -> (Flash, Vec<Configuration>) {
+    let mut flash = Flash::erased();
+    let saved = (0..).zip(sizes).map(|(i, &size)| sample(size, i));
+    let saved: Vec<Configuration> = saved.collect();
+    for saved in &saved {
+        save_and_check(&mut flash, saved);
+    }
+    (flash, saved)
+}

@@ -16,41 +16,32 @@ fn wear(what: &str, saves: u32, sizes: &[Size]) {
             assert_eq!(save(&mut flash, &saved), Ok(()));
         }
         let [first, second] = flash.erases;
-        assert!(first.abs_diff(second) <= 1, "after {i}: {first}, {second}");
-        assert_eq!(flash.overwritten, 0);
+        let is_even = first.abs_diff(second) <= 1;
+        assert!(is_even, "{what}, after {i}: {first}, {second}");
+        assert_eq!(flash.overwritten, 0, "{what}");
     }
     let last = sample(sizes[(saves as usize - 1) % sizes.len()], saves - 1);
-    assert!(read(&mut flash) == Stored::Newest(last));
+    assert!(read(&mut flash) == Stored::Newest(last), "{what}");
     let (erases, words) = (flash.erases, flash.operations);
     println!("{what}: {saves} saves erase the sectors {erases:?} times and program {words} words");
 }
 
-#[test]
-#[ignore = "ten thousand saves; takes 6 CPU s; run by .ci/run"]
-fn ten_thousand_saves_of_the_largest_wear_both_sectors_evenly() {
-    wear("the largest", 10_000, &[Size::Most]);
-}
-
-fn wear_of_all_sizes(saves: u32) {
+const ALL: [Size; 7] = {
     use Size::{Least, Middle, Most};
-    let sizes = [Least, Most, Middle, Middle, Least, Most, Most];
-    wear("all sizes", saves, &sizes);
-}
+    [Least, Most, Middle, Middle, Least, Most, Most]
+};
 
 #[test]
-fn saves_of_all_sizes_wear_both_sectors_evenly() {
-    wear_of_all_sizes(1000);
-}
-
-#[test]
-#[ignore = "ten thousand saves; takes 5 CPU s; run by .ci/run"]
-fn ten_thousand_saves_of_all_sizes_wear_both_sectors_evenly() {
-    wear_of_all_sizes(10_000);
-}
-
-#[test]
-fn saves_of_the_smallest_wear_both_sectors_evenly() {
+fn saves_wear_both_sectors_evenly() {
+    wear("all sizes", 1000, &ALL);
     wear("the smallest", 2000, &[Size::Least]);
+}
+
+#[test]
+#[ignore = "twice ten thousand saves; takes 11 CPU s; run by .ci/run"]
+fn ten_thousand_saves_wear_both_sectors_evenly() {
+    wear("all sizes", 10_000, &ALL);
+    wear("the largest", 10_000, &[Size::Most]);
 }
 
 #[test]
