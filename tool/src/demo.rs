@@ -46,9 +46,6 @@ pub struct DemoOptions {
 }
 
 /// `demo`.
-///
-/// # Errors
-/// In sentences: the virtual board is not built, or it ended.
 pub fn demo(options: &DemoOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     serve(&virtual_board()?, options, pc, output)
 }
@@ -66,9 +63,6 @@ fn virtual_board() -> Result<PathBuf> {
 }
 
 /// Starts a virtual board, and stays until somebody presses Ctrl-C, or until the live view ends.
-///
-/// # Errors
-/// The board's program cannot be started, or ended.
 pub fn serve(
     program: &Path,
     options: &DemoOptions,

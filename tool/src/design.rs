@@ -131,9 +131,6 @@ pub struct Design {
 
 impl DesignOptions {
     /// The design.
-    ///
-    /// # Errors
-    /// In a sentence, if a number makes no sense.
     pub fn design(&self) -> Result<Design> {
         for (name, value, least, most) in [
             ("--baseline", self.baseline, 1.0, 1e5),
@@ -198,11 +195,9 @@ impl DesignOptions {
 impl Design {
     /// The nearest and the farthest distance that the whole sensor sees.
     fn sees(&self) -> Option<(f64, f64)> {
-        let DesignOptions {
-            near, far, comb, ..
-        } = self.options;
-        let reach = 4.0 * self.width(near).max(self.width(far));
-        self.geometry.usable(reach, comb)
+        let options = &self.options;
+        let reach = 4.0 * self.width(options.near).max(self.width(options.far));
+        self.geometry.usable(reach, options.comb)
     }
 
     /// Whether the sensor sees the whole range.
@@ -225,9 +220,6 @@ impl Design {
 const COLUMNS: usize = 5;
 
 /// `design`.
-///
-/// # Errors
-/// In sentences: a number makes no sense, or the drawing cannot be written.
 pub fn design(options: &DesignOptions, output: &mut dyn Write) -> Result<()> {
     let design = options.design()?;
     let step = (options.far - options.near) / (COLUMNS - 1) as f64;
@@ -306,9 +298,9 @@ fn print_parts(at: &[At], output: &mut dyn Write) -> Result<()> {
         row("speckle at the slit, um", at, |at| um(at.speckle_size)),
         row("noise of one row, um", at, |at| um(at.noise_of_a_row)),
     ];
-    for (i, part) in at[0].parts.iter().enumerate() {
-        let name = format!("frame: {}, um", part.name);
-        lines.push(row(&name, at, |at| um(at.parts[i].um)));
+    for (i, (name, _)) in at[0].parts.iter().enumerate() {
+        let name = format!("frame: {name}, um");
+        lines.push(row(&name, at, |at| um(at.parts[i].1)));
     }
     lines.push(row("total, um", at, |at| um(at.total())));
     lines.push(row("the largest part", at, |at| at.limit().to_owned()));

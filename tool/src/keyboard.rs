@@ -43,16 +43,12 @@ pub struct Keyboard {
 
 impl BufRead for Keyboard {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        let is_interrupted = |it: &Arc<AtomicBool>| it.load(Ordering::Relaxed);
+        let goes_on = |it: &Arc<AtomicBool>| !it.load(Ordering::Relaxed);
         while self.line.fill_buf()?.is_empty() {
             match self.lines.get_or_insert_with(read_lines).recv_timeout(LOOK) {
                 Ok(line) => self.line = Cursor::new(line?),
-                Err(RecvTimeoutError::Disconnected) => break,
-                Err(RecvTimeoutError::Timeout) => {
-                    if INTERRUPTED.get().is_some_and(is_interrupted) {
-                        break;
-                    }
-                }
+                Err(RecvTimeoutError::Timeout) if INTERRUPTED.get().is_none_or(goes_on) => {}
+                Err(_) => break,
             }
         }
         self.line.fill_buf()

@@ -13,7 +13,8 @@ use slitrange_tool::pc::RealPc;
 const FAILED: u8 = 2;
 
 fn main() -> ExitCode {
-    let outcome = Command::parse().run(&RealPc::new(), &mut Keyboard::default(), &mut io::stdout());
+    let (pc, mut keyboard) = (RealPc::default(), Keyboard::default());
+    let outcome = Command::parse().run(&pc, &mut keyboard, &mut io::stdout());
     outcome.unwrap_or_else(|error| {
         eprintln!("slitrange: {error:#}");
         ExitCode::from(FAILED)

@@ -62,16 +62,10 @@ pub trait Port {
 #[derive(Clone, Copy, Debug)]
 pub struct RealPc(Instant);
 
-impl RealPc {
-    /// Time begins now.
-    pub fn new() -> Self {
-        Self(Instant::now())
-    }
-}
-
 impl Default for RealPc {
+    /// Time begins now.
     fn default() -> Self {
-        Self::new()
+        Self(Instant::now())
     }
 }
 
@@ -130,6 +124,7 @@ impl Port for Native {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.write_all(bytes)
     }
+
     fn set_baud(&mut self, baud: u32) -> io::Result<()> {
         Ok(self.set_baud_rate(baud)?)
     }

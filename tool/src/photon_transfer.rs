@@ -70,14 +70,8 @@ pub fn dark_point(rows: &[Vec<f64>]) -> Option<Point> {
 
 /// The mean of rows, pixel by pixel. `None` without a row.
 pub fn mean_row(rows: &[Vec<f64>]) -> Option<Vec<f64>> {
-    let mut sum = vec![0.0; rows.first()?.len()];
-    for row in rows {
-        for (sum, count) in sum.iter_mut().zip(row) {
-            *sum += count;
-        }
-    }
-    sum.iter_mut().for_each(|sum| *sum /= rows.len() as f64);
-    Some(sum)
+    let mean = |pixel: usize| statistics::mean(rows.iter().map(|row| row[pixel]));
+    Some((0..rows.first()?.len()).map(mean).collect())
 }
 
 /// Rows of one exposure, with what does not change between them.

@@ -53,9 +53,6 @@ pub struct Series {
 }
 
 /// `plot`.
-///
-/// # Errors
-/// In sentences: the recording cannot be read, has too few readings, or the figure cannot be written.
 pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
     let lines = read(&options.file)?;
     let series = Series::of(&lines).with_context(|| options.file.display().to_string())?;
@@ -81,8 +78,7 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
             series.run.len()
         )?;
     }
-    writeln!(output, "drawn: {}", figure.display())?;
-    Ok(())
+    Ok(writeln!(output, "drawn: {}", figure.display())?)
 }
 
 fn read(path: &Path) -> Result<Vec<FrameResult>> {
@@ -94,9 +90,6 @@ fn read(path: &Path) -> Result<Vec<FrameResult>> {
 
 impl Series {
     /// Takes the readings of a recording. If it has none, the differences from `zero`.
-    ///
-    /// # Errors
-    /// The longest run is too short.
     pub fn of(lines: &[FrameResult]) -> Result<Self> {
         let kind = match lines.iter().any(|line| line.kind == Kind::Reading) {
             true => Kind::Reading,

@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use calibration::fixed::part_of_way;
 use calibration::points::words;
 use calibration::record::profile;
 use serde::Serialize;
@@ -30,9 +31,6 @@ const EXAMPLES: i32 = 9;
 const COMPARED: usize = 1 << (Pixels::FRACTION - 2);
 
 /// Reads a record.
-///
-/// # Errors
-/// The file cannot be read, or is no record that a sensor would take.
 pub fn read(path: &Path) -> Result<EncodedRecord> {
     let shown = path.display();
     let bytes = std::fs::read(path).with_context(|| format!("{shown} cannot be read"))?;
@@ -307,7 +305,7 @@ impl Shown {
             errors: ShownErrors::of(&record.errors),
             spot: record.profile.as_ref().map(ShownSpot::of),
             examples: (0..EXAMPLES)
-                .filter_map(|index| at(between(first, last, index)))
+                .filter_map(|index| at(part_of_way(first, last, index, EXAMPLES - 1)))
                 .collect(),
             front_end: record.front_end.as_ref().map(ShownFrontEnd::of),
             slits: (record.comb.as_ref())
@@ -399,13 +397,9 @@ impl fmt::Display for Shown {
             writeln!(f, "{name:<14}{value}")?;
         }
         write!(f, "\n{:>12}  {:>11}  {:>8}", "x px", "d mm", "um a px")?;
-        for Example {
-            x_px,
-            d_mm,
-            um_per_px,
-        } in &self.examples
-        {
-            write!(f, "\n{x_px:>12.3}  {d_mm:>11.4}  {um_per_px:>8.2}")?;
+        for it in &self.examples {
+            let (px, mm, um) = (it.x_px, it.d_mm, it.um_per_px);
+            write!(f, "\n{px:>12.3}  {mm:>11.4}  {um:>8.2}")?;
         }
         let Some(slits) = &self.slits else {
             return Ok(());
@@ -431,14 +425,6 @@ fn parts(calibration: &Calibration) -> (&'static str, Option<&Eq1>, Option<&Knot
         Calibration::Table(table) => ("table", None, Some(table.knots())),
         Calibration::Corrected(it) => ("corrected", Some(it.curve()), Some(it.residuals())),
     }
-}
-
-/// Of [`EXAMPLES`] centres from the first to the last, one.
-fn between(first: Pixels, last: Pixels, index: i32) -> Pixels {
-    let (from, to) = (i64::from(first.to_bits()), i64::from(last.to_bits()));
-    let bits = from + (to - from) * i64::from(index) / i64::from(EXAMPLES - 1);
-    // It lies between the two.
-    Pixels::from_bits(bits as i32)
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]

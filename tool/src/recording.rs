@@ -68,10 +68,8 @@ impl Rows {
     pub fn take(&mut self, message: Message<'_>) -> Option<Row> {
         match message {
             Message::Row(head) => {
-                self.under_way = Some(Row {
-                    head,
-                    words: vec![],
-                });
+                let words = vec![];
+                self.under_way = Some(Row { head, words });
                 return None;
             }
             Message::Words {
@@ -136,14 +134,13 @@ pub struct Reader<R> {
     bytes: io::Bytes<BufReader<R>>,
     decoder: Decoder,
     rows: Rows,
-    sensor: Sensor,
-    damaged: u64,
+    /// What the measurement of the rows needs.
+    pub sensor: Sensor,
+    /// The damaged packets so far. Their rows are missing.
+    pub damaged: u64,
 }
 
 /// Opens a recording.
-///
-/// # Errors
-/// The file cannot be read, or is no recording.
 pub fn open(path: &Path) -> Result<Reader<File>> {
     let file = File::open(path).with_context(|| format!("{} cannot be read", path.display()))?;
     Reader::new(file).with_context(|| path.display().to_string())
@@ -183,16 +180,6 @@ impl<R: Read> Reader<R> {
             rows,
             damaged,
         })
-    }
-
-    /// What the measurement of the rows needs.
-    pub const fn sensor(&self) -> &Sensor {
-        &self.sensor
-    }
-
-    /// The damaged packets so far. Their rows are missing.
-    pub const fn damaged(&self) -> u64 {
-        self.damaged
     }
 }
 
@@ -270,9 +257,6 @@ fn record_of(digits: &str) -> Result<EncodedRecord> {
 }
 
 /// Reads a setting as a person types it.
-///
-/// # Errors
-/// It is no setting with a value.
 pub fn setting(text: &str) -> Result<Value> {
     match parse(text.as_bytes()) {
         Ok(Command::Set(value)) => Ok(value),

@@ -49,9 +49,6 @@ pub struct Core {
 
 impl Core {
     /// The core as the sensor had it, with some settings changed.
-    ///
-    /// # Errors
-    /// The record belongs to another sensor head than this program knows.
     pub fn new(sensor: &Sensor, changes: &[Value]) -> Result<Self> {
         let geometry = sensor_heads::tcd1304dg();
         let record = sensor.record.record().clone();
@@ -93,13 +90,9 @@ impl Core {
 
     /// What the firmware does with an event.
     fn take(&mut self, event: Event) {
-        let Self {
-            measurement,
-            session,
-            actions,
-        } = self;
-        session.take(event, &Vitals::default(), actions);
-        if let Some(applied) = actions.apply.take() {
+        (self.session).take(event, &Vitals::default(), &mut self.actions);
+        if let Some(applied) = self.actions.apply.take() {
+            let measurement = &mut self.measurement;
             measurement.set_geometry(applied.geometry);
             measurement.set(applied.settings.options(), applied.profile);
             measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
@@ -127,7 +120,7 @@ impl Core {
 /// `replay`. The exit code tells whether all rows gave the sensor's bits, unless settings were changed.
 pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCode> {
     let mut recording = recording::open(&options.file)?;
-    let mut core = Core::new(recording.sensor(), &options.set)?;
+    let mut core = Core::new(&recording.sensor, &options.set)?;
     let mut table = options.csv.as_deref().map(NewFile::create).transpose()?;
     if let Some(table) = &mut table {
         let columns = "row,time_us,exposure_us,distance_mm,u_mm,r_mm,centre_px,fault";
@@ -151,7 +144,7 @@ pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCod
             (table.write_all(line.as_bytes())).context("the table cannot be written")?;
         }
     }
-    let (sensor, damaged) = (recording.sensor(), recording.damaged());
+    let (sensor, damaged) = (&recording.sensor, recording.damaged);
     let (head, sum) = (&sensor.head, sensor.record.sum());
     writeln!(output, "{rows} rows of {head}, record {sum:08x}")?;
     if damaged > 0 {
@@ -176,18 +169,18 @@ pub fn replay(options: &ReplayOptions, output: &mut dyn Write) -> Result<ExitCod
             output,
             "with other settings than the sensor's; {same} of {rows} rows give the same bits"
         )?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    if same == rows {
+    } else if same == rows {
         writeln!(output, "all rows give the bits that the sensor reported")?;
-        return Ok(ExitCode::SUCCESS);
+    } else {
+        writeln!(
+            output,
+            "{} of {rows} rows give other bits than the sensor reported: was it another version of the \
+             firmware?",
+            rows - same
+        )?;
+        return Ok(ExitCode::FAILURE);
     }
-    writeln!(
-        output,
-        "{} of {rows} rows give other bits than the sensor reported: was it another version of the firmware?",
-        rows - same
-    )?;
-    Ok(ExitCode::FAILURE)
+    Ok(ExitCode::SUCCESS)
 }
 
 fn line(row: &Row, reading: &Result<Reading, Fault>) -> String {

@@ -19,10 +19,6 @@ pub enum Key {
     Up,
     /// The arrow down.
     Down,
-    /// The arrow to the left.
-    Left,
-    /// The arrow to the right.
-    Right,
     /// The end: q, Esc or Ctrl-C.
     Quit,
 }
@@ -78,8 +74,6 @@ impl Screen for RealScreen {
                 KeyCode::Char(char) => Key::Char(char),
                 KeyCode::Up => Key::Up,
                 KeyCode::Down => Key::Down,
-                KeyCode::Left => Key::Left,
-                KeyCode::Right => Key::Right,
                 _ => continue,
             }));
         }

@@ -26,12 +26,13 @@ fn options(arguments: &str) -> DesignOptions {
 
 fn printed(arguments: &str) -> String {
     let words = ["design"].into_iter().chain(arguments.split_whitespace());
-    done(slitrange(&RealPc::new(), &words.collect::<Vec<_>>(), ""))
+    let words: Vec<&str> = words.collect();
+    done(slitrange(&RealPc::default(), &words, ""))
 }
 
 fn part(at: &At, name: &str) -> f64 {
-    let part = at.parts.iter().find(|part| part.name == name);
-    part.expect("a part").um
+    let part = at.parts.iter().find(|part| part.0 == name);
+    part.expect("a part").1
 }
 
 /// The same geometry in the simulation, in metres.
@@ -283,10 +284,7 @@ fn a_wrong_dimension_moves_the_distance_as_rays_say() {
 #[test]
 fn the_calibration_is_worse_at_the_ends_of_the_range() {
     let design = options("--angle 68.9624").design().expect("a design");
-    let (first, last) = (
-        design.geometry.centre(1020.0),
-        design.geometry.centre(600.0),
-    );
+    let [first, last] = [1020.0, 600.0].map(|distance| design.geometry.centre(distance));
     let mut leverage = 0.0;
     for i in 0..30 {
         let centre = first + (last - first) * f64::from(i) / 29.0;

@@ -1,6 +1,5 @@
 //! `slitrange calibrate fit` against known truth.
 
-mod comb;
 mod command;
 mod own_spot;
 mod properties;

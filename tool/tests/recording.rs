@@ -109,7 +109,7 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     let of_recording = Settings {
         stream: true,
         pixels: Default::default(),
-        ..recorded.sensor().settings
+        ..recorded.sensor.settings
     };
     assert_eq!(of_recording, settings);
     for row in recorded {
@@ -141,7 +141,7 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     // A record of another centre is noticed.
     let other = recording::open(&file).expect("a recording");
     let mut writer = recording::Writer::default();
-    let mut bytes = writer.head(other.sensor());
+    let mut bytes = writer.head(&other.sensor);
     for (place, row) in other.enumerate() {
         let mut row = row.expect("a row");
         if place < 3 {

@@ -163,7 +163,7 @@ fn recorded(
 /// `slitrange replay` of a file whose rows give the sensor's bits: what it says.
 fn replay(path: &Path, more: &[&str]) -> String {
     let words = [&["replay", path.to_str().expect("a path")], more].concat();
-    let (code, said) = slitrange(&RealPc::new(), &words, "");
+    let (code, said) = slitrange(&RealPc::default(), &words, "");
     assert_eq!(code, Ok(ExitCode::SUCCESS), "{said}");
     said
 }
@@ -202,11 +202,11 @@ fn rows_of_all_scenes_replay_bit_by_bit() {
             bytes.extend(writer.row(row));
         }
         let mut reader = Reader::new(&bytes[..]).expect("a recording");
-        assert_eq!(reader.sensor(), &sensor);
+        assert_eq!(reader.sensor, sensor);
         for row in &rows {
             assert_eq!(&reader.next().expect("a row").expect("no error"), row);
         }
-        assert!(reader.next().is_none() && reader.damaged() == 0);
+        assert!(reader.next().is_none() && reader.damaged == 0);
         let path = directory.path().join(format!("{place}.slitrange"));
         std::fs::write(&path, &bytes).expect("a file");
         println!("{settings:?}");
@@ -266,7 +266,7 @@ fn rows_are_read_one_after_the_other() {
     let mut rows = 0;
     let mut reader = Reader::new(&mut endless).expect("a recording");
     rows += reader.by_ref().take(1000).flatten().count();
-    assert_eq!((rows, reader.damaged()), (1000, 0));
+    assert_eq!((rows, reader.damaged), (1000, 0));
     drop(reader);
     // The rows, and at most as many bytes again as a buffer of a file has.
     let most = head + 1001 * row + 16 * 1024;
@@ -289,7 +289,7 @@ fn damaged_text_is_refused_and_a_damaged_row_is_left_out() {
     bytes[first_row] ^= 0x10;
     let mut reader = Reader::new(&bytes[..]).expect("a recording");
     assert_eq!(reader.by_ref().flatten().count(), 3);
-    assert_eq!(reader.damaged(), 1);
+    assert_eq!(reader.damaged, 1);
 }
 
 /// The most bytes that `replay` of so many rows has allocated at a time, with a table.

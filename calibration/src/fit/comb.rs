@@ -31,22 +31,24 @@ use statistics::{least_and_most, median, rms};
 use crate::fixed::pixels;
 use crate::points::{Point, SlitImages};
 
-/// The comb that points tell, and their x0.
-#[derive(Clone, Debug)]
+/// The comb that points tell, and their x0. A report has all but `comb` and `points`.
+#[derive(Clone, Debug, Serialize)]
 pub struct FittedComb {
     /// As the sensor holds it.
+    #[serde(skip)]
     pub comb: Comb,
+    /// The points, with x0 for their centres. Their uncertainties hold the scatter of the slits.
+    #[serde(skip)]
+    pub points: Vec<Point>,
     /// What the points tell of each slit.
     pub slits: Vec<FittedSlit>,
-    /// The points, with x0 for their centres. Their uncertainties hold the scatter of the slits.
-    pub points: Vec<Point>,
-    /// Root mean square over the points of an x0's standard uncertainty by the scatter of the slits, in
-    /// pixels.
-    pub scatter_px: f64,
     /// Images that count.
     pub images: usize,
     /// Images that do not, because they lie far from the others of their point.
     pub rejected: usize,
+    /// Root mean square over the points of an x0's standard uncertainty by the scatter of the slits, in
+    /// pixels.
+    pub scatter_px: f64,
 }
 
 /// What the points tell of a slit.
@@ -108,13 +110,14 @@ impl Image {
         self.is_common && self.trust > 0.0
     }
 
-    fn powers(&self) -> [f64; CORRECTIONS] {
-        [1.0, self.t, self.t * self.t, self.t * self.t * self.t]
+    /// The lowest powers of t, so many.
+    fn terms(&self, count: usize) -> DVector<f64> {
+        DVector::from_fn(count, |power, _| self.t.powi(power as i32))
     }
 
     fn corrected(&self, corrections: &Corrections) -> f64 {
-        let terms = corrections[self.slit].iter().zip(self.powers());
-        self.x0 + terms.map(|(term, power)| term * power).sum::<f64>()
+        let terms = corrections[self.slit].iter().rev();
+        self.x0 + terms.fold(0.0, |sum, term| sum * self.t + term)
     }
 }
 
@@ -296,33 +299,24 @@ impl Fit {
         let size = most * together.len();
         let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
         for (point, &about) in self.x0s.iter().enumerate() {
-            let of_point: Vec<(usize, &Image)> = (self.images.iter())
+            let of_point: Vec<(usize, DVector<f64>, &Image)> = (self.images.iter())
                 .filter(|image| image.point == point && image.trust > 0.0)
-                .filter_map(|image| Some((place[image.slit]? * most, image)))
+                .filter_map(|image| Some((place[image.slit]? * most, image.terms(most), image)))
                 .collect();
-            let weights: f64 = of_point.iter().map(|(_, image)| image.weight()).sum();
+            let weights: f64 = of_point.iter().map(|(.., image)| image.weight()).sum();
             if of_point.len() < 2 {
                 continue;
             }
-            let weighted = of_point.iter().map(|(_, it)| it.weight() * (it.x0 - about));
-            let mean = weighted.sum::<f64>() / weights;
+            let weighted = |(.., it): &(_, _, &Image)| it.weight() * (it.x0 - about);
+            let mean = of_point.iter().map(weighted).sum::<f64>() / weights;
             // The sum of w (y + c - mean of (y + c))^2.
-            for &(row, image) in &of_point {
-                let own = image.powers();
-                for i in 0..most {
-                    right[row + i] -= image.weight() * own[i] * (image.x0 - about - mean);
-                    for j in 0..most {
-                        normal[(row + i, row + j)] += image.weight() * own[i] * own[j];
-                    }
-                }
-                for &(column, other) in &of_point {
+            for (row, own, image) in &of_point {
+                let (off, size) = (image.x0 - about - mean, (most, most));
+                (right.rows_mut(*row, most)).axpy(-image.weight() * off, own, 1.0);
+                (normal.view_mut((*row, *row), size)).ger(image.weight(), own, own, 1.0);
+                for (column, others, other) in &of_point {
                     let weight = image.weight() * other.weight() / weights;
-                    let others = other.powers();
-                    for i in 0..most {
-                        for j in 0..most {
-                            normal[(row + i, column + j)] -= weight * own[i] * others[j];
-                        }
-                    }
+                    (normal.view_mut((*row, *column), size)).ger(-weight, own, others, 1.0);
                 }
             }
         }
@@ -438,13 +432,9 @@ fn alone(images: &[&Image], freedoms: usize, reference: &[f64]) -> Option<[f64; 
     }
     let (mut normal, mut right) = (DMatrix::zeros(freedoms, freedoms), DVector::zeros(freedoms));
     for image in images {
-        let powers = image.powers();
-        for i in 0..freedoms {
-            right[i] += image.weight() * powers[i] * (reference[image.point] - image.x0);
-            for j in 0..freedoms {
-                normal[(i, j)] += image.weight() * powers[i] * powers[j];
-            }
-        }
+        let (terms, off) = (image.terms(freedoms), reference[image.point] - image.x0);
+        right.axpy(image.weight() * off, &terms, 1.0);
+        normal.ger(image.weight(), &terms, &terms, 1.0);
     }
     let solution = normal.cholesky()?.solve(&right);
     let mut terms = [0.0; CORRECTIONS];

@@ -35,13 +35,9 @@ impl Observed {
     /// Points with the standard uncertainty of the positions in metres, where it is known.
     pub fn all(points: &[Point], position: Option<f64>) -> (Vec<Self>, Weights) {
         let with_sigma = points.iter().any(|point| point.sigma_px.is_some());
-        let weights = match with_sigma || position.is_some() {
-            true => Weights::Known,
-            false => Weights::Alike,
-        };
-        let otherwise = match weights {
-            Weights::Known => 0.0,
-            Weights::Alike => 1.0,
+        let (weights, otherwise) = match with_sigma || position.is_some() {
+            true => (Weights::Known, 0.0),
+            false => (Weights::Alike, 1.0),
         };
         let observed = points.iter().map(|point| Self {
             line: point.line,

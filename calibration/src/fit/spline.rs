@@ -10,7 +10,7 @@
 //! The penalty is that of the least generalised cross-validation error, with each freedom counted 1.4 times,
 //! which keeps it from following noise where there are few points (Y.-J. Kim and C. Gu, 2004).
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector4};
 
 /// Even intervals over a range of distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,28 +75,28 @@ impl Grid {
 
     fn value(&self, coefficients: &DVector<f64>, distance: f64) -> f64 {
         let (start, values, _) = self.at(distance);
-        (0..4).map(|i| values[i] * coefficients[start + i]).sum()
+        values.dot(&coefficients.fixed_rows::<4>(start))
     }
 
     /// The first of the four splines that reach to a place, their values there and their slopes.
-    fn at(&self, place: f64) -> (usize, [f64; 4], [f64; 4]) {
+    fn at(&self, place: f64) -> (usize, Vector4<f64>, Vector4<f64>) {
         let place = ((place - self.first) / self.interval).clamp(0.0, self.intervals as f64);
         let start = (place as usize).min(self.intervals - 1);
         let t = place - start as f64;
         let s = 1.0 - t;
-        let values = [
+        let values = Vector4::new(
             s * s * s / 6.0,
             2.0 / 3.0 - t * t + t * t * t / 2.0,
             2.0 / 3.0 - s * s + s * s * s / 2.0,
             t * t * t / 6.0,
-        ];
-        let slopes = [
+        );
+        let slopes = Vector4::new(
             -s * s / 2.0,
             -2.0 * t + 1.5 * t * t,
             2.0 * s - 1.5 * s * s,
             t * t / 2.0,
-        ];
-        (start, values, slopes.map(|slope| slope / self.interval))
+        );
+        (start, values, slopes / self.interval)
     }
 }
 
@@ -124,13 +124,11 @@ impl Equations {
         };
         for residual in residuals {
             let (start, values, _) = grid.at(residual.at);
-            for i in 0..4 {
-                let weighted = residual.weight * values[i];
-                equations.right[start + i] += weighted * residual.value;
-                for (j, value) in values.iter().enumerate() {
-                    equations.normal[(start + i, start + j)] += weighted * value;
-                }
-            }
+            let weighted = residual.weight * values;
+            let mut right = equations.right.fixed_rows_mut::<4>(start);
+            right += weighted * residual.value;
+            let mut normal = equations.normal.fixed_view_mut::<4, 4>(start, start);
+            normal += weighted * values.transpose();
             equations.squares += residual.weight * residual.value * residual.value;
         }
         equations
@@ -139,13 +137,11 @@ impl Equations {
     fn penalised(&self, penalty: f64) -> Option<Cholesky<f64, Dyn>> {
         let mut matrix = self.normal.clone();
         let penalty = penalty * self.normal.trace() / self.grid.splines() as f64;
-        const DIFFERENCES: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+        let differences = Vector4::new(-1.0, 3.0, -3.0, 1.0);
+        let squares = penalty * differences * differences.transpose();
         for start in 0..self.grid.splines() - 3 {
-            for i in 0..4 {
-                for j in 0..4 {
-                    matrix[(start + i, start + j)] += penalty * DIFFERENCES[i] * DIFFERENCES[j];
-                }
-            }
+            let mut part = matrix.fixed_view_mut::<4, 4>(start, start);
+            part += squares;
         }
         Cholesky::new(matrix)
     }
@@ -202,20 +198,14 @@ impl Spline {
     /// How much it changes with the distance.
     pub fn slope_at(&self, distance: f64) -> f64 {
         let (start, _, slopes) = self.grid.at(distance);
-        let slope = |i| slopes[i] * self.coefficients[start + i];
-        (0..4).map(slope).sum()
+        slopes.dot(&self.coefficients.fixed_rows::<4>(start))
     }
 
     /// Its variance there, where the variance of a residual of weight 1 is 1.
     pub fn unit_variance_at(&self, distance: f64) -> f64 {
         let (start, values, _) = self.grid.at(distance);
-        let mut variance = 0.0;
-        for i in 0..4 {
-            for j in 0..4 {
-                variance += values[i] * values[j] * self.unit_covariance[(start + i, start + j)];
-            }
-        }
-        variance
+        let covariance = self.unit_covariance.fixed_view::<4, 4>(start, start);
+        values.dot(&(covariance * values))
     }
 }
 

@@ -71,18 +71,17 @@ fn held(solved: &Solved, form: Form, because: String) -> anyhow::Result<Made<'_>
         Form::Corrected => {
             let curve = smooth()?;
             let (first, last) = ends(curve);
-            let table = tabulate(|x| 1e6 * curve.residual(x), first, last)?;
-            let corrected = Corrected::new(eq1(curve)?, &table.knots)?;
-            let knots = Some(table.knots.len());
-            (Calibration::Corrected(corrected), knots, curve)
+            let knots = tabulate(|x| 1e6 * curve.residual(x), first, last)?;
+            let corrected = Corrected::new(eq1(curve)?, &knots)?;
+            let calibration = Calibration::Corrected(corrected);
+            (calibration, Some(knots.len()), curve)
         }
         Form::Table => {
             let curve = smooth()?;
             let (first, last) = ends(curve);
-            let table = tabulate(|x| 1e6 * curve.distance(x), first, last)?;
-            let knots = Some(table.knots.len());
-            let table = Table::new(&table.knots).context("the smoothed distances are no table")?;
-            (Calibration::Table(table), knots, curve)
+            let knots = tabulate(|x| 1e6 * curve.distance(x), first, last)?;
+            let table = Table::new(&knots).context("the smoothed distances are no table")?;
+            (Calibration::Table(table), Some(knots.len()), curve)
         }
     };
     let error_um = furthest(&calibration, curve);

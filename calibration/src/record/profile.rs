@@ -47,24 +47,24 @@ pub fn of(solved: &Solved, calibration: &Calibration) -> Option<Profile> {
     let values = |of: &dyn Fn(&KnownShape) -> f64| {
         DVector::from_fn(points.len(), |point, _| of(&points[point].1))
     };
-    let width = places.fit(&values(&|it| it.shape.width_px))?;
+    let (width, width_variance) = places.fit(&values(&|it| it.shape.width_px))?;
     let mut components = [[0.0; PLACES]; COMPONENTS];
     let mut squares = 0.0;
     for (index, component) in components.iter_mut().enumerate() {
-        let fitted = places.fit(&values(&|it| it.shape.components_px[index]))?;
-        *component = fitted.at_places;
-        squares += fitted.variance;
+        let (at_places, variance) = places.fit(&values(&|it| it.shape.components_px[index]))?;
+        *component = at_places;
+        squares += variance;
     }
     let noise = mean(points.iter().map(|(_, shape)| shape.noise_px.powi(2)));
     // A curve's own variance is that of a residual times parameters over points, on average.
     let own = places.powers as f64 / points.len() as f64;
     let deviation = |variance: f64| ((variance - noise).max(0.0) + variance * own).sqrt();
-    let mean_width = mean(width.at_places);
+    let mean_width = mean(width);
     let profile = Profile {
         first,
         last,
-        width: width.at_places.map(pixels),
-        width_deviation: pixels(deviation(width.variance).max(LEAST_WIDTH_DEVIATION * mean_width)),
+        width: width.map(pixels),
+        width_deviation: pixels(deviation(width_variance).max(LEAST_WIDTH_DEVIATION * mean_width)),
         components: components.map(|values| values.map(pixels)),
         deviation: pixels(deviation(squares / SCATTERING)),
     };
@@ -78,16 +78,10 @@ struct Places {
     along: Vec<f64>,
 }
 
-struct Fitted {
-    /// Its values at even steps from the first centre to the last.
-    at_places: [f64; PLACES],
-    /// The variance of the residuals, over their degrees of freedom.
-    variance: f64,
-}
-
 impl Places {
-    /// `None` if the points are at too few places.
-    fn fit(&self, values: &DVector<f64>) -> Option<Fitted> {
+    /// A polynomial's values at even steps from the first centre to the last, and the variance of the
+    /// residuals, over their degrees of freedom. `None` if the points are at too few places.
+    fn fit(&self, values: &DVector<f64>) -> Option<([f64; PLACES], f64)> {
         let matrix = DMatrix::from_fn(self.along.len(), self.powers, |point, power| {
             self.along[point].powi(power as i32)
         });
@@ -95,14 +89,12 @@ impl Places {
         let parameters = squares.cholesky()?.solve(&matrix.tr_mul(values));
         let residuals = values - matrix * &parameters;
         let freedom = self.along.len() - self.powers;
-        Some(Fitted {
-            at_places: std::array::from_fn(|place| {
-                let along = 2.0 * place as f64 / (PLACES - 1) as f64 - 1.0;
-                let add = |sum, factor| sum * along + factor;
-                parameters.iter().rev().fold(0.0, add)
-            }),
-            variance: residuals.norm_squared() / freedom as f64,
-        })
+        let at_places = std::array::from_fn(|place| {
+            let along = 2.0 * place as f64 / (PLACES - 1) as f64 - 1.0;
+            let add = |sum, factor| sum * along + factor;
+            parameters.iter().rev().fold(0.0, add)
+        });
+        Some((at_places, residuals.norm_squared() / freedom as f64))
     }
 }
 

@@ -8,7 +8,6 @@
 //! further by the part that all slits share. This part does not follow the height.
 
 use nalgebra::{Matrix2, Vector2};
-use serde::Serialize;
 use statistics::mean;
 
 use crate::fit::curve::Curve;
@@ -16,7 +15,7 @@ use crate::fit::observed::Observed;
 use crate::fit::solve::Solved;
 
 /// The surface of the points' target.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     /// c: standard deviation of a distance over d - D, of a spot of the usual height.
     pub share: f64,

@@ -3,7 +3,7 @@
 use slitrange::base::units::Pixels;
 use slitrange::distance::knots::{Knot, Knots, KnotsError, MAX_KNOTS};
 
-use crate::fixed::{micrometres, pixels};
+use crate::fixed::{micrometres, part_of_way, pixels};
 
 /// What tabulation may add, in micrometres: a tenth of what noise leaves of the best calibrations.
 const LIMIT: f64 = 0.1;
@@ -13,15 +13,6 @@ const PLACES: i32 = 16;
 const STEPS: usize = 512;
 /// Intervals of less than this are not divided, in pixels.
 const NARROWEST: f64 = 0.25;
-
-/// Knots of a curve.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tabulated {
-    /// The knots.
-    pub knots: Vec<Knot>,
-    /// How far their curve is from that which was tabulated, in micrometres, at most.
-    pub error_um: f64,
-}
 
 /// As few knots as keep within a tenth of a micrometre of a curve, which gives micrometres for a centre in
 /// pixels; at most as many as there may be. The curve's turns are knots, where cubics that never go beyond
@@ -33,7 +24,7 @@ pub fn tabulate(
     curve: impl Fn(f64) -> f64,
     first: Pixels,
     last: Pixels,
-) -> Result<Tabulated, KnotsError> {
+) -> Result<Vec<Knot>, KnotsError> {
     let knot = |centre: Pixels| Knot {
         centre,
         value: micrometres(curve(centre.to_f64())),
@@ -51,10 +42,7 @@ pub fn tabulate(
         divided.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]));
         divided.truncate(MAX_KNOTS.saturating_sub(centres.len()));
         if divided.is_empty() {
-            return Ok(Tabulated {
-                knots,
-                error_um: errors.into_iter().fold(0.0, f64::max),
-            });
+            return Ok(knots);
         }
         let middle = |i| part_of_way(centres[i], centres[i + 1], 1, 2);
         let middles: Vec<Pixels> = divided.into_iter().map(middle).collect();
@@ -96,14 +84,19 @@ fn error(curve: &impl Fn(f64) -> f64, knots: &Knots, from: Pixels, to: Pixels) -
     (0..=PLACES).filter_map(off).fold(0.0, f64::max)
 }
 
-fn part_of_way(from: Pixels, to: Pixels, part: i32, of: i32) -> Pixels {
-    let (from, to) = (i64::from(from.to_bits()), i64::from(to.to_bits()));
-    Pixels::from_bits((from + (to - from) * i64::from(part) / i64::from(of)) as i32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// How many knots a curve gets, and how far their curve is off at most, in micrometres.
+    fn tabulated(curve: impl Fn(f64) -> f64, first: Pixels, last: Pixels) -> (usize, f64) {
+        let knots = tabulate(&curve, first, last).expect("knots");
+        let made = Knots::new(&knots).expect("knots");
+        let off = |ends: &[Knot]| error(&curve, &made, ends[0].centre, ends[1].centre);
+        let most = knots.windows(2).map(off).fold(0.0, f64::max);
+        println!("{} knots, {most:.3} um", knots.len());
+        (knots.len(), most)
+    }
 
     /// A cubic of 300 um, as a lens gives it, and a wave with five turns.
     #[test]
@@ -112,21 +105,17 @@ mod tests {
         let part = |x: f64| (x - 1847.0) / 557.0;
         let cubic = |x: f64| 300.0 * (4.0 * part(x).powi(3) - 3.0 * part(x));
         let wave = |x: f64| 300.0 * (8.0 * part(x)).sin();
-        let [cubic, wave] = [&cubic as &dyn Fn(f64) -> f64, &wave].map(|curve| {
-            let made = tabulate(curve, first, last).expect("knots");
-            println!("{} knots, {:.3} um", made.knots.len(), made.error_um);
-            (made.knots.len(), made.error_um)
-        });
-        assert!(cubic.0 <= 65 && cubic.1 < LIMIT + 0.01);
-        assert!(wave.0 <= MAX_KNOTS && wave.1 < 0.2);
+        let (knots, most) = tabulated(cubic, first, last);
+        assert!(knots <= 65 && most < LIMIT + 0.01);
+        let (knots, most) = tabulated(wave, first, last);
+        assert!(knots <= MAX_KNOTS && most < 0.2);
     }
 
     #[test]
     fn a_jump_leaves_an_error_above_the_limit() {
         let (first, last) = (Pixels::from_int(1000), Pixels::from_int(3000));
         let jump = |x| if x < 2000.5 { 0.0 } else { 1000.0 };
-        let made = tabulate(jump, first, last).expect("knots");
-        println!("{} knots, {:.1} um", made.knots.len(), made.error_um);
-        assert!(made.knots.len() <= MAX_KNOTS && made.error_um > LIMIT);
+        let (knots, most) = tabulated(jump, first, last);
+        assert!(knots <= MAX_KNOTS && most > LIMIT);
     }
 }

@@ -154,7 +154,7 @@ fn covariance_and_uncertainty_are_honest() {
             let fit = &solved.plain.eq1;
             let found = nalgebra::Vector3::new(fit.curve.d, fit.curve.k, fit.curve.pole);
             let off = found - truth.parameters();
-            let covariance = fit.covariance().expect("a scatter");
+            let covariance = fit.unit_covariance * solved.variance().expect("a scatter");
             squares += (off.transpose() * covariance.try_inverse().expect("regular") * off)[0];
             let quality = &solved.plain_quality;
             let error = truth.error(|x| solved.plain.distance(x)).0 * 1e-6;

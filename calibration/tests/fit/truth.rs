@@ -47,20 +47,12 @@ impl Truth {
 
     /// D in metres, K in metre pixels and xp in pixels.
     pub fn parameters(&self) -> Vector3<f64> {
-        let Optics {
-            offset,
-            baseline,
-            focal_length,
-            angle,
-            pitch,
-            axis,
-            ..
-        } = self.optics;
-        let (t, f) = (angle.tan(), focal_length / pitch);
+        let it = &self.optics;
+        let (t, f) = (it.angle.tan(), it.focal_length / it.pitch);
         Vector3::new(
-            offset - baseline / t,
-            baseline * f * (1.0 + t * t) / (t * t),
-            axis - f / t,
+            it.offset - it.baseline / t,
+            it.baseline * f * (1.0 + t * t) / (t * t),
+            it.axis - f / t,
         )
     }
 

@@ -8,15 +8,6 @@ use super::Design;
 use super::geometry::{COMB_SLIT_UM, COMB_SLITS};
 use super::light::width_behind_slit;
 
-/// A part of the error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Part {
-    /// What it is.
-    pub name: &'static str,
-    /// Its size, in micrometres.
-    pub um: f64,
-}
-
 /// A design at one distance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct At {
@@ -32,21 +23,21 @@ pub struct At {
     pub noise_of_a_row: f64,
     /// The size of a speckle at the slit, in micrometres.
     pub speckle_size: f64,
-    /// The parts of the error of a frame.
-    pub parts: Vec<Part>,
+    /// The parts of the error of a frame: their names, and their sizes in micrometres.
+    pub parts: [(&'static str, f64); 6],
 }
 
 impl At {
     /// The root of the sum of the squares of the parts, in micrometres.
     pub fn total(&self) -> f64 {
-        let squares = self.parts.iter().map(|part| part.um * part.um);
+        let squares = self.parts.iter().map(|(_, um)| um * um);
         squares.sum::<f64>().sqrt()
     }
 
     /// The largest part.
     pub fn limit(&self) -> &'static str {
-        let largest = self.parts.iter().max_by(|a, b| a.um.total_cmp(&b.um));
-        largest.map_or("", |part| part.name)
+        let largest = self.parts.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        largest.map_or("", |part| part.0)
     }
 }
 
@@ -79,7 +70,7 @@ impl Design {
             um_a_pixel,
             noise_of_a_row: row,
             speckle_size: 1000.0 * self.wavelength * geometry.range(distance) / self.options.spot,
-            parts: parts.map(|(name, um)| Part { name, um }).to_vec(),
+            parts,
         }
     }
 

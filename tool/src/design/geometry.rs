@@ -118,42 +118,35 @@ impl Geometry {
 
     /// The pixels of the farthest and of the nearest distance. With a comb: of its outer slits.
     pub fn ends(&self, near: f64, far: f64, comb: bool) -> (f64, f64) {
-        let (first, last) = outer_slits(comb);
-        (
-            self.behind(first).centre(far),
-            self.behind(last).centre(near),
-        )
+        let [first, last] = self.outer_slits(comb);
+        (first.centre(far), last.centre(near))
     }
 
     /// The nearest and the farthest distance at which the spot, with `reach` pixels on both sides, is on the
     /// row. Infinite if the sensor sees beyond any distance. With a comb: the spots of all slits. Nothing if
     /// there is no such distance.
     pub fn usable(&self, reach: f64, comb: bool) -> Option<(f64, f64)> {
-        let (first, last) = outer_slits(comb);
-        let from = self.behind(first);
-        let to = self.behind(last);
+        let [first, last] = self.outer_slits(comb);
         let end = self.pixels as f64 - 1.0 - reach;
-        let (_, _, pole_of_last) = to.eq1();
+        let [pole, pole_of_last] = [first, last].map(|it| it.eq1().2);
         if end <= pole_of_last {
             return None;
         }
-        let near = to.distance(end).max(0.0);
-        let (_, _, pole) = from.eq1();
+        let near = last.distance(end).max(0.0);
         let far = match reach > pole {
-            true => from.distance(reach),
+            true => first.distance(reach),
             false => f64::INFINITY,
         };
         (near < far).then_some((near, far))
     }
-}
 
-/// The places of the first and the last slit along the row.
-fn outer_slits(comb: bool) -> (f64, f64) {
-    let place = |slit: usize| match comb {
-        true => f64::from(NOMINAL_PLACES_UM[slit]) / 1000.0,
-        false => 0.0,
-    };
-    (place(0), place(COMB_SLITS - 1))
+    /// The same sensor behind the first and the last slit of a comb, or behind its only slit.
+    fn outer_slits(&self, comb: bool) -> [Self; 2] {
+        [0, COMB_SLITS - 1].map(|slit| match comb {
+            true => self.behind(f64::from(NOMINAL_PLACES_UM[slit]) / 1000.0),
+            false => *self,
+        })
+    }
 }
 
 /// The width of the slits of a comb, in micrometres.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::Path;
 
-use calibration::fit::comb::{FittedComb, FittedSlit};
+use calibration::fit::comb::FittedComb;
 use calibration::fit::curve::{FEW_FREEDOMS, Quality};
 use calibration::fit::observed::Weights;
 use calibration::fit::order::FEWEST_TO_REJECT;
@@ -44,7 +44,7 @@ pub struct Report {
     scatter: Option<f64>,
     surface: Option<ShownSurface>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    comb: Option<ShownComb>,
+    comb: Option<FittedComb>,
     cannot_show: Vec<String>,
     record: Option<RecordWritten>,
 }
@@ -113,18 +113,6 @@ struct ShownSurface {
     known_to: f64,
     /// The usual height there.
     height_counts: f64,
-}
-
-/// What the points tell of a comb.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct ShownComb {
-    slits: Vec<FittedSlit>,
-    /// Images that count.
-    images: usize,
-    /// Images that lie far from the others of their point.
-    rejected: usize,
-    /// Standard uncertainty of a point's centre by the scatter of its slits, root mean square.
-    scatter_px: f64,
 }
 
 /// The ends of the centres and distances for which a calibration holds.
@@ -235,12 +223,7 @@ impl Report {
                 known_to: surface.known_to,
                 height_counts: surface.height,
             }),
-            comb: comb.map(|comb| ShownComb {
-                slits: comb.slits.clone(),
-                images: comb.images,
-                rejected: comb.rejected,
-                scatter_px: comb.scatter_px,
-            }),
+            comb: comb.cloned(),
             cannot_show: Vec::new(),
             record: None,
         };
@@ -441,7 +424,7 @@ impl fmt::Display for Report {
     }
 }
 
-fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
+fn write_comb(f: &mut fmt::Formatter<'_>, comb: &FittedComb) -> fmt::Result {
     let (slits, images) = (comb.slits.len(), comb.images);
     writeln!(f, "\nThe comb: {slits} slits, {images} images")?;
     if comb.rejected > 0 {

@@ -7,7 +7,7 @@ use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::flat::Flat;
 
 use super::answers;
-use super::line::{ANSWER, FRAME, LineError, SAVE};
+use super::line::{FRAME, LineError, SAVE};
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
@@ -43,9 +43,6 @@ pub enum Only {
 }
 
 /// `head flat`.
-///
-/// # Errors
-/// In sentences: what the sensor refused, and what to do.
 pub fn flat(
     options: &FlatOptions,
     pc: &dyn Pc,
@@ -76,7 +73,7 @@ pub fn flat(
     if options.only == Some(Only::Dark) {
         return Ok(());
     }
-    for line in shown(&mut session)? {
+    for line in session.map()? {
         writeln!(output, "{line}")?;
     }
     if options.no_save {
@@ -107,10 +104,7 @@ fn take_with_person(
             "nobody pressed Enter: nothing was saved; for a script, take --only dark, then --only lit"
         );
         match take(session, kind) {
-            Ok(answer) => {
-                writeln!(output, "{answer}")?;
-                return Ok(());
-            }
+            Ok(answer) => return Ok(writeln!(output, "{answer}")?),
             Err(LineError::Refused { answer, .. }) if answer.starts_with("E20 ") => {
                 writeln!(output, "{answer}")?;
             }
@@ -123,8 +117,4 @@ fn take_with_person(
 fn take(session: &mut Session<'_>, kind: Kind) -> Result<String, LineError> {
     let command = Flat::Take(kind).to_string();
     (session.line()).ask(&command, FRAME, |lines| answers::taken(lines, &command))
-}
-
-fn shown(session: &mut Session<'_>) -> Result<Vec<String>, LineError> {
-    (session.line()).ask(&Flat::Show.to_string(), ANSWER, answers::flat)
 }

@@ -54,9 +54,6 @@ const CHANGED: [Setting; 3] = [Setting::Ambient, Setting::Exposure, Setting::Las
 const OF_RECORD: [Setting; 3] = [Setting::Estimator, Setting::Black, Setting::Slits];
 
 /// `head measure`.
-///
-/// # Errors
-/// In sentences: what the sensor refused or did not show, and what to do.
 pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     // From now on, Ctrl-C ends the measurement in order.
     pc.interrupted();

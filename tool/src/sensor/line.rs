@@ -57,12 +57,6 @@ pub struct Line<'a> {
     received: Vec<u8>,
 }
 
-impl fmt::Debug for Line<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Line").field(&self.name).finish()
-    }
-}
-
 /// Why a command has no answer.
 #[derive(Debug)]
 pub enum LineError {
@@ -104,22 +98,20 @@ impl fmt::Display for LineError {
             Self::Silent {
                 name,
                 command,
-                heard: None,
-            } => write!(
-                f,
-                "no sensor answers `{command}` at {name}: check that this is the sensor's port and that the \
-                 sensor has power"
-            ),
-            Self::Silent {
-                name,
-                command,
-                heard: Some(line),
-            } => write!(
-                f,
-                "`{command}` has no answer at {name}, where `{}` came last: check that this is the sensor's \
-                 port, and that its firmware knows that command (`info`, `help`)",
-                line.escape_debug()
-            ),
+                heard,
+            } => match heard {
+                None => write!(
+                    f,
+                    "no sensor answers `{command}` at {name}: check that this is the sensor's port and that \
+                     the sensor has power"
+                ),
+                Some(line) => write!(
+                    f,
+                    "`{command}` has no answer at {name}, where `{}` came last: check that this is the \
+                     sensor's port, and that its firmware knows that command (`info`, `help`)",
+                    line.escape_debug()
+                ),
+            },
             Self::Refused { command, answer } => {
                 write!(f, "the sensor answers `{command}` with `{answer}`")
             }
@@ -161,9 +153,6 @@ fn cannot_open(f: &mut fmt::Formatter<'_>, name: &str, error: &serialport::Error
 
 impl<'a> Line<'a> {
     /// Opens a port, unless another program has it open, and forgets what came before.
-    ///
-    /// # Errors
-    /// [`LineError::Port`].
     pub fn open(pc: &'a dyn Pc, name: &str) -> Result<Self, LineError> {
         // A program that was killed while it started another leaves the port to that one for a moment.
         let until = pc.now() + ANSWER;

@@ -94,9 +94,6 @@ struct Monitor<'a> {
 }
 
 /// `monitor`.
-///
-/// # Errors
-/// In sentences: no sensor is found, or a file cannot be written.
 pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     // From now on, Ctrl-C ends the loop below, and the sensor's settings are put back.
     pc.interrupted();
@@ -319,7 +316,7 @@ impl<'a> Monitor<'a> {
             },
             statistics: &self.statistics,
             lost: self.losses(),
-            recording: (self.recording.as_ref()).map(|it| (it.name(), it.lines)),
+            recording: (self.recording.as_ref()).map(|it| (&*it.name, it.lines)),
         };
         Ok(screen.draw(&mut |frame| view.draw(frame))?)
     }
@@ -341,7 +338,7 @@ impl<'a> Monitor<'a> {
             writeln!(output, "{unreadable} {what}")?;
         }
         if let Some(recording) = &self.recording {
-            let (name, lines) = (recording.name(), recording.lines);
+            let Recording { name, lines, .. } = recording;
             writeln!(output, "written: {name}, {lines} lines")?;
         }
         Ok(())

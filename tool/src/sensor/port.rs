@@ -27,9 +27,6 @@ impl PortOption {
     }
 
     /// Opens a session with the sensor at the port.
-    ///
-    /// # Errors
-    /// Those of [`Self::find`] and of [`Session::open`].
     pub fn open<'a>(&self, pc: &'a dyn Pc) -> Result<Session<'a>> {
         Ok(Session::open(pc, &self.find(pc)?)?)
     }

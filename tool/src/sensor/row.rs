@@ -355,9 +355,6 @@ impl RowAnswer {
 }
 
 /// Asks a sensor for a row, again if the answer does not arrive as it was sent.
-///
-/// # Errors
-/// In sentences: nobody answers, or the row does not arrive whole.
 pub(super) fn ask_row(session: &mut Session<'_>, part: RowPart) -> Result<RowAnswer> {
     let command = part.to_string();
     for _ in 0..TRIES {
@@ -374,9 +371,6 @@ pub(super) fn ask_row(session: &mut Session<'_>, part: RowPart) -> Result<RowAns
 }
 
 /// `row`.
-///
-/// # Errors
-/// In sentences: nobody answers, the row does not arrive whole, or a file cannot be written.
 pub fn row(options: &RowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let part = options.part()?;
     let mut session = options.port.open(pc)?;

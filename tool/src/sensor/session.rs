@@ -16,7 +16,6 @@ const PAUSE: Duration = Duration::from_millis(200);
 
 /// A sensor that answers and does not stream. What was set for the session alone is put back at its end.
 /// Each question and each setting fails if no answer comes, or an error.
-#[derive(Debug)]
 pub struct Session<'a> {
     line: Line<'a>,
     head: String,
@@ -248,10 +247,14 @@ impl<'a> Session<'a> {
         self.set(Command::Set(value))
     }
 
+    /// What the sensor says of its map of the pixels, in lines.
+    pub fn map(&mut self) -> Result<Vec<String>, LineError> {
+        (self.line).ask(&Flat::Show.to_string(), ANSWER, answers::flat)
+    }
+
     /// Has rows stay as they are read, without the map of the pixels, for as long as the session lasts.
     pub fn borrow_without_map(&mut self) -> Result<(), LineError> {
-        let answer = self.line.ask("flat", ANSWER, answers::flat)?;
-        if answer.first().is_some_and(|line| line == "flat on") {
+        if self.map()?.first().is_some_and(|line| line == "flat on") {
             self.borrowed.map = true;
             self.use_map(false)?;
         }

@@ -86,9 +86,6 @@ enum SettingsCommand {
 }
 
 /// `settings`.
-///
-/// # Errors
-/// In sentences: nobody answers, a value is wrong, a file cannot be read or written.
 pub fn settings(
     options: &SettingsOptions,
     pc: &dyn Pc,
@@ -111,9 +108,7 @@ pub fn settings(
             );
             set(&mut options.port.open(pc)?, value, output)?;
         }
-        Some(SettingsCommand::Save { file }) => {
-            save(&mut options.port.open(pc)?, file, output)?;
-        }
+        Some(SettingsCommand::Save { file }) => save(&mut options.port.open(pc)?, file, output)?,
         Some(SettingsCommand::Load { file, flash }) => {
             let values = read_file(file)?;
             values.iter().try_for_each(|&value| ensure_alone(value))?;
@@ -185,13 +180,9 @@ fn value(session: &mut Session<'_>, setting: Setting) -> Result<Value> {
 
 /// All settings that flash can hold but the sensor's address, which another sensor has otherwise.
 fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
-    let mut values = Vec::new();
-    for &setting in Setting::ALL {
-        if !matches!(setting.affects(), Affects::Session | Affects::Connection) {
-            values.push(value(session, setting)?);
-        }
-    }
-    Ok(values)
+    let is_held = |it: &&Setting| !matches!(it.affects(), Affects::Session | Affects::Connection);
+    let held = Setting::ALL.iter().filter(is_held);
+    held.map(|&setting| value(session, setting)).collect()
 }
 
 fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
@@ -227,8 +218,7 @@ fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
             writeln!(output, "{}", line.trim_end())?;
         }
     }
-    writeln!(output, "* differs from the factory's")?;
-    Ok(())
+    Ok(writeln!(output, "* differs from the factory's")?)
 }
 
 /// Breaks a text into lines of at most so many characters, between words. A longer word is a line.

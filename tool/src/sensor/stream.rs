@@ -59,9 +59,6 @@ pub struct FrameResult {
     pub is_difference: bool,
 }
 
-/// The letters that are no flags, and are followed by a value.
-const VALUES: &[&str] = &["u", "r", "x", "a", "n", "w", "t", "k"];
-
 /// Reads a line of the stream. A letter that is not known counts as a flag. `None` if the line is another
 /// one, if a number is not one, or if the line has a fault or the unit but no distance.
 pub fn frame_result(line: &str) -> Option<FrameResult> {
@@ -110,25 +107,21 @@ impl FrameResult {
         let mut flags = vec![];
         let mut columns = columns.iter().copied();
         while let Some(letter) = columns.next() {
-            if !VALUES.contains(&letter) {
-                // A flag, or the number that belongs to one.
-                flags.push(letter);
-                continue;
-            }
-            let value = columns.next()?;
             match letter {
-                "u" => self.u_mm = Some(number(value)? / per_mm),
-                "r" => self.r_mm = Some(number(value)? / per_mm),
-                "x" => self.centre_px = Some(number(value)?),
-                "a" => self.height_counts = Some(number(value)?),
-                "w" => self.width_px = Some(number(value)?),
-                "t" => self.exposure_us = Some(value.parse().ok()?),
-                "k" => self.slits = Some(value.parse().ok()?),
-                _ => {
-                    let (used, all) = value.split_once('/')?;
+                "u" => self.u_mm = Some(number(columns.next()?)? / per_mm),
+                "r" => self.r_mm = Some(number(columns.next()?)? / per_mm),
+                "x" => self.centre_px = Some(number(columns.next()?)?),
+                "a" => self.height_counts = Some(number(columns.next()?)?),
+                "w" => self.width_px = Some(number(columns.next()?)?),
+                "t" => self.exposure_us = Some(columns.next()?.parse().ok()?),
+                "k" => self.slits = Some(columns.next()?.parse().ok()?),
+                "n" => {
+                    let (used, all) = columns.next()?.split_once('/')?;
                     self.rows_used = Some(used.parse().ok()?);
                     self.rows = Some(all.parse().ok()?);
                 }
+                // A flag, or the number that belongs to one.
+                _ => flags.push(letter),
             }
         }
         self.kind = match self.is_difference {

@@ -216,7 +216,17 @@ impl PointsFile {
     /// How the sensor was set before the run that began the file, as far as a run changes that. `None` where
     /// the file does not say.
     pub fn begun_with(&self) -> Option<Before> {
-        begun_with(&self.content.first)
+        let (mut streamed, mut rows) = (None, None);
+        let remarks = self.content.first.iter();
+        for line in remarks.filter_map(|line| line.strip_prefix("# ")) {
+            match parse(line.as_bytes()) {
+                Ok(Command::Set(Value::Stream(on))) => _ = streamed.get_or_insert(on),
+                Ok(Command::Set(Value::Rows(count))) => _ = rows.get_or_insert(count),
+                _ => {}
+            }
+        }
+        let (streamed, rows) = (streamed?, Some(rows?));
+        Some(Before { streamed, rows })
     }
 
     /// What was left of its last line, if that was cut off when it was opened.
@@ -243,19 +253,14 @@ impl PointsFile {
     }
 
     /// Takes the last point back: its line becomes a remark. Gives its distance in millimetres.
-    ///
-    /// # Errors
-    /// The file could not be read or written.
     pub fn take_back(&mut self) -> Result<Option<f64>> {
         self.read_again()?;
-        let Content {
-            points, remarks, ..
-        } = &mut self.content;
-        let Some(point) = points.pop() else {
+        let content = &mut self.content;
+        let Some(point) = content.points.pop() else {
             return Ok(None);
         };
-        remarks.push(format!("# taken back: {}", point.text));
-        self.content.write(&self.path)?;
+        (content.remarks).push(format!("# taken back: {}", point.text));
+        content.write(&self.path)?;
         self.file = open_to_append(&self.path)?;
         Ok(Some(point.d_mm))
     }
@@ -402,20 +407,6 @@ impl Content {
     }
 }
 
-/// What a file's first lines say of rows and stream.
-fn begun_with(first: &[String]) -> Option<Before> {
-    let (mut streamed, mut rows) = (None, None);
-    for line in first.iter().filter_map(|line| line.strip_prefix("# ")) {
-        match parse(line.as_bytes()) {
-            Ok(Command::Set(Value::Stream(on))) => _ = streamed.get_or_insert(on),
-            Ok(Command::Set(Value::Rows(count))) => _ = rows.get_or_insert(count),
-            _ => {}
-        }
-    }
-    let (streamed, rows) = (streamed?, Some(rows?));
-    Some(Before { streamed, rows })
-}
-
 /// Checks that a file's first lines name the same setup.
 fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
     let mut found = Setup::default();
@@ -531,14 +522,15 @@ mod tests {
         slits: None,
     };
 
-    /// A file with these points, and its path.
-    fn file(directory: &tempfile::TempDir, points: &[Taken]) -> (PointsFile, PathBuf) {
+    /// A file with these points, its path, and its directory.
+    fn file(points: &[Taken]) -> (PointsFile, PathBuf, tempfile::TempDir) {
+        let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("points.csv");
         let mut file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
         for point in points {
             file.add(*point).expect("added");
         }
-        (file, path)
+        (file, path, directory)
     }
 
     /// The same file once more.
@@ -560,8 +552,7 @@ mod tests {
 
         #[test]
         fn points_are_read_as_they_were_written(points in prop::collection::vec(point(), 0..6)) {
-            let directory = tempfile::tempdir().expect("a directory");
-            let (mut written, path) = file(&directory, &points);
+            let (mut written, path, _directory) = file(&points);
             written.remark("failed at\n600 mm").expect("remarked");
             prop_assert_eq!(written.points(), lines(&points));
             let read = again(&path);
@@ -600,8 +591,7 @@ mod tests {
                 0..4,
             ),
         ) {
-            let directory = tempfile::tempdir().expect("a directory");
-            let (_, path) = file(&directory, &points);
+            let (_, path, _directory) = file(&points);
             let mut bytes = std::fs::read(&path).expect("bytes");
             let length = points.iter().map(|point| point.to_string().len() + 1).sum::<usize>();
             let cut = bytes.len() - (part * length as f64) as usize;
@@ -625,9 +615,8 @@ mod tests {
     /// file is opened again, until it is taken back.
     #[test]
     fn a_point_stands_for_the_position_that_was_asked_for() {
-        let directory = tempfile::tempdir().expect("a directory");
         let point = |d_mm| Taken { d_mm, ..PLAIN };
-        let (mut file, path) = file(&directory, &[]);
+        let (mut file, path, _directory) = file(&[]);
         file.add_for(610.0, point(610.0)).expect("added");
         file.add_for(640.0, point(646.0)).expect("added");
         assert_eq!(file.done(), [610.0, 646.0, 640.0]);
@@ -652,7 +641,6 @@ mod tests {
 
     #[test]
     fn the_file_is_as_documented() {
-        let directory = tempfile::tempdir().expect("a directory");
         let point = Taken {
             scatter_px: Some(0.00195),
             correlated: Some(3),
@@ -665,7 +653,7 @@ mod tests {
         };
         let d_mm = 810.12345;
         let typed = Taken { d_mm, ..PLAIN };
-        let (_, path) = file(&directory, &[point, typed]);
+        let (_, path, _directory) = file(&[point, typed]);
         insta::assert_snapshot!(std::fs::read_to_string(path).expect("text"));
     }
 
@@ -712,9 +700,8 @@ mod tests {
 
     #[test]
     fn a_line_that_another_program_adds_stays() {
-        let directory = tempfile::tempdir().expect("a directory");
         let points = [640.0, 610.0].map(|d_mm| Taken { d_mm, ..PLAIN });
-        let (mut file, path) = file(&directory, &points);
+        let (mut file, path, _directory) = file(&points);
         let mut other = open_to_append(&path).expect("the file");
         other.write_all(b"# by hand\n").expect("written");
         assert_eq!(file.take_back().expect("taken back"), Some(610.0));

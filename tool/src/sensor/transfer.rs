@@ -15,7 +15,7 @@ use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::record::{Record, decode};
 use slitrange_device::settings::Value;
 
-use super::answers::{InUse, RecordInUse};
+use super::answers::InUse;
 use super::line::{ANSWER, LineError, SAVE, is_echoed};
 use super::port::PortOption;
 use super::session::Session;
@@ -292,17 +292,14 @@ pub fn read(options: &ReadOptions, pc: &dyn Pc, output: &mut dyn Write) -> Resul
 
 pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> {
     let in_use = session.calibration()?;
-    let Some(RecordInUse {
-        bytes: length, crc, ..
-    }) = in_use.record
-    else {
+    let Some(record) = in_use.record else {
         bail!(
             "the sensor has no calibration (what it saved is {}): write one, or set `defaults`",
             in_use.stored
         );
     };
     let mut bytes = Vec::new();
-    while bytes.len() < length {
+    while bytes.len() < record.bytes {
         let offset = u16::try_from(bytes.len())?;
         let question = Command::Data(offset).to_string();
         let piece = session.line().ask(&question, ANSWER, |lines| {
@@ -316,20 +313,19 @@ pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> 
     let written = decode(&bytes).and_then(EncodedRecord::new);
     let written = written.context("what the sensor sent is no record")?;
     ensure!(
-        written.sum() == crc,
-        "what the sensor sent is another record, CRC-32 {:08x}, than it said, {crc:08x}: somebody changed it \
+        written.sum() == record.crc,
+        "what the sensor sent is another record, CRC-32 {:08x}, than it said, {:08x}: somebody changed it \
          meanwhile, read it again",
-        written.sum()
+        written.sum(),
+        record.crc
     );
     Ok(written)
 }
 
 /// `calibrate show`. The exit code tells whether two records are the same.
 pub fn show(options: &ShowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<ExitCode> {
-    let mut records = Vec::new();
-    for path in &options.files {
-        records.push(record_file::read(path)?);
-    }
+    let records = options.files.iter().map(|path| record_file::read(path));
+    let mut records: Vec<EncodedRecord> = records.collect::<Result<_>>()?;
     if let Some(port) = &options.port {
         records.push(record_in_use(&mut Session::open(pc, port)?)?);
     }

@@ -7,16 +7,16 @@ use calibration::record::{errors, form, profile};
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
+use slitrange::Calibration;
 use slitrange::base::units::Counts;
 use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
 use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::{Measurement, Options, centre_of_spot};
+use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::pixels::PixelErrors;
 use slitrange::row::sensor_heads::tcd1304dg;
-use slitrange::{Calibration, centre, spot};
 use slitrange_device::protocol::line::CentreLine;
 use slitrange_tool::sensor::answers;
 use slitrange_tool::sensor::run::taken;
@@ -139,23 +139,6 @@ impl Sensor {
             calibration: made.calibration,
         }
     }
-
-    /// The share of rows whose centre is not the estimator's own, because the repair replaced it.
-    fn repaired(&self, profile: Option<&Profile>, rows: usize, seed: u64) -> f64 {
-        let mut random = seeded(seed);
-        let geometry = tcd1304dg();
-        let repaired = (0..rows).filter(|_| {
-            let (distance, height) = anywhere(&mut random);
-            let words = self.words(distance, height, &mut random);
-            let row = geometry.row(&words).expect("a row");
-            let (spot, budget) = spot::find(&row).expect("a spot");
-            let own = centre::centre(self.estimator, &row, &spot, None, &geometry);
-            let estimator = self.estimator;
-            let checked = centre_of_spot(estimator, &row, &spot, None, &geometry, profile, budget);
-            own.expect("a centre").centre != checked.expect("a centre").centre
-        });
-        repaired.count() as f64 / rows as f64
-    }
 }
 
 fn anywhere(random: &mut ChaCha8Rng) -> (f64, f64) {
@@ -173,8 +156,6 @@ struct Calibrated {
 struct Judged {
     /// The share with an error within 2u.
     within: f64,
-    /// Errors over u, root mean square.
-    over_u: f64,
     /// Median u in micrometres.
     u_um: f64,
     /// The root mean square of the errors, in micrometres.
@@ -199,14 +180,12 @@ impl Calibrated {
         };
         let readings: Vec<(f64, Reading)> = (0..count).map(reading).collect();
         let u = |reading: &Reading| reading.uncertainty.to_f64();
-        let over: Vec<f64> = readings.iter().map(|(error, it)| error / u(it)).collect();
-        let errors: Vec<f64> = readings.iter().map(|(error, _)| *error).collect();
+        let is_within = |(error, it): &&(f64, Reading)| error.abs() <= 2.0 * u(it);
         let misfits: f64 = readings.iter().map(|(_, it)| f64::from(it.misfits)).sum();
         Judged {
-            within: over.iter().filter(|over| over.abs() <= 2.0).count() as f64 / count as f64,
-            over_u: rms(&over),
+            within: readings.iter().filter(is_within).count() as f64 / count as f64,
             u_um: upper_median(readings.iter().map(|(_, it)| u(it))),
-            rms_um: rms(&errors),
+            rms_um: rms(readings.iter().map(|(error, _)| error)),
             flagged: misfits / (count * usize::from(ROWS)) as f64,
         }
     }
@@ -216,9 +195,8 @@ impl std::fmt::Display for Judged {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{:.1} % within 2u, error/u {:.2}, u {:.2} um, RMS error {:.2} um, {:.2} % of the rows flagged",
+            "{:.1} % within 2u, u {:.2} um, RMS error {:.2} um, {:.2} % of the rows flagged",
             100.0 * self.within,
-            self.over_u,
             self.u_um,
             self.rms_um,
             100.0 * self.flagged
@@ -233,11 +211,8 @@ fn judge(estimator: Estimator, skewness: f64) -> [Judged; 2] {
     [Some(calibrated.profile), None].map(|profile| {
         let judged = calibrated.judge(&sensor, profile, 1000, 2);
         let with = if profile.is_some() { "with" } else { "without" };
-        let repaired = 100.0 * sensor.repaired(profile.as_ref(), 1000, 3);
-        println!(
-            "{}, skewness {skewness}, {with} the profile: {judged}, {repaired:.1} % of the rows repaired",
-            estimator.name()
-        );
+        let name = estimator.name();
+        println!("{name}, skewness {skewness}, {with} the profile: {judged}");
         judged
     })
 }

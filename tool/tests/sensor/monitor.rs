@@ -19,14 +19,13 @@ fn recorded(sensor: &StandIn, name: &str) -> Vec<FrameResult> {
 
 #[test]
 fn lines_are_shown_and_the_stream_is_left_as_it_was() {
-    for (stream, format) in [
-        ("stream on", "format text"),
-        ("stream off", "format text"),
-        ("stream on", "format csv"),
+    for lines in [
+        "stream on; format text",
+        "stream off; format text",
+        "stream on; format csv",
     ] {
         let sensor = StandIn::new(1);
-        sensor.state().type_line(stream);
-        sensor.state().type_line(format);
+        sensor.state().type_lines(lines);
         let output = sensor.done("monitor --port PORT --count 20");
         let readings = output.lines().filter(|line| line.contains(" mm   u "));
         assert_eq!(readings.count(), 20, "{output}");
@@ -34,7 +33,8 @@ fn lines_are_shown_and_the_stream_is_left_as_it_was() {
             &output,
             [": 20 readings", "no faults\n0 rows lost, 0 lines dropped\n"],
         );
-        assert_eq!(sensor.state().settings().stream, stream == "stream on");
+        let streams = lines.starts_with("stream on");
+        assert_eq!(sensor.state().settings().stream, streams);
     }
 }
 
@@ -42,9 +42,8 @@ fn lines_are_shown_and_the_stream_is_left_as_it_was() {
 #[test]
 fn the_distance_is_added_to_the_columns_for_the_time_of_the_command() {
     let sensor = StandIn::new(5);
-    for line in ["output counter u", "units um", "echo on"] {
-        sensor.state().type_line(line);
-    }
+    let lines = "output counter u; units um; echo on";
+    sensor.state().type_lines(lines);
     let found = sensor.state().settings();
     sensor.at_steps([(500, |state| state.unplug(Duration::from_secs(2)))]);
     let output = sensor.done("monitor --port PORT --count 200");

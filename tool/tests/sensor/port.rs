@@ -32,13 +32,9 @@ impl Pc for Ports {
 }
 
 fn silent(seed: u64) -> StandIn {
-    let sensor = sensor(seed);
+    let sensor = StandIn::new(seed);
     sensor.state().trouble.lost = 1.0;
     sensor
-}
-
-fn sensor(seed: u64) -> StandIn {
-    StandIn::new(seed)
 }
 
 fn found(pc: &Ports) -> Result<String, String> {
@@ -49,9 +45,9 @@ fn found(pc: &Ports) -> Result<String, String> {
 
 #[test]
 fn the_only_sensor_is_found() {
-    let gone = sensor(1);
+    let gone = StandIn::new(1);
     gone.state().unplug(Duration::from_secs(60));
-    let pc = Ports(vec![silent(2), gone, sensor(3)]);
+    let pc = Ports(vec![silent(2), gone, StandIn::new(3)]);
     assert_eq!(found(&pc), Ok(pc.0[2].port()));
     println!("{:?}", pc.now());
     // A second for each port where nobody answers, and two for one that cannot be opened.
@@ -72,17 +68,9 @@ fn no_sensor_and_several_are_errors_that_name_the_ports() {
     for port in pc.ports() {
         says(&silent, [format!("\nno sensor answers at {port}")]);
     }
-    let pc = Ports(vec![sensor(1), sensor(2)]);
+    let pc = Ports([1, 2].map(StandIn::new).into());
     let several = found(&pc).expect_err("two sensors");
     let ports = pc.ports().join(" and at ");
     let error = format!("sensors answer at {ports}: name one of them with --port");
     assert_eq!(several, error);
-}
-
-#[test]
-fn a_named_port_is_not_searched() {
-    let named = PortOption {
-        port: Some("/dev/pts/7".to_owned()),
-    };
-    assert_eq!(named.find(&Ports(vec![])).expect("named"), "/dev/pts/7");
 }

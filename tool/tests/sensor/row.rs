@@ -1,7 +1,6 @@
 //! `slitrange row` shows a row as the sensor sees it.
 
-use slitrange::base::exposure::Exposure;
-use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowPart};
+use slitrange_device::protocol::row_lines::{ROW_END, RowPart};
 use slitrange_tool::sensor::line::TRIES;
 use slitrange_tool::sensor::row::RowAnswer;
 
@@ -48,28 +47,16 @@ fn a_row_is_summarised_tabulated_and_drawn() {
 }
 
 #[test]
-fn a_window_is_a_hundred_pixels() {
-    let output = StandIn::new(2).done("row --port PORT --window");
-    says(&output, ["pixels 1752 to 1848 of 3648"]);
-}
-
-#[test]
 fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
     let sensor = StandIn::new(4);
     let range = "row --port PORT --pixels 1700 1839 --figure @row.svg";
     let median = "pixels 1700 to 1839 of 3648: median 300 counts";
     says(&sensor.done(range), ["centre 1800.2", median]);
-    // The spot's flank, without the centre.
-    let flank = "row --port PORT --pixels 1804 1860";
-    let of_flank = "pixels 1804 to 1860 of 3648: median 300 counts";
-    says(&sensor.done(flank), [of_flank]);
-    sensor.done(&format!("{flank} --figure @row.svg"));
     sensor.state().type_line("laser off");
     let dark = "laser off, black level 300.00 counts";
     let output = sensor.done(range);
     says(&output, ["no centre: laser off\n", dark, median]);
-    sensor.state().type_line("laser on");
-    sensor.state().type_line("exposure 187");
+    sensor.state().type_lines("laser on; exposure 187");
     sensor.state().spot_height = 9000.0;
     let parts = [
         "no centre: saturated",
@@ -81,10 +68,21 @@ fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
 }
 
 #[test]
-fn a_range_off_the_row_is_cut_and_a_reversed_one_is_refused() {
+fn a_part_of_the_row_comes_and_a_reversed_range_is_refused() {
     let sensor = StandIn::new(5);
-    let output = sensor.done("row --port PORT --pixels 3600 9999");
-    says(&output, ["pixels 3600 to 3647 of 3648"]);
+    for (part, pixels) in [
+        ("--window", "pixels 1752 to 1848 of 3648"),
+        // The spot's flank, without the centre.
+        (
+            "--pixels 1804 1860",
+            "pixels 1804 to 1860 of 3648: median 300 counts",
+        ),
+        ("--pixels 1804 1860 --figure @row.svg", "drawn: "),
+        // Cut off at the row's end.
+        ("--pixels 3600 9999", "pixels 3600 to 3647 of 3648"),
+    ] {
+        says(&sensor.done(&format!("row --port PORT {part}")), [pixels]);
+    }
     let error = sensor.refused("row --port PORT --pixels 1839 1700");
     says(&error, ["the first pixel lies beyond the last one"]);
 }
@@ -105,15 +103,13 @@ fn any_changed_character_of_an_answer_is_noticed() {
     let sensor = StandIn::new(6);
     let range = |first, last| RowPart::Range { first, last };
     for (settings, part) in [
-        (&["exposure 187"][..], range(1780, 1829)),
-        (&["slits comb"], range(1780, 1829)),
-        (&["slits one", "laser off"], range(1780, 1829)),
-        (&[], RowPart::Window),
-        (&["laser on"], range(4000, 4000)),
+        ("exposure 187", range(1780, 1829)),
+        ("slits comb", range(1780, 1829)),
+        ("slits one; laser off", range(1780, 1829)),
+        ("laser off", RowPart::Window),
+        ("laser on", range(4000, 4000)),
     ] {
-        for line in settings {
-            sensor.state().type_line(line);
-        }
+        sensor.state().type_lines(settings);
         let answer = sensor.state().row(part).into_bytes();
         println!("{}", String::from_utf8_lossy(&answer));
         let whole = read(&answer).expect("an answer").expect("whole");
@@ -139,26 +135,6 @@ fn any_changed_character_of_an_answer_is_noticed() {
         // A lost or spoilt last line costs nothing.
         assert_eq!(read(&answer[..last_line]), Some(Some(whole)));
     }
-}
-
-#[test]
-fn the_answer_states_exposure_black_level_and_saturation() {
-    let sensor = StandIn::new(7);
-    sensor.state().type_line("exposure 187");
-    let ask = |part| {
-        let answer = sensor.state().row(part).into_bytes();
-        read(&answer).expect("an answer").expect("whole")
-    };
-    let lit = ask(RowPart::Window);
-    let exposure = Exposure::from_us(187).expect("an exposure");
-    assert_eq!(lit.exposure, RowExposure::On(exposure));
-    assert_eq!((lit.black, lit.saturated), (Some(300.0), 4095));
-    assert!(lit.centre.is_ok_and(|centre| centre.exposure_us == 187));
-    sensor.state().type_line("laser off");
-    let dark = ask(RowPart::Whole);
-    assert_eq!(dark.exposure, RowExposure::Off);
-    assert_eq!(dark.counts.len(), 3648);
-    assert_eq!(dark.centre.expect_err("dark").fault, "laser off");
 }
 
 /// No wrong pixel is shown. If a line is missing in all [`TRIES`] answers, the tool says so.

@@ -22,20 +22,15 @@ use super::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};
 
 /// `slitrange calibrate run` with further arguments, and what a person types.
 fn run(sensor: &StandIn, more: &str, typed: &str) -> Ended {
-    sensor.type_in(
-        &format!("calibrate run --port PORT @points.csv {more}"),
-        typed,
-    )
+    let line = format!("calibrate run --port PORT @points.csv {more}");
+    sensor.type_in(&line, typed)
 }
 
 /// The same with a stage that goes to these positions.
 fn run_stage(sensor: &StandIn, positions: &[f64], more: &str) -> Ended {
     list(sensor, positions);
-    run(
-        sensor,
-        &format!("--positions @list.txt --stage-command STAGE {more}"),
-        "",
-    )
+    let more = format!("--positions @list.txt --stage-command STAGE {more}");
+    run(sensor, &more, "")
 }
 
 /// Ten positions, three frames each, killed some uses of the port after `count` points. Whether it ended.
@@ -118,8 +113,8 @@ fn a_stage_goes_through_all_positions() {
     assert_eq!(taken.setup.estimator, Some(Estimator::Adaptive));
     let mut distances: Vec<f64> = taken.points.iter().map(|point| point.d_mm).collect();
     distances.sort_by(f64::total_cmp);
-    let ends = (distances.len(), distances[0], distances[11]);
-    assert_eq!(ends, (12, 600.0, 1020.0));
+    let outer = (distances.len(), distances[0], distances[11]);
+    assert_eq!(outer, (12, 600.0, 1020.0));
     check(&sensor, &distances, noise(8));
     // The sigma of eight frames that scatter as they claim to, give or take: 0.71 of it is the claim's own.
     let least = NOISE_PX / 8f64.sqrt();
@@ -135,6 +130,7 @@ fn a_stage_goes_through_all_positions() {
     // Once more: nothing is missing, nothing changes.
     let again = done(run(&sensor, arguments, ""));
     says(&again, ["0 of 12 positions to go"]);
+    ends(&again, ", and no position is left\n");
     assert_eq!(sensor.text("points.csv"), text);
 }
 
@@ -161,25 +157,18 @@ fn a_person_is_asked_and_asked_again() {
     assert_eq!(lines(&sensor).len(), 1);
 }
 
-/// Moves the target as a person does: to the next of these distances when the file has a point more.
-fn move_by_hand(sensor: &StandIn, distances: &'static [f64]) {
-    let (file, stage) = (sensor.path("points.csv"), sensor.path("stage"));
-    let mut at = None;
-    let mut go = move || {
-        let next = lines_of(&file).len().min(distances.len() - 1);
-        if at != Some(next) {
-            std::fs::write(&stage, distances[next].to_string()).expect("written");
-            at = Some(next);
-        }
-    };
-    go();
-    sensor.each_step(move |_| go());
-}
-
-/// A list of the first of ten positions, and a person who moves the target to these distances.
+/// A list of the first of ten positions, and a person who moves the target to these distances: to the next of
+/// them when the file has a point more.
 fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, &'static str) {
     let sensor = StandIn::new(seed);
-    move_by_hand(&sensor, distances);
+    let (file, stage) = (sensor.path("points.csv"), sensor.path("stage"));
+    let mut at = None;
+    sensor.each_step(move |_| {
+        let next = lines_of(&file).len().min(distances.len() - 1);
+        if at.replace(next) != Some(next) {
+            std::fs::write(&stage, distances[next].to_string()).expect("written");
+        }
+    });
     list(&sensor, &TEN[..positions]);
     (sensor, "--positions @list.txt --frames 2")
 }
@@ -230,17 +219,6 @@ fn a_person_takes_points_back() {
     check(&sensor, &TEN[..3], noise(2));
     let text = sensor.text("points.csv");
     assert_eq!(text.matches("\n# taken back: ").count(), 2, "{text}");
-}
-
-/// A ruler shows another distance than the one that was asked for. The run ends nevertheless.
-#[test]
-fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
-    let sensor = StandIn::new(33);
-    move_by_hand(&sensor, &[612.0, 688.0, 812.0]);
-    let arguments = "--from 600 --to 800 --points 3 --frames 2";
-    let output = done(run(&sensor, arguments, "612\n688\n812 mm\n"));
-    says(&output, ["move the target to 688 mm, then Enter"]);
-    ends(&output, ", and no position is left\n");
 }
 
 #[test]
@@ -465,9 +443,7 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
 #[test]
 fn a_run_with_a_region_goes_on_with_this_region() {
     let sensor = StandIn::new(31);
-    for line in ["region 1000 3000", "peak last"] {
-        sensor.state().type_line(line);
-    }
+    sensor.state().type_lines("region 1000 3000; peak last");
     let run = |wanted: &[f64]| run_stage(&sensor, wanted, "--frames 1");
     let mut steps = 0;
     sensor.each_step(move |state| {
@@ -525,8 +501,14 @@ fn a_comb_is_calibrated_from_the_images_of_its_slits() {
                 assert!(off.abs() < noise(1) + 1e-3, "{off} px");
             }
         }
-        let fit = "calibrate fit @points.csv --serial 7 -o @sensor.record";
-        says(&sensor.done(fit), ["The comb: 16 slits, 450 images"]);
+        let fit = "calibrate fit @points.csv --serial 7 -o @sensor.record --date 2026-11-21";
+        let report = sensor.done(&format!("{fit} --figure @fit.svg"));
+        let last = "\n    16      6800      30       3  ";
+        says(&report, ["\nThe comb: 16 slits, 450 images\n", last]);
+        assert!(report.lines().all(|line| line.len() <= 150), "{report}");
+        let of_slits = "corrections of 16 slits in the middle";
+        says(&sensor.text("fit.svg"), [of_slits]);
+        says(&sensor.done(&format!("{fit} --json")), ["\"residual_px\""]);
         sensor.state().type_line("slits one");
         let output = sensor.done("calibrate write --port PORT @sensor.record");
         says(&output, ["black shielded, slits comb\n"]);

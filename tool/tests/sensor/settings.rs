@@ -9,10 +9,6 @@ use crate::command::{begins, ends, says};
 
 use super::stand_in::StandIn;
 
-fn sensor(seed: u64) -> StandIn {
-    StandIn::new(seed)
-}
-
 fn settings(sensor: &StandIn, line: &str) -> String {
     sensor.done(&format!("settings --port PORT {line}"))
 }
@@ -23,7 +19,7 @@ fn refused(sensor: &StandIn, line: &str) -> String {
 
 #[test]
 fn every_setting_is_shown_with_its_values_and_help() {
-    let sensor = sensor(1);
+    let sensor = StandIn::new(1);
     sensor.state().type_line("rows 64");
     let output = settings(&sensor, "");
     let longest = output.lines().map(|line| line.chars().count()).max();
@@ -54,7 +50,7 @@ fn every_setting_is_shown_with_its_values_and_help() {
 
 #[test]
 fn a_value_is_changed_and_stays() {
-    let sensor = sensor(2);
+    let sensor = StandIn::new(2);
     for (name, value, before) in [
         ("rows", "64", "16"),
         ("exposure limit", "2000", "5600"),
@@ -73,7 +69,7 @@ fn a_value_is_changed_and_stays() {
 
 #[test]
 fn a_wrong_value_is_an_error_that_names_the_right_ones() {
-    let sensor = sensor(3);
+    let sensor = StandIn::new(3);
     let mut errors = String::new();
     for words in [
         "set rows 65",
@@ -95,7 +91,7 @@ fn a_wrong_value_is_an_error_that_names_the_right_ones() {
 /// It would no longer answer the tool.
 #[test]
 fn a_sensor_stays_alone_on_its_line() {
-    let sensor = sensor(7);
+    let sensor = StandIn::new(7);
     let reason = "the tool talks to a sensor that is alone on its line: `address 0`, and not `format modbus`";
     for words in ["address 5", "address 247", "format modbus"] {
         let error = format!("`{words}` is not set here: {reason}");
@@ -113,9 +109,9 @@ fn a_sensor_stays_alone_on_its_line() {
 
 #[test]
 fn a_file_moves_settings_from_one_sensor_to_another() {
-    let (first, second) = (sensor(4), sensor(5));
-    first.state().type_line("rows 32");
-    first.state().type_line("estimator phase-table");
+    let [first, second] = [4, 5].map(StandIn::new);
+    let lines = "rows 32; estimator phase-table";
+    first.state().type_lines(lines);
     settings(&first, "save @bench.toml");
     let (bench, port) = (first.file("bench.toml"), second.port());
     let on_second = |command: &str| {
@@ -142,7 +138,7 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
 
 #[test]
 fn a_file_with_a_wrong_line_changes_nothing() {
-    let sensor = sensor(6);
+    let sensor = StandIn::new(6);
     sensor.write("wrong.toml", "mean = \"plain\"\nrows = 100\n");
     let error = refused(&sensor, "load @wrong.toml");
     says(&error, ["`rows 100`: out of range, expected rows 1..64"]);

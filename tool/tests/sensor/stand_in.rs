@@ -194,6 +194,11 @@ impl State {
         self.take(Event::Line(parse(line.as_bytes())));
     }
 
+    /// Lines with `; ` between them.
+    pub fn type_lines(&mut self, lines: &str) {
+        lines.split("; ").for_each(|line| self.type_line(line));
+    }
+
     /// Its flash holds this record, or nothing that can be used, and it has started.
     pub fn start_with(&mut self, record: Option<EncodedRecord>) {
         self.flash = match record {

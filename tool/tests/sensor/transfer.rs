@@ -67,7 +67,7 @@ fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
     (0..count).map(knot).collect()
 }
 
-fn kinds() -> Vec<EncodedRecord> {
+fn kinds() -> [EncodedRecord; 7] {
     let curve = NOMINAL.expect("a curve");
     let distance = |centre: f64| -115_384.6 + 2_152_366_863.0 / (centre + 580.34616);
     let lens = |centre: f64| 300.0 * (centre / 200.0).sin();
@@ -78,7 +78,8 @@ fn kinds() -> Vec<EncodedRecord> {
         kinds.extend([Calibration::Table(table), Calibration::Corrected(corrected)]);
     }
     let record = |(serial, kind)| record(serial, kind);
-    (17..).zip(kinds).map(record).collect()
+    let records: Vec<EncodedRecord> = (17..).zip(kinds).map(record).collect();
+    records.try_into().expect("seven records")
 }
 
 /// Writes a record into the file `record` beside the sensor's port.
@@ -118,18 +119,16 @@ fn every_kind_of_record_is_written_and_read_back_unchanged() {
 #[test]
 fn without_saving_the_flash_stays_as_it_is() {
     let sensor = StandIn::new(31);
-    let [first, second, ..] = &kinds()[..] else {
-        panic!("two records")
-    };
-    file(&sensor, first);
+    let [first, second, ..] = kinds();
+    file(&sensor, &first);
     sensor.done(WRITE);
-    file(&sensor, second);
+    file(&sensor, &second);
     let output = sensor.done(NO_SAVE);
     let mind = "mind: the sensor's calibration until now was that of sensor 17";
     says(&output, [mind]);
     ends(&output, "not saved: it is used until the power goes\n");
-    assert_eq!(sensor.state().record().as_ref(), Some(second));
-    assert_eq!(sensor.state().saved_record().as_ref(), Some(first));
+    assert_eq!(sensor.state().record(), Some(second));
+    assert_eq!(sensor.state().saved_record(), Some(first));
     sensor.state().trouble.broken_flash = true;
     let unsaved = "it is in use, but not saved: the sensor answers `save` with `E16 not saved";
     begins(&sensor.refused(WRITE), unsaved);
@@ -139,22 +138,20 @@ fn without_saving_the_flash_stays_as_it_is() {
 #[test]
 fn a_record_is_written_again_after_power_fails_during_a_save() {
     let sensor = StandIn::new(36);
-    let [first, second, third, ..] = &kinds()[..] else {
-        panic!("three records")
-    };
-    for written in [first, second] {
+    let [first, second, third, ..] = kinds();
+    for written in [&first, &second] {
         file(&sensor, written);
         sensor.state().trouble.restarts_on_save = 2;
         ends(&sensor.done(WRITE), SAVED);
         assert_eq!(sensor.state().saved_record().as_ref(), Some(written));
         assert_eq!(sensor.state().trouble.restarts_on_save, 0);
     }
-    file(&sensor, third);
+    file(&sensor, &third);
     sensor.state().trouble.restarts_on_save = 3;
     let unknown = "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor \
                    started anew: `";
     begins(&sensor.refused(WRITE), unknown);
-    assert_eq!(sensor.state().saved_record().as_ref(), Some(second));
+    assert_eq!(sensor.state().saved_record(), Some(second));
 }
 
 #[test]
@@ -180,10 +177,7 @@ fn another_record_is_not_replaced_unless_forced() {
 #[test]
 fn the_exit_code_tells_a_difference_from_an_error() {
     let directory = tempfile::tempdir().expect("a directory");
-    let [first, second, ..] = &kinds()[..] else {
-        panic!("two records")
-    };
-    for (name, written) in [("first", first), ("second", second)] {
+    for (name, written) in ["first", "second"].iter().zip(&kinds()) {
         record_file::write(&directory.path().join(name), written, false).expect("written");
     }
     for (files, code) in [
@@ -204,7 +198,7 @@ fn the_exit_code_tells_a_difference_from_an_error() {
 #[test]
 fn damaged_and_foreign_records_are_refused() {
     let sensor = StandIn::new(32);
-    let written = kinds().remove(0);
+    let [written, ..] = kinds();
     let mut bytes = written.bytes().to_vec();
     bytes[9] ^= 4;
     sensor.write("record", &bytes);
@@ -239,7 +233,7 @@ fn damaged_and_foreign_records_are_refused() {
 #[test]
 fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     let sensor = StandIn::new(33);
-    let written = kinds().remove(2);
+    let [_, _, written, ..] = kinds();
     file(&sensor, &written);
     let steps = written.bytes().len().div_ceil(PIECE) + 2;
     for step in 0..2 * steps {

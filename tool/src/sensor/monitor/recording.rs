@@ -10,7 +10,8 @@ use crate::sensor::stream::FrameResult;
 /// A file that grows.
 pub struct Recording {
     file: csv::Writer<File>,
-    name: String,
+    /// The file's name.
+    pub name: String,
     /// Lines in it.
     pub lines: u64,
 }
@@ -30,11 +31,6 @@ impl Recording {
             name,
             lines: 0,
         })
-    }
-
-    /// The file's name.
-    pub fn name(&self) -> &str {
-        &self.name
     }
 
     /// Adds a line. It is in the file when this returns.

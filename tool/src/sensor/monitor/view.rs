@@ -46,10 +46,12 @@ impl View<'_> {
             Constraint::Length(2),
             Constraint::Min(3),
         ];
-        let [value, details, below] = Layout::vertical(heights).areas(area);
+        let [value, words, below] = Layout::vertical(heights).areas(area);
         self.draw_value(frame, value);
-        let words = Paragraph::new(self.details()).wrap(Wrap { trim: true });
-        frame.render_widget(words, details);
+        let has_reading = |it: &&FrameResult| self.away.is_none() && it.distance_mm.is_some();
+        let details = self.latest.filter(has_reading).map(details);
+        let details = Paragraph::new(details.unwrap_or_default()).wrap(Wrap { trim: true });
+        frame.render_widget(details, words);
         let [trend, statistics] =
             Layout::horizontal([Constraint::Min(10), Constraint::Length(STATISTICS)]).areas(below);
         self.draw_trend(frame, trend);
@@ -76,14 +78,6 @@ impl View<'_> {
                 frame.render_widget(text, area);
             }
             (None, None) => frame.render_widget(Paragraph::new("\nno reading so far"), area),
-        }
-    }
-
-    fn details(&self) -> String {
-        let latest = self.latest.filter(|latest| latest.distance_mm.is_some());
-        match (self.away, latest) {
-            (None, Some(reading)) => details(reading),
-            _ => String::new(),
         }
     }
 

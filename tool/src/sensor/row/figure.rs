@@ -16,9 +16,6 @@ const WINDOW: RGBColor = RGBColor(0xf2, 0xec, 0xd8);
 const HEIGHTS: [u32; 3] = [380, 380, 260];
 
 /// Draws a row.
-///
-/// # Errors
-/// The file cannot be written, or no pixel came.
 pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
     let images = answer.images();
     let level = answer
@@ -73,8 +70,7 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
         draw_fit(&middle, &lowest, answer, &images, &window, level, fit)?;
     }
     root.present()
-        .with_context(|| format!("{} cannot be written", path.display()))?;
-    Ok(())
+        .with_context(|| format!("{} cannot be written", path.display()))
 }
 
 /// The pixels that came from the first image's window to the last one's. Empty if there are none.

@@ -73,9 +73,6 @@ struct Scope {
 }
 
 /// `scope`.
-///
-/// # Errors
-/// In sentences: no sensor is found, or there is no terminal.
 pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let mut session = options.port.open(pc)?;
     let before = session.settings(&CHANGED)?;
