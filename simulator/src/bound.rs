@@ -23,11 +23,12 @@ pub struct Spot {
 }
 
 impl Spot {
-    /// The bound in pixels for a spot whose centre is `phase` pixels off a pixel's centre, from pixels as far
-    /// as six sigma: the inverse of the Fisher information of four parameters.
-    pub fn bound_at(&self, phase: f64) -> f64 {
+    /// The bound in pixels, from pixels as far as six sigma: root mean square over places of the centre in a
+    /// pixel.
+    pub fn bound(&self) -> f64 {
         let reach = self.reach();
-        self.bound_from(phase, -reach..=reach)
+        let bound = |phase| self.bound_from(phase, -reach..=reach);
+        rms([-0.4, -0.2, 0.0, 0.2, 0.4].map(bound))
     }
 
     /// The same for a spot that the sensor's edge cuts, `centre` pixels from the middle of its first pixel:
@@ -47,6 +48,7 @@ impl Spot {
         (6.0 * self.width + 3.0).ceil() as i32
     }
 
+    /// From the inverse of the Fisher information of four parameters.
     fn bound_from(&self, centre: f64, pixels: RangeInclusive<i32>) -> f64 {
         let h = 1e-4 * self.width;
         let mut information = Matrix4::zeros();
@@ -67,11 +69,6 @@ impl Spot {
         let inverse = scaled.try_inverse();
         let inverse = inverse.expect("four derivatives of a gaussian are independent");
         inverse[(0, 0)].sqrt() * scale[0]
-    }
-
-    /// The bound in pixels, root mean square over the phases.
-    pub fn bound(&self) -> f64 {
-        rms([-0.4, -0.2, 0.0, 0.2, 0.4].map(|phase| self.bound_at(phase)))
     }
 }
 

@@ -82,8 +82,7 @@ impl DistortedOptics {
 
     /// Metres a pixel at a centre, without sign.
     pub fn metres_per_pixel(&self, centre: f64) -> f64 {
-        let step = 0.5;
-        ((self.distance(centre + step) - self.distance(centre - step)) / (2.0 * step)).abs()
+        (self.distance(centre + 0.5) - self.distance(centre - 0.5)).abs()
     }
 
     /// How far the distance is from the eq. (1) that fits it best, in metres, where it is farthest within

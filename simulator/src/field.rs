@@ -114,22 +114,14 @@ impl Image {
             let pairs = self.row(from).iter().zip(self.row(to));
             light.extend(pairs.map(|(a, b)| a + share * (b - a)));
         }
-        Self {
-            columns: self.columns,
-            light,
-            density: self.density,
-        }
+        Self { light, ..*self }
     }
 }
 
 /// The places of every `step`-th row, and of one after the last where needed: the rows between them are
 /// [`Image::with_rows_between`]. Rows are evenly spaced, in metres, at least one, and so is the step.
 pub fn every(rows: &[f64], step: usize) -> Vec<f64> {
-    let pitch = if rows.len() > 1 {
-        rows[1] - rows[0]
-    } else {
-        0.0
-    };
+    let pitch = rows.get(1).map_or(0.0, |next| next - rows[0]);
     let count = (rows.len() - 1).div_ceil(step) + 1;
     let row = |i| rows[0] + (i * step) as f64 * pitch;
     (0..count).map(row).collect()

@@ -122,7 +122,6 @@ impl Optics {
 
     /// Metres a pixel at a centre, without sign.
     pub fn metres_per_pixel(&self, centre: f64) -> f64 {
-        let step = 0.5;
-        ((self.distance(centre + step) - self.distance(centre - step)) / (2.0 * step)).abs()
+        (self.distance(centre + 0.5) - self.distance(centre - 0.5)).abs()
     }
 }

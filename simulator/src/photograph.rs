@@ -69,12 +69,10 @@ impl Photograph {
                 rest.len()
             )
         })?;
+        let (pairs, _) = raster.as_chunks();
         let pixels: Vec<u16> = match bytes_each {
             1 => raster.iter().copied().map(u16::from).collect(),
-            _ => {
-                let (pairs, _) = raster.as_chunks::<2>();
-                pairs.iter().copied().map(u16::from_be_bytes).collect()
-            }
+            _ => pairs.iter().copied().map(u16::from_be_bytes).collect(),
         };
         if let Some(at) = pixels.iter().position(|&pixel| pixel > white) {
             let (x, y) = (at % width, at / width);

@@ -15,7 +15,7 @@ use crate::flash::SharedFlash;
 use crate::flash_times::{FlashTimes, SHORTEST_ERASE};
 use crate::jumpers::Jumpers;
 use crate::pins::{self, Pins};
-use crate::serial_line::{DriverEnable, FarEnd, SerialLine};
+use crate::serial_line::{FarEnd, SerialLine};
 use crate::stm32f429::{SUPPLY_MILLIVOLTS, Stm32f429};
 use crate::watched_core::{self, Watched};
 
@@ -29,10 +29,6 @@ const HSE_HZ: u64 = 8_000_000;
 const LSE_HZ: u64 = 0;
 /// USART3, the ST-LINK's serial port, in rigless's order.
 pub(crate) const SERIAL_PORT: usize = 2;
-
-const fn nonzero(value: u64) -> NonZeroU64 {
-    NonZeroU64::new(value).expect("a rate is not zero")
-}
 
 /// A NUCLEO-F429ZI with the sensor head on its connectors.
 #[derive(Debug)]
@@ -119,10 +115,7 @@ impl Nucleo {
         processor.part.rcc.calibrate_lsi(conditions.watchdog_hz);
         processor.part.set_supply(SUPPLY_MILLIVOLTS.get());
         pins::attach(&mut processor, pins);
-        let driver = DriverEnable {
-            line: Arc::clone(&line),
-        };
-        pins::attach_driver(&mut processor, driver);
+        pins::attach_driver(&mut processor, Arc::clone(&line));
         processor.part.usart[SERIAL_PORT].attach(FarEnd { line });
         Ok(Self {
             processor,
@@ -146,15 +139,16 @@ impl Board for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
+        let speed = NonZeroU64::new(self.instructions_per_second);
         let lines = u32::from(Operate::cpu(&self.processor).interrupt_lines);
         let mut spec = armv7m::Core {
             variant: armv7m::Variant::M4,
-            clock_hz: nonzero(CLOCK_HZ),
+            clock_hz: NonZeroU64::new(CLOCK_HZ).expect("not zero"),
             interrupt_lines: NonZeroU32::new(lines).expect("the part has interrupt lines"),
             priority_bits: 4,
             // SysTick's other clock is HCLK / 8 (RM0090 section 6.2).
             refclk_divider: NonZeroU32::new(8).expect("8 is not 0"),
-            instructions_per_second: nonzero(self.instructions_per_second),
+            instructions_per_second: speed.expect("a rate is not zero"),
             boot: "flash",
         }
         .spec_with_parts(

@@ -108,10 +108,8 @@ const fn stream(registers: [Dma2; 6]) -> Stream {
 /// The memory addresses of the streams that serve the converter.
 pub(crate) fn memory_addresses(registers: &Registers) -> Vec<u64> {
     let mut addresses = Vec::new();
-    for stream in STREAMS
-        .iter()
-        .filter(|it| registers.get(it.peripheral) == SPI1_DATA)
-    {
+    let serves = |it: &&Stream| registers.get(it.peripheral) == SPI1_DATA;
+    for stream in STREAMS.iter().filter(serves) {
         addresses.push(registers.get(stream.memory));
         if s0cr::DBM.is_set(registers.get(stream.control)) {
             addresses.push(registers.get(stream.second_memory));
@@ -291,19 +289,10 @@ pub(crate) struct BurstSpi {
 }
 
 impl BurstSpi {
-    /// Takes the connected chips from the model before a reset.
-    pub(crate) fn inherit(&mut self, before: &mut Self) {
-        self.spi.inherit(&mut before.spi);
-    }
-
     pub(crate) fn timing(&mut self, change: impl FnOnce(&mut Timing)) -> Timing {
         let timing = &mut lock(&self.burst).timing;
         change(timing);
         *timing
-    }
-
-    pub(crate) fn has_one_chip(&self) -> bool {
-        self.spi.peers().count() == 1
     }
 
     /// Calls rigless's model. While words move in batches, the model must not request DMA.

@@ -39,9 +39,6 @@ pub struct Firmware {
 impl Firmware {
     /// Builds slitrange's firmware as it is flashed (`cargo fw`) and loads it. If nothing changed, this takes
     /// a moment.
-    ///
-    /// # Errors
-    /// As [`Firmware::build_package`].
     pub fn build() -> Result<Self> {
         Self::build_package("slitrange-firmware")
     }
@@ -55,9 +52,6 @@ impl Firmware {
     }
 
     /// As [`Firmware::build_package`], for another target whose instructions the board's chip has too.
-    ///
-    /// # Errors
-    /// As [`Firmware::build_package`].
     pub fn build_package_for(target: &str, package: &str) -> Result<Self> {
         let mut command = cargo();
         command

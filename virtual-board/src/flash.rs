@@ -5,7 +5,7 @@
 //! interrupt) but not the contents. This module adds the contents of the four sectors. They are not in the
 //! core's memory map, so each load and store comes here. An erase that the registers begin sets the sector's
 //! bits, and a store with PG set clears bits. If silicon would answer with an error, or would stop the core
-//! until an erase ends, the access is a [`Violation`] of the run, and nothing is stored.
+//! until an erase ends, the access is a [`Violation`](crate::Violation) of the run, and nothing is stored.
 //!
 //! An erase changes the contents at its begin; the registers report its end after 400 to 800 ms. A word is
 //! programmed at once, and the registers say busy for 16 to 100 us (DS9405 table 48). The board's conditions
@@ -28,7 +28,7 @@ pub use contents::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES,
 pub use history::{Done, History};
 
 use crate::base::{Nanos, lock};
-use crate::violations::{Violation, Violations};
+use crate::violations::Violations;
 
 /// The flash interface's control register (RM0090 section 3.9.8).
 const CONTROL: u64 = 0x4002_3C10;
@@ -64,9 +64,9 @@ struct Flash {
 }
 
 /// The bits of the interface's registers that matter here.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Interface {
-    locked: bool,
+    unlocked: bool,
     /// A store programs a word.
     programs: bool,
     /// PSIZE is 32 bits.
@@ -75,19 +75,12 @@ struct Interface {
 }
 
 impl Interface {
-    const RESET: Self = Self {
-        locked: true,
-        programs: false,
-        takes_words: false,
-        busy: false,
-    };
-
     fn of(registers: &RegisterFile) -> Self {
         let control = registers.get(Register::Cr);
-        let locked = cr::LOCK.is_set(control);
+        let unlocked = !cr::LOCK.is_set(control);
         Self {
-            locked,
-            programs: !locked && cr::PG.is_set(control),
+            unlocked,
+            programs: unlocked && cr::PG.is_set(control),
             takes_words: cr::PSIZE.get(control) == WORDS,
             busy: sr::BSY.is_set(registers.get(Register::Sr)),
         }
@@ -106,7 +99,7 @@ impl SharedFlash {
         Self(Arc::new(Mutex::new(Flash {
             history: History::since(contents.clone()),
             contents,
-            interface: Interface::RESET,
+            interface: Interface::default(),
             word_time: 0,
             word_ends: (0, true),
             operations_left: None,
@@ -135,7 +128,7 @@ impl SharedFlash {
 
     /// The number of operations since the last call of [`SharedFlash::take_history`].
     pub fn operation_count(&self) -> usize {
-        self.lock().history.operations().len()
+        self.lock().history.operations.len()
     }
 
     /// Cuts the power after `operations` more operations: later operations do not reach the flash until
@@ -144,15 +137,10 @@ impl SharedFlash {
         self.lock().operations_left = Some(operations);
     }
 
-    /// The first violations since the last power-on: accesses that silicon answers with an error or by
-    /// stopping the core.
-    pub fn violations(&self) -> Vec<Violation> {
-        self.lock().violations.first().to_vec()
-    }
-
-    /// The number of violations since the last power-on.
-    pub fn violation_count(&self) -> u64 {
-        self.lock().violations.count()
+    /// The violations since the last power-on: accesses that silicon answers with an error or by stopping the
+    /// core.
+    pub fn violations(&self) -> Violations {
+        self.lock().violations.clone()
     }
 
     fn lock(&self) -> MutexGuard<'_, Flash> {
@@ -165,7 +153,7 @@ impl SharedFlash {
         let mut flash = self.lock();
         flash.word_time = word_time;
         flash.word_ends = (0, true);
-        flash.interface = Interface::RESET;
+        flash.interface = Interface::default();
         flash.operations_left = None;
         flash.violations = Violations::default();
     }
@@ -175,13 +163,13 @@ impl SharedFlash {
     pub(crate) fn reset(&self, now: Nanos, seed: u64) {
         let mut flash = self.lock();
         let is_busy = flash.interface.busy || now < flash.word_ends.0;
-        let last = flash.history.done.len().checked_sub(1);
+        let last = flash.history.operations.len().checked_sub(1);
         if let Some(last) = last.filter(|_| is_busy) {
             flash.contents = flash.history.torn_after(last, seed);
             flash.history = History::since(flash.contents.clone());
         }
         flash.word_ends = (0, true);
-        flash.interface = Interface::RESET;
+        flash.interface = Interface::default();
     }
 
     pub(crate) fn holds(address: u64) -> bool {
@@ -225,9 +213,9 @@ impl SharedFlash {
         let before = std::mem::replace(&mut flash.interface, Interface::of(registers));
         let access = access?;
         if access.kind == AccessKind::Write && access.address == CONTROL {
-            if before.locked {
+            if !before.unlocked {
                 let what = "the flash's control register was written while it was locked (RM0090 section 3.6.1)";
-                flash.violated(now, what);
+                flash.violations.add(now, what);
             } else if flash.interface.busy && !before.busy {
                 flash.erase(registers.get(Register::Cr), now);
             }
@@ -250,7 +238,7 @@ impl Flash {
                 "a load from {address:#010x} while bank 2 is busy: the core stands still meanwhile \
                  (RM0090 section 3.6)"
             );
-            self.violated(access.virtual_time.0, what);
+            self.violations.add(access.virtual_time.0, what);
         }
         self.contents.read(access.address, access.width.bytes())
     }
@@ -273,7 +261,7 @@ impl Flash {
             return;
         };
         let what = format!("a store to {:#010x} {why_not}", access.address);
-        self.violated(access.virtual_time.0, what);
+        self.violations.add(access.virtual_time.0, what);
     }
 
     fn erase(&mut self, control: u64, now: Nanos) {
@@ -295,11 +283,7 @@ impl Flash {
             None => {}
         }
         self.contents.apply(operation);
-        self.history.done.push(Done { at, operation });
-    }
-
-    fn violated(&mut self, at: Nanos, what: impl Into<String>) {
-        self.violations.add(at, what);
+        self.history.operations.push(Done { at, operation });
     }
 }
 
@@ -309,7 +293,7 @@ mod tests {
     use rigless::time::VirtualNanos;
 
     const READY: Interface = Interface {
-        locked: false,
+        unlocked: true,
         programs: true,
         takes_words: true,
         busy: false,
@@ -341,11 +325,11 @@ mod tests {
         assert_eq!(load(&flash, BASE + 7, Width::W8), 0xFF);
         assert_eq!(flash.word(BASE + 8), Some(0x0403_0201));
         assert_eq!(flash.word(BASE + BYTES as u64), None);
-        assert_eq!(flash.violation_count(), 0);
+        assert_eq!(flash.violations().count, 0);
         let history = flash.take_history();
         let (address, word) = (BASE + 8, 0x0403_0201);
         let operation = Operation::Program { address, word };
-        assert_eq!(history.operations(), [Done { at: 42, operation }]);
+        assert_eq!(history.operations, [Done { at: 42, operation }]);
         assert_eq!(history.after(1), flash.contents());
         assert_eq!(history.after(0), Contents::erased());
         assert_eq!(flash.operation_count(), 0, "a new history begins");
@@ -355,7 +339,7 @@ mod tests {
     fn stores_that_silicon_refuses_are_violations() {
         type Change = fn(&mut Interface);
         let cases: [(Change, Width, &str); 5] = [
-            (|it| *it = Interface::RESET, Width::W32, "unlocking"),
+            (|it| *it = Interface::default(), Width::W32, "unlocking"),
             (|it| it.programs = false, Width::W32, "PG"),
             (|it| it.takes_words = false, Width::W32, "PSIZE"),
             (|_| (), Width::W8, "32 bits"),
@@ -365,7 +349,7 @@ mod tests {
             let flash = flash(READY);
             change(&mut flash.lock().interface);
             store(&flash, BASE, width, 0);
-            let violations = flash.violations();
+            let violations = flash.violations().first;
             println!("{violations:?}");
             assert_eq!(violations.len(), 1);
             assert!(violations[0].what.contains(why), "{violations:?}");
@@ -376,7 +360,7 @@ mod tests {
         let flash = flash(READY);
         flash.lock().interface.busy = true;
         load(&flash, BASE + 0xFFFC, Width::W32);
-        assert_eq!(flash.violation_count(), 1, "the core stands still");
+        assert_eq!(flash.violations().count, 1, "the core stands still");
     }
 
     #[test]
@@ -409,7 +393,7 @@ mod tests {
             flash.reset(reset_at, 3);
             let word = flash.word(BASE).expect("a word");
             assert_eq!(word == 0, is_whole, "{word:#x}");
-            assert!(flash.lock().interface.locked);
+            assert!(!flash.lock().interface.unlocked);
         }
         let flash = SharedFlash::holding(Contents::new(vec![0; BYTES]).expect("four sectors"));
         // SER is bit 1, SNB begins at bit 3 (RM0090 section 3.9.8).
@@ -433,7 +417,7 @@ mod tests {
         let words = [0, 4, 8, 12].map(|offset| flash.word(BASE + offset).expect("a word"));
         assert_eq!(words, [0, 1, 0xFFFF_FFFF, 0xFFFF_FFFF]);
         flash.power_on(0);
-        assert!(flash.lock().interface.locked);
+        assert!(!flash.lock().interface.unlocked);
         flash.lock().interface = READY;
         store(&flash, BASE + 8, Width::W32, 9);
         assert_eq!(flash.word(BASE + 8), Some(9));

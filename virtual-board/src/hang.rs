@@ -23,16 +23,11 @@ pub type Detours = BTreeMap<u64, Detour>;
 
 /// What happens at a function's first instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Detour {
-    /// The firmware continues at another address: a `b .`, or `PANIC`.
-    GoOnAt(u32),
-    /// The firmware hangs with its stack here. The next interrupt uses the stack.
-    HangWithStackAt {
-        /// The address of a `b .`.
-        trap: u32,
-        /// The stack pointer.
-        stack: u32,
-    },
+pub struct Detour {
+    /// Where the firmware continues: at a `b .`, or at `PANIC`.
+    pub to: u32,
+    /// Where its stack is from then on, if it moves. The next interrupt uses the stack.
+    pub stack: Option<u32>,
 }
 
 pub(crate) fn find_trap(image: &Image) -> Option<u32> {

@@ -186,10 +186,7 @@ impl Jumpers {
             Miso::NoPullUp => false,
             Miso::Wired | Miso::Missing => pulls_up,
         };
-        match is_high {
-            true => OpenLine::Ones,
-            false => OpenLine::Zeros,
-        }
+        [OpenLine::Zeros, OpenLine::Ones][usize::from(is_high)]
     }
 }
 

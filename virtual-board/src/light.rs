@@ -7,7 +7,7 @@ use simulator::distorted_optics::DistortedOptics;
 use simulator::scene::{Scene, Simulation};
 
 use crate::base::{Nanos, lock};
-use crate::sensor_head::{Exposure, LightSource, PIXELS};
+use crate::sensor_head::{Exposure, LightSource};
 
 /// The target. Every clone can move it, and can tell where it was.
 #[derive(Clone, Debug)]
@@ -164,15 +164,6 @@ fn seen(
 
 /// The outputs of the sensor that see light.
 pub const LIGHT: std::ops::Range<usize> = 32..3680;
-
-/// All outputs of the sensor from those that see light. The others have `level` counts.
-pub fn outputs(light: &[f32], level: f32) -> Vec<f32> {
-    let mut outputs = vec![level; PIXELS];
-    for (output, &count) in outputs[LIGHT].iter_mut().zip(light) {
-        *output = count;
-    }
-    outputs
-}
 
 #[cfg(test)]
 mod tests {

@@ -19,7 +19,7 @@ use crate::burst;
 use crate::jumpers::{Edge, Jumpers};
 use crate::laser;
 use crate::sensor_head::{Clocks, Level, SensorHead, SharedHead};
-use crate::serial_line::DriverEnable;
+use crate::serial_line::{DriverEnable, SerialLine};
 use crate::stm32f429::Stm32f429;
 
 mod wiring;
@@ -52,22 +52,12 @@ impl Pins {
         })
     }
 
-    fn note(&self, edge: Edge) {
-        if self.jumpers.is_some() {
-            let mut edges = lock(&self.edges);
-            edges.push(edge);
-        }
-    }
-
     fn drive_jumpers(&self, processor: &mut Stm32f429, now: Nanos) {
         let Some(jumpers) = self.jumpers else {
             return;
         };
         jumpers.drive_master_clock(processor, now);
-        let edges = {
-            let mut edges = lock(&self.edges);
-            std::mem::take(&mut *edges)
-        };
+        let edges = std::mem::take(&mut *lock(&self.edges));
         for edge in edges {
             jumpers.drive(edge, processor, now);
             lock(&self.head).open_line = Some(jumpers.miso(&processor.part));
@@ -109,8 +99,9 @@ fn select(port: &'static str, number: u8, active: Level) -> Select {
 }
 
 /// Connects the enable pin of the serial line's driver, PD12.
-pub(crate) fn attach_driver(processor: &mut Stm32f429, driver: DriverEnable) {
-    processor.part.spi[EDGE_BUS].attach_selected(driver, select("GPIOD", 12, Level::High));
+pub(crate) fn attach_driver(processor: &mut Stm32f429, line: Arc<Mutex<SerialLine>>) {
+    let (driver, pin) = (DriverEnable { line }, select("GPIOD", 12, Level::High));
+    processor.part.spi[EDGE_BUS].attach_selected(driver, pin);
 }
 
 pub(crate) fn attach(processor: &mut Stm32f429, pins: &Arc<Pins>) {
@@ -144,7 +135,7 @@ store! { HeadPin { values: [], parts: [], built: [pin, pins] } }
 impl HeadPin {
     fn edge(&self, selected: bool, now: Nanos) {
         let mut head = lock(&self.pins.head);
-        self.pins.note(match (self.pin, selected) {
+        let edge = match (self.pin, selected) {
             (HeadPinName::Icg, high) => Edge::Icg(high),
             (HeadPinName::Sh, high) => Edge::Sh(high),
             (HeadPinName::ChipSelect, true) => Edge::ChipSelectFell,
@@ -152,7 +143,10 @@ impl HeadPin {
                 let (words, first, last) = head.clocked();
                 Edge::ChipSelectRose { words, first, last }
             }
-        });
+        };
+        if self.pins.jumpers.is_some() {
+            lock(&self.pins.edges).push(edge);
+        }
         // Only the converter's chip select is active low.
         let is_high = selected != matches!(self.pin, HeadPinName::ChipSelect);
         let level = Level::from(is_high);

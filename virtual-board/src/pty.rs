@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::{AsFd, OwnedFd};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -43,7 +43,8 @@ pub struct PseudoTerminal {
     is_read: bool,
     /// Stays open, because reading fails if no program has the terminal open.
     _program_side: OwnedFd,
-    path: PathBuf,
+    /// The path that a program opens.
+    pub path: PathBuf,
 }
 
 impl PseudoTerminal {
@@ -69,11 +70,6 @@ impl PseudoTerminal {
             _program_side: ends.slave,
             path,
         })
-    }
-
-    /// The path that a program opens.
-    pub fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Runs `board` and passes bytes both ways until `goes_on` returns false. Bytes that no program reads are
@@ -189,7 +185,7 @@ mod tests {
     fn a_slow_program_gets_all_bytes_and_without_one_they_are_lost() -> Result<()> {
         let bytes: Vec<u8> = (0..=255).cycle().take(1 << 16).collect();
         let mut terminal = PseudoTerminal::open()?;
-        let mut program = File::open(terminal.path())?;
+        let mut program = File::open(&terminal.path)?;
         std::thread::scope(|scope| {
             let sends = scope.spawn(|| terminal.pass(&bytes, PollTimeout::NONE));
             let mut came = vec![0; bytes.len()];

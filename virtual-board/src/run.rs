@@ -19,7 +19,7 @@ use crate::base::{Nanos, lock};
 use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
 use crate::firmware::Firmware;
 use crate::flash::{self, SharedFlash};
-use crate::hang::{self, Detour, Detours};
+use crate::hang::{self, Detour};
 use crate::pins::Pins;
 use crate::random::mixed;
 use crate::rtt::{self, Message};
@@ -265,13 +265,13 @@ impl VirtualBoard {
 
     /// Takes the bytes that the firmware sent since the last call, each with the end of its stop bit.
     pub fn take_bytes(&mut self) -> Vec<(Nanos, u8)> {
-        self.line().take_bytes()
+        std::mem::take(&mut self.line().bytes)
     }
 
     /// Takes the edges of the pin that enables the serial line's driver since the last call: when, and
     /// whether it rose.
     pub fn take_driver_edges(&mut self) -> Vec<(Nanos, bool)> {
-        self.line().take_driver_edges()
+        std::mem::take(&mut self.line().driver)
     }
 
     /// Takes the messages of the firmware's log since the last call.
@@ -355,9 +355,6 @@ impl VirtualBoard {
     }
 
     /// The 32-bit word of memory at `address`. For peripherals see [`VirtualBoard::on_emulator`].
-    ///
-    /// # Errors
-    /// As [`VirtualBoard::read_words`].
     pub fn read_word(&mut self, address: u64) -> Result<u32> {
         Ok(self.read_words(address, 1)?[0])
     }
@@ -397,7 +394,7 @@ impl VirtualBoard {
     /// # Errors
     /// The firmware has no such symbol: it needs `#[unsafe(no_mangle)]` and `#[inline(never)]`.
     pub fn hang_at(&mut self, symbol: &str) -> Result<()> {
-        self.detour(symbol, Detour::GoOnAt(self.trap))
+        self.detour(symbol, self.trap, None)
     }
 
     /// Makes the firmware panic at each call of the function `symbol`, also after a reset, until
@@ -407,18 +404,17 @@ impl VirtualBoard {
     /// As [`VirtualBoard::hang_at`], or the firmware has no function that panics.
     pub fn panic_at(&mut self, symbol: &str) -> Result<()> {
         let panic = u32::try_from(self.firmware.address_of(hang::PANIC)?)?;
-        self.detour(symbol, Detour::GoOnAt(panic))
+        self.detour(symbol, panic, None)
     }
 
     /// Makes the firmware hang as [`VirtualBoard::hang_at`], with its stack pointer at `stack`.
     pub fn hang_with_stack_at(&mut self, symbol: &str, stack: u32) -> Result<()> {
-        let trap = self.trap;
-        self.detour(symbol, Detour::HangWithStackAt { trap, stack })
+        self.detour(symbol, self.trap, Some(stack))
     }
 
-    fn detour(&mut self, symbol: &str, detour: Detour) -> Result<()> {
+    fn detour(&mut self, symbol: &str, to: u32, stack: Option<u32>) -> Result<()> {
         let address = self.firmware.address_of(symbol)?;
-        self.detours().insert(address, detour);
+        lock(&self.watched.detours).insert(address, Detour { to, stack });
         Ok(())
     }
 
@@ -427,7 +423,8 @@ impl VirtualBoard {
     /// # Errors
     /// The firmware has no such symbol.
     pub fn unhang(&mut self, symbol: &str) -> Result<()> {
-        self.detours().remove(&self.firmware.address_of(symbol)?);
+        let address = self.firmware.address_of(symbol)?;
+        lock(&self.watched.detours).remove(&address);
         Ok(())
     }
 
@@ -516,7 +513,7 @@ impl VirtualBoard {
         Statistics {
             seconds: self.now() as f64 / 1e9,
             instructions: self.instructions,
-            rows: lock(&self.pins.head).row_count(),
+            rows: lock(&self.pins.head).row_count,
         }
     }
 
@@ -586,13 +583,13 @@ impl VirtualBoard {
     }
 
     fn violation_count(&self) -> u64 {
-        lock(&self.pins.head).violation_count() + self.flash().violation_count()
+        lock(&self.pins.head).violations.count + self.flash().violations().count
     }
 
     fn violations(&self) -> Vec<String> {
         let of_flash = self.flash().violations();
         let head = lock(&self.pins.head);
-        let all = head.violations().iter().chain(&of_flash);
+        let all = head.violations.first.iter().chain(&of_flash.first);
         let mut lines: Vec<String> = all.map(Violation::to_string).collect();
         drop(head);
         let more = self.violation_count() - lines.len() as u64;
@@ -604,10 +601,6 @@ impl VirtualBoard {
 
     fn line(&self) -> MutexGuard<'_, SerialLine> {
         lock(&self.line)
-    }
-
-    fn detours(&self) -> MutexGuard<'_, Detours> {
-        lock(&self.watched.detours)
     }
 
     fn order(&mut self, order: Order) -> Result<()> {
@@ -684,20 +677,16 @@ fn gaps(session: &Session<Nucleo>) -> Vec<String> {
     }
     for (address, gap) in session.undefined() {
         let (instance, pc) = (gap.instance, gap.program_counter);
-        gaps.push(format!(
-            "undefined at={address:#010x} in {instance}, first from pc={pc:#010x}"
-        ));
+        let from = format!("in {instance}, first from pc={pc:#010x}");
+        gaps.push(format!("undefined at={address:#010x} {from}"));
     }
     for (instance, number) in session.unrouted() {
-        gaps.push(format!(
-            "the core has no line for interrupt {number} of {instance}"
-        ));
+        let what = format!("the core has no line for interrupt {number} of {instance}");
+        gaps.push(what);
     }
     for told in session.told() {
-        gaps.push(format!(
-            "{}.{}: {}",
-            told.instance, told.register, told.reason
-        ));
+        let (instance, register, reason) = (&told.instance, &told.register, &told.reason);
+        gaps.push(format!("{instance}.{register}: {reason}"));
     }
     gaps
 }

@@ -34,7 +34,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::base::Nanos;
 use crate::random;
-use crate::violations::{Violation, Violations};
+use crate::violations::Violations;
 
 pub mod limits;
 
@@ -155,10 +155,7 @@ impl OpenLine {
             Self::Ones => u16::MAX,
             Self::Zeros => 0,
             Self::Noise => random::mixed(now) as u16,
-            Self::Mains => match now / 10_000_000 % 2 {
-                0 => 0,
-                _ => u16::MAX,
-            },
+            Self::Mains => (now / 10_000_000 % 2) as u16 * u16::MAX,
         }
     }
 }
@@ -242,7 +239,8 @@ pub struct SensorHead {
     /// What the output shows outside a read-out, counts of light: the last row's shielded pixels.
     unlit: u16,
     rows: VecDeque<Row>,
-    row_count: u64,
+    /// How many rows were read since power-on.
+    pub row_count: u64,
     /// Whether all rows are kept from now on (15 KB each).
     pub keeps_all_rows: bool,
     pub(crate) has_rate_limit: bool,
@@ -250,7 +248,8 @@ pub struct SensorHead {
     /// What SPI1 reads from the next word on; `None` if the converter is connected.
     pub open_line: Option<OpenLine>,
     wiring_checked: bool,
-    violations: Violations,
+    /// The firmware's violations since power-on.
+    pub violations: Violations,
 }
 
 impl fmt::Debug for SensorHead {
@@ -300,11 +299,6 @@ impl SensorHead {
         self.rows.back()
     }
 
-    /// How many rows were read since power-on.
-    pub fn row_count(&self) -> u64 {
-        self.row_count
-    }
-
     /// Records the edges at the head's wires from now on: some 4000 a row.
     pub fn record_edges(&mut self) {
         self.edges = Some(Vec::new());
@@ -319,16 +313,6 @@ impl SensorHead {
         if let Some(edges) = &mut self.edges {
             edges.push((at, edge));
         }
-    }
-
-    /// The first violations of the firmware, at most 200, oldest first.
-    pub fn violations(&self) -> &[Violation] {
-        self.violations.first()
-    }
-
-    /// The number of violations since power-on.
-    pub fn violation_count(&self) -> u64 {
-        self.violations.count()
     }
 
     /// Sets ICG to `level`.
@@ -482,18 +466,13 @@ impl SensorHead {
             return;
         }
         self.record(now, Edge::ChipSelect(level));
-        match level {
-            Level::Low => {
-                self.burst = Some(Burst {
-                    counts: vec![None; PIXELS],
-                    ..Burst::default()
-                })
-            }
-            Level::High => {
-                if let Some(burst) = self.burst.take() {
-                    self.finish(burst, now);
-                }
-            }
+        if level == Level::Low {
+            self.burst = Some(Burst {
+                counts: vec![None; PIXELS],
+                ..Burst::default()
+            });
+        } else if let Some(burst) = self.burst.take() {
+            self.finish(burst, now);
         }
     }
 
@@ -588,16 +567,14 @@ impl SensorHead {
     /// Sets the clocks. Call it after each edge of ICG and of chip select.
     pub fn clocks(&mut self, clocks: Clocks, now: Nanos) {
         self.clocks = Some(clocks);
-        let Some(read_out) = &mut self.read_out else {
-            return;
-        };
-        if read_out.clocks_reported {
-            return;
-        }
-        let faults = clock_faults(clocks);
-        read_out.clocks_reported = !faults.is_empty();
-        for fault in faults {
-            self.violated(now, fault);
+        if let Some(read_out) = &mut self.read_out
+            && !read_out.clocks_reported
+        {
+            let faults = clock_faults(clocks);
+            read_out.clocks_reported = !faults.is_empty();
+            for fault in faults {
+                self.violated(now, fault);
+            }
         }
     }
 
@@ -678,7 +655,6 @@ impl SensorHead {
         self.rows.push_back(row);
         self.row_count += 1;
     }
-
     pub(crate) fn violated(&mut self, at: Nanos, what: impl Into<String>) {
         self.violations.add(at, what);
     }

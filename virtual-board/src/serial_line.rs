@@ -37,14 +37,15 @@ pub struct Arrival {
 /// The far end of the line.
 #[derive(Debug, Default)]
 pub struct SerialLine {
-    bytes: Vec<(Nanos, u8)>,
+    /// The bytes that nobody has taken yet, each with the end of its stop bit.
+    pub bytes: Vec<(Nanos, u8)>,
     lines: Vec<Line>,
     /// The number of `lines` that a wait has already seen.
     waited_for: usize,
     unfinished: Vec<u8>,
     due: VecDeque<(Nanos, u8)>,
     /// The edges of the pin that enables the line's driver: when, and whether it rose.
-    driver: Vec<(Nanos, bool)>,
+    pub driver: Vec<(Nanos, bool)>,
 }
 
 impl SerialLine {
@@ -74,20 +75,8 @@ impl SerialLine {
     }
 
     fn next(&mut self, now: Nanos) -> Option<u8> {
-        self.due
-            .pop_front_if(|&mut (at, _)| at <= now)
-            .map(|(_, byte)| byte)
-    }
-
-    /// Takes the bytes since the last call, each with the end of its stop bit.
-    pub fn take_bytes(&mut self) -> Vec<(Nanos, u8)> {
-        std::mem::take(&mut self.bytes)
-    }
-
-    /// Takes the edges of the pin that enables the line's driver since the last call: when, and whether it
-    /// rose.
-    pub fn take_driver_edges(&mut self) -> Vec<(Nanos, bool)> {
-        std::mem::take(&mut self.driver)
+        let (_, byte) = self.due.pop_front_if(|&mut (at, _)| at <= now)?;
+        Some(byte)
     }
 
     /// Takes the lines since the last call.
@@ -150,24 +139,17 @@ pub(crate) struct DriverEnable {
 }
 store! { DriverEnable { values: [], parts: [], built: [line] } }
 
-impl DriverEnable {
-    fn edge(&self, rises: bool, now: Nanos) {
-        let mut line = lock(&self.line);
-        line.driver.push((now, rises));
-    }
-}
-
 impl spi::Peer for DriverEnable {
     fn transfer(&mut self, _mosi: u32, _bits: u8, _context: &mut Timeline<'_, '_>) -> u32 {
         0
     }
 
     fn select(&mut self, context: &mut Timeline<'_, '_>) {
-        self.edge(true, context.now().0);
+        lock(&self.line).driver.push((context.now().0, true));
     }
 
     fn deselect(&mut self, context: &mut Timeline<'_, '_>) {
-        self.edge(false, context.now().0);
+        lock(&self.line).driver.push((context.now().0, false));
     }
 }
 
@@ -185,7 +167,7 @@ mod tests {
         assert_eq!(line.find(|text| text == "two"), Some(Line { at, text }));
         assert_eq!(line.find(|_| true), None, "each line is waited for once");
         assert_eq!(line.take_lines().len(), 2, "waiting takes nothing away");
-        assert_eq!(line.take_bytes().len(), 12);
+        assert_eq!(line.bytes.len(), 12);
         assert!(line.tail().contains("thr"));
     }
 

@@ -20,7 +20,7 @@ use rigless::device::{
 };
 use rigless::edge::Pulse;
 use rigless::mcu::Mcu;
-use rigless::snapshot::{self, Reader, Store, Writer};
+use rigless::snapshot::store;
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::dbg;
 use rigless::soc::stm32f427::generated::tim1::{Register as Tim1, cr1, cr2, smcr};
@@ -48,7 +48,9 @@ pub struct Stm32f429 {
     head: SharedHead,
     spi1: BurstSpi,
     dma2: BurstDma,
-    word_by_word: bool,
+    /// Whether each word of a read-out moves by itself, from the next read-out on, as rigless does. This is
+    /// ten times slower than batches. Tests compare the batches with it.
+    pub word_by_word: bool,
     tim1: LazyTimer,
     laser: LaserTimer,
     tim5: RowTimer,
@@ -108,12 +110,6 @@ impl Stm32f429 {
     pub(crate) fn drive_trigger(&mut self, high: bool, at: VirtualNanos) {
         let (registers, mut context) = self.part.bus_mut().drive(at, self.slots[EXTI]);
         self.trigger.drive(high, registers, &mut context);
-    }
-
-    /// Moves each word of a read-out by itself, from the next read-out on, as rigless does. This is ten times
-    /// slower than batches. Tests compare the batches with it.
-    pub fn move_word_by_word(&mut self) {
-        self.word_by_word = true;
     }
 
     /// Pauses SCLK after a word of each read-out to come, from 0, for some time in ns.
@@ -177,7 +173,8 @@ impl Mcu for Stm32f429 {
         let model: &mut dyn ErasedDevice = match self.slots.iter().position(|&it| it == slot) {
             Some(0) => &mut self.spi1,
             Some(1) => {
-                self.dma2.shortens = !self.word_by_word && self.spi1.has_one_chip();
+                let has_one_chip = self.spi1.spi.peers().count() == 1;
+                self.dma2.shortens = has_one_chip && !self.word_by_word;
                 &mut self.dma2
             }
             Some(TIM1) => &mut self.tim1,
@@ -199,7 +196,8 @@ impl Mcu for Stm32f429 {
         self.flash = FlashTimes::new(self.flash.longer, SUPPLY_MILLIVOLTS);
         let timing = self.spi1.timing(|_| ());
         let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head, timing);
-        spi1.inherit(&mut self.spi1);
+        // The connected chips stay.
+        spi1.spi.inherit(&mut self.spi1.spi);
         (self.spi1, self.dma2) = (spi1, dma2);
     }
 
@@ -208,16 +206,12 @@ impl Mcu for Stm32f429 {
     }
 }
 
-/// No snapshot of this board is ever taken, so a snapshot need not be complete.
-impl Store for Stm32f429 {
-    fn store(&self, to: &mut Writer) -> Result<(), snapshot::Error> {
-        self.part.store(to)
-    }
-
-    fn load(&mut self, from: &mut Reader) -> Result<(), snapshot::Error> {
-        self.part.load(from)
-    }
-}
+// No snapshot of this board is ever taken, so a snapshot need not be complete.
+store! { Stm32f429 {
+    values: [],
+    parts: [part],
+    built: [head, spi1, dma2, word_by_word, tim1, laser, tim5, trigger, flash, slots],
+} }
 
 /// How long after a write all events are served, ns: some periods of a fast counter, because a new period or
 /// duty takes effect when the counter wraps.

@@ -32,11 +32,7 @@ impl Trigger {
 /// The line's interrupt is the level of its flag and its mask.
 fn interrupt(registers: &Registers, context: &mut Context<'_>) {
     let raised = registers.get(Register::Pr) & registers.get(Register::Imr);
-    let level = match raised >> LINE & 1 {
-        0 => Level::Low,
-        _ => Level::High,
-    };
-    context.interrupt(INTERRUPT, level);
+    context.interrupt(INTERRUPT, Level::from(raised >> LINE & 1 == 1));
 }
 
 impl Device for Trigger {

@@ -37,10 +37,7 @@ pub fn send(board: &mut VirtualBoard, record: &[u8], patience: Duration) -> Resu
         .try_for_each(|step| board.tell(&Command::Upload(step).to_string(), patience))
 }
 
-/// Sends a record and puts it into use.
-///
-/// # Errors
-/// As [`send`].
+/// As [`send`], and puts the record into use.
 pub fn upload(board: &mut VirtualBoard, record: &[u8], patience: Duration) -> Result<()> {
     send(board, record, patience)?;
     board.tell(&Command::Upload(Step::Commit).to_string(), patience)

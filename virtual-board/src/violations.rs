@@ -24,10 +24,12 @@ impl fmt::Display for Violation {
 }
 
 /// The first violations, oldest first, and the number of all.
-#[derive(Debug, Default)]
-pub(crate) struct Violations {
-    first: Vec<Violation>,
-    count: u64,
+#[derive(Clone, Debug, Default)]
+pub struct Violations {
+    /// At most 200.
+    pub first: Vec<Violation>,
+    /// All of them.
+    pub count: u64,
 }
 
 impl Violations {
@@ -37,13 +39,5 @@ impl Violations {
             let what = what.into();
             self.first.push(Violation { at, what });
         }
-    }
-
-    pub(crate) fn first(&self) -> &[Violation] {
-        &self.first
-    }
-
-    pub(crate) fn count(&self) -> u64 {
-        self.count
     }
 }

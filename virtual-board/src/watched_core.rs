@@ -16,7 +16,7 @@ use rigless::time::VirtualNanos;
 use crate::base::{Nanos, lock};
 use crate::flash::{self, SharedFlash};
 use crate::forward::forward;
-use crate::hang::{Detour, Detours};
+use crate::hang::Detours;
 use crate::trace::{Recorder, Traces};
 use crate::warm_cores::{BoardCore, WarmCores};
 
@@ -84,17 +84,13 @@ impl Core {
     }
 
     fn serve_the_probe(&mut self) {
-        let mut writes = lock(&self.watched.probe_writes);
-        for (address, word, now) in writes.drain(..) {
-            let now = VirtualNanos(now);
-            self.inner
-                .debugger_access(Some(word.into()), address, Width::W32, now);
+        let inner = &mut self.inner;
+        for (address, word, now) in lock(&self.watched.probe_writes).drain(..) {
+            inner.debugger_access(Some(word.into()), address, Width::W32, VirtualNanos(now));
         }
         let mut read = lock(&self.watched.probe_read);
         if let Some(address) = read.0.take() {
-            read.1 = self
-                .inner
-                .debugger_access(None, address, Width::W32, VirtualNanos(0));
+            read.1 = inner.debugger_access(None, address, Width::W32, VirtualNanos(0));
         }
     }
 
@@ -173,14 +169,13 @@ impl CoreBus for BusWithFlash<'_> {
         if SharedFlash::holds(access.address) {
             return Some(self.flash.access(&access));
         }
-        let is_rcc_cr = access.address == RCC_CR;
         let (address, now) = (access.address, access.virtual_time.0);
         let is_flash_status = address == flash::STATUS && access.kind == AccessKind::Read;
         let mut value = self.inner.access(access, from_code)?;
         if is_flash_status {
             value |= self.flash.busy_bits(now);
         }
-        Some(match self.has_no_clock && is_rcc_cr {
+        Some(match self.has_no_clock && address == RCC_CR {
             true => value & !HSERDY,
             false => value,
         })
@@ -234,13 +229,10 @@ impl Processor for Core {
             let mut set = |register, value: u32| {
                 self.inner.set_gdb_register(register, &value.to_le_bytes());
             };
-            match detour {
-                Detour::GoOnAt(address) => set(PROGRAM_COUNTER, address),
-                Detour::HangWithStackAt { trap, stack } => {
-                    set(STACK_POINTER, stack);
-                    set(PROGRAM_COUNTER, trap);
-                }
+            if let Some(stack) = detour.stack {
+                set(STACK_POINTER, stack);
             }
+            set(PROGRAM_COUNTER, detour.to);
             return (Exit::Returned, ran);
         }
         (exit, ran)

@@ -17,11 +17,8 @@ struct Question {
     light: Vec<u16>,
 }
 
-#[derive(Debug, PartialEq)]
-struct Answer {
-    estimator: Estimator,
-    words: Vec<u32>,
-}
+/// The words of each estimator's answer, in the order of [`Estimator::ALL`].
+type Answers = Vec<Vec<u32>>;
 
 fn questions(one_in: usize) -> Vec<Question> {
     let rows = |case: hard_cases::RowCase| {
@@ -45,20 +42,15 @@ fn questions(one_in: usize) -> Vec<Question> {
     cases.flat_map(rows).collect()
 }
 
-fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
+fn on_this_pc(questions: &[Question]) -> Vec<Answers> {
     let mut estimators = Estimators::new();
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
             estimators.start(light.len(), header.bits, header.shot_variance_per_count_q16);
         }
-        let mut answers: Vec<Answer> = Estimator::ALL
-            .map(|estimator| Answer {
-                estimator,
-                words: vec![],
-            })
-            .into();
+        let mut answers = vec![vec![]; Estimator::ALL.len()];
         estimators.ask(&mut light.clone(), |estimator, word| {
-            answers[estimator as usize].words.push(word)
+            answers[estimator as usize].push(word)
         });
         answers
     });
@@ -101,17 +93,13 @@ impl Chip {
         for _ in 0..10_000 {
             self.board.run_for(Duration::from_millis(1)).expect("a run");
             if self.board.read_word(asked).expect("RAM") == 0 {
-                return self.take_answers();
+                let count = self.board.read_word(self.answers).expect("RAM");
+                let words = self.board.read_words(self.answers + 4, count as usize);
+                return words.expect("the answers are in RAM");
             }
         }
         let log = self.board.take_log();
         panic!("no answer within 10 s; the log: {log:?}");
-    }
-
-    fn take_answers(&mut self) -> Vec<u32> {
-        let count = self.board.read_word(self.answers).expect("RAM");
-        let words = self.board.read_words(self.answers + 4, count as usize);
-        words.expect("the answers are in RAM")
     }
 }
 
@@ -120,17 +108,13 @@ fn batches(mut questions: &[Question]) -> Vec<&[Question]> {
     let mut batches = vec![];
     while !questions.is_empty() {
         let (mut words, mut fit) = (1, 0);
-        for (i, question) in questions.iter().enumerate() {
-            if question.header.first {
-                fit = i;
-            }
-            words += 2 + question.light.len().div_ceil(2);
-            if words > mailbox::ROWS || (i + 1) * MOST_WORDS >= mailbox::ANSWERS {
+        for case in questions.chunk_by(|_, next| !next.header.first) {
+            let of_row = |row: &Question| 2 + row.light.len().div_ceil(2);
+            words += case.iter().map(of_row).sum::<usize>();
+            if words > mailbox::ROWS || (fit + case.len()) * MOST_WORDS >= mailbox::ANSWERS {
                 break;
             }
-            if i + 1 == questions.len() {
-                fit = i + 1;
-            }
+            fit += case.len();
         }
         assert!(fit > 0, "{} does not fit", questions[0].case);
         let (batch, rest) = questions.split_at(fit);
@@ -140,17 +124,16 @@ fn batches(mut questions: &[Question]) -> Vec<&[Question]> {
     batches
 }
 
-fn difference(questions: &[Question], chip: &[u32], pc: &[Vec<Answer>]) -> Option<String> {
+fn difference(questions: &[Question], chip: &[u32], pc: &[Answers]) -> Option<String> {
     let mut words = chip.iter().copied();
     for (question, answers) in questions.iter().zip(pc) {
-        for answer in answers {
-            let chip: Vec<u32> = words.by_ref().take(answer.words.len()).collect();
-            if chip != answer.words {
+        for (estimator, answer) in Estimator::ALL.iter().zip(answers) {
+            let chip: Vec<u32> = words.by_ref().take(answer.len()).collect();
+            if chip != *answer {
                 let Question { case, number, .. } = question;
-                let Answer { estimator, words } = answer;
+                let name = estimator.name();
                 return Some(format!(
-                    "{case}, row {number}, {}: {chip:?} on the chip, {words:?} on the PC",
-                    estimator.name()
+                    "{case}, row {number}, {name}: {chip:?} on the chip, {answer:?} on the PC"
                 ));
             }
         }
@@ -176,7 +159,7 @@ fn compare<'a>(batches: &[&'a [Question]]) -> (Chip, Compared<'a>) {
         compared.words += words.len();
         for (question, answers) in batch.iter().zip(pc) {
             // The first word is 0 for a centre, and the kind of a fault otherwise.
-            let centres = answers.iter().filter(|it| it.words.first() == Some(&0));
+            let centres = answers.iter().filter(|it| it.first() == Some(&0));
             let found = centres.count();
             compared.centres += found;
             compared.faults += answers.len() - found;

@@ -175,16 +175,10 @@ fn two_rows(rows: [(&[f32], &[f32]); 2], panel: &[Lanes]) -> [Lanes; 2] {
 #[inline]
 pub fn four_sums(a: [&[f32]; 4], b: [&[f32]; 2]) -> [f32; 4] {
     let mut sums = [[0.0f32; LANES]; 4];
-    let chunks = |values: &'_ [f32]| values.len() / LANES;
-    for chunk in 0..chunks(b[0]) {
-        let of = |values: &[f32]| -> [f32; LANES] {
-            let at = chunk * LANES;
-            values[at..at + LANES]
-                .try_into()
-                .expect("slices are whole lanes")
-        };
-        let b = b.map(of);
-        let a = a.map(of);
+    let a = a.map(|values| values.as_chunks::<LANES>().0);
+    let b = b.map(|values| values.as_chunks::<LANES>().0);
+    for chunk in 0..b[0].len() {
+        let (a, b) = (a.map(|values| values[chunk]), b.map(|values| values[chunk]));
         for i in 0..LANES {
             sums[0][i] += a[0][i] * b[0][i];
             sums[1][i] += a[1][i] * b[0][i];

@@ -51,11 +51,6 @@ impl LensAperture {
         1.0 / (1.0 / self.focal_length - 1.0 / self.focus_distance)
     }
 
-    /// Seidel's coma in waves for an image `field` metres from the axis: W131 field / full field.
-    fn coma_at(&self, field: f64) -> f64 {
-        self.coma * field / self.full_field
-    }
-
     /// Places of samples behind pixels.
     fn samples(&self, pixels: &[f64]) -> Vec<f64> {
         let n = self.samples as f64;
@@ -90,7 +85,7 @@ impl<'a> Pupil<'a> {
         reach: f64,
     ) -> Self {
         let z = lens.to_sensor();
-        let coma = lens.coma_at(field);
+        let coma = lens.coma * field / lens.full_field;
         // A grid of n places repeats the image after n lambda z / diameter, which must be farther than from
         // the window's edge to the light's edge on the other side: the spot's image with its defocus, coma
         // (whose tail is 6 waves of it long) and some diffraction.

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::complex::{Matrix, phasor};
-use super::fresnel::Fresnel;
+use super::fresnel::fresnel_by_table;
 use super::laser::Laser;
 use super::quadrature::gauss_legendre;
 use super::source::{Lit, RowSums};
@@ -77,7 +77,6 @@ impl SlitAperture {
     ///
     /// times the beam's amplitude and wavefront at y.
     pub(super) fn along(&self, lit: &Lit, laser: &Laser, rows: &[f64]) -> Matrix {
-        let fresnel = Fresnel::new();
         let (range, z) = (lit.range, self.to_sensor);
         let both = range + z;
         // 1/sqrt(lambda z' / 2)
@@ -94,8 +93,8 @@ impl SlitAperture {
         Matrix::from_fn(rows.len(), lit.y.len(), |row, column| {
             let (place, y) = (rows[row], lit.y[column]);
             let middle = (y * z + place * range) / both;
-            let (c1, s1) = fresnel.at(scale * (half - middle));
-            let (c0, s0) = fresnel.at(scale * (-half - middle));
+            let (c1, s1) = fresnel_by_table(scale * (half - middle));
+            let (c0, s0) = fresnel_by_table(scale * (-half - middle));
             let (amplitude, turns) = beams[column];
             let (re, im) = phasor(turns + 0.5 * (place - y).powi(2) / (both * laser.wavelength));
             let (c, s) = (amplitude * (c1 - c0), amplitude * (s1 - s0));

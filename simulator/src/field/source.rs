@@ -104,10 +104,8 @@ impl Lit {
     pub fn light(&self) -> f64 {
         let across: f64 = self.mean_places(0.0).iter().map(|&(_, light)| light).sum();
         let amplitudes = self.y.iter().map(|&y| f64::from(self.of_row(y, y).0));
-        across
-            * amplitudes
-                .map(|amplitude| amplitude * amplitude)
-                .sum::<f64>()
+        let squares = amplitudes.map(|amplitude| amplitude * amplitude);
+        across * squares.sum::<f64>()
     }
 
     /// The fields at places `u` of the aperture (columns) that light from each of the places x (rows) makes,

@@ -104,10 +104,9 @@ impl Surface {
                     // 1 - x: a logarithm of zero is out of the question.
                     let mut exponential = || -libm::log(1.0 - random.random::<f64>());
                     let amplitude = exponential().sqrt();
-                    let path = if path_spread > 0.0 {
-                        path_spread * exponential()
-                    } else {
-                        0.0
+                    let path = match path_spread > 0.0 {
+                        true => path_spread * exponential(),
+                        false => 0.0,
                     };
                     drawn.push((amplitude as f32, random.random::<f64>(), path));
                 }
@@ -192,10 +191,7 @@ mod tests {
         let n = term.re.len() as f64;
         let mean = |value: &dyn Fn(f64, f64) -> f64| {
             let pairs = term.re.iter().zip(&term.im);
-            pairs
-                .map(|(&re, &im)| value(f64::from(re), f64::from(im)))
-                .sum::<f64>()
-                / n
+            statistics::mean(pairs.map(|(&re, &im)| value(re.into(), im.into())))
         };
         let power = mean(&|re, im| re * re + im * im);
         let fourth = mean(&|re, im| (re * re + im * im).powi(2));

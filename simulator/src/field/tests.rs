@@ -62,9 +62,7 @@ fn difference(a: &Image, b: &Image) -> f64 {
 
 /// Standard deviation over mean.
 fn contrast(values: &[f64]) -> f64 {
-    let mean = mean(values);
-    let square = statistics::mean(values.iter().map(|value| value * value));
-    (square / (mean * mean) - 1.0).sqrt()
+    ((rms(values) / mean(values)).powi(2) - 1.0).sqrt()
 }
 
 /// A beam so small that it hits a single scatterer, and right on that.
@@ -165,17 +163,13 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     let laser = Laser::focused(1e-3, 0.8);
     let view = View::at(0.8);
     let scattering = Scattering::surface();
-    let sums = |images: &mut dyn Iterator<Item = Image>| {
-        let mut sum = vec![];
+    let check = |name: &str, images: &mut dyn Iterator<Item = Image>, mean: &Image| {
+        let mut sums = vec![0.0; mean.light.len()];
         for image in images {
-            sum.resize(image.light.len(), 0.0);
-            for (sum, light) in sum.iter_mut().zip(&image.light) {
+            for (sum, light) in sums.iter_mut().zip(&image.light) {
                 *sum += f64::from(*light);
             }
         }
-        sum
-    };
-    let check = |name: &str, sums: &[f64], mean: &Image| {
         let n = f64::from(SURFACES);
         let deviations = sums.iter().zip(&mean.light);
         let deviation = |(sum, &mean): (&f64, &f32)| (sum / n / f64::from(mean) - 1.0) * n.sqrt();
@@ -196,7 +190,7 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     };
     let exact = slit_mean(&laser, &scattering, &view, &slit, &columns, &rows);
     let seeds = 0..u64::from(SURFACES);
-    check("slit", &sums(&mut seeds.clone().map(images)), &exact);
+    check("slit", &mut seeds.clone().map(images), &exact);
     let lens = LensAperture {
         coma: 1.5,
         focus_distance: 0.8,
@@ -208,7 +202,7 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
         lens_image(&surface, &view, &lens, 4e-3, &places, &places).unwrap()
     };
     let exact = lens_mean(&laser, &scattering, &view, &lens, 4e-3, &places, &places);
-    check("lens", &sums(&mut seeds.map(images)), &exact);
+    check("lens", &mut seeds.map(images), &exact);
 }
 
 /// Light at three distant places behind the slit, in units of its mean, for many surfaces.
@@ -391,14 +385,12 @@ fn correlation_is_that_of_van_cittert_and_zernike() {
 }
 
 /// The whole frame's centroid (x, in metres) behind a lens, of many surfaces; root mean square.
-fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -> f64>) -> f64 {
+fn centroids(laser: &Laser, frames: u64, reflectance: impl Fn(f64, f64) -> f64) -> f64 {
     let (view, lens) = (View::at(0.8), sharp_lens());
     let places = pixels(56, 1);
     let of_surface = |seed| {
-        let mut surface = small_surface(laser, &Scattering::surface(), 9000 + seed);
-        if let Some(reflectance) = reflectance {
-            surface = surface.with_reflectance(reflectance);
-        }
+        let surface = small_surface(laser, &Scattering::surface(), 9000 + seed);
+        let surface = surface.with_reflectance(&reflectance);
         let image = lens_image(&surface, &view, &lens, 0.0, &places, &places).unwrap();
         centroid(&image, &places)
     };
@@ -416,7 +408,7 @@ fn centroids_scatter_by_the_speckle_limit() {
     let view = View::at(0.8);
     let (sin_u, cos) = (0.5 * 50e-3 / 12.0 / view.range(), view.cos_angle());
     let limit = 650e-9 / (2.0 * PI * sin_u) * sharp_lens().to_sensor() / view.range();
-    let gaussian = centroids(&Laser::focused(1.2e-3, 0.8), 400, None);
+    let gaussian = centroids(&Laser::focused(1.2e-3, 0.8), 400, |_, _| 1.0);
     let (um, ratio) = (gaussian * 1e6, gaussian / (limit * (0.5 * cos).sqrt()));
     println!("gaussian spot: {um:.3} um, {ratio:.3} of theory");
     assert!((ratio - 1.0).abs() < 0.15);
@@ -430,7 +422,7 @@ fn centroids_scatter_by_the_speckle_limit() {
             0.0
         }
     };
-    let uniform = centroids(&laser, 400, Some(&disc));
+    let uniform = centroids(&laser, 400, disc);
     println!("disc: {:.3} um for {:.3} um", uniform * 1e6, limit * 1e6);
     assert!((uniform / limit - 1.0).abs() < 0.15);
 }
@@ -477,15 +469,14 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
 fn coma_moves_the_centroid() {
     let (laser, view, surface) = point();
     let places = pixels(96, 1);
+    let lens = LensAperture {
+        coma: 2.0,
+        ..sharp_lens()
+    };
     let of_field = |field: f64| {
-        let lens = LensAperture {
-            coma: 2.0,
-            ..sharp_lens()
-        };
         let image = lens_image(&surface, &view, &lens, field, &places, &places).unwrap();
         centroid(&image, &places)
     };
-    let lens = sharp_lens();
     let expected = 1.0 * laser.wavelength * lens.to_sensor() / (0.5 * lens.diameter);
     let found = of_field(0.5 * lens.full_field) - of_field(0.0);
     let (um, ratio) = (found * 1e6, found / expected);

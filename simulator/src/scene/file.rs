@@ -43,10 +43,9 @@ impl Scene {
     /// # Errors
     /// There is no such file, or it is no scene.
     pub fn load(name: &str) -> Result<Self> {
-        let path = if name.ends_with(".toml") {
-            PathBuf::from(name)
-        } else {
-            folder().join(format!("{name}.toml"))
+        let path = match name.ends_with(".toml") {
+            true => PathBuf::from(name),
+            false => folder().join(format!("{name}.toml")),
         };
         let text = std::fs::read_to_string(&path).with_context(|| {
             let names = names().unwrap_or_default().join(", ");
@@ -66,9 +65,6 @@ impl Scene {
     }
 
     /// The scene as [`Scene::from_toml`] reads it.
-    ///
-    /// # Errors
-    /// None that are known.
     pub fn to_toml(&self) -> Result<String> {
         Ok(toml::to_string(self)?)
     }

@@ -129,23 +129,14 @@ impl Opening {
         let Some(spot) = &scene.spot else {
             return;
         };
-        let distance = match &scene.motion {
-            Some(motion) => motion.distance(distance, time),
-            None => distance,
-        };
-        let optics = match &scene.temperature {
-            Some(temperature) => {
-                let place = temperature.scale(time) * self.place;
-                temperature.optics(&self.optics, time).behind(place)
-            }
-            None => scene.optics,
-        };
+        let distance = (scene.motion).map_or(distance, |it| it.distance(distance, time));
+        let optics = scene.temperature.map_or(scene.optics, |it| {
+            (it.optics(&self.optics, time)).behind(it.scale(time) * self.place)
+        });
         let centre_at = move |distance: f64| {
             let centre = optics.centre(distance);
-            match scene.distortion {
-                Some(distortion) => distortion.displaced(centre, optics.axis, optics.pitch),
-                None => centre,
-            }
+            let drawn_by = scene.distortion;
+            drawn_by.map_or(centre, |it| it.displaced(centre, optics.axis, optics.pitch))
         };
         let mut amplitude = spot.counts_per_second * exposure;
         if let Some(width) = self.nominal_width {

@@ -108,15 +108,6 @@ pub struct Ray {
     pub weight: f64,
 }
 
-impl Ray {
-    /// All light, without aberration.
-    pub const STRAIGHT: Self = Self {
-        x: 0.0,
-        y: 0.0,
-        weight: 1.0,
-    };
-}
-
 impl Pupil {
     /// The pupil of a scene's lens of a diameter in metres, for a target at a distance in metres.
     pub(crate) fn of(scene: &Scene, diameter: f64, distance: f64) -> Self {

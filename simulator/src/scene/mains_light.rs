@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use rand::Rng as _;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{Effect, random};
+use crate::scene::{Ambient, Effect, random};
 
 /// Light of lamps at twice the mains frequency, evenly over the row or brighter to one side. In the middle of
 /// the row it is
@@ -60,12 +60,10 @@ impl MainsLight {
 
     /// Adds it to a row of light.
     pub fn add(&self, light: &mut [f32], phase: f64, time: f64, exposure: f64) {
-        let seconds = self.seconds(phase, time, exposure);
-        let middle = (light.len() as f64 - 1.0) / 2.0;
-        for (light, pixel) in light.iter_mut().zip(0..) {
-            let brightness = self.counts_per_second + self.slope * (f64::from(pixel) - middle);
-            // Light is not negative, however steep the slope.
-            *light += (seconds * brightness).max(0.0) as f32;
-        }
+        let mean = Ambient {
+            counts_per_second: self.counts_per_second,
+            slope: self.slope,
+        };
+        mean.add(light, self.seconds(phase, time, exposure));
     }
 }

@@ -101,9 +101,8 @@ impl Shape {
         let parts = Parts::new(scene, surface, distance, width);
         let height = parts.height(&point);
         let pattern = point.spread(&parts.of_surface()).scaled(1.0 / height);
-        let pattern = pattern.gathered(optics.pitch);
         Self {
-            patterns: vec![pattern],
+            patterns: vec![pattern.gathered(optics.pitch)],
             rows: (heights(scene, distance).into_iter())
                 .map(|height| (height > 0.0).then_some((0, height)))
                 .collect(),
@@ -140,10 +139,9 @@ impl Shape {
             }
             let pattern = (point.along)(place).spread(&of_surface);
             let pattern = pattern.scaled(1.0 / height);
-            let pattern = pattern.gathered(scene.optics.pitch);
             shape.rows[row] = Some((shape.patterns.len(), 1.0));
             shape.rows[rows - 1 - row] = shape.rows[row];
-            shape.patterns.push(pattern);
+            shape.patterns.push(pattern.gathered(scene.optics.pitch));
         }
         shape
     }
@@ -197,7 +195,12 @@ impl LensPoint {
         let sigma_across = libm::hypot(sigma, blur);
         let many_rows = scene.sensor.rows() > 1;
         let rays = match pupil.farthest_ray() {
-            0.0 => vec![Ray::STRAIGHT],
+            // All light goes straight.
+            0.0 => vec![Ray {
+                x: 0.0,
+                y: 0.0,
+                weight: 1.0,
+            }],
             _ => pupil.rays(sigma),
         };
         let point = gaussian.clone();

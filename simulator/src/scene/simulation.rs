@@ -78,11 +78,9 @@ impl Simulation {
             let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
             lag.apply(light, &before, full_well);
         }
+        let stream = |effect| random::of_row(scene.seed, effect, row);
         if let Some(noise) = &scene.shot_noise {
-            noise.apply(
-                light,
-                &mut random::of_row(scene.seed, Effect::ShotNoise, row),
-            );
+            noise.apply(light, &mut stream(Effect::ShotNoise));
         }
         if let Some(saturation) = &scene.saturation {
             saturation.apply(light);
@@ -106,10 +104,7 @@ impl Simulation {
             front_end.shift_and_clip(&mut counts);
         }
         if let Some(noise) = &scene.read_noise {
-            noise.apply(
-                &mut counts,
-                &mut random::of_row(scene.seed, Effect::ReadNoise, row),
-            );
+            noise.apply(&mut counts, &mut stream(Effect::ReadNoise));
         }
         if let Some(quantisation) = &scene.quantisation {
             quantisation.apply(&mut counts, geometry.full_scale());
@@ -144,10 +139,7 @@ impl Simulation {
     /// The target's distance in metres in the middle of a row's exposure, where it is at `distance` in that
     /// of the first row: what an estimate is to be compared with.
     pub fn true_distance(&self, row: u64, distance: f64) -> f64 {
-        match &self.scene.motion {
-            Some(motion) => motion.distance(distance, self.time(row)),
-            None => distance,
-        }
+        (self.scene.motion).map_or(distance, |it| it.distance(distance, self.time(row)))
     }
 
     /// The factor of [`crate::scene::Reflectivity`] for a row; 1 for a scene that does not list it.

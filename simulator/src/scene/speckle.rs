@@ -145,15 +145,9 @@ impl RoughSurface {
         let detail = optics.wavelength * optics.focal_length / width;
         let (step, columns) = columns(detail, DETAILS * detail);
         let rows = scene.sensor.rows() as usize;
+        let view = self.view(scene, distance);
         let image = |places: &[f64]| {
-            slit_image(
-                &self.surface,
-                &self.view(scene, distance),
-                &slit,
-                &columns,
-                places,
-            )
-            .expect(TOO_WIDE)
+            slit_image(&self.surface, &view, &slit, &columns, places).expect(TOO_WIDE)
         };
         let light = if rows > 1 {
             const EVERY: usize = 4;
@@ -200,15 +194,8 @@ impl RoughSurface {
             lens_image(&self.surface, &view, &lens, field, &columns, places).expect(TOO_WIDE)
         };
         // In focus the height is that of the spot; out of focus the same light is spread wider.
-        let ideal = lens_mean(
-            laser,
-            &self.surface.scattering,
-            &view,
-            &lens(&pupil.ideal()),
-            field,
-            &[0.0],
-            &[0.0],
-        );
+        let (scattering, sharp) = (&self.surface.scattering, lens(&pupil.ideal()));
+        let ideal = lens_mean(laser, scattering, &view, &sharp, field, &[0.0], &[0.0]);
         let count = scene.sensor.rows() as usize;
         let pixel = scene.sensor.pixel_height();
         let mut light = vec![vec![]; count];

@@ -29,21 +29,12 @@ impl Spot {
 
     /// Adds the gaussian to a row of light, `amplitude` counts high at pixel `centre`.
     pub fn add(&self, light: &mut [f32], centre: f64, amplitude: f64) {
-        for (i, light) in within(light, centre, self.width) {
+        // Beyond seven sigma a full-scale gaussian is a millionth of a count.
+        let reach = 7.0 * self.width;
+        for (i, light) in between(light, centre - reach - 1.0, centre + reach + 2.0) {
             *light += (amplitude * gaussian(i as f64 - centre, self.width)) as f32;
         }
     }
-}
-
-/// The pixels that a spot of this width lights, with their numbers: beyond seven sigma a full-scale gaussian
-/// is a millionth of a count.
-pub fn within(
-    light: &mut [f32],
-    centre: f64,
-    width: f64,
-) -> impl Iterator<Item = (usize, &mut f32)> {
-    let reach = 7.0 * width;
-    between(light, centre - reach - 1.0, centre + reach + 2.0)
 }
 
 /// The pixels from one place to another, with their numbers.

@@ -15,26 +15,22 @@ pub struct Done {
 /// The first contents of flash, and all operations since.
 #[derive(Clone, Debug)]
 pub struct History {
-    pub(super) first: Contents,
-    pub(super) done: Vec<Done>,
+    first: Contents,
+    /// The operations, in order.
+    pub operations: Vec<Done>,
 }
 
 impl History {
     /// A history that begins with `first` and has no operations.
     pub fn since(first: Contents) -> Self {
-        let done = vec![];
-        Self { first, done }
-    }
-
-    /// The operations, in order.
-    pub fn operations(&self) -> &[Done] {
-        &self.done
+        let operations = vec![];
+        Self { first, operations }
     }
 
     /// How often one of the sectors 12 to 15 was erased.
     pub fn erases_of(&self, sector: usize) -> usize {
         let is_erase = |done: &&Done| done.operation == Operation::Erase { sector };
-        self.done.iter().filter(is_erase).count()
+        self.operations.iter().filter(is_erase).count()
     }
 
     /// What flash held after the first `count` operations.
@@ -43,7 +39,7 @@ impl History {
     /// The history has fewer operations.
     pub fn after(&self, count: usize) -> Contents {
         let mut contents = self.first.clone();
-        for done in &self.done[..count] {
+        for done in &self.operations[..count] {
             contents.apply(done.operation);
         }
         contents
@@ -56,7 +52,7 @@ impl History {
     /// The history has no operation after the first `count`.
     pub fn torn_after(&self, count: usize, seed: u64) -> Contents {
         let mut contents = self.after(count);
-        contents.apply_torn(self.done[count].operation, seed);
+        contents.apply_torn(self.operations[count].operation, seed);
         contents
     }
 }
@@ -77,7 +73,7 @@ mod tests {
             Operation::Erase { sector: 13 },
         ];
         let done = operations.into_iter().zip(1..);
-        history.done = done.map(|(operation, at)| Done { at, operation }).collect();
+        history.operations = done.map(|(operation, at)| Done { at, operation }).collect();
         let words = |contents: Contents| [BASE, address].map(|at| contents.read(at, 4));
         let states = [0, 1, 2, 3, 4].map(|count| words(history.after(count)));
         let (old, erased) = (0x5555_5555, 0xFFFF_FFFF);

@@ -17,34 +17,27 @@ const PULL_UP: u64 = 0b01;
 
 /// A pin of the head and what it must be: its name, port and number, the alternate function (STM32F429 data
 /// sheet, table 12) or `None` for a plain output, the speed and the pull.
-type Wanted = (
-    &'static str,
-    &'static str,
-    u64,
-    Option<u64>,
-    Option<u64>,
-    Option<u64>,
-);
+type Wanted = (&'static str, &'static str, u64, [Option<u64>; 3]);
 
 /// The head's pins and the serial line's. All outputs but the laser's need the fastest speed. SCLK floats
 /// while SPI is off, DOUT if there is no converter, and RX while a driver of RS-485 sends.
 const PINS: [Wanted; 8] = {
     let (fast, pulled) = (Some(VERY_HIGH), Some(PULL_UP));
     [
-        ("PE9 (fM)", "GPIOE", 9, Some(1), fast, None),
-        ("PF12 (ICG)", "GPIOF", 12, None, fast, None),
-        ("PF13 (SH)", "GPIOF", 13, None, fast, None),
-        ("PD14 (chip select)", "GPIOD", 14, None, fast, None),
-        ("PA5 (SCLK)", "GPIOA", 5, Some(5), fast, pulled),
-        ("PA6 (DOUT)", "GPIOA", 6, Some(5), None, pulled),
-        ("PD9 (RX)", "GPIOD", 9, Some(7), None, pulled),
-        ("PD15 (laser)", "GPIOD", 15, Some(2), None, None),
+        ("PE9 (fM)", "GPIOE", 9, [Some(1), fast, None]),
+        ("PF12 (ICG)", "GPIOF", 12, [None, fast, None]),
+        ("PF13 (SH)", "GPIOF", 13, [None, fast, None]),
+        ("PD14 (chip select)", "GPIOD", 14, [None, fast, None]),
+        ("PA5 (SCLK)", "GPIOA", 5, [Some(5), fast, pulled]),
+        ("PA6 (DOUT)", "GPIOA", 6, [Some(5), None, pulled]),
+        ("PD9 (RX)", "GPIOD", 9, [Some(7), None, pulled]),
+        ("PD15 (laser)", "GPIOD", 15, [Some(2), None, None]),
     ]
 };
 
 pub(crate) fn faults(processor: &mut Stm32f427) -> Vec<String> {
     let mut faults: Vec<String> = Vec::new();
-    for (name, port, number, function, speed, pull) in PINS {
+    for (name, port, number, [function, speed, pull]) in PINS {
         let pin = Pin::of(processor, port, number);
         let mode = function.map_or(OUTPUT, |_| ALTERNATE);
         for (what, found, wanted) in [

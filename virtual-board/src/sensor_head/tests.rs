@@ -77,13 +77,6 @@ fn exposed(start: Nanos, end: Nanos) -> Exposure {
     }
 }
 
-fn only_fault(head: &SensorHead) -> String {
-    match head.violations() {
-        [violation] => violation.to_string(),
-        violations => panic!("not one violation but {violations:#?}"),
-    }
-}
-
 /// Pixel n shows n / 2 counts.
 fn head() -> SensorHead {
     SensorHead::new(Box::new(|_| {
@@ -101,14 +94,17 @@ fn says(fault: &str, words: &str) {
 
 #[track_caller]
 fn says_only(head: &SensorHead, words: &str) {
-    says(&only_fault(head), words);
+    let [violation] = &head.violations.first[..] else {
+        panic!("not one violation but {:#?}", head.violations);
+    };
+    says(&violation.to_string(), words);
 }
 
 #[test]
 fn a_row_has_its_counts_by_pixel_and_its_words_as_sent() {
     let mut head = head();
     GOOD.run(&mut head);
-    assert_eq!(head.violations(), []);
+    assert_eq!(head.violations.first, []);
     let row = head.last_row().unwrap();
     assert_eq!((row.number, row.lead_in), (0, 0));
     assert_eq!(row.exposure, exposed(0, 1_002_000));
@@ -128,7 +124,7 @@ fn an_exposure_lasts_from_pulse_to_pulse() {
     head.sh(Level::High, 8_000_000);
     head.sh(Level::Low, 8_002_000);
     Sequence::from(9_000_000).run(&mut head);
-    assert_eq!(head.violations(), []);
+    assert_eq!(head.violations.first, []);
     let exposure = head.last_row().unwrap().exposure;
     assert_eq!(exposure, exposed(8_002_000, 9_002_000));
     assert_eq!(exposure.duration(), 1_000_000);
@@ -154,7 +150,7 @@ fn the_lead_in_says_which_word_shows_pixel_0() {
         early.word(16, now);
     }
     early.chip_select(Level::High, 10_000_000);
-    assert_eq!(early.violations(), []);
+    assert_eq!(early.violations.first, []);
     let row = early.last_row().unwrap();
     assert_eq!(row.lead_in, 2);
     assert_eq!(row.words[2..6], [4095, 4095, 4094, 4094]);
@@ -167,7 +163,7 @@ fn the_lead_in_says_which_word_shows_pixel_0() {
         ..GOOD
     }
     .run(&mut late);
-    assert_eq!(late.violations(), []);
+    assert_eq!(late.violations.first, []);
     let row = late.last_row().unwrap();
     assert_eq!(row.lead_in, -1);
     assert_eq!(row.counts[1..4], [0, 1, 1]);
@@ -195,7 +191,7 @@ fn either_the_last_rows_or_all_rows_are_kept() {
         }
     };
     run(&mut head, 0, 70);
-    assert_eq!((head.row_count(), head.rows().len()), (70, ROWS_KEPT));
+    assert_eq!((head.row_count, head.rows().len()), (70, ROWS_KEPT));
     assert_eq!(head.rows().next().unwrap().number, 6);
     head.keeps_all_rows = true;
     run(&mut head, 70, 80);
@@ -236,9 +232,9 @@ fn each_limit_that_a_sequence_breaks_is_a_violation() {
         let (mut head, mut sequence) = (head(), GOOD);
         change(&mut sequence);
         sequence.run(&mut head);
-        says(&head.violations()[0].to_string(), words);
+        says(&head.violations.first[0].to_string(), words);
         // Short words also show the wrong pixels.
-        assert!(sequence.bits != GOOD.bits || head.violation_count() == 1);
+        assert!(sequence.bits != GOOD.bits || head.violations.count == 1);
     }
 }
 
@@ -279,7 +275,7 @@ fn each_limit_that_single_edges_break_is_a_violation() {
     breaks_only("3694 words, none showed a pixel", |head| {
         head.clocks(CLOCKS, 0);
         GOOD.burst(head, 1_000_000);
-        assert_eq!(head.row_count(), 0);
+        assert_eq!(head.row_count, 0);
     });
     // ICG alone starts no read-out.
     breaks_only("none showed a pixel", |head| {
@@ -303,41 +299,32 @@ fn each_limit_that_single_edges_break_is_a_violation() {
 #[test]
 fn a_master_clock_out_of_range_is_a_violation() {
     // The converter's clock changes too, so that only one limit is violated.
-    let clocks = Clocks {
-        master_hz: 4.05e6,
-        serial_hz: 16.2e6,
-    };
-    let mut head = head();
-    Sequence { clocks, ..GOOD }.pulses(&mut head);
-    assert_eq!(head.violation_count(), 2);
-    let [fm, sclk] = [0, 1].map(|i| head.violations()[i].to_string());
+    let (mut head, mut fast) = (head(), GOOD);
+    (fast.clocks.master_hz, fast.clocks.serial_hz) = (4.05e6, 16.2e6);
+    fast.pulses(&mut head);
+    assert_eq!(head.violations.count, 2);
+    let [fm, sclk] = [0, 1].map(|i| head.violations.first[i].to_string());
     says(&fm, "fM is 4.05 MHz, 0.8 to 4 MHz");
     says(&sclk, "SCLK is 16.2 MHz, 8 to 16 MHz, ADC122S101");
 }
 
 #[test]
 fn a_stopped_master_clock_is_a_violation() {
-    let clocks = Clocks {
-        master_hz: 0.0,
-        ..CLOCKS
-    };
-    let mut head = head();
-    Sequence { clocks, ..GOOD }.run(&mut head);
-    says(&head.violations()[0].what, "fM does not run");
-    says(&head.violations()[1].what, "without the master clock");
-    assert_eq!(head.row_count(), 0);
+    let (mut head, mut stopped) = (head(), GOOD);
+    stopped.clocks.master_hz = 0.0;
+    stopped.run(&mut head);
+    says(&head.violations.first[0].what, "fM does not run");
+    says(&head.violations.first[1].what, "without the master clock");
+    assert_eq!(head.row_count, 0);
 }
 
 #[test]
 fn wrong_clocks_are_reported_once_a_row() {
-    let clocks = Clocks {
-        master_hz: 2.7e6,
-        ..CLOCKS
-    };
-    let mut head = head();
-    Sequence { clocks, ..GOOD }.pulses(&mut head);
-    head.clocks(clocks, 2_000_000);
-    assert_eq!(head.violation_count(), 1);
+    let (mut head, mut wrong) = (head(), GOOD);
+    wrong.clocks.master_hz = 2.7e6;
+    wrong.pulses(&mut head);
+    head.clocks(wrong.clocks, 2_000_000);
+    assert_eq!(head.violations.count, 1);
 }
 
 #[test]
@@ -359,7 +346,7 @@ fn a_restart_violates_nothing() {
     head.sh(Level::Low, 2_000_000);
     head.chip_select(Level::High, 2_000_000);
     Sequence::from(3_000_000).run(&mut head);
-    assert_eq!(head.violations(), []);
+    assert_eq!(head.violations.first, []);
     let exposure = head.last_row().unwrap().exposure;
     assert_eq!(exposure, exposed(1_002_000, 3_002_000));
 }
@@ -370,6 +357,6 @@ fn violations_are_counted_even_if_they_are_not_kept() {
     for now in 0..300 {
         head.word(16, now);
     }
-    let (kept, all) = (head.violations().len(), head.violation_count());
+    let (kept, all) = (head.violations.first.len(), head.violations.count);
     assert_eq!((kept, all), (200, 300));
 }

@@ -86,8 +86,7 @@ fn a_sensor_with_an_address_talks_only_if_asked() {
     assert_eq!(say(&mut board, "@5 rows", 30), ["@5 rows 3"]);
     // Saved, and left by `defaults`. Not even a banner after a start.
     board.take_lines();
-    board.send("@5 save\r\n");
-    await_text(&mut board, "@5 save");
+    tell(&mut board, "@5 save");
     board.reset_pin().expect("the emulator");
     board.take_bytes();
     run_ms(&mut board, 300);

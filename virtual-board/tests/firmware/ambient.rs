@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use simulator::scene::Scene;
-use slitrange::Calibration;
 use slitrange::light::ambient::AmbientMode;
 use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
 use virtual_board::light::{Target, of_scene};
@@ -23,10 +22,8 @@ fn beside_a_window() -> LightSource {
 #[test]
 fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
     let settings = options(|it| it.ambient = AmbientMode::Subtract);
-    let (calibration, commands) = (Calibration::nominal(), ["ambient subtract"]);
-    let light = beside_a_window();
     let (shown, chip, kinds) =
-        run_as_on_this_pc(light, &commands, 320, 1, settings, calibration.as_ref());
+        run_as_on_this_pc(beside_a_window(), &["ambient subtract"], 320, 1, settings);
     let on: Vec<bool> = shown.iter().map(|row| row.exposure.laser > 0).collect();
     let alternate = on.iter().rev().take(200).collect::<Vec<_>>();
     assert!(alternate.windows(2).all(|pair| pair[0] != pair[1]));
@@ -42,9 +39,8 @@ fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
 /// The longest frame takes 730 ms, in which the watchdog sees no reading.
 #[test]
 fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
-    let (mut board, _) = boot(beside_a_window());
+    let mut board = measuring_in(beside_a_window(), 64);
     set(&mut board, "ambient subtract");
-    set(&mut board, "rows 64");
     board.take_lines();
     run_ms(&mut board, 4_000);
     assert_readings(&results(&mut board, 1));
@@ -110,8 +106,7 @@ fn a_raw_row_has_the_laser_on_and_no_ambient_light() {
 /// sent.
 #[test]
 fn dark_rows_are_not_measured_after_the_laser_is_on_in_all_rows() {
-    let (mut board, _) = boot(beside_a_window());
-    set(&mut board, "rows 1");
+    let mut board = measuring_in(beside_a_window(), 1);
     for round in 0..6 {
         set(&mut board, "ambient subtract");
         run_to_another_time(&mut board, 150, round);

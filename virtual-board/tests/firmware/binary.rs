@@ -23,8 +23,8 @@ pub struct Received {
     pub sequence: Vec<u16>,
     /// The results, each with the end of the first byte of its packet.
     pub results: Vec<(Nanos, FrameResult)>,
-    /// The windows: the counter of the result, the first pixel and the counts.
-    pub windows: Vec<(u32, u16, Vec<u16>)>,
+    /// The windows: the counter of the result, and the counts.
+    pub windows: Vec<(u32, Vec<u16>)>,
     pub rows: Vec<(RowHead, Vec<u16>)>,
     pub text: String,
     pub errors: Vec<PacketError>,
@@ -66,10 +66,8 @@ impl Received {
             Message::Result(result) => self.results.push((start, result)),
             Message::Text(text) => self.text += &String::from_utf8_lossy(text),
             Message::Window {
-                counter,
-                first,
-                counts,
-            } => (self.windows).push((counter, first, unpack(counts).collect())),
+                counter, counts, ..
+            } => self.windows.push((counter, unpack(counts).collect())),
             Message::Row(head) => self.rows.push((head, vec![])),
             Message::Words {
                 number,
@@ -106,18 +104,14 @@ fn results_and_answers_come_as_packets_until_text_is_asked_for() {
     assert_eq!(received.text, "rows 2\r\n");
     // A frame takes 11.4 ms.
     assert!(received.results.len() >= 87, "{}", received.results.len());
-    for two in received.results.windows(2) {
-        let [(_, before), (at, result)] = two else {
-            unreachable!("windows of two")
-        };
+    for ((_, before), (at, result)) in received.results.iter().zip(&received.results[1..]) {
         assert_eq!(result.counter, before.counter + 1);
         let period = result.time_us - before.time_us;
         assert!(period.abs_diff(11_400) <= 20, "{period}");
         assert!(result.result.is_ok_and(|reading| reading.rows_used == 2));
         assert!(at / 1000 > result.time_us);
     }
-    board.send("format text\r\n");
-    await_text(&mut board, "format text");
+    tell(&mut board, "format text");
     Status::ask(&mut board).assert_nothing_lost();
 }
 
@@ -156,7 +150,7 @@ fn the_answer_to_baud_is_at_the_old_rate_and_all_later_bytes_are_at_the_new_one(
 #[test]
 fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
     // A slower core loses bytes of commands at this rate (docs/hardware.md).
-    let mut board = measuring_under(full_speed(), 16);
+    let mut board = measuring_under(paper(), 16, full_speed());
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);
     say(&mut board, "pixels rows", 50);
@@ -171,11 +165,7 @@ fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
     assert_eq!(readings.count(), 1);
     assert!(number(&received.text, " n ", "/16") == 16.0);
     assert_eq!(received.results, []);
-    let options = Options {
-        rows: 16,
-        ..Options::default()
-    };
-    let mut measurement = Measurement::new(tcd1304dg(), options);
+    let mut measurement = Measurement::new(tcd1304dg(), Options::default());
     // The last row is not whole.
     let whole = &received.rows[..received.rows.len() - 1];
     for (head, words) in whole {

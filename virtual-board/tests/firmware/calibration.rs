@@ -2,7 +2,6 @@
 //! or nothing changes.
 
 use simulator::scene::Scene;
-use slitrange::frame;
 use slitrange::frame::comb::Comb;
 use slitrange::measurement::Options;
 use slitrange_device::protocol::calibration::FlashStatus;
@@ -37,8 +36,7 @@ fn an_uncalibrated_sensor_uses_the_nominal_calibration() {
 /// line that the core gives on this PC for the same words of the sensor head.
 #[test]
 fn readings_use_the_uploaded_calibration() {
-    let (mut board, _) = boot(spot_at(CENTRE, 2000.0));
-    set(&mut board, "rows 6");
+    let mut board = measuring_in(spot_at(CENTRE, 2000.0), 6);
     keep_all_rows(&mut board);
     for written in every_kind() {
         println!("{} bytes", written.bytes().len());
@@ -55,7 +53,7 @@ fn readings_use_the_uploaded_calibration() {
         let lines = fresh_results(&mut board, 5);
         println!("{}", lines[4]);
         assert_readings(&lines);
-        let rows: Vec<_> = kept_rows(&mut board);
+        let rows = kept_rows(&mut board);
         // The rows of these lines are among the last rows.
         let last = &rows[rows.len() - 60..];
         assert!(agree(&lines, last, &written), "{lines:#?}");
@@ -68,8 +66,7 @@ fn readings_use_the_uploaded_calibration() {
 #[test]
 fn readings_use_the_slits_of_a_saved_comb() {
     let scene = Scene::load("comb").expect("a scene");
-    let (mut board, _) = boot(of_scene(scene, Target::at(0.8)));
-    set(&mut board, "rows 6");
+    let mut board = measuring_in(of_scene(scene, Target::at(0.8)), 6);
     let written = of_comb();
     upload(&mut board, &written);
     assert_eq!(ask(&mut board, "slits"), "slits comb");
@@ -111,7 +108,6 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
     let record = written.record();
     let options = Options {
         rows: 6,
-        mean: frame::Mean::default(),
         estimator: record.estimator,
         black_level: record.black_level,
         slits: record.slits(),
@@ -250,8 +246,7 @@ fn defaults_restores_the_state_of_a_new_sensor() {
 #[test]
 fn a_centre_needs_no_calibration() {
     for (centre, has_distance) in [(1800.3, true), (3000.7, false)] {
-        let (mut board, _) = boot(spot_at(centre, 2000.0));
-        set(&mut board, "rows 4");
+        let mut board = measuring_in(spot_at(centre, 2000.0), 4);
         for command in ["calibration on", "calibration off"] {
             set(&mut board, command);
             let streamed = fresh_results(&mut board, 1).remove(0);

@@ -5,12 +5,9 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::comb::{Comb, Slit};
 use simulator::scene::{Scene, Simulation, Spot};
-use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres};
 use slitrange::distance::Calibration;
 use slitrange::frame::comb::Slits;
 use slitrange::measurement::Options;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 use std::collections::BTreeMap;
@@ -22,7 +19,7 @@ use virtual_board::{Exposure, LightSource, VirtualBoard};
 use super::common::*;
 use super::faults::{assert_all_are, assert_distance_gives_advice};
 use super::identical::{
-    assert_same, calibrated_on_this_pc, logarithmic, options, run_as_on_this_pc,
+    CALIBRATIONS, assert_same, calibrated_on_this_pc, logarithmic, options, run_as_on_this_pc,
 };
 use super::records;
 
@@ -54,11 +51,7 @@ fn settings(rows: u16) -> Options {
     options(|it| (it.rows, it.slits) = (rows, Slits::Comb))
 }
 
-fn measuring(light: LightSource, rows: u16) -> CleanBoard {
-    measuring_under(light, rows, Conditions::default())
-}
-
-fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> CleanBoard {
+fn measuring(light: LightSource, rows: u16, conditions: Conditions) -> CleanBoard {
     let (mut board, _) = boot_under(light, conditions);
     set(&mut board, "slits comb");
     set(&mut board, &format!("rows {rows}"));
@@ -86,16 +79,13 @@ fn assert_fault(board: &mut VirtualBoard, name: &str) -> String {
     assert_all_are(&line, name);
     assert_distance_gives_advice(board, name);
     let status = Status::ask(board);
-    let count = status.count(&format!("fault {name}"));
-    println!("{}: {count} in `status`", line[0]);
-    assert!(count >= 4, "{status:#?}");
+    assert!(status.count(&format!("fault {name}")) >= 4, "{status:#?}");
     line[0].clone()
 }
 
 #[test]
 fn a_comb_is_measured_once_the_firmware_is_told() {
-    let (mut board, _) = boot(paper_behind_a_comb());
-    set(&mut board, "rows 4");
+    let mut board = measuring_in(paper_behind_a_comb(), 4);
     // A sensor with one slit sees two spots.
     assert_all_are(&fresh_results(&mut board, 2), "two spots");
     set(&mut board, "slits comb");
@@ -106,7 +96,7 @@ fn a_comb_is_measured_once_the_firmware_is_told() {
 
 #[test]
 fn one_slit_is_too_few_until_the_setting_is_right_again() {
-    let mut board = measuring(paper(), 4);
+    let mut board = measuring(paper(), 4, Conditions::default());
     let line = assert_fault(&mut board, "too few slits");
     assert_eq!(line, "f too few slits: 1, needs 4");
     set(&mut board, "slits one");
@@ -117,7 +107,8 @@ fn one_slit_is_too_few_until_the_setting_is_right_again() {
 fn a_mask_with_even_gaps_is_unclear() {
     let scene = behind(even(1e-3));
     scene.check().expect("a scene");
-    let mut board = measuring(of_scene(scene, Target::at(DISTANCE)), 4);
+    let light = of_scene(scene, Target::at(DISTANCE));
+    let mut board = measuring(light, 4, Conditions::default());
     let line = assert_fault(&mut board, "slits unclear");
     let images = number(&line, ": ", " images");
     let other = number(&line, "place, ", " another");
@@ -145,7 +136,7 @@ fn recurring() -> LightSource {
 /// Runs the firmware with a comb at the sensor's rate. No row is lost, all frames give readings, and the
 /// core sleeps at least half of the time.
 fn assert_rate(frame: u16, seconds: u64) {
-    let mut board = measuring_under(recurring(), frame, full_speed());
+    let mut board = measuring(recurring(), frame, full_speed());
     let before = Status::ask(&mut board);
     run_ms(&mut board, 300);
     let began = board.statistics();
@@ -260,24 +251,16 @@ fn frames_of_combs(seed: u64) -> LightSource {
 #[test]
 fn every_row_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
     const ROWS: u64 = 250;
-    for (calibration, command) in [
-        (Calibration::nominal(), "calibration on"),
-        (None, "calibration off"),
-    ] {
-        let (commands, light) = ([command, "slits comb", "rows 1"], any_combs(11));
+    for (command, centre) in CALIBRATIONS {
+        let commands = [command, "slits comb", "rows 1"];
         // The first lines may still belong to frames of 16 rows.
-        let (_, chip, kinds) =
-            run_as_on_this_pc(light, &commands, ROWS, 2, settings(1), calibration.as_ref());
+        let (_, chip, kinds) = run_as_on_this_pc(any_combs(11), &commands, ROWS, 2, settings(1));
         assert!(chip.len() >= 180, "{}", chip.len());
         let mut slits = BTreeMap::new();
         for line in chip.iter().filter(|line| is_reading(line)) {
             *slits.entry(slits_of(line)).or_insert(0) += 1;
         }
         println!("readings by slits: {slits:?}");
-        let centre = match calibration {
-            Some(_) => "reading",
-            None => "not calibrated",
-        };
         for kind in [centre, "too few slits", "slits unclear", "no spot"] {
             assert!(kinds.contains_key(kind), "{kind}: {kinds:?}");
         }
@@ -288,10 +271,8 @@ fn every_row_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
 fn every_frame_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
     for (rows, of_all) in [(5, 150), (16, 400)] {
         let commands = ["slits comb", &format!("rows {rows}")];
-        let (light, calibration) = (frames_of_combs(12), Calibration::nominal());
-        let settings = settings(rows);
-        let (_, chip, kinds) =
-            run_as_on_this_pc(light, &commands, of_all, 2, settings, calibration.as_ref());
+        let light = frames_of_combs(12);
+        let (_, chip, kinds) = run_as_on_this_pc(light, &commands, of_all, 2, settings(rows));
         assert!(chip.len() >= 20);
         assert!(kinds["reading"] >= 10, "{kinds:?}");
     }
@@ -301,13 +282,7 @@ fn every_frame_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
 /// slits.
 fn record() -> Record {
     Record {
-        errors: CalibrationErrors::Fitted(FittedErrors {
-            curve: [Micrometres::from_int(1); PLACES],
-            surface: Some(FittedSurface {
-                deviation: [Micrometres::default(); PLACES],
-                height: [Counts::from_int(1000); PLACES],
-            }),
-        }),
+        errors: records::fitted(1, 0),
         estimator: Options::default().estimator,
         black_level: Options::default().black_level,
         profile: None,
@@ -361,7 +336,6 @@ fn speckle_moves_readings_on_the_chip_as_on_a_pc() {
     }
     let shown = kept_rows(&mut board);
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
 
     let calibration = Some(&record.calibration);
     // The first line may be from other settings. A frame may begin with any row.
@@ -376,8 +350,7 @@ fn speckle_moves_readings_on_the_chip_as_on_a_pc() {
         let compared = readings.iter();
         errors(compared.map(|&(number, distance)| (lines[number].as_str(), distance)))
     };
-    let mut of_pc = lines[..first_line].to_vec();
-    of_pc.extend(pc);
+    let of_pc = [&lines[..first_line], &pc[..]].concat();
     for (name, (rms, within, slits)) in [("chip", on(&lines)), ("PC", on(&of_pc))] {
         println!(
             "{name}: {} readings of {SURFACES}, RMS error {rms:.1} um, {:.1} % within 2u, {slits:.2} slits",

@@ -158,19 +158,6 @@ fn with_the_stream_off_distance_gives_one_reading() {
     fresh_results(&mut board, 3);
 }
 
-#[test]
-fn a_frame_has_as_many_rows_as_set() {
-    let mut board = measuring(16);
-    assert_eq!(ask(&mut board, "rows"), "rows 16");
-    for rows in [1, 7, 64] {
-        set(&mut board, &format!("rows {rows}"));
-        assert_eq!(ask(&mut board, "rows"), format!("rows {rows}"));
-        let lines = fresh_results(&mut board, 1);
-        let used = format!(" n {rows}/{rows} ");
-        assert!(lines[0].contains(&used), "{lines:?}");
-    }
-}
-
 fn spot_that_moves(mut centre: impl FnMut(u64) -> f64 + Send + 'static) -> LightSource {
     let mut row = 0;
     let scene = Scene::white_paper();
@@ -184,8 +171,7 @@ fn spot_that_moves(mut centre: impl FnMut(u64) -> f64 + Send + 'static) -> Light
 fn the_set_mean_is_used() {
     // Of any eight successive rows, one is 3 px off.
     let off = |row| if row % 8 == 0 { 3.0 } else { 0.0 };
-    let (mut board, _) = boot(spot_that_moves(move |row| 1800.0 + off(row)));
-    set(&mut board, "rows 8");
+    let mut board = measuring_in(spot_that_moves(move |row| 1800.0 + off(row)), 8);
     assert_eq!(ask(&mut board, "mean"), "mean weighted");
     for (command, centre, rows) in [
         ("mean plain", 1800.375, 8.0..=8.0),
@@ -214,8 +200,8 @@ fn rows_with_similar_errors_are_flagged() {
     // The centre swings by a tenth of a pixel, in waves of 32 rows. This is ten times the noise, and a wave
     // is not a straight motion.
     let wave = |row: u64| (std::f64::consts::TAU * row as f64 / 32.0).sin();
-    let (mut board, _) = boot(spot_that_moves(move |row| 1800.0 + 0.1 * wave(row)));
-    set(&mut board, "rows 64");
+    let light = spot_that_moves(move |row| 1800.0 + 0.1 * wave(row));
+    let mut board = measuring_in(light, 64);
     for end in [" n 64/64 c 1 g", " n 64/64 g"] {
         for line in fresh_results(&mut board, 2) {
             println!("{line}");
@@ -240,8 +226,7 @@ fn paper_in_stray_light() -> LightSource {
 
 #[test]
 fn the_set_black_level_is_used() {
-    let (mut board, _) = boot(paper_in_stray_light());
-    set(&mut board, "rows 4");
+    let mut board = measuring_in(paper_in_stray_light(), 4);
     assert_eq!(ask(&mut board, "black"), "black shielded");
     let black = Scene::white_paper().black_level.expect("a level").counts;
     for (command, expected, tolerance) in [

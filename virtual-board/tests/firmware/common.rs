@@ -116,7 +116,7 @@ pub fn boot_with(flash: &SharedFlash, light: LightSource) -> CleanBoard {
 /// Cuts the power and restores it, in this light.
 pub fn power_cycle(board: CleanBoard, light: LightSource) -> CleanBoard {
     let flash = board.flash().clone();
-    board.finish().expect("a clean run");
+    drop(board);
     boot_with(&flash, light)
 }
 
@@ -133,6 +133,12 @@ pub fn await_banner(board: &mut VirtualBoard) -> Line {
 pub fn await_line(board: &mut VirtualBoard, wanted: impl FnMut(&str) -> bool) -> Line {
     let line = board.run_until_line(wanted, PATIENCE);
     line.unwrap_or_else(|error| panic!("{error:#}"))
+}
+
+/// Sends a command and waits for its answer, the same text. Any lines may come before.
+#[track_caller]
+pub fn tell(board: &mut VirtualBoard, command: &str) {
+    board.tell(command, PATIENCE).expect("the same text");
 }
 
 pub fn await_text(board: &mut VirtualBoard, text: &str) -> Line {
@@ -162,11 +168,15 @@ pub fn say(board: &mut VirtualBoard, line: &str, ms: u64) {
 
 /// A board with white paper at [`DISTANCE`] and `rows` rows in a frame.
 pub fn measuring(rows: u16) -> CleanBoard {
-    measuring_under(Conditions::default(), rows)
+    measuring_in(paper(), rows)
 }
 
-pub fn measuring_under(conditions: Conditions, rows: u16) -> CleanBoard {
-    let (mut board, _) = boot_under(paper(), conditions);
+pub fn measuring_in(light: LightSource, rows: u16) -> CleanBoard {
+    measuring_under(light, rows, Conditions::default())
+}
+
+pub fn measuring_under(light: LightSource, rows: u16, conditions: Conditions) -> CleanBoard {
+    let (mut board, _) = boot_under(light, conditions);
     set(&mut board, &format!("rows {rows}"));
     board
 }

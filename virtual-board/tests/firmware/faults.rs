@@ -30,7 +30,6 @@ fn only_fault(settings: &[&str], name: &str, light: LightSource) -> String {
     assert_distance_gives_advice(&mut board, name);
     assert_all_are(&lines, name);
     println!("{} lines like: {}", lines.len(), lines[0]);
-    board.finish().expect("a clean run");
     lines[0].clone()
 }
 
@@ -60,8 +59,8 @@ pub fn assert_all_are(lines: &[String], name: &str) {
 fn advice_for(name: &str) -> &'static str {
     let (amplitude, needed) = <(Counts, Counts)>::default();
     let (centre, other, scatter, uncertainty) = <(Pixels, Pixels, Pixels, Pixels)>::default();
+    let (step, exposure) = (Micrometres::default(), Exposure::LONGEST);
     let pixels = 0;
-    let step = Micrometres::default();
     let faults = [
         Fault::SensorSilent,
         Fault::NoSpot { amplitude },
@@ -85,12 +84,9 @@ fn advice_for(name: &str) -> &'static str {
         },
         Fault::DimAtLongest {
             amplitude,
-            exposure: Exposure::LONGEST,
+            exposure,
         },
-        Fault::SaturatedAtShortest {
-            pixels,
-            exposure: Exposure::SHORTEST,
-        },
+        Fault::SaturatedAtShortest { pixels, exposure },
         Fault::LaserOff,
         Fault::Spike { step },
     ];
@@ -152,8 +148,7 @@ fn two_spots_of_similar_height_are_a_fault() {
 #[test]
 fn the_settings_region_and_peak_choose_one_of_two_spots() {
     let (first, second) = (1600.0, 2000.0);
-    let (mut board, _) = boot(two_spots(first, second));
-    set(&mut board, "rows 4");
+    let mut board = measuring_in(two_spots(first, second), 4);
     for (setting, centre) in [
         ("peak first", first),
         ("peak last", second),
@@ -325,7 +320,7 @@ fn a_read_out_that_stops_half_way_is_dropped_and_measuring_continues() {
 
     let status = Status::ask(&mut board);
     assert_eq!(status.count("rows failed"), 1, "{status:#?}");
-    let violations = board.head(|head| head.violations().to_vec());
+    let violations = board.head(|head| head.violations.first.clone());
     println!("stopped at {:.3} ms: {violations:#?}", moment as f64 * 1e-6);
     assert_eq!(violations.len(), 1, "and no other: {violations:#?}");
 }

@@ -51,19 +51,14 @@ fn take(board: &mut VirtualBoard) -> [String; 2] {
 }
 
 fn error(board: &mut VirtualBoard) -> f64 {
-    let distances = [0.6, 0.7, 0.8, 0.9, 1.0];
     let simulation = Simulation::new(scene());
-    let sum: f64 = distances
-        .iter()
-        .map(|&distance| {
-            board.set_light(paper(distance));
-            let reading = fresh_results(board, 1).remove(0);
-            let error = number(&reading, " x ", " a ") - simulation.true_centre(0, distance);
-            println!("{reading} {error:+.4}");
-            error * error
-        })
-        .sum();
-    f64::sqrt(sum / distances.len() as f64)
+    statistics::rms([0.6, 0.7, 0.8, 0.9, 1.0].map(|distance| {
+        board.set_light(paper(distance));
+        let reading = fresh_results(board, 1).remove(0);
+        let error = number(&reading, " x ", " a ") - simulation.true_centre(0, distance);
+        println!("{reading} {error:+.4}");
+        error
+    }))
 }
 
 /// The cycles of a row that is neither the first nor the last of its frame: the least of several rows. On the
@@ -85,8 +80,7 @@ fn shown(board: &mut VirtualBoard) -> Vec<String> {
 
 #[test]
 fn a_map_lowers_the_error_and_survives_a_power_cycle() {
-    let (mut board, _) = boot(paper(0.8));
-    set(&mut board, "rows 16");
+    let mut board = measuring_in(paper(0.8), 16);
     assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
     let refused = ask(&mut board, "flat lit");
     assert!(refused.starts_with("E20 "), "{refused}");
@@ -156,8 +150,7 @@ fn a_power_cut_leaves_the_old_map_or_the_new_one() {
     board.flash().take_history();
     assert_eq!(paused(&mut board, "flat save"), "flat save");
     let history = board.flash().take_history();
-    board.finish().expect("a clean run");
-    let operations = history.operations().len();
+    let operations = history.operations.len();
     let (stored, new) = kept::map_in(&history.after(operations));
     let new = new.expect("a map");
     assert_eq!(stored, StoredMap::Newest);
@@ -189,7 +182,6 @@ fn a_map_that_is_damaged_or_of_a_later_version_is_not_used() {
     take(&mut board);
     assert_eq!(paused(&mut board, "flat save"), "flat save");
     let whole = board.flash().contents();
-    board.finish().expect("a clean run");
     let start = 2 * SECTOR_BYTES;
     // A bit of an entry in the first sector of the map; the version and its complement, 1 to 2.
     for (flips, fault) in [

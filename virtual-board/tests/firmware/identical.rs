@@ -23,8 +23,11 @@ use virtual_board::{Exposure, LightSource, Row};
 
 use super::common::*;
 
-/// The numbers of pixels that an estimator may sum to one sample.
-const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;
+/// The two states of the calibration's switch, and what the line of a good centre then is.
+pub const CALIBRATIONS: [(&str, &str); 2] = [
+    ("calibration on", "reading"),
+    ("calibration off", "not calibrated"),
+];
 
 /// A random spot on each row: anywhere and beyond the edges, narrower and wider than the estimators allow,
 /// from lost in the noise to three times full scale. One row in six has a second spot.
@@ -77,9 +80,25 @@ pub fn logarithmic(random: &mut ChaCha8Rng, least: f64, most: f64) -> f64 {
     random.random_range(least.ln()..most.ln()).exp()
 }
 
-/// Every row since the start of the firmware, and the results after the commands took effect. The exposure is
-/// fixed unless a command says otherwise.
-fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<String>) {
+pub fn options(change: impl FnOnce(&mut Options)) -> Options {
+    let mut options = Options {
+        exposure: ExposureMode::Fixed(exposure::Exposure::LONGEST),
+        ..Options::default()
+    };
+    change(&mut options);
+    options
+}
+
+/// Runs a board after these commands, and asserts that its lines from number `first` on are the PC's. The
+/// exposure is fixed unless a command says otherwise. Gives every row since the start of the firmware, these
+/// lines, and the number of lines of each kind.
+pub fn run_as_on_this_pc(
+    light: LightSource,
+    commands: &[&str],
+    rows: u64,
+    first: usize,
+    options: Options,
+) -> (Vec<Row>, Vec<String>, BTreeMap<String, usize>) {
     let (mut board, _) = boot(light);
     keep_all_rows(&mut board);
     for command in [&["exposure 5600"], commands].concat() {
@@ -91,36 +110,15 @@ fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<Strin
     board.run_until_rows(rows, longest).expect("rows");
     // Wait until the last row has its line.
     run_ms(&mut board, 5);
-    let lines = take_results(&mut board);
+    let chip = take_results(&mut board).split_off(first);
     let shown = kept_rows(&mut board);
     // The comparison below would not notice a lost row or a dropped line.
     Status::ask(&mut board).assert_nothing_lost();
-    board.finish().expect("a clean run");
-    (shown, lines)
-}
-
-pub fn options(change: impl FnOnce(&mut Options)) -> Options {
-    let mut options = Options {
-        exposure: ExposureMode::Fixed(exposure::Exposure::LONGEST),
-        ..Options::default()
-    };
-    change(&mut options);
-    options
-}
-
-/// Runs a board, and asserts that its lines from number `first` on are the PC's. Gives all rows, these lines,
-/// and the number of lines of each kind.
-pub fn run_as_on_this_pc(
-    light: LightSource,
-    commands: &[&str],
-    rows: u64,
-    first: usize,
-    options: Options,
-    calibration: Option<&Calibration>,
-) -> (Vec<Row>, Vec<String>, BTreeMap<String, usize>) {
-    let (shown, mut chip) = run(light, commands, rows);
-    chip.drain(..first);
-    let pc = on_this_pc(&chip, &shown, options, calibration);
+    // Nobody calibrated this sensor.
+    let is_on = !commands.contains(&"calibration off");
+    let calibration = Calibration::nominal().filter(|_| is_on);
+    let errors = CalibrationErrors::Nominal;
+    let pc = calibrated_on_this_pc(&chip, &shown, options, calibration.as_ref(), &errors);
     let kinds = assert_same(&chip, &pc, if options.rows == 1 { 2 } else { 1 });
     println!("{commands:?}: {} lines are the same: {kinds:?}", chip.len());
     (shown, chip, kinds)
@@ -133,17 +131,6 @@ fn exposure(row: &Row, options: &Options) -> Option<exposure::Exposure> {
     }
     let us = u16::try_from(row.exposure.laser / 1000).expect("shorter than a row");
     exposure::Exposure::from_us(us)
-}
-
-/// The PC's lines from the chip's first line on, of a sensor that nobody calibrated.
-fn on_this_pc(
-    chip: &[String],
-    rows: &[Row],
-    options: Options,
-    calibration: Option<&Calibration>,
-) -> Vec<String> {
-    let errors = CalibrationErrors::Nominal;
-    calibrated_on_this_pc(chip, rows, options, calibration, &errors)
 }
 
 /// The PC's lines from the chip's first line on. A frame may begin with any row, and lines before the chip's
@@ -214,10 +201,9 @@ pub fn assert_same(chip: &[String], pc: &[String], more: usize) -> BTreeMap<Stri
     let mut kinds = BTreeMap::new();
     for (i, (chip, pc)) in chip.iter().zip(pc).enumerate() {
         assert_eq!(chip, pc, "line {i}: the chip and the PC");
-        let kind = if is_reading(chip) {
-            "reading"
-        } else {
-            chip["f ".len()..].split(':').next().unwrap_or_default()
+        let kind = match chip.strip_prefix("f ") {
+            Some(fault) => fault.split(':').next().unwrap_or_default(),
+            None => "reading",
         };
         *kinds.entry(kind.to_owned()).or_insert(0) += 1;
     }
@@ -227,20 +213,10 @@ pub fn assert_same(chip: &[String], pc: &[String], more: usize) -> BTreeMap<Stri
 #[test]
 fn every_row_gives_the_same_line_on_the_chip_and_on_a_pc() {
     const ROWS: u64 = 420;
-    for (calibration, command) in [
-        (Calibration::nominal(), "calibration on"),
-        (None, "calibration off"),
-    ] {
+    for (command, _) in CALIBRATIONS {
         // The first line may still belong to a frame of 16 rows.
         let (commands, options) = ([command, "rows 1"], options(|it| it.rows = 1));
-        let (rows, chip, kinds) = run_as_on_this_pc(
-            any_spots(5),
-            &commands,
-            ROWS,
-            1,
-            options,
-            calibration.as_ref(),
-        );
+        let (rows, chip, kinds) = run_as_on_this_pc(any_spots(5), &commands, ROWS, 1, options);
         assert!(chip.len() >= 300, "{}", chip.len());
 
         let mut blocks = BTreeMap::new();
@@ -248,7 +224,7 @@ fn every_row_gives_the_same_line_on_the_chip_and_on_a_pc() {
             *blocks.entry(block).or_insert(0) += 1;
         }
         println!("centres by pixels in a sample: {blocks:?}");
-        assert!(blocks.keys().eq(&BLOCKS), "{blocks:?}");
+        assert!(blocks.keys().eq(&centre::tables::BLOCKS), "{blocks:?}");
         for name in Fault::NAMES {
             let here = match name {
                 // A frame of one row cannot be unsteady.
@@ -279,9 +255,7 @@ fn every_frame_gives_the_same_line_on_the_chip_and_on_a_pc() {
         let options = options(|it| {
             (it.rows, it.mean, it.black_level) = (rows, mean, BlackLevel::Frame);
         });
-        let (light, calibration) = (spots_nearby(6), Calibration::nominal());
-        let (_, chip, kinds) =
-            run_as_on_this_pc(light, &commands, of_all, 1, options, calibration.as_ref());
+        let (_, chip, kinds) = run_as_on_this_pc(spots_nearby(6), &commands, of_all, 1, options);
         assert!(chip.len() >= 20);
         let alike = chip.iter().filter(|line| line.contains(" c ")).count();
         println!("{alike} of rows that err alike");
@@ -311,15 +285,11 @@ fn assert_same_lines(estimators: &[Estimator]) {
     for &estimator in estimators {
         let command = format!("estimator {}", estimator.name());
         // Without a calibration, a line gives all bits of a centre; with it, the misfits.
-        for (calibration, switch, centre) in [
-            (Calibration::nominal(), "calibration on", "reading"),
-            (None, "calibration off", "not calibrated"),
-        ] {
-            let (commands, light) = ([switch, "rows 1", &command], any_spots(7));
+        for (switch, centre) in CALIBRATIONS {
+            let commands = [switch, "rows 1", &command];
             let options = options(|it| (it.rows, it.estimator) = (1, estimator));
             // The first two lines may still be from the estimator before.
-            let (_, chip, kinds) =
-                run_as_on_this_pc(light, &commands, ROWS, 2, options, calibration.as_ref());
+            let (_, chip, kinds) = run_as_on_this_pc(any_spots(7), &commands, ROWS, 2, options);
             assert!(chip.len() >= 40);
             assert!(kinds[centre] >= 5, "{kinds:?}");
         }

@@ -63,13 +63,10 @@ pub fn saved_in(contents: &Contents) -> Configuration {
 
 /// Asserts that a board that found `kept` in its flash reports it. Gives the calibration in use.
 pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Stored) -> Option<EncodedRecord> {
+    let record = kept.configuration().and_then(|saved| saved.record.clone());
     let calibration = match kept {
-        Stored::Nothing => EncodedRecord::nominal(),
-        Stored::Newest(saved) | Stored::Older(saved) => match saved.record.clone() {
-            Some(record) => Some(written(record)),
-            None => EncodedRecord::nominal(),
-        },
         Stored::Later(_) | Stored::Unusable => None,
+        _ => record.map_or_else(EncodedRecord::nominal, |it| Some(written(it))),
     };
     let stored = match (kept, &calibration) {
         (Stored::Newest(_), Some(written)) => FlashStatus::Record(written.sum()),

@@ -7,7 +7,6 @@ use judges::changing_light::{self, BRIGHTEST};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Exposure as Times, Scene, Simulation};
-use slitrange::Calibration;
 use slitrange::measurement::Options;
 use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
 
@@ -41,9 +40,9 @@ fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row() {
             assert!(pulse.end < exposure.end, "{pulse:?} in {exposure:?}");
             middles.push(pulse.start.midpoint(pulse.end) - exposure.start);
         }
-        let (least, most) = (middles.iter().min(), middles.iter().max());
-        println!("{us} us: middle of the pulse {least:?} to {most:?} ns after the row's begin");
-        let (least, most) = (*least.expect("rows"), *most.expect("rows"));
+        middles.sort_unstable();
+        let (least, most) = (middles[0], middles[middles.len() - 1]);
+        println!("{us} us: middle of the pulse {least} to {most} ns after the row's begin");
         // The timer starts at once, and the longest exposure has the same middle.
         let middle = longest * 500;
         assert!((middle..middle + 3_000).contains(&least), "{least}");
@@ -138,10 +137,9 @@ fn jumping(rows: u64) -> LightSource {
 fn assert_jumps_are_followed(jumps: u64) {
     // A frame and a half, and some: jumps come anywhere in a frame.
     const ROWS: u64 = 39;
-    let (options, calibration) = (Options::default(), Calibration::nominal());
-    let (light, commands, rows) = (jumping(ROWS), ["exposure auto"], jumps * ROWS);
+    let (light, rows) = (jumping(ROWS), jumps * ROWS);
     let (_, chip, kinds) =
-        run_as_on_this_pc(light, &commands, rows, 1, options, calibration.as_ref());
+        run_as_on_this_pc(light, &["exposure auto"], rows, 1, Options::default());
     let optics = Scene::white_paper().optics;
     let truth = optics.centre(DISTANCE);
     let mm_per_pixel = 1e3 * optics.metres_per_pixel(truth).abs();
@@ -171,9 +169,8 @@ fn a_hundred_jumps_of_the_brightness_cost_at_most_a_frame_each() {
 
 fn demo_of_reflectivity(options: &[&str]) -> serde_json::Value {
     let mut demo = Command::new(env!("CARGO_BIN_EXE_demo"));
-    demo.args(["--scene", "reflectivity", "--json"])
-        .args(options);
-    let output = demo.output().expect("the demo starts");
+    let demo = demo.args(["--scene", "reflectivity", "--json"]);
+    let output = demo.args(options).output().expect("the demo starts");
     assert!(output.status.success(), "{output:?}");
     serde_json::from_slice(&output.stdout).expect("JSON")
 }

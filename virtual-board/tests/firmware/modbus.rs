@@ -39,8 +39,7 @@ fn a_master_reads_results_and_writes_settings() {
     let (mut board, _) = boot(paper());
     let reading = fresh_results(&mut board, 1).remove(0);
     set(&mut board, "address 17");
-    board.send("@17 format modbus\r\n");
-    await_text(&mut board, "@17 format modbus");
+    tell(&mut board, "@17 format modbus");
     // Nothing is sent unasked.
     assert_eq!(say(&mut board, b"", 300), NOTHING);
     let inputs = request(&mut board, &[17, 4, 0, 0, 0, 16]);

@@ -118,7 +118,6 @@ fn the_target_moves_to_the_position_in_the_stage_file() {
     let line = demo.fresh_reading();
     let off = number(&line, "d ", " mm") - 1000.25;
     assert!(off.abs() < 0.05, "{line}");
-    drop(demo);
 }
 
 /// The centre follows the hidden geometry. The distance is that of the nominal calibration for this centre.
@@ -140,7 +139,6 @@ fn with_an_unknown_geometry_the_nominal_calibration_gives_wrong_distances() {
         assert!((reading - nominal).abs() < 0.05, "{nominal} mm: {line}");
         assert!((reading - 1e3 * distance).abs() > 1.0, "{line}");
     }
-    drop(demo);
     fs::remove_file(&file).expect("the file");
 }
 
@@ -160,7 +158,6 @@ fn saved_settings_survive_a_restart_of_the_demo() {
     let mut demo = Demo::start(&arguments);
     demo.send("rows");
     assert_eq!(demo.line(|line| line.starts_with("rows ")), "rows 5");
-    drop(demo);
     fs::remove_file(&file).expect("the file");
 }
 
@@ -174,10 +171,8 @@ fn a_distance_in_metres_is_refused() {
 }
 
 fn assert_refused(arguments: &[&str], words: &[&str]) {
-    let demo = Command::new(env!("CARGO_BIN_EXE_demo"))
-        .args(arguments)
-        .output();
-    let demo = demo.expect("the demo starts");
+    let mut demo = Command::new(env!("CARGO_BIN_EXE_demo"));
+    let demo = demo.args(arguments).output().expect("the demo starts");
     let message = String::from_utf8_lossy(&demo.stderr);
     assert!(!demo.status.success());
     assert!(words.iter().all(|it| message.contains(it)), "{message}");
@@ -187,9 +182,7 @@ fn assert_refused(arguments: &[&str], words: &[&str]) {
 fn a_flash_file_of_the_wrong_size_is_refused() {
     let file = no_file("no-flash");
     fs::write(&file, [0; 100]).expect("a file");
-    assert_refused(
-        &["--pty", "--flash", name(&file)],
-        &["no-flash", "100 bytes"],
-    );
+    let arguments = ["--pty", "--flash", name(&file)];
+    assert_refused(&arguments, &["no-flash", "100 bytes"]);
     fs::remove_file(&file).expect("the file");
 }

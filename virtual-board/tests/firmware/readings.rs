@@ -10,12 +10,6 @@ fn line(board: &mut VirtualBoard, start: &str) -> String {
     await_line(board, |line| line.starts_with(start)).text
 }
 
-/// Sets a value. Lines of readings come meanwhile, whatever their columns are.
-fn set(board: &mut VirtualBoard, command: &str) {
-    board.send(&format!("{command}\r\n"));
-    await_text(board, command);
-}
-
 /// Each setting once, on the firmware.
 #[test]
 fn each_setting_of_the_lines_acts() {
@@ -23,7 +17,7 @@ fn each_setting_of_the_lines_acts() {
     fresh_results(&mut board, 1);
 
     // A frame of four rows ends every 22.8 ms. The firmware notes the time when it has computed the last row.
-    set(&mut board, "output counter time distance");
+    tell(&mut board, "output counter time distance");
     let lines = [(); 4].map(|()| line(&mut board, "# "));
     println!("{lines:#?}");
     let numbers = lines.each_ref().map(|line| number(line, "# ", " @ "));
@@ -37,7 +31,7 @@ fn each_setting_of_the_lines_acts() {
     assert!((now - 60_000.0..now).contains(&times[3]), "{} us", times[3]);
 
     // With a full window, r is half of a reading's, within the scatter of r: 20 % for four rows.
-    set(&mut board, "output r");
+    tell(&mut board, "output r");
     let repeatability = |board: &mut VirtualBoard| {
         let lines = [(); 6].map(|()| line(board, "d mm r "));
         println!("{lines:?}");
@@ -45,14 +39,14 @@ fn each_setting_of_the_lines_acts() {
         statistics::mean(&numbers[2..])
     };
     let alone = repeatability(&mut board);
-    set(&mut board, "average moving 4");
+    tell(&mut board, "average moving 4");
     line(&mut board, "d mm r ");
     let share = repeatability(&mut board) / alone;
     assert!((0.35..0.7).contains(&share), "{share}");
 
     // A frame of four rows ends every 22.8 ms: of 44 frames a second, ten are sent.
     for command in ["rate 10", "units um", "output time distance"] {
-        set(&mut board, command);
+        tell(&mut board, command);
     }
     let lines = [(); 6].map(|()| line(&mut board, "@ "));
     println!("{lines:#?}");
@@ -61,17 +55,17 @@ fn each_setting_of_the_lines_acts() {
     assert!((apart - 100_000.0).abs() < 6000.0, "{apart} us");
     let off = number(&lines[5], " d ", " um") - 1e6 * DISTANCE;
     assert!(off.abs() < 50.0, "{off} um");
-    set(&mut board, "rate 0");
+    tell(&mut board, "rate 0");
 
     // The firmware switches the output before it sends the line.
     assert_eq!(switching_output(&mut board), Some(false));
-    set(&mut board, "limits 799000 801000");
+    tell(&mut board, "limits 799000 801000");
     line(&mut board, "@ ");
     line(&mut board, "@ ");
     assert_eq!(switching_output(&mut board), Some(true));
 
     // A target without a spot. Rows under way still have one. The output is on while a reading is held.
-    set(&mut board, "hold 2");
+    tell(&mut board, "hold 2");
     line(&mut board, "@ ");
     board.set_light(spot_at(1800.0, 0.0));
     let ends = [" h 1", " h 2", " f no spot"].map(|part| {
@@ -94,16 +88,16 @@ fn each_setting_of_the_lines_acts() {
     let off = number(&of_master, " z ", " um") - 5000.0;
     assert!(off.abs() < 50.0, "{of_master}");
     assert_eq!(switching_output(&mut board), Some(false));
-    set(&mut board, "format csv");
+    tell(&mut board, "format csv");
     line(&mut board, "us,distance,z,h,fault");
     let values = await_line(&mut board, |line| line.ends_with(",1,0,"));
     assert_eq!(values.text.matches(',').count(), 4);
-    set(&mut board, "format text");
-    set(&mut board, "zero off");
+    tell(&mut board, "format text");
+    tell(&mut board, "zero off");
 
     // A target that jumps by 200 mm: two spikes, then the new place.
     for command in ["average none", "hold 0", "spike-filter 1000"] {
-        set(&mut board, command);
+        tell(&mut board, command);
     }
     line(&mut board, "@ ");
     board.set_light(of_scene(Scene::white_paper(), Target::at(DISTANCE + 0.2)));
@@ -118,7 +112,7 @@ fn each_setting_of_the_lines_acts() {
     assert!(spikes.count() >= 2, "{jump:#?}");
     board.set_light(paper());
 
-    set(&mut board, "defaults");
+    tell(&mut board, "defaults");
     Status::ask(&mut board).assert_nothing_lost();
     fresh_results(&mut board, 1);
 }
@@ -128,8 +122,8 @@ fn each_setting_of_the_lines_acts() {
 #[test]
 fn results_of_before_a_change_are_dropped() {
     let mut board = measuring(1);
-    set(&mut board, "hold 1000");
-    set(&mut board, "echo on");
+    tell(&mut board, "hold 1000");
+    tell(&mut board, "echo on");
     // Three answers to `help` are more than the firmware's buffer holds: the third one waits for 0.3 s, and
     // the echo behind it waits for the line, 87 us a character. A backspace has an echo of three. So the echo
     // of these 64 bytes, which the firmware reads in one piece, takes 10 ms: longer than a row, 5.7 ms.

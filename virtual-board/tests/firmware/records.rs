@@ -27,6 +27,17 @@ use super::common::*;
 /// A pixel inside the range of each of [`every_kind`].
 pub const CENTRE: f64 = 2300.4;
 
+/// The uncertainties of a calibration, which are the same at all places, in micrometres.
+pub fn fitted(curve: i32, deviation: i32) -> CalibrationErrors {
+    CalibrationErrors::Fitted(FittedErrors {
+        curve: [Micrometres::from_int(curve); PLACES],
+        surface: Some(FittedSurface {
+            deviation: [Micrometres::from_int(deviation); PLACES],
+            height: [Counts::from_int(1000); PLACES],
+        }),
+    })
+}
+
 /// A sensor's record with that calibration. Its settings differ from the defaults.
 pub fn record(calibration: Calibration) -> Record {
     Record {
@@ -36,13 +47,7 @@ pub fn record(calibration: Calibration) -> Record {
         estimator: Estimator::Adaptive,
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         calibration,
-        errors: CalibrationErrors::Fitted(FittedErrors {
-            curve: [Micrometres::from_int(40); PLACES],
-            surface: Some(FittedSurface {
-                deviation: [Micrometres::from_int(400); PLACES],
-                height: [Counts::from_int(1000); PLACES],
-            }),
-        }),
+        errors: fitted(40, 400),
         comb: None,
         front_end: None,
         // The board's spot is symmetric.

@@ -25,10 +25,6 @@ fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
     settings
 }
 
-fn light_pixels() -> usize {
-    sensor_heads::tcd1304dg().light.len()
-}
-
 /// What `row` answers.
 struct Answer {
     part: RowPart,
@@ -134,7 +130,7 @@ fn a_whole_row_is_sent_with_what_the_core_makes_of_it() {
     let mut board = boot_keeping(paper());
     let answer = answer_as_here(&mut board, RowPart::Whole, Settings::default());
     assert_eq!(answer.first, 0);
-    assert_eq!(answer.counts.len(), light_pixels());
+    assert_eq!(answer.counts.len(), sensor_heads::tcd1304dg().light.len());
     assert!(answer.head[1].starts_with("x "));
     assert_streaming(board);
 }
@@ -221,7 +217,7 @@ fn rows_without_a_spot_and_without_a_sensor_are_answered() {
     let mut board = boot_keeping(Box::new(dark));
     let answer = Answer::ask(&mut board, RowPart::Whole);
     assert!(answer.counts.iter().all(|&count| count == 300));
-    assert_eq!(answer.counts.len(), light_pixels());
+    assert_eq!(answer.counts.len(), sensor_heads::tcd1304dg().light.len());
     assert!(answer.head[1].starts_with("f "), "{:?}", answer.head);
     let window = Answer::ask(&mut board, RowPart::Window);
     assert!(window.head[0].starts_with("row pixels 3648 first 0 count 0 "));

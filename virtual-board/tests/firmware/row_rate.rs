@@ -25,7 +25,7 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
     let due = (board.now() - began) as f64 * 1e-9 * rows_per_second;
     assert!((read as f64 - due).abs() <= 2.0, "{read} rows of {due}");
     let lines = take_results(&mut board);
-    let shown: Vec<Row> = kept_rows(&mut board);
+    let shown = kept_rows(&mut board);
     let status = Status::ask(&mut board);
     status.assert_none(&["rows failed"]);
     let (count, slowest) = (lines.len(), status.count("slowest row cycles"));
@@ -36,22 +36,15 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
 
 /// The chip's lines are the PC's, in order. The serial line may be too slow for all of them.
 fn assert_same_lines(shown: &[Row], rows: u16, chip: &[String]) {
-    let settings = options(|it| it.rows = rows);
-    let calibration = Calibration::nominal();
+    let (settings, calibration) = (options(|it| it.rows = rows), Calibration::nominal());
+    let (calibration, errors) = (calibration.as_ref(), &CalibrationErrors::Nominal);
     let frames = shown.len() / usize::from(rows);
     assert!(chip.len() >= frames / 8, "{} lines", chip.len());
     // The first lines may be of frames that began before the first of these rows. A frame may begin with any
     // row.
     let chip = &chip[3..];
     let same = (0..usize::from(rows)).map(|first| {
-        let errors = &CalibrationErrors::Nominal;
-        let pc = lines_of_pc(
-            &shown[first..],
-            settings,
-            calibration.as_ref(),
-            errors,
-            None,
-        );
+        let pc = lines_of_pc(&shown[first..], settings, calibration, errors, None);
         let mut of_the_pc = pc.iter();
         let is_next = |line: &&String| of_the_pc.any(|pc| pc == *line);
         chip.iter().take_while(is_next).count()

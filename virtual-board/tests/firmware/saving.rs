@@ -9,7 +9,7 @@ use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::store::StoreError;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
-use virtual_board::{Line, Nanos, VirtualBoard};
+use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::*;
 use super::faults::assert_all_are;
@@ -93,15 +93,13 @@ fn saving_pauses_the_stream_and_nothing_else() {
         // 1.8 KB of words (with the store's own), and perhaps an erase, which takes 400 ms.
         assert!((450..475).contains(&operations), "{operations}");
         erased += usize::from(lasted > 350);
-        let lines = board.take_lines();
-        let results: Vec<&Line> = lines.iter().filter(|line| is_result(&line.text)).collect();
-        let is_in_pause = |line: &&Line| (paused..=done).contains(&line.at);
-        assert!(!results.iter().any(is_in_pause), "{results:#?}");
+        let mut results = board.take_lines();
+        results.retain(|line| is_result(&line.text) && line.at >= paused);
+        let is_after = results.iter().all(|line| line.at > done);
+        assert!(is_after && results.len() >= 4, "{results:#?}");
         // No frame has rows from before and after the pause. One old result may have waited for the serial
         // line.
-        let after: Vec<&&Line> = results.iter().filter(|line| line.at > done).collect();
-        assert!(after.len() >= 4, "{results:#?}");
-        for line in &after[1..] {
+        for line in &results[1..] {
             assert!(is_reading(&line.text), "{results:#?}");
             let found = number(&line.text, " x ", " a ");
             assert!((found - centre).abs() < 0.2, "{results:#?}");

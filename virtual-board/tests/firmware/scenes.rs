@@ -10,33 +10,23 @@ use super::common::*;
 /// The largest allowed error of a reading in pixels: four standard deviations of the strongest speckle.
 const GROSS: f64 = 3.5;
 
-#[derive(Debug, PartialEq)]
-enum Expected {
-    Reading,
-    Fault(String),
-}
-
-/// Some scene files name a fault. Another fault comes from the calibration, which is nominal: valid from 0.55
-/// to 1.10 m.
-fn expected(name: &str, scene: &Scene) -> Expected {
+/// The fault that a scene gives; `None` if it gives readings. Some scene files name a fault. Another fault
+/// comes from the calibration, which is nominal: valid from 0.55 to 1.10 m.
+fn expected_fault(name: &str, scene: &Scene) -> Option<String> {
     let path = file::folder().join(format!("{name}.toml"));
     let text = std::fs::read_to_string(path).expect("a scene's file");
-    let fault = (text.lines())
+    let is_beyond = !(0.55..1.10).contains(&scene.distance);
+    (text.lines())
         .find_map(|line| line.strip_prefix("# Expected fault: "))
-        .map(|fault| fault.trim_end_matches('.').to_owned());
-    match fault {
-        Some(fault) => Expected::Fault(fault),
-        None if (0.55..1.10).contains(&scene.distance) => Expected::Reading,
-        None => Expected::Fault("out of range".to_owned()),
-    }
+        .map(|fault| fault.trim_end_matches('.'))
+        .or(is_beyond.then_some("out of range"))
+        .map(str::to_owned)
 }
 
 /// A result of a row that was exposed after this call. Earlier rows are being read or computed, or their
 /// results wait for the serial line.
 fn result(board: &mut VirtualBoard) -> Line {
-    for _ in 0..5 {
-        await_line(board, is_result);
-    }
+    results(board, 5);
     await_line(board, is_result)
 }
 
@@ -54,8 +44,7 @@ fn assert_comb_gives_readings(board: &mut VirtualBoard, name: &str, scene: &Scen
 
 #[test]
 fn every_scene_gives_readings_or_its_own_fault() {
-    let (mut board, _) = boot(paper());
-    set(&mut board, "rows 1");
+    let mut board = measuring(1);
     set(&mut board, "exposure 5600");
     let (mut readings, mut faults, mut combs) = (0, 0, 0);
     for name in file::names().expect("the folder of scenes") {
@@ -63,14 +52,14 @@ fn every_scene_gives_readings_or_its_own_fault() {
         if scene.sensor != Sensor::Tcd1304dg {
             continue;
         }
-        let expected = expected(&name, &scene);
+        let expected = expected_fault(&name, &scene);
         let metres_per_pixel = (scene.optics).metres_per_pixel(scene.optics.centre(scene.distance));
         let target = Target::at(scene.distance);
         board.set_light(of_scene(scene.clone(), target.clone()));
         let line = result(&mut board);
         println!("{name}: {}", line.text);
         match expected {
-            Expected::Reading => {
+            None => {
                 assert!(is_reading(&line.text), "{name}: {}", line.text);
                 let truth = match &scene.motion {
                     // A few older results may still come.
@@ -86,7 +75,7 @@ fn every_scene_gives_readings_or_its_own_fault() {
                 assert!(error.abs() < most, "{name}: {error} m off: {}", line.text);
                 readings += 1;
             }
-            Expected::Fault(fault) => {
+            Some(fault) => {
                 let start = format!("f {fault}");
                 assert!(line.text.starts_with(&start), "{name}: {}", line.text);
                 faults += 1;

@@ -194,6 +194,7 @@ fn a_receiver_takes_bytes_at_its_rate_and_a_break_as_one_byte() {
 }
 
 /// Lines with their numbers. Asserts that each result of the stream is the next one, whatever comes between.
+#[derive(Default)]
 struct Numbered {
     last: Option<f64>,
     results: usize,
@@ -203,14 +204,9 @@ struct Numbered {
 impl Numbered {
     fn start(board: &mut VirtualBoard) -> Self {
         const COLUMNS: &str = "output counter distance u r centre rows flags";
-        board.send(&format!("{COLUMNS}\r\n"));
-        await_text(board, COLUMNS);
+        tell(board, COLUMNS);
         board.take_lines();
-        Self {
-            last: None,
-            results: 0,
-            others: vec![],
-        }
+        Self::default()
     }
 
     fn take(&mut self, board: &mut VirtualBoard) {

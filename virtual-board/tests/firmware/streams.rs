@@ -81,8 +81,7 @@ fn assert_text_arrives(time: Duration) {
     const COLUMNS: &str = "output counter time distance u r centre height rows exposure flags";
     let frame = 2 * ROW;
     let mut board = measuring(2);
-    board.send(&format!("{COLUMNS}\r\n"));
-    await_text(&mut board, COLUMNS);
+    tell(&mut board, COLUMNS);
     board.take_lines();
     let (mut last, mut lines) = (None, 0);
     let mut take = |line: &str| {
@@ -102,8 +101,7 @@ fn assert_text_arrives(time: Duration) {
     });
     // The lines up to the answer.
     let asked = board.now();
-    board.send("stream off\r\n");
-    await_text(&mut board, "stream off");
+    tell(&mut board, "stream off");
     let rest = board.take_lines();
     let rest = rest.iter().filter(|line| line.text.starts_with("# "));
     rest.for_each(|line| take(&line.text));
@@ -125,7 +123,7 @@ fn since(board: &VirtualBoard, then: Nanos) -> Duration {
 /// row's last word to the first byte of its result.
 fn assert_windows_arrive(time: Duration) {
     // A slower core may lose bytes of commands at this rate (docs/hardware.md).
-    let mut board = measuring_under(full_speed(), 1);
+    let mut board = measuring_under(paper(), 1, full_speed());
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);
     say(&mut board, "pixels window", 50);
@@ -156,7 +154,7 @@ fn assert_windows_arrive(time: Duration) {
             last = Some(now);
             count += 1;
         }
-        for (counter, _, counts) in &received.windows {
+        for (counter, counts) in &received.windows {
             let is_next = last_window.is_none_or(|before| before + 1 == *counter);
             assert!(is_next, "{last_window:?} {counter}");
             last_window = Some(*counter);

@@ -44,19 +44,28 @@ fn run_into_the_watchdog(board: &mut VirtualBoard) -> f64 {
 
 /// A panic ends in an exception that the core cannot serve (a HardFault).
 #[test]
-fn the_watchdog_resets_after_a_logged_panic() {
-    let mut board = measuring(4);
-    fresh_results(&mut board, 1);
-    board.take_log();
-    board.panic_at("measure_row").expect("the function");
-    let lasted = run_into_the_watchdog(&mut board);
-    // The panic comes within a row. After it nothing restarts the watchdog, whose second began at the last
-    // check before.
-    assert!((0.85..1.05).contains(&lasted), "{lasted} s");
-    let log = format!("{:#?}", board.take_log());
-    assert_eq!(log.matches("panicked").count(), 1, "{log}");
-    assert_starts_again(&mut board, "watchdog");
-    only_reset(&mut board, WATCHDOG);
+fn the_watchdog_resets_after_a_logged_panic_and_if_a_computation_hangs() {
+    type Stop = fn(&mut VirtualBoard, &str) -> anyhow::Result<()>;
+    let cases: [(Stop, _, _); 2] = [
+        // The panic comes within a row. After it nothing restarts the watchdog, whose second began at the
+        // last check before.
+        (VirtualBoard::panic_at, 0.85..1.05, 1),
+        // One check, eight checks without a change, and the watchdog's own second.
+        (VirtualBoard::hang_at, 1.5..2.5, 0),
+    ];
+    for (stop, range, panics) in cases {
+        let mut board = measuring(4);
+        fresh_results(&mut board, 1);
+        assert_no_reset(&mut board);
+        board.take_log();
+        stop(&mut board, "measure_row").expect("the function");
+        let lasted = run_into_the_watchdog(&mut board);
+        assert!(range.contains(&lasted), "{lasted} s, not {range:?}");
+        let log = format!("{:#?}", board.take_log());
+        assert_eq!(log.matches("panicked").count(), panics, "{log}");
+        assert_starts_again(&mut board, "watchdog");
+        only_reset(&mut board, WATCHDOG);
+    }
 }
 
 /// A flipped bit in the serial port's register stops only the serial line. An answer then waits for ever, and
@@ -85,14 +94,22 @@ fn the_watchdog_resets_if_the_serial_line_hangs() {
 /// flashed firmware in this way.
 const RESET_BY_SOFTWARE: (u64, u32) = (0xE000_ED0C, 0x05FA_0004);
 
+/// The settings are then those of a start.
 #[test]
-fn the_banner_names_a_reset_by_software() {
-    let mut board = measuring(4);
-    run_into_a_row(&mut board);
-    let (register, word) = RESET_BY_SOFTWARE;
-    board.probe_writes(register, word);
-    assert_starts_again(&mut board, "software");
-    only_reset(&mut board, "Core");
+fn the_banner_names_a_reset_in_the_middle_of_a_read_out() {
+    type Reset = fn(&mut VirtualBoard);
+    let by_software: Reset = |board| board.probe_writes(RESET_BY_SOFTWARE.0, RESET_BY_SOFTWARE.1);
+    let by_hand: Reset = |board| board.reset_pin().expect("the emulator");
+    for (reset, cause, of_emulator) in [
+        (by_software, "software", "Core"),
+        (by_hand, "reset pin", "Pin"),
+    ] {
+        let mut board = measuring(4);
+        run_into_a_row(&mut board);
+        reset(&mut board);
+        assert_starts_again(&mut board, cause);
+        only_reset(&mut board, of_emulator);
+    }
 }
 
 /// The answer is whole, although the chip resets right after it.
@@ -110,30 +127,6 @@ fn the_command_reset_is_answered_and_starts_the_firmware_again() {
     let since = (board.now() - reset) as f64 * 1e-9;
     println!("{uptime}, {since} s after the reset");
     assert!((since - 0.15..since).contains(&number(&uptime, "status uptime ", " s")));
-}
-
-#[test]
-fn the_watchdog_resets_if_a_computation_hangs() {
-    let mut board = measuring(4);
-    fresh_results(&mut board, 1);
-    assert_no_reset(&mut board);
-
-    board.hang_at("measure_row").expect("the function");
-    let lasted = run_into_the_watchdog(&mut board);
-    // One check, eight checks without a change, and the watchdog's own second.
-    assert!((1.5..2.5).contains(&lasted), "{lasted} s");
-    assert_starts_again(&mut board, "watchdog");
-    only_reset(&mut board, WATCHDOG);
-}
-
-#[test]
-fn the_banner_names_the_reset_pin_and_settings_are_those_of_a_start() {
-    let mut board = measuring(4);
-    // In the middle of a read-out, as by hand.
-    run_into_a_row(&mut board);
-    board.reset_pin().expect("the emulator");
-    assert_starts_again(&mut board, "reset pin");
-    only_reset(&mut board, "Pin");
 }
 
 #[test]
@@ -198,7 +191,8 @@ fn without_the_external_clock_the_firmware_starts_and_says_so() {
 #[test]
 fn the_watchdog_works_with_the_slowest_and_the_fastest_clock() {
     for (watchdog_hz, least, most) in [(17_000, 1.78, 1.90), (47_000, 0.58, 0.70)] {
-        let mut board = measuring_under(conditions(|it| it.watchdog_hz = watchdog_hz), 64);
+        let conditions = conditions(|it| it.watchdog_hz = watchdog_hz);
+        let mut board = measuring_under(paper(), 64, conditions);
         for (command, last) in [("save nominal", "save"), ("selftest", "selftest pass")] {
             board.send(&format!("{command}\r\n"));
             let answer = board.run_until_line(|line| line == last, 2 * PATIENCE);

@@ -10,7 +10,7 @@ use virtual_board::flash::Contents;
 
 pub struct FlashFile {
     path: PathBuf,
-    flash: SharedFlash,
+    pub flash: SharedFlash,
 }
 
 impl FlashFile {
@@ -29,17 +29,13 @@ impl FlashFile {
         Ok(Self { path, flash })
     }
 
-    pub fn flash(&self) -> SharedFlash {
-        self.flash.clone()
-    }
-
     /// Writes the file if the flash has changed. If the process ends at any moment, the file holds one whole
     /// state.
     ///
     /// # Errors
     /// It cannot be written.
     pub fn keep(&mut self) -> Result<()> {
-        if self.flash.take_history().operations().is_empty() {
+        if self.flash.take_history().operations.is_empty() {
             return Ok(());
         }
         let unfinished = self.path.with_added_extension("unfinished");

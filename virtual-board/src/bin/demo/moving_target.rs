@@ -88,12 +88,6 @@ struct Compared {
     slits: u8,
 }
 
-impl Compared {
-    fn is_within_2u(&self) -> f64 {
-        f64::from(u8::from(self.error.abs() <= 2.0 * self.uncertainty))
-    }
-}
-
 /// The scene to show, with the comb that the options ask for, and the first distance of its target.
 pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     let (mut scene, distance) = scene_by_name(options)?;
@@ -105,10 +99,7 @@ pub fn scene(options: &Options) -> Result<(Scene, f64)> {
 }
 
 fn slits_of(scene: &Scene) -> Slits {
-    match scene.comb {
-        Some(_) => Slits::Comb,
-        None => Slits::One,
-    }
+    (scene.comb.as_ref()).map_or(Slits::One, |_| Slits::Comb)
 }
 
 /// The command that tells the firmware about a scene's slits. The answer is the same text.
@@ -171,13 +162,9 @@ fn scene_by_name(options: &Options) -> Result<(Scene, f64)> {
     Ok((scene, distance))
 }
 
-fn frame(rows: u16) -> Duration {
-    Duration::from_millis(6) * u32::from(rows)
-}
-
 /// The longest wait for an answer: after at most a frame.
 fn patience(rows: u16) -> Duration {
-    Duration::from_secs(1) + 4 * frame(rows)
+    Duration::from_secs(1) + 4 * Duration::from_millis(6) * u32::from(rows)
 }
 
 pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
@@ -220,7 +207,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         options.json,
         "   true mm  reported mm  error um      u um     r um  rows  slits  exposure us  virtual s  flags",
     );
-    let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
+    let (started, first_row) = (board.now(), board.head(|head| head.row_count));
     let (mut readings, mut faults, mut late_faults, mut compared) = (0, 0, 0, vec![]);
     for step in 0..steps {
         let share = f64::from(step) / f64::from(steps.max(2) - 1);
@@ -271,9 +258,10 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         }
     }
     let seconds = (board.now() - started) as f64 * 1e-9;
-    let rows = board.head(|head| head.row_count()) - first_row;
+    let rows = board.head(|head| head.row_count) - first_row;
     let rows_lost = rows_lost(&mut board, patience)?;
     let statistics = board.finish()?;
+    let is_within_2u = |it: &Compared| f64::from(u8::from(it.error.abs() <= 2.0 * it.uncertainty));
     let of_readings = |value: f64| (!compared.is_empty()).then_some(value);
     let summary = Summary {
         rms_error_um: of_readings(rms(compared.iter().map(|reading| reading.error))),
@@ -282,7 +270,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             .collect::<Option<Vec<f64>>>()
             .and_then(|bounds| of_readings(rms(bounds))),
         max_error_um: (compared.iter().map(|it| it.error.abs())).reduce(f64::max),
-        within_2u: of_readings(mean(compared.iter().map(Compared::is_within_2u))),
+        within_2u: of_readings(mean(compared.iter().map(is_within_2u))),
         median_u_um: of_readings(upper_median(compared.iter().map(|it| it.uncertainty))),
         median_r_um: of_readings(upper_median(compared.iter().map(|it| it.repeatability))),
         slits_used: of_readings(mean(compared.iter().map(|it| f64::from(it.slits)))),

@@ -11,8 +11,8 @@ use serde::Serialize;
 use simulator::least_squares::{self, Gaussian};
 use simulator::photograph::Photograph;
 use statistics::{mean, rms};
-use virtual_board::light::{LIGHT, outputs};
-use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
+use virtual_board::light::LIGHT;
+use virtual_board::{Exposure, FULL_SCALE, Firmware, PIXELS, VirtualBoard};
 
 use crate::command_line::say;
 use crate::lines::{Reading, Report};
@@ -42,20 +42,17 @@ pub struct Summary {
 }
 
 pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
+    let say = |text: &str| say(json, text);
     let photograph = Arc::new(Photograph::read(path)?);
     let rows = photograph.height;
     let (path, width, white) = (path.display(), photograph.width, photograph.white);
-    say(
-        json,
-        &format!("{path}: {width} x {rows} pixels, white is {white}"),
-    );
+    say(&format!(
+        "{path}: {width} x {rows} pixels, white is {white}"
+    ));
     let reports = reports(firmware, &photograph)?;
     ensure!(!reports.is_empty(), "the firmware reports nothing");
 
-    say(
-        json,
-        "   row  centre px  least squares px  off by (sigma)  amplitude  sigma px",
-    );
+    say("   row  centre px  least squares px  off by (sigma)  amplitude  sigma px");
     let (mut faults, mut offs, mut widths, mut centres) = (BTreeMap::new(), vec![], vec![], 0);
     for (y, report) in reports.iter().enumerate() {
         let reading = match report {
@@ -74,12 +71,9 @@ pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
         let (found, height) = (reading.centre - first as f64, reading.amplitude);
         let off = (found - centre) / width;
         if offs.len() % 20 == 0 {
-            say(
-                json,
-                &format!(
-                    "{y:>6} {found:>10.3} {centre:>17.3} {off:>+15.4} {height:>10.0} {width:>9.2}"
-                ),
-            );
+            say(&format!(
+                "{y:>6} {found:>10.3} {centre:>17.3} {off:>+15.4} {height:>10.0} {width:>9.2}"
+            ));
         }
         offs.push(off);
         widths.push(width);
@@ -94,7 +88,7 @@ pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
         mean_width_px: of_compared(mean(widths)),
         faults,
     };
-    say(json, &summary.in_words());
+    say(&summary.in_words());
     Ok(summary)
 }
 
@@ -102,7 +96,6 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     let shown = Arc::new(Mutex::new(None));
     let next = Arc::clone(&shown);
     let picture = Arc::clone(photograph);
-    let dark = vec![0.0; LIGHT.len()];
     let marker: Vec<f32> = (0..LIGHT.len())
         .map(|i| (2000.0 * (-0.5 * ((i as f64 - MARKER) / 5.0).powi(2)).exp()) as f32)
         .collect();
@@ -110,14 +103,15 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
         let mut next = next.lock().unwrap_or_else(PoisonError::into_inner);
         let row: Option<usize> = *next;
         *next = row.map(|row| row + 1);
-        match row {
-            None => outputs(&dark, 0.0),
-            Some(row) if row < MARKERS => outputs(&marker, 0.0),
-            Some(row) => match picture.on_sensor(row - MARKERS) {
-                Some((light, _)) => outputs(&light, 0.0),
-                None => outputs(&dark, 0.0),
-            },
+        let light = row.and_then(|row| match row.checked_sub(MARKERS) {
+            Some(row) => picture.on_sensor(row).map(|(light, _)| light),
+            None => Some(marker.clone()),
+        });
+        let mut outputs = vec![0.0; PIXELS];
+        if let Some(light) = light {
+            outputs[LIGHT].copy_from_slice(&light);
         }
+        outputs
     });
     let mut board = VirtualBoard::power_on(firmware, light)?;
     let patience = Duration::from_secs(2);

@@ -29,7 +29,7 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let mut flash_file = (options.flash.as_ref()).map(FlashFile::open).transpose()?;
     let mut conditions = Conditions::default();
     if let Some(file) = &flash_file {
-        conditions.flash = file.flash();
+        conditions.flash = file.flash.clone();
     }
     let comb = (scene.comb.is_some()).then(|| moving_target::slits_command(&scene));
     let light = light(options, scene, target)?;
@@ -40,7 +40,7 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
         board.tell(&command, PATIENCE)?;
     }
     let mut terminal = PseudoTerminal::open()?;
-    println!("serial line: {}", terminal.path().display());
+    println!("serial line: {}", terminal.path.display());
     let mut kept = Ok(());
     terminal.serve(&mut board, |_| {
         if let Some(stage) = &mut stage {
