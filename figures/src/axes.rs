@@ -57,10 +57,8 @@ impl Scale {
 
 /// An axis.
 pub struct Axis<'a> {
-    scale: Scale,
-    range: (f64, f64),
+    ticked: Ticked,
     name: &'a str,
-    ticks: Vec<f64>,
     tick: Box<dyn Fn(f64) -> String + 'a>,
 }
 
@@ -75,11 +73,14 @@ impl<'a> Axis<'a> {
         tick: impl Fn(f64) -> String + 'a,
     ) -> Self {
         let shown = |tick: &f64| (range.0..=range.1).contains(tick);
-        Self {
+        let ticked = Ticked {
             scale,
             range,
-            name,
             ticks: ticks.iter().copied().filter(shown).collect(),
+        };
+        Self {
+            ticked,
+            name,
             tick: Box::new(tick),
         }
     }
@@ -95,14 +96,6 @@ impl<'a> Axis<'a> {
         let tick = move |value| format!("{value:.digits$}");
         Self::new(Scale::Linear, range, name, &places, tick)
     }
-
-    fn ticked(&self) -> Ticked {
-        Ticked {
-            scale: self.scale,
-            range: self.range,
-            ticks: self.ticks.clone(),
-        }
-    }
 }
 
 /// A drawing, or a part of one.
@@ -111,6 +104,7 @@ pub type Area<'a> = DrawingArea<Figure<'a>, Shift>;
 pub type Panel<'a, 'b> = ChartContext<'b, Figure<'a>, Cartesian2d<Ticked, Ticked>>;
 
 /// An axis as plotters takes it.
+#[derive(Clone)]
 pub struct Ticked {
     scale: Scale,
     range: (f64, f64),
@@ -120,11 +114,8 @@ pub struct Ticked {
 impl Ticked {
     /// Where a value lies between the first and the last pixel.
     fn place(&self, value: f64, (first, last): (i32, i32)) -> f64 {
-        let (from, to) = (
-            self.scale.place(self.range.0),
-            self.scale.place(self.range.1),
-        );
-        let part = (self.scale.place(value) - from) / (to - from);
+        let [from, to, at] = [self.range.0, self.range.1, value].map(|it| self.scale.place(it));
+        let part = (at - from) / (to - from);
         let part = match self.scale {
             Scale::Linear => part,
             Scale::Log | Scale::AboveBound => part.clamp(0.0, 1.0),
@@ -173,7 +164,7 @@ pub fn panel<'a, 'b>(
     if !title.is_empty() {
         chart.caption(title, text(TITLE, BLACK));
     }
-    let mut panel = chart.build_cartesian_2d(x.ticked(), y.ticked())?;
+    let mut panel = chart.build_cartesian_2d(x.ticked.clone(), y.ticked.clone())?;
     panel
         .configure_mesh()
         .bold_line_style(GRID)
@@ -197,7 +188,7 @@ mod tests {
     fn values_lie_where_the_scale_puts_them() {
         let axis = |scale, range| {
             let ticks = [0.5, 1.0, 10.0, 1000.0];
-            Axis::new(scale, range, "", &ticks, |value| value.to_string()).ticked()
+            Axis::new(scale, range, "", &ticks, |value| value.to_string()).ticked
         };
         let log = axis(Scale::Log, (1.0, 100.0));
         // Heights run from the bottom, which has the larger number.
@@ -212,6 +203,6 @@ mod tests {
         let linear = axis(Scale::Linear, (0.0, 10.0));
         let places = [0.0, 5.0, 12.0].map(|value| linear.map(&value, (0, 200)));
         assert_eq!(places, [0, 100, 240]);
-        assert_eq!(Axis::linear((0.0, 10.0), "", 6, 0).ticks.len(), 6);
+        assert_eq!(Axis::linear((0.0, 10.0), "", 6, 0).ticked.ticks.len(), 6);
     }
 }

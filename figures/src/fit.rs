@@ -37,16 +37,12 @@ pub fn draw(
     let plain = &solved.plain;
     let (first, last) = plain.eq1.valid;
     let all = solved.points.iter().map(|point| point.x_px);
-    let ends = all.fold((first, last), |(least, most), x| {
-        (least.min(x), most.max(x))
-    });
-    let room = 0.04 * (ends.1 - ends.0);
-    let centres = ends.0 - room..ends.1 + room;
+    let (least, most) = least_and_most(all.chain([first, last]));
+    let room = 0.04 * (most - least);
+    let centres = least - room..most + room;
     draw_curve(&above, solved, corrected.unwrap_or(plain), centres.clone())?;
     match corrected {
-        None => {
-            draw_residuals(&below, solved, plain, None, "residuals of eq. (1)", centres)?;
-        }
+        None => draw_residuals(&below, solved, plain, None, "residuals of eq. (1)", centres)?,
         Some(curve) => {
             let (middle, lowest) = below.split_vertically(LOWER);
             let line = Some(curve);
@@ -55,8 +51,7 @@ pub fn draw(
             draw_residuals(&lowest, solved, curve, None, "what is left", centres)?;
         }
     }
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }
 
 fn draw_curve(
@@ -160,11 +155,14 @@ fn draw_points(
     Ok(())
 }
 
+fn least_and_most(numbers: impl Iterator<Item = f64>) -> (f64, f64) {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    numbers.fold(none, |(least, most), x| (least.min(x), most.max(x)))
+}
+
 /// The least and the largest of numbers, with room for a part of their difference on either side.
 fn around(numbers: impl Iterator<Item = f64>, part: f64) -> (f64, f64) {
-    let (least, most) = numbers.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| {
-        (least.min(x), most.max(x))
-    });
+    let (least, most) = least_and_most(numbers);
     // What is no wider than rounding gets an axis nevertheless.
     let room = (part * (most - least)).max(0.001);
     (least - room, most + room)

@@ -179,13 +179,11 @@ impl Cell {
     ) -> Outcome {
         let geometry = self.scene_of(pixels).geometry();
         // Collected in order before they are added up: the sums are then the same on any number of cores.
-        let centres: Vec<(Answer, f64)> = (0..self.rows)
-            .into_par_iter()
-            .map(|row| {
-                let (light, truth) = self.light(pixels, row);
-                (centre(&geometry, &light), truth)
-            })
-            .collect();
+        let rows = (0..self.rows).into_par_iter().map(|row| {
+            let (light, truth) = self.light(pixels, row);
+            (centre(&geometry, &light), truth)
+        });
+        let centres: Vec<(Answer, f64)> = rows.collect();
         let (mut sums, gross) = (Sums::default(), self.gross());
         for (centre, truth) in centres {
             sums.count(centre, truth, gross);
@@ -285,7 +283,7 @@ impl Rows {
         find: &impl Find<M>,
         gross: f64,
     ) -> Vec<Sums> {
-        let from = series * SERIES;
+        let (geometry, from) = (scene.geometry(), series * SERIES);
         let rows = from..(from + SERIES).min(self.cell.rows);
         let mut sums = vec![Sums::default(); methods.len()];
         let mut before = vec![None; methods.len()];
@@ -294,8 +292,8 @@ impl Rows {
             let row = Row::new(&counts, &[], 4095).expect("quantised to 12 bits");
             let spot = spot::find(&row).map(|(spot, _)| spot);
             for ((&method, sums), before) in methods.iter().zip(&mut sums).zip(&mut before) {
-                let centre = spot
-                    .and_then(|spot| find(method, &row, &spot, before.as_ref(), &scene.geometry()));
+                let find = |spot| find(method, &row, &spot, before.as_ref(), &geometry);
+                let centre = spot.and_then(find);
                 sums.count(centre, truth, gross);
                 *before = centre.ok();
             }
@@ -388,12 +386,11 @@ impl Phases {
             black_levels,
         } = *self;
         let truth = |phase| (pixels / 2) as f64 + f64::from(phase) / f64::from(phases) - 0.5;
-        let light: Vec<Vec<f64>> = (0..phases)
-            .map(|phase| {
-                let offset = |i: usize| i as f64 - truth(phase);
-                (0..pixels).map(|i| 3800.0 * profile(offset(i))).collect()
-            })
-            .collect();
+        let light = |phase| {
+            let light = |i: usize| 3800.0 * profile(i as f64 - truth(phase));
+            (0..pixels).map(light).collect()
+        };
+        let light: Vec<Vec<f64>> = (0..phases).map(light).collect();
         // For each black level the errors over the phases, without the row before and with.
         let errors: Vec<[Vec<f64>; 2]> = (0..black_levels)
             .into_par_iter()
@@ -402,9 +399,8 @@ impl Phases {
                 let mut errors = [vec![], vec![]];
                 let mut last = None;
                 for (phase, light) in (0..phases).zip(&light) {
-                    let counts: Vec<f32> =
-                        light.iter().map(|light| (black + light) as f32).collect();
-                    let counts = quantise(&counts, 4095);
+                    let counts = light.iter().map(|light| (black + light) as f32);
+                    let counts = quantise(&counts.collect::<Vec<_>>(), 4095);
                     let alone = centre(&counts, None)?;
                     let known = centre(&counts, last.as_ref())?;
                     for (centre, errors) in [alone, known].iter().zip(&mut errors) {
@@ -477,9 +473,7 @@ mod tests {
         let alone = cell.run(cell.pixels(), |geometry, light| {
             centre_of(geometry, light, Estimator::PhaseTable)
         });
-        let [outcome] = rows().run(&[Estimator::PhaseTable])[..] else {
-            panic!("one estimator, one outcome");
-        };
+        let outcome = rows().run(&[Estimator::PhaseTable])[0];
         println!("alone {} here {}", alone.ratio(), outcome.ratio());
         assert_eq!((outcome.faults, outcome.gross), (0, 0));
         assert!((outcome.ratio() / alone.ratio() - 1.0).abs() < 0.05);

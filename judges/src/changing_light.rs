@@ -130,9 +130,9 @@ impl Sensor {
         let (_, um_per_pixel) = calibration.distance_at(reading.centre).expect("in range");
         let parts = reading.parts;
         let squares = [parts.noise, parts.shape, parts.motion].map(|it| it.to_f64().powi(2));
+        let error = measured.frame.centre.to_f64() - self.true_centre();
         Comparison {
-            error_um: (measured.frame.centre.to_f64() - self.true_centre())
-                * f64::from(um_per_pixel),
+            error_um: error * f64::from(um_per_pixel),
             r_um: parts.noise.to_f64(),
             claim_um: squares.iter().sum::<f64>().sqrt(),
             u_um: reading.uncertainty.to_f64(),

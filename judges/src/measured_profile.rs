@@ -5,6 +5,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix2, Vector2};
 use slitrange::centre::RowCentre;
+use statistics::least_and_most;
 
 /// A profile and the width that its spot has.
 #[derive(Clone, Debug)]
@@ -63,9 +64,7 @@ impl MeasuredProfile {
     /// Height and level of a profile are a convention: 1 where it is brightest, and 0 where it is darkest.
     fn normalise(&mut self) {
         let values = (-500..=500).map(|i| self.value(f64::from(i) / 500.0 * (REACH - KNOT)));
-        let (dark, bright) = values.fold((f64::INFINITY, 0.0f64), |(dark, bright), value| {
-            (dark.min(value), bright.max(value))
-        });
+        let (dark, bright) = least_and_most(values);
         self.coefficients.add_scalar_mut(-dark);
         self.coefficients /= bright - dark;
     }

@@ -222,10 +222,8 @@ fn mean_centre(
     let mut centres = vec![];
     let mut faults: [(u32, Option<Fault>); Fault::KINDS] = Default::default();
     for row in first..first + scene.sensor.rows() {
-        let counts = quantise(
-            &simulation.row(row, distance, scene.exposure),
-            geometry.full_scale(),
-        );
+        let counts = simulation.row(row, distance, scene.exposure);
+        let counts = quantise(&counts, geometry.full_scale());
         match row_centre(&counts, geometry, estimator) {
             Ok(centre) => centres.push((centre.centre.to_f64(), centre.amplitude.to_f64())),
             Err(fault) => {
@@ -242,9 +240,7 @@ fn mean_centre(
         return Ok(sum / centres.len() as f64);
     }
     let most = faults.into_iter().max_by_key(|(count, _)| *count);
-    Err(most
-        .and_then(|(_, fault)| fault)
-        .unwrap_or(Fault::SensorSilent))
+    Err(most.and_then(|it| it.1).unwrap_or(Fault::SensorSilent))
 }
 
 /// The core's centre of a row of counts, light positive, of which nothing is known from rows before.
@@ -267,14 +263,8 @@ fn errors(realisations: &[Vec<Found>]) -> Errors {
         (!good.is_empty()).then(|| statistics::mean(good.iter().map(value)))
     };
     let of_kind = |kind| {
-        found()
-            .filter(|found| {
-                found
-                    .as_ref()
-                    .err()
-                    .is_some_and(|fault| fault.kind() == kind)
-            })
-            .count() as u64
+        let faults = found().filter(|it| matches!(it, Err(fault) if fault.kind() == kind));
+        faults.count() as u64
     };
     Errors {
         rms_px: mean(&|(px, _)| px * px).map(f64::sqrt),
@@ -327,15 +317,22 @@ mod tests {
 
     /// Of `phase-table`: its weights do not follow the noise, so they fit as well if a noise is left out.
     fn budget(scene: &Scene) -> Budget {
-        let budget =
-            Budget::of(scene, Estimator::PhaseTable, &Plan::of(scene), &|| ()).expect("a budget");
+        budget_of(scene, Estimator::PhaseTable)
+    }
+
+    fn budget_of(scene: &Scene, estimator: Estimator) -> Budget {
+        let budget = Budget::of(scene, estimator, &Plan::of(scene), &|| ()).expect("a budget");
         println!("{budget:#?}");
         budget
     }
 
+    fn left_out(budget: &Budget, effect: Effect) -> &Without {
+        let mut all = budget.without.iter();
+        all.find(|it| it.effect == effect).expect("an effect")
+    }
+
     fn share_of(budget: &Budget, effect: Effect) -> Share {
-        let without = budget.without.iter().find(|it| it.effect == effect);
-        without.and_then(|it| it.share).expect("a share")
+        left_out(budget, effect).share.expect("a share")
     }
 
     fn uncertainty_of(share: Share) -> f64 {
@@ -343,8 +340,7 @@ mod tests {
     }
 
     fn rms_without(budget: &Budget, effect: Effect) -> f64 {
-        let without = budget.without.iter().find(|it| it.effect == effect);
-        let errors = without.and_then(|it| it.errors.as_ref());
+        let errors = left_out(budget, effect).errors.as_ref();
         errors.and_then(|errors| errors.rms_px).expect("readings")
     }
 
@@ -381,10 +377,8 @@ mod tests {
             assert!((0.99..1.21).contains(&ratio));
         }
         let black = share_of(&budget, Effect::BlackLevel);
-        assert!(
-            black.value.abs() < 3.0 * uncertainty_of(black) + 0.02,
-            "{black:?}"
-        );
+        let most = 3.0 * uncertainty_of(black) + 0.02;
+        assert!(black.value.abs() < most, "{black:?}");
         assert!(budget.whole.faults.is_empty());
     }
 
@@ -404,10 +398,8 @@ mod tests {
         };
         let share = share_of(&budget(&stepped), Effect::Quantisation);
         // The square of the error is a of shot noise and b for each count squared of read noise.
-        let [a, b] = {
-            let squares = [0.0, 40.0].map(|counts| rms(&budget(&noisy(counts))).powi(2));
-            [squares[0], (squares[1] - squares[0]) / 1600.0]
-        };
+        let [a, with_noise] = [0.0, 40.0].map(|counts| rms(&budget(&noisy(counts))).powi(2));
+        let b = (with_noise - a) / 1600.0;
         let of_step = b * step * step / 12.0;
         let expected = of_step / (a + b * 1600.0 + of_step);
         println!("{share:?}, expected {expected}");
@@ -429,13 +421,8 @@ mod tests {
             ..Scene::white_paper()
         };
         let budget = budget(&scene);
-        let (optics, warm) = (
-            scene.optics,
-            scene
-                .temperature
-                .expect("listed")
-                .optics(&scene.optics, 300.0),
-        );
+        let optics = scene.optics;
+        let warm = (scene.temperature.expect("listed")).optics(&optics, 300.0);
         let expected = warm.centre(scene.distance) - optics.centre(scene.distance);
         let mean = budget.whole.mean_px.expect("readings");
         println!("mean {mean} px, expected {expected}");
@@ -467,10 +454,8 @@ mod tests {
             }),
             ..Scene::white_paper()
         };
-        let budget =
-            Budget::of(&double, Estimator::default(), &Plan::of(&double), &|| ()).expect("runs");
+        let budget = budget_of(&double, Estimator::default());
         let faults = |errors: &Errors| errors.faults.iter().map(|(_, n)| n).sum::<u64>();
-        println!("{budget:#?}");
         assert_eq!(faults(&budget.whole), 400);
         assert_eq!(budget.whole.rms_px, None);
         for without in &budget.without {
@@ -498,10 +483,8 @@ mod tests {
         assert!((found.value - 0.75).abs() < 1e-12, "{found:?}");
         // Either realisation alone has that share too.
         assert!(uncertainty_of(found) < 1e-12, "{found:?}");
-        assert_eq!(
-            share(&whole, &[vec![fault, fault], vec![fault, fault]]),
-            None
-        );
+        let faults = || vec![fault, fault];
+        assert_eq!(share(&whole, &[faults(), faults()]), None);
     }
 
     #[test]

@@ -9,7 +9,6 @@ use slitrange::base::fault::Fault;
 use slitrange::distance::Calibration;
 use slitrange::frame::comb::{self, SlitMap, Slits};
 use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Reading;
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 
 use judges::frames;
@@ -117,27 +116,6 @@ impl Sensor {
             comb: self.mask.as_ref().map(|mask| mask.comb.clone()),
             ..scene.clone()
         };
-        (first..first + count)
-            .into_par_iter()
-            .map(|surface| {
-                let distance = distance_within(range, surface);
-                let reading = self.reading(&scene, surface, distance, rows)?;
-                Ok(Judged {
-                    reading,
-                    error: reading.distance.to_f64() - 1e6 * distance,
-                })
-            })
-            .collect()
-    }
-
-    fn reading(
-        &self,
-        scene: &Scene,
-        surface: u64,
-        distance: f64,
-        rows: u16,
-    ) -> Result<Reading, Fault> {
-        let simulation = Simulation::on_surface(scene.clone(), surface);
         let geometry = scene.geometry();
         let slits = match self.mask {
             Some(_) => Slits::Comb,
@@ -148,29 +126,36 @@ impl Sensor {
             slits,
             ..Options::default()
         };
-        let mut measurement = Measurement::new(geometry.clone(), options);
-        if let Some(mask) = &self.mask {
-            measurement.set_comb(mask.maps.clone());
-        }
-        let first = u64::from(rows) * surface;
-        let measured = (first..first + u64::from(rows)).find_map(|row| {
-            let light = simulation.row(row, distance, scene.exposure);
-            measurement.row(&mut frames::words(&light, &geometry))
-        });
-        let measured = measured.unwrap_or(Err(Fault::SensorSilent))?;
-        measured.reading(self.calibration.as_ref(), &self.errors, Surface::Auto)
+        let judged = |surface| -> Result<Judged, Fault> {
+            let distance = distance_within(range, surface);
+            let simulation = Simulation::on_surface(scene.clone(), surface);
+            let mut measurement = Measurement::new(geometry.clone(), options);
+            if let Some(mask) = &self.mask {
+                measurement.set_comb(mask.maps.clone());
+            }
+            let first = u64::from(rows) * surface;
+            let measured = (first..first + u64::from(rows)).find_map(|row| {
+                let light = simulation.row(row, distance, scene.exposure);
+                measurement.row(&mut frames::words(&light, &geometry))
+            });
+            let measured = measured.unwrap_or(Err(Fault::SensorSilent))?;
+            let calibration = self.calibration.as_ref();
+            let reading = measured.reading(calibration, &self.errors, Surface::Auto)?;
+            Ok(Judged {
+                reading,
+                error: reading.distance.to_f64() - 1e6 * distance,
+            })
+        };
+        let surfaces = first..first + count;
+        surfaces.into_par_iter().map(judged).collect()
     }
 }
 
 /// The same optics with another width of the slits: that of the scene's aperture, to which the spot's height
 /// belongs, in metres.
-pub fn with_width(scene: &Scene, width: f64) -> Scene {
-    let mut scene = scene.clone();
-    if let Aperture::Slit {
-        width: of_scene, ..
-    } = &mut scene.optics.aperture
-    {
-        *of_scene = width;
+pub fn with_width(mut scene: Scene, metres: f64) -> Scene {
+    if let Aperture::Slit { width, .. } = &mut scene.optics.aperture {
+        *width = metres;
     }
     scene
 }

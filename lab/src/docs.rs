@@ -18,12 +18,9 @@ pub fn path(name: &str) -> PathBuf {
 /// of the block are wrapped.
 pub fn with_block(text: &str, tool: &str, block: &str) -> anyhow::Result<String> {
     let from = format!("<!-- {tool} -->\n");
-    let (before, rest) = text
-        .split_once(&from)
-        .with_context(|| format!("no {}", from.trim()))?;
-    let (_, after) = rest
-        .split_once(TO)
-        .with_context(|| format!("no {TO} after {}", from.trim()))?;
+    let (before, rest) = (text.split_once(&from)).with_context(|| format!("no {}", from.trim()))?;
+    let after = rest.split_once(TO).map(|(_, after)| after);
+    let after = after.with_context(|| format!("no {TO} after {}", from.trim()))?;
     Ok(format!("{before}{from}\n{}\n{TO}{after}", wrapped(block)))
 }
 
@@ -100,10 +97,8 @@ mod tests {
             once,
             "a\n<!-- cargo cost -->\n\nnew\n\n<!-- end -->\nb\n<!-- cargo x -->\n<!-- end -->\n"
         );
-        assert_eq!(
-            with_block(&once, "cargo cost", "new\n").expect("marks"),
-            once
-        );
+        let twice = with_block(&once, "cargo cost", "new\n").expect("marks");
+        assert_eq!(twice, once);
         assert!(with_block("a", "cargo cost", "new").is_err());
         assert!(with_block("<!-- cargo cost -->\n", "cargo cost", "new").is_err());
         assert!(with_block(text, "cargo y", "new").is_err());
@@ -115,14 +110,11 @@ mod tests {
         let first = "word ".repeat(22).trim_end().to_owned();
         let rest = "word ".repeat(8).trim_end().to_owned();
         assert_eq!(first.len(), 109);
-        assert_eq!(
-            wrapped(&format!("{long}\nb")),
-            format!("{first}\n{rest}\nb")
-        );
+        let paragraph = wrapped(&format!("{long}\nb"));
+        assert_eq!(paragraph, format!("{first}\n{rest}\nb"));
         let item = wrapped(&format!("- {long}\n"));
-        assert!(
-            item.starts_with("- word") && item.contains("\n  word") && item.ends_with("word\n")
-        );
+        assert!(item.starts_with("- word") && item.contains("\n  word"));
+        assert!(item.ends_with("word\n"));
         assert!(item.lines().all(|line| line.chars().count() <= COLUMNS));
         for line in [format!("| {long} |\n"), format!("# {long}\n"), first] {
             assert_eq!(wrapped(&line), line);

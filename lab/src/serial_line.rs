@@ -108,20 +108,15 @@ pub fn reference() -> String {
     );
     for &setting in Setting::ALL {
         let default = Settings::default().get(setting).to_string();
-        let default = default
-            .strip_prefix(setting.name())
-            .unwrap_or_default()
-            .trim();
+        let default = default.strip_prefix(setting.name());
+        let default = default.unwrap_or_default().trim();
         let saved = match setting.affects() {
             Affects::Session if setting == Setting::Format => "`modbus` only",
             Affects::Measurement | Affects::Lines | Affects::Connection => "yes",
             Affects::Session => "no",
         };
-        let form = setting.form().to_string();
-        row(
-            &mut text,
-            &[setting.name(), &form, default, setting.help(), saved],
-        );
+        let (name, form) = (setting.name(), setting.form().to_string());
+        row(&mut text, &[name, &form, default, setting.help(), saved]);
     }
     text.push_str("\n| estimator | letter | what it is for |\n|---|---|---|\n");
     for estimator in Estimator::ALL {

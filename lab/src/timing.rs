@@ -87,11 +87,8 @@ impl Pulses {
         board.run_for(Duration::from_millis(18))?;
         let (edges, lasers, sampled) = board.head(|head| {
             let sampled = head.last_row().map(|row| row.phase.0);
-            (
-                head.take_edges(),
-                head.laser_pulses().cloned().collect::<Vec<_>>(),
-                sampled,
-            )
+            let lasers: Vec<_> = head.laser_pulses().cloned().collect();
+            (head.take_edges(), lasers, sampled)
         });
         board.finish()?;
         Self::of(&edges, &lasers, sampled.context("no row")?).context("no whole row")
@@ -110,11 +107,11 @@ impl Pulses {
             .filter(|(at, _)| (start..next_row).contains(at))
             .map(|&(at, edge)| ((at - start) as f64, edge))
             .collect();
-        let at = |wanted: Edge| {
-            row.iter()
-                .find(|(_, edge)| *edge == wanted)
-                .map(|(at, _)| *at)
+        let all = |wanted: Edge| {
+            let same = row.iter().filter(move |(_, edge)| *edge == wanted);
+            same.map(|(at, _)| *at)
         };
+        let at = |wanted| all(wanted).next();
         let laser = lasers.iter().find(|pulse| pulse.start > start)?;
         Some(Self {
             sh_rose: at(Edge::Sh(Level::High))?,
@@ -123,11 +120,7 @@ impl Pulses {
             chip_select_rose: at(Edge::ChipSelect(Level::High))?,
             icg_rose: at(Edge::Icg(Level::High))?,
             master_clock_rose: at(Edge::MasterClockRose)?,
-            words: (row.iter())
-                .filter(|(_, edge)| *edge == Edge::WordEnded)
-                .map(|(at, _)| *at)
-                .take(WORDS)
-                .collect(),
+            words: all(Edge::WordEnded).take(WORDS).collect(),
             laser: ((laser.start - start) as f64, (laser.end - start) as f64),
             next_row: (next_row - start) as f64,
             sampled,
@@ -227,11 +220,8 @@ impl Pulses {
         panel.dimension(svg, 2, (0.0, self.sh_rose), "t2", -1.0);
         panel.dimension(svg, 2, (self.sh_rose, self.sh_fell), "t3", 0.0);
         panel.dimension(svg, 2, (self.sh_fell, self.icg_rose), "t1", 0.0);
-        let words = self
-            .words
-            .iter()
-            .enumerate()
-            .map(|(i, &end)| (end - PIXEL, format!("word {i}")));
+        let words = (0..).zip(&self.words);
+        let words = words.map(|(i, end)| (end - PIXEL, format!("word {i}")));
         panel.cells(svg, 5, "SPI, PA5 PA6", words);
         let outputs = (0..4).map(|i| (self.icg_rose + f64::from(i) * PIXEL, format!("D{i}")));
         panel.cells(svg, 6, "sensor's output", outputs);

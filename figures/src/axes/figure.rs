@@ -54,13 +54,13 @@ pub fn draw_broken_line(
     style: ShapeStyle,
 ) -> anyhow::Result<()> {
     let ends = [f64::from(piece), f64::from(piece + gap)].map(|length| length * f64::from(FINE));
-    for piece in pieces(&places(panel, points), ends) {
-        panel.draw_series([Shape {
-            places: piece,
-            radius: None,
-            style,
-        }])?;
-    }
+    let shape = |places| Shape {
+        places,
+        radius: None,
+        style,
+    };
+    let pieces = pieces(&places(panel, points), ends);
+    panel.draw_series(pieces.into_iter().map(shape))?;
     Ok(())
 }
 
@@ -81,12 +81,8 @@ fn pieces(line: &[BackendCoord], ends: [f64; 2]) -> Vec<Vec<BackendCoord>> {
                 break;
             }
             done += step;
-            let part = done / length;
-            let at = (
-                from.0 + part * (to.0 - from.0),
-                from.1 + part * (to.1 - from.1),
-            );
-            piece.push((at.0.round() as i32, at.1.round() as i32));
+            let at = |from: f64, to: f64| (from + done / length * (to - from)).round() as i32;
+            piece.push((at(from.0, to.0), at(from.1, to.1)));
             if end == ends[0] {
                 pieces.push(std::mem::take(&mut piece));
                 along = end;
@@ -136,19 +132,15 @@ fn places(
 ) -> Vec<BackendCoord> {
     let (columns, rows) = panel.plotting_area().get_pixel_range();
     let axes = panel.as_coord_spec();
+    // The nearest of the file's pixels.
+    let fine = |place: f64| (place * f64::from(FINE)).round() as i32;
     let place = |(x, y)| {
-        (
-            fine(axes.x_spec().place(x, (columns.start, columns.end))),
-            // The last row is the lowest.
-            fine(axes.y_spec().place(y, (rows.end, rows.start))),
-        )
+        let column = axes.x_spec().place(x, (columns.start, columns.end));
+        // The last row is the lowest.
+        let row = axes.y_spec().place(y, (rows.end, rows.start));
+        (fine(column), fine(row))
     };
     points.into_iter().map(place).collect()
-}
-
-/// The nearest of the file's pixels.
-fn fine(place: f64) -> i32 {
-    (place * f64::from(FINE)).round() as i32
 }
 
 /// The file's pixel of a pixel.
@@ -364,30 +356,24 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("a.svg");
         let curve = |x: f64| x * x;
-        let range;
-        {
+        let (columns, rows) = {
             let root = figure(&path, 500).expect("a figure");
             let [x, y] = ["x", "y"].map(|name| Axis::linear((0.0, 1.0), name, 5, 1));
             let mut panel = panel(&root, "a curve", 30, &x, &y).expect("a panel");
-            range = panel.plotting_area().get_pixel_range();
             let places = (0..=100).map(|step| 0.01 * f64::from(step));
             let points = places.map(|x| (x, curve(x)));
-            draw_line(
-                &mut panel,
-                points.clone(),
-                ShapeStyle::from(BLACK).stroke_width(2),
-            )
-            .expect("drawn");
+            let line = ShapeStyle::from(BLACK).stroke_width(2);
+            draw_line(&mut panel, points.clone(), line).expect("drawn");
             draw_dots(&mut panel, points, 4, RED.filled()).expect("drawn");
             root.present().expect("written");
-        }
+            panel.plotting_area().get_pixel_range()
+        };
         let text = std::fs::read_to_string(&path).expect("text");
         assert!(text.starts_with("<svg width=\"1000\" height=\"500\" viewBox=\"0 0 10000 5000\""));
         assert_eq!(text.matches("<circle").count(), 101);
         let is_curve = |line: &&str| line.matches(',').count() >= 101;
         let line = text.lines().find(is_curve).expect("a line");
         let (_, points) = line.split_once("points=\"").expect("points");
-        let (columns, rows) = range;
         let mut most: f64 = 0.0;
         for pair in points.trim_end_matches("\"/>").split_whitespace() {
             let (x, y) = pair.split_once(',').expect("a pair");

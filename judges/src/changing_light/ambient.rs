@@ -149,10 +149,9 @@ impl Light {
         let electrons = scene.shot_noise.map(|it| it.electrons_per_count);
         let at_the_spot = scene.optics.centre(scene.distance) - 1823.5;
         let brightness = |counts: f64, slope: f64| counts + slope * at_the_spot;
-        let ambient_light =
-            (self.ambient).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
+        let window = (self.ambient).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
         let lamps = (self.lamps).map_or(0.0, |it| brightness(it.counts_per_second, it.slope));
-        let counts = ROW_PERIOD * (ambient_light + lamps);
+        let counts = ROW_PERIOD * (window + lamps);
         // The pixels' differences are noise too, unless subtracted: the same in all rows of a frame.
         let pattern = match (self.pattern, ambient) {
             (Some(pattern), AmbientMode::Off) => pattern.counts.powi(2) * f64::from(rows),

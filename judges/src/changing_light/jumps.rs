@@ -89,18 +89,15 @@ impl Jumps {
         for _ in 0..jumps {
             let reflectivity = 10f64.powf(LEAST_POWER * random.random::<f64>());
             found.jumps += 1;
-            let mut take = |sensor: &Sensor, result, is_first| {
+            for is_first in [true, false] {
                 let place = Worst {
                     ratio: 0.0,
                     sensor: number,
                     jump: [before, reflectivity],
                     is_first,
                 };
-                found.take(sensor, result, place);
-            };
-            for is_first in [true, false] {
                 for result in sensor.frames(reflectivity, 1) {
-                    take(&sensor, result, is_first);
+                    found.take(&sensor, result, place);
                 }
             }
             // The next jump comes anywhere in a frame: these rows do not end it.
@@ -114,18 +111,11 @@ impl Jumps {
 
     fn take(&mut self, sensor: &Sensor, result: Result<Measured, Fault>, place: Worst) {
         self.frames += 1;
-        let measured = match result {
-            Ok(measured) => measured,
-            Err(fault) => {
-                let faults = match place.is_first {
-                    true => &mut self.first_faults,
-                    false => &mut self.later_faults,
-                };
-                faults[fault.kind()] += 1;
-                return;
-            }
+        let comparison = match result {
+            Ok(measured) => sensor.compare(&measured),
+            Err(fault) if place.is_first => return self.first_faults[fault.kind()] += 1,
+            Err(fault) => return self.later_faults[fault.kind()] += 1,
         };
-        let comparison = sensor.compare(&measured);
         if comparison.is_flagged {
             self.flagged += 1;
             return;

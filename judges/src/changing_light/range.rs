@@ -142,9 +142,8 @@ impl Target {
 fn fixed_exposures(reflectivity: f64) -> impl Iterator<Item = Exposure> {
     let saturates_us = SATURATED / (BRIGHTEST * reflectivity) * 1e6;
     let longest_us = saturates_us.min(Exposure::LONGEST.us().into());
-    let mut exposures: Vec<_> = (0..=STEPS)
-        .map(|step| Exposure::nearest_to_us((longest_us * STEP.powi(-step)) as u32))
-        .collect();
+    let exposure = |step: i32| Exposure::nearest_to_us((longest_us * STEP.powi(-step)) as u32);
+    let mut exposures: Vec<_> = (0..=STEPS).map(exposure).collect();
     exposures.dedup();
     exposures.into_iter()
 }

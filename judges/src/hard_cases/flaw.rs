@@ -90,47 +90,42 @@ pub struct Bad {
 impl fmt::Display for Flaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let percent = |share: &f64| format!("{:.1} %", 100.0 * share);
-        match self {
-            Self::Second(second) => write!(f, "a second spot of {second}"),
-            Self::Ghost(ghost) => write!(f, "a ghost of {ghost}"),
-            Self::Slope(counts) => write!(f, "the background rises by {counts:.3} counts a pixel"),
-            Self::Glow(counts) => write!(f, "a lamp lights one end by {counts:.1} counts"),
-            Self::Hot(bad) => write!(f, "hot pixels: {bad}"),
-            Self::Dead(bad) => write!(f, "dead pixels: {bad}"),
-            Self::Stuck(bad) => write!(f, "stuck pixels: {bad}"),
-            Self::Response(share) => write!(f, "pixels differ in response by {}", percent(share)),
+        let text = match self {
+            Self::Second(second) => format!("a second spot of {second}"),
+            Self::Ghost(ghost) => format!("a ghost of {ghost}"),
+            Self::Slope(counts) => format!("the background rises by {counts:.3} counts a pixel"),
+            Self::Glow(counts) => format!("a lamp lights one end by {counts:.1} counts"),
+            Self::Hot(bad) => format!("hot pixels: {bad}"),
+            Self::Dead(bad) => format!("dead pixels: {bad}"),
+            Self::Stuck(bad) => format!("stuck pixels: {bad}"),
+            Self::Response(share) => format!("pixels differ in response by {}", percent(share)),
             Self::FullWell(counts, blooming) => {
                 let rest = percent(blooming);
-                write!(
-                    f,
+                format!(
                     "a pixel holds {counts:.1} counts, and {rest} of the rest flows over to both sides"
                 )
             }
             Self::Smear(share) => {
                 let share = percent(share);
-                write!(
-                    f,
-                    "{share} of what is beyond full scale flows to the next pixel"
-                )
+                format!("{share} of what is beyond full scale flows to the next pixel")
             }
-            Self::FixedPattern(counts) => write!(f, "unlit pixels differ by {counts:.2} counts"),
-            Self::Step(counts, offset) => write!(
-                f,
-                "the black level steps by {counts:+.1} counts, {offset:+.2} widths off"
-            ),
-            Self::Sag(counts) => write!(f, "the black level bends by {counts:+.1} counts"),
-            Self::Ripple(counts, period) => write!(
-                f,
-                "a ripple of {counts:.1} counts with a period of {period:.2} pixels"
-            ),
-            Self::OddEven(counts) => write!(f, "every other pixel reads {counts:+.1} counts more"),
-            Self::Impulses(share) => write!(f, "{} of the pixels read anything", percent(share)),
-            Self::Steps(counts) => write!(f, "the converter has steps of {counts} counts"),
+            Self::FixedPattern(counts) => format!("unlit pixels differ by {counts:.2} counts"),
+            Self::Step(counts, offset) => {
+                format!("the black level steps by {counts:+.1} counts, {offset:+.2} widths off")
+            }
+            Self::Sag(counts) => format!("the black level bends by {counts:+.1} counts"),
+            Self::Ripple(counts, period) => {
+                format!("a ripple of {counts:.1} counts with a period of {period:.2} pixels")
+            }
+            Self::OddEven(counts) => format!("every other pixel reads {counts:+.1} counts more"),
+            Self::Impulses(share) => format!("{} of the pixels read anything", percent(share)),
+            Self::Steps(counts) => format!("the converter has steps of {counts} counts"),
             Self::StuckBit(bit, high) => {
                 let high = u8::from(*high);
-                write!(f, "bit {bit} of the converter is always {high}")
+                format!("bit {bit} of the converter is always {high}")
             }
-        }
+        };
+        f.write_str(&text)
     }
 }
 

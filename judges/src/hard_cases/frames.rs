@@ -50,13 +50,6 @@ pub struct HardFrame {
 /// Frames of each case in the table.
 pub const FRAMES: u64 = 4;
 
-impl FrameCase {
-    /// A frame. Frames differ in their noise, and in where the spot is, to a fraction of a pixel.
-    pub fn frame(&self, number: u64) -> HardFrame {
-        (self.make)(number)
-    }
-}
-
 /// The width of the frames' spot in pixels.
 const WIDTH: f64 = 10.5;
 /// Pixels under metal, before those that see light.
@@ -94,6 +87,11 @@ impl HardFrame {
 }
 
 impl FrameCase {
+    /// A frame. Frames differ in their noise, and in where the spot is, to a fraction of a pixel.
+    pub fn frame(&self, number: u64) -> HardFrame {
+        (self.make)(number)
+    }
+
     /// Runs every estimator over its frames.
     pub fn run(&self) -> Vec<Outcome> {
         let frames: Vec<HardFrame> = (0..FRAMES).map(|number| self.frame(number)).collect();

@@ -1,18 +1,16 @@
 //! Every estimator's answers to a case, and whether they are what is due.
 
+pub use crate::accuracy::Answer;
 use crate::hard_cases::frames::is_flagged;
 use crate::hard_cases::truth::is_beyond_claim;
 use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
 use slitrange::base::fault::Fault;
 use slitrange::base::units::Micrometres;
-use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::centre::{self, Estimator};
 use slitrange::measurement::{centre_of_spot, robust_centre};
 use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;
-
-/// What comes of a row.
-pub type Answer = Result<RowCentre, Fault>;
 
 /// An estimator's answers to a row.
 #[derive(Clone, Copy, Debug)]

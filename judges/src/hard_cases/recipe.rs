@@ -166,7 +166,6 @@ impl Recipe {
         let scene = Site {
             centre,
             spot: self.spot,
-            read_noise: self.read_noise,
             pixels: self.pixels,
         };
         // The flaws' random numbers: a stream that noise does not use.
@@ -237,8 +236,6 @@ pub struct Site {
     pub centre: Option<f64>,
     /// The spot.
     pub spot: Option<Spot>,
-    /// Standard deviation in counts.
-    pub read_noise: f64,
     /// Pixels of the row.
     pub pixels: usize,
 }

@@ -11,7 +11,6 @@ use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Options;
 use slitrange::reading::Measured;
-use slitrange::row::Geometry;
 
 /// A sensor that is judged.
 #[derive(Clone, Copy, Debug)]
@@ -73,12 +72,12 @@ impl Frame {
         estimator: Estimator,
         profile: Option<Profile>,
     ) -> Result<Measured, Fault> {
-        measure(&self.rows, &self.geometry, estimator, profile)
+        measure_rows(&self.rows, &self.geometry, options(estimator), profile)
     }
 
     /// The sensor's own spot, from the rows that a calibration sees.
     pub fn profile(&self, estimator: Estimator) -> Option<Profile> {
-        let seen = measure(&self.calibration, &self.geometry, estimator, None);
+        let seen = measure_rows(&self.calibration, &self.geometry, options(estimator), None);
         let seen = seen.ok()?.frame;
         Some(Profile {
             first: Pixels::default(),
@@ -121,17 +120,11 @@ impl Frame {
     }
 }
 
-fn measure(
-    rows: &[Vec<u16>],
-    geometry: &Geometry,
-    estimator: Estimator,
-    profile: Option<Profile>,
-) -> Result<Measured, Fault> {
-    let options = Options {
+fn options(estimator: Estimator) -> Options {
+    Options {
         estimator,
         ..Options::default()
-    };
-    measure_rows(rows, geometry, options, profile)
+    }
 }
 
 /// Whether a reading of this centre says that it is not to be trusted: most of its rows do not look like

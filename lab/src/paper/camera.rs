@@ -4,7 +4,6 @@
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::row::{Geometry, Polarity};
 
 /// Pitch of the pixels in metres: 1920 of them on 11.3 mm.
 pub const PITCH: f64 = 5.86e-6;
@@ -33,29 +32,8 @@ pub const BLACK_LEVEL: f64 = 240.0;
 /// several times its mean.
 pub const PEAK: f64 = 0.25 * FULL_SCALE as f64;
 
-/// What the core is told of a row of this many pixels. `shot_noise` is what it takes the light's noise to be.
-pub fn geometry(pixels: usize, shot_noise: ShotNoise) -> Geometry {
-    Geometry {
-        words: pixels,
-        shielded: 0..0,
-        light: 0..pixels,
-        polarity: Polarity::Rising,
-        bits: 12,
-        shot_variance_per_count_q16: match shot_noise {
-            ShotNoise::Known => (65536.0 / ELECTRONS_PER_COUNT) as u16,
-            ShotNoise::Ignored => 0,
-        },
-        saturation: slitrange::row::LARGEST_COUNT,
-    }
-}
-
-/// What an estimator takes the light's noise to be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ShotNoise {
-    Known,
-    /// None: all pixels have the same noise, as in the paper's fits.
-    Ignored,
-}
+/// The variance of the light's noise, as the core is told it.
+pub const SHOT_VARIANCE_PER_COUNT_Q16: u16 = (65536.0 / ELECTRONS_PER_COUNT) as u16;
 
 /// The light of a scene on the pixels, ready for captures.
 #[derive(Clone, Debug, Default)]
@@ -90,16 +68,12 @@ impl Exposure {
     /// A capture: the light with noise of its own, in counts of 12 bits.
     pub fn capture(&self, random: &mut ChaCha8Rng, counts: &mut Vec<u16>) {
         counts.clear();
-        counts.extend(
-            self.mean
-                .iter()
-                .zip(&self.deviation)
-                .map(|(mean, deviation)| {
-                    let normal: f32 = StandardNormal.sample(random);
-                    // `as` cuts off the fraction, and saturates below zero.
-                    (mean + deviation * normal).min(f32::from(FULL_SCALE)) as u16
-                }),
-        );
+        let pixels = self.mean.iter().zip(&self.deviation);
+        counts.extend(pixels.map(|(mean, deviation)| {
+            let normal: f32 = StandardNormal.sample(random);
+            // `as` cuts off the fraction, and saturates below zero.
+            (mean + deviation * normal).min(f32::from(FULL_SCALE)) as u16
+        }));
     }
 }
 
@@ -114,14 +88,20 @@ pub fn noise(seed: u64, position: u64, capture: u64) -> ChaCha8Rng {
 mod tests {
     use super::*;
 
+    /// A capture of pixels in this light.
+    fn captured(light: &[f32], position: u64, capture: u64) -> Vec<u16> {
+        let mut counts = vec![];
+        let exposure = Exposure::new(light.iter().copied());
+        exposure.capture(&mut noise(3, position, capture), &mut counts);
+        counts
+    }
+
     /// Mean and variance of a pixel come from Poisson's electrons, the read noise and the rounding.
     #[test]
     fn noise_is_that_of_the_sensor() {
         const PIXELS: usize = 200_000;
         for light in [0.0, 10.0, 1000.0] {
-            let exposure = Exposure::new([light as f32; PIXELS].into_iter());
-            let mut counts = vec![];
-            exposure.capture(&mut noise(3, 7, 1), &mut counts);
+            let counts = captured(&[light as f32; PIXELS], 7, 1);
             let n = PIXELS as f64;
             let counts: Vec<f64> = counts.into_iter().map(f64::from).collect();
             let (mean, variance) = (statistics::mean(&counts), statistics::variance(&counts));
@@ -135,20 +115,12 @@ mod tests {
 
     #[test]
     fn light_beyond_full_scale_is_cut_off() {
-        let exposure = Exposure::new([9000.0f32; 10].into_iter());
-        let mut counts = vec![];
-        exposure.capture(&mut noise(3, 7, 1), &mut counts);
-        assert_eq!(counts, [FULL_SCALE; 10]);
+        assert_eq!(captured(&[9000.0; 10], 7, 1), [FULL_SCALE; 10]);
     }
 
     #[test]
     fn every_capture_has_noise_of_its_own() {
-        let exposure = Exposure::new([100.0f32; 50].into_iter());
-        let of = |position, capture| {
-            let mut counts = vec![];
-            exposure.capture(&mut noise(3, position, capture), &mut counts);
-            counts
-        };
+        let of = |position, capture| captured(&[100.0; 50], position, capture);
         assert_eq!(of(4, 1), of(4, 1));
         assert!(of(4, 1) != of(4, 2) && of(4, 1) != of(5, 1));
     }

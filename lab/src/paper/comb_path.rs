@@ -20,6 +20,7 @@ use statistics::mean;
 use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};
 use crate::paper::data_set::{exposed, positions};
 use crate::paper::materials::MATERIALS;
+use crate::paper::slit_path;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
@@ -70,8 +71,7 @@ impl Target {
         };
         target.counts = exposed(|distance| {
             let view = target.view(&target.optics, distance);
-            let image = slit_image(&target.surface, &view, &SLIT, &[0.0], &[0.0])?;
-            Ok(target.brightness(&view) * image.density)
+            Ok(MATERIALS[material].light(&view) * slit_path::density(&target.surface, &view)?)
         })?;
         Ok(target)
     }
@@ -84,27 +84,21 @@ impl Target {
         }
     }
 
-    /// Light that reaches a slit, in any unit.
-    fn brightness(&self, view: &View) -> f64 {
-        let angle = (view.baseline / view.distance).atan();
-        MATERIALS[self.material].brightness(angle) / view.range().powi(2)
-    }
-
     /// The light of all slits on the row, in counts.
     fn light(&self, distance: f64) -> anyhow::Result<Vec<f32>> {
         let mut row = vec![0.0; sensor_heads::tcd1304dg().light.len()];
-        let parts: Vec<f64> = (0..PARTS)
-            .map(|i| ((i as f64 + 0.5) / PARTS as f64 - 0.5) * Sensor::Tcd1304dg.pixel_height())
-            .collect();
+        let height = Sensor::Tcd1304dg.pixel_height();
+        let part = |i| ((i as f64 + 0.5) / PARTS as f64 - 0.5) * height;
+        let parts: Vec<f64> = (0..PARTS).map(part).collect();
         for slit in &self.slits {
             let centre = slit.centre(distance);
             let first = centre.round() as usize - COLUMNS / 2;
-            let columns: Vec<f64> = (first..first + COLUMNS)
-                .map(|column| (column as f64 - centre) * slit.pitch)
-                .collect();
+            let place = |column| (column as f64 - centre) * slit.pitch;
+            let columns: Vec<f64> = (first..first + COLUMNS).map(place).collect();
             let view = self.view(slit, distance);
             let image: Image = slit_image(&self.surface, &view, &SLIT, &columns, &parts)?;
-            let counts = self.counts * self.brightness(&view) * image.density / PARTS as f64;
+            let brightness = MATERIALS[self.material].light(&view);
+            let counts = self.counts * brightness * image.density / PARTS as f64;
             for part in 0..PARTS {
                 for (place, light) in row[first..].iter_mut().zip(image.row(part)) {
                     *place += (counts * f64::from(*light)) as f32;
@@ -128,10 +122,9 @@ impl Target {
         random.set_stream(position);
         let measured = (0..CAPTURES).find_map(|_| {
             let mut noisy = vec![BLACK as f32; geometry.words];
-            noisy[geometry.light.clone()]
-                .iter_mut()
-                .zip(&light)
-                .for_each(|(pixel, light)| *pixel += light);
+            for (pixel, light) in noisy[geometry.light.clone()].iter_mut().zip(&light) {
+                *pixel += light;
+            }
             for pixel in &mut noisy {
                 let variance = READ_NOISE * READ_NOISE + (f64::from(*pixel) - BLACK) / ELECTRONS;
                 let normal: f64 = StandardNormal.sample(&mut random);

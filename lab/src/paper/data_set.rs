@@ -34,7 +34,7 @@ pub struct Target<'a> {
     set: &'a DataSet,
     /// The same surface for the lens and the slit.
     surface: Surface,
-    /// Counts for an image's light times its density times [`brightness`](Self::brightness).
+    /// Counts for an image's light times its density times the material's light.
     counts: f64,
 }
 
@@ -61,19 +61,14 @@ impl<'a> Target<'a> {
             counts: 1.0,
         };
         target.counts = exposed(|distance| {
+            let view = target.view(distance);
             let density = match set.aperture {
-                Aperture::Slit => slit_path::density(&target.surface, &target.view(distance))?,
-                Aperture::Lens => lens_path::density(&target.surface, &target.view(distance))?,
+                Aperture::Slit => slit_path::density(&target.surface, &view)?,
+                Aperture::Lens => lens_path::density(&target.surface, &view)?,
             };
-            Ok(target.brightness(distance) * density)
+            Ok(material.light(&view) * density)
         })?;
         Ok(target)
-    }
-
-    /// Light that reaches the aperture, in any unit: the material's lobe, and the square of the way.
-    fn brightness(&self, distance: f64) -> f64 {
-        let material = &MATERIALS[self.set.material];
-        material.brightness((BASELINE / distance).atan()) / self.view(distance).range().powi(2)
     }
 
     fn view(&self, distance: f64) -> View {
@@ -86,17 +81,15 @@ impl<'a> Target<'a> {
 
     /// The light at a position, and the sensor's column at which it begins.
     pub fn expose(&self, position: usize) -> anyhow::Result<(Exposure, usize)> {
-        let distance = self.set.distances[position];
-        let view = self.view(distance);
+        let view = self.view(self.set.distances[position]);
         let (image, first) = match self.set.aperture {
             Aperture::Slit => slit_path::image(&self.surface, &view)?,
             Aperture::Lens => lens_path::image(&self.surface, &view)?,
         };
-        let counts = (self.counts * self.brightness(distance) * image.density) as f32;
-        Ok((
-            Exposure::new(image.light.iter().map(|light| counts * light)),
-            first,
-        ))
+        let brightness = MATERIALS[self.set.material].light(&view);
+        let counts = (self.counts * brightness * image.density) as f32;
+        let light = image.light.iter().map(|light| counts * light);
+        Ok((Exposure::new(light), first))
     }
 
     /// A capture of that light, with noise of its own.
@@ -145,11 +138,9 @@ impl DataSet {
             .collect::<anyhow::Result<_>>()?;
         let captures = || of_positions.iter().flatten();
         let methods = captures().next().map_or(0, Vec::len);
-        let distances = self.distances.iter();
+        let distances = self.distances.iter().flat_map(|&it| [it; CAPTURES]);
         Ok(Centres {
-            distances: distances
-                .flat_map(|&distance| [distance; CAPTURES])
-                .collect(),
+            distances: distances.collect(),
             of_methods: (0..methods)
                 .map(|method| captures().map(|centres| centres[method]).collect())
                 .collect(),

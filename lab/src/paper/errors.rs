@@ -40,12 +40,8 @@ fn of_method(method: Method, distances: &[f64], centres: &[f64]) -> anyhow::Resu
         false => f32::NAN,
     };
     let errors: Vec<f32> = all().map(error).collect();
-    let absolute = || {
-        errors
-            .iter()
-            .filter(|error| error.is_finite())
-            .map(|error| f64::from(error.abs()))
-    };
+    let finite = || errors.iter().filter(|error| error.is_finite());
+    let absolute = || finite().map(|error| f64::from(error.abs()));
     Ok(Judged {
         method,
         mae: absolute().sum::<f64>() / points.len() as f64,

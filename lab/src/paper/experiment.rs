@@ -83,12 +83,8 @@ mod tests {
             assert!(one == two, "{}", aperture.name());
             assert_eq!(one.distances.len(), 20 * CAPTURES);
             for judged in &one.judged {
-                println!(
-                    "{:?}: MAE {:.1} um, MAX {:.1} um",
-                    judged.method,
-                    judged.mae * 1e6,
-                    judged.max * 1e6
-                );
+                let [mae, max] = [judged.mae, judged.max].map(|metres| metres * 1e6);
+                println!("{:?}: MAE {mae:.1} um, MAX {max:.1} um", judged.method);
                 assert_eq!(judged.without_centre, 0);
                 assert!((30e-6..300e-6).contains(&judged.mae) && judged.max > judged.mae);
                 // D and K of the apparatus: -b/t, and b f (1 + t^2)/t^2 in pixels.

@@ -33,11 +33,9 @@ impl Window {
 
     /// Places of columns and rows from the spot's centre, in metres.
     fn places(&self) -> [Vec<f64>; 2] {
-        let along = |first: usize, centre: f64| -> Vec<f64> {
-            let pixels = first..first + SIZE;
-            pixels
-                .map(|pixel| (pixel as f64 - centre) * PITCH)
-                .collect()
+        let along = |first: usize, centre: f64| {
+            let place = |pixel| (pixel as f64 - centre) * PITCH;
+            (first..first + SIZE).map(place).collect()
         };
         let [column, row] = self.first;
         [along(column, self.centre), along(row, AXIS_ROW)]
@@ -72,21 +70,12 @@ pub fn centre_without_speckle(distance: f64, flare: Option<&Flare>) -> Option<f6
     let window = Window::around(distance);
     let [columns, rows] = window.places();
     let (lens, view) = (apparatus::lens(), View::at(distance));
-    let surface = Scattering::surface();
-    let mut image = lens_mean(
-        &LASER,
-        &surface,
-        &view,
-        &lens,
-        window.field(),
-        &columns,
-        &rows,
-    );
+    let (surface, field) = (Scattering::surface(), window.field());
+    let mut image = lens_mean(&LASER, &surface, &view, &lens, field, &columns, &rows);
     if let Some(flare) = flare {
         window.add_flare(flare, &mut image);
     }
-    let start = PlaneGaussian::of_moments(&image.light, SIZE)?;
-    Some(PlaneGaussian::fit(&image.light, SIZE, start)?.x + window.first[0] as f64)
+    Some(fitted(&image.light)?.x + window.first[0] as f64)
 }
 
 pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
@@ -97,19 +86,19 @@ pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
 /// The centre of a capture, by the one method, in pixels from the image's first column; not a number where
 /// there is none.
 pub fn centres(counts: &[u16]) -> Vec<f64> {
-    let light = without_black(counts);
-    let fit = PlaneGaussian::of_moments(&light, SIZE)
-        .and_then(|start| PlaneGaussian::fit(&light, SIZE, start));
-    vec![fit.map_or(f64::NAN, |fit| fit.x)]
+    vec![fitted(&without_black(counts)).map_or(f64::NAN, |fit| fit.x)]
+}
+
+fn fitted(light: &[f32]) -> Option<PlaneGaussian> {
+    let start = PlaneGaussian::of_moments(light, SIZE)?;
+    PlaneGaussian::fit(light, SIZE, start)
 }
 
 /// The paper's way: the black level is taken off, and what is below is zero. From the 960,000 pixels beside
 /// the spot, the level is known to a thousandth of a count.
 fn without_black(counts: &[u16]) -> Vec<f32> {
-    counts
-        .iter()
-        .map(|&count| (f32::from(count) - BLACK_LEVEL as f32).max(0.0))
-        .collect()
+    let light = |&count: &u16| (f32::from(count) - BLACK_LEVEL as f32).max(0.0);
+    counts.iter().map(light).collect()
 }
 
 /// Columns of the region around the spot in which the paper takes centroids (section 3).
@@ -199,14 +188,11 @@ mod tests {
         };
         let points = centres(Some(&Flare::CHOSEN));
         let curve = calibration::fit::eq1::fit(&points).expect("a fit").curve;
-        let errors: Vec<f64> = points
-            .iter()
-            .map(|(centre, distance)| (curve.distance(*centre) - distance) * 1e6)
-            .collect();
+        let error = |&(centre, distance): &(f64, f64)| (curve.distance(centre) - distance) * 1e6;
+        let errors: Vec<f64> = points.iter().map(error).collect();
         let moved = points.iter().zip(centres(None));
-        let moved = moved.fold(0.0f64, |most, (with, without)| {
-            most.max((with.0 - without.0).abs())
-        });
+        let moved = moved.map(|(with, without)| (with.0 - without.0).abs());
+        let moved = moved.fold(0.0, f64::max);
         println!("errors in um: {errors:.0?}; flare moves fits by {moved:.5} px");
         // The distortion alone: 0.2 % of 759 pixels at one end, of 669 at the other, is 1.0 and 0.7 px, of
         // which eq. (1) leaves a quarter.

@@ -6,7 +6,7 @@
 
 use std::sync::LazyLock;
 
-use simulator::field::{Laser, Scattering, Surface};
+use simulator::field::{Laser, Scattering, Surface, View};
 use simulator::scene::{Scene, Speckle, SpecularLobe, Texture};
 
 pub struct Material {
@@ -29,8 +29,14 @@ impl Material {
         Ok(surface.with_reflectance_along(|x| texture.reflectance(x)))
     }
 
+    /// Light that reaches an aperture, in any unit: the brightness, and the square of the way.
+    pub fn light(&self, view: &View) -> f64 {
+        let angle = (view.baseline / view.distance).atan();
+        self.brightness(angle) / view.range().powi(2)
+    }
+
     /// Brightness at an angle between laser and camera, in radians: Lambert's law, and the lobe.
-    pub fn brightness(&self, angle: f64) -> f64 {
+    fn brightness(&self, angle: f64) -> f64 {
         angle.cos() * self.lobe.map_or(1.0, |lobe| lobe.factor(angle))
     }
 

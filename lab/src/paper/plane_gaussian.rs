@@ -123,11 +123,7 @@ impl PlaneGaussian {
             amplitude: self.amplitude + step[0],
             x: self.x + step[1],
             y: self.y + step[2],
-            form: [
-                self.form[0] + step[3],
-                self.form[1] + step[4],
-                self.form[2] + step[5],
-            ],
+            form: [0, 1, 2].map(|i| self.form[i] + step[3 + i]),
         }
     }
 }
@@ -190,10 +186,8 @@ impl NormalEquations {
             }
             scaled[(j, j)] += damping;
         }
-        let step = scaled
-            .cholesky()?
-            .solve(&self.right.component_mul(&scale))
-            .component_mul(&scale);
+        let step = scaled.cholesky()?.solve(&self.right.component_mul(&scale));
+        let step = step.component_mul(&scale);
         step.iter().all(|value| value.is_finite()).then_some(step)
     }
 }
@@ -280,23 +274,18 @@ mod tests {
         };
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let clean = image(|x, y| value(&truth, x, y));
-        let images: Vec<Vec<f32>> = (0..FITS)
-            .map(|_| {
-                let noisy = clean.iter().map(|light| {
-                    let normal: f32 = StandardNormal.sample(&mut random);
-                    light + noise as f32 * normal
-                });
-                noisy.collect()
-            })
-            .collect();
+        let mut noisy = |light: &f32| {
+            let normal: f32 = StandardNormal.sample(&mut random);
+            light + noise as f32 * normal
+        };
+        let images = (0..FITS).map(|_| clean.iter().map(&mut noisy).collect());
+        let images: Vec<Vec<f32>> = images.collect();
         let begun = Instant::now();
-        let errors: Vec<[f64; 2]> = images
-            .iter()
-            .map(|image| {
-                let found = fitted(image);
-                [found.x - truth.x, found.y - truth.y]
-            })
-            .collect();
+        let errors = images.iter().map(|image| {
+            let found = fitted(image);
+            [found.x - truth.x, found.y - truth.y]
+        });
+        let errors: Vec<[f64; 2]> = errors.collect();
         let each = begun.elapsed().as_secs_f64() / FITS as f64;
         let bound = noise / amplitude / std::f64::consts::FRAC_PI_2.sqrt();
         for axis in 0..2 {
@@ -312,9 +301,7 @@ mod tests {
 
     #[test]
     fn darkness_has_no_spot() {
-        assert_eq!(
-            PlaneGaussian::of_moments(&[0.0; COLUMNS * COLUMNS], COLUMNS),
-            None
-        );
+        let dark = [0.0; COLUMNS * COLUMNS];
+        assert_eq!(PlaneGaussian::of_moments(&dark, COLUMNS), None);
     }
 }

@@ -24,9 +24,9 @@ pub fn compare(set: &DataSet) -> anyhow::Result<[f64; 2]> {
         target.capture(&exposure, position, 0, &mut counts);
         let [gaussian, fraunhofer, _] = slit_path::fit_rows(&counts);
         let (gaussian_fits, sinc_fits) = reference(&counts);
-        let difference = |core: &[RowFit], fits: &[RowFit]| {
-            let both = row_mean::plain(core).zip(row_mean::plain(fits));
-            both.map(|(core, fit)| core - fit)
+        let difference = |core: &[RowFit], fits: &[f64]| {
+            let core = row_mean::plain(core).filter(|_| !fits.is_empty());
+            core.map(|core| core - statistics::mean(fits))
                 .with_context(|| format!("no centre at position {position}"))
         };
         Ok([
@@ -34,16 +34,14 @@ pub fn compare(set: &DataSet) -> anyhow::Result<[f64; 2]> {
             difference(&fraunhofer, &sinc_fits)?,
         ])
     };
-    let differences = positions
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(of_position);
+    let positions: Vec<usize> = positions.collect();
+    let differences = positions.into_par_iter().map(of_position);
     let differences: Vec<[f64; 2]> = differences.collect::<anyhow::Result<_>>()?;
     Ok([0, 1].map(|i| statistics::rms(differences.iter().map(|both| both[i]))))
 }
 
-/// The rows of a frame fitted with eq. (5) and with eq. (6).
-fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
+/// The centres of a frame's rows by fits of eq. (5) and of eq. (6).
+fn reference(counts: &[u16]) -> (Vec<f64>, Vec<f64>) {
     let (mut gaussians, mut sincs) = (vec![], vec![]);
     for row in counts.as_chunks::<COLUMNS>().0 {
         let row: Vec<f64> = row.iter().map(|&count| f64::from(count)).collect();
@@ -56,22 +54,14 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
         if fit.amplitude < 10.0 || !(3.0..40.0).contains(&fit.width) || !fit.is_whole_in(COLUMNS) {
             continue;
         }
-        gaussians.push(RowFit {
-            centre: fit.centre,
-            amplitude: fit.amplitude,
-            place: 0.0,
-        });
+        gaussians.push(fit.centre);
         let start = Spot {
             centre: fit.centre,
             extent: fit.width / 0.376,
             amplitude: fit.amplitude,
             level: fit.level,
         };
-        sincs.extend(sinc_fit::fit_from(&row, start).map(|fit| RowFit {
-            centre: fit.centre,
-            amplitude: fit.amplitude,
-            place: 0.0,
-        }));
+        sincs.extend(sinc_fit::fit_from(&row, start).map(|fit| fit.centre));
     }
     (gaussians, sincs)
 }

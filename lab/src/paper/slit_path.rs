@@ -6,13 +6,14 @@ use judges::core_tables;
 use phase_tables::{Background, IntegerTable, Shape, design, gaussian};
 use slitrange::centre::tables::{Sampling, TableSet};
 use slitrange::centre::{Estimator, RowCentre, centre, phase_table};
-use slitrange::row::Row;
+use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
 
 use crate::paper::apparatus::{self, Aperture, SLIT};
-use crate::paper::camera::{self, FULL_SCALE, PITCH, ROWS, ShotNoise};
+use crate::paper::camera::{FULL_SCALE, PITCH, ROWS, SHOT_VARIANCE_PER_COUNT_Q16};
 use crate::paper::row_mean::{self, RowFit};
 use simulator::field::{Image, Surface, View, every, slit_image};
+use simulator::scene::Sensor;
 
 /// Pixels of a row that are simulated, around the spot. The spot's sigma is 10 to 13 pixels and its side
 /// lobes end at some 60: more than half of them are background, from which the core tells level and noise
@@ -33,14 +34,15 @@ const ROW_STEP: usize = 4;
 /// which over the spot's core is almost a slope. A least-squares fit of a gaussian moves by 0.44 of what the
 /// same tilt would move it by; a fit of the core on a background of any slope by 0.19.
 pub fn speckle_table() -> IntegerTable {
-    // Three quarters of the spot's width, and 2.5 of those to either side.
-    let shape = Shape {
-        width: 8.0,
-        half_width: 20,
-        phases: 1,
-    };
-    design(&gaussian, shape, f64::INFINITY, Background::Tilted).quantise()
+    design(&gaussian, SPECKLE_SHAPE, f64::INFINITY, Background::Tilted).quantise()
 }
+
+/// Three quarters of the spot's width, and 2.5 of those to either side.
+const SPECKLE_SHAPE: Shape = Shape {
+    width: 8.0,
+    half_width: 20,
+    phases: 1,
+};
 
 /// The same as the core takes it.
 static SPECKLE: LazyLock<TableSet<'static>> = LazyLock::new(|| {
@@ -52,12 +54,10 @@ static SPECKLE: LazyLock<TableSet<'static>> = LazyLock::new(|| {
 pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
     let centre = apparatus::centre(Aperture::Slit, view.distance);
     let first = centre.round() as usize - COLUMNS / 2;
-    let columns: Vec<f64> = (first..first + COLUMNS)
-        .map(|column| (column as f64 - centre) * PITCH)
-        .collect();
-    let rows: Vec<f64> = (0..ROWS)
-        .map(|row| (row as f64 - (ROWS as f64 - 1.0) / 2.0) * PITCH)
-        .collect();
+    let place = |column| (column as f64 - centre) * PITCH;
+    let columns: Vec<f64> = (first..first + COLUMNS).map(place).collect();
+    let place = |row| (row as f64 - (ROWS as f64 - 1.0) / 2.0) * PITCH;
+    let rows: Vec<f64> = (0..ROWS).map(place).collect();
     let image = slit_image(surface, view, &SLIT, &columns, &every(&rows, ROW_STEP))?;
     Ok((image.with_rows_between(ROW_STEP, ROWS), first))
 }
@@ -83,8 +83,12 @@ pub fn centres(counts: &[u16]) -> Vec<f64> {
 /// [`speckle_table`]. As the core's pipeline does, a row is searched near the spot of the row before; the
 /// methods share that search.
 pub fn fit_rows(counts: &[u16]) -> [Vec<RowFit>; 3] {
-    let known = camera::geometry(COLUMNS, ShotNoise::Known);
-    let ignored = camera::geometry(COLUMNS, ShotNoise::Ignored);
+    // To the paper's fits all pixels have the same noise.
+    let ignored = Sensor::Row(COLUMNS).geometry();
+    let known = Geometry {
+        shot_variance_per_count_q16: SHOT_VARIANCE_PER_COUNT_Q16,
+        ..ignored.clone()
+    };
     let mut found = [const { vec![] }; 3];
     let mut last_spot: Option<(Spot, RowCentre)> = None;
     let mut last: [Option<RowCentre>; 3] = [None; 3];
@@ -171,17 +175,12 @@ mod tests {
             let table = design(&gaussian, shape, f64::INFINITY, background);
             share(table.score[0].as_slice()).abs()
         };
-        let speckle = Shape {
-            width: 8.0,
-            half_width: 20,
-            phases: 1,
-        };
         let least_squares = Shape {
             width: 10.5,
             half_width: 42,
             phases: 1,
         };
-        let taper = score(speckle, Background::Tilted);
+        let taper = score(SPECKLE_SHAPE, Background::Tilted);
         let fit = score(least_squares, Background::Level);
         println!("taper over tilt: {taper:.3}, least squares {fit:.3}");
         assert!((taper - 0.19).abs() < 0.02 && (fit - 0.44).abs() < 0.02);

@@ -28,18 +28,11 @@ const ROWS: u16 = 16;
 
 pub fn main(options: &Options) -> Result<()> {
     let frames = options.frames as usize;
-    let measure = |light: &Light, rows| {
-        (
-            light.measure(Off, rows, frames),
-            light.measure(Subtract, rows, frames),
-        )
-    };
-    let found: Vec<(Frames, Frames)> = (LIGHTS.par_iter())
-        .map(|light| measure(light, ROWS))
-        .collect();
+    let found = LIGHTS.par_iter().map(|light| measure(light, ROWS, frames));
+    let found: Vec<[Frames; 2]> = found.collect();
     let dark = DARK_ROOM.measure(Off, ROWS, frames).rms_um;
     let rows = LIGHTS.iter().zip(&found).map(|(light, found)| {
-        let (off, subtract) = found;
+        let [off, subtract] = found;
         vec![
             light.name.to_owned(),
             format!("{:.2}", off.rms_um),
@@ -54,10 +47,8 @@ pub fn main(options: &Options) -> Result<()> {
     });
     let head = "ambient light | `off`: RMS error, um | `subtract`: RMS error, um | over the dark room's \
                 | computed | mean r, um | within 2, % | flagged | faults";
-    let lights = format!(
-        "{frames} frames in each light.\n\n{}",
-        table::of(head, rows)
-    );
+    let lights = table::of(head, rows);
+    let lights = format!("{frames} frames in each light.\n\n{lights}");
     let rows = [1, 4, 16, 64].map(|rows| {
         let share = noise_of_mean(rows);
         vec![
@@ -70,7 +61,8 @@ pub fn main(options: &Options) -> Result<()> {
                 computed, % more";
     let rows = table::of(head, rows);
     let lamps = short_frames(frames);
-    let charge = cells_of(CHARGE_STAYS.name, ROWS, &measure(&CHARGE_STAYS, ROWS), dark);
+    let charge = measure(&CHARGE_STAYS, ROWS, frames);
+    let charge = cells_of(CHARGE_STAYS.name, ROWS, &charge, dark);
     let charge = table::of(HEAD, [charge]);
     let blocks = [
         ("cargo ambient", lights),
@@ -79,6 +71,11 @@ pub fn main(options: &Options) -> Result<()> {
         ("cargo ambient, charge", charge),
     ];
     docs::print_or_write("cargo ambient", options.write, PAGE, &blocks)
+}
+
+/// Frames of so many rows, without and with the subtraction.
+fn measure(light: &Light, rows: u16, frames: usize) -> [Frames; 2] {
+    [Off, Subtract].map(|ambient| light.measure(ambient, rows, frames))
 }
 
 /// The head of a table of frames of different lengths.
@@ -91,7 +88,7 @@ fn within_2(frames: &Frames) -> String {
 }
 
 /// A line of a table with [`HEAD`]. `dark` is the RMS error in the dark room with `ambient off`.
-fn cells_of(name: &str, rows: u16, (off, subtract): &(Frames, Frames), dark: f64) -> Vec<String> {
+fn cells_of(name: &str, rows: u16, [off, subtract]: &[Frames; 2], dark: f64) -> Vec<String> {
     vec![
         name.to_owned(),
         rows.to_string(),
@@ -114,11 +111,7 @@ fn short_frames(frames: usize) -> String {
     let lines: Vec<Vec<String>> = (all.par_iter())
         .map(|&(rows, light)| {
             let dark = DARK_ROOM.measure(Off, rows, frames).rms_um;
-            let found = (
-                light.measure(Off, rows, frames),
-                light.measure(Subtract, rows, frames),
-            );
-            cells_of(light.name, rows, &found, dark)
+            cells_of(light.name, rows, &measure(light, rows, frames), dark)
         })
         .collect();
     table::of(HEAD, lines)

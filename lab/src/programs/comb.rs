@@ -151,13 +151,11 @@ impl Outcome {
 
     fn faults(&self) -> String {
         let total: usize = self.faults.values().sum();
-        let names: Vec<_> = self
-            .faults
-            .iter()
-            .map(|(name, count)| format!("{count} {name}"))
-            .collect();
-        match names.as_slice() {
-            [] => "0".into(),
+        let faults = self.faults.iter();
+        let names = faults.map(|(name, count)| format!("{count} {name}"));
+        let names: Vec<_> = names.collect();
+        match total {
+            0 => "0".into(),
             _ => format!("{total} ({})", names.join(", ")),
         }
     }
@@ -182,15 +180,14 @@ fn measure(base: &Scene, options: &Options) -> Result<String> {
     let mut beside_theory = vec![];
     for kind in &kinds {
         progress.set_message(kind.name.clone());
-        let (rows_of_frame, surfaces) = (options.rows, options.surfaces);
-        let outcome = Outcome::measure(&kind.scene, kind.range, &mask, rows_of_frame, surfaces);
-        progress.inc(options.surfaces);
+        let (frame, surfaces) = (options.rows, options.surfaces);
+        let outcome = Outcome::measure(&kind.scene, kind.range, &mask, frame, surfaces);
+        progress.inc(surfaces);
         rows.push(outcome.row(&kind.name));
         if let Some((spot, patterns)) = kind.theory {
             beside_theory.push((kind.name.clone(), spot, patterns, outcome.summary.rms));
         }
     }
-    progress.finish_and_clear();
     let [near, far] = tolerances::RANGE;
     Ok(format!(
         "Simulated on a PC: the default comb, {} surfaces of each kind, frames of {} rows, the nominal \
@@ -226,7 +223,6 @@ fn measure_calibrated(options: &Options) -> Result<String> {
         }
         rows.push(Outcome::of(all).row(name));
     }
-    progress.finish_and_clear();
     Ok(format!(
         "Simulated on a PC: {SENSORS} sensors for each material, calibrated on it with {POINTS} points; each \
          then reads {each} other places of it at {} to {} m, in frames of {} rows. Lengths in um.\n\n{}",

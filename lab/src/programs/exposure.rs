@@ -41,13 +41,9 @@ const PAGE: &str = "docs/exposure.md";
 const FIGURE: &str = "docs/figures/exposure.svg";
 
 pub fn main(options: &Options) -> Result<()> {
-    let bar = progress::bar(
-        options.targets.into(),
-        "targets {wide_bar} {pos}/{len}, {eta} left",
-    )?;
-    let targets = range::targets(options.targets.into(), options.frames as usize, &|| {
-        bar.inc(1);
-    });
+    let (count, frames) = (options.targets, options.frames as usize);
+    let bar = progress::bar(count.into(), "targets {wide_bar} {pos}/{len}, {eta} left")?;
+    let targets = range::targets(count.into(), frames, &|| bar.inc(1));
     bar.finish_and_clear();
     let bar = progress::bar(options.jumps, "jumps {wide_bar} {pos}/{len}, {eta} left")?;
     let jumps = Jumps::run(options.jumps, &|done| bar.inc(done));
@@ -150,11 +146,8 @@ fn jumps_in_words(jumps: &Jumps) -> String {
             format!("{:.1}", jumps.worst_over_claim.ratio),
         ),
     ];
-    let head = format!("random jumps | {}", jumps.jumps);
-    table::of(
-        &head,
-        rows.map(|(name, value)| vec![name.to_owned(), value]),
-    )
+    let rows = rows.map(|(name, value)| vec![name.to_owned(), value]);
+    table::of(&format!("random jumps | {}", jumps.jumps), rows)
 }
 
 #[cfg(test)]
@@ -205,11 +198,8 @@ mod tests {
         figure::draw(&targets, &path).expect("a figure");
         let svg = std::fs::read_to_string(path).expect("a figure");
         for (name, _) in NAMED {
-            assert_eq!(
-                svg.lines().filter(|line| *line == name).count(),
-                1,
-                "{name}"
-            );
+            let lines = svg.lines().filter(|line| *line == name);
+            assert_eq!(lines.count(), 1, "{name}");
         }
     }
 
@@ -221,10 +211,8 @@ mod tests {
         };
         jumps.first_faults[3] = 2;
         let words = jumps_in_words(&jumps);
-        assert!(
-            words.contains("frame of the jump | 2 `saturated` |"),
-            "{words}"
-        );
+        let first = "frame of the jump | 2 `saturated` |";
+        assert!(words.contains(first), "{words}");
         assert!(words.contains("later frames | none |"), "{words}");
     }
 }

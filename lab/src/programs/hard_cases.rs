@@ -72,10 +72,8 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     println!("\n{} random rows in {seconds:.0} s", 2 * options.rows);
     println!("\nThe second judge. {}", second.markdown());
     if options.write {
-        return write(
-            &catalogue,
-            (options.rows >= ROWS).then_some((&clean, &mixtures, &second)),
-        );
+        let rates = (options.rows >= ROWS).then_some((&clean, &mixtures, &second));
+        return write(&catalogue, rates);
     }
     docs::print_hint("cargo hard-cases", PAGE);
     Ok(())
@@ -84,9 +82,7 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
 fn tally(name: &'static str, rows: u64, draw: fn(u64) -> RandomRow) -> anyhow::Result<Tally> {
     let progress = progress::bar(rows, "{msg:16} {wide_bar} {pos}/{len}, {eta} left")?;
     progress.set_message(name);
-    let tally = Tally::over(0..rows, draw, &|| progress.inc(1));
-    progress.finish_and_clear();
-    Ok(tally)
+    Ok(Tally::over(0..rows, draw, &|| progress.inc(1)))
 }
 
 fn second(random_rows: u64) -> anyhow::Result<Report> {
@@ -94,9 +90,8 @@ fn second(random_rows: u64) -> anyhow::Result<Report> {
     let all = (rows + frames) * Kind::all().len() as u64;
     let progress = progress::bar(all, "{msg:16} {wide_bar} {pos}/{len}, {eta} left")?;
     progress.set_message("second judge");
-    let report = second_judge::judge_with(Kind::all(), rows, frames, &|| progress.inc(1));
-    progress.finish_and_clear();
-    Ok(report)
+    let done = || progress.inc(1);
+    Ok(second_judge::judge_with(Kind::all(), rows, frames, &done))
 }
 
 fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {

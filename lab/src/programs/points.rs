@@ -25,6 +25,8 @@ pub struct Options {
     write: bool,
 }
 
+const PAGE: &str = "docs/calibration.md";
+
 const COUNTS: [usize; 10] = [3, 4, 5, 8, 12, 20, 30, 60, 120, 200];
 
 /// Sensors that are calibrated for each figure, each of a geometry of its own: the figures' own error is 5 %.
@@ -68,12 +70,7 @@ pub fn main(options: &Options) -> Result<()> {
         })
         .collect();
     let block = ("cargo points", table(&cells));
-    docs::print_or_write(
-        "cargo points",
-        options.write,
-        "docs/calibration.md",
-        &[block],
-    )?;
+    docs::print_or_write("cargo points", options.write, PAGE, &[block])?;
     if !options.write {
         return Ok(());
     }
@@ -170,17 +167,13 @@ fn table(cells: &[Vec<Vec<Cell>>]) -> String {
         };
         text += &format!("| points | {names} |\n|---:|---:|---:|---:|---:|\n");
         for (row, count) in COUNTS.iter().enumerate() {
-            let columns = cells.iter().map(|column| match &column[row] {
-                Cell {
-                    error: Some(error),
-                    corrected,
-                } if *corrected > 0.0 => {
-                    format!(" | {} ({:.0})", micrometres(*error), corrected * 100.0)
+            let columns = cells.iter().map(|column| {
+                let Cell { error, corrected } = column[row];
+                match error.map(micrometres) {
+                    Some(um) if corrected > 0.0 => format!(" | {um} ({:.0})", corrected * 100.0),
+                    Some(um) => format!(" | {um}"),
+                    None => " | refused".to_owned(),
                 }
-                Cell {
-                    error: Some(error), ..
-                } => format!(" | {}", micrometres(*error)),
-                Cell { error: None, .. } => " | refused".to_owned(),
             });
             text += &format!("| {count}{} |\n", columns.collect::<String>());
         }
@@ -190,10 +183,7 @@ fn table(cells: &[Vec<Vec<Cell>>]) -> String {
 
 /// Two digits at least.
 fn micrometres(metres: f64) -> String {
-    let micrometres = metres * 1e6;
-    if micrometres < 10.0 {
-        format!("{micrometres:.1}")
-    } else {
-        format!("{micrometres:.0}")
-    }
+    let um = metres * 1e6;
+    let digits = if um < 10.0 { 1 } else { 0 };
+    format!("{um:.digits$}")
 }

@@ -86,9 +86,7 @@ fn show(name: &str) -> Result<()> {
 fn budget(scene: &Scene, plan: &Plan) -> Result<Budget> {
     let template = "{wide_bar} {pos}/{len} realisations, {eta} left";
     let progress = progress::bar(Budget::runs(scene, plan), template)?;
-    let budget = Budget::of(scene, Estimator::default(), plan, &|| progress.inc(1));
-    progress.finish_and_clear();
-    budget
+    Budget::of(scene, Estimator::default(), plan, &|| progress.inc(1))
 }
 
 fn list() -> Result<()> {

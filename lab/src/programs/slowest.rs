@@ -47,11 +47,11 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
     }
     progress.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
-    let found: Vec<Slow> = [false, true]
-        .into_iter()
-        .flat_map(|follows| Estimator::ALL.map(|estimator| (estimator, follows)))
-        .filter_map(|(estimator, follows)| search.slowest(estimator, follows))
-        .collect();
+    let found = [false, true].into_iter().flat_map(|follows| {
+        let slowest = |estimator| search.slowest(estimator, follows);
+        Estimator::ALL.map(slowest).into_iter().flatten()
+    });
+    let found: Vec<Slow> = found.collect();
     let mut traced = vec![];
     for slow in &found {
         let parts = slowest::attribution(chip.program(), &chip.trace(&slow.question)?)?;

@@ -48,18 +48,13 @@ impl Search {
             let kept = &mut self.kept[usize::from(question.follows)][question.estimator as usize];
             let place = kept.partition_point(|slow| slow.instructions > instructions);
             // Descriptions that make the same row take the same time.
-            let is_known = kept
-                .get(place)
-                .is_some_and(|slow| slow.instructions == instructions);
-            if place < KEPT && !is_known {
-                let question = *question;
-                kept.insert(
-                    place,
-                    Slow {
-                        question,
-                        instructions,
-                    },
-                );
+            let next = kept.get(place).map(|slow| slow.instructions);
+            if place < KEPT && next != Some(instructions) {
+                let slow = Slow {
+                    question: *question,
+                    instructions,
+                };
+                kept.insert(place, slow);
                 kept.truncate(KEPT);
             }
             self.rows += 1;
@@ -86,18 +81,10 @@ impl Search {
         // Most parents are slow for the same estimator.
         let mut parent = || {
             let other = random.random_range(0..ESTIMATORS);
-            let own = estimator as usize;
-            let kept = &all[if random.random_ratio(1, 4) {
-                other
-            } else {
-                own
-            }];
-            let [a, b] = [kept.choose(random)?, kept.choose(random)?];
-            let slower = if a.instructions > b.instructions {
-                a
-            } else {
-                b
-            };
+            let is_other = random.random_ratio(1, 4);
+            let kept = &all[if is_other { other } else { estimator as usize }];
+            let two = [kept.choose(random)?, kept.choose(random)?];
+            let slower = two.into_iter().max_by_key(|slow| slow.instructions)?;
             Some(slower.question.description)
         };
         let description = match [parent(), parent()] {
@@ -169,10 +156,8 @@ fn changed(mut child: Description, other: &Description, random: &mut ChaCha8Rng)
 }
 
 fn change(child: &mut Description, random: &mut ChaCha8Rng) {
-    let spot = child
-        .shapes
-        .iter()
-        .find(|shape| shape.kind != Kind::Nothing);
+    let mut shapes = child.shapes.iter();
+    let spot = shapes.find(|shape| shape.kind != Kind::Nothing);
     let (place, width) = spot.map_or((20_000, 2000), |spot| (spot.place, spot.width));
     let slot = random.random_range(0..SHAPES);
     let factor = if random.random() {
@@ -199,15 +184,10 @@ fn change(child: &mut Description, random: &mut ChaCha8Rng) {
                 ..some_shape(place, width, random)
             }
         }
-        8 => {
-            shape.place = shape
-                .place
-                .saturating_add_signed(random.random_range(-20..=20))
-        }
-        9 => {
-            shape.place = shape
-                .place
-                .saturating_add_signed(random.random_range(-2000..=2000))
+        kind @ (8 | 9) => {
+            let most = if kind == 8 { 20 } else { 2000 };
+            let by = random.random_range(-most..=most);
+            shape.place = shape.place.saturating_add_signed(by);
         }
         10 => shape.width = scaled(shape.width),
         11 => shape.height = (f64::from(shape.height) * factor) as i16,

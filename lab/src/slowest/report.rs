@@ -18,10 +18,8 @@ pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
         maker.write(&question.description, turn, &mut words);
         words.to_vec()
     };
-    (
-        question.follows.then(|| words(Turn::Before)),
-        words(Turn::Now),
-    )
+    let before = question.follows.then(|| words(Turn::Before));
+    (before, words(Turn::Now))
 }
 
 /// The functions that executed a call's instructions, with their numbers, the largest first. A function has
@@ -33,16 +31,11 @@ pub fn attribution(program: &Firmware, call: &Call) -> Result<Vec<(String, u64)>
         .filter(|symbol| symbol.kind() == SymbolKind::Text)
         .filter_map(|symbol| Some((symbol.address() & !1, symbol.name().ok()?)))
         .collect();
-    let mut of_functions = BTreeMap::<&str, u64>::new();
+    let mut named = BTreeMap::<String, u64>::new();
     for ((from, _), count) in &call.steps {
         let function = functions.range(..=from).next_back();
-        *of_functions
-            .entry(function.map_or("?", |(_, name)| name))
-            .or_default() += count;
-    }
-    let mut named = BTreeMap::<String, u64>::new();
-    for (symbol, count) in of_functions {
-        *named.entry(function_of(symbol)).or_default() += count;
+        let function = function_of(function.map_or("?", |(_, symbol)| symbol));
+        *named.entry(function).or_default() += count;
     }
     let mut found: Vec<(String, u64)> = named.into_iter().collect();
     found.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
@@ -68,14 +61,12 @@ pub fn markdown(rows: u64, found: &[(Slow, Vec<(String, u64)>)]) -> String {
         thousands(rows)
     );
     for (slow, parts) in found {
-        let parts = parts.iter().take(4);
-        let parts: Vec<String> = parts
-            .map(|(name, count)| {
-                let name = name.rsplit("::").take(2).collect::<Vec<_>>();
-                let name = name.into_iter().rev().collect::<Vec<_>>().join("::");
-                format!("`{name}` {}", thousands(*count))
-            })
-            .collect();
+        let parts = parts.iter().take(4).map(|(name, count)| {
+            // The last two of its path.
+            let start = name.rmatch_indices("::").nth(1).map_or(0, |(at, _)| at + 2);
+            format!("`{}` {}", &name[start..], thousands(*count))
+        });
+        let parts: Vec<String> = parts.collect();
         let row = match slow.question.follows {
             true => "following",
             false => "first",

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use judges::accuracy::largest;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Sensor, file};
 use slitrange::row::sensor_heads::tcd1304dg;
@@ -84,25 +85,15 @@ fn u_holds_in_every_scene() {
         if scene.sensor != Sensor::Tcd1304dg || scene.comb.is_some() {
             return false;
         }
-        let found = errors(
-            &firmware,
-            &scene,
-            CALIBRATED_ON_PAPER,
-            &[scene.distance; 20],
-        );
+        let distances = [scene.distance; 20];
+        let found = errors(&firmware, &scene, CALIBRATED_ON_PAPER, &distances);
         if found.is_empty() {
             println!("{name}: no distance");
             return false;
         }
-        let largest = found
-            .iter()
-            .fold(0.0f64, |most, error| most.max(error.abs()));
-        println!(
-            "{name}: {} readings, {:.2} within 2u, largest {largest:.2} u",
-            found.len(),
-            within_2u(&found)
-        );
-        assert!(within_2u(&found) >= 0.9, "{name}: {found:.2?}");
+        let (count, within, largest) = (found.len(), within_2u(&found), largest(&found));
+        println!("{name}: {count} readings, {within:.2} within 2u, largest {largest:.2} u");
+        assert!(within >= 0.9, "{name}: {found:.2?}");
         true
     });
     assert!(judged.count() >= 12);
@@ -122,21 +113,15 @@ fn u_is_true_on_six_materials_through_the_firmware() {
         let record = EncodedRecord::new(record).expect("a record");
         let distances: Vec<f64> = (0..50).map(|i| distance_within(TABLE, i)).collect();
         let found = errors(&firmware, &scene, record.bytes(), &distances);
-        println!(
-            "{name}: {} readings, {:.3} within 2u",
-            found.len(),
-            within_2u(&found)
-        );
+        let (count, within) = (found.len(), within_2u(&found));
+        println!("{name}: {count} readings, {within:.3} within 2u");
         // Of 50 normal errors 95.4 +- 3.0 % are within 2u; a calibration's 60 points add 2 %.
-        assert!(found.len() > 42 && within_2u(&found) >= 0.85, "{name}");
+        assert!(count > 42 && within >= 0.85, "{name}");
         found
     });
     let all: Vec<f64> = of_material.collect();
-    println!(
-        "all: {} readings, {:.3} within 2u",
-        all.len(),
-        within_2u(&all)
-    );
+    let (count, within) = (all.len(), within_2u(&all));
+    println!("all: {count} readings, {within:.3} within 2u");
     // Of 300, +- 1.2 %.
-    assert!((0.92..=0.98).contains(&within_2u(&all)));
+    assert!((0.92..=0.98).contains(&within));
 }

@@ -36,9 +36,8 @@ fn check(material: usize) {
         stride: 80,
         seed: 1,
     };
-    let outcome = experiment
-        .run(material, Aperture::Slit, &|| {})
-        .expect("an outcome");
+    let outcome = experiment.run(material, Aperture::Slit, &|| {});
+    let outcome = outcome.expect("an outcome");
     let [gaussian, fraunhofer, ours] = [Method::Gaussian, Method::Fraunhofer, Method::Ours]
         .map(|method| outcome.of(method).mae * 1e6);
     let [of_gaussian, of_fraunhofer] = [gaussian / papers_gaussian, fraunhofer / papers_fraunhofer];
@@ -60,10 +59,9 @@ fn gaussian_and_fraunhofer_have_equal_errors_for_wide_spots() {
     const COLUMNS: usize = 320;
     let geometry = Sensor::Row(COLUMNS).geometry();
     let pitch = Sensor::Camera.pitch();
-    let places = |count: usize, step: f64| -> Vec<f64> {
-        (0..count)
-            .map(|i| (i as f64 - (count as f64 - 1.0) / 2.0) * step)
-            .collect()
+    let places = |count: usize, step: f64| {
+        let place = |i| (i as f64 - (count as f64 - 1.0) / 2.0) * step;
+        (0..count).map(place).collect::<Vec<_>>()
     };
     let (columns, rows) = (places(COLUMNS, pitch), places(26, 20.0 * pitch));
     for diameter in [1e-3, 2e-3] {
@@ -79,21 +77,15 @@ fn gaussian_and_fraunhofer_have_equal_errors_for_wide_spots() {
                 let mut sums = [0.0; 2];
                 let mut used = 0.0;
                 for row in 0..rows.len() {
-                    let counts: Vec<f32> = image
-                        .row(row)
-                        .iter()
-                        .map(|light| 100.0 + 800.0 * light)
-                        .collect();
-                    let counts = quantise(&counts, 4095);
+                    let counts = image.row(row).iter().map(|light| 100.0 + 800.0 * light);
+                    let counts = quantise(&counts.collect::<Vec<f32>>(), 4095);
                     let row = Row::new(&counts, &[], 4095).expect("12 bits");
                     let centre = |estimator| {
                         let (spot, _) = spot::find(&row).ok()?;
                         centre::centre(estimator, &row, &spot, None, &geometry).ok()
                     };
-                    if let (Some(gaussian), Some(fraunhofer)) = (
-                        centre(Estimator::GaussNewton),
-                        centre(Estimator::Fraunhofer),
-                    ) {
+                    let found = [Estimator::GaussNewton, Estimator::Fraunhofer].map(centre);
+                    if let [Some(gaussian), Some(fraunhofer)] = found {
                         used += 1.0;
                         for (sum, found) in sums.iter_mut().zip([gaussian, fraunhofer]) {
                             *sum += found.centre.to_f64() - (COLUMNS as f64 - 1.0) / 2.0;

@@ -70,11 +70,7 @@ fn a_panic_that_is_put_in_is_found() {
     for build in [RELEASE, OVERFLOW_CHECKED] {
         let messages = link(build, &feature, &[]).expect_err("it must not link");
         assert!(messages.contains(NOWHERE), "{messages}");
-        let places = places_of(build, &feature);
-        let put_in = places
-            .iter()
-            .filter(|place| place.contains("whole_core.rs"));
-        assert_eq!(put_in.count(), 38, "{places:#?}");
+        expect_put_in(38, &places_of(build, &feature));
     }
 }
 
@@ -83,16 +79,13 @@ fn a_panic_that_is_put_in_is_found() {
 fn an_overflow_that_is_put_in_is_found() {
     let _turn = PROGRAM.lock();
     let feature = ["--features", "put-an-overflow-in"];
-    let places = places_of(OVERFLOW_CHECKED, &feature);
-    let put_in = places
-        .iter()
-        .filter(|place| place.contains("whole_core.rs"));
-    assert_eq!(put_in.count(), 1, "{places:#?}");
-    let places = places_of(RELEASE, &feature);
-    assert!(
-        !places.iter().any(|place| place.contains("whole_core.rs")),
-        "{places:#?}"
-    );
+    expect_put_in(1, &places_of(OVERFLOW_CHECKED, &feature));
+    expect_put_in(0, &places_of(RELEASE, &feature));
+}
+
+fn expect_put_in(count: usize, places: &[String]) {
+    let put_in = (places.iter()).filter(|place| place.contains("whole_core.rs"));
+    assert_eq!(put_in.count(), count, "{places:#?}");
 }
 
 /// Builds the program, and gives where it is, or what the compiler and the linker said.
@@ -116,13 +109,7 @@ fn link(build: Build, features: &[&str], linker: &[&str]) -> Result<PathBuf, Str
 
 /// Where the program can panic: it is linked all the same, and searched.
 fn places_of(build: Build, features: &[&str]) -> Vec<String> {
-    let program = link(
-        build,
-        features,
-        &["-Clink-arg=--unresolved-symbols=ignore-all"],
-    )
-    .unwrap_or_else(|messages| panic!("{messages}"));
-    let bytes = std::fs::read(&program)
-        .unwrap_or_else(|error| panic!("cannot read {}: {error}", program.display()));
-    places(&bytes)
+    let linker = ["-Clink-arg=--unresolved-symbols=ignore-all"];
+    let program = link(build, features, &linker).unwrap_or_else(|messages| panic!("{messages}"));
+    places(&std::fs::read(program).expect("the program that was linked"))
 }

@@ -9,16 +9,9 @@ fn only_literals_are_shifted_to_the_left() {
     let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../core/src");
     let mut found = Vec::new();
     let files = look(&core, &mut found);
-    assert!(
-        files > 30,
-        "{files} files in {}: is that the core?",
-        core.display()
-    );
-    assert!(
-        found.is_empty(),
-        "write `value * (1 << n)`:\n{}",
-        found.join("\n")
-    );
+    let core = core.display();
+    assert!(files > 30, "{files} files in {core}: is that the core?");
+    assert!(found.is_empty(), "write `value * (1 << n)`:\n{found:#?}");
 }
 
 /// Lists the shifts of values in the files of a folder. Gives how many files there are.
@@ -46,18 +39,15 @@ fn shifted_values(source: &str) -> Vec<&str> {
     let code = source.split("#[cfg(test)]").next().unwrap_or_default();
     code.lines()
         .map(str::trim)
-        .filter(|line| {
-            !line.starts_with("//") && !line.contains("const ") && !line.starts_with("assert!")
-        })
+        .filter(|line| !line.starts_with("//") && !line.starts_with("assert!"))
+        .filter(|line| !line.contains("const "))
         .filter(|line| {
             let mut pieces: Vec<&str> = line.split("<<").collect();
             pieces.pop();
             pieces.iter().any(|before| {
-                let word = before
-                    .trim_end()
-                    .rsplit(|c: char| !c.is_alphanumeric())
-                    .next();
-                !word.is_some_and(|word| word.starts_with(|c: char| c.is_ascii_digit()))
+                let mut words = before.trim_end().rsplit(|c: char| !c.is_alphanumeric());
+                let word = words.next().unwrap_or_default();
+                !word.starts_with(|c: char| c.is_ascii_digit())
             })
         })
         .collect()

@@ -60,9 +60,8 @@ pub async fn run(
     } else {
         ROWS_TO_CHECK
     };
-    report
-        .line(&text!("silicon-check on {}, {rows} rows", board::NAME))
-        .await;
+    let head = text!("silicon-check on {}, {rows} rows", board::NAME);
+    report.line(&head).await;
     if an_instruction_takes_a_cycle() {
         for line in VIRTUAL {
             report.line(line).await;
@@ -156,17 +155,14 @@ async fn check_rows(report: &mut Report, rows: u32, load: &mut Load) -> bool {
     wires::stop();
     let counts = Counts::since(&before);
 
-    let Counts {
-        rows: read,
-        late,
-        failed,
-        lost,
-        ..
-    } = counts;
+    let (read, late) = (counts.rows, counts.late);
     // The last one may be under way.
-    let has_rows = read + 1 >= rows && late + failed + lost == 0;
-    let found =
-        text!("{read} read, {late} late, {failed} failed, {lost} lost, with the core always busy");
+    let has_rows = read + 1 >= rows && counts.bad() == 0;
+    let found = text!(
+        "{read} read, {late} late, {} failed, {} lost, with the core always busy",
+        counts.failed,
+        counts.lost
+    );
     let look_at = "late: the core is too slow; failed: SPI or DMA; lost: the estimator is too slow";
     report.check("rows", has_rows, &found, look_at).await;
     let has_master_clock = check_master_clock(report, master_clock).await;
@@ -221,11 +217,9 @@ async fn check_master_clock(report: &mut Report, clock: Option<wires::MasterCloc
     };
     let (least, most) = clock.high;
     let passes = clock.spread <= 2 && least >= 29 && most <= 35;
+    let (spread, from, to) = (ns(clock.spread), ns(least), ns(most));
     let found = text!(
-        "its rises are within {} ns of 2.625 MHz; it is high for {} to {} ns of 380",
-        ns(clock.spread),
-        ns(least),
-        ns(most)
+        "its rises are within {spread} ns of 2.625 MHz; it is high for {from} to {to} ns of 380"
     );
     report.check("fM", passes, &found, LOOK_AT).await;
     passes
@@ -276,8 +270,9 @@ async fn check_pulses(report: &mut Report, expected: u32, has_master_clock: bool
         ),
     ] {
         let (least, most) = seen.get();
-        let passes = ns(least) >= *limits.start() && ns(most) <= *limits.end();
-        let found = text!("{what} {} to {} ns{of}", ns(least), ns(most));
+        let (least, most) = (ns(least), ns(most));
+        let passes = least >= *limits.start() && most <= *limits.end();
+        let found = text!("{what} {least} to {most} ns{of}");
         report.check(name, passes, &found, look_at).await;
     }
     if !has_master_clock {
@@ -286,12 +281,8 @@ async fn check_pulses(report: &mut Report, expected: u32, has_master_clock: bool
     }
     let (least, most) = SEEN.t4.get();
     let half = CYCLES_A_MASTER_CLOCK / 2;
-    let found = text!(
-        "ICG rises {} to {} ns after fM rose, of 0 to {} (fM is high)",
-        ns(least),
-        ns(most),
-        ns(half)
-    );
+    let (from, to, end) = (ns(least), ns(most), ns(half));
+    let found = text!("ICG rises {from} to {to} ns after fM rose, of 0 to {end} (fM is high)");
     let look_at = "the program sets ICG too late: look at `raise_icg_at` and at waits for flash";
     report.check("t4", most < half, &found, look_at).await;
 }
@@ -319,12 +310,9 @@ async fn check_sclk(report: &mut Report, expected: u32) {
     let expected = (EDGES - 1) * wires::TICKS_A_BIT;
     // Half a period of SCLK: a gap of one period is an error.
     let off = least.abs_diff(expected).max(most.abs_diff(expected));
-    let found = text!(
-        "{} to {} ns from a row's first edge to its last, of {} without gaps",
-        ns(2 * least),
-        ns(2 * most),
-        ns(2 * expected)
-    );
+    let [from, to, whole] = [least, most, expected].map(|ticks| ns(2 * ticks));
+    let found =
+        text!("{from} to {to} ns from a row's first edge to its last, of {whole} without gaps");
     let passes = off <= wires::TICKS_A_BIT / 2;
     let look_at = "SPI waited for DMA: look at the DMA's priorities";
     report.check("SCLK time", passes, &found, look_at).await;
@@ -345,21 +333,19 @@ async fn check_miso(report: &mut Report) {
     ] {
         wires::drive_miso(level);
         free_rows().await;
-        let mut wrong = None;
-        // The first two may have begun before.
+        let mut wrong = 0;
         for number in 0..4 {
             let row = next_row().await;
-            let odd = row.as_ref().map_or(WORDS, |words| {
-                words.iter().filter(|&&word| word != expected).count()
-            });
+            // The first two may have begun before.
             if number >= 2 {
-                wrong = Some(wrong.unwrap_or(0) + odd);
+                wrong += row.as_ref().map_or(WORDS, |words| {
+                    words.iter().filter(|&&word| word != expected).count()
+                });
             }
             if let Some(words) = row {
                 ROWS.free.send(words).await;
             }
         }
-        let wrong = wrong.unwrap_or(WORDS);
         let found = text!("{wrong} words of {} are not {expected:#06x}", 2 * WORDS);
         report.check(name, wrong == 0, &found, look_at).await;
     }
@@ -451,9 +437,8 @@ async fn check_flash(report: &mut Report, flash: &mut CalibrationFlash) {
     })
     .await;
     if restored.is_err() {
-        report
-            .line("note: sector 15 of the flash is not as it was")
-            .await;
+        let note = "note: sector 15 of the flash is not as it was";
+        report.line(note).await;
     }
 }
 

@@ -67,12 +67,8 @@ impl Report {
     }
 
     pub async fn end(&mut self) {
-        let line = text!(
-            "silicon-check: {} pass, {} fail, {} skipped",
-            self.passed,
-            self.failed,
-            self.skipped
-        );
+        let (passed, failed, skipped) = (self.passed, self.failed, self.skipped);
+        let line = text!("silicon-check: {passed} pass, {failed} fail, {skipped} skipped");
         self.line(&line).await;
     }
 }

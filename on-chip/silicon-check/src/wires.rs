@@ -184,21 +184,18 @@ fn connect(port: Gpio, pin: usize, function: u8) {
 
 pub fn drive_miso(level: Option<bool>) {
     let port = pac::GPIOB;
+    let mode = match level {
+        Some(_) => Moder::OUTPUT,
+        None => Moder::INPUT,
+    };
     port.bsrr().write(|pins| match level {
         Some(false) => pins.set_br(MISO_DRIVER, true),
         _ => pins.set_bs(MISO_DRIVER, true),
     });
     port.ospeedr()
         .modify(|speeds| speeds.set_ospeedr(MISO_DRIVER, Ospeedr::LOW_SPEED));
-    port.moder().modify(|modes| {
-        modes.set_moder(
-            MISO_DRIVER,
-            match level {
-                Some(_) => Moder::OUTPUT,
-                None => Moder::INPUT,
-            },
-        );
-    });
+    port.moder()
+        .modify(|modes| modes.set_moder(MISO_DRIVER, mode));
 }
 
 pub struct MasterClock {

@@ -17,11 +17,11 @@ use simulator::scene::Scene;
 use slitrange::base::units::{Counts, Pixels};
 use slitrange::frame::comb::{self, Maximum, NOMINAL_PLACES_UM, SLIT_WIDTH_UM, SlitMap, assign};
 use slitrange::row::sensor_heads;
+use statistics::least_and_most;
 
 use crate::comb::{Mask, with_speckle, with_width};
 use crate::programs::comb::tolerances::DISTANCE;
 use crate::programs::comb::{Outcome, bar, theory};
-use crate::surfaces::Summary;
 use crate::table;
 
 pub const FIGURE: &str = "docs/figures/comb-design.svg";
@@ -101,12 +101,8 @@ impl Design {
     /// Shares of random rows that get wrong slits without a flag, and that are a fault: up to half of the
     /// slits have no peak, and one peak is false.
     fn random_rows(&self) -> Option<[f64; 2]> {
-        let maps: Vec<SlitMap> = self
-            .places_um
-            .iter()
-            .map(|&um| SlitMap::nominal(um))
-            .collect();
-        let comb = comb::Comb::new(&maps)?;
+        let maps = self.places_um.iter().map(|&um| SlitMap::nominal(um));
+        let comb = comb::Comb::new(&maps.collect::<Vec<_>>())?;
         let of_row = |row: u64| {
             let mut random = ChaCha8Rng::seed_from_u64(5);
             random.set_stream(row);
@@ -156,7 +152,6 @@ const GROUPS: [&str; 4] = [
 ];
 
 fn designs() -> Vec<(String, usize, Design)> {
-    let nominal = Design::nominal;
     let mut all = vec![];
     for count in [8, 13, 16] {
         all.push((format!("{count} slits"), 0, Design::fewer(count)));
@@ -165,12 +160,12 @@ fn designs() -> Vec<(String, usize, Design)> {
         all.push((format!("gaps × {factor}"), 1, Design::stretched(factor)));
     }
     for width_um in [100, 200, 300] {
-        let mut design = nominal();
+        let mut design = Design::nominal();
         design.width_um = width_um;
         all.push((format!("width {width_um} um"), 2, design));
     }
     for spot in [0.4e-3, 0.5e-3, 1e-3, 2e-3] {
-        let mut design = nominal();
+        let mut design = Design::nominal();
         design.spot = spot;
         all.push((format!("spot {} mm", 1e3 * spot), 3, design));
     }
@@ -186,10 +181,8 @@ pub fn measure(base: &Scene, rows: u16, surfaces: u64) -> Result<Vec<Variant>> {
         progress.set_message(name.clone());
         let mask = Mask::new(&design.places_um, design.width_um).context("a comb")?;
         // The scene's spot belongs to the nominal width, so that another width has another height.
-        let scene = with_width(
-            &with_speckle(base, design.spot, 1),
-            1e-6 * f64::from(SLIT_WIDTH_UM),
-        );
+        let scene = with_speckle(base, design.spot, 1);
+        let scene = with_width(scene, 1e-6 * f64::from(SLIT_WIDTH_UM));
         let outcome = Outcome::measure(&scene, [DISTANCE; 2], &mask, rows, surfaces);
         progress.inc(surfaces);
         variants.push(Variant {
@@ -200,7 +193,6 @@ pub fn measure(base: &Scene, rows: u16, surfaces: u64) -> Result<Vec<Variant>> {
             design,
         });
     }
-    progress.finish_and_clear();
     Ok(variants)
 }
 
@@ -208,12 +200,7 @@ pub fn report(variants: &[Variant]) -> String {
     let head = "differs from the default | smallest gap, mm | RMS error | theory | median u | within 2u | faults \
                 | height | all images on the row, m | random rows: faults | wrong";
     let rows = variants.iter().map(|it| {
-        let Summary {
-            rms,
-            median_u,
-            within,
-            ..
-        } = it.outcome.summary;
+        let summary = &it.outcome.summary;
         let range = match it.design.range() {
             Some([near, far]) => format!("{near:.2} to {far:.2}"),
             None => "nowhere".into(),
@@ -221,10 +208,10 @@ pub fn report(variants: &[Variant]) -> String {
         vec![
             it.name.clone(),
             format!("{:.2}", it.design.smallest_gap()),
-            format!("{rms:.0}"),
+            format!("{:.0}", summary.rms),
             format!("{:.0}", it.design.theory()),
-            format!("{median_u:.0}"),
-            format!("{:.1} %", 100.0 * within[1]),
+            format!("{:.0}", summary.median_u),
+            format!("{:.1} %", 100.0 * summary.within[1]),
             it.outcome.faults(),
             format!("{:.0}", it.outcome.height),
             range,
@@ -256,17 +243,11 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
         };
         let of_group: Vec<&Variant> = variants.iter().filter(|it| it.group == group).collect();
         let ticks: Vec<f64> = of_group.iter().map(|it| value(it)).collect();
-        let (least, most) = (
-            ticks.iter().copied().fold(f64::MAX, f64::min),
-            ticks.iter().copied().fold(f64::MIN, f64::max),
-        );
-        let x = Axis::new(
-            Scale::Log,
-            (0.85 * least, 1.15 * most),
-            name,
-            &ticks,
-            |it| format!("{}", (100.0 * it).round() / 100.0),
-        );
+        let (least, most) = least_and_most(&ticks);
+        let range = (0.85 * least, 1.15 * most);
+        let x = Axis::new(Scale::Log, range, name, &ticks, |it| {
+            format!("{}", (100.0 * it).round() / 100.0)
+        });
         let y = Axis::log((40.0, 400.0), "RMS error, um", &[50.0, 100.0, 200.0, 300.0]);
         let mut chart = panel(&area, "", 20, &x, &y)?;
         let points = |of: &dyn Fn(&Variant) -> f64| -> Vec<(f64, f64)> {
@@ -276,14 +257,10 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
         let theory = points(&|it| it.design.theory());
         chart.draw_series(DashedLineSeries::new(theory, 8, 6, BLACK.stroke_width(1)))?;
         chart.draw_series(LineSeries::new(errors.clone(), BLUE.stroke_width(2)))?;
-        chart.draw_series(
-            errors
-                .into_iter()
-                .map(|at| Circle::new(at, 5, BLUE.filled())),
-        )?;
+        let dots = errors.into_iter();
+        chart.draw_series(dots.map(|at| Circle::new(at, 5, BLUE.filled())))?;
     }
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }
 
 #[cfg(test)]

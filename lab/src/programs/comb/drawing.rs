@@ -85,11 +85,8 @@ pub fn notes(it: &Tolerances) -> Vec<String> {
     let width = it.width * f64::from(SLIT_WIDTH_UM);
     let over = |angle: f64| um(angle * 1e-3 * OUTLINE_MM[0]);
     let growth = |index: usize| {
-        format!(
-            "{} {:.1}e-6 / K",
-            MATERIALS[index].0,
-            1e6 * MATERIALS[index].1
-        )
+        let (name, growth) = MATERIALS[index];
+        format!("{name} {:.1}e-6 / K", 1e6 * growth)
     };
     vec![
         "1. Lengths in mm. Seen from the sensor: laser to the left, target behind the sheet, pixels count \
@@ -239,30 +236,17 @@ pub fn svg(tolerances: &Tolerances) -> String {
     let [cross, disc] = MARKS_MM.map(at);
     s.line(beside(disc, [16.0, 0.0]), [right + 24.0, disc[1]], HELP);
     let text = [right + 34.0, 0.5 * (disc[1] + DATUM[1])];
-    upright(
-        s,
-        right + 18.0,
-        [disc[1], DATUM[1]],
-        text,
-        &label(MARKS_MM[1][1]),
-    );
+    let height = label(MARKS_MM[1][1]);
+    upright(s, right + 18.0, [disc[1], DATUM[1]], text, &height);
     for (mark, [mm, _]) in [cross, disc].into_iter().zip(MARKS_MM) {
         s.text(beside(mark, [0.0, -24.0]), BLUE, format_args!("{mm:+.1}"));
     }
     let [length, arm] = CROSS_MM;
-    let place = beside(cross, [0.8 * SCALE, 5.0]);
-    s.text(
-        place,
-        r#"font-size="14""#,
-        format_args!("cross {length} x {arm}"),
-    );
-    let place = beside(disc, [-0.5 * SCALE, 5.0]);
+    let text = format!("cross {length} x {arm}");
+    s.text(beside(cross, [0.8 * SCALE, 5.0]), r#"font-size="14""#, text);
+    let (place, text) = (beside(disc, [-0.5 * SCALE, 5.0]), 2.0 * DISC_MM);
     let style = r#"text-anchor="end" font-size="14""#;
-    s.text(
-        place,
-        style,
-        format_args!("disc \u{2300} {}", 2.0 * DISC_MM),
-    );
+    s.text(place, style, format_args!("disc \u{2300} {text}"));
     let first = 1e-3 * f64::from(NOMINAL_PLACES_UM[0]);
     let [x, _] = at([first - 0.45, 0.0]);
     let text = [x - 6.0, DATUM[1] - 25.0];

@@ -85,64 +85,55 @@ pub fn write(tolerances: &Tolerances) -> String {
 mod tests {
     use super::*;
     use slitrange::frame::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+    use statistics::least_and_most;
 
     /// An entity: its type and layer, and the corners of a polyline or the middle of anything else.
-    #[derive(Debug, Default)]
-    struct Entity {
-        kind: String,
-        layer: String,
+    #[derive(Debug)]
+    struct Entity<'a> {
+        kind: &'a str,
+        layer: &'a str,
         is_closed: bool,
         points: Vec<[f64; 2]>,
     }
 
-    /// The entities of a file, as a reader takes them from pairs of group codes and values.
-    fn entities(text: &str) -> Vec<Entity> {
+    /// The entities of a file, as a reader takes them from pairs of group codes and values. The code 0 begins
+    /// an entity, a corner of the one before, or its end.
+    fn entities(text: &str) -> Vec<Entity<'_>> {
         let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len() % 2, 0);
         let pairs = lines.as_chunks().0.iter();
-        let mut pairs = pairs.map(|[code, value]| (code.trim().parse().expect("a code"), *value));
-        assert_eq!(
-            (lines.len() % 2, pairs.clone().next_back()),
-            (0, Some((0, "EOF")))
-        );
-        let section = pairs.by_ref().find(|&pair| pair == (2, "ENTITIES"));
-        section.expect("a section");
-        let mut all: Vec<Entity> = vec![];
-        let mut is_point = false;
-        for (code, value) in pairs {
-            if code == 0 {
-                is_point = !["POLYLINE", "SEQEND"].contains(&value);
-                match value {
-                    "ENDSEC" => return all,
-                    "VERTEX" | "SEQEND" => {}
-                    _ => all.push(Entity {
-                        kind: value.into(),
-                        ..Entity::default()
-                    }),
-                }
-                continue;
+        let pairs = pairs.map(|[code, value]| (code.trim().parse().expect("a code"), *value));
+        let pairs: Vec<(u32, &str)> = pairs.collect();
+        assert_eq!(pairs.last(), Some(&(0, "EOF")));
+        let groups = pairs.chunk_by(|_, next| next.0 != 0);
+        let mut groups = groups.skip_while(|group| !group.contains(&(2, "ENTITIES")));
+        groups.next().expect("a section");
+        let mut all: Vec<Entity<'_>> = vec![];
+        for group in groups.take_while(|group| group[0].1 != "ENDSEC") {
+            let value = |code: u32| Some(group.iter().find(|pair| pair.0 == code)?.1);
+            let number = |code| value(code)?.parse::<f64>().ok();
+            let point = || [10, 20].map(|code| number(code).expect("a number"));
+            let (kind, layer) = (group[0].1, value(8).expect("a layer"));
+            let is_closed = value(70) == Some("1");
+            if !["VERTEX", "SEQEND"].contains(&kind) {
+                all.push(Entity {
+                    kind,
+                    layer,
+                    is_closed,
+                    points: vec![],
+                });
             }
             let entity = all.last_mut().expect("an entity");
-            let number = || value.parse::<f64>().expect("a number");
-            match code {
-                8 if entity.layer.is_empty() => entity.layer = value.into(),
-                8 => assert_eq!(entity.layer, value),
-                70 => entity.is_closed = value == "1",
-                10 if is_point => entity.points.push([number(), f64::NAN]),
-                20 if is_point => entity.points.last_mut().expect("a point")[1] = number(),
-                _ => {}
+            assert_eq!(entity.layer, layer);
+            if !["POLYLINE", "SEQEND"].contains(&kind) {
+                entity.points.push(point());
             }
         }
-        panic!("the section does not end");
+        all
     }
 
     fn bounds(points: &[[f64; 2]]) -> [[f64; 2]; 2] {
-        [0, 1].map(|axis| {
-            let values = || points.iter().map(|point| point[axis]);
-            [
-                values().fold(f64::MAX, f64::min),
-                values().fold(f64::MIN, f64::max),
-            ]
-        })
+        [0, 1].map(|axis| least_and_most(points.iter().map(|point| point[axis])).into())
     }
 
     #[test]
@@ -150,8 +141,7 @@ mod tests {
         let text = write(&Tolerances::nominal());
         assert!(text.is_ascii());
         let all = entities(&text);
-        let on =
-            |layer: &str| -> Vec<&Entity> { all.iter().filter(|it| it.layer == layer).collect() };
+        let on = |layer: &str| Vec::from_iter(all.iter().filter(|it| it.layer == layer));
         let slits = on("SLITS");
         assert_eq!(slits.len(), NOMINAL_PLACES_UM.len());
         for (slit, um) in slits.into_iter().zip(NOMINAL_PLACES_UM) {
@@ -168,10 +158,7 @@ mod tests {
         let marks = on("MARKS");
         assert_eq!(marks.len(), 2);
         assert!(marks[0].is_closed && marks[0].points.len() == 12);
-        assert_eq!(
-            (marks[1].kind.as_str(), marks[1].points[0]),
-            ("CIRCLE", MARKS_MM[1])
-        );
+        assert_eq!((marks[1].kind, marks[1].points[0]), ("CIRCLE", MARKS_MM[1]));
         assert!(on("NOTES").iter().all(|it| it.kind == "TEXT"));
         assert_eq!(all.len(), 1 + 16 + 2 + on("NOTES").len());
     }

@@ -120,10 +120,8 @@ pub fn svg(base: &Scene) -> String {
         r##"<polyline points="{}" fill="none" stroke="#d62728" stroke-width="1.5"/>"##,
         svg::points(points)
     ));
-    s.text(
-        [left, 562.0],
-        r#"font-size="16""#,
-        "A simulated row: metal at 0.8 m, laser spot of 1 mm. Broken: where each slit shows a target without speckle.",
-    );
+    let words = "A simulated row: metal at 0.8 m, laser spot of 1 mm. Broken: where each slit shows a target \
+                 without speckle.";
+    s.text([left, 562.0], r#"font-size="16""#, words);
     svg.end()
 }

@@ -150,10 +150,8 @@ mod tests {
     /// The mean of tilts, weighed by light, and the sum of the light.
     fn mean(field: &[[f64; 2]]) -> (f64, f64) {
         let light: f64 = field.iter().map(|it| it[0]).sum();
-        (
-            field.iter().map(|it| it[0] * it[1]).sum::<f64>() / light,
-            light,
-        )
+        let tilts: f64 = field.iter().map(|it| it[0] * it[1]).sum();
+        (tilts / light, light)
     }
 
     fn slits() -> [f64; 16] {

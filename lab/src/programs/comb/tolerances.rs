@@ -194,32 +194,20 @@ fn tangents(optics: &Optics) -> Vec<f64> {
 /// Lengths in micrometres for a page: two digits.
 fn um(metres: f64) -> String {
     let um = 1e6 * metres;
-    if um < 9.95 {
-        format!("{um:.1}")
-    } else {
-        format!("{um:.0}")
-    }
+    let digits = if um < 9.95 { 1 } else { 0 };
+    format!("{um:.digits$}")
 }
 
 /// An angle in degrees, and the distance by which it moves an end of the mask against the other.
 fn angle(radians: f64) -> String {
-    let over = radians * crate::programs::comb::drawing::OUTLINE_MM[0] * 1e-3;
-    format!(
-        "{:.2}° ({} um over the mask)",
-        radians.to_degrees(),
-        um(over)
-    )
+    let over = um(radians * crate::programs::comb::drawing::OUTLINE_MM[0] * 1e-3);
+    format!("{:.2}° ({over} um over the mask)", radians.to_degrees())
 }
 
 pub fn report(it: &Tolerances) -> String {
     let row = |name: &str, value: &dyn Fn(&Placing) -> String, remains: &str| {
-        let [calibrated, uncalibrated] = [&it.calibrated, &it.uncalibrated].map(value);
-        vec![
-            name.to_owned(),
-            calibrated,
-            uncalibrated,
-            remains.to_owned(),
-        ]
+        let [calibrated, drawn] = [&it.calibrated, &it.uncalibrated].map(value);
+        vec![name.to_owned(), calibrated, drawn, remains.to_owned()]
     };
     let changes = |radians| format!("changes: {} move a distance by 10 um", angle(radians));
     let width = format!("± {} um", um(it.width * 1e-6 * f64::from(SLIT_WIDTH_UM)));
@@ -257,11 +245,9 @@ pub fn report(it: &Tolerances) -> String {
     ];
     let head = "tolerance | each slit is calibrated | slits as drawn | what a calibration does not take out";
     let mut text = crate::table::of(head, rows);
-    let warmer: Vec<String> = MATERIALS
-        .iter()
-        .zip(it.warmer)
-        .map(|((name, _), moved)| format!("{} um ({name})", um(moved)))
-        .collect();
+    let warmer = MATERIALS.iter().zip(it.warmer);
+    let warmer = warmer.map(|((name, _), moved)| format!("{} um ({name})", um(moved)));
+    let warmer: Vec<String> = warmer.collect();
     text += &format!(
         "\n*Slits as drawn*: a calibration finds eq. (1), which takes out what all slits share. The \
          places are those of the drawing. A slit that is 1 um off its place moves its image by {:.3} um, \

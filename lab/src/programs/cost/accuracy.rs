@@ -216,16 +216,12 @@ impl Accuracy {
     }
 
     pub fn worst(&self, method: Method) -> Worst {
-        let cells = || {
-            self.cells
-                .iter()
-                .filter(|cell| cell.method == method && MEANT_FOR.contains(&cell.width))
-        };
+        let is_meant = |of: Method, width: f64| of == method && MEANT_FOR.contains(&width);
+        let cells = || (self.cells.iter()).filter(|it| is_meant(it.method, it.width));
+        let mut biases = (self.biases.iter()).filter(|it| is_meant(it.method, it.width));
         let ratio = |white| {
-            cells()
-                .filter(|cell| cell.noise.is_white() == white)
-                .map(|cell| cell.outcome.ratio())
-                .fold(f64::NAN, f64::max)
+            let cells = cells().filter(|cell| cell.noise.is_white() == white);
+            cells.map(|it| it.outcome.ratio()).fold(f64::NAN, f64::max)
         };
         let part = |rows: fn(&Outcome) -> u64| {
             cells().map(|cell| rows(&cell.outcome)).max().unwrap_or(0) as f64 / self.rows as f64
@@ -234,11 +230,7 @@ impl Accuracy {
         Worst {
             white: ratio(true),
             shot: ratio(false),
-            bias: self
-                .biases
-                .iter()
-                .filter(|bias| bias.method == method && MEANT_FOR.contains(&bias.width))
-                .try_fold(0.0f64, |worst, bias| Some(worst.max(bias.pixels?))),
+            bias: biases.try_fold(0.0f64, |worst, bias| Some(worst.max(bias.pixels?))),
             pull: (
                 pulls().fold(f64::NAN, f64::min),
                 pulls().fold(f64::NAN, f64::max),

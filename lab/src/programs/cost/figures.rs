@@ -43,11 +43,10 @@ mod tests {
             let svg = std::fs::read_to_string(directory.join(name)).expect("a figure");
             for method in Method::ALL {
                 // A label alone on its line, or followed by a ratio.
-                let label = |line: &&str| {
-                    *line == method.name() || line.starts_with(&format!("{} ", method.name()))
-                };
+                let method = method.name();
+                let label = |line: &&str| line.split(' ').next() == Some(method);
                 let found = svg.lines().filter(label).count();
-                assert_eq!(found, times, "{} in {name}", method.name());
+                assert_eq!(found, times, "{method} in {name}");
             }
         }
     }
@@ -56,7 +55,8 @@ mod tests {
     #[test]
     fn the_bars_name_every_step_and_estimator() {
         let path = std::env::temp_dir().join("slitrange-made-up-row-steps.svg");
-        row_steps::draw(&sample_measurements::measured(), &path).expect("a figure");
+        let measured = sample_measurements::measured();
+        row_steps::draw(&measured, &path).expect("a figure");
         let svg = std::fs::read_to_string(&path).expect("a figure");
         let lines = |text: &str| svg.lines().filter(|line| *line == text).count();
         for step in ["convert", "search", "estimate", "check", "frame"] {
@@ -64,16 +64,8 @@ mod tests {
         }
         for estimator in Estimator::ALL {
             assert_eq!(lines(estimator.name()), 3, "{estimator:?}");
-        }
-        let measured = sample_measurements::measured();
-        for estimator in Estimator::ALL {
-            for row in measured
-                .chip
-                .whole_rows
-                .kinds(estimator)
-                .into_iter()
-                .flatten()
-            {
+            let rows = measured.chip.whole_rows.kinds(estimator);
+            for row in rows.into_iter().flatten() {
                 assert!(lines(&row.total().to_string()) >= 1, "{estimator:?}");
             }
         }

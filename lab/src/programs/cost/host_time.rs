@@ -98,13 +98,8 @@ pub fn nanoseconds(method: Method) -> Option<f64> {
     let times = (0..REPETITIONS).map(|_| {
         let start = Instant::now();
         for (row, spot, before) in &rows {
-            let _ = black_box(methods::centre(
-                black_box(method),
-                black_box(row),
-                spot,
-                before.as_ref(),
-                &geometry,
-            ));
+            let (method, row, before) = (black_box(method), black_box(row), before.as_ref());
+            let _ = black_box(methods::centre(method, row, spot, before, &geometry));
         }
         start.elapsed().as_nanos() as f64 / rows.len() as f64
     });

@@ -11,7 +11,7 @@ use cost_on_chip::whole_rows::WIDTH;
 use serde::Serialize;
 use slitrange::centre::Estimator;
 
-use crate::programs::cost::accuracy::{Accuracy, Worst};
+use crate::programs::cost::accuracy::Accuracy;
 use crate::programs::cost::chip::{Chip, MethodOnChip};
 use crate::programs::cost::peers::Peer;
 use crate::programs::cost::reading_time;
@@ -195,14 +195,12 @@ impl Measured {
                 "PC, simulated".into(),
             ]);
         }
+        let rows = rows.into_iter().map(Vec::from);
         format!(
             "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
              unbiased method with this noise. The ratio is the worst of spot widths (sigma) from 1.2 to 18 \
              px. A whole row: from the row's words to its centre with its check.\n",
-            table::of(
-                "figure | value | measured on",
-                rows.into_iter().map(Vec::from)
-            ),
+            table::of("figure | value | measured on", rows),
         )
     }
 
@@ -217,22 +215,15 @@ impl Measured {
     fn accuracy_table(&self) -> String {
         let head = "estimator | white | shot + read | bias px | error / claim | no centre | gross";
         let rows = self.methods.iter().map(|&method| {
-            let Worst {
-                white,
-                shot,
-                bias,
-                pull,
-                faults,
-                gross,
-            } = self.accuracy.worst(method);
+            let worst = self.accuracy.worst(method);
             vec![
                 label(method),
-                ratio(white),
-                ratio(shot),
-                bias.map_or("-".into(), |bias| format!("{bias:.5}")),
-                format!("{:.2} to {:.2}", pull.0, pull.1),
-                percent(faults),
-                percent(gross),
+                ratio(worst.white),
+                ratio(worst.shot),
+                (worst.bias).map_or("-".into(), |bias| format!("{bias:.5}")),
+                format!("{:.2} to {:.2}", worst.pull.0, worst.pull.1),
+                percent(worst.faults),
+                percent(worst.gross),
             ]
         });
         table::of(head, rows)
@@ -291,19 +282,14 @@ impl Measured {
              rmse_over_bound,pull,faults,gross",
             cells,
         )?;
-        let rows = self.chip.whole_rows.0.iter();
+        let rows = self.chip.whole_rows.0.iter().map(|row| {
+            let steps = &row.steps;
+            (row.kind, row.name, row.width, steps.0, steps.total())
+        });
         write_csv(
             &directory.join("whole-rows.csv"),
             "row,estimator,width_px,convert,search,estimate,check,frame,distance,other,total",
-            rows.map(|row| {
-                (
-                    row.kind,
-                    row.name,
-                    row.width,
-                    row.steps.0,
-                    row.steps.total(),
-                )
-            }),
+            rows,
         )
     }
 }
@@ -409,11 +395,9 @@ mod tests {
             ] {
                 assert!(method[key].is_number(), "{key} of {method}");
             }
-            let worst = |key: &str| method[key].as_f64().expect("a number");
-            assert_eq!(
-                worst("rmse_over_bound_max"),
-                worst("rmse_over_bound_max_white").max(worst("rmse_over_bound_max_shot"))
-            );
+            let [worst, white, shot] = ["", "_white", "_shot"]
+                .map(|of| method[format!("rmse_over_bound_max{of}")].as_f64());
+            assert_eq!(worst, white.zip(shot).map(|(white, shot)| white.max(shot)));
         }
         measured.peers = vec![Peer {
             name: "a",
@@ -476,16 +460,10 @@ mod tests {
                 Some(estimator) if estimator != Estimator::default() => 3,
                 _ => 2,
             };
-            assert_eq!(
-                page.matches(&format!("| {} |", label(method))).count(),
-                times
-            );
-            if method.estimator().is_none() {
-                assert!(
-                    !readme.contains(&format!("`{}`", method.name())),
-                    "{method:?}"
-                );
-            }
+            let label = format!("| {} |", label(method));
+            assert_eq!(page.matches(&label).count(), times);
+            let in_readme = readme.contains(&format!("`{}`", method.name()));
+            assert!(!in_readme || method.estimator().is_some(), "{method:?}");
         }
         let figures = readme.lines().filter(|line| line.starts_with("| "));
         // With the head.
@@ -495,9 +473,7 @@ mod tests {
 
     #[test]
     fn figures_are_rounded_to_five_digits() {
-        assert_eq!(
-            (round(0.012_345_678), round(123_456.7)),
-            (0.012_346, 123_460.0)
-        );
+        let rounded = [0.012_345_678, 123_456.7].map(round);
+        assert_eq!(rounded, [0.012_346, 123_460.0]);
     }
 }

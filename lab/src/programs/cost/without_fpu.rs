@@ -16,30 +16,24 @@ const CLOCKS_MHZ: [f64; 2] = [48.0, 133.0];
 pub fn markdown() -> Result<String> {
     let mut with = Chip::power_on()?;
     let mut without = Chip::power_on_for(slowest::WITHOUT_FPU)?;
-    let following = Estimator::ALL.map(|estimator| slowest::plain_row(estimator, true));
-    let first = Estimator::ALL.map(|estimator| slowest::plain_row(estimator, false));
+    let rows = |follows| Estimator::ALL.map(|estimator| slowest::plain_row(estimator, follows));
+    let [following, first] = [true, false].map(rows);
     let (with, first) = (with.count(&following)?, without.count(&first)?);
     let counts = without.count(&following)?;
     let mut rows = vec![];
     for (i, question) in following.iter().enumerate() {
-        let floats = floats(&slowest::attribution(
-            without.program(),
-            &without.trace(question)?,
-        )?);
+        let call = without.trace(question)?;
+        let floats = floats(&slowest::attribution(without.program(), &call)?) as f64;
         let mut row = vec![question.estimator.name().to_owned()];
         row.extend([with[i], counts[i], first[i]].map(|count| count.to_string()));
-        row.push(format!(
-            "{:.0} %",
-            100.0 * floats as f64 / f64::from(counts[i])
-        ));
+        row.push(format!("{:.0} %", 100.0 * floats / f64::from(counts[i])));
         let a_second = |mhz: f64| mhz * 1e6 / (CYCLES * f64::from(counts[i]));
         row.extend(CLOCKS_MHZ.map(|mhz| format!("{:.0}", a_second(mhz))));
         rows.push(row);
     }
     without.finish()?;
-    let clocks = CLOCKS_MHZ
-        .map(|mhz| format!("rows/s, {mhz} MHz"))
-        .join(" | ");
+    let clocks = CLOCKS_MHZ.map(|mhz| format!("rows/s, {mhz} MHz"));
+    let clocks = clocks.join(" | ");
     let head = format!("estimator | following, FPU | following | first | in floats | {clocks}");
     Ok(table::of(&head, rows))
 }

@@ -24,8 +24,7 @@ pub fn draw(targets: &[Target], path: &Path) -> Result<()> {
     let (errors, exposures) = root.split_vertically(410);
     draw_errors(targets, &root, &errors)?;
     draw_exposures(targets, &root, &exposures)?;
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }
 
 fn reflectivities(name: &str) -> Axis<'_> {

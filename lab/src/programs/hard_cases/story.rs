@@ -31,34 +31,20 @@ pub fn story(random_row: &RandomRow) -> String {
          {} counts",
         recipe.pixels, recipe.black_level, recipe.read_noise, recipe.saturation
     );
-    match &recipe.spot {
-        Some(spot) => {
-            _ = writeln!(
-                text,
-                "spot: {}, width {:.3} px, height {:.1} counts",
-                spot.shape, spot.width, spot.amplitude
-            )
-        }
-        None => text.push_str("spot: none\n"),
-    }
+    let spot = recipe.spot.map_or("none".to_owned(), |spot| {
+        let (shape, width, height) = (spot.shape, spot.width, spot.amplitude);
+        format!("{shape}, width {width:.3} px, height {height:.1} counts")
+    });
+    _ = writeln!(text, "spot: {spot}");
     for flaw in &recipe.flaws {
         _ = writeln!(text, "flaw: {flaw}");
     }
     let row = random_row.row();
     _ = writeln!(text, "truth: {}\n", row.truth);
     for (estimator, answers) in Estimator::ALL.iter().zip(answers(&row)) {
-        let name = estimator.name();
-        _ = writeln!(
-            text,
-            "{name:>14} alone: {}",
-            words(row.truth, &answers.alone)
-        );
-        _ = writeln!(
-            text,
-            "{:>14} taken: {}",
-            "",
-            words(row.truth, &answers.checked)
-        );
+        let [alone, taken] = [answers.alone, answers.checked].map(|it| words(row.truth, &it));
+        _ = writeln!(text, "{:>14} alone: {alone}", estimator.name());
+        _ = writeln!(text, "{:>14} taken: {taken}", "");
     }
     text
 }
@@ -67,17 +53,16 @@ fn words(truth: Truth, answer: &Answer) -> String {
     let said = Said::of_row(truth, answer);
     match answer {
         Ok(found) => format!(
-            "{:.3} +- {:.3} px, off by {:.3} px, height {}, width {:.2}{}{}",
+            "{:.3} +- {:.3} px, off by {:.3} px, height {}, width {:.2}{}",
             found.centre,
             found.uncertainty,
             truth.error(found.centre.to_f64()),
             found.amplitude,
             found.width,
-            if said.is_flagged() { ", flagged" } else { "" },
-            if said.is_confident_error() {
-                ", CONFIDENT ERROR"
-            } else {
-                ""
+            match (said.is_flagged(), said.is_confident_error()) {
+                (true, _) => ", flagged",
+                (_, true) => ", CONFIDENT ERROR",
+                _ => "",
             },
         ),
         Err(fault) => format!("f {fault}"),
@@ -92,17 +77,12 @@ mod tests {
     /// The story of each kind of row has words only: no name and no brace of the program's code.
     #[test]
     fn rows_are_told_in_words() {
-        println!(
-            "{}{}",
-            story(&mixtures::clean(1)),
-            story(&mixtures::mixture(2))
-        );
+        print!("{}", story(&mixtures::clean(1)));
+        println!("{}", story(&mixtures::mixture(2)));
         for seed in 0..200 {
             let story = story(&mixtures::mixture(seed));
-            assert!(
-                !story.contains(['{', '}']) && !story.contains("Some"),
-                "{story}"
-            );
+            let has_code = story.contains(['{', '}']) || story.contains("Some");
+            assert!(!has_code, "{story}");
             let flaws = story.lines().filter(|line| line.starts_with("flaw: "));
             assert!(flaws.count() <= 3, "{story}");
             let answers = story.lines().filter(|line| line.contains(" taken: "));

@@ -49,6 +49,5 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
         "broken: departing by up to 300 um",
     ];
     axes::write_lines(&root, (x + 14, 24), &lines)?;
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }

@@ -55,19 +55,11 @@ impl Grey {
     }
 
     fn png(&self) -> Result<Vec<u8>> {
-        let height = self.height();
-        ensure!(
-            height > 0 && height * self.width == self.pixels.len(),
-            "{} pixels are no rows of {}",
-            self.pixels.len(),
-            self.width
-        );
+        let (width, height, count) = (self.width, self.height(), self.pixels.len());
+        let is_whole = height > 0 && height * width == count;
+        ensure!(is_whole, "{count} pixels are no rows of {width}");
         let mut bytes = vec![];
-        let mut encoder = png::Encoder::new(
-            &mut bytes,
-            u32::try_from(self.width)?,
-            u32::try_from(height)?,
-        );
+        let mut encoder = png::Encoder::new(&mut bytes, width.try_into()?, height.try_into()?);
         encoder.set_color(png::ColorType::Grayscale);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::High);

@@ -13,7 +13,7 @@ use simulator::optics::Aperture;
 use simulator::scene::{Scene, Simulation, quantise};
 use slitrange::base::fault::Fault;
 use slitrange::centre::{Estimator, RowCentre};
-use statistics::upper_median;
+use statistics::{least_and_most, upper_median};
 
 use crate::budget::row_centre;
 use crate::programs::scene::embedded::{Grey, Place};
@@ -229,7 +229,7 @@ impl<'a> Seen<'a> {
             Err(fault) => fault.name().to_owned(),
         };
         let title = format!("row {}, {}: {found}", self.row, Estimator::default().name());
-        let (low, high) = range(counts.iter().map(|(_, count)| *count));
+        let (low, high) = least_and_most(counts.iter().map(|(_, count)| *count));
         let margin = 0.08 * (high - low).max(10.0);
         let heights = (low - margin, high + margin);
         let x = Axis::linear(columns(&self.window), x_name, 12, 0);
@@ -257,7 +257,7 @@ impl<'a> Seen<'a> {
         let left: Vec<(f64, f64)> = left
             .map(|(x, count)| (x, count - level - model(fit, x)))
             .collect();
-        let (low, high) = range(left.iter().map(|(_, count)| *count));
+        let (low, high) = least_and_most(left.iter().map(|(_, count)| *count));
         let end = 1.1 * low.abs().max(high.abs()).max(1.0);
         let columns = columns(&self.window);
         let x = Axis::linear(columns, PIXELS, 12, 0);
@@ -286,8 +286,7 @@ impl<'a> Seen<'a> {
 }
 
 fn write_small(area: &Area<'_>, at: (i32, i32), text: String) -> Result<()> {
-    area.draw(&Text::new(text, at, axes::text(SMALL, BLACK)))?;
-    Ok(())
+    Ok(area.draw(&Text::new(text, at, axes::text(SMALL, BLACK)))?)
 }
 
 /// From the left edge of the first pixel to the right edge of the last.
@@ -298,12 +297,6 @@ fn columns(pixels: &Range<usize>) -> (f64, f64) {
 /// What a pixel at x gathers of the fitted gaussian, in counts.
 fn model(fit: &RowCentre, x: f64) -> f64 {
     fit.amplitude.to_f64() * gaussian(x - fit.centre.to_f64(), fit.width.to_f64())
-}
-
-fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-        (low.min(value), high.max(value))
-    })
 }
 
 fn cut(text: &str, characters: usize) -> String {

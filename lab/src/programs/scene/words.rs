@@ -87,12 +87,10 @@ fn line(
     let number = |value: fn(&Errors) -> Option<f64>, digits: usize| {
         (errors.and_then(value)).map_or("-".into(), |value| format!("{value:.digits$}"))
     };
-    let faults = match errors {
-        Some(errors) => (errors.faults.iter().map(|(_, count)| count))
-            .sum::<u64>()
-            .to_string(),
-        None => "needed".into(),
-    };
+    let faults = errors.map_or("needed".into(), |errors| {
+        let faults: u64 = errors.faults.iter().map(|(_, count)| count).sum();
+        faults.to_string()
+    });
     [
         name.into(),
         number(|it| it.rms_px, 4),
@@ -136,12 +134,8 @@ mod tests {
     #[test]
     fn durations_have_three_digits() {
         let all = [0.4, 12.34, 999.0, 1234.0, 45.6e3, -7.8e6].map(duration);
-        assert_eq!(
-            all,
-            [
-                "0.40 ns", "12.3 ns", "999 ns", "1.23 us", "45.6 us", "-7.80 ms"
-            ]
-        );
+        let all = all.join(", ");
+        assert_eq!(all, "0.40 ns, 12.3 ns, 999 ns, 1.23 us, 45.6 us, -7.80 ms");
         let lost = Difference {
             nanoseconds: 29.0,
             uncertainty: 10.0,

@@ -22,23 +22,15 @@ pub fn places(program: &[u8]) -> Vec<String> {
     let mut places = BTreeSet::new();
     for section in program.sections().filter(|section| section.address() != 0) {
         let bytes = section.data().unwrap_or_default();
-        let words: Vec<u32> = bytes
-            .as_chunks()
-            .0
-            .iter()
-            .map(|&word| u32::from_le_bytes(word))
-            .collect();
-        for window in words.windows(4) {
-            let [address, length, line, column] = window else {
-                continue;
-            };
-            if let Some(file) = text(*address, *length).filter(|file| file.ends_with(".rs")) {
-                places.insert((file, *line, *column));
+        let words = bytes.as_chunks().0.iter();
+        let words: Vec<u32> = words.map(|&word| u32::from_le_bytes(word)).collect();
+        for &[address, length, line, column] in words.array_windows() {
+            if let Some(file) = text(address, length).filter(|file| file.ends_with(".rs")) {
+                places.insert((file, line, column));
             }
         }
     }
-    places
-        .iter()
-        .map(|(file, line, column)| format!("{file}:{line}:{column}"))
-        .collect()
+    let names = places.iter();
+    let names = names.map(|(file, line, column)| format!("{file}:{line}:{column}"));
+    names.collect()
 }

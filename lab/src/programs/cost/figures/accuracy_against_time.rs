@@ -45,8 +45,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
         let here: Vec<_> = here.copied().collect();
         draw_situation(area, SITUATIONS[i].name, range, &here)?;
     }
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }
 
 fn draw_situation(
@@ -61,10 +60,8 @@ fn draw_situation(
     let mut panel = panel(area, title, 20, &x, &y)?;
     let bound = [(times.0, 1.0), (times.1, 1.0)];
     axes::draw_line(&mut panel, bound, BAND.stroke_width(9))?;
-    let worth: Vec<(f64, f64)> = points
-        .iter()
-        .map(|(of, time)| (*time, of.outcome.ratio()))
-        .collect();
+    let worth = points.iter().map(|(of, time)| (*time, of.outcome.ratio()));
+    let worth: Vec<(f64, f64)> = worth.collect();
     let best = front(&worth, CHANCE);
     let line = best.iter().map(|&i| worth[i]);
     axes::draw_line(&mut panel, line, BOUND.stroke_width(2))?;
@@ -81,12 +78,8 @@ fn draw_situation(
     let (x, y) = panel.backend_coord(&bound[0]);
     write_names(area, &panel, &names, last.unwrap_or(x) + 40, y - 8)?;
     let (left, top) = area.get_base_pixel();
-    let style = text(TEXT, BOUND);
-    area.draw(&Text::new(
-        "Cramér-Rao bound",
-        (x - left + 8, y - top + 4),
-        style,
-    ))?;
+    let (place, style) = ((x - left + 8, y - top + 4), text(TEXT, BOUND));
+    area.draw(&Text::new("Cramér-Rao bound", place, style))?;
     for (i, (&at, name)) in worth.iter().zip(&names).enumerate() {
         // On the front: filled.
         axes::draw_dots(&mut panel, [at], 7, WHITE.filled())?;
@@ -106,8 +99,8 @@ fn front(points: &[(f64, f64)], chance: f64) -> Vec<usize> {
         .filter(|&i| points[i].0.is_finite() && points[i].1.is_finite())
         .collect();
     order.sort_by(|&a, &b| {
-        let ((time_a, error_a), (time_b, error_b)) = (points[a], points[b]);
-        time_a.total_cmp(&time_b).then(error_a.total_cmp(&error_b))
+        let (a, b) = (points[a], points[b]);
+        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
     });
     let mut best = f64::INFINITY;
     order.retain(|&i| {

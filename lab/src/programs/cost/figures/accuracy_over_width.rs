@@ -21,21 +21,17 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let x = axis_of_widths();
     let y = axis_of_ratios(60.0);
     for (area, (title, noise)) in root.split_evenly((2, 1)).iter().zip(PANELS) {
-        let curves: Vec<Curve> = measured
-            .methods
-            .iter()
-            .map(|&method| {
-                let cells = measured.accuracy.cells.iter();
-                let points = cells
-                    .filter(|cell| cell.method == method && cell.noise == noise)
-                    .filter(|cell| measured.accuracy.faults(&cell.outcome) <= MOST_FAULTS)
-                    .map(|cell| (cell.width, cell.outcome.ratio()));
-                Curve::of(method, points)
-            })
-            .collect();
-        let bound = Curve::bound("bound", WIDTHS.map(|width| (width, 1.0)).to_vec());
-        draw_curves(area, title, &x, &y, &[&[bound], &curves[..]].concat())?;
+        let bound = WIDTHS.map(|width| (width, 1.0));
+        let mut curves = vec![Curve::bound("bound", bound.to_vec())];
+        curves.extend(measured.methods.iter().map(|&method| {
+            let cells = measured.accuracy.cells.iter();
+            let points = cells
+                .filter(|cell| cell.method == method && cell.noise == noise)
+                .filter(|cell| measured.accuracy.faults(&cell.outcome) <= MOST_FAULTS)
+                .map(|cell| (cell.width, cell.outcome.ratio()));
+            Curve::of(method, points)
+        }));
+        draw_curves(area, title, &x, &y, &curves)?;
     }
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }

@@ -25,10 +25,8 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
             false => value.to_string(),
         },
     );
-    let mut curves = vec![Curve::bound(
-        "bound, one row",
-        WIDTHS.map(|width| (width, bright(width))).to_vec(),
-    )];
+    let bound = WIDTHS.map(|width| (width, bright(width)));
+    let mut curves = vec![Curve::bound("bound, one row", bound.to_vec())];
     curves.extend(measured.methods.iter().map(|&method| {
         let biases = measured.accuracy.biases.iter();
         let points = biases
@@ -36,15 +34,9 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
             .map(|bias| (bias.width, bias.pixels.unwrap_or(f64::NAN)));
         Curve::of(method, points)
     }));
-    draw_curves(
-        &root,
-        "Bias of a noiseless spot, and the noise of one bright row",
-        &x,
-        &y,
-        &curves,
-    )?;
-    root.present()?;
-    Ok(())
+    let title = "Bias of a noiseless spot, and the noise of one bright row";
+    draw_curves(&root, title, &x, &y, &curves)?;
+    Ok(root.present()?)
 }
 
 /// The bound in pixels for a row of the brightest spot: 3800 counts, 10 electrons each, a count of read

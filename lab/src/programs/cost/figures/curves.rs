@@ -60,14 +60,8 @@ pub fn axis_of_widths() -> Axis<'static> {
 
 /// The axis of errors over the bound, up to `worst`.
 pub fn axis_of_ratios(worst: f64) -> Axis<'static> {
-    let range = (0.985, worst);
-    Axis::new(
-        Scale::AboveBound,
-        range,
-        "RMS error / bound",
-        &RATIOS,
-        |value| value.to_string(),
-    )
+    let (range, name) = ((0.985, worst), "RMS error / bound");
+    Axis::new(Scale::AboveBound, range, name, &RATIOS, |it| it.to_string())
 }
 
 /// Pixels beside a panel, for the names.
@@ -90,16 +84,14 @@ pub fn draw_curves<'a, 'b>(
             Kind::Bound => (9, style::BAND),
         };
         axes::draw_line(&mut panel, curve.points.clone(), colour.stroke_width(width))?;
-        let points = curve.points.iter();
+        let points = curve.points.iter().copied();
         match curve.kind {
             Kind::Bound => {}
             Kind::Hollow => {
-                axes::draw_dots(&mut panel, points.clone().copied(), 3, WHITE.filled())?;
-                axes::draw_dots(&mut panel, points.copied(), 3, colour.stroke_width(1))?;
+                axes::draw_dots(&mut panel, points.clone(), 3, WHITE.filled())?;
+                axes::draw_dots(&mut panel, points, 3, colour.stroke_width(1))?;
             }
-            _ => {
-                axes::draw_dots(&mut panel, points.copied(), width + 1, colour.filled())?;
-            }
+            _ => axes::draw_dots(&mut panel, points, width + 1, colour.filled())?,
         }
     }
     let (columns, rows) = panel.plotting_area().get_pixel_range();
@@ -128,20 +120,15 @@ pub fn write_names(
     let range = (f64::from(rows.start) + 12.0, f64::from(lowest) - 4.0);
     let heights = spread(heights, f64::from(TEXT) + 4.0, range);
     for ((curve, (x, y)), height) in ends.into_iter().zip(heights) {
-        let name = column - left;
-        area.draw(&PathElement::new(
-            [(x - left + 4, y - top), (name - 5, height as i32 - top)],
-            curve.colour.stroke_width(1),
-        ))?;
+        let (name, height) = (column - left, height as i32 - top);
+        let line = [(x - left + 4, y - top), (name - 5, height)];
+        area.draw(&PathElement::new(line, curve.colour.stroke_width(1)))?;
         let style = match curve.kind {
             Kind::Default => bold(TEXT, curve.colour),
             _ => text(TEXT, curve.colour),
         };
-        area.draw(&Text::new(
-            curve.name.clone(),
-            (name, height as i32 - top),
-            style.pos(Pos::new(HPos::Left, VPos::Center)),
-        ))?;
+        let style = style.pos(Pos::new(HPos::Left, VPos::Center));
+        area.draw(&Text::new(curve.name.clone(), (name, height), style))?;
     }
     Ok(())
 }
@@ -175,13 +162,11 @@ fn spread(heights: impl IntoIterator<Item = f64>, apart: f64, range: (f64, f64))
             groups.push(Group { wanted, count });
         }
     }
-    groups
-        .iter()
-        .flat_map(|group| {
-            let first = top(group);
-            (0..group.count as usize).map(move |i| first + i as f64 * apart)
-        })
-        .collect()
+    let places = groups.iter().flat_map(|group| {
+        let first = top(group);
+        (0..group.count as usize).map(move |i| first + i as f64 * apart)
+    });
+    places.collect()
 }
 
 #[cfg(test)]

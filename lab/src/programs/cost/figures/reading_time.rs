@@ -51,8 +51,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
         ],
         Some(reading_time::speckle_limit()?),
     )?;
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }
 
 type Time = fn(&Point) -> f64;
@@ -111,17 +110,13 @@ fn draw_panel(
     estimators.sort_by_key(|&estimator| estimator == default);
     for estimator in estimators {
         let method = Method::Estimator(estimator);
-        for (time, kind) in [(COMPUTING, Kind::Hollow), (WITH_SENSOR, Kind::Measured)] {
-            let curve = Curve::of(method, line(of(light, estimator), time, ERROR).into_iter());
-            curves.push(match kind {
-                Kind::Hollow => Curve {
-                    name: String::new(),
-                    kind,
-                    ..curve
-                },
-                _ => curve,
-            });
-        }
+        let curve = |time| Curve::of(method, line(of(light, estimator), time, ERROR).into_iter());
+        curves.push(Curve {
+            name: String::new(),
+            kind: Kind::Hollow,
+            ..curve(COMPUTING)
+        });
+        curves.push(curve(WITH_SENSOR));
     }
 
     let places = || curves.iter().flat_map(|curve| &curve.points);

@@ -49,17 +49,14 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
             .collect();
         draw_bars(area, TITLES[i], &bars)?;
     }
-    root.present()?;
-    Ok(())
+    Ok(root.present()?)
 }
 
 fn draw_legend(area: &Area<'_>, measured: &Measured) -> anyhow::Result<()> {
     let (mut x, y) = (24, 4);
     for (name, colour) in NAMES.into_iter().zip(COLOURS).take(5) {
-        area.draw(&Rectangle::new(
-            [(x, y), (x + TEXT, y + TEXT - 2)],
-            colour.filled(),
-        ))?;
+        let corners = [(x, y), (x + TEXT, y + TEXT - 2)];
+        area.draw(&Rectangle::new(corners, colour.filled()))?;
         area.draw(&Text::new(name, (x + TEXT + 6, y), text(TEXT, BLACK)))?;
         let characters = name.len() as f64;
         x += TEXT + 34 + (characters * CHARACTER * f64::from(TEXT)) as i32;
@@ -75,20 +72,12 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &Steps)]) -> anyh
     let most = bars.iter().map(|(_, row)| row.total()).max();
     let most = most.unwrap_or(1) as f64;
     let x = Axis::linear((0.0, most * 1.02), "instructions", 6, 0);
-    let y = Axis::new(
-        Scale::Linear,
-        (0.0, bars.len().max(1) as f64),
-        "",
-        &[],
-        |_| String::new(),
-    );
+    let heights = (0.0, bars.len().max(1) as f64);
+    let y = Axis::new(Scale::Linear, heights, "", &[], |_| String::new());
     let inside = area.margin(0, 0, BESIDE, 0);
     let mut panel = panel(&inside, title, FIGURES, &x, &y)?;
     for (place, (_, row)) in bars.iter().enumerate() {
-        let (top, bottom) = (
-            bars.len() as f64 - place as f64 - 0.15,
-            bars.len() as f64 - place as f64 - 0.85,
-        );
+        let [top, bottom] = [0.15, 0.85].map(|part| bars.len() as f64 - place as f64 - part);
         let mut from = 0.0;
         for (colour, instructions) in COLOURS.into_iter().zip(row.0) {
             let to = from + instructions as f64;
@@ -99,19 +88,15 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &Steps)]) -> anyh
     let (left, top) = area.get_base_pixel();
     for (place, (estimator, row)) in bars.iter().enumerate() {
         let middle = bars.len() as f64 - place as f64 - 0.5;
-        let total = row.total();
-        let ends = [0.0, most * 1.02].map(|x| panel.backend_coord(&(x, middle)));
+        let [(left_end, y), (right_end, _)] =
+            [0.0, most * 1.02].map(|x| panel.backend_coord(&(x, middle)));
         let style = match is_default(Method::Estimator(*estimator)) {
             true => bold(TEXT, BLACK),
             false => text(TEXT, BLACK),
         };
-        for ((x, y), side, label) in [
-            (
-                (ends[0].0 - 8, ends[0].1),
-                HPos::Right,
-                estimator.name().to_owned(),
-            ),
-            ((ends[1].0 + 8, ends[1].1), HPos::Left, total.to_string()),
+        for (x, side, label) in [
+            (left_end - 8, HPos::Right, estimator.name().to_owned()),
+            (right_end + 8, HPos::Left, row.total().to_string()),
         ] {
             let style = style.clone().pos(Pos::new(side, VPos::Center));
             area.draw(&Text::new(label, (x - left, y - top), style))?;

@@ -14,10 +14,8 @@ pub fn fit<T: RealField + Float>(pixels: &[T; WINDOW], start: Parameters) -> Opt
     let [Some(amplitude), Some(centre), Some(scale), Some(level)] = found.data.0[0] else {
         return None;
     };
-    report
-        .termination
-        .was_successful()
-        .then_some(Parameters::from_array([amplitude, centre, scale, level]))
+    let found = Parameters::from_array([amplitude, centre, scale, level]);
+    report.termination.was_successful().then_some(found)
 }
 
 struct Problem<'a, T> {
@@ -52,21 +50,16 @@ impl<T: RealField + Copy> LeastSquaresProblem<T, Dyn, U4> for Problem<'_, T> {
 
     fn residuals(&self) -> Option<DVector<T>> {
         let [amplitude, _, _, level] = self.parameters.data.0[0];
-        let residuals = self
-            .light
-            .iter()
-            .zip(self.pixels)
-            .map(|(&light, &count)| amplitude * light + level - count);
+        let both = self.light.iter().zip(self.pixels);
+        let residuals = both.map(|(&light, &count)| amplitude * light + level - count);
         Some(DVector::from_iterator(WINDOW, residuals))
     }
 
     fn jacobian(&self) -> Option<MatrixXx4<T>> {
         let mut jacobian = MatrixXx4::zeros(WINDOW);
         for (pixel, &light) in self.light.iter().enumerate() {
-            for (parameter, derivative) in derivatives(pixel, light, &self.parameters)
-                .into_iter()
-                .enumerate()
-            {
+            let derivatives = derivatives(pixel, light, &self.parameters);
+            for (parameter, derivative) in derivatives.into_iter().enumerate() {
                 jacobian[(pixel, parameter)] = derivative;
             }
         }
@@ -90,20 +83,6 @@ mod tests {
             let off = (numeric - analytic).amax() / analytic.amax();
             println!("numeric and analytic derivatives differ by {off:.1e}");
             assert!(off < 1e-7);
-        }
-    }
-
-    /// The project's reference uses four sigma, and the peers use 128 pixels. The pixels beyond four sigma
-    /// hold 2 exp(-16) 4/sqrt(pi) = 5e-7 of the information on the centre. So the two fits differ by a
-    /// standard deviation of 7e-4 of the bound.
-    #[test]
-    fn agrees_with_the_reference_fit() {
-        for (window, bound) in examples::noisy(100) {
-            let reference = simulator::least_squares::fit_near(&window.pixels.map(f64::from), 64.0)
-                .expect("a fit");
-            let found = fit(&window.pixels.map(f64::from), window.start).expect("a fit");
-            let off = (found.centre - reference.centre) / bound;
-            assert!(off.abs() < 0.005, "{off} of the bound");
         }
     }
 }

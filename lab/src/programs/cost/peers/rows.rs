@@ -3,7 +3,6 @@
 use anyhow::{Context as _, anyhow};
 use judges::accuracy::Cell;
 use rayon::prelude::*;
-use simulator::bound;
 use simulator::scene::{BlackLevel, Scene, quantise};
 use slitrange::base::units::Pixels;
 use slitrange::centre::{self, Estimator, RowCentre};
@@ -31,24 +30,18 @@ pub struct Window {
 
 /// A spot of sigma 10.5 pixels and 2000 counts, the slit's on the paper's pixels, with shot noise and read
 /// noise as a laser spot has them.
-const SPOT: bound::Spot = bound::Spot {
+const CELL: Cell = Cell {
     width: 10.5,
     amplitude: 2000.0,
-    noise: 2.0,
+    read_noise: 2.0,
     electrons_per_count: Some(5.0),
+    rows: 0,
+    seed: 1,
 };
 
 /// A whole row. Its unlit pixels have so many counts that noise does not go below zero.
 fn whole_row() -> Scene {
-    let cell = Cell {
-        width: SPOT.width,
-        amplitude: SPOT.amplitude,
-        read_noise: SPOT.noise,
-        electrons_per_count: SPOT.electrons_per_count,
-        rows: 0,
-        seed: 1,
-    };
-    let mut scene = cell.scene_of(PIXELS);
+    let mut scene = CELL.scene_of(PIXELS);
     scene.black_level = Some(BlackLevel::steady(100.0));
     scene
 }
@@ -64,7 +57,7 @@ pub fn geometry() -> Geometry {
 /// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to
 /// either side.
 pub fn bound() -> f64 {
-    SPOT.bound()
+    CELL.spot().bound()
 }
 
 /// Seeded windows; the spot lies at all phases of a pixel, and is found in each.
@@ -104,10 +97,9 @@ fn window(scene: &Scene, row: u64) -> anyhow::Result<Window> {
     };
     let (before, of_default) = (found(Estimator::PhaseTable)?, found(Estimator::default())?);
     let first = before.centre.to_f64().round() as usize - WINDOW / 2;
+    let first_bits = Pixels::from_int(first as i32).to_bits();
     let on_window = |found: RowCentre| RowCentre {
-        centre: Pixels::from_bits(
-            found.centre.to_bits() - Pixels::from_int(first as i32).to_bits(),
-        ),
+        centre: Pixels::from_bits(found.centre.to_bits() - first_bits),
         ..found
     };
     let before = on_window(before);

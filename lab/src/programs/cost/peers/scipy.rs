@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use anyhow::{Context as _, bail, ensure};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::rows::Window;
 
@@ -75,18 +75,9 @@ impl Environment {
         windows: &[Window],
         names: &[&'a str],
     ) -> anyhow::Result<Vec<(&'a str, Fits)>> {
-        #[derive(Serialize)]
-        struct Given<'a> {
-            pixels: Vec<&'a [u16]>,
-            starts: Vec<[f64; 4]>,
-        }
-        let given = Given {
-            pixels: windows.iter().map(|window| &window.pixels[..]).collect(),
-            starts: windows
-                .iter()
-                .map(|window| window.start.to_array())
-                .collect(),
-        };
+        let pixels: Vec<&[u16]> = windows.iter().map(|it| &it.pixels[..]).collect();
+        let starts: Vec<[f64; 4]> = windows.iter().map(|it| it.start.to_array()).collect();
+        let given = serde_json::json!({"pixels": pixels, "starts": starts});
         // Two processes may run at a time.
         let file = Path::new(DIRECTORY).join(format!("windows-{}.json", std::process::id()));
         fs::write(&file, serde_json::to_vec(&given)?)?;
@@ -102,14 +93,12 @@ impl Environment {
         names
             .iter()
             .map(|&name| {
-                let fits = fits
-                    .remove(name)
-                    .with_context(|| format!("{SCRIPT} gave no {name}"))?;
+                let fits = fits.remove(name);
+                let fits = fits.with_context(|| format!("{SCRIPT} gave no {name}"))?;
+                let (found, rows) = (fits.centres.len(), windows.len());
                 ensure!(
-                    fits.centres.len() == windows.len(),
-                    "{SCRIPT} gave {} centres for {} rows",
-                    fits.centres.len(),
-                    windows.len()
+                    found == rows,
+                    "{SCRIPT} gave {found} centres for {rows} rows"
                 );
                 Ok((name, fits))
             })
@@ -132,11 +121,8 @@ fn output(command: &mut Command) -> anyhow::Result<Output> {
         .with_context(|| format!("{} does not start", command.get_program().display()))?;
     if !output.status.success() {
         let complaint = String::from_utf8_lossy(&output.stderr);
-        bail!(
-            "{}: {}",
-            output.status,
-            complaint.trim().lines().last().unwrap_or("no message")
-        );
+        let last = complaint.trim().lines().last().unwrap_or("no message");
+        bail!("{}: {last}", output.status);
     }
     Ok(output)
 }
@@ -145,7 +131,7 @@ fn output(command: &mut Command) -> anyhow::Result<Output> {
 mod tests {
     use super::*;
     use crate::programs::cost::peers::gaussian::examples;
-    use crate::programs::cost::peers::levenberg_marquardt;
+    use crate::programs::cost::peers::{SCIPY_PEERS, levenberg_marquardt, rows};
 
     /// All fits minimise the same sum of squares. L-BFGS-B stops if the gradient of the sum is below 1e-5.
     /// The curvature along the centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma), so the centre is
@@ -158,15 +144,13 @@ mod tests {
             );
             return;
         };
-        let (windows, bounds): (Vec<_>, Vec<_>) = examples::noisy(20).unzip();
-        let fits = environment
-            .fit(&windows, &crate::programs::cost::peers::SCIPY_PEERS)
-            .expect("fits");
+        let windows = examples::noisy(20);
+        let fits = environment.fit(&windows, &SCIPY_PEERS).expect("fits");
         for (name, fits) in fits {
-            for ((window, bound), centre) in windows.iter().zip(&bounds).zip(fits.centres) {
+            for (window, centre) in windows.iter().zip(fits.centres) {
                 let other = levenberg_marquardt::fit(&window.pixels.map(f64::from), window.start);
                 let off = centre.expect("a fit") - other.expect("a fit").centre;
-                assert!(off.abs() < 0.05 * bound, "{name}: {off} px off");
+                assert!(off.abs() < 0.05 * rows::bound(), "{name}: {off} px off");
             }
         }
     }

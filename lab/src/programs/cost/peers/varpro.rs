@@ -79,12 +79,8 @@ impl SeparableNonlinearModel for Model {
     fn eval_partial_deriv(&self, parameter: usize) -> Result<DMatrix<f64>, Infallible> {
         let mut columns = DMatrix::zeros(WINDOW, 2);
         let unit = [1.0, self.centre, self.scale, 0.0].into();
-        for (pixel, (value, &light)) in columns
-            .column_mut(0)
-            .iter_mut()
-            .zip(&self.light)
-            .enumerate()
-        {
+        let mut column = columns.column_mut(0);
+        for (pixel, (value, &light)) in column.iter_mut().zip(&self.light).enumerate() {
             *value = derivatives(pixel, light, &unit)[1 + parameter];
         }
         Ok(columns)

@@ -45,10 +45,9 @@ impl WholeRows {
     /// grows with them.
     pub fn reading_milliseconds(&self, name: &str, rows: u64) -> Option<f64> {
         let total = |kind, name| Some(self.nominal(kind, name)?.total());
-        let estimator = if name == COMB {
-            Estimator::default().name()
-        } else {
-            name
+        let estimator = match name {
+            COMB => Estimator::default().name(),
+            name => name,
         };
         let following = total(FOLLOWING, name)?;
         let mean = total(LAST, name)?.saturating_sub(following) * rows / u64::from(FRAME);
