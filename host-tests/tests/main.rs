@@ -1,5 +1,5 @@
-//! The core on a PC against synthetic rows. All topics are one test program, so that it links only once. The
-//! tests print every figure that they assert.
+//! The core on a PC against synthetic rows. All topics are one test program, so that it links only once.
+//! Tests that measure print every figure that they assert.
 
 mod accuracy;
 mod ambient;

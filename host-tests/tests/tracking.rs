@@ -240,6 +240,7 @@ fn the_row_before_changes_little_for_a_spot_at_rest() {
     assert!(failures.is_empty(), "{failures:?}");
 }
 
+/// Half of the jumps have up to eight widths. The others have any length on the row.
 #[test]
 fn a_spot_that_jumps_is_found_at_its_new_place() {
     for estimator in Estimator::ALL {
@@ -333,8 +334,8 @@ fn a_lamp_that_flickers_moves_no_centre() {
 /// one row in some thousands for a spot, with a row before or without.
 #[test]
 fn a_spot_that_disappears_has_no_centre() {
-    let lamps = [(300.0, 4.0), (800.0, 8.0)];
-    for (estimator, (black_level, read_noise)) in pairs(Estimator::ALL, lamps) {
+    let lights = [(300.0, 4.0), (800.0, 8.0)];
+    for (estimator, (black_level, read_noise)) in pairs(Estimator::ALL, lights) {
         let after = after(estimator, 1500, |_, start| {
             with(start, |it| {
                 (it.amplitude, it.black_level, it.read_noise) = (0.0, black_level, read_noise);

@@ -473,7 +473,9 @@ mod tests {
         let alone = cell.run(cell.pixels(), |geometry, light| {
             centre_of(geometry, light, Estimator::PhaseTable)
         });
-        let outcome = rows().run(&[Estimator::PhaseTable])[0];
+        let outcomes = rows().run(&[Estimator::PhaseTable]);
+        assert_eq!(outcomes.len(), 1);
+        let outcome = outcomes[0];
         println!("alone {} here {}", alone.ratio(), outcome.ratio());
         assert_eq!((outcome.faults, outcome.gross), (0, 0));
         assert!((outcome.ratio() / alone.ratio() - 1.0).abs() < 0.05);

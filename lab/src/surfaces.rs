@@ -1,6 +1,7 @@
 //! How true u is on rough surfaces: a simulated sensor is calibrated on a material, and then reads other
 //! places of the same material.
 
+pub mod estimators;
 pub mod steps;
 
 use anyhow::{Context as _, Result};

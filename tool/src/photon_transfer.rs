@@ -68,10 +68,12 @@ pub fn dark_point(rows: &[Vec<f64>]) -> Option<Point> {
     })
 }
 
-/// The mean of rows, pixel by pixel. `None` without a row.
+/// The mean of rows, pixel by pixel. `None` without a row, or if a row is shorter than the first.
 pub fn mean_row(rows: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let pixels = rows.first()?.len();
+    let is_whole = rows.iter().all(|row| row.len() >= pixels);
     let mean = |pixel: usize| statistics::mean(rows.iter().map(|row| row[pixel]));
-    Some((0..rows.first()?.len()).map(mean).collect())
+    is_whole.then(|| (0..pixels).map(mean).collect())
 }
 
 /// Rows of one exposure, with what does not change between them.

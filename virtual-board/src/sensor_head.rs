@@ -655,6 +655,7 @@ impl SensorHead {
         self.rows.push_back(row);
         self.row_count += 1;
     }
+
     pub(crate) fn violated(&mut self, at: Nanos, what: impl Into<String>) {
         self.violations.add(at, what);
     }

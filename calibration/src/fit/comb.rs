@@ -311,12 +311,12 @@ impl Fit {
             let mean = of_point.iter().map(weighted).sum::<f64>() / weights;
             // The sum of w (y + c - mean of (y + c))^2.
             for (row, own, image) in &of_point {
-                let (off, size) = (image.x0 - about - mean, (most, most));
+                let (off, block) = (image.x0 - about - mean, (most, most));
                 (right.rows_mut(*row, most)).axpy(-image.weight() * off, own, 1.0);
-                (normal.view_mut((*row, *row), size)).ger(image.weight(), own, own, 1.0);
+                (normal.view_mut((*row, *row), block)).ger(image.weight(), own, own, 1.0);
                 for (column, others, other) in &of_point {
                     let weight = image.weight() * other.weight() / weights;
-                    (normal.view_mut((*row, *column), size)).ger(-weight, own, others, 1.0);
+                    (normal.view_mut((*row, *column), block)).ger(-weight, own, others, 1.0);
                 }
             }
         }

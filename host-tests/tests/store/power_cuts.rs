@@ -96,6 +96,7 @@ fn cuts_of(size: Size, step: usize) {
     nothing_is_lost(&format!("{name}, in a used sector"), &before, &first, step);
 }
 
+/// Of the smallest at each operation; of the largest at the first eight, and then at every seventh.
 #[test]
 fn power_cuts_in_saves_of_the_smallest_and_the_largest_configuration() {
     cuts_of(Size::Least, 1);

@@ -8,11 +8,11 @@ use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 
 use crate::docs;
-use crate::surfaces::steps;
 use crate::surfaces::{MATERIALS, Study, calibrate, report};
+use crate::surfaces::{estimators, steps};
 
 /// Calibrates simulated sensors on rough materials, and compares what their readings claim with the truth.
-/// Takes about ten minutes.
+/// Compares the estimators on the same materials. Takes about ten minutes.
 #[derive(Args)]
 pub struct Options {
     /// Sensors that are calibrated on each material
@@ -21,7 +21,7 @@ pub struct Options {
     /// Surfaces that each of them reads
     #[arg(long, default_value_t = 105)]
     surfaces: u64,
-    /// Also rewrite the tables of docs/uncertainty.md, and the record of the demo's sensor
+    /// Also rewrite the tables of docs/uncertainty.md and docs/accuracy.md, and the record of the demo's sensor
     #[arg(long)]
     write: bool,
 }
@@ -75,10 +75,9 @@ pub fn main(options: &Options) -> Result<()> {
             steps::report(&steps::measure(steps::SURFACES)?),
         ),
     ];
-    docs::print_or_write(
-        "cargo surfaces",
-        options.write,
-        "docs/uncertainty.md",
-        &blocks,
-    )
+    let command = "cargo surfaces";
+    docs::print_or_write(command, options.write, "docs/uncertainty.md", &blocks)?;
+    let compared = estimators::report(&estimators::measure()?);
+    let block = ("cargo surfaces, estimators", compared);
+    docs::print_or_write(command, options.write, "docs/accuracy.md", &[block])
 }

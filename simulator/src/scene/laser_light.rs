@@ -135,8 +135,8 @@ impl Opening {
         });
         let centre_at = move |distance: f64| {
             let centre = optics.centre(distance);
-            let drawn_by = scene.distortion;
-            drawn_by.map_or(centre, |it| it.displaced(centre, optics.axis, optics.pitch))
+            let distortion = scene.distortion;
+            distortion.map_or(centre, |it| it.displaced(centre, optics.axis, optics.pitch))
         };
         let mut amplitude = spot.counts_per_second * exposure;
         if let Some(width) = self.nominal_width {

@@ -60,10 +60,10 @@ impl MainsLight {
 
     /// Adds it to a row of light.
     pub fn add(&self, light: &mut [f32], phase: f64, time: f64, exposure: f64) {
-        let mean = Ambient {
+        let steady = Ambient {
             counts_per_second: self.counts_per_second,
             slope: self.slope,
         };
-        mean.add(light, self.seconds(phase, time, exposure));
+        steady.add(light, self.seconds(phase, time, exposure));
     }
 }

@@ -431,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_s_command_must_say_where_the_distance_goes() {
+    fn the_command_of_a_stage_must_say_where_the_distance_goes() {
         assert!(check_command("stage --to").is_err());
     }
 }

@@ -157,6 +157,15 @@ fn a_person_is_asked_and_asked_again() {
     assert_eq!(lines(&sensor).len(), 1);
 }
 
+/// Without a stage, positions between are whole millimetres.
+#[test]
+fn a_person_is_asked_for_whole_millimetres() {
+    let sensor = StandIn::new(33);
+    let arguments = "--from 600 --to 800 --points 3 --frames 2";
+    let output = done(run(&sensor, arguments, "s\nq\n"));
+    says(&output, ["move the target to 688 mm, then Enter"]);
+}
+
 /// A list of the first of ten positions, and a person who moves the target to these distances: to the next of
 /// them when the file has a point more.
 fn by_hand(seed: u64, distances: &'static [f64], positions: usize) -> (StandIn, &'static str) {

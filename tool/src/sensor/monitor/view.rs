@@ -46,12 +46,12 @@ impl View<'_> {
             Constraint::Length(2),
             Constraint::Min(3),
         ];
-        let [value, words, below] = Layout::vertical(heights).areas(area);
+        let [value, middle, below] = Layout::vertical(heights).areas(area);
         self.draw_value(frame, value);
         let has_reading = |it: &&FrameResult| self.away.is_none() && it.distance_mm.is_some();
-        let details = self.latest.filter(has_reading).map(details);
-        let details = Paragraph::new(details.unwrap_or_default()).wrap(Wrap { trim: true });
-        frame.render_widget(details, words);
+        let text = self.latest.filter(has_reading).map(details);
+        let text = Paragraph::new(text.unwrap_or_default()).wrap(Wrap { trim: true });
+        frame.render_widget(text, middle);
         let [trend, statistics] =
             Layout::horizontal([Constraint::Min(10), Constraint::Length(STATISTICS)]).areas(below);
         self.draw_trend(frame, trend);
