@@ -279,5 +279,6 @@ mod tests {
         assert!(dark_point(&dark[..1]).is_none());
         assert!(dark_point(&[]).is_none());
         assert!(mean_row(&[]).is_none());
+        assert!(mean_row(&[vec![1.0, 2.0], vec![1.0]]).is_none());
     }
 }

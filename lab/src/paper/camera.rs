@@ -32,7 +32,7 @@ pub const BLACK_LEVEL: f64 = 240.0;
 /// several times its mean.
 pub const PEAK: f64 = 0.25 * FULL_SCALE as f64;
 
-/// The variance of the light's noise, as the core is told it.
+/// The variance of the shot noise for each count of light, in counts squared, Q0.16, for the core.
 pub const SHOT_VARIANCE_PER_COUNT_Q16: u16 = (65536.0 / ELECTRONS_PER_COUNT) as u16;
 
 /// The light of a scene on the pixels, ready for captures.

@@ -21,7 +21,7 @@ pub struct Options {
     /// Surfaces that each of them reads
     #[arg(long, default_value_t = 105)]
     surfaces: u64,
-    /// Also rewrite the tables of docs/uncertainty.md and docs/accuracy.md, and the record of the demo's sensor
+    /// Also rewrite the tables of docs/uncertainty.md and docs/accuracy.md, and the demo's record
     #[arg(long)]
     write: bool,
 }

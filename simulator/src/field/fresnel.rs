@@ -92,7 +92,7 @@ pub fn fresnel_by_table(v: f64) -> (f32, f32) {
 #[inline]
 fn auxiliary_by_table(x: f64) -> (f32, f32) {
     if x >= REACH {
-        // Asymptotic series (DLMF 7.12.2, 7.12.3); what is left out is below 1e-6 of it.
+        // Asymptotic series (DLMF 7.12.2, 7.12.3). The terms that are left out are below 1e-6 of the sum.
         let u = (1.0 / (PI * x * x)) as f32;
         let f = (1.0 / (PI * x)) as f32;
         return (f * (1.0 - 3.0 * u * u), f * u * (1.0 - 15.0 * u * u));
