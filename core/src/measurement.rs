@@ -219,10 +219,8 @@ impl Measurement {
             AmbientMode::Off => None,
             AmbientMode::Subtract => self.ambient_mean.subtract(words, &self.geometry),
         };
-        if let (Some(_), Some(share)) = (self.subtracted, self.ambient_mean.share())
-            && share > self.largest_share
-        {
-            self.largest_share = share;
+        if self.subtracted.is_some() {
+            self.note_share();
         }
         match self.options.slits {
             // The two kinds of result do not meet: they would be copied.
@@ -526,6 +524,15 @@ impl Measurement {
         Pixels::from_f32(uncertainty.to_f32() * growth)
     }
 
+    #[cold]
+    #[inline(never)]
+    fn note_share(&mut self) {
+        let share = self.ambient_mean.share().unwrap_or_default();
+        self.largest_share = numeric::at_least(share, self.largest_share);
+    }
+
+    // Not inlined: its floats would make each row save the FPU's registers.
+    #[inline(never)]
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
         let frame = self.frame.centre(self.options.mean)?;
         let comb = match self.options.slits {

@@ -2,7 +2,7 @@
 
 mod ambient;
 mod comb;
-mod cost;
+pub(crate) mod cost;
 mod exposure;
 mod hard_cases;
 mod points;

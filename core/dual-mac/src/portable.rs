@@ -59,21 +59,42 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 /// any of these samples. If four samples of even or of odd places are together above [`LARGEST_SAMPLE`],
 /// their block's sum means nothing.
 pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
+    // Only the lower 16 bits of a sum count, so the signs of the samples do not.
+    let [even, odd] = [weights.0, weights.1].map(|weight| i32::from(weight).cast_unsigned());
     let mut bits = 0;
-    for (block, sum) in blocks.iter().zip(sums) {
-        let (mut even, mut odd) = (0u32, 0u32);
-        for &[first, second] in block.as_chunks::<2>().0 {
-            bits |= first | second;
-            even = even.wrapping_add(first.into());
-            odd = odd.wrapping_add(second.into());
-        }
-        // The assembly adds both at once.
-        let odd = odd.wrapping_add(even >> 16);
-        let all = two_products((even & 0xffff) as u16, (odd & 0xffff) as u16, weights);
-        let all = all.cast_unsigned();
+    let mut take = |words: [u32; BLOCK / 2], sum: &mut u16| {
+        bits |= words.into_iter().fold(0, |bits, word| bits | word);
+        let both = words.into_iter().fold(0, u32::wrapping_add);
+        let all = (both.wrapping_mul(even)).wrapping_add((both >> 16).wrapping_mul(odd));
         *sum = (all.wrapping_add(constant.into()) & 0xffff) as u16;
+    };
+    if let Some(blocks) = in_words(blocks) {
+        for (&words, sum) in blocks.iter().zip(sums) {
+            take(words, sum);
+        }
+    } else {
+        for (block, sum) in blocks.iter().zip(sums) {
+            let (twos, _) = block.as_chunks();
+            let word = |i| {
+                twos.get(i)
+                    .map_or(0, |&[first, second]: &[u16; 2]| word(first, second))
+            };
+            take(core::array::from_fn(word), sum);
+        }
     }
-    bits
+    ((bits | bits >> 16) & 0xffff) as u16
+}
+
+/// Two samples, the first one in the lower half.
+const fn word(first: u16, second: u16) -> u32 {
+    first as u32 | (second as u32) << 16
+}
+
+/// Blocks of words as [`word`] makes them, where memory has them so: half the loads.
+fn in_words(blocks: &[[u16; BLOCK]]) -> Option<&[[u32; BLOCK / 2]]> {
+    // SAFETY: all bits of two samples are a number.
+    let (before, words, _) = unsafe { blocks.as_flattened().align_to::<u32>() };
+    (cfg!(target_endian = "little") && before.is_empty()).then_some(words.as_chunks().0)
 }
 
 /// The sum of the steps from the first to the second of each four samples, without sign. A step of 2^15 or
@@ -118,16 +139,17 @@ pub(crate) fn halve_from(samples: &mut [u16], done: usize) -> usize {
 
 /// Whether the kernel [1 2 1] responds with `least` or more anywhere on the samples.
 pub fn reaches(samples: &[u16], least: i32) -> bool {
+    let (&[left, middle], rest) = samples.split_first_chunk().unwrap_or((&[0; 2], &[]));
     let below = least.wrapping_sub(1);
-    let signs = samples.windows(3).fold(0, |signs, three| {
-        let &[left, middle, right] = three else {
-            return signs;
-        };
-        let response =
-            i32::from(left as i16) + 2 * i32::from(middle as i16) + i32::from(right as i16);
+    let (mut signs, mut middle) = (0, i32::from(middle as i16));
+    let mut left = i32::from(left as i16) + middle;
+    for &right in rest {
+        let right = i32::from(right as i16);
+        let both = middle + right;
         // Negative where the response is `least` or more.
-        signs | below.wrapping_sub(response)
-    });
+        signs |= below.wrapping_sub(left + both);
+        (left, middle) = (both, right);
+    }
     signs < 0
 }
 

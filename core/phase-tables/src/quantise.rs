@@ -21,20 +21,37 @@ pub struct IntegerTable {
     pub weights: Vec<Pairs>,
     /// Weights of the stretch.
     pub stretch: Vec<Pair>,
-    /// Distance in samples where (integer) score / slope = 1.
-    pub centre_per_ratio: f64,
-    /// Correction of the distance, in 1/samples^2: if the ratio says q samples, the distance is q - bend *
-    /// q^3.
-    pub bend: f64,
-    /// Relative excess of the spot's width where stretch / slope = 1.
-    pub stretch_per_ratio: f64,
-    /// Height of the spot in counts where slope = 1.
-    pub height_per_slope: f64,
-    /// Variance of the centre in samples squared, times slope squared, for noise of one count squared in
-    /// every sample.
-    pub variance_per_noise: f64,
-    /// The same for a spot one electron high whose samples have its shot noise, in counts of one electron.
-    pub variance_per_height: f64,
+    /// The width in samples, Q16.
+    pub width: i32,
+    /// One over the width in samples, Q30.
+    pub per_width: i32,
+    /// [`Shape::near_limit`] in samples, Q26.
+    pub near_limit: i32,
+    /// Distance in samples where (integer) score / slope = 1, Q25.
+    pub centre_per_ratio: i32,
+    /// Correction of the distance, in 1/samples^2, Q31: if the ratio says q samples, the distance is q - bend
+    /// * q^3.
+    pub bend: i32,
+    /// Relative excess of the spot's width where stretch / slope = 1, Q25.
+    pub stretch_per_ratio: i32,
+    /// Height of the spot in counts where slope = 1, Q42.
+    pub height_per_slope: i32,
+    /// Standard deviation of the centre in samples, times slope, for noise of one count in every sample, Q13.
+    pub deviation_per_noise: i32,
+    /// The centre's variance by the shot noise of a spot one electron high, in counts of one electron, over
+    /// that by noise of one count in every sample, Q28.
+    pub shot_share: i32,
+}
+
+/// The nearest integer to value * 2^`fraction`.
+#[expect(clippy::cast_possible_truncation, reason = "the assertion comes first")]
+fn fixed(value: f64, fraction: i32) -> i32 {
+    let scaled = (value * f64::from(fraction).exp2()).round();
+    assert!(
+        scaled.abs() < f64::from(i32::MAX),
+        "{value} is too large for Q{fraction}"
+    );
+    scaled as i32
 }
 
 impl Table {
@@ -69,12 +86,15 @@ impl Table {
                 .map(|(score, slope)| Pairs(score, slope))
                 .collect(),
             stretch: pairs(&stretch, taps).collect(),
-            centre_per_ratio,
-            bend: self.bend,
-            stretch_per_ratio: slope_scale / stretch_scale,
-            height_per_slope: 1.0 / response,
-            variance_per_noise: per_noise * slope_scale * slope_scale,
-            variance_per_height: per_height * slope_scale * slope_scale,
+            width: fixed(self.shape.width, 16),
+            per_width: fixed(1.0 / self.shape.width, 30),
+            near_limit: fixed(self.shape.near_limit(), 26),
+            centre_per_ratio: fixed(centre_per_ratio, 25),
+            bend: fixed(self.bend, 31),
+            stretch_per_ratio: fixed(slope_scale / stretch_scale, 25),
+            height_per_slope: fixed(1.0 / response, 42),
+            deviation_per_noise: fixed(per_noise.sqrt() * slope_scale, 13),
+            shot_share: fixed(per_height / per_noise, 28),
         }
     }
 }
@@ -171,28 +191,28 @@ fn restore_response(rounded: &mut [i64], exact: &[f64], profile: &DVector<f64>) 
 }
 
 /// Rust source of an array of the core's `Table`s.
-#[expect(clippy::cast_possible_truncation, reason = "the tables are of f32s")]
 pub fn rust_source(tables: &[IntegerTable]) -> String {
     let mut source = String::from("[\n");
     for table in tables {
         // Writing to a String cannot fail.
         let _ = writeln!(
             source,
-            "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, \
-             near_limit: {:?}, centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, \
-             height_per_slope: {:?}, variance_per_noise: {:?}, variance_per_height: {:?} }},",
-            table.shape.width as f32,
+            "Table {{ half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, width: {}, per_width: {}, \
+             near_limit: {}, centre_per_ratio: {}, bend: {}, stretch_per_ratio: {}, height_per_slope: {}, \
+             deviation_per_noise: {}, shot_share: {} }},",
             table.shape.half_width,
             table.shape.phases,
             table.weights,
             table.stretch,
-            table.shape.near_limit() as f32,
-            table.centre_per_ratio as f32,
-            table.bend as f32,
-            table.stretch_per_ratio as f32,
-            table.height_per_slope as f32,
-            table.variance_per_noise as f32,
-            table.variance_per_height as f32,
+            table.width,
+            table.per_width,
+            table.near_limit,
+            table.centre_per_ratio,
+            table.bend,
+            table.stretch_per_ratio,
+            table.height_per_slope,
+            table.deviation_per_noise,
+            table.shot_share,
         );
     }
     source.push(']');
@@ -287,8 +307,10 @@ mod tests {
                             };
                             weights.iter().enumerate().map(response).sum::<f64>()
                         };
-                        let ratio = dot(score) / dot(slope) * table.centre_per_ratio;
-                        let distance = ratio - table.bend * ratio.powi(3);
+                        let [per_ratio, bend] = [(table.centre_per_ratio, 25), (table.bend, 31)]
+                            .map(|(bits, fraction)| libm::ldexp(bits.into(), -fraction));
+                        let ratio = dot(score) / dot(slope) * per_ratio;
+                        let distance = ratio - bend * ratio.powi(3);
                         worst = worst.max((distance - shift).abs());
                     }
                 }

@@ -54,7 +54,7 @@ pub fn centre(
     let light = row.light();
     let mut at = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    check_saturation(row, at, width)?;
+    check_saturation(row, at, Pixels::from_f32(width))?;
     let level = level_bits(spot.black_level);
     // At most 510 pixels, because a width is at most 170.
     let half_window = Pixels::from_f32(HALF_WINDOW * width);
@@ -87,21 +87,21 @@ pub fn centre(
             break;
         }
     }
-    check_saturation(row, at, width)?;
+    check_saturation(row, at, Pixels::from_f32(width))?;
     let (noise, shot) = spot.background.variances(geometry);
     let h = HALF_WINDOW * width;
     let slope = WINDOW_FACTOR * gathered;
     let variance = noise * (2.0 / 3.0 * h - 1.0 / 3.0) * h * h + shot * slope * width * width;
-    let uncertainty = dual_mac::square_root(variance) / slope;
-    let amplitude = gathered / (LIGHT * width);
-    check_uncertainty(amplitude, uncertainty, width)?;
+    let uncertainty = Pixels::from_f32(dual_mac::square_root(variance) / slope);
+    let amplitude = Counts::from_f32(gathered / (LIGHT * width));
+    check_uncertainty(amplitude, uncertainty, Pixels::from_f32(width))?;
     if !rests {
         return Err(spot.no_spot());
     }
     Ok(RowCentre {
         centre: at,
-        uncertainty: Pixels::from_f32(uncertainty),
-        amplitude: Counts::from_f32(amplitude),
+        uncertainty,
+        amplitude,
         width: Pixels::from_f32(half_width::follow(light, spot, at, width)),
         ..RowCentre::default()
     })

@@ -197,7 +197,7 @@ impl<'a> Estimate<'a> {
     /// The work of estimator and check beyond that of a usual spot. It is known only with the width.
     #[inline(always)]
     pub(crate) fn work(&self) -> usize {
-        let width = numeric::whole_usize(self.found.width.to_f32());
+        let width = whole_pixels(self.found.width.to_bits());
         let wider = width.saturating_sub(USUAL_WIDTH);
         wider.saturating_mul(WORK_OF_PIXEL)
     }
@@ -309,7 +309,7 @@ fn measure_flanks(
     geometry: &Geometry,
     budget: &mut WorkBudget,
 ) -> Result<RowCentre, Fault> {
-    let pixels = count_saturated_pixels(row, found.centre, found.width.to_f32());
+    let pixels = count_saturated_pixels(row, found.centre, found.width);
     let saturated = Fault::Saturated { pixels };
     if estimator != Estimator::GaussNewton {
         return Err(saturated);
@@ -319,14 +319,14 @@ fn measure_flanks(
 }
 
 /// The uncertainty of a centre must be at most the width over this. Noise alone may look like a dimmer spot.
-const DIMMEST: f32 = 8.0;
+const DIMMEST: i64 = 8;
 
 /// Rejects a spot with a saturated pixel within two widths of the centre: its top is lost.
 ///
 /// # Errors
 /// [`Fault::Saturated`] with the number of such pixels.
 #[inline]
-pub(crate) fn check_saturation(row: &Row<'_>, centre: Pixels, width: f32) -> Result<(), Fault> {
+pub(crate) fn check_saturation(row: &Row<'_>, centre: Pixels, width: Pixels) -> Result<(), Fault> {
     // Most rows are saturated nowhere near.
     if !row.reaches_saturation(two_widths(centre, width)) {
         return Ok(());
@@ -339,7 +339,7 @@ pub(crate) fn check_saturation(row: &Row<'_>, centre: Pixels, width: f32) -> Res
 
 /// Counts the saturated pixels within two widths of the centre.
 #[inline(never)]
-pub(crate) fn count_saturated_pixels(row: &Row<'_>, centre: Pixels, width: f32) -> u16 {
+pub(crate) fn count_saturated_pixels(row: &Row<'_>, centre: Pixels, width: Pixels) -> u16 {
     let (light, saturation) = (row.light(), row.saturated_from());
     let Range { start, end } = two_widths(centre, width);
     let near = light.slice(start.min(light.len())..end.min(light.len()));
@@ -351,32 +351,42 @@ pub(crate) fn count_saturated_pixels(row: &Row<'_>, centre: Pixels, width: f32) 
 }
 
 /// The pixels within two widths of the centre, to one pixel.
-fn two_widths(centre: Pixels, width: f32) -> Range<usize> {
-    let centre = usize::try_from(centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let reach = numeric::whole_usize(2.0 * width);
+fn two_widths(centre: Pixels, width: Pixels) -> Range<usize> {
+    let centre = whole_pixels(centre.to_bits());
+    let reach = whole_pixels(width.to_bits().saturating_mul(2));
     let start = centre.saturating_sub(reach).saturating_sub(1);
     start..centre.saturating_add(reach).saturating_add(2)
 }
 
-/// Rejects a centre whose uncertainty is more than an eighth of the width, or is not a number. `uncertainty`
-/// and `width` are in pixels, `amplitude` in counts.
+/// The whole pixels of a place or a width, Q16: none of a negative one.
+fn whole_pixels(bits: i32) -> usize {
+    usize::try_from(bits >> Pixels::FRACTION).unwrap_or_default()
+}
+
+/// Rejects a centre whose uncertainty is more than an eighth of the width.
 ///
 /// # Errors
 /// [`Fault::TooDim`], with the height at which the uncertainty would be small enough, if the noise did not
 /// grow with the light.
 #[inline]
-pub(crate) fn check_uncertainty(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
-    if uncertainty * DIMMEST <= width {
+pub(crate) fn check_uncertainty(
+    amplitude: Counts,
+    uncertainty: Pixels,
+    width: Pixels,
+) -> Result<(), Fault> {
+    if i64::from(uncertainty.to_bits()) * DIMMEST <= width.to_bits().into() {
         return Ok(());
     }
     Err(too_dim(amplitude, uncertainty, width))
 }
 
 #[cold]
-fn too_dim(amplitude: f32, uncertainty: f32, width: f32) -> Fault {
+fn too_dim(amplitude: Counts, uncertainty: Pixels, width: Pixels) -> Fault {
+    let light = numeric::product(amplitude.to_bits(), uncertainty.to_bits());
+    let needed = (light.saturating_mul(DIMMEST)).checked_div(width.to_bits().into());
     Fault::TooDim {
-        amplitude: Counts::from_f32(amplitude),
-        needed: Counts::from_f32(amplitude * uncertainty * DIMMEST / width),
+        amplitude,
+        needed: Counts::from_bits(numeric::saturated(needed.unwrap_or(i64::MAX))),
     }
 }
 
@@ -417,7 +427,7 @@ mod tests {
         let mut light = [100u16; 64];
         let count = |light: &[u16], saturation, centre, width| {
             let row = Row::new(light, &[], saturation).expect("12 bits");
-            count_saturated_pixels(&row, centre, width)
+            count_saturated_pixels(&row, centre, Pixels::from_f32(width))
         };
         let centre = Pixels::from_f32(32.5);
         assert_eq!(count(&light, 4095, centre, 2.0), 0);
@@ -431,17 +441,24 @@ mod tests {
         ] {
             assert_eq!(count(&light, saturation, centre, width), expected);
         }
-        assert_eq!(count(&[], 4095, Pixels::MIN, f32::NAN), 0);
+        assert_eq!(count(&[], 4095, Pixels::MIN, f32::MIN), 0);
     }
 
     #[test]
     fn an_eighth_of_the_width() {
         let [amplitude, needed] = [100, 200].map(Counts::from_int);
         let too_dim = Err(Fault::TooDim { amplitude, needed });
-        assert_eq!(check_uncertainty(100.0, 0.25, 2.0), Ok(()));
-        assert_eq!(check_uncertainty(100.0, 0.5, 2.0), too_dim);
-        for (uncertainty, width) in [(f32::NAN, 2.0), (0.1, f32::NAN)] {
-            assert!(check_uncertainty(100.0, uncertainty, width).is_err());
-        }
+        let [width, u] = [2.0, 0.25].map(Pixels::from_f32);
+        assert_eq!(check_uncertainty(amplitude, u, width), Ok(()));
+        assert_eq!(
+            check_uncertainty(amplitude, u.max(Pixels::from_f32(0.5)), width),
+            too_dim
+        );
+        let needed = Counts::MAX;
+        let never = Err(Fault::TooDim { amplitude, needed });
+        assert_eq!(
+            check_uncertainty(amplitude, Pixels::MAX, Pixels::default()),
+            never
+        );
     }
 }

@@ -5,10 +5,9 @@
 //! from a table's phase. A third product, stretch / slope, says how far the spot's width is from the table's,
 //! and so picks the table.
 //!
-//! The inner products of 16-bit samples and weights fit an i32, and each row of weights sums to zero:
-//! [`TableSet::new`] proves both. The division is of f32: 24 bits on a quotient of at most a few pixels is
-//! 1e-7 pixel. Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC
-//! agree bit for bit.
+//! All of it is integers, so the chip and a PC agree bit for bit. The inner products of 16-bit samples and
+//! weights fit an i32, and each row of weights sums to zero: [`TableSet::new`] proves both. The quotients
+//! have Q24 or more, and are right to 2^-23 of themselves.
 //!
 //! **`adaptive`**: the weights follow the row, by the width of its spot, its noise, and the background under
 //! the spot. Each set in [`MIXES`] is the best for one ratio r, the variance of the read noise over that of
@@ -18,11 +17,11 @@
 //! sets, a tilt of one count a pixel would shift a centre by hundredths of a pixel (narrow spots) to whole
 //! ones (wide, dim ones). As long as the tilt lasts, each row takes two more measurements.
 
-use dual_mac::square_root;
-
+use crate::base::numeric::{product, saturated};
 use crate::base::{Counts, Fault, Pixels, numeric};
 use crate::centre::tables::{
-    MIXES, NARROWEST, SLIT, Sampling, TILTED, Table, TableSet, Window, halvings, is_spot_width,
+    MIXES, NARROWEST, ONE_Q24, SLIT, Sampling, Score, Slope, TILTED, Table, TableSet, Window,
+    halvings, is_spot_width,
 };
 use crate::centre::{RowCentre, WidthClass, check_saturation, check_uncertainty, position_on_row};
 use crate::row::{Geometry, Light, Row};
@@ -33,22 +32,30 @@ const MAX_PASSES: usize = 10;
 
 /// How well a window and a table must fit in a pass. The first number limits the distance to the phase, in
 /// units of `Score::near_limit`. The second limits how much worse the table matches the width than the best
-/// table does, as a share of the width. In noise two tables, or two phases, may each prefer the other, so
+/// table does, as a share of the width, Q24. In noise two tables, or two phases, may each prefer the other, so
 /// later passes accept a worse fit.
-const fn slack(pass: usize) -> (f32, f32) {
+const fn slack(pass: usize) -> (i32, u32) {
+    const ONE: u32 = ONE_Q24.cast_unsigned();
     match pass {
-        0..=3 => (1.0, 0.005),
-        4..=6 => (2.0, 0.1),
-        _ => (2.0, 0.3),
+        0..=3 => (1, ONE / 200),
+        4..=6 => (2, ONE / 10),
+        _ => (2, ONE / 10 * 3),
     }
 }
 
 /// Where a window reaches over the sensor's edge, a table this much narrower is tried. The coarse search may
-/// take a spot for twice as wide as it is, and its place may be off by half the width.
-const NARROWER: f32 = 0.7;
+/// take a spot for twice as wide as it is, and its place may be off by half the width. 0.7, Q16.
+const NARROWER: i32 = 45_875;
 /// Near the sensor's edge only narrow tables fit on the row. If the table that fits has less than this part
-/// of the coarse search's width, it fits a ripple on a spot that is cut.
-const RIPPLE: f32 = 0.4;
+/// of the coarse search's width, it fits a ripple on a spot that is cut. 0.4, Q16.
+const RIPPLE: i32 = 26_214;
+/// The coarse kernel fits a width of 0.9 of its block best, Q16.
+const WIDTH_OF_BLOCK: i32 = 58_982;
+
+/// A width times a share, Q16. Both are positive.
+fn part(width: Pixels, share: i32) -> Pixels {
+    Pixels::from_bits(saturated(product(width.to_bits(), share) >> 16))
+}
 
 /// Finds the centre of a spot that [`crate::spot::find`] found, with the tables of one set.
 ///
@@ -174,15 +181,14 @@ fn fit_in_full<'a>(
 /// A table that fits, and the measurement with it.
 #[derive(Clone, Copy)]
 struct Fit<'a> {
-    pub(super) centre: Pixels,
-    /// Sigma in pixels.
-    pub(super) width: f32,
-    /// The spot's width over the table's.
-    pub(super) ratio: f32,
-    pub(super) slope: f32,
-    pub(super) per_slope: f32,
-    pub(super) class: WidthClass,
-    pub(super) table: &'a Table<'a>,
+    centre: Pixels,
+    /// Sigma.
+    width: Pixels,
+    /// The spot's width over the table's, Q24.
+    ratio: i32,
+    slope: Slope,
+    class: WidthClass,
+    table: &'a Table<'a>,
 }
 
 /// Measures the spot once, at its place in the row before: enough for a target at rest. `None` if the spot is
@@ -218,7 +224,7 @@ fn track<'a>(
     if !is_near(spot, before) {
         return None;
     }
-    let (class, table) = tables.get_or_choose(before.class, before.width.to_f32())?;
+    let (class, table) = tables.get_or_choose(before.class, before.width)?;
     let mut at = before.centre;
     for _ in 0..MAX_TRACKING {
         match measure_at(light, at, before.width, class, tables, table, source)? {
@@ -246,29 +252,24 @@ fn measure_at<'a>(
     if !score.is_near {
         return Some(Err(score.centre));
     }
-    let mut width = width.to_f32();
-    let table_width = table.width * f32::from(class.block);
+    let mut width = width;
     if source == WidthSource::Measured {
-        let measured = table_width * (1.0 + window.stretch(&score));
-        width += (measured - width) * SMOOTHING;
-        let is_within = table.mismatch(width, class.block) <= tables.largest_mismatch;
-        if !is_within {
-            return None;
-        }
+        let measured = window.width(window.stretch(&score)).to_bits();
+        // Widths are positive. The difference is rounded to the nearest step.
+        let more = measured.wrapping_sub(width.to_bits()).saturating_add(2) >> SMOOTHING;
+        width = Pixels::from_bits(width.to_bits().wrapping_add(more));
     }
-    Some(Ok(Fit {
-        centre: score.centre,
-        width,
-        ratio: width / table_width,
-        slope: score.slope,
-        per_slope: score.per_slope,
-        class,
-        table,
-    }))
+    let fit = Fit::new(&score, width, class, table);
+    if source == WidthSource::Measured
+        && fit.ratio.abs_diff(ONE_Q24) > tables.largest_mismatch.cast_unsigned()
+    {
+        return None;
+    }
+    Some(Ok(fit))
 }
 
-/// The weight of a row in the smoothed width, which averages about seven rows.
-const SMOOTHING: f32 = 0.25;
+/// A row has the weight of 1/4, as a power of two, in the smoothed width, which averages about seven rows.
+const SMOOTHING: u32 = 2;
 
 /// Measures the same spot with the tables of another set, from its known place. `None` where that set's
 /// window reaches over the sensor's edge.
@@ -279,15 +280,7 @@ fn refit<'a>(light: Light<'_>, fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<F
     if !score.is_near {
         score = Window::place(light, score.centre, class, table)?.score()?;
     }
-    Some(Fit {
-        centre: score.centre,
-        width: fit.width,
-        ratio: fit.width / (table.width * f32::from(class.block)),
-        slope: score.slope,
-        per_slope: score.per_slope,
-        class,
-        table,
-    })
+    Some(Fit::new(&score, fit.width, class, table))
 }
 
 /// Passes before a spot that moved is measured afresh.
@@ -319,8 +312,8 @@ fn fit_afresh<'a>(
 ) -> Result<Fit<'a>, Fault> {
     let light = row.light();
     let start = position_on_row(light, spot)?;
-    // The coarse kernel fits a width of 0.9 of its block best.
-    let start_width = 0.9 * (1u32 << spot.block_log2.min(7)) as f32;
+    let start_width = WIDTH_OF_BLOCK * (1i32 << spot.block_log2.min(7));
+    let start_width = Pixels::from_bits(start_width);
     check_saturation(row, start, start_width)?;
     settle(light, start, start_width, tables, sampling).map_err(|error| match error {
         Unsettled::Edge(centre) => Fault::SpotAtEdge { centre },
@@ -347,7 +340,7 @@ enum Unsettled<'a> {
 fn settle<'a>(
     light: Light<'_>,
     start: Pixels,
-    start_width: f32,
+    start_width: Pixels,
     tables: &TableSet<'a>,
     sampling: Sampling,
 ) -> Result<Fit<'a>, Unsettled<'a>> {
@@ -359,7 +352,7 @@ fn settle<'a>(
             // The place or the width may still be wrong. If the whole spot is on the row, a narrower table
             // corrects both.
             (cut, was_cut) = (true, true);
-            width = table.width * f32::from(class.block) * NARROWER;
+            width = part(table.width_in_pixels(class.block), NARROWER);
             (class, table) = tables.choose(width, sampling).ok_or(Unsettled::NotASpot)?;
             if width < NARROWEST {
                 break;
@@ -368,27 +361,17 @@ fn settle<'a>(
         };
         let (score, stretch) = window.score_and_stretch().ok_or(Unsettled::NotASpot)?;
         at = score.centre;
-        width = table.width * f32::from(class.block) * (1.0 + stretch);
-        if at.to_bits().abs_diff(start.to_bits())
-            > Pixels::from_f32(4.0 * start_width).to_bits().unsigned_abs()
-        {
+        width = window.width(stretch);
+        if at.to_bits().abs_diff(start.to_bits()) / 4 > start_width.to_bits().unsigned_abs() {
             return Err(Unsettled::NotASpot);
         }
         let (steps, margin) = slack(if cut { 0 } else { pass });
         let (better_class, better) = tables.choose(width, sampling).ok_or(Unsettled::NotASpot)?;
         let fits = table.mismatch(width, class.block)
-            <= better.mismatch(width, better_class.block) + margin;
-        let fit = Fit {
-            centre: at,
-            width,
-            ratio: 1.0 + stretch,
-            slope: score.slope,
-            per_slope: score.per_slope,
-            class,
-            table,
-        };
-        if fits && score.distance.abs() <= steps * score.near_limit {
-            if was_cut && width < RIPPLE * start_width {
+            <= (better.mismatch(width, better_class.block)).saturating_add(margin);
+        let fit = Fit::new(&score, width, class, table);
+        if fits && score.distance.saturating_abs() / steps <= score.near_limit {
+            if was_cut && width < part(start_width, RIPPLE) {
                 return Err(Unsettled::Edge(at));
             }
             return if is_spot_width(width) {
@@ -413,27 +396,57 @@ fn settle<'a>(
     })
 }
 
-impl Fit<'_> {
-    /// The spot's height at its peak, in counts.
-    pub(super) fn amplitude(&self) -> f32 {
-        let divisor = (1u32 << halvings(self.class.block.into())) as f32;
-        self.slope * self.table.height_per_slope * divisor / f32::from(self.class.block)
+impl<'a> Fit<'a> {
+    #[inline(always)]
+    fn new(score: &Score, width: Pixels, class: WidthClass, table: &'a Table<'a>) -> Self {
+        Self {
+            centre: score.centre,
+            width,
+            ratio: table.ratio(width, class.block),
+            slope: score.slope,
+            class,
+            table,
+        }
     }
 
-    /// The standard uncertainty of the centre in pixels: the noise of the score over its slope.
+    /// Samples are sums of 2 to this many pixels, halved so often.
     #[inline(always)]
-    pub(super) fn uncertainty(&self, noise: Counts, geometry: &Geometry) -> f32 {
-        let block = f32::from(self.class.block);
-        // A sample is the sum of a block's pixels, divided by this.
-        let divisor = (1u32 << halvings(self.class.block.into())) as f32;
-        let height = self.slope * self.table.height_per_slope;
-        let read = noise.to_f32() * noise.to_f32() * block / (divisor * divisor);
-        let shot_variance_per_count = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
+    fn block(&self) -> (u32, u32) {
+        let halvings = halvings(self.class.block.into());
+        (self.class.block.trailing_zeros(), halvings)
+    }
+
+    /// The spot's height at its peak.
+    #[inline(always)]
+    fn amplitude(&self) -> Counts {
+        let (log2, halvings) = self.block();
+        // From Q10 of a sample to Q8 of a pixel. A height is below 2^30: (2^31)^2 / 2^32.
+        let bits = 2u32.wrapping_add(log2).wrapping_sub(halvings);
+        let half = 2i32.wrapping_shl(log2.wrapping_sub(halvings));
+        Counts::from_bits(self.slope.height(self.table).wrapping_add(half) >> (bits & 31))
+    }
+
+    /// The standard uncertainty of the centre: the noise of the score over its slope.
+    #[inline(always)]
+    fn uncertainty(&self, noise: Counts, geometry: &Geometry) -> Pixels {
+        let (log2, halvings) = self.block();
+        // Noise is below 2^16 counts: its square in Q16 is below 2^48. A sum of 2^log2 pixels has so many
+        // times the variance, and its half a quarter of it.
+        let noise = noise.to_bits().min(1 << 24);
+        let pixels = log2.wrapping_sub(2 * halvings);
+        let read = product(noise, noise).wrapping_shl(pixels);
+        // Q16: a sample of 2^15 counts at one electron a count fits.
+        let height = self.slope.height(self.table);
+        let per_count = geometry.shot_variance_per_count_q16.into();
+        let shot = saturated(product(height, per_count) >> 10u32.wrapping_add(halvings));
         // The table's shot noise is that of a spot of the table's width. Near it the variance grows as
-        // width^1.5 (1.44 to 1.60 over the tables).
-        let shot = height / divisor * shot_variance_per_count * (1.5 * self.ratio - 0.5);
-        let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
-        square_root(variance) * self.per_slope * block
+        // width^1.5 (1.44 to 1.60 over the tables): by this number, Q24.
+        let ratio = self.ratio.clamp(ONE_Q24 / 2, 2 * ONE_Q24);
+        let growth = ratio + ratio / 2 - ONE_Q24 / 2;
+        let share = saturated(product(self.table.shot_share, growth) >> 24);
+        let shot = product(shot, share) >> 28;
+        let variance = read.wrapping_add(shot).cast_unsigned();
+        (self.slope).uncertainty(variance, self.table, self.class.block)
     }
 
     /// Makes a centre of the fit, with its amplitude and its uncertainty.
@@ -447,9 +460,9 @@ impl Fit<'_> {
         check_uncertainty(amplitude, uncertainty, self.width)?;
         Ok(RowCentre {
             centre: self.centre,
-            uncertainty: Pixels::from_positive_f32(uncertainty),
-            amplitude: Counts::from_positive_f32(amplitude),
-            width: Pixels::from_f32(self.width),
+            uncertainty,
+            amplitude,
+            width: self.width,
             class: self.class,
             ..RowCentre::default()
         })
@@ -485,7 +498,7 @@ pub fn adaptive(
 ) -> Result<RowCentre, Fault> {
     let noise = spot.background.noise;
     let expected = before.map_or(spot.height, |before| before.amplitude);
-    let tables = for_mix(noise, expected.to_f32(), geometry);
+    let tables = for_mix(noise, expected, geometry);
     let mut fit = fit(
         row,
         spot,
@@ -502,7 +515,7 @@ pub fn adaptive(
     }
     if is_tilted(row.light(), &fit, noise) {
         // Noise may look like a spot to one set of tables. It seldom does to two.
-        let uncertainty = LEAST_EVIDENCE * fit.uncertainty(noise, geometry);
+        let uncertainty = part(fit.uncertainty(noise, geometry), LEAST_EVIDENCE);
         check_uncertainty(fit.amplitude(), uncertainty, fit.width)?;
         fit = refit(row.light(), &fit, &TILTED).unwrap_or(fit);
     }
@@ -511,28 +524,38 @@ pub fn adaptive(
 
 /// The least evidence of a spot on a tilt, in the tables that do not know of the tilt: this part of what a
 /// spot without a tilt must have. Nearly all spots that [`TILTED`] shows have more. Where light rises along
-/// the row, noise that [`TILTED`] takes for a spot, or nearly, has 0.3 to 0.77.
-const LEAST_EVIDENCE: f32 = 0.8;
+/// the row, noise that [`TILTED`] takes for a spot, or nearly, has 0.3 to 0.77. It is 0.8, Q16.
+const LEAST_EVIDENCE: i32 = 52_429;
 
-/// The tables for the noise of a spot of this height in counts.
-fn for_mix(noise: Counts, height: f32, geometry: &Geometry) -> &'static TableSet<'static> {
-    let read = noise.to_f32() * noise.to_f32();
-    let shot = height * f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
+/// The tables for the noise of a spot of this height.
+#[inline(always)]
+fn for_mix(noise: Counts, height: Counts, geometry: &Geometry) -> &'static TableSet<'static> {
+    // Q24 both. Noise is below 2^16 counts.
+    let noise = noise.to_bits().min(1 << 24);
+    let read = product(noise, noise).wrapping_mul(1 << 8);
+    let shot = product(
+        height.to_bits(),
+        geometry.shot_variance_per_count_q16.into(),
+    );
     let [white, ..] = &MIXES;
-    let found = MIXES.iter().find(|(least, _)| read >= least * shot);
+    // Below 2^47, so its product with a number of 16 bits fits.
+    let found = MIXES
+        .iter()
+        .find(|&&(least, _)| read >= shot.wrapping_mul(least.into()) >> 16);
     found.unwrap_or(white).1
 }
 
 /// Pixels in a flank: the background on one side of the spot, which is tested for a tilt.
 const FLANK: usize = 16;
-/// The standard deviation of the flanks' difference, over that of a pixel: sqrt(2 * FLANK).
-const DEVIATION: f32 = 5.657;
 /// The least difference of the flanks that is a tilt, in standard deviations. Noise alone gets there in one
 /// row of 16,000.
-const TILT: f32 = 4.0;
+const TILT: i32 = 4;
+/// The same over the standard deviation of a pixel: the difference's is sqrt(2 * FLANK) = 5.657 times as
+/// large. Q8.
+const TILT_IN_NOISE: i32 = 1448 * TILT;
 /// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 4.5 % of
 /// its peak at four widths, are 1 % there.
-const CLEAR: f32 = 6.0;
+const CLEAR: i32 = 6;
 
 /// Whether the background is higher on one side of the spot than on the other. `false` where a flank reaches
 /// over the sensor's edge.
@@ -540,31 +563,39 @@ fn is_tilted(light: Light<'_>, fit: &Fit<'_>, noise: Counts) -> bool {
     let Some((left, right)) = flanks(light, fit) else {
         return false;
     };
-    let difference = sum(right) as f32 - sum(left) as f32;
-    difference.abs() > TILT * DEVIATION * noise.to_f32()
+    // Sums of a flank are below 2^16.
+    let difference = sum(right).wrapping_sub(sum(left));
+    i64::from(difference.unsigned_abs()) > product(noise.to_bits(), TILT_IN_NOISE) >> 16
         && is_straight(left, right, difference, fit.width, noise)
 }
 
 /// Whether each flank rises as steeply as the difference between the two says. A second spot on one flank
 /// makes a difference too, but not that rise.
 #[cold]
+#[inline(never)]
 fn is_straight(
     left: Light<'_>,
     right: Light<'_>,
-    difference: f32,
-    width: f32,
+    difference: i32,
+    width: Pixels,
     noise: Counts,
 ) -> bool {
-    // Counts a pixel: `tilt` from flank to flank, `within` from one half of a flank to the other.
-    let tilt = difference / FLANK as f32 / (2.0 * CLEAR * width + FLANK as f32);
     const HALF: usize = FLANK / 2;
+    const FLANK_Q16: i32 = Pixels::from_int(numeric::to_i32(FLANK)).to_bits();
+    /// HALF^2 / FLANK.
+    const TILT_Q16: i32 = Pixels::from_int(numeric::to_i32(HALF * HALF / FLANK)).to_bits();
+    // All are rises in counts a pixel times HALF^2 and times the pixels from flank to flank. Those are Q16,
+    // and below 2^28: a width is below 2^8 pixels.
+    let apart = numeric::mul_i32(width.to_bits().min(1 << 24), 2 * CLEAR).wrapping_add(FLANK_Q16);
+    let tilt = product(difference, TILT_Q16);
     let within = |flank: Light<'_>| {
         let (first, second) = flank.split(HALF);
-        (sum(second) as f32 - sum(first) as f32) / (HALF * HALF) as f32
+        product(sum(second).wrapping_sub(sum(first)), apart)
     };
-    // The standard deviation within a flank is sqrt(2 HALF) / HALF^2 = 1/16 of a pixel's.
-    let allowed = 0.5 * tilt.abs() + TILT / 16.0 * noise.to_f32();
-    (within(left) - tilt).abs() <= allowed && (within(right) - tilt).abs() <= allowed
+    // The standard deviation within a flank is sqrt(2 HALF) / HALF^2 = 1/16 of a pixel's: HALF^2 / 16 of it.
+    let noise = product(noise.to_bits().min(1 << 20), apart).wrapping_mul(i64::from(TILT) * 4) >> 8;
+    let allowed = (tilt.unsigned_abs() / 2).wrapping_add(noise.unsigned_abs());
+    within(left).abs_diff(tilt) <= allowed && within(right).abs_diff(tilt) <= allowed
 }
 
 /// The flanks to the left and to the right, equally far from the centre to half a pixel, so that the light of
@@ -573,7 +604,7 @@ fn flanks<'a>(light: Light<'a>, fit: &Fit<'_>) -> Option<(Light<'a>, Light<'a>)>
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     // A centre is below 2^13 pixels, a width below 2^8.
     let centre = fit.centre.to_bits();
-    let reach = Pixels::from_positive_f32(CLEAR * fit.width).to_bits();
+    let reach = numeric::mul_i32(CLEAR, fit.width.to_bits());
     let right = (numeric::add_i32(centre, reach) >> Pixels::FRACTION) + 1;
     // The mirror image of the pixel before `right`: there the left flank ends.
     let left =
@@ -586,8 +617,8 @@ fn flanks<'a>(light: Light<'a>, fit: &Fit<'_>) -> Option<(Light<'a>, Light<'a>)>
 }
 
 /// The sum of a flank, or of half of one: below 2^16.
-fn sum(flank: Light<'_>) -> u32 {
-    flank.iter().map(u32::from).fold(0, numeric::add_u32)
+fn sum(flank: Light<'_>) -> i32 {
+    flank.iter().map(i32::from).fold(0, numeric::add_i32)
 }
 
 #[cfg(test)]

@@ -3,18 +3,19 @@
 //!
 //! The crate `phase-tables` designs the weights and explains them; `build.rs` writes those of the gaussian.
 
-use dual_mac::{Pair, Pairs, dot, dot2};
+use dual_mac::{Pair, Pairs, dot, dot2, upper_product};
 
 use crate::base::Pixels;
-use crate::base::numeric::limited;
+use crate::base::numeric::{
+    i64_to_i32, inverse, inverse_root, inverse_root_of_64, mul_i32, product, saturated, shifted_32,
+    whole_u16,
+};
 use crate::centre::WidthClass;
 use crate::row::{LARGEST_COUNT, Light};
 
 /// Weights for one width.
 #[derive(Clone, Copy, Debug)]
 pub struct Table<'a> {
-    /// The width (a gaussian's sigma) in samples.
-    pub width: f32,
     /// Samples to either side of the middle one.
     pub half_width: u8,
     /// Number of sub-pixel phases; phase k is at (k - (phases - 1)/2) / phases samples from the middle.
@@ -24,21 +25,26 @@ pub struct Table<'a> {
     pub weights: &'a [Pairs],
     /// Weights of the stretch, in the same order.
     pub stretch: &'a [Pair],
-    /// A centre within this many samples of its phase needs no second measurement from a nearer phase.
-    pub near_limit: f32,
-    /// Distance in samples where score / slope = 1.
-    pub centre_per_ratio: f32,
-    /// Correction of the distance, in 1/samples^2: if the ratio says q samples, the distance is q - bend q^3.
-    pub bend: f32,
-    /// Relative excess of the spot's width where stretch / slope = 1.
-    pub stretch_per_ratio: f32,
-    /// Counts of a sample at the peak where slope = 1.
-    pub height_per_slope: f32,
-    /// Variance of the centre times slope^2 for noise of one count^2 in each sample.
-    pub variance_per_noise: f32,
-    /// Variance of the centre times slope^2 for the shot noise of a spot one count high, at one electron a
-    /// count.
-    pub variance_per_height: f32,
+    /// The width (a gaussian's sigma) in samples, Q16.
+    pub width: i32,
+    /// One over the width in samples, Q30.
+    pub per_width: i32,
+    /// A centre within this many samples, Q26, of its phase needs no second measurement from a nearer phase.
+    pub near_limit: i32,
+    /// Distance in samples where score / slope = 1, Q25.
+    pub centre_per_ratio: i32,
+    /// Correction of the distance, in 1/samples^2, Q31: if the ratio says q samples, the distance is
+    /// q - bend q^3.
+    pub bend: i32,
+    /// Relative excess of the spot's width where stretch / slope = 1, Q25.
+    pub stretch_per_ratio: i32,
+    /// Counts of a sample at the peak where slope = 1, Q42.
+    pub height_per_slope: i32,
+    /// Standard deviation of the centre in samples, times slope, for noise of one count in each sample, Q13.
+    pub deviation_per_noise: i32,
+    /// The centre's variance by the shot noise of a spot one count high, at one electron a count, over that
+    /// by noise of one count in each sample, Q28.
+    pub shot_share: i32,
 }
 
 /// Tables for rising widths, with proven weights.
@@ -47,9 +53,11 @@ pub struct TableSet<'a> {
     tables: &'a [Table<'a>],
     /// Tells the sets of the core apart in a [`WidthClass`].
     pub(crate) number: u8,
-    /// How far a spot's width may be from a table's, relative. Half a step between the widths, beyond which
-    /// another table fits better, and a tenth of a step for noise.
-    pub(super) largest_mismatch: f32,
+    /// How far a spot's width may be from a table's, relative, Q24. Half a step between the widths, beyond
+    /// which another table fits better, and a tenth of a step for noise.
+    pub(super) largest_mismatch: i32,
+    /// The largest width, in samples, Q16: the widest table still serves half a step beyond its own.
+    widest: i32,
 }
 
 /// Why tables cannot be used.
@@ -66,7 +74,8 @@ pub enum TableError {
     Overflow,
     /// The widths are not positive, do not rise, or are wider than their window.
     Widths,
-    /// A scale is not positive and finite, or the bend is more than 5 % where a window rests.
+    /// A scale is not positive, `per_width` is not one over the width, or a window rests further than two
+    /// samples from its phase, or where the bend is more than 5 %.
     Scales,
 }
 
@@ -113,14 +122,18 @@ pub static TILTED: TableSet<'static> = proven(2, generated::TILTED);
 /// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are
 /// designed for ratios of infinity, 0.23, 0.07, 0.02 and 0.006. Between these ratios they lose at most 2.1 %
 /// (at 0.9), and 3.4 % half a step from a table's width. Each comes with the least ratio for it: the read
-/// noise's variance over the shot noise's at the peak.
-pub static MIXES: [(f32, &TableSet<'static>); 5] = [
-    (0.9, &READ_NOISE),
-    (0.12, &GAUSSIAN),
-    (0.037, &MOSTLY_SHOT_NOISE),
-    (0.011, &SHOT_NOISE),
-    (0.0, &PURE_SHOT_NOISE),
+/// noise's variance over the shot noise's at the peak, Q16.
+pub static MIXES: [(u16, &TableSet<'static>); 5] = [
+    (q16(0.9), &READ_NOISE),
+    (q16(0.12), &GAUSSIAN),
+    (q16(0.037), &MOSTLY_SHOT_NOISE),
+    (q16(0.011), &SHOT_NOISE),
+    (0, &PURE_SHOT_NOISE),
 ];
+
+const fn q16(value: f32) -> u16 {
+    whole_u16(value * 65536.0)
+}
 
 static READ_NOISE: TableSet<'static> = proven(3, generated::READ_NOISE);
 static MOSTLY_SHOT_NOISE: TableSet<'static> = proven(4, generated::MOSTLY_SHOT_NOISE);
@@ -143,7 +156,7 @@ impl<'a> TableSet<'a> {
         if tables.is_empty() || tables.len() > 64 {
             return Err(TableError::Count);
         }
-        let mut narrower = 0.0;
+        let mut narrower = 0;
         let mut i = 0;
         while i < tables.len() {
             let table = &tables[i];
@@ -155,14 +168,11 @@ impl<'a> TableSet<'a> {
             if table.weights.len() != pairs || table.stretch.len() != pairs {
                 return Err(TableError::Shape);
             }
-            // Not `<=`: a width that is not a number must not pass either.
-            if !(table.width > narrower && table.width <= taps as f32) {
+            if table.width <= narrower || table.width as i64 > taps as i64 * (1 << 16) {
                 return Err(TableError::Widths);
             }
             narrower = table.width;
-            // A bend that is not a number must not pass either.
-            let bent = table.bend.abs() * table.near_limit * table.near_limit;
-            if !table.scales_are_positive() || bent.is_nan() || bent > 0.05 {
+            if !table.has_fit_scales() {
                 return Err(TableError::Scales);
             }
             let mut start = 0;
@@ -174,15 +184,24 @@ impl<'a> TableSet<'a> {
             }
             i += 1;
         }
+        // 0.6 of the step from the first width to the second, Q24.
         let largest_mismatch = if tables.len() > 1 {
-            0.6 * (tables[1].width / tables[0].width - 1.0)
+            let (first, second) = (tables[0].width as i64, tables[1].width as i64);
+            (second - first) * 3 * (1 << 24) / (5 * first)
         } else {
-            f32::INFINITY
+            // A single table serves all widths.
+            i32::MAX as i64
         };
+        let widest = tables[tables.len() - 1].width as i64;
+        let widest = widest + ((widest * largest_mismatch) >> 24);
+        if largest_mismatch > i32::MAX as i64 || widest > i32::MAX as i64 {
+            return Err(TableError::Widths);
+        }
         Ok(Self {
             tables,
             number: FOREIGN,
-            largest_mismatch,
+            largest_mismatch: i64_to_i32(largest_mismatch),
+            widest: i64_to_i32(widest),
         })
     }
 
@@ -197,7 +216,7 @@ impl<'a> TableSet<'a> {
     pub(super) fn get_or_choose(
         &self,
         class: WidthClass,
-        width: f32,
+        width: Pixels,
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         if class.set != self.number {
             return self.choose(width, Sampling::Fine);
@@ -215,32 +234,36 @@ impl<'a> TableSet<'a> {
         self.tables.get(usize::from(class.table))
     }
 
-    /// The pixels in a sample and the table that match a width in pixels best.
+    /// The pixels in a sample and the table that match a width best.
     pub(super) fn choose(
         &self,
-        width: f32,
+        width: Pixels,
         sampling: Sampling,
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         let [block, ..] = BLOCKS;
-        // The widest table still serves half a step beyond its own width.
-        let widest = self.tables.last()?.width * (1.0 + self.largest_mismatch);
+        let width = width.to_bits();
+        // Samples of so many pixels, Q16.
+        let samples = |block: u8| width >> block.trailing_zeros();
         let block = match sampling {
-            Sampling::Fine => (BLOCKS
-                .into_iter()
-                .find(|&block| width <= widest * f32::from(block)))
-            .or(BLOCKS.last().copied()),
+            Sampling::Fine => (BLOCKS.into_iter())
+                .find(|&block| samples(block) <= self.widest)
+                .or(BLOCKS.last().copied()),
             Sampling::Coarse => BLOCKS
                 .into_iter()
-                .rfind(|&block| width >= FEWEST_SAMPLES * f32::from(block)),
+                .rfind(|&block| samples(block) >= FEWEST_SAMPLES),
         }
         .unwrap_or(block);
-        let samples = width / f32::from(block);
+        let samples = samples(block);
         // The widths are a geometric series: above the geometric mean of two neighbours the wider one is
         // nearer.
         let wider = self.tables.partition_point(|table| table.width < samples);
         let narrower = wider.saturating_sub(1);
         let index = match (self.tables.get(narrower), self.tables.get(wider)) {
-            (Some(table), Some(next)) if samples * samples > table.width * next.width => wider,
+            (Some(table), Some(next))
+                if product(samples, samples) > product(table.width, next.width) =>
+            {
+                wider
+            }
             _ => narrower,
         };
         let class = WidthClass {
@@ -262,8 +285,8 @@ pub enum Sampling {
     Coarse,
 }
 
-/// At 1.15 samples a sigma, 4 % of accuracy are lost in white noise.
-const FEWEST_SAMPLES: f32 = 1.15;
+/// At 1.15 samples a sigma, Q16, 4 % of accuracy are lost in white noise.
+const FEWEST_SAMPLES: i32 = Pixels::from_positive_f32(1.15).to_bits();
 
 /// Proves that each row of weights sums to zero, and that its inner product with samples up to
 /// [`LARGEST_SAMPLE`] fits an i32 at every step of the sum.
@@ -325,38 +348,60 @@ impl Table<'_> {
         self.half_width as usize + 1
     }
 
-    /// How far a width in pixels is from this table's, relative and without sign. `block` is the number of
-    /// pixels in a sample.
-    pub(super) fn mismatch(&self, width: f32, block: u8) -> f32 {
-        (width / (self.width * f32::from(block)) - 1.0).abs()
+    /// This table's width, with so many pixels in a sample.
+    #[inline(always)]
+    pub(super) fn width_in_pixels(&self, block: u8) -> Pixels {
+        // `TableSet::new` has proven that a width is at most its window: 116 * 16 pixels fit Q16.
+        Pixels::from_bits(mul_i32(self.width, block.into()))
     }
 
-    const fn scales_are_positive(&self) -> bool {
+    /// A width over this table's, Q24. `block` is the number of pixels in a sample. Saturates.
+    #[inline(always)]
+    pub(super) fn ratio(&self, width: Pixels, block: u8) -> i32 {
+        saturated(product(width.to_bits(), self.per_width) >> (22 + block.trailing_zeros()))
+    }
+
+    /// How far a width is from this table's, relative and without sign, Q24.
+    #[inline(always)]
+    pub(super) fn mismatch(&self, width: Pixels, block: u8) -> u32 {
+        self.ratio(width, block).abs_diff(ONE_Q24)
+    }
+
+    const fn has_fit_scales(&self) -> bool {
         let scales = [
             self.near_limit,
             self.centre_per_ratio,
             self.stretch_per_ratio,
             self.height_per_slope,
-            self.variance_per_noise,
-            self.variance_per_height,
+            self.deviation_per_noise,
+            self.shot_share,
         ];
         let mut i = 0;
         while i < scales.len() {
-            if !(scales[i] > 0.0 && scales[i].is_finite()) {
+            if scales[i] <= 0 {
                 return false;
             }
             i += 1;
         }
-        true
+        // Q46. Its rounding is up to half a step of the width.
+        let off = product(self.width, self.per_width) - (1 << 46);
+        // Below four, Q28. Its product with the bend has Q59.
+        let square = product(self.near_limit, self.near_limit) >> 24;
+        self.near_limit < 2 << 26
+            && off.abs() <= self.per_width as i64
+            && square * self.bend.unsigned_abs() as i64 <= (1i64 << 59) / 20
     }
 }
 
-/// No optics makes a spot narrower than this, in pixels: a hot pixel alone looks like one of 0.3.
-pub(super) const NARROWEST: f32 = 0.6;
-/// The coarse search finds no wider spots, in pixels.
-const WIDEST: f32 = 150.0;
+/// One, Q24.
+pub(super) const ONE_Q24: i32 = 1 << 24;
 
-pub(super) fn is_spot_width(width: f32) -> bool {
+/// No optics makes a spot narrower than this, in pixels: a hot pixel alone looks like one of 0.3.
+pub(super) const NARROWEST: Pixels = Pixels::from_positive_f32(0.6);
+/// The coarse search finds no wider spots.
+const WIDEST: Pixels = Pixels::from_int(150);
+
+pub(super) fn is_spot_width(width: Pixels) -> bool {
     (NARROWEST..WIDEST).contains(&width)
 }
 
@@ -367,8 +412,8 @@ pub(super) const fn halvings(block: usize) -> u32 {
 }
 
 /// A centre within so many pixels of a window's phase has no nearer window, if samples have several pixels.
-/// Half a pixel, because such a window moves by whole pixels, and 0.05 pixel more for noise.
-const NEAR: f32 = 0.55;
+/// Half a pixel, because such a window moves by whole pixels, and 0.05 pixel more for noise: 0.55, Q26.
+const NEAR: i32 = 36_909_875;
 
 pub(super) struct Window<'r, 't> {
     pixels: Light<'r>,
@@ -383,16 +428,73 @@ pub(super) struct Window<'r, 't> {
 
 pub(super) struct Score {
     pub(super) centre: Pixels,
-    /// How far it is from the window's phase, in samples.
-    pub(super) distance: f32,
-    /// Beyond this distance, in samples, another phase or window is nearer.
-    pub(super) near_limit: f32,
+    /// How far it is from the window's phase, in samples, Q26.
+    pub(super) distance: i32,
+    /// Beyond this distance, in samples, Q26, another phase or window is nearer.
+    pub(super) near_limit: i32,
     /// Whether the distance is at most `near_limit`.
     pub(super) is_near: bool,
-    /// Always positive.
-    pub(super) slope: f32,
-    /// 1 / slope: one division serves all quotients by the slope.
-    pub(super) per_slope: f32,
+    pub(super) slope: Slope,
+}
+
+/// The slope of the score. It is positive, and proportional to the spot's height.
+#[derive(Clone, Copy)]
+pub(super) struct Slope {
+    value: i32,
+    /// One over the slope: this number, Q28, one to four,
+    per_slope: i32,
+    /// times 2 to this, less 32: 0 to 30.
+    exponent: i32,
+}
+
+impl Slope {
+    #[inline(always)]
+    fn new(value: i32) -> Option<Self> {
+        if value <= 0 {
+            return None;
+        }
+        let (per_slope, exponent) = inverse(inverse_root(value.cast_unsigned()));
+        Some(Self {
+            value,
+            per_slope,
+            exponent,
+        })
+    }
+
+    /// A product over the slope, Q25, right to 2^-23 of it and a step. Saturates, at four or more.
+    #[inline(always)]
+    fn divide(&self, product: i32) -> i32 {
+        upper_product(
+            shifted_32(product, self.exponent.wrapping_sub(3)),
+            self.per_slope,
+        )
+    }
+
+    /// The height of a sample at the peak, Q10.
+    #[inline(always)]
+    pub(super) fn height(&self, table: &Table<'_>) -> i32 {
+        upper_product(self.value, table.height_per_slope)
+    }
+
+    /// The standard uncertainty of the centre, right to 2^-19 of it and a step. Saturates at 2^14 pixels.
+    /// `variance` is a sample's in counts^2, Q16.
+    #[inline(always)]
+    pub(super) fn uncertainty(&self, variance: u64, table: &Table<'_>, block: u8) -> Pixels {
+        // The root is (variance / 2^64) times what `inverse_root_of_64` says: `root` times 2^(4 - halvings)
+        // of Q8.
+        let (inverse, halvings) = inverse_root_of_64(variance);
+        let highest = variance.wrapping_shl(2 * halvings) >> 33;
+        let root = upper_product(i64_to_i32(highest.cast_signed()), inverse);
+        // Below 2^28, so four times it fits.
+        let of_score = upper_product(root, table.deviation_per_noise);
+        let of_centre = upper_product(of_score.wrapping_mul(4), self.per_slope);
+        // The Q formats, 2^(4 - 8 - 13 - 60 + 2 * 32 - 2 + 16), leave 2. One more bit is for rounding.
+        let more = (self.exponent)
+            .wrapping_sub(halvings.cast_signed())
+            .wrapping_add(block.trailing_zeros().cast_signed());
+        let twice = shifted_32(of_centre, more.wrapping_add(2));
+        Pixels::from_bits((twice >> 1).wrapping_add(twice & 1))
+    }
 }
 
 impl<'r, 't> Window<'r, 't> {
@@ -480,28 +582,23 @@ impl<'r, 't> Window<'r, 't> {
     /// The centre of the two sums. `None` where the slope is not positive.
     #[inline(always)]
     fn score_of(&self, score: i32, slope: i32) -> Option<Score> {
-        if slope <= 0 {
-            return None;
-        }
-        let slope = slope as f32;
-        let per_slope = 1.0 / slope;
-        let straight = score as f32 * per_slope * self.table.centre_per_ratio;
-        let block = f32::from(self.block);
+        let slope = Slope::new(slope)?;
+        let straight = saturated(product(slope.divide(score), self.table.centre_per_ratio) >> 24);
         let near_limit = if self.block == 1 {
             self.table.near_limit
         } else {
             // The window moves by pixels.
-            NEAR / block
+            NEAR >> self.block.trailing_zeros()
         };
-        let is_near = straight.abs() <= near_limit;
+        let is_near = straight.unsigned_abs() <= near_limit.cast_unsigned();
         let distance = if is_near {
-            // `TableSet::new` has proven that the correction is at most 5 %.
-            straight * (1.0 - self.table.bend * (straight * straight))
+            straight.wrapping_sub(self.bent(straight))
         } else {
             self.far(straight)
         };
-        // Saturates as the reference does; a distance is below 1.5 * 116 * 16 < 2^12 pixels.
-        let from_reference = Pixels::from_f32(distance * block).to_bits();
+        // In Q16. Saturates as the reference does.
+        let from_reference = product(distance, self.block.into()).wrapping_add(1 << 9) >> 10;
+        let from_reference = saturated(from_reference);
         let centre = self.reference.to_bits().saturating_add(from_reference);
         Some(Score {
             centre: Pixels::from_bits(centre),
@@ -509,20 +606,34 @@ impl<'r, 't> Window<'r, 't> {
             near_limit,
             is_near,
             slope,
-            per_slope,
         })
     }
 
-    /// The distance of a centre that is not near. Limited to one and a half widths: further off, score and
-    /// bend tell only the direction.
-    #[inline(never)]
-    fn far(&self, straight: f32) -> f32 {
-        let reach = 1.5 * self.table.width;
-        let straight = limited(straight, -reach, reach);
-        straight * limited(1.0 - self.table.bend * (straight * straight), 0.9, 1.1)
+    /// bend q^3 of a distance q that is near: both are Q26.
+    #[inline(always)]
+    fn bent(&self, straight: i32) -> i32 {
+        // `TableSet::new` has proven that a near distance is below two samples: Q30 holds it. So the square
+        // has Q28, its product with bend Q27, and that is at most 5 %.
+        let straight = straight.wrapping_mul(1 << 4);
+        let share = upper_product(self.table.bend, upper_product(straight, straight));
+        upper_product(straight, share.wrapping_mul(1 << 4)) >> 3
     }
 
-    pub(super) fn score_and_stretch(&self) -> Option<(Score, f32)> {
+    /// The distance of a centre that is not near, Q26. Limited to one and a half widths: further off, score
+    /// and bend tell only the direction.
+    #[inline(never)]
+    fn far(&self, straight: i32) -> i32 {
+        // 1.5 * 2^10 widths of Q16.
+        let reach = saturated(product(self.table.width, 3 << 9));
+        let straight = straight.max(reach.wrapping_neg()).min(reach);
+        // Q20, and with the bend Q19.
+        let square = upper_product(straight, straight);
+        const TENTH: i32 = (1 << 19) / 10;
+        let bent = upper_product(self.table.bend, square).clamp(-TENTH, TENTH);
+        saturated(product(straight, (1i32 << 19).wrapping_sub(bent)) >> 19)
+    }
+
+    pub(super) fn score_and_stretch(&self) -> Option<(Score, i32)> {
         if self.block == 1 {
             let score = self.score()?;
             let stretch = self.stretch(&score);
@@ -536,10 +647,10 @@ impl<'r, 't> Window<'r, 't> {
         Some((score, stretch))
     }
 
-    /// The spot's width over the table's, less one. Limited to a bit less than half or twice the width, like
-    /// the distance.
+    /// The spot's width over the table's, less one, Q24. Limited to a bit less than half or twice the width,
+    /// like the distance.
     #[inline(always)]
-    pub(super) fn stretch(&self, score: &Score) -> f32 {
+    pub(super) fn stretch(&self, score: &Score) -> i32 {
         let weights = self.weights_of_stretch();
         let product = if self.block == 1 {
             let (words, inverted) = self.pixels.words();
@@ -565,9 +676,19 @@ impl<'r, 't> Window<'r, 't> {
     }
 
     #[inline(always)]
-    fn stretch_of(&self, product: i32, score: &Score) -> f32 {
-        let stretch = product as f32 * score.per_slope * self.table.stretch_per_ratio;
-        limited(stretch, -0.4, 0.7)
+    fn stretch_of(&self, sum: i32, score: &Score) -> i32 {
+        let ratio = score.slope.divide(sum);
+        const LEAST: i32 = -(ONE_Q24 / 5 * 2);
+        const MOST: i32 = ONE_Q24 / 10 * 7;
+        saturated(product(ratio, self.table.stretch_per_ratio) >> 26).clamp(LEAST, MOST)
+    }
+
+    /// The width of a spot with such a stretch, Q24.
+    #[inline(always)]
+    pub(super) fn width(&self, stretch: i32) -> Pixels {
+        let width = self.table.width_in_pixels(self.block).to_bits();
+        let more = product(width, stretch).wrapping_add(1 << 23) >> 24;
+        Pixels::from_bits(saturated(more.wrapping_add(width.into())))
     }
 
     // Not inlined: the sums take room on the stack and time to clear it, and single pixels need no sums.
@@ -629,14 +750,15 @@ mod tests {
 
     #[test]
     fn every_width_has_a_table_that_matches() {
-        let (mut fine, mut coarse) = (0.0f32, 0.0f32);
+        let (mut fine, mut coarse) = (0, 0);
         for step in 0..5100 {
-            let width = 0.8 * libm::powf(1.001, step as f32);
+            let width = Pixels::from_f32(0.8 * libm::powf(1.001, step as f32));
             for (tables, worst) in [(&GAUSSIAN, &mut fine), (&PURE_SHOT_NOISE, &mut coarse)] {
                 let (class, table) = tables.choose(width, Sampling::Fine).expect("a table");
-                *worst = worst.max(table.mismatch(width, class.block));
+                *worst = table.mismatch(width, class.block).max(*worst);
             }
         }
+        let [fine, coarse] = [fine, coarse].map(|worst| worst as f32 / ONE_Q24 as f32);
         println!("off by {fine} in the fine tables, by {coarse} in the coarse ones");
         // Half a step: the square roots of 1.085 and 1.2. Beyond the widest table, a tenth of a step more.
         assert!(fine < 0.052 && coarse < 0.121, "{fine} {coarse}");
@@ -645,12 +767,47 @@ mod tests {
     #[test]
     fn coarse_samples_are_as_many_as_asked_for() {
         for step in 0..5000 {
-            let width = 1.2 * libm::powf(1.001, step as f32);
+            let width = Pixels::from_f32(1.2 * libm::powf(1.001, step as f32));
             let (class, _) = GAUSSIAN.choose(width, Sampling::Coarse).expect("a table");
-            let samples = width / f32::from(class.block);
+            let samples = width.to_bits() / i32::from(class.block);
             assert!(samples >= FEWEST_SAMPLES, "{width} {class:?}");
-            assert!(samples < 2.0 * FEWEST_SAMPLES || class.block == 16);
+            assert!(samples <= 2 * FEWEST_SAMPLES || class.block == 16);
         }
+    }
+
+    /// The quotients and u against f64: a step, and a share.
+    #[test]
+    fn integers_agree_with_their_definitions() {
+        let (mut worst, mut worst_u) = (0.0f64, 0.0f64);
+        let numbers = || (0..4000).map(|i| crate::tests::hash(3 * i) as i32 & i32::MAX);
+        for (i, bits) in numbers().enumerate() {
+            let value = 1 + (bits >> (i % 30));
+            let slope = Slope::new(value).expect("positive");
+            // Ratios of up to two.
+            let product = (crate::tests::hash(3 * i + 1) as i32) >> (1 + i % 30).min(31);
+            let exact = f64::from(product) / f64::from(value);
+            if exact.abs() < 2.0 {
+                let found = f64::from(slope.divide(product)) / f64::from(1 << 25);
+                let allowed = libm::ldexp(1.5, -25) + libm::ldexp(exact.abs(), -23);
+                worst = worst.max((found - exact).abs() / allowed);
+            }
+            let table = &GAUSSIAN.tables()[i % GAUSSIAN.tables().len()];
+            // Noise of 0.06 to 2^15 counts.
+            let variance = 1 + u64::from(crate::tests::hash(3 * i + 2)) << (i % 15) >> (i % 20);
+            let noise = (variance as f64 / 65536.0).sqrt();
+            for block in BLOCKS {
+                let per_noise = libm::ldexp(table.deviation_per_noise.into(), -13);
+                let exact = noise * per_noise * f64::from(block) / f64::from(value);
+                if exact < 16_000.0 {
+                    let found = slope.uncertainty(variance, table, block).to_f64();
+                    let allowed = libm::ldexp(0.6, -16) + libm::ldexp(exact, -19);
+                    worst_u = worst_u.max((found - exact).abs() / allowed);
+                }
+            }
+        }
+        println!("{worst:.2} and {worst_u:.2} of what is allowed");
+        assert!(worst < 1.0 && worst_u < 1.0);
+        assert!(Slope::new(0).is_none() && Slope::new(i32::MIN).is_none());
     }
 
     #[test]
@@ -671,15 +828,14 @@ mod tests {
             TableSet::new(&[table]).err()
         };
         for (found, error) in [
-            (changed(|it| it.width = f32::NAN), TableError::Widths),
-            (changed(|it| it.width = 1000.0), TableError::Widths),
+            (changed(|it| it.width = 0), TableError::Widths),
+            (changed(|it| it.width = i32::MAX), TableError::Widths),
             (changed(|it| it.phases = 1), TableError::Shape),
             (changed(|it| it.half_width = u8::MAX), TableError::Shape),
-            (
-                changed(|it| it.variance_per_noise = f32::NAN),
-                TableError::Scales,
-            ),
-            (changed(|it| it.centre_per_ratio = 0.0), TableError::Scales),
+            (changed(|it| it.centre_per_ratio = 0), TableError::Scales),
+            (changed(|it| it.per_width += 1 << 16), TableError::Scales),
+            (changed(|it| it.near_limit = 2 << 26), TableError::Scales),
+            (changed(|it| it.bend = i32::MIN), TableError::Scales),
         ] {
             assert_eq!(found, Some(error));
         }

@@ -251,7 +251,7 @@ impl Scene<'_> {
             && WIDTHS.contains(&width)
             && width >= NARROWEST
             && window.has_centre(&fit.parameters)
-            && check_uncertainty(found.amplitude.to_f32(), uncertainty, width).is_ok();
+            && check_uncertainty(found.amplitude, found.uncertainty, found.width).is_ok();
         if !sound || moved || !is_noise || !self.has_enough(window, fit, uncertainty, cause) {
             return None;
         }

@@ -16,7 +16,7 @@ pub struct Weights {
     stretch_per_ratio: f64,
 }
 
-/// The core's own tables: integers, and scales in f32.
+/// The core's own tables, in integers.
 pub fn integer(tables: &[Table<'_>]) -> Vec<Weights> {
     let weights = |table: &Table<'_>| {
         let flat = |pairs: Vec<dual_mac::Pair>| -> Vec<f64> {
@@ -33,13 +33,13 @@ pub fn integer(tables: &[Table<'_>]) -> Vec<Weights> {
         let stretch = table.stretch.chunks(table.pairs());
         let phases = table.weights.chunks(table.pairs()).zip(stretch);
         Weights {
-            width: f64::from(table.width),
+            width: libm::ldexp(table.width.into(), -16),
             half_width: i64::from(table.half_width),
             phases: phases.map(of_phase).collect(),
-            near_limit: f64::from(table.near_limit),
-            centre_per_ratio: f64::from(table.centre_per_ratio),
-            bend: f64::from(table.bend),
-            stretch_per_ratio: f64::from(table.stretch_per_ratio),
+            near_limit: libm::ldexp(table.near_limit.into(), -26),
+            centre_per_ratio: libm::ldexp(table.centre_per_ratio.into(), -25),
+            bend: libm::ldexp(table.bend.into(), -31),
+            stretch_per_ratio: libm::ldexp(table.stretch_per_ratio.into(), -25),
         }
     };
     tables.iter().map(weights).collect()

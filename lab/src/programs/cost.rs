@@ -6,7 +6,7 @@
 //! and the figures.
 
 mod accuracy;
-mod chip;
+pub(crate) mod chip;
 mod distances;
 mod figures;
 mod float_functions;
@@ -16,7 +16,7 @@ mod reading_time;
 mod report;
 #[cfg(test)]
 mod sample_measurements;
-mod without_fpu;
+pub(crate) mod without_fpu;
 
 use anyhow::Context as _;
 use clap::Args;

@@ -1,8 +1,12 @@
 //! The slowest rows that are known, on the emulated chip.
 
+use std::collections::BTreeSet;
+
 use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
 
+use crate::programs::cost::chip::program::disassembly;
+use crate::programs::cost::without_fpu::floats;
 use crate::slowest::{self, Chip};
 
 /// The rows that `cargo slowest` found take no more instructions than when they were found, but for one in a
@@ -38,5 +42,43 @@ fn a_plain_row_takes_few_instructions() {
         chip.finish().expect("a clean run");
         println!("{target}: first {}, following {}", counts[0], counts[1]);
         assert!(counts[0] <= most_first && counts[1] <= most_following);
+    }
+}
+
+/// From the words to the sum of the frame. All names of the FPU's instructions begin with V, and without an
+/// FPU the compiler calls its functions for floats.
+#[test]
+#[ignore = "builds a program for two chips; run by .ci/run"]
+fn a_plain_row_that_follows_uses_no_float() {
+    for estimator in [
+        Estimator::PhaseTable,
+        Estimator::Adaptive,
+        Estimator::Fraunhofer,
+    ] {
+        let row = slowest::plain_row(estimator, true);
+        let trace = |target| {
+            let chip = Chip::power_on_for(target).expect("the chip's program");
+            (chip.trace(&row).expect("a trace"), chip)
+        };
+        let (call, chip) = trace("thumbv7em-none-eabihf");
+        let executed: BTreeSet<u64> = call.steps.keys().map(|&(from, _)| from).collect();
+        let text = disassembly(chip.program()).expect("the program");
+        let of_fpu = text.lines().filter(|line| {
+            let address = line.split_once(':').map(|(address, _)| address.trim());
+            let address = address.and_then(|digits| u64::from_str_radix(digits, 16).ok());
+            let name = line.split('\t').nth(1);
+            name.is_some_and(|name| name.trim().starts_with('v'))
+                && address.is_some_and(|address| executed.contains(&address))
+        });
+        let of_fpu: Vec<&str> = of_fpu.collect();
+        let (call, chip) = trace(slowest::WITHOUT_FPU);
+        let functions = slowest::attribution(chip.program(), &call).expect("functions");
+        println!("{functions:#?}");
+        assert_eq!(
+            (of_fpu, floats(&functions)),
+            (vec![], 0),
+            "{}",
+            estimator.name()
+        );
     }
 }

@@ -45,7 +45,7 @@ mod normal_equations;
 mod start;
 mod window;
 
-use crate::base::Fault;
+use crate::base::{Fault, Pixels};
 use crate::centre::half_width::WIDTHS;
 use crate::centre::{RowCentre, check_uncertainty, count_saturated_pixels};
 use crate::row::{Geometry, Row};
@@ -77,7 +77,7 @@ pub fn centre(
     let start = Start::find(row, spot)?;
     let window = Window::around(row, spot, &start, geometry);
     let (_, shot) = spot.background.variances(geometry);
-    let saturated = count_saturated_pixels(row, start.centre, start.width);
+    let saturated = count_saturated_pixels(row, start.centre, Pixels::from_f32(start.width));
     let unfit = match saturated {
         0 => spot.no_spot(),
         pixels => Fault::Saturated { pixels },
@@ -102,8 +102,7 @@ pub fn centre(
             centre: found.centre,
         });
     }
-    let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
-    check_uncertainty(found.amplitude.to_f32(), uncertainty, width).map_err(|too_dim| {
+    check_uncertainty(found.amplitude, found.uncertainty, found.width).map_err(|too_dim| {
         // The spot is cut off: the cause is not a lack of light.
         if cut_off == CutOff::No {
             too_dim
@@ -111,7 +110,7 @@ pub fn centre(
             unfit
         }
     })?;
-    if fit.has_arrived() && WIDTHS.contains(&width) {
+    if fit.has_arrived() && WIDTHS.contains(&found.width.to_f32()) {
         Ok(found)
     } else {
         Err(unfit)
