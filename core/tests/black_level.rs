@@ -130,7 +130,9 @@ fn the_centroid_and_its_height_follow_the_black_level() {
         let light = &counts[head.light.clone()];
         let row = Row::new(light, &[], head.saturated_from()).expect("12 bits");
         let (spot, _) = spot::find(&row).expect("a spot");
-        let width = f64::from(half_width::width(light.into(), &spot, None).expect("a width"));
+        let width = half_width::width(light.into(), &spot, None)
+            .expect("a width")
+            .to_f64();
         let background = spot.background.level.to_f64();
         let (mut lowest, mut highest) = (f64::MAX, f64::MIN);
         for (black_level, level) in black_levels(&counts, true_centre) {

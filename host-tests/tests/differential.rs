@@ -288,14 +288,15 @@ impl Fits {
         // The fit's 128 samples of one pixel, around where its half maximum says that the spot is.
         let half = half_width::find(light.into(), &spot).ok()?;
         let (left, right) = (half.left?, half.right?);
-        let start = half.top.to_f64() + 0.5 * f64::from(right - left);
+        let start = half.top.to_f64() + 0.5 * (right.to_f64() - left.to_f64());
         let first = (start.floor() as usize).checked_sub(64)?;
         let pixels = light.get(first..first + 128)?.iter();
         let pixels: Vec<f64> = pixels.map(|&count| f64::from(count)).collect();
+        let full_width = Pixels::from_bits(left.to_bits() + right.to_bits());
         let start = Gaussian {
             centre: start,
-            width: f64::from(half.sigma(left + right)),
-            amplitude: f64::from(half.height),
+            width: half.sigma(full_width).to_f64(),
+            amplitude: half.height.to_f64(),
             level: spot.background.level.to_f64(),
         };
         let noise = spot.background.noise.to_f64().powi(2);

@@ -1,5 +1,5 @@
-//! The core's fixed-point algorithms in f64, nothing rounded: what is left of a difference is what fixed
-//! point and f32 cost.
+//! The core's fixed-point algorithms in f64, nothing rounded: what is left of a difference is what rounding
+//! costs.
 
 use crate::support::*;
 pub mod phase_table;
@@ -15,7 +15,7 @@ pub fn distance(curve: &Eq1, centre: f64) -> f64 {
 /// not come to rest.
 pub fn centroid(light: &[u16], spot: &Spot) -> Option<f64> {
     let width = half_width::width(light.into(), spot, None).ok()?;
-    let half_window = 3.0 * f64::from(width);
+    let half_window = 3.0 * width.to_f64();
     let level = spot.black_level.to_f64();
     let ambient = (spot.background.level.to_f64() - level) * 2.0 * half_window;
     let mut at = spot.centre as f64;

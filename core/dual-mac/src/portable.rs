@@ -59,7 +59,7 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 /// any of these samples. If four samples of even or of odd places are together above [`LARGEST_SAMPLE`],
 /// their block's sum means nothing.
 pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
-    // Only the lower 16 bits of a sum count, so the signs of the samples do not.
+    // Only the lower 16 bits of a sum count. They do not depend on the samples' signs.
     let [even, odd] = [weights.0, weights.1].map(|weight| i32::from(weight).cast_unsigned());
     let mut bits = 0;
     let mut take = |words: [u32; BLOCK / 2], sum: &mut u16| {
@@ -92,7 +92,7 @@ const fn word(first: u16, second: u16) -> u32 {
 
 /// Blocks of words as [`word`] makes them, where memory has them so: half the loads.
 fn in_words(blocks: &[[u16; BLOCK]]) -> Option<&[[u32; BLOCK / 2]]> {
-    // SAFETY: all bits of two samples are a number.
+    // SAFETY: all bits of two samples are a number, and `align_to` takes only aligned ones.
     let (before, words, _) = unsafe { blocks.as_flattened().align_to::<u32>() };
     (cfg!(target_endian = "little") && before.is_empty()).then_some(words.as_chunks().0)
 }

@@ -186,6 +186,27 @@ fn every_length_takes_the_samples_that_have_a_weight() {
 }
 
 /// The only sum of two products that does not fit, and the largest one that does.
+/// Where the samples lie on whole words, two are loaded at once.
+#[test]
+fn every_length_of_blocks_has_its_sums_at_any_address() {
+    let samples: Vec<u16> = (0..50).map(|i| (0x155 * i) & 0xfff).collect();
+    for start in 0..4 {
+        let (blocks, _) = samples[start..].as_chunks::<8>();
+        for length in 0..=blocks.len() {
+            let mut sums = vec![0; length];
+            let bits = sum_blocks(&blocks[..length], Pair(-1, -1), 7, &mut sums);
+            let all = |block: &[u16; 8]| block.iter().copied().fold(0, u16::wrapping_add);
+            let expected = (blocks.iter().take(length)).map(|block| 7u16.wrapping_sub(all(block)));
+            assert_eq!(sums, expected.collect::<Vec<_>>());
+            let set = blocks[..length]
+                .as_flattened()
+                .iter()
+                .fold(0, |bits, it| bits | it);
+            assert_eq!(bits, set);
+        }
+    }
+}
+
 #[test]
 fn the_extremes() {
     const LOW: u16 = i16::MIN as u16;

@@ -24,21 +24,20 @@
 //!
 //! which is 1.6 times the bound in white noise, and 1.01 in shot noise. The window's ends on whole pixels
 //! leave an error of up to 0.005 pixel for a width of 0.8, 0.003 for 1.2 and 0.001 for 2. u does not include
-//! that error. All sums are integers; the one division is of f32, on a quotient below a pixel once the window
-//! rests.
+//! that error. All of it is integers.
 
-use crate::base::numeric::{self, limited};
+use crate::base::numeric::{self, product, root, saturated};
 use crate::base::{Counts, Fault, Pixels};
 use crate::centre::{RowCentre, check_saturation, check_uncertainty, half_width, position_on_row};
 use crate::row::{Geometry, LARGEST_COUNT, Light, Row, level_bits};
 use crate::spot::Spot;
 
 /// Half of the window over sigma.
-const HALF_WINDOW: f32 = 3.0;
-/// k above, for three sigma.
-const WINDOW_FACTOR: f32 = 0.973_3;
-/// A gaussian's light within three sigma over height times sigma: sqrt(2 pi) (2 Phi(3) - 1).
-const LIGHT: f32 = 2.499_9;
+const HALF_WINDOW: i32 = 3;
+/// k above, for three sigma: 0.9733, Q16.
+const WINDOW_FACTOR: i64 = 63_786;
+/// Height times sigma over a gaussian's light within three sigma, 1 / (sqrt(2 pi) (2 Phi(3) - 1)), Q30.
+const HEIGHT: i32 = 429_513_910;
 /// The window is moved at most this often. Each pass leaves 1 - k of the distance, and noise.
 const MAX_PASSES: usize = 6;
 /// A window that moves by less than this rests: 2^-8 pixel. The last pass leaves some 3 % of its step.
@@ -54,16 +53,16 @@ pub fn centre(
     let light = row.light();
     let mut at = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    check_saturation(row, at, Pixels::from_f32(width))?;
+    check_saturation(row, at, width)?;
     let level = level_bits(spot.black_level);
     // At most 510 pixels, because a width is at most 170.
-    let half_window = Pixels::from_f32(HALF_WINDOW * width);
+    let half_window = Pixels::from_bits(numeric::mul_i32(HALF_WINDOW, width.to_bits()));
     // The window's light besides the spot's, in the format of `Moments::light`: within 2^46.
     let ambient = numeric::mul_i64(
         i64::from(spot.background.level_bits()) - i64::from(level),
         2 * i64::from(half_window.to_bits()),
     );
-    let (mut gathered, mut rests) = (0.0, false);
+    let (mut gathered, mut rests) = (0, false);
     for _ in 0..MAX_PASSES {
         let moments =
             moments(light, level, at, half_window).ok_or(Fault::SpotAtEdge { centre: at })?;
@@ -76,25 +75,22 @@ pub fn centre(
         if light_of_spot <= 0 {
             return Err(spot.no_spot());
         }
-        let shift = moment_of_spot as f32 / light_of_spot as f32;
-        let reach = HALF_WINDOW * width;
-        let shift = Pixels::from_f32(limited(shift, -reach, reach));
-        let next = (moments.origin.to_bits()).saturating_add(shift.to_bits());
+        let shift = quotient(moment_of_spot, light_of_spot, half_window);
+        let next = (moments.origin.to_bits()).saturating_add(shift);
         rests = next.abs_diff(at.to_bits()) <= REST;
         at = Pixels::from_bits(next);
-        gathered = light_of_spot as f32 / (1u32 << LIGHT_FRACTION) as f32;
+        gathered = light_of_spot;
         if rests {
             break;
         }
     }
-    check_saturation(row, at, Pixels::from_f32(width))?;
-    let (noise, shot) = spot.background.variances(geometry);
-    let h = HALF_WINDOW * width;
-    let slope = WINDOW_FACTOR * gathered;
-    let variance = noise * (2.0 / 3.0 * h - 1.0 / 3.0) * h * h + shot * slope * width * width;
-    let uncertainty = Pixels::from_f32(dual_mac::square_root(variance) / slope);
-    let amplitude = Counts::from_f32(gathered / (LIGHT * width));
-    check_uncertainty(amplitude, uncertainty, Pixels::from_f32(width))?;
+    check_saturation(row, at, width)?;
+    let uncertainty = uncertainty(spot.background.noise, gathered, width, geometry);
+    // Q24 over Q16.
+    let height = gathered.checked_div(width.to_bits().into());
+    let height = product(saturated(height.unwrap_or_default()), HEIGHT) >> 30;
+    let amplitude = Counts::from_bits(saturated(height));
+    check_uncertainty(amplitude, uncertainty, width)?;
     if !rests {
         return Err(spot.no_spot());
     }
@@ -102,9 +98,49 @@ pub fn centre(
         centre: at,
         uncertainty,
         amplitude,
-        width: Pixels::from_f32(half_width::follow(light, spot, at, width)),
+        width: half_width::follow(light, spot, at, width),
         ..RowCentre::default()
     })
+}
+
+/// A moment over the light, in pixels of Q16, rounded to the nearest step. Limited to half of the window. The
+/// light is positive.
+fn quotient(moment: i64, light: i64, half_window: Pixels) -> i32 {
+    // With one bit more, for rounding. Where the moment leaves less room, the light loses bits: it then is
+    // 2^37 or more, or the window moves by all it may.
+    let size = moment.unsigned_abs();
+    let room = size.leading_zeros().saturating_sub(1).min(17);
+    let divisor = light.unsigned_abs() >> 17u32.wrapping_sub(room);
+    let twice = size.wrapping_shl(room).checked_div(divisor);
+    let most = half_window.to_bits().unsigned_abs().into();
+    let shift = twice.map_or(most, |twice| (twice >> 1).wrapping_add(twice & 1).min(most));
+    let shift = saturated(shift.cast_signed());
+    if moment < 0 {
+        shift.wrapping_neg()
+    } else {
+        shift
+    }
+}
+
+/// u, of the noise of the pixels and that of the light. The light has Q24.
+fn uncertainty(noise: Counts, light: i64, width: Pixels, geometry: &Geometry) -> Pixels {
+    // kM, Q24: light is below 2^46.
+    let slope = (light >> 16).wrapping_mul(WINDOW_FACTOR);
+    // A width is at most 170 pixels: its square fits Q16.
+    let square = saturated(product(width.to_bits(), width.to_bits()) >> 16);
+    // 2/3 h^3 - h^2/3 is 3 sigma^2 (6 sigma - 1): Q32, below 2^59. The root has Q16.
+    let six = numeric::mul_i32(6, width.to_bits()).wrapping_sub(1 << 16);
+    let of_window = root(product(square, six).wrapping_mul(3));
+    // Noise is below 2^12 counts. So its product is below 2^50, Q24. Q36 over Q16 is Q20.
+    let of_noise = product(noise.to_bits().clamp(0, 1 << 20), of_window).wrapping_mul(1 << 12);
+    let of_noise = saturated(of_noise.checked_div(slope >> 8).unwrap_or(i64::MAX));
+    // Below 2^47, Q32. Q44 over Q8 is Q36.
+    let per_count = geometry.shot_variance_per_count_q16.into();
+    let of_light = product(square, per_count).wrapping_mul(1 << 12);
+    let of_light = of_light.checked_div(slope >> 16).unwrap_or(i64::MAX);
+    let squares = product(of_noise, of_noise).saturating_add(of_light.saturating_mul(1 << 4));
+    // The root has Q20. It is rounded to Q16.
+    Pixels::from_bits(root(squares).saturating_add(1 << 3) >> 4)
 }
 
 /// The sums of eq. (2) over a window.
@@ -180,8 +216,10 @@ fn moments(light: Light<'_>, level: i32, at: Pixels, half_window: Pixels) -> Opt
 const COUNT: i64 = 1 << Counts::FRACTION;
 
 /// The most pixels in a window: three widths to either side, the widest being 170, and what rounding adds.
-const MOST_PIXELS: u64 =
-    numeric::whole_u32(2.0 * HALF_WINDOW * *half_width::WIDTHS.end()) as u64 + 2;
+const MOST_PIXELS: u64 = 2
+    * HALF_WINDOW as u64
+    * (half_width::WIDTHS.end().to_bits().cast_unsigned() as u64 >> Pixels::FRACTION)
+    + 2;
 
 // The running sum of counts, summed up once more, fits 32 bits.
 const _: () =

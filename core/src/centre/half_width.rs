@@ -6,55 +6,60 @@
 //! the pixel's own width included; this is subtracted again. Crossings are interpolated linearly. The width
 //! found is up to a fifth too large for spots of 0.8 to 1.2 pixels, and up to 3 % from 2 pixels.
 
-use crate::base::numeric::{self, limited};
+use crate::base::numeric::{self, product, root, saturated};
 use crate::base::{Counts, Fault, Pixels};
 use crate::centre::{RowCentre, position_on_row};
 use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::Spot;
 
-/// A gaussian's full width at half maximum over sigma: sqrt(8 ln 2).
-const FULL_WIDTH: f32 = 2.354_82;
-/// The narrowest and the widest spot in pixels. A hot pixel alone looks like a spot of 0.3. A spot of 0.6,
+/// Sigma over a gaussian's full width at half maximum, 1 / sqrt(8 ln 2), Q31.
+const SIGMA_PER_FULL_WIDTH: i32 = 911_952_339;
+/// Half of that full width over sigma, Q30.
+const HALF_WIDTH: i32 = 1_264_234_385;
+/// The pixel's own width squared, 1/12, Q32.
+const OF_PIXEL: i64 = 357_913_941;
+/// The narrowest and the widest spot. A hot pixel alone looks like a spot of 0.3. A spot of 0.6,
 /// which is narrower than any optics makes it, looks like one of at least 0.55. At the other end
 /// [`crate::spot::find`] gives up.
-pub const WIDTHS: core::ops::RangeInclusive<f32> = 0.5..=170.0;
+pub const WIDTHS: core::ops::RangeInclusive<Pixels> =
+    Pixels::from_positive_f32(0.5)..=Pixels::from_int(170);
 
 /// The half maximum of a spot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HalfMaximum {
     /// The highest place, on the row. `left` and `right` are the distances from here to where the counts fall
-    /// to half, in pixels: `None` where the row ends first.
+    /// to half: `None` where the row ends first.
     pub top: Pixels,
     /// To the left.
-    pub left: Option<f32>,
+    pub left: Option<Pixels>,
     /// To the right.
-    pub right: Option<f32>,
+    pub right: Option<Pixels>,
     /// Height of the smoothed counts above the level.
-    pub height: f32,
+    pub height: Counts,
     /// Pixels that were summed.
     pub smoothed: u16,
 }
 
-/// Finds the width in pixels that chooses a window. If the centre of the row before is within a width of this
+/// Finds the width that chooses a window. If the centre of the row before is within a width of this
 /// spot, this is the width of the row before. Otherwise the half maximum gives the width.
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they
 /// never do, or the width is outside [`WIDTHS`].
-pub fn width(light: Light<'_>, spot: &Spot, before: Option<&RowCentre>) -> Result<f32, Fault> {
+pub fn width(light: Light<'_>, spot: &Spot, before: Option<&RowCentre>) -> Result<Pixels, Fault> {
     let start = position_on_row(light, spot)?;
-    if let Some(before) = before {
-        let width = before.width.to_f32();
-        let moved = before.centre.to_bits().abs_diff(start.to_bits());
-        if WIDTHS.contains(&width) && moved <= before.width.to_bits().unsigned_abs() {
-            return Ok(width);
+    if let Some(RowCentre { centre, width, .. }) = before {
+        let moved = centre.to_bits().abs_diff(start.to_bits());
+        if WIDTHS.contains(width) && moved <= width.to_bits().unsigned_abs() {
+            return Ok(*width);
         }
     }
     let half = find(light, spot)?;
     let (Some(left), Some(right)) = (half.left, half.right) else {
         return Err(Fault::SpotAtEdge { centre: half.top });
     };
-    let width = half.sigma(left + right);
+    let full_width = left.to_bits().saturating_add(right.to_bits());
+    let width = half.sigma(Pixels::from_bits(full_width));
     if WIDTHS.contains(&width) {
         Ok(width)
     } else {
@@ -64,10 +69,12 @@ pub fn width(light: Light<'_>, spot: &Spot, before: Option<&RowCentre>) -> Resul
 
 impl HalfMaximum {
     /// Converts a full width at half maximum to sigma, and subtracts the smoothing.
-    pub fn sigma(&self, full_width: f32) -> f32 {
-        let smoothed = f32::from(self.smoothed);
-        let sigma = full_width / FULL_WIDTH;
-        dual_mac::square_root((sigma * sigma - smoothed * smoothed / 12.0).max(0.0))
+    pub fn sigma(&self, full_width: Pixels) -> Pixels {
+        let smoothed = i32::from(self.smoothed);
+        let sigma = saturated(product(full_width.to_bits(), SIGMA_PER_FULL_WIDTH) >> 31);
+        // At most 2^7 pixels were summed: 2^46.
+        let of_smoothing = product(smoothed, smoothed).wrapping_mul(OF_PIXEL);
+        Pixels::from_bits(root(product(sigma, sigma).saturating_sub(of_smoothing)))
     }
 }
 
@@ -116,7 +123,7 @@ pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
         top: Pixels::from_bits(first.saturating_add(half_sum)),
         left: left.distance(),
         right: right.distance(),
-        height: height as f32 / (in_sum * (1 << Counts::FRACTION)) as f32,
+        height: Counts::from_bits(height / in_sum),
         smoothed: numeric::to_u16(smoothed),
     })
 }
@@ -154,14 +161,14 @@ const _: () =
 
 #[derive(Clone, Copy, PartialEq)]
 enum Walk {
-    /// The counts fell to half at this distance in pixels.
-    Half(f32),
+    /// The counts fell to half at this distance.
+    Half(Pixels),
     Edge,
     NeverHalf,
 }
 
 impl Walk {
-    const fn distance(self) -> Option<f32> {
+    const fn distance(self) -> Option<Pixels> {
         match self {
             Self::Half(distance) => Some(distance),
             Self::Edge | Self::NeverHalf => None,
@@ -181,7 +188,10 @@ fn walk(steps: impl Iterator<Item = (u16, u16)>, mut sum: i32, half: i32, reach:
             // The sum before was not below half, so the quotient is within 0 and 1.
             let above = numeric::sub_i32(in_q8(sum), half);
             let fall = numeric::sub_i32(in_q8(sum), in_q8(next));
-            return Walk::Half(walked as f32 + above as f32 / fall as f32);
+            let part = product(above, 1 << Pixels::FRACTION).checked_div(fall.into());
+            let walked = product(numeric::to_i32(walked), 1 << Pixels::FRACTION);
+            let distance = walked.wrapping_add(part.unwrap_or_default());
+            return Walk::Half(Pixels::from_bits(saturated(distance)));
         }
         sum = next;
         walked += 1;
@@ -198,13 +208,13 @@ fn walk(steps: impl Iterator<Item = (u16, u16)>, mut sum: i32, half: i32, reach:
 /// and a row's noise hardly moves it.
 ///
 /// If a gaussian is wider than assumed by a small part p, the count there is 0.5 + ln(2) p of the height.
-pub fn follow(light: Light<'_>, spot: &Spot, centre: Pixels, width: f32) -> f32 {
-    const HALF_MAXIMUM: f32 = FULL_WIDTH / 2.0;
-    const GAIN: f32 = 0.25;
-    // The pixel's own width adds 1/12.
-    let sigma = dual_mac::square_root(width * width + 1.0 / 12.0);
+pub fn follow(light: Light<'_>, spot: &Spot, centre: Pixels, width: Pixels) -> Pixels {
+    /// 1 / ln 2, Q30.
+    const PER_LN2: i32 = 1_549_082_005;
+    // A width is below 2^8 pixels. The pixel's own width adds to it.
+    let sigma = root(product(width.to_bits(), width.to_bits()).wrapping_add(OF_PIXEL));
     let level = spot.background.level_bits();
-    let reach = Pixels::from_f32(HALF_MAXIMUM * sigma).to_bits();
+    let reach = saturated(product(sigma, HALF_WIDTH) >> 30);
     let above = |place: i32| interpolated(light, place).map(|count| numeric::sub_i32(count, level));
     let centre = centre.to_bits();
     let (Some(top), Some(left), Some(right)) = (
@@ -214,12 +224,14 @@ pub fn follow(light: Light<'_>, spot: &Spot, centre: Pixels, width: f32) -> f32 
     ) else {
         return width;
     };
-    // Each within 2^20.
-    let ratio = numeric::add_i32(left, right) as f32 / numeric::mul_i32(2, top.max(1)) as f32;
-    let wider = (ratio - 0.5) / core::f32::consts::LN_2;
-    let sigma = sigma * (1.0 + GAIN * limited(wider, -0.5, 0.5));
-    let squared = sigma * sigma - 1.0 / 12.0;
-    dual_mac::square_root(squared.max(WIDTHS.start() * WIDTHS.start())).min(*WIDTHS.end())
+    // Each within 2^20. The ratio of their mean to the top, less a half, has Q24.
+    let ratio = product(numeric::add_i32(left, right), 1 << 23).checked_div(top.max(1).into());
+    let over_half = saturated(ratio.unwrap_or_default()).saturating_sub(1 << 23);
+    let wider = (product(over_half, PER_LN2) >> 30).clamp(-(1 << 23), 1 << 23);
+    // A quarter of it.
+    let sigma = saturated(i64::from(sigma) + (product(sigma, numeric::i64_to_i32(wider)) >> 26));
+    let width = Pixels::from_bits(root(product(sigma, sigma).wrapping_sub(OF_PIXEL)));
+    width.max(*WIDTHS.start()).min(*WIDTHS.end())
 }
 
 /// The count at a place between two pixels (Q16.16). Returns Q24.8, below 2^20.
@@ -235,6 +247,11 @@ fn interpolated(light: Light<'_>, place: i32) -> Option<i32> {
 mod tests {
     use super::*;
     use crate::tests::{found_at, gaussian, spot_at};
+
+    /// In pixels.
+    fn follow(light: Light<'_>, spot: &Spot, centre: Pixels, width: f32) -> f32 {
+        super::follow(light, spot, centre, Pixels::from_f32(width)).to_f32()
+    }
 
     fn row(centre: f32, width: f32) -> [u16; 1000] {
         core::array::from_fn(|i| (200.0 + 3000.0 * gaussian(i, centre, width)) as u16)
@@ -261,7 +278,7 @@ mod tests {
             for phase in [0.0, 0.2, 0.5] {
                 let light = row(500.0 + phase, sampled);
                 let found = super::width((&light).into(), &spot(500, block_log2), None);
-                let found = found.expect("a width");
+                let found = found.expect("a width").to_f32();
                 println!("{width} at {phase}: {found}");
                 assert!((found / width - 1.0).abs() < tolerance, "{width}: {found}");
             }
@@ -273,7 +290,8 @@ mod tests {
         let light = row(500.0, 10.0);
         let width = |before| {
             let before = found_at(before, 9.0);
-            width((&light).into(), &spot(500, 3), Some(&before)).expect("a width")
+            let found = width((&light).into(), &spot(500, 3), Some(&before));
+            found.expect("a width").to_f32()
         };
         assert_eq!(width(492.0), 9.0);
         assert!((width(490.0) - 10.0).abs() < 0.1);

@@ -233,7 +233,7 @@ fn work_of_fit(spot: &Spot) -> usize {
 
 /// The most pixels that a spot may be wide, before its width is known.
 fn widest(spot: &Spot) -> usize {
-    let widest = numeric::whole_usize(*half_width::WIDTHS.end());
+    let widest = whole_pixels(half_width::WIDTHS.end().to_bits());
     spot.block().saturating_mul(2).min(widest)
 }
 

@@ -1,4 +1,4 @@
-//! The phase-table score: two integer inner products and one division.
+//! The phase-table score: two integer inner products, and a quotient.
 //!
 //! This is a gaussian least-squares fit with amplitude, black level and width projected out in advance. The
 //! crate `phase-tables` designs the tables, and explains them. Score / slope is the distance of the centre
@@ -7,7 +7,7 @@
 //!
 //! All of it is integers, so the chip and a PC agree bit for bit. The inner products of 16-bit samples and
 //! weights fit an i32, and each row of weights sums to zero: [`TableSet::new`] proves both. The quotients
-//! have Q24 or more, and are right to 2^-23 of themselves.
+//! have Q24 or more, and are right to 2^-23 of themselves; u is right to 2^-19.
 //!
 //! **`adaptive`**: the weights follow the row, by the width of its spot, its noise, and the background under
 //! the spot. Each set in [`MIXES`] is the best for one ratio r, the variance of the read noise over that of
@@ -255,9 +255,9 @@ fn measure_at<'a>(
     let mut width = width;
     if source == WidthSource::Measured {
         let measured = window.width(window.stretch(&score)).to_bits();
-        // Widths are positive. The difference is rounded to the nearest step.
-        let more = measured.wrapping_sub(width.to_bits()).saturating_add(2) >> SMOOTHING;
-        width = Pixels::from_bits(width.to_bits().wrapping_add(more));
+        // The difference is rounded to the nearest step.
+        let more = measured.saturating_sub(width.to_bits()).saturating_add(2) >> SMOOTHING;
+        width = Pixels::from_bits(width.to_bits().saturating_add(more));
     }
     let fit = Fit::new(&score, width, class, table);
     if source == WidthSource::Measured
@@ -409,7 +409,7 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Samples are sums of 2 to this many pixels, halved so often.
+    /// A sample is the sum of 2^n pixels, halved m times: n and m.
     #[inline(always)]
     fn block(&self) -> (u32, u32) {
         let halvings = halvings(self.class.block.into());
@@ -432,7 +432,7 @@ impl<'a> Fit<'a> {
         let (log2, halvings) = self.block();
         // Noise is below 2^16 counts: its square in Q16 is below 2^48. A sum of 2^log2 pixels has so many
         // times the variance, and its half a quarter of it.
-        let noise = noise.to_bits().min(1 << 24);
+        let noise = noise.to_bits().clamp(0, 1 << 24);
         let pixels = log2.wrapping_sub(2 * halvings);
         let read = product(noise, noise).wrapping_shl(pixels);
         // Q16: a sample of 2^15 counts at one electron a count fits.
@@ -531,7 +531,7 @@ const LEAST_EVIDENCE: i32 = 52_429;
 #[inline(always)]
 fn for_mix(noise: Counts, height: Counts, geometry: &Geometry) -> &'static TableSet<'static> {
     // Q24 both. Noise is below 2^16 counts.
-    let noise = noise.to_bits().min(1 << 24);
+    let noise = noise.to_bits().clamp(0, 1 << 24);
     let read = product(noise, noise).wrapping_mul(1 << 8);
     let shot = product(
         height.to_bits(),
@@ -593,7 +593,8 @@ fn is_straight(
         product(sum(second).wrapping_sub(sum(first)), apart)
     };
     // The standard deviation within a flank is sqrt(2 HALF) / HALF^2 = 1/16 of a pixel's: HALF^2 / 16 of it.
-    let noise = product(noise.to_bits().min(1 << 20), apart).wrapping_mul(i64::from(TILT) * 4) >> 8;
+    let noise =
+        product(noise.to_bits().clamp(0, 1 << 20), apart).wrapping_mul(i64::from(TILT) * 4) >> 8;
     let allowed = (tilt.unsigned_abs() / 2).wrapping_add(noise.unsigned_abs());
     within(left).abs_diff(tilt) <= allowed && within(right).abs_diff(tilt) <= allowed
 }

@@ -72,10 +72,12 @@ pub enum TableError {
     Sum,
     /// An inner product with the largest samples could overflow.
     Overflow,
-    /// The widths are not positive, do not rise, or are wider than their window.
+    /// The widths are not positive, do not rise, rise to more than a hundred times the first, or are wider
+    /// than their window.
     Widths,
-    /// A scale is not positive, `per_width` is not one over the width, or a window rests further than two
-    /// samples from its phase, or where the bend is more than 5 %.
+    /// `per_width` is not one over the width; another scale is too small to keep its precision; a window rests
+    /// further than two samples from its phase, or further than a quotient reaches; or the bend is more than
+    /// 5 % there.
     Scales,
 }
 
@@ -368,26 +370,23 @@ impl Table<'_> {
     }
 
     const fn has_fit_scales(&self) -> bool {
-        let scales = [
-            self.near_limit,
-            self.centre_per_ratio,
-            self.stretch_per_ratio,
-            self.height_per_slope,
-            self.deviation_per_noise,
-            self.shot_share,
-        ];
-        let mut i = 0;
-        while i < scales.len() {
-            if scales[i] <= 0 {
-                return false;
-            }
-            i += 1;
-        }
-        // Q46. Its rounding is up to half a step of the width.
+        // The core's own scales have 25 to 30 bits, and each has room for ten times as much.
+        const LEAST: i32 = 1 << 24;
+        // Quotients reach at least four. That of the stretch must reach 0.7, and that of the score what is near.
+        const LEAST_STRETCH: i32 = (1 << 25) / 5;
+        let reach = 8 * self.centre_per_ratio as i64;
+        // Q46. Its rounding is half a step of the width, which is below 2^7, and half a step of `per_width`.
         let off = product(self.width, self.per_width) - (1 << 46);
         // Below four, Q28. Its product with the bend has Q59.
         let square = product(self.near_limit, self.near_limit) >> 24;
-        self.near_limit < 2 << 26
+        self.near_limit > 0
+            && self.near_limit < 2 << 26
+            && self.deviation_per_noise >= LEAST
+            && self.height_per_slope >= LEAST
+            && self.shot_share > 0
+            && self.stretch_per_ratio >= LEAST_STRETCH
+            && reach > self.near_limit as i64
+            && reach > NEAR as i64
             && off.abs() <= self.per_width as i64
             && square * self.bend.unsigned_abs() as i64 <= (1i64 << 59) / 20
     }
@@ -441,9 +440,9 @@ pub(super) struct Score {
 #[derive(Clone, Copy)]
 pub(super) struct Slope {
     value: i32,
-    /// One over the slope: this number, Q28, one to four,
+    /// 1 / value is per_slope * 2^(exponent - 60). This is 2^28 to 2^30.
     per_slope: i32,
-    /// times 2 to this, less 32: 0 to 30.
+    /// 0 to 30.
     exponent: i32,
 }
 
@@ -488,7 +487,8 @@ impl Slope {
         // Below 2^28, so four times it fits.
         let of_score = upper_product(root, table.deviation_per_noise);
         let of_centre = upper_product(of_score.wrapping_mul(4), self.per_slope);
-        // The Q formats, 2^(4 - 8 - 13 - 60 + 2 * 32 - 2 + 16), leave 2. One more bit is for rounding.
+        // The Q formats leave a factor of 2, because 4 - 8 - 13 - 60 + 2 * 32 - 2 + 16 = 1. One more bit is for
+        // rounding.
         let more = (self.exponent)
             .wrapping_sub(halvings.cast_signed())
             .wrapping_add(block.trailing_zeros().cast_signed());
@@ -613,7 +613,8 @@ impl<'r, 't> Window<'r, 't> {
     #[inline(always)]
     fn bent(&self, straight: i32) -> i32 {
         // `TableSet::new` has proven that a near distance is below two samples: Q30 holds it. So the square
-        // has Q28, its product with bend Q27, and that is at most 5 %.
+        // has Q28, and its product with bend Q27. That is at most 5 %, or 8 % in samples of several pixels,
+        // where a distance is below 0.28 and a bend below one.
         let straight = straight.wrapping_mul(1 << 4);
         let share = upper_product(self.table.bend, upper_product(straight, straight));
         upper_product(straight, share.wrapping_mul(1 << 4)) >> 3
@@ -793,7 +794,8 @@ mod tests {
             }
             let table = &GAUSSIAN.tables()[i % GAUSSIAN.tables().len()];
             // Noise of 0.06 to 2^15 counts.
-            let variance = 1 + u64::from(crate::tests::hash(3 * i + 2)) << (i % 15) >> (i % 20);
+            let variance = 1 + u64::from(crate::tests::hash(3 * i + 2));
+            let variance = (variance << (i % 15)) >> (i % 20);
             let noise = (variance as f64 / 65536.0).sqrt();
             for block in BLOCKS {
                 let per_noise = libm::ldexp(table.deviation_per_noise.into(), -13);
@@ -833,6 +835,9 @@ mod tests {
             (changed(|it| it.phases = 1), TableError::Shape),
             (changed(|it| it.half_width = u8::MAX), TableError::Shape),
             (changed(|it| it.centre_per_ratio = 0), TableError::Scales),
+            (changed(|it| it.deviation_per_noise = 1), TableError::Scales),
+            (changed(|it| it.height_per_slope = 1), TableError::Scales),
+            (changed(|it| it.stretch_per_ratio = 1), TableError::Scales),
             (changed(|it| it.per_width += 1 << 16), TableError::Scales),
             (changed(|it| it.near_limit = 2 << 26), TableError::Scales),
             (changed(|it| it.bend = i32::MIN), TableError::Scales),

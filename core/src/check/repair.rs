@@ -248,7 +248,7 @@ impl Scene<'_> {
         let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
             > self.found.width.to_bits().unsigned_abs();
         let sound = fit.has_arrived()
-            && WIDTHS.contains(&width)
+            && WIDTHS.contains(&found.width)
             && width >= NARROWEST
             && window.has_centre(&fit.parameters)
             && check_uncertainty(found.amplitude, found.uncertainty, found.width).is_ok();

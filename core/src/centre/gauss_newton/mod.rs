@@ -110,7 +110,7 @@ pub fn centre(
             unfit
         }
     })?;
-    if fit.has_arrived() && WIDTHS.contains(&found.width.to_f32()) {
+    if fit.has_arrived() && WIDTHS.contains(&found.width) {
         Ok(found)
     } else {
         Err(unfit)

@@ -21,7 +21,8 @@ impl Start {
     pub(crate) fn find(row: &Row<'_>, spot: &Spot) -> Result<Self, Fault> {
         let light = row.light();
         let half = half_width::find(light, spot)?;
-        let (offset, half_maximum) = match (half.left, half.right) {
+        let sides = [half.left, half.right].map(|side| side.map(Pixels::to_f32));
+        let (offset, half_maximum) = match sides.into() {
             (Some(left), Some(right)) => (0.5 * (right - left), 0.5 * (left + right)),
             (Some(side), None) | (None, Some(side)) => (0.0, side),
             (None, None) => return Err(Fault::SpotAtEdge { centre: half.top }),
@@ -32,21 +33,20 @@ impl Start {
             Pixels::from_f32(offset).to_bits(),
         ));
         let flat = flat_top(row, half.top) as f32 * 0.5;
+        let height = half.height.to_f32();
         let (width, amplitude) = if flat > 0.5 && flat < half_maximum {
             // The counts are the saturation F at `flat` and F / 2 at the half maximum.
             let squared =
                 (half_maximum * half_maximum - flat * flat) / (2.0 * core::f32::consts::LN_2);
             let above = limited(flat * flat / (2.0 * squared), 0.0, 3.0);
-            (
-                dual_mac::square_root(squared),
-                half.height * libm::expf(above),
-            )
+            (dual_mac::square_root(squared), height * libm::expf(above))
         } else {
-            (half.sigma(2.0 * half_maximum), half.height)
+            let sigma = half.sigma(Pixels::from_f32(2.0 * half_maximum));
+            (sigma.to_f32(), height)
         };
         Ok(Self {
             centre,
-            width: limited(width, *WIDTHS.start(), *WIDTHS.end()),
+            width: limited(width, WIDTHS.start().to_f32(), WIDTHS.end().to_f32()),
             amplitude,
             is_whole: half.left.is_some() && half.right.is_some(),
         })
