@@ -1,11 +1,11 @@
-//! What an approximate exponential does to a centre and to the check.
+//! What an approximate exponential does to a centre.
 //!
-//! The fit and the check compute e = exp(-u^2 / 2) at one pixel, and its ratio to the next. From these a
-//! recurrence gives all other pixels, so that a relative error of the ratio grows with the distance. Here the
-//! same recurrence and the same fit as in the core run with any function for the exponential.
+//! The fit computes e = exp(-u^2 / 2) at one pixel, and its ratio to the next. From these a recurrence gives
+//! all other pixels, so that a relative error of the ratio grows with the distance. Here the same recurrence
+//! and the same fit as in the core run with any function for the exponential.
 
 use crate::accuracy::{Cell, centre_of};
-use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
+use nalgebra::{Matrix4, Vector4};
 use slitrange::centre::Estimator;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
@@ -15,9 +15,6 @@ use statistics::rms;
 const HALF_WINDOW: usize = 64;
 /// Steps of the fit. Four steps are enough for each row here; the others change nothing.
 const STEPS: usize = 8;
-/// How far the check's pairs reach, in widths, and its samples in a width.
-const REACH: f32 = 6.0;
-const SAMPLES_A_WIDTH: f32 = 6.0;
 /// Widths in pixels. Samples of the fit are single pixels up to 12.8.
 pub const WIDTHS: [f64; 6] = [0.8, 1.2, 2.0, 4.5, 8.6, 12.0];
 
@@ -124,46 +121,4 @@ pub fn change_of_centre(cell: &Cell, exp: Exp, other: Exp) -> f64 {
         .collect();
     assert!(changes.len() as u64 == cell.rows, "each row has a centre");
     rms(changes)
-}
-
-/// The largest error of e among the check's samples, as a share of the spot's height, and the shape's misfit
-/// that these errors alone make. A perfect gaussian has none. The check's limit is 0.018, and 0.006 for a
-/// narrow spot. Both are the largest over places within a pixel.
-pub fn errors_in_the_check(exp: Exp, width: f32) -> (f64, f64) {
-    let block = (width / SAMPLES_A_WIDTH).floor() + 1.0;
-    let s = (width * width + block * block / 12.0).sqrt();
-    let pitch = block / s;
-    let (mut worst, mut misfit) = (0.0f64, 0.0f64);
-    // The mirror lies on a pixel or between two.
-    for to_right in [0.5, 1.0] {
-        let u = (to_right + 0.5 * (block - 1.0)) / s;
-        let samples: Vec<(f64, f64, f64)> = outwards(exp, u, pitch)
-            .take((REACH / pitch) as usize + 1)
-            .map(|(u, e)| {
-                let u = f64::from(u);
-                (u, f64::from(e), (-0.5 * u * u).exp())
-            })
-            .collect();
-        for (_, e, exact) in &samples {
-            worst = worst.max((e - exact).abs());
-        }
-        misfit = misfit.max(rest(&samples));
-    }
-    (worst, misfit)
-}
-
-/// The mean square that the fit of 1, e and u^2 e leaves of the exact values, over that of e.
-fn rest(samples: &[(f64, f64, f64)]) -> f64 {
-    let (mut matrix, mut vector, mut own) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
-    for &(u, e, exact) in samples {
-        let functions = Vector3::new(1.0, e, u * u * e);
-        matrix += functions * functions.transpose();
-        vector += exact * functions;
-        own += e * e;
-    }
-    let solved = matrix.lu().solve(&vector).unwrap_or_default();
-    let left = samples
-        .iter()
-        .map(|&(u, e, exact)| (exact - solved.dot(&Vector3::new(1.0, e, u * u * e))).powi(2));
-    left.sum::<f64>() / own
 }

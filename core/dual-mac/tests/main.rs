@@ -185,7 +185,6 @@ fn every_length_takes_the_samples_that_have_a_weight() {
     }
 }
 
-/// The only sum of two products that does not fit, and the largest one that does.
 /// Where the samples lie on whole words, two are loaded at once.
 #[test]
 fn every_length_of_blocks_has_its_sums_at_any_address() {
@@ -207,6 +206,7 @@ fn every_length_of_blocks_has_its_sums_at_any_address() {
     }
 }
 
+/// The only sum of two products that does not fit, and the largest one that does.
 #[test]
 fn the_extremes() {
     const LOW: u16 = i16::MIN as u16;

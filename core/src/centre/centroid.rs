@@ -34,9 +34,10 @@ use crate::spot::Spot;
 
 /// Half of the window over sigma.
 const HALF_WINDOW: i32 = 3;
-/// k above, for three sigma: 0.9733, Q16.
+/// k above, for three sigma: 0.9733, Q16. It was rounded first.
 const WINDOW_FACTOR: i64 = 63_786;
-/// Height times sigma over a gaussian's light within three sigma, 1 / (sqrt(2 pi) (2 Phi(3) - 1)), Q30.
+/// Height times sigma over a gaussian's light within three sigma, 1 / (sqrt(2 pi) (2 Phi(3) - 1)): 1 / 2.4999
+/// in Q30.
 const HEIGHT: i32 = 429_513_910;
 /// The window is moved at most this often. Each pass leaves 1 - k of the distance, and noise.
 const MAX_PASSES: usize = 6;
@@ -125,18 +126,19 @@ fn quotient(moment: i64, light: i64, half_window: Pixels) -> i32 {
 /// u, of the noise of the pixels and that of the light. The light has Q24.
 fn uncertainty(noise: Counts, light: i64, width: Pixels, geometry: &Geometry) -> Pixels {
     // kM, Q24: light is below 2^46.
-    let slope = (light >> 16).wrapping_mul(WINDOW_FACTOR);
+    let slope = numeric::mul_i64(light >> 16, WINDOW_FACTOR);
     // A width is at most 170 pixels: its square fits Q16.
     let square = saturated(product(width.to_bits(), width.to_bits()) >> 16);
     // 2/3 h^3 - h^2/3 is 3 sigma^2 (6 sigma - 1): Q32, below 2^59. The root has Q16.
-    let six = numeric::mul_i32(6, width.to_bits()).wrapping_sub(1 << 16);
-    let of_window = root(product(square, six).wrapping_mul(3));
+    let six = numeric::sub_i32(numeric::mul_i32(6, width.to_bits()), 1 << 16);
+    let of_window = root(numeric::mul_i64(3, product(square, six)));
     // Noise is below 2^12 counts. So its product is below 2^50, Q24. Q36 over Q16 is Q20.
-    let of_noise = product(noise.to_bits().clamp(0, 1 << 20), of_window).wrapping_mul(1 << 12);
+    let of_noise = product(noise.to_bits().clamp(0, 1 << 20), of_window);
+    let of_noise = numeric::mul_i64(of_noise, 1 << 12);
     let of_noise = saturated(of_noise.checked_div(slope >> 8).unwrap_or(i64::MAX));
     // Below 2^47, Q32. Q44 over Q8 is Q36.
     let per_count = geometry.shot_variance_per_count_q16.into();
-    let of_light = product(square, per_count).wrapping_mul(1 << 12);
+    let of_light = numeric::mul_i64(product(square, per_count), 1 << 12);
     let of_light = of_light.checked_div(slope >> 16).unwrap_or(i64::MAX);
     let squares = product(of_noise, of_noise).saturating_add(of_light.saturating_mul(1 << 4));
     // The root has Q20. It is rounded to Q16.

@@ -72,8 +72,8 @@ impl HalfMaximum {
     pub fn sigma(&self, full_width: Pixels) -> Pixels {
         let smoothed = i32::from(self.smoothed);
         let sigma = saturated(product(full_width.to_bits(), SIGMA_PER_FULL_WIDTH) >> 31);
-        // At most 2^7 pixels were summed: 2^46.
-        let of_smoothing = product(smoothed, smoothed).wrapping_mul(OF_PIXEL);
+        // At most 2^6 pixels were summed: 2^41.
+        let of_smoothing = numeric::mul_i64(product(smoothed, smoothed), OF_PIXEL);
         Pixels::from_bits(root(product(sigma, sigma).saturating_sub(of_smoothing)))
     }
 }
@@ -190,7 +190,7 @@ fn walk(steps: impl Iterator<Item = (u16, u16)>, mut sum: i32, half: i32, reach:
             let fall = numeric::sub_i32(in_q8(sum), in_q8(next));
             let part = product(above, 1 << Pixels::FRACTION).checked_div(fall.into());
             let walked = product(numeric::to_i32(walked), 1 << Pixels::FRACTION);
-            let distance = walked.wrapping_add(part.unwrap_or_default());
+            let distance = numeric::add_i64(walked, part.unwrap_or_default());
             return Walk::Half(Pixels::from_bits(saturated(distance)));
         }
         sum = next;
@@ -212,7 +212,8 @@ pub fn follow(light: Light<'_>, spot: &Spot, centre: Pixels, width: Pixels) -> P
     /// 1 / ln 2, Q30.
     const PER_LN2: i32 = 1_549_082_005;
     // A width is below 2^8 pixels. The pixel's own width adds to it.
-    let sigma = root(product(width.to_bits(), width.to_bits()).wrapping_add(OF_PIXEL));
+    let squared = product(width.to_bits(), width.to_bits());
+    let sigma = root(numeric::add_i64(squared, OF_PIXEL));
     let level = spot.background.level_bits();
     let reach = saturated(product(sigma, HALF_WIDTH) >> 30);
     let above = |place: i32| interpolated(light, place).map(|count| numeric::sub_i32(count, level));
@@ -230,7 +231,8 @@ pub fn follow(light: Light<'_>, spot: &Spot, centre: Pixels, width: Pixels) -> P
     let wider = (product(over_half, PER_LN2) >> 30).clamp(-(1 << 23), 1 << 23);
     // A quarter of it.
     let sigma = saturated(i64::from(sigma) + (product(sigma, numeric::i64_to_i32(wider)) >> 26));
-    let width = Pixels::from_bits(root(product(sigma, sigma).wrapping_sub(OF_PIXEL)));
+    let squared = numeric::sub_i64(product(sigma, sigma), OF_PIXEL);
+    let width = Pixels::from_bits(root(squared));
     width.max(*WIDTHS.start()).min(*WIDTHS.end())
 }
 

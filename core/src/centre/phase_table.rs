@@ -32,8 +32,8 @@ const MAX_PASSES: usize = 10;
 
 /// How well a window and a table must fit in a pass. The first number limits the distance to the phase, in
 /// units of `Score::near_limit`. The second limits how much worse the table matches the width than the best
-/// table does, as a share of the width, Q24. In noise two tables, or two phases, may each prefer the other, so
-/// later passes accept a worse fit.
+/// table does, as a share of the width, Q24. In noise two tables, or two phases, may each prefer the other,
+/// so later passes accept a worse fit.
 const fn slack(pass: usize) -> (i32, u32) {
     const ONE: u32 = ONE_Q24.cast_unsigned();
     match pass {

@@ -72,12 +72,12 @@ pub enum TableError {
     Sum,
     /// An inner product with the largest samples could overflow.
     Overflow,
-    /// The widths are not positive, do not rise, rise to more than a hundred times the first, or are wider
-    /// than their window.
+    /// The widths are not positive, do not rise, or are wider than their window, or the second is more than
+    /// 200 times the first.
     Widths,
-    /// `per_width` is not one over the width; another scale is too small to keep its precision; a window rests
-    /// further than two samples from its phase, or further than a quotient reaches; or the bend is more than
-    /// 5 % there.
+    /// `per_width` is not one over the width. Or another scale is too small to keep its precision. Or a
+    /// window rests two samples or more from its phase, or further than a quotient reaches. Or the bend is
+    /// more than 5 % there.
     Scales,
 }
 
@@ -370,9 +370,9 @@ impl Table<'_> {
     }
 
     const fn has_fit_scales(&self) -> bool {
-        // The core's own scales have 25 to 30 bits, and each has room for ten times as much.
+        // The core's own scales have 25 to 30 bits.
         const LEAST: i32 = 1 << 24;
-        // Quotients reach at least four. That of the stretch must reach 0.7, and that of the score what is near.
+        // Quotients reach at least four. That of the stretch must reach 0.7, that of the score what is near.
         const LEAST_STRETCH: i32 = (1 << 25) / 5;
         let reach = 8 * self.centre_per_ratio as i64;
         // Q46. Its rounding is half a step of the width, which is below 2^7, and half a step of `per_width`.
@@ -487,8 +487,8 @@ impl Slope {
         // Below 2^28, so four times it fits.
         let of_score = upper_product(root, table.deviation_per_noise);
         let of_centre = upper_product(of_score.wrapping_mul(4), self.per_slope);
-        // The Q formats leave a factor of 2, because 4 - 8 - 13 - 60 + 2 * 32 - 2 + 16 = 1. One more bit is for
-        // rounding.
+        // The Q formats leave a factor of 2, because 4 - 8 - 13 - 60 + 2 * 32 - 2 + 16 = 1. One more bit is
+        // for rounding.
         let more = (self.exponent)
             .wrapping_sub(halvings.cast_signed())
             .wrapping_add(block.trailing_zeros().cast_signed());

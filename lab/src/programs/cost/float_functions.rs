@@ -1,14 +1,13 @@
 //! The exponential, the logarithm and the square root by each library: instructions, errors, and what the
-//! errors do to a centre and to the check.
+//! errors do to a centre.
 
 use cost_on_chip::float_functions::{self, Function, Library};
-use judges::float_functions::{Exp, WIDTHS, cell, change_of_centre, errors_in_the_check};
+use judges::float_functions::{Exp, WIDTHS, cell, change_of_centre};
 
 use crate::programs::cost::chip::{self, Chip};
 use crate::table;
 
-/// Exponentials that the check of a row computes, and a step of `gauss-newton`.
-const IN_THE_CHECK: f64 = 3.0;
+/// Exponentials that a step of `gauss-newton` computes.
 const IN_A_STEP: f64 = 5.0;
 
 /// The tables of `docs/accuracy.md`: the errors of each function here and its instructions on the chip, and
@@ -28,23 +27,21 @@ pub fn markdown(chip: &Chip) -> anyhow::Result<String> {
     let functions = functions.collect::<anyhow::Result<Vec<_>>>()?;
     let libm = counted("exp-libm")?.instructions;
     let micromath = counted("exp-micromath")?.instructions;
-    let effects =
-        "σ px | centre, libm | centre, micromath | e, libm | e, micromath | misfit, micromath";
     Ok(format!(
-        "{}\nThe check of a row computes three exponentials: {:.0} instructions by `libm`, {:.0} by \
-         `micromath`. A step of `gauss-newton` computes five: {:.0} and {:.0}.\n\n{}",
+        "{}\nA step of `gauss-newton` computes five exponentials: {:.0} instructions by `libm`, {:.0} by \
+         `micromath`.\n\n{}",
         table::of("function | instructions | most | largest error", functions),
-        IN_THE_CHECK * libm,
-        IN_THE_CHECK * micromath,
         IN_A_STEP * libm,
         IN_A_STEP * micromath,
-        table::of(effects, WIDTHS.map(effect)),
+        table::of(
+            "σ px | centre, libm | centre, micromath",
+            WIDTHS.map(effect)
+        ),
     ))
 }
 
 /// What the exponentials of `libm` and of `micromath` do for spots of a width: the change of the centre of
-/// `gauss-newton` over the bound, the largest error of e in the check, and the shape's misfit that this error
-/// alone makes, by `micromath`.
+/// `gauss-newton` over the bound.
 fn effect(width: f64) -> Vec<String> {
     let exact: Exp = |x| f64::from(x).exp() as f32;
     let both: [Exp; 2] = [
@@ -54,10 +51,7 @@ fn effect(width: f64) -> Vec<String> {
     let cell = cell(width);
     let centre = both.map(|exp| change_of_centre(&cell, exp, exact) / cell.spot().bound());
     let [libm, micromath] = centre.map(|part| format!("{:.3} %", 100.0 * part));
-    let in_check = both.map(|exp| errors_in_the_check(exp, width as f32));
-    let [e, approximate] = in_check.map(|(error, _)| format!("{error:.0e}"));
-    let misfit = format!("{:.0e}", in_check[1].1);
-    vec![width.to_string(), libm, micromath, e, approximate, misfit]
+    vec![width.to_string(), libm, micromath]
 }
 
 const fn label(function: Function, library: Library) -> &'static str {
@@ -94,8 +88,8 @@ mod tests {
             let row = format!("| {} | 40 | 60 | ", label(function, library));
             assert_eq!(page.matches(&row).count(), 1, "{row}");
         }
-        assert!(page.contains("120 instructions by `libm`"), "{page}");
-        assert!(page.contains("computes five: 200 and 200."), "{page}");
+        let step = "computes five exponentials: 200 instructions by `libm`, 200 by `micromath`.";
+        assert!(page.contains(step), "{page}");
         chip.floats.pop();
         assert!(markdown(&chip).is_err());
     }
