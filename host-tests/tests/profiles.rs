@@ -590,6 +590,6 @@ fn a_wrong_width_costs_a_twentieth_at_most_on_the_whole_grid() {
 fn noise_ratio_of_mix(noise_ratio: f64) -> f64 {
     const DESIGNED_FOR: [f64; 5] = [f64::INFINITY, DEFAULT.noise_ratio, 0.07, 0.02, 0.006];
     let mut mixes = MIXES.iter().zip(DESIGNED_FOR);
-    let mix = mixes.find(|((least, _), _)| noise_ratio >= f64::from(*least));
+    let mix = mixes.find(|((least, _), _)| noise_ratio >= libm::ldexp((*least).into(), -16));
     mix.expect("there is one for every mix").1
 }
