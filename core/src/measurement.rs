@@ -217,11 +217,8 @@ impl Measurement {
         }
         self.subtracted = match self.options.ambient {
             AmbientMode::Off => None,
-            AmbientMode::Subtract => self.ambient_mean.subtract(words, &self.geometry),
+            AmbientMode::Subtract => self.subtract(words),
         };
-        if self.subtracted.is_some() {
-            self.note_share();
-        }
         match self.options.slits {
             // The two kinds of result do not meet: they would be copied.
             _ if !self.options.laser => self.frame.add(Err(Fault::LaserOff)),
@@ -524,11 +521,13 @@ impl Measurement {
         Pixels::from_f32(uncertainty.to_f32() * growth)
     }
 
-    #[cold]
+    /// Subtracts the ambient light of a row's words, and says by how much they became lower.
     #[inline(never)]
-    fn note_share(&mut self) {
+    fn subtract(&mut self, words: &mut [u16]) -> Option<Counts> {
+        let subtracted = self.ambient_mean.subtract(words, &self.geometry)?;
         let share = self.ambient_mean.share().unwrap_or_default();
         self.largest_share = numeric::at_least(share, self.largest_share);
+        Some(subtracted)
     }
 
     // Not inlined: its floats would make each row save the FPU's registers.
