@@ -1,4 +1,4 @@
-//! A fixed piece of work: `.ci/run` counts the ceilings of `cargo test` in what it takes on the same machine.
+//! A fixed piece of work. `.ci/run` times it, and scales the ceilings of `cargo test` by its time.
 //! Its mix is that of a compiler and of a simulated chip: sorted and hashed numbers, branches, some floats.
 
 use std::collections::HashMap;

@@ -1,5 +1,5 @@
-//! The core's fixed-point algorithms in f64, nothing rounded: what is left of a difference is what rounding
-//! costs.
+//! The core's fixed-point algorithms in f64. Nothing is rounded here, so a difference shows what the core's
+//! rounding costs.
 
 use crate::support::*;
 pub mod phase_table;

@@ -34,7 +34,7 @@ use crate::spot::Spot;
 
 /// Half of the window over sigma.
 const HALF_WINDOW: i32 = 3;
-/// k above, for three sigma: 0.9733, Q16. It was rounded first.
+/// k above, for three sigma: 0.9733 in Q16.
 const WINDOW_FACTOR: i64 = 63_786;
 /// Height times sigma over a gaussian's light within three sigma, 1 / (sqrt(2 pi) (2 Phi(3) - 1)): 1 / 2.4999
 /// in Q30.
@@ -107,8 +107,8 @@ pub fn centre(
 /// A moment over the light, in pixels of Q16, rounded to the nearest step. Limited to half of the window. The
 /// light is positive.
 fn quotient(moment: i64, light: i64, half_window: Pixels) -> i32 {
-    // With one bit more, for rounding. Where the moment leaves less room, the light loses bits: it then is
-    // 2^37 or more, or the window moves by all it may.
+    // The quotient has one bit more than the result, for rounding. If the moment cannot move to the left by
+    // 17 bits, the light moves to the right: it then is 2^37 or more, or the window moves by all it may.
     let size = moment.unsigned_abs();
     let room = size.leading_zeros().saturating_sub(1).min(17);
     let divisor = light.unsigned_abs() >> 17u32.wrapping_sub(room);
@@ -268,6 +268,55 @@ mod tests {
             let found = moments_of(&[4095; 1100], level, 550.0, 510.0);
             assert_eq!(found.expect("on the row").moment, 0);
         }
+    }
+
+    /// Against f64, from the narrowest to the widest spot, from one count of light to the largest window full
+    /// of it.
+    #[test]
+    fn quotient_and_uncertainty_are_those_of_their_definitions() {
+        let (mut worst, mut worst_u) = (0.0f64, 0.0f64);
+        for (width, light_log2, noise, shot) in (0..4000u64).map(|i| {
+            let number = u64::from(crate::tests::hash(i as usize));
+            let width = [0.5, 170.0, 0.5 + (number % 1690) as f64 / 10.0][i as usize % 3];
+            let noise = [0, 4095 << 8, 20 + (number >> 12) as i32 % 5000][i as usize / 3 % 3];
+            (
+                width,
+                24.0 + (number % 221) as f64 / 10.0,
+                noise,
+                (number % 65536) as u16,
+            )
+        }) {
+            let light = libm::exp2(light_log2) as i64;
+            let width = Pixels::from_f32(width as f32);
+            let half_window = Pixels::from_bits(3 * width.to_bits());
+            for part in [-2.0, -0.9, -1e-4, 0.0, 1e-5, 0.3, 1.0] {
+                let moment = (light as f64 * part * half_window.to_f64()) as i64;
+                let exact = (moment as f64 / light as f64)
+                    .clamp(-half_window.to_f64(), half_window.to_f64());
+                let found = f64::from(quotient(moment, light, half_window));
+                worst = worst.max((found - exact * 65536.0).abs());
+            }
+            let geometry = crate::tests::tcd1304dg();
+            let geometry = Geometry {
+                shot_variance_per_count_q16: shot,
+                ..geometry
+            };
+            let found = uncertainty(Counts::from_bits(noise), light, width, &geometry).to_f64();
+            let slope = 63_786.0 / 65536.0 * libm::ldexp(light as f64, -24);
+            let (s, noise) = (width.to_f64(), f64::from(noise) / 256.0);
+            let of_noise = noise * noise * 3.0 * s * s * (6.0 * s - 1.0) / (slope * slope);
+            let exact = (of_noise + f64::from(shot) / 65536.0 * s * s / slope).sqrt();
+            if exact < 2000.0 {
+                // The light loses 16 bits: of one count, Q24, eight are left.
+                let allowed = libm::ldexp(1.0, -16) + exact * (2e-5 + 1.0 / (light >> 16) as f64);
+                worst_u = worst_u.max((found - exact).abs() / allowed);
+            }
+        }
+        println!("{worst:.3} steps, {worst_u:.2} of what is allowed");
+        assert!(worst <= 0.51 && worst_u < 1.0);
+        // A moment at its limit, 2^61.
+        let window = Pixels::from_int(510);
+        assert_eq!(quotient(i64::MIN / 4, 1, window), -window.to_bits());
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::spot::Spot;
 
 /// Sigma over a gaussian's full width at half maximum, 1 / sqrt(8 ln 2), Q31.
 const SIGMA_PER_FULL_WIDTH: i32 = 911_952_339;
-/// Half of that full width over sigma, Q30.
+/// A gaussian's half width at half maximum over sigma, sqrt(2 ln 2), Q30.
 const HALF_WIDTH: i32 = 1_264_234_385;
 /// The pixel's own width squared, 1/12, Q32.
 const OF_PIXEL: i64 = 357_913_941;

@@ -358,7 +358,7 @@ fn two_widths(centre: Pixels, width: Pixels) -> Range<usize> {
     start..centre.saturating_add(reach).saturating_add(2)
 }
 
-/// The whole pixels of a place or a width, Q16: none of a negative one.
+/// The whole pixels in a place or a width, Q16. A negative one has none.
 fn whole_pixels(bits: i32) -> usize {
     usize::try_from(bits >> Pixels::FRACTION).unwrap_or_default()
 }

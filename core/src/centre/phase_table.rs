@@ -584,8 +584,8 @@ fn is_straight(
     const FLANK_Q16: i32 = Pixels::from_int(numeric::to_i32(FLANK)).to_bits();
     /// HALF^2 / FLANK.
     const TILT_Q16: i32 = Pixels::from_int(numeric::to_i32(HALF * HALF / FLANK)).to_bits();
-    // All are rises in counts a pixel times HALF^2 and times the pixels from flank to flank. Those are Q16,
-    // and below 2^28: a width is below 2^8 pixels.
+    // Each of these is a rise in counts a pixel, times HALF^2, times `apart`: the pixels from flank to flank,
+    // Q16, below 2^28 because a width is below 2^8 pixels.
     let apart = numeric::mul_i32(width.to_bits().min(1 << 24), 2 * CLEAR).wrapping_add(FLANK_Q16);
     let tilt = product(difference, TILT_Q16);
     let within = |flank: Light<'_>| {
@@ -625,8 +625,84 @@ fn sum(flank: Light<'_>) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::centre::tables::BLOCKS;
     use crate::centre::tables::GAUSSIAN;
-    use crate::tests::{row, spot_at, tcd1304dg};
+    use crate::tests::{hash, row, spot_at, tcd1304dg};
+
+    /// Height and u against f64, from no noise to 4095 counts, and from one electron a count to many.
+    #[test]
+    fn height_and_u_are_those_of_their_definitions() {
+        let (mut worst, mut worst_u) = (0.0f64, 0.0f64);
+        let bits = |bits: i32, fraction: i32| libm::ldexp(bits.into(), -fraction);
+        for i in 0..4000 {
+            let number = hash(i);
+            let table = &GAUSSIAN.tables()[i % GAUSSIAN.tables().len()];
+            let block = BLOCKS[i % BLOCKS.len()];
+            // Heights of a sample from 60 to 32,760 counts.
+            let value = (1 << 20) + (number % (580 << 20)).cast_signed();
+            let fit = Fit {
+                centre: Pixels::default(),
+                width: Pixels::default(),
+                ratio: (0.6 * 16_777_216.0) as i32 + (number >> 8).cast_signed(),
+                slope: Slope::new(value).expect("positive"),
+                class: WidthClass {
+                    set: 0,
+                    table: 0,
+                    block,
+                },
+                table,
+            };
+            let noise = [0, 4095 << 8, 20 + (number % 5000).cast_signed()][i % 3];
+            let geometry = Geometry {
+                shot_variance_per_count_q16: [0, u16::MAX, (number >> 16) as u16][i / 3 % 3],
+                ..tcd1304dg()
+            };
+            let (pixels, half) = (f64::from(block), f64::from(1u32 << halvings(block.into())));
+            let height = f64::from(value) * bits(table.height_per_slope, 42);
+            let amplitude = fit.amplitude().to_f64();
+            worst = worst.max((amplitude - height * half / pixels).abs());
+            let shot = f64::from(geometry.shot_variance_per_count_q16) / 65536.0 * height / half;
+            let growth = 1.5 * bits(fit.ratio, 24) - 0.5;
+            let variance = bits(noise, 8).powi(2) * pixels / (half * half)
+                + shot * growth * bits(table.shot_share, 28);
+            let exact =
+                variance.sqrt() * bits(table.deviation_per_noise, 13) * pixels / f64::from(value);
+            let found = fit
+                .uncertainty(Counts::from_bits(noise), &geometry)
+                .to_f64();
+            let allowed = libm::ldexp(0.6, -16) + exact * 4e-5;
+            worst_u = worst_u.max((found - exact).abs() / allowed);
+            // Noise below zero counts as none, and the largest gives a u.
+            let [none, least, most] = [Counts::default(), Counts::MIN, Counts::MAX]
+                .map(|noise| fit.uncertainty(noise, &geometry));
+            assert!(none == least && most > none, "{none} {least} {most}");
+        }
+        println!("{worst:.4} counts, {worst_u:.2} of what is allowed");
+        assert!(worst < 0.003 && worst_u < 1.0);
+    }
+
+    #[test]
+    fn the_noise_chooses_the_set() {
+        // One electron a count: the variance of 1000 counts of light is 1000.
+        let geometry = Geometry {
+            shot_variance_per_count_q16: u16::MAX,
+            ..tcd1304dg()
+        };
+        let height = Counts::from_int(1000);
+        for (ratio, set) in [
+            (1.0, 3),
+            (0.8, 0),
+            (0.13, 0),
+            (0.11, 4),
+            (0.03, 5),
+            (0.01, 6),
+        ] {
+            let noise = Counts::from_f32(libm::sqrtf(1000.0 * ratio));
+            assert_eq!(for_mix(noise, height, &geometry).number, set, "{ratio}");
+        }
+        assert_eq!(for_mix(Counts::MAX, Counts::MAX, &geometry).number, 3);
+        assert_eq!(for_mix(Counts::MIN, Counts::MAX, &geometry).number, 6);
+    }
 
     #[test]
     fn a_candidate_beside_the_row_is_at_the_edge() {

@@ -244,7 +244,7 @@ impl<'a> TableSet<'a> {
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         let [block, ..] = BLOCKS;
         let width = width.to_bits();
-        // Samples of so many pixels, Q16.
+        // The width in samples of so many pixels, Q16.
         let samples = |block: u8| width >> block.trailing_zeros();
         let block = match sampling {
             Sampling::Fine => (BLOCKS.into_iter())
@@ -448,7 +448,7 @@ pub(super) struct Slope {
 
 impl Slope {
     #[inline(always)]
-    fn new(value: i32) -> Option<Self> {
+    pub(super) fn new(value: i32) -> Option<Self> {
         if value <= 0 {
             return None;
         }
@@ -684,7 +684,7 @@ impl<'r, 't> Window<'r, 't> {
         saturated(product(ratio, self.table.stretch_per_ratio) >> 26).clamp(LEAST, MOST)
     }
 
-    /// The width of a spot with such a stretch, Q24.
+    /// The width of a spot that has this stretch, Q24.
     #[inline(always)]
     pub(super) fn width(&self, stretch: i32) -> Pixels {
         let width = self.table.width_in_pixels(self.block).to_bits();
