@@ -4,7 +4,9 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use phase_tables::{Background, COARSE, DEFAULT, FRAUNHOFER, Plan, Profile, gaussian, set, slit};
+use phase_tables::{
+    Background, COARSE, DEFAULT, FRAUNHOFER, LOPSIDED, Plan, Profile, gaussian, set, slit,
+};
 
 fn main() {
     let best_for = |noise_ratio| Plan {
@@ -17,13 +19,14 @@ fn main() {
         widths: COARSE,
         ..DEFAULT
     };
-    let sets: [(&str, Profile<'_>, Plan); 7] = [
+    let sets: [(&str, Profile<'_>, Plan); 8] = [
         ("GAUSSIAN", &gaussian, DEFAULT),
         ("READ_NOISE", &gaussian, best_for(f64::INFINITY)),
         ("MOSTLY_SHOT_NOISE", &gaussian, best_for(0.07)),
         ("SHOT_NOISE", &gaussian, best_for(0.02)),
         ("PURE_SHOT_NOISE", &gaussian, best_for(0.006)),
         ("TILTED", &gaussian, tilted),
+        ("LOPSIDED", &gaussian, LOPSIDED),
         ("SLIT", &slit, FRAUNHOFER),
     ];
     let mut source = String::new();

@@ -11,10 +11,10 @@
 
 pub mod apparatus;
 pub mod camera;
-pub mod comb_path;
 pub mod data_set;
 pub mod errors;
 pub mod experiment;
+pub mod firmware;
 pub mod lens_effects;
 pub mod lens_path;
 pub mod materials;

@@ -15,8 +15,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::Pixels;
 use crate::base::numeric::square;
+use crate::base::{Pixels, numeric};
 
 /// Number of the components of the antisymmetric light.
 pub const COMPONENTS: usize = 5;
@@ -69,7 +69,21 @@ const NOISE: f32 = 12.3;
 /// As [`NOISE`] with the width, for a sensor that knows its own spot: 2 % (five degrees of freedom).
 const NOISE_WITH_WIDTH: f32 = 13.4;
 
+/// The sum of squares of the components, in variances, from which on a spot is lopsided for certain. Noise
+/// exceeds it in one spot of 20,000 (chi square of four degrees of freedom).
+const LOPSIDED: i64 = 25;
+
 impl SpotShape {
+    /// Whether the spot is more lopsided than noise explains.
+    #[inline(always)]
+    pub(super) fn is_lopsided(&self) -> bool {
+        // At most 2^57 each: 25 of them fit.
+        let squared = |it: Pixels| numeric::product(it.to_bits(), it.to_bits()) >> 5;
+        let squares =
+            (self.components.iter()).fold(0, |sum, &it| numeric::add_i64(sum, squared(it)));
+        squares > numeric::mul_i64(squared(self.noise), LOPSIDED)
+    }
+
     /// The standard uncertainty of the centre by the spot's shape. Zero, but for [`Self::rest`], if noise
     /// explains how the spot differs from the sensor's own one. `None`: any symmetric spot may be the
     /// sensor's own.

@@ -121,6 +121,9 @@ pub static SLIT: TableSet<'static> = proven(1, generated::SLIT);
 /// Tables for a background that rises or falls along the row.
 pub static TILTED: TableSet<'static> = proven(2, generated::TILTED);
 
+/// Tables for a lopsided spot, as speckle makes it on a rough surface.
+pub static LOPSIDED: TableSet<'static> = proven(7, generated::LOPSIDED);
+
 /// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are
 /// designed for ratios of infinity, 0.23, 0.07, 0.02 and 0.006. Between these ratios they lose at most 2.1 %
 /// (at 0.9), and 3.4 % half a step from a table's width. Each comes with the least ratio for it: the read

@@ -1,15 +1,9 @@
 //! From centres to errors: eq. (1) fitted to a data set, and how far its distances are from the true ones.
 
-use anyhow::Context as _;
 use calibration::fit::eq1::{self, Fit};
-
-use crate::paper::apparatus::Aperture;
-use crate::paper::data_set::Centres;
-use crate::paper::methods::Method;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    pub method: Method,
     pub fit: Fit,
     /// Mean of the absolute errors in metres: the paper's MAE.
     pub mae: f64,
@@ -21,17 +15,8 @@ pub struct Judged {
     pub errors: Vec<f32>,
 }
 
-/// Judges every method of an aperture on the centres of a data set.
-pub fn judge(aperture: Aperture, centres: &Centres) -> anyhow::Result<Vec<Judged>> {
-    let methods = Method::of(aperture).iter().zip(&centres.of_methods);
-    methods
-        .map(|(&method, found)| {
-            of_method(method, &centres.distances, found).with_context(|| format!("{method:?}"))
-        })
-        .collect()
-}
-
-fn of_method(method: Method, distances: &[f64], centres: &[f64]) -> anyhow::Result<Judged> {
+/// Judges the centres of captures at these distances, in metres. A centre that is not a number is none.
+pub fn judge(distances: &[f64], centres: &[f64]) -> anyhow::Result<Judged> {
     let all = || centres.iter().copied().zip(distances.iter().copied());
     let points: Vec<(f64, f64)> = all().filter(|(centre, _)| centre.is_finite()).collect();
     let fit = eq1::fit(&points)?;
@@ -43,7 +28,6 @@ fn of_method(method: Method, distances: &[f64], centres: &[f64]) -> anyhow::Resu
     let finite = || errors.iter().filter(|error| error.is_finite());
     let absolute = || finite().map(|error| f64::from(error.abs()));
     Ok(Judged {
-        method,
         mae: absolute().sum::<f64>() / points.len() as f64,
         max: absolute().fold(0.0, f64::max),
         without_centre: centres.len() - points.len(),

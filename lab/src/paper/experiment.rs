@@ -1,5 +1,7 @@
 //! One material through one aperture: acquisition, judgement.
 
+use anyhow::Context as _;
+
 use crate::paper::apparatus::Aperture;
 use crate::paper::data_set::{self, DataSet};
 use crate::paper::errors::{self, Judged};
@@ -21,13 +23,15 @@ pub struct Outcome {
     pub distances: Vec<f64>,
     /// For each capture, the centre by the paper's method, in pixels.
     pub centres: Vec<f64>,
+    /// For each of [`Method::of`] the aperture.
     pub judged: Vec<Judged>,
 }
 
 impl Outcome {
     pub fn of(&self, method: Method) -> &Judged {
-        let judged = self.judged.iter().find(|judged| judged.method == method);
-        judged.expect("every method is judged")
+        let mut judged = Method::of(self.aperture).iter().zip(&self.judged);
+        let judged = judged.find(|(judged, _)| **judged == method);
+        judged.expect("every method is judged").1
     }
 }
 
@@ -52,7 +56,12 @@ impl Experiment {
         Ok(Outcome {
             material,
             aperture,
-            judged: errors::judge(aperture, &centres)?,
+            judged: (Method::of(aperture).iter().zip(&centres.of_methods))
+                .map(|(method, found)| {
+                    let judged = errors::judge(&centres.distances, found);
+                    judged.with_context(|| format!("{method:?}"))
+                })
+                .collect::<anyhow::Result<_>>()?,
             centres: centres.of_methods[0].clone(),
             distances: centres.distances,
         })
@@ -82,9 +91,9 @@ mod tests {
             });
             assert!(one == two, "{}", aperture.name());
             assert_eq!(one.distances.len(), 20 * CAPTURES);
-            for judged in &one.judged {
+            for (method, judged) in Method::of(aperture).iter().zip(&one.judged) {
                 let [mae, max] = [judged.mae, judged.max].map(|metres| metres * 1e6);
-                println!("{:?}: MAE {mae:.1} um, MAX {max:.1} um", judged.method);
+                println!("{method:?}: MAE {mae:.1} um, MAX {max:.1} um");
                 assert_eq!(judged.without_centre, 0);
                 assert!((30e-6..300e-6).contains(&judged.mae) && judged.max > judged.mae);
                 // D and K of the apparatus: -b/t, and b f (1 + t^2)/t^2 in pixels.

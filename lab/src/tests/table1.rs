@@ -4,18 +4,21 @@ use rayon::prelude::*;
 use simulator::field::{Laser, Scattering, SlitAperture, Surface, View, slit_image};
 use simulator::scene::{Sensor, quantise};
 use slitrange::centre::{self, Estimator};
+use slitrange::frame::comb::Slits;
 use slitrange::row::Row;
 use slitrange::spot;
 
 use crate::paper::apparatus::Aperture;
 use crate::paper::experiment::Experiment;
+use crate::paper::firmware::{self, Fit, Head};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
 use crate::paper::published::TABLE_1;
 
 /// For each material, the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
 /// fit. The two fits differ by less than 15 %. Weights of the rows that suit speckle give smaller errors than
-/// the paper's plain mean. The test takes 210 positions, 2 mm apart, which is about a speckle.
+/// the paper's plain mean. The firmware's default has smaller errors than a plain gaussian fit of the same
+/// rows, on the camera and on the line sensor. The test takes 210 positions, 2 mm apart, which is about a speckle.
 #[test]
 #[ignore = "five more materials take 45 s of processor time; .ci/run runs it"]
 fn the_slits_errors_are_near_the_papers_and_ours_are_smaller() {
@@ -50,6 +53,13 @@ fn check(material: usize) {
     assert!(within.contains(&of_gaussian) && within.contains(&of_fraunhofer));
     assert!((fraunhofer / gaussian - 1.0).abs() < 0.15);
     assert!(ours < gaussian);
+    for head in [Head::Camera, Head::Line(Slits::One)] {
+        let fits = [Fit::Plain, Fit::Firmware(Estimator::default())];
+        let judged = firmware::judge(head, &fits, material, 1, 80, &|| {}).expect("curves");
+        let [plain, default] = [0, 1].map(|fit| judged[fit].0.mae * 1e6);
+        println!("{head:?}: plain gaussian {plain:.1} um, firmware's default {default:.1} um");
+        assert!(default < plain);
+    }
 }
 
 /// For laser spots of 1 and 2 mm, a frame's error with a gaussian is within 15 % of the error with sinc^2.

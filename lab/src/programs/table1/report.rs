@@ -2,7 +2,6 @@
 
 use crate::paper::apparatus::{self, Aperture, LASER, POSITIONS, TAN_ANGLE, WANDER};
 use crate::paper::camera::{FULL_SCALE, PEAK};
-use crate::paper::comb_path;
 use crate::paper::errors::Judged;
 use crate::paper::experiment::{Experiment, Outcome};
 use crate::paper::lens_effects::{DISTORTION, Flare};
@@ -13,7 +12,8 @@ use crate::paper::published::TABLE_1;
 pub struct Report {
     /// Of every material through every aperture.
     pub outcomes: Vec<Outcome>,
-    pub combs: Vec<comb_path::Judged>,
+    /// The firmware's default behind a comb, for each material, and the slits in a reading.
+    pub combs: Vec<(Judged, f64)>,
     pub experiment: Experiment,
 }
 
@@ -41,7 +41,7 @@ impl Report {
         let mut text = format!(
             "Errors in um, simulated on a PC, with the paper's in brackets; {extent}.\n\n\
              | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, \
-             ours MAX | MAE | Comb, line sensor MAX | MAE |\n\
+             ours (PC only) MAX | MAE | Comb, line sensor MAX | MAE |\n\
              |:--|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n"
         );
         for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
@@ -57,12 +57,12 @@ impl Report {
                     judged.mae * MICROMETRES
                 );
             }
-            let comb = &self.combs[i];
+            let (comb, _) = &self.combs[i];
             let [max, mae] = [comb.max, comb.mae].map(|metres| metres * MICROMETRES);
             text += &format!(" {max:.0} | {mae:.0} |\n");
         }
-        let faults: usize = self.combs.iter().map(|comb| comb.without_centre).sum();
-        let slits = statistics::mean(self.combs.iter().map(|comb| comb.slits));
+        let faults: usize = self.combs.iter().map(|(comb, _)| comb.without_centre).sum();
+        let slits = statistics::mean(self.combs.iter().map(|&(_, slits)| slits));
         let gains = || {
             (0..MATERIALS.len()).map(|material| {
                 let [ours, papers] = [Method::Ours, Method::Gaussian]
