@@ -7,6 +7,7 @@
 use core::ops::Range;
 
 use crate::base::{Counts, Exposure, ExposureMode, Fault, Pixels, WorkBudget, numeric};
+use crate::centre::tables::LOPSIDED;
 use crate::centre::{self, Estimate, Estimator, RowCentre, estimate, estimate_robustly};
 use crate::check::own_spot::Profile;
 use crate::check::{self, judge, repair};
@@ -651,7 +652,7 @@ pub fn robust_centre(
 }
 
 /// The repaired centre if the row is symmetric about it, otherwise the one that was found. The table class
-/// stays that of the estimator.
+/// stays that of the estimator, but for the weights of a lopsided spot.
 #[cold]
 #[inline(never)]
 #[expect(
@@ -675,7 +676,11 @@ fn repair_or_keep(
     };
     match repaired {
         Some(other) if !other.misfit || other.width < repair::NARROWEST_SURE_REFIT => RowCentre {
-            class: found.class,
+            // What made the spot lopsided is repaired.
+            class: match found.class.set == LOPSIDED.number {
+                true => centre::WidthClass::default(),
+                false => found.class,
+            },
             ..other
         },
         _ => found,

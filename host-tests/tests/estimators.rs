@@ -56,6 +56,29 @@ fn side_lobes_do_not_count_as_a_tilt() {
     }
 }
 
+/// At most 8 clean rows of 1000 take the weights for lopsided spots. Each row of a bright tailed spot does.
+#[test]
+fn only_a_lopsided_spot_takes_the_weights_for_it() {
+    /// The number of `tables::LOPSIDED`.
+    const LOPSIDED: u8 = 7;
+    let taken = |curve: &Curve, width, height| {
+        let cell = support::cell(width, height, (2.0, Some(5.0)), 1000, 29);
+        let rows = Rows { curve, cell };
+        let found = |row| centre_of(&rows.geometry(), &rows.row(row).0, Estimator::Adaptive);
+        let found = (0..1000).filter_map(|row| found(row).ok());
+        found.filter(|found| found.class.set == LOPSIDED).count()
+    };
+    for (width, height) in pairs([2.0, 4.0, 10.5], [25.0, 50.0, 100.0, 400.0, 3000.0]) {
+        let [clean, tailed] =
+            [profiles::gaussian(), profiles::tailed()].map(|it| taken(&it, width, height));
+        println!(
+            "sigma {width}, {height} counts: {clean} clean rows of 1000, {tailed} with a tail"
+        );
+        assert!(clean <= 8);
+        assert!(tailed >= 990 || height < 3000.0);
+    }
+}
+
 /// The errors of the adaptive estimator and the default on a profile's rows, with a background added to each
 /// pixel: mean and root mean square in pixels.
 fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -> [(f64, f64); 2] {

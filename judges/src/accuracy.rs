@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use simulator::bound;
 use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
 use slitrange::base::fault::Fault;
-use slitrange::centre::tables::{Sampling, TableSet};
+use slitrange::centre::tables::TableSet;
 use slitrange::centre::{self, Estimator, RowCentre, phase_table};
 use slitrange::measurement::centre_of_spot;
 use slitrange::row::{Geometry, Row};
@@ -46,7 +46,7 @@ pub fn centre_with(
 ) -> Answer {
     let row = Row::new(light, &[], geometry.saturated_from()).expect("quantised to 12 bits");
     let (spot, _) = spot::find(&row)?;
-    phase_table::centre(&row, &spot, before, geometry, tables, Sampling::Fine)
+    phase_table::centre(&row, &spot, before, geometry, tables)
 }
 
 /// What an estimator alone finds in a row, and what the measurement finds with it.

@@ -27,7 +27,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::{Counts, Fault, Pixels, WorkBudget, named, numeric};
 use crate::centre::spot_shape::{OwnSpot, SpotShape};
-use crate::centre::tables::Sampling;
 use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
 
@@ -38,7 +37,8 @@ pub enum Estimator {
     Centroid,
     /// The phase-table score with one set of weights for every row.
     PhaseTable,
-    /// The phase-table score with weights that follow the spot's width, its noise and the background's tilt.
+    /// The phase-table score with weights that follow the spot's width, noise and asymmetry, and the
+    /// background's tilt.
     #[default]
     Adaptive,
     /// A weighted least-squares fit of eq. (5), by the Gauss-Newton method: the paper's fit.
@@ -135,14 +135,9 @@ pub fn centre(
         Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
         Estimator::Adaptive => phase_table::adaptive(row, spot, before, geometry),
         Estimator::Fraunhofer => phase_table::fraunhofer(row, spot, before, geometry),
-        Estimator::PhaseTable => phase_table::centre(
-            row,
-            spot,
-            before,
-            geometry,
-            &tables::GAUSSIAN,
-            Sampling::Fine,
-        ),
+        Estimator::PhaseTable => {
+            phase_table::centre(row, spot, before, geometry, &tables::GAUSSIAN)
+        }
     }
 }
 

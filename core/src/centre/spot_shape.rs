@@ -69,19 +69,14 @@ const NOISE: f32 = 12.3;
 /// As [`NOISE`] with the width, for a sensor that knows its own spot: 2 % (five degrees of freedom).
 const NOISE_WITH_WIDTH: f32 = 13.4;
 
-/// The sum of squares of the components, in variances, from which on a spot is lopsided for certain. Noise
-/// exceeds it in one spot of 20,000 (chi square of four degrees of freedom).
-const LOPSIDED: i64 = 25;
-
 impl SpotShape {
-    /// Whether the spot is more lopsided than noise explains.
+    /// Whether the sum of squares of the components is more than so many variances.
     #[inline(always)]
-    pub(super) fn is_lopsided(&self) -> bool {
-        // At most 2^57 each: 25 of them fit.
-        let squared = |it: Pixels| numeric::product(it.to_bits(), it.to_bits()) >> 5;
+    pub(super) fn exceeds(&self, variances: i64) -> bool {
+        let squared = |it: Pixels| numeric::product(it.to_bits(), it.to_bits());
         let squares =
-            (self.components.iter()).fold(0, |sum, &it| numeric::add_i64(sum, squared(it)));
-        squares > numeric::mul_i64(squared(self.noise), LOPSIDED)
+            (self.components.iter()).fold(0, |sum, &it| i64::saturating_add(sum, squared(it)));
+        squares > squared(self.noise).saturating_mul(variances)
     }
 
     /// The standard uncertainty of the centre by the spot's shape. Zero, but for [`Self::rest`], if noise

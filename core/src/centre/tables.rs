@@ -224,7 +224,7 @@ impl<'a> TableSet<'a> {
         width: Pixels,
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         if class.set != self.number {
-            return self.choose(width, Sampling::Fine);
+            return self.choose(width);
         }
         Some((class, self.get(class)?))
     }
@@ -240,24 +240,13 @@ impl<'a> TableSet<'a> {
     }
 
     /// The pixels in a sample and the table that match a width best.
-    pub(super) fn choose(
-        &self,
-        width: Pixels,
-        sampling: Sampling,
-    ) -> Option<(WidthClass, &'a Table<'a>)> {
-        let [block, ..] = BLOCKS;
+    pub(super) fn choose(&self, width: Pixels) -> Option<(WidthClass, &'a Table<'a>)> {
+        let [.., most] = BLOCKS;
         let width = width.to_bits();
         // The width in samples of so many pixels, Q16.
         let samples = |block: u8| width >> block.trailing_zeros();
-        let block = match sampling {
-            Sampling::Fine => (BLOCKS.into_iter())
-                .find(|&block| samples(block) <= self.widest)
-                .or(BLOCKS.last().copied()),
-            Sampling::Coarse => BLOCKS
-                .into_iter()
-                .rfind(|&block| samples(block) >= FEWEST_SAMPLES),
-        }
-        .unwrap_or(block);
+        let block = (BLOCKS.into_iter()).find(|&block| samples(block) <= self.widest);
+        let block = block.unwrap_or(most);
         let samples = samples(block);
         // The widths are a geometric series: above the geometric mean of two neighbours the wider one is
         // nearer.
@@ -280,18 +269,6 @@ impl<'a> TableSet<'a> {
         Some((class, self.tables.get(index)?))
     }
 }
-
-/// How many pixels go into a sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sampling {
-    /// As few pixels as the tables allow.
-    Fine,
-    /// As many pixels as leave at least 1.15 samples a sigma.
-    Coarse,
-}
-
-/// At 1.15 samples a sigma, Q16, 4 % of accuracy are lost in white noise.
-const FEWEST_SAMPLES: i32 = Pixels::from_positive_f32(1.15).to_bits();
 
 /// Proves that each row of weights sums to zero, and that its inner product with samples up to
 /// [`LARGEST_SAMPLE`] fits an i32 at every step of the sum.
@@ -758,7 +735,7 @@ mod tests {
         for step in 0..5100 {
             let width = Pixels::from_f32(0.8 * libm::powf(1.001, step as f32));
             for (tables, worst) in [(&GAUSSIAN, &mut fine), (&PURE_SHOT_NOISE, &mut coarse)] {
-                let (class, table) = tables.choose(width, Sampling::Fine).expect("a table");
+                let (class, table) = tables.choose(width).expect("a table");
                 *worst = table.mismatch(width, class.block).max(*worst);
             }
         }
@@ -766,17 +743,6 @@ mod tests {
         println!("off by {fine} in the fine tables, by {coarse} in the coarse ones");
         // Half a step: the square roots of 1.085 and 1.2. Beyond the widest table, a tenth of a step more.
         assert!(fine < 0.052 && coarse < 0.121, "{fine} {coarse}");
-    }
-
-    #[test]
-    fn coarse_samples_are_as_many_as_asked_for() {
-        for step in 0..5000 {
-            let width = Pixels::from_f32(1.2 * libm::powf(1.001, step as f32));
-            let (class, _) = GAUSSIAN.choose(width, Sampling::Coarse).expect("a table");
-            let samples = width.to_bits() / i32::from(class.block);
-            assert!(samples >= FEWEST_SAMPLES, "{width} {class:?}");
-            assert!(samples <= 2 * FEWEST_SAMPLES || class.block == 16);
-        }
     }
 
     /// The quotients and u against f64: a step, and a share.

@@ -111,7 +111,7 @@ pub const fn purpose(estimator: Estimator) -> &'static str {
     match estimator {
         Estimator::Centroid => "eq. (2), for comparison; subtracts the black level",
         Estimator::PhaseTable => "one set of weights for every row; for skewed lasers",
-        Estimator::Adaptive => "the default: weights that follow width, noise and tilt",
+        Estimator::Adaptive => "the default: weights that follow width, noise, tilt and asymmetry",
         Estimator::GaussNewton => "the paper's fit, eq. (5); reads spots that are cut off",
         Estimator::Fraunhofer => "eq. (6), for laser spots below 1 mm",
     }

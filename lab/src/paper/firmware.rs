@@ -15,7 +15,6 @@ use slitrange::frame::Mean;
 use slitrange::frame::comb::Slits;
 use slitrange::measurement::Options;
 use slitrange::row::{Geometry, sensor_heads};
-use statistics::mean;
 
 use crate::paper::apparatus::{Aperture, CAPTURES, LASER, SLIT, TABLE, WANDER};
 use crate::paper::camera::SHOT_VARIANCE_PER_COUNT_Q16;
@@ -162,8 +161,8 @@ fn capture(
     Ok((rows.map(<[u16]>::to_vec).collect(), first))
 }
 
-/// The centre of a frame in pixels, and the slits used. `None` where the frame has a fault.
-fn centre(rows: &[Vec<u16>], geometry: &Geometry, head: Head, fit: Fit) -> Option<(f64, u8)> {
+/// The centre of a frame in pixels: not a number where the frame has a fault.
+fn centre(rows: &[Vec<u16>], geometry: &Geometry, head: Head, fit: Fit) -> f64 {
     let mut geometry = geometry.clone();
     let estimator = match fit {
         Fit::Plain => {
@@ -182,14 +181,12 @@ fn centre(rows: &[Vec<u16>], geometry: &Geometry, head: Head, fit: Fit) -> Optio
         slits,
         ..Options::default()
     };
-    let measured = frames::measure_rows(rows, &geometry, options, None).ok()?;
-    let used = measured.comb.map_or(1, |comb| comb.used);
-    Some((measured.frame.centre.to_f64(), used))
+    let measured = frames::measure_rows(rows, &geometry, options, None);
+    measured.map_or(f64::NAN, |it| it.frame.centre.to_f64())
 }
 
 /// Moves a material past a head, at every `stride`-th of the paper's positions, and fits eq. (1) to the data
-/// set of each fit itself, as the paper does. Gives the mean number of slits in a reading too. `done` is
-/// called after each position.
+/// set of each fit itself, as the paper does. `done` is called after each position.
 pub fn judge(
     head: Head,
     fits: &[Fit],
@@ -197,7 +194,7 @@ pub fn judge(
     seed: u64,
     stride: usize,
     done: &(dyn Fn() + Sync),
-) -> anyhow::Result<Vec<(Judged, f64)>> {
+) -> anyhow::Result<Vec<Judged>> {
     let set = DataSet {
         material,
         aperture: Aperture::Slit,
@@ -215,44 +212,20 @@ pub fn judge(
             (Source::Line(target), sensor_heads::tcd1304dg())
         }
     };
-    let found: Vec<Vec<Option<(f64, u8)>>> = (set.distances.par_iter().enumerate())
+    let found: Vec<Vec<f64>> = (set.distances.par_iter().enumerate())
         .map(|(position, &distance)| {
             let (rows, first) = match &source {
                 Source::Line(target) => (target.frame(distance, position)?, 0),
                 Source::Camera(target) => capture(target, position)?,
             };
-            let centres = (fits.iter()).map(|&fit| {
-                let (centre, used) = centre(&rows, &geometry, head, fit)?;
-                Some((centre + first as f64, used))
-            });
+            let centre = |&fit| first as f64 + centre(&rows, &geometry, head, fit);
+            let centres = fits.iter().map(centre).collect();
             done();
-            Ok(centres.collect())
+            Ok(centres)
         })
         .collect::<anyhow::Result<_>>()?;
+    let of_fit = |fit: usize| found.iter().map(move |centres| centres[fit]);
     (0..fits.len())
-        .map(|fit| {
-            let of_fit = || found.iter().map(|centres| centres[fit]);
-            let centres: Vec<f64> = of_fit().map(|it| it.map_or(f64::NAN, |it| it.0)).collect();
-            let slits = mean(of_fit().flatten().map(|(_, used)| f64::from(used)));
-            Ok((errors::judge(&set.distances, &centres)?, slits))
-        })
+        .map(|fit| errors::judge(&set.distances, &of_fit(fit).collect::<Vec<_>>()))
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Through 16 slits the mean error on paper is below what the simulated camera has with one slit and 600
-    /// rows (66 um at all positions).
-    #[test]
-    fn a_comb_beats_the_camera_on_paper() {
-        let paper = MATERIALS.iter().position(|it| it.name == "Printer Paper");
-        let (head, fit) = (Head::Line(Slits::Comb), Fit::Firmware(Estimator::default()));
-        let judged = judge(head, &[fit], paper.expect("paper"), 7, 420, &|| {});
-        let (judged, slits) = &judged.expect("a curve")[0];
-        println!("{:.1} um, {slits:.1} slits", judged.mae * 1e6);
-        assert_eq!(judged.without_centre, 0);
-        assert!(judged.mae < 60e-6 && *slits > 15.0);
-    }
 }

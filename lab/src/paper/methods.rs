@@ -4,7 +4,7 @@
 use crate::paper::apparatus::Aperture;
 
 /// The name of [`Method::Ours`] on pages: its table of weights, and its mean of the rows.
-pub const OURS: &str = "lopsided+ends";
+pub const OURS: &str = "speckle+ends";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
@@ -15,8 +15,8 @@ pub enum Method {
     Gaussian,
     /// The paper's for the slit: on each row Fraunhofer's pattern, sinc^2. The core's `fraunhofer`.
     Fraunhofer,
-    /// Ours for the slit: the core's weights for lopsided spots
-    /// ([`LOPSIDED`](slitrange::centre::tables::LOPSIDED)), and weights of the rows that
+    /// Ours for the slit: a table that is made for speckle
+    /// ([`slit_path::speckle_table`](crate::paper::slit_path::speckle_table)), and weights of the rows that
     /// suit speckle ([`row_mean::towards_the_ends`](crate::paper::row_mean::towards_the_ends)).
     Ours,
 }

@@ -53,12 +53,15 @@ fn check(material: usize) {
     assert!(within.contains(&of_gaussian) && within.contains(&of_fraunhofer));
     assert!((fraunhofer / gaussian - 1.0).abs() < 0.15);
     assert!(ours < gaussian);
-    for head in [Head::Camera, Head::Line(Slits::One)] {
+    let comb = Head::Line(Slits::Comb);
+    for head in [Head::Camera, Head::Line(Slits::One), comb] {
         let fits = [Fit::Plain, Fit::Firmware(Estimator::default())];
         let judged = firmware::judge(head, &fits, material, 1, 80, &|| {}).expect("curves");
-        let [plain, default] = [0, 1].map(|fit| judged[fit].0.mae * 1e6);
+        let [plain, default] = [0, 1].map(|fit| judged[fit].mae * 1e6);
         println!("{head:?}: plain gaussian {plain:.1} um, firmware's default {default:.1} um");
-        assert!(default < plain);
+        // Behind a comb all fits but the centroid have the same error, to 1 %: less than half of the slit's.
+        assert!(default < plain || head == comb && default < 1.01 * plain);
+        assert!(head != comb || default < 0.55 * gaussian);
     }
 }
 

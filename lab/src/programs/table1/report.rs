@@ -12,8 +12,6 @@ use crate::paper::published::TABLE_1;
 pub struct Report {
     /// Of every material through every aperture.
     pub outcomes: Vec<Outcome>,
-    /// The firmware's default behind a comb, for each material, and the slits in a reading.
-    pub combs: Vec<(Judged, f64)>,
     pub experiment: Experiment,
 }
 
@@ -41,8 +39,8 @@ impl Report {
         let mut text = format!(
             "Errors in um, simulated on a PC, with the paper's in brackets; {extent}.\n\n\
              | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, \
-             ours (PC only) MAX | MAE | Comb, line sensor MAX | MAE |\n\
-             |:--|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n"
+             ours (PC only) MAX | MAE |\n\
+             |:--|--:|--:|--:|--:|--:|--:|--:|--:|\n"
         );
         for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
             text += &format!("| {} |", material.name);
@@ -57,12 +55,8 @@ impl Report {
                     judged.mae * MICROMETRES
                 );
             }
-            let (comb, _) = &self.combs[i];
-            let [max, mae] = [comb.max, comb.mae].map(|metres| metres * MICROMETRES);
-            text += &format!(" {max:.0} | {mae:.0} |\n");
+            text += "\n";
         }
-        let faults: usize = self.combs.iter().map(|(comb, _)| comb.without_centre).sum();
-        let slits = statistics::mean(self.combs.iter().map(|&(_, slits)| slits));
         let gains = || {
             (0..MATERIALS.len()).map(|material| {
                 let [ours, papers] = [Method::Ours, Method::Gaussian]
@@ -71,10 +65,7 @@ impl Report {
             })
         };
         text += &format!(
-            "\nThe comb has 16 slits before one row of pixels of 8 um x 200 um (TCD1304DG). A reading is a \
-             frame of five rows, and uses {slits:.1} slits in the mean; {faults} positions have no reading. \
-             Eq. (1) is fitted to each data set itself, as for the others.\n\n\
-             Ours is `{OURS}`. Its MAE is {:.0} to {:.0} % below that of the paper's gaussian. This gain is known \
+            "\nOurs is `{OURS}`. Its MAE is {:.0} to {:.0} % below that of the paper's gaussian. This gain is known \
              to 3 %, because the travel covers only about 100 independent speckles.\n\n\
              The paper does not give the following values. We chose them, the same for the lens and the \
              slit. *Paths*: the mean extra path of light within the material. *Glossy lobe*: its brightness \

@@ -4,7 +4,7 @@ use core::fmt::{self, Display, Write};
 
 use slitrange::base::units::{AsMillimetres, Counts, Micrometres, Pixels};
 use slitrange::base::work_budget::WorkBudget;
-use slitrange::centre::tables::{GAUSSIAN, Sampling};
+use slitrange::centre::tables::GAUSSIAN;
 use slitrange::centre::{self, Estimator, phase_table};
 use slitrange::frame::Frame;
 use slitrange::light::black_level::{self, BlackPixels};
@@ -91,8 +91,7 @@ pub fn find_centres() {
     }
     let budget = &mut any(WorkBudget::of_row());
     let _ = any(robust_centre(&row, spot, before, geometry, profile, budget));
-    let (tables, step) = (&GAUSSIAN, any(Sampling::Coarse));
-    let by_table = phase_table::centre(&row, spot, before, geometry, tables, step);
+    let by_table = phase_table::centre(&row, spot, before, geometry, &GAUSSIAN);
     let _ = any(by_table);
     let mut frame = Frame::default();
     let mut black = BlackPixels::default();
