@@ -284,7 +284,7 @@ fn table_bytes(method: Method) -> u64 {
         Method::Estimator(Estimator::Fraunhofer) => bytes_of(&tables::SLIT),
         Method::Estimator(Estimator::Adaptive) | Method::Repair => {
             let mixes = tables::MIXES.iter().map(|(_, tables)| bytes_of(tables));
-            mixes.sum::<u64>() + bytes_of(&tables::TILTED)
+            mixes.sum::<u64>() + bytes_of(&tables::TILTED) + bytes_of(&tables::LOPSIDED)
         }
     }
 }
