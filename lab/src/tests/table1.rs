@@ -59,8 +59,8 @@ fn check(material: usize) {
         let judged = firmware::judge(head, &fits, material, 1, 80, &|| {}).expect("curves");
         let [plain, default] = [0, 1].map(|fit| judged[fit].mae * 1e6);
         println!("{head:?}: plain gaussian {plain:.1} um, firmware's default {default:.1} um");
-        // Behind a comb all fits but the centroid have the same error, to 1 %: less than half of the slit's.
-        assert!(default < plain || head == comb && default < 1.01 * plain);
+        // 210 positions know the ratio to 0.5 %. Behind a comb all fits but the centroid are alike, to 1 %.
+        assert!(default < plain * if head == comb { 1.01 } else { 1.005 });
         assert!(head != comb || default < 0.55 * gaussian);
     }
 }
