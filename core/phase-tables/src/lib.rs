@@ -109,8 +109,8 @@ pub const LOPSIDED: Plan = Plan {
 impl Plan {
     /// Half of the window in pixels for a width, with up to one more pixel for the phase. Beyond 4 sigma a
     /// window gains less than 0.1 % in white noise. Where shot noise dominates, the flanks weigh more. Only
-    /// the pixels beside a spot tell a tilt from a spot that moved. But far out on the flanks, what light on one
-    /// side of the slit adds no longer looks like a tilt.
+    /// the pixels beside a spot tell a tilt from a spot that moved. But light on one side of the slit looks
+    /// like a tilt only near the spot.
     pub fn half_width(&self, width: f64) -> usize {
         let reach = match self.background {
             Background::Level if self.noise_ratio > 0.1 => 4.0,

@@ -480,8 +480,8 @@ pub fn adaptive(
     fit.with_uncertainty(noise, geometry)
 }
 
-/// Whether the spot is taken for lopsided because of the row before: by its shape, or because it was taken for
-/// lopsided then.
+/// Whether the spot counts as lopsided because of the row before: by its shape then, or because it already
+/// counted as lopsided.
 #[inline(always)]
 fn stays_lopsided(before: &RowCentre) -> bool {
     before.class.set == LOPSIDED.number || before.shape.exceeds(MOST_BY_NOISE)
@@ -491,10 +491,9 @@ fn stays_lopsided(before: &RowCentre) -> bool {
 /// square of four degrees of freedom).
 const MOST_BY_NOISE: i64 = 20;
 
-/// Whether the centre by [`LOPSIDED`] differs from that by the set for the noise by more than noise explains:
-/// by more than three standard deviations. The variance of the difference is that of the one less that of the
-/// other, which is nearly the best. But each is known only as well as its slope, so the difference counts as
-/// a quarter of the other's at least.
+/// Whether the centre by [`LOPSIDED`] differs from that by the set for the noise by more than three standard
+/// deviations. The variance of the difference is the variance by [`LOPSIDED`] less that by the other set.
+/// Noise may make this too small, so it is at least a quarter of the latter. Squares of an i32 fit an i64.
 fn is_lopsided(best: &Fit<'_>, other: &Fit<'_>, noise: Counts, geometry: &Geometry) -> bool {
     let squared = |it: i32| product(it, it);
     let variance = |fit: &Fit<'_>| squared(fit.uncertainty(noise, geometry).to_bits());

@@ -19,8 +19,8 @@ use crate::{docs, progress, table};
 const SEED: u64 = 1;
 
 /// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures
-/// each. Then the firmware's estimators, on the camera and on a line sensor with one slit and a comb, at every
-/// tenth of these positions.
+/// each. Then the firmware's estimators at every tenth of these positions: on the camera, and on a line
+/// sensor with one slit and with a comb.
 #[derive(Args)]
 pub struct Options {
     /// Every tenth position
@@ -92,9 +92,9 @@ fn by_firmware(stride: usize) -> anyhow::Result<String> {
     let head = format!("material, head | plain gaussian | {}", names.join(" | "));
     Ok(format!(
         "MAE in um of the firmware's estimators on the same pieces of material, at every {stride}th of the \
-         paper's positions, simulated on a PC. *plain gaussian*: the paper's fit, all pixels alike. A reading \
-         is the plain mean of every tenth of the camera's 600 rows, or a frame of five rows of the line \
-         sensor (TCD1304DG). {without} readings have no distance.\n\n{}",
+         paper's positions, simulated on a PC. *plain gaussian*: the paper's fit, all pixels alike. A \
+         reading is the plain mean of every tenth of the camera's 600 rows, or a frame of five rows of \
+         the line sensor (TCD1304DG). {without} readings have no distance.\n\n{}",
         table::of(&head, rows)
     ))
 }

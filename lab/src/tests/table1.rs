@@ -18,7 +18,7 @@ use crate::paper::published::TABLE_1;
 /// For each material, the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
 /// fit. The two fits differ by less than 15 %. Weights of the rows that suit speckle give smaller errors than
 /// the paper's plain mean. The firmware's default has smaller errors than a plain gaussian fit of the same
-/// rows, on the camera and on the line sensor. The test takes 210 positions, 2 mm apart, which is about a speckle.
+/// rows, on the camera and on the line sensor. The test takes 210 positions, 2 mm apart, about a speckle.
 #[test]
 #[ignore = "five more materials take 45 s of processor time; .ci/run runs it"]
 fn the_slits_errors_are_near_the_papers_and_ours_are_smaller() {

@@ -65,8 +65,8 @@ impl Report {
             })
         };
         text += &format!(
-            "\nOurs is `{OURS}`. Its MAE is {:.0} to {:.0} % below that of the paper's gaussian. This gain is known \
-             to 3 %, because the travel covers only about 100 independent speckles.\n\n\
+            "\nOurs is `{OURS}`. Its MAE is {:.0} to {:.0} % below that of the paper's gaussian. This gain \
+             is known to 3 %, because the travel covers only about 100 independent speckles.\n\n\
              The paper does not give the following values. We chose them, the same for the lens and the \
              slit. *Paths*: the mean extra path of light within the material. *Glossy lobe*: its brightness \
              over that of the matt surface. *Texture*: the standard deviation of the reflectance over its \
