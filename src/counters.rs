@@ -15,10 +15,12 @@ pub static COUNTERS: Counters = Counters {
     sampled_earliest: Counter::new(),
     sampled_latest: Counter::new(),
     frames: Counter::new(),
+    result_is_fault: Counter::new(),
     results: Counter::new(),
     row_cycles: Counter::new(),
     slowest_row_cycles: Counter::new(),
     lines_dropped: Counter::new(),
+    stops: Counter::new(),
     serial_noise: Counter::new(),
     serial_framing: Counter::new(),
     serial_overrun: Counter::new(),
@@ -45,6 +47,8 @@ pub struct Counters {
     pub sampled_latest: Counter,
     /// Results of frames.
     pub frames: Counter,
+    /// 1 if the latest result is a fault, otherwise 0.
+    pub result_is_fault: Counter,
     /// Signs of life of measuring and the serial line: readings and faults that the serial line took, changes
     /// of settings that measuring took, lines of a row, and operations of a save on the flash.
     pub results: Counter,
@@ -54,6 +58,8 @@ pub struct Counters {
     pub slowest_row_cycles: Counter,
     /// Readings and faults that never became a line.
     pub lines_dropped: Counter,
+    /// Panics, HardFaults and lost clocks, since the power came.
+    pub stops: Counter,
     /// Characters received with noise.
     pub serial_noise: Counter,
     /// Characters received without a stop bit.
@@ -75,6 +81,7 @@ impl Counters {
                 .saturating_sub(self.sampled_earliest.get()),
             row_cycles: self.row_cycles.get(),
             slowest_row_cycles: self.slowest_row_cycles.get(),
+            stops: self.stops.get(),
             triggers_missed: self.triggers_missed.get(),
             lines_dropped: self.lines_dropped.get(),
             serial_errors: SerialErrors {

@@ -47,10 +47,9 @@ mod measuring;
 #[cfg(target_os = "none")]
 mod serial_line;
 
-// Linked for what they define: where defmt's log goes, and what a panic does. defmt logs the panic,
-// everything stops, and the watchdog starts the board again.
+// Linked for what it defines: where defmt's log goes.
 #[cfg(target_os = "none")]
-use {defmt_rtt as _, panic_probe as _};
+use defmt_rtt as _;
 
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
@@ -64,12 +63,16 @@ async fn main(spawner: embassy_executor::Spawner) {
         longest_exposure: heads::LONGEST_EXPOSURE,
         clock: board.clock,
         brown_out: board.brown_out,
+        last_stop: board.last_stop,
     };
 
     // Spawning fails only if a task is spawned twice: a programming error, which the first start would show.
     let urgent = board::start_urgent_executor();
     urgent.spawn(defmt::unwrap!(acquisition::acquire(sensor)));
-    urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
+    urgent.spawn(defmt::unwrap!(watchdog::watch(
+        board.watchdog,
+        board.lights
+    )));
     spawner.spawn(defmt::unwrap!(measuring::measure()));
     spawner.spawn(defmt::unwrap!(serial_line::serve(
         board.serial,

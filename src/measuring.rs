@@ -289,6 +289,7 @@ fn publish_window(measured: &Measured, geometry: &Geometry, words: &[u16], at: I
 /// Never waits: a serial line that is behind must not keep rows from being measured.
 fn publish(result: Result<Measured, Fault>, at: Instant) {
     COUNTERS.frames.add();
+    COUNTERS.result_is_fault.set(result.is_err().into());
     let end = FrameEnd {
         number: COUNTERS.frames.get(),
         at,

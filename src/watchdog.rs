@@ -9,7 +9,7 @@
 
 use embassy_time::{Duration, Ticker};
 
-use crate::board::Watchdog;
+use crate::board::{Lights, Watchdog};
 use crate::counters::{COUNTERS, Counter};
 
 /// Time between two checks of the counters.
@@ -22,7 +22,7 @@ const MAX_CHECKS_WITHOUT_CHANGE: u32 = 12;
 
 /// Watches for ever.
 #[embassy_executor::task]
-pub async fn watch(mut watchdog: Watchdog) {
+pub async fn watch(mut watchdog: Watchdog, mut lights: Lights) {
     let mut signs = [Sign::of(&COUNTERS.pulses), Sign::of(&COUNTERS.results)];
     let mut check = Ticker::every(CHECK_PERIOD);
     loop {
@@ -34,6 +34,7 @@ pub async fn watch(mut watchdog: Watchdog) {
         if alive {
             watchdog.pet();
         }
+        lights.update(alive);
     }
 }
 

@@ -79,6 +79,14 @@ fn config(clock: Clock) -> Config {
     config
 }
 
+/// Lets the chip watch the clock from outside. If the clock stops, the chip goes on by its own oscillator, and
+/// the exception NMI switches the laser off ([`super::last_stop`]).
+pub fn watch(clock: Clock) {
+    pac::RCC
+        .cr()
+        .modify(|cr| cr.set_csson(clock == Clock::External));
+}
+
 /// Enables caches and prefetch, which hide most of flash's five wait states (RM0090 section 3.5).
 /// embassy-stm32 0.6.0 sets the wait states only.
 pub fn enable_flash_accelerator() {

@@ -22,6 +22,18 @@ const COUNTER_HZ: u32 = 1_000_000;
 /// Channel 4 of TIM4.
 const CHANNEL: usize = 3;
 
+/// Switches the laser off until the next reset, in a pulse too, and whatever else uses the timer.
+pub fn force_off() {
+    pac::TIM4
+        .ccmr_output(CHANNEL / 2)
+        .modify(|mode| mode.set_ocm(CHANNEL % 2, Ocm::FORCE_INACTIVE));
+}
+
+/// Whether rows have pulses.
+pub fn is_used() -> bool {
+    pac::TIM4.arr().read().arr() != 0
+}
+
 /// The laser's switch.
 pub struct Laser {
     /// The timer has its clock, and the pin its output, as long as these are kept.
@@ -74,7 +86,7 @@ impl Laser {
     /// Starts the pulse.
     #[inline]
     pub fn start(&mut self) {
-        if pac::TIM4.arr().read().arr() != 0 {
+        if is_used() {
             pac::TIM4.cr1().modify(|control| control.set_cen(true));
         }
     }

@@ -13,6 +13,7 @@
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
 //! | PA3 | input, EXTI3, pulled down | the trigger: a rising edge starts a frame (setting `trigger pin`) |
 //! | PD12 | output | an RS-485 driver: high while the sensor sends |
+//! | PB0, PB7, PB14 | outputs | the board's lights LD1 to LD3 |
 //! | PA12 | output, low | nothing (see `keep_pa12_low`) |
 //!
 //! # Priorities
@@ -32,6 +33,8 @@ mod clock;
 mod core_coupled_memory;
 mod flash;
 mod laser;
+mod last_stop;
+mod lights;
 pub mod processor;
 mod sensor_wires;
 mod serial;
@@ -49,6 +52,7 @@ use slitrange_device::protocol::status::StartCause;
 
 pub use flash::CalibrationFlash;
 pub use laser::Laser;
+pub use lights::Lights;
 pub use processor::{cycles, cycles_in_ns, reset, wait_until};
 pub use sensor_wires::{
     Converter, MasterClock, Pins, master_clock_rose, raise_icg_at, words_to_come,
@@ -58,6 +62,7 @@ pub use trigger_pin::listen_to_trigger;
 pub use urgent::start_urgent_executor;
 pub use watchdog::Watchdog;
 
+use crate::counters::COUNTERS;
 use serial::{CountSerialErrors, NoteFlags, ReleaseLine};
 
 /// The board's name.
@@ -94,6 +99,10 @@ pub struct Board {
     pub clock: Clock,
     /// What the chip does while its supply is too low.
     pub brown_out: BrownOut,
+    /// What stopped the firmware last, since the power came.
+    pub last_stop: Option<&'static str>,
+    /// LD1 to LD3.
+    pub lights: Lights,
 }
 
 /// Sets up clocks and peripherals, with the sensor head's two clocks. Call once, first.
@@ -103,7 +112,10 @@ pub fn init(master_clock_hz: u32, sclk_hz: u32) -> Board {
     let clock = clock::start();
     let p = clock::init_chip(clock);
     clock::enable_flash_accelerator();
+    clock::watch(clock);
     let started_by = start_cause::start_cause();
+    let (stops, last_stop) = last_stop::read(started_by);
+    COUNTERS.stops.set(stops.into());
     defmt::info!(
         "slitrange started by {}",
         defmt::Display2Format(&started_by)
@@ -143,5 +155,7 @@ pub fn init(master_clock_hz: u32, sclk_hz: u32) -> Board {
         started_by,
         clock,
         brown_out: start_cause::brown_out(),
+        last_stop,
+        lights: Lights::new(p.PB0, p.PB7, p.PB14),
     }
 }

@@ -64,6 +64,7 @@ impl Core {
             longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
             clock: Clock::External,
             brown_out: BrownOut::Off,
+            last_stop: None,
         };
         let mut settings = sensor.settings;
         for &value in changes {

@@ -1,4 +1,4 @@
-//! Makes the firmware hang or panic at a function, for tests of the watchdog.
+//! Makes the firmware hang or panic at a function, or jump to no memory, for tests of the watchdog.
 //!
 //! The emulated flash is read-only for tests too (rigless's STM32F427 has no model of its array, so
 //! `Session::flip_bits` refuses it), and a driver reaches memory but no register. So `watched_core` wraps the
@@ -17,6 +17,9 @@ const JUMP_TO_ITSELF: [u8; 2] = 0xE7FE_u16.to_le_bytes();
 /// The function that panics without a message: `defmt::unwrap!` and the like call it after they have logged
 /// theirs.
 pub(crate) const PANIC: &str = "_defmt_panic";
+
+/// Where the STM32F429 has no memory: a call is a fault.
+pub(crate) const NO_MEMORY: u32 = 0x1800_0000;
 
 /// For each function's first instruction, what happens there.
 pub type Detours = BTreeMap<u64, Detour>;

@@ -22,6 +22,9 @@ use crate::sensor_head::SharedHead;
 /// PWM mode 2: the output is low while the counter is below the compare value (RM0090 section 18.4.8).
 const PWM_MODE_2: u64 = 0b111;
 
+/// The output is low, whatever the counter is.
+const FORCED_INACTIVE: u64 = 0b100;
+
 /// The function of PD15 that connects it to TIM4 (STM32F429 data sheet, table 12).
 const TIMER_FUNCTION: u64 = 2;
 
@@ -60,10 +63,10 @@ impl LaserTimer {
             let what = "the laser is on while its timer stands still: set the compare value first";
             lock(&self.head).violated(now.0, what);
         }
-        if began || ended || !is_enabled {
+        if began || ended || !is_enabled || mode == FORCED_INACTIVE {
             lock(&self.head).laser_off(now.0);
         }
-        if !(began && is_enabled) {
+        if !(began && is_enabled) || mode == FORCED_INACTIVE {
             return;
         }
         if !cr1::OPM.is_set(control) || mode != PWM_MODE_2 || ccer::CC4P.is_set(enable) {

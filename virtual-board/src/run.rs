@@ -139,7 +139,7 @@ impl VirtualBoard {
             .context("the firmware has no `b .`, which hang_at needs")?;
         let watched = Watched {
             flash,
-            has_no_clock: !conditions.has_clock,
+            has_no_clock: Arc::new(AtomicBool::new(!conditions.has_clock)),
             warm_cores: firmware.warm_cores.clone(),
             ..Watched::default()
         };
@@ -405,6 +405,49 @@ impl VirtualBoard {
     pub fn panic_at(&mut self, symbol: &str) -> Result<()> {
         let panic = u32::try_from(self.firmware.address_of(hang::PANIC)?)?;
         self.detour(symbol, panic, None)
+    }
+
+    /// Makes the firmware panic as soon as it does not sleep.
+    ///
+    /// # Errors
+    /// The firmware has no function that panics.
+    pub fn panic_now(&mut self) -> Result<()> {
+        let to = u32::try_from(self.firmware.address_of(hang::PANIC)?)?;
+        self.jump(Detour { to, stack: None });
+        Ok(())
+    }
+
+    /// Makes the firmware jump to where there is no memory, as soon as it does not sleep.
+    pub fn fault_now(&mut self) {
+        let to = hang::NO_MEMORY;
+        self.jump(Detour { to, stack: None });
+    }
+
+    /// Makes the firmware hang with its stack pointer at `stack`, as soon as it does not sleep.
+    pub fn hang_now(&mut self, stack: u32) {
+        let (to, stack) = (self.trap, Some(stack));
+        self.jump(Detour { to, stack });
+    }
+
+    fn jump(&mut self, jump: Detour) {
+        *lock(&self.watched.jump) = Some(jump);
+    }
+
+    /// Ends the clock from the ST-LINK, for good. rigless raises no NMI then, and the chip goes on at its old
+    /// speed (silicon: at 16 MHz).
+    ///
+    /// # Errors
+    /// The firmware does not watch the clock: the chip would stand still, with its laser on.
+    pub fn end_clock(&mut self) -> Result<()> {
+        let is_watched = self.on_emulator(|session, _, _| {
+            let (_, clocks) = session.board_mut().processor.part.clocks();
+            rcc::cr::CSSON.is_set(clocks.get(rcc::Register::Cr))
+        })?;
+        ensure!(is_watched, "RCC_CR.CSSON is not set");
+        self.watched.has_no_clock.store(true, Ordering::Relaxed);
+        // ICSR and its bit NMIPENDSET (ARMv7-M manual, section B3.2.4).
+        self.probe_writes(0xE000_ED04, 1 << 31);
+        Ok(())
     }
 
     /// Makes the firmware hang as [`VirtualBoard::hang_at`], with its stack pointer at `stack`.

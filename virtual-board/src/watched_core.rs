@@ -4,6 +4,7 @@
 
 use std::collections::BTreeSet;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use rigless::emulator::{
@@ -16,7 +17,7 @@ use rigless::time::VirtualNanos;
 use crate::base::{Nanos, lock};
 use crate::flash::{self, SharedFlash};
 use crate::forward::forward;
-use crate::hang::Detours;
+use crate::hang::{Detour, Detours};
 use crate::trace::{Recorder, Traces};
 use crate::warm_cores::{BoardCore, WarmCores};
 
@@ -39,8 +40,10 @@ pub(crate) struct Watched {
     pub(crate) traces: Arc<Mutex<Traces>>,
     /// The contents of the four sectors, which are not in its memory map.
     pub(crate) flash: SharedFlash,
-    /// Whether the external clock never gets ready. rigless's does, at any frequency.
-    pub(crate) has_no_clock: bool,
+    /// Where the firmware continues as soon as it does not sleep.
+    pub(crate) jump: Arc<Mutex<Option<Detour>>>,
+    /// Whether there is no external clock. rigless's gets ready at any frequency.
+    pub(crate) has_no_clock: Arc<AtomicBool>,
     pub(crate) warm_cores: WarmCores,
 }
 
@@ -103,6 +106,16 @@ impl Core {
         let mut armed = addresses(&self.detours);
         Self::arm(&mut self.inner, &mut armed, &addresses(&wanted));
         self.detours.clone_from(&wanted);
+    }
+
+    fn take(&mut self, detour: Detour) {
+        let mut set = |register, value: u32| {
+            self.inner.set_gdb_register(register, &value.to_le_bytes());
+        };
+        if let Some(stack) = detour.stack {
+            set(STACK_POINTER, stack);
+        }
+        set(PROGRAM_COUNTER, detour.to);
     }
 
     fn register(&self, number: usize) -> u32 {
@@ -208,12 +221,16 @@ impl Processor for Core {
         let bus = &mut BusWithFlash {
             inner: bus,
             flash: self.watched.flash.clone(),
-            has_no_clock: self.watched.has_no_clock,
+            has_no_clock: self.watched.has_no_clock.load(Ordering::Relaxed),
             steps: false,
         };
         self.inner.settle();
         self.serve_the_probe();
         self.arm_detours();
+        if !self.inner.waiting() {
+            let jump = lock(&self.watched.jump).take();
+            jump.into_iter().for_each(|jump| self.take(jump));
+        }
         Self::arm(
             &mut self.inner,
             &mut self.traced,
@@ -226,13 +243,7 @@ impl Processor for Core {
         if exit == Exit::Breakpoint
             && let Some(&detour) = self.detours.get(&self.inner.pc())
         {
-            let mut set = |register, value: u32| {
-                self.inner.set_gdb_register(register, &value.to_le_bytes());
-            };
-            if let Some(stack) = detour.stack {
-                set(STACK_POINTER, stack);
-            }
-            set(PROGRAM_COUNTER, detour.to);
+            self.take(detour);
             return (Exit::Returned, ran);
         }
         (exit, ran)

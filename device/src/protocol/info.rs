@@ -33,6 +33,8 @@ pub struct Hardware {
     pub clock: Clock,
     /// What the chip does while its supply is too low.
     pub brown_out: BrownOut,
+    /// What stopped the firmware last, since the power came.
+    pub last_stop: Option<&'static str>,
 }
 
 /// What times the rows and the serial line.
@@ -139,6 +141,9 @@ impl fmt::Display for Info<'_> {
         write!(f, "in which the laser is on for {least} to {most} us")?;
         write!(f, "\r\ninfo clock {}", hardware.clock)?;
         write!(f, "\r\ninfo brown-out reset {}", hardware.brown_out)?;
+        if let Some(why) = hardware.last_stop {
+            write!(f, "\r\ninfo last stop {why}")?;
+        }
         write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
         if self.settings.slits == Slits::Comb {

@@ -57,6 +57,8 @@ pub struct Vitals {
     pub row_cycles: u32,
     /// The most core cycles that a row took since the start, counted as `row_cycles`.
     pub slowest_row_cycles: u32,
+    /// Panics, HardFaults and lost clocks, since the power came.
+    pub stops: u32,
     /// Triggers that came while a frame was under way.
     pub triggers_missed: u32,
     /// Lines of readings and faults that the serial line was too slow for.
@@ -147,6 +149,7 @@ impl fmt::Display for Errors<'_> {
             write!(f, "status fault {name} {count}\r\n")?;
         }
         for (name, count) in [
+            ("stops", vitals.stops),
             ("triggers missed", vitals.triggers_missed),
             ("lines dropped", vitals.lines_dropped),
             ("serial noise", serial.noise),

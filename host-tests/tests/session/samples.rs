@@ -12,6 +12,7 @@ pub const HARDWARE: Hardware = Hardware {
     longest_exposure: Exposure::LONGEST,
     clock: Clock::External,
     brown_out: BrownOut::Off,
+    last_stop: None,
 };
 
 fn number<T: std::str::FromStr>(word: &str) -> T {

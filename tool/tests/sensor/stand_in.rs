@@ -55,6 +55,7 @@ const HARDWARE: Hardware = Hardware {
     longest_exposure: Exposure::LONGEST,
     clock: Clock::External,
     brown_out: BrownOut::Off,
+    last_stop: None,
 };
 
 /// The noise of a frame's centre, in pixels.

@@ -24,6 +24,7 @@ const HARDWARE: Hardware = Hardware {
     longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
     clock: Clock::External,
     brown_out: BrownOut::Off,
+    last_stop: None,
 };
 
 #[test]

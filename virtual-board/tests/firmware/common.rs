@@ -237,12 +237,17 @@ pub fn assert_no_reset(board: &mut VirtualBoard) {
     assert_eq!(board.resets().expect("resets"), []);
 }
 
-/// The level of PE11, the switching output. `None` if the pin is no output.
-pub fn switching_output(board: &mut VirtualBoard) -> Option<bool> {
-    with_processor(board, |it| {
-        let pin = Pin::of(&it.part, "GPIOE", 11);
+/// The level of a pin. `None` if it is no output.
+pub fn output(board: &mut VirtualBoard, port: &'static str, number: u64) -> Option<bool> {
+    with_processor(board, move |it| {
+        let pin = Pin::of(&it.part, port, number);
         (pin.mode == OUTPUT).then_some(pin.is_high)
     })
+}
+
+/// The level of the switching output.
+pub fn switching_output(board: &mut VirtualBoard) -> Option<bool> {
+    output(board, "GPIOE", 11)
 }
 
 /// Whether a line is a frame's result: a reading or a fault.
@@ -280,6 +285,19 @@ pub fn ask(board: &mut VirtualBoard, command: &str) -> String {
 #[track_caller]
 pub fn set(board: &mut VirtualBoard, command: &str) {
     assert_eq!(ask(board, command), command);
+}
+
+/// Runs until the laser has just gone on.
+pub fn run_into_a_pulse(board: &mut VirtualBoard) {
+    for wanted in [false, true] {
+        let is_reached = |board: &mut VirtualBoard| {
+            let now = board.now();
+            board.head(move |head| head.laser_pulses().any(|it| it.contains(&now)) == wanted)
+        };
+        while !is_reached(board) {
+            board.run_for(Duration::from_micros(20)).expect("a run");
+        }
+    }
 }
 
 pub fn ask_for_lines(board: &mut VirtualBoard, command: &str, count: usize) -> Vec<String> {
@@ -340,7 +358,7 @@ pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
 }
 
 /// Lines of the answer to `status`.
-const STATUS_LINES: usize = 16 + Fault::KINDS;
+const STATUS_LINES: usize = 17 + Fault::KINDS;
 
 #[derive(Debug)]
 pub struct Status(pub Vec<String>);

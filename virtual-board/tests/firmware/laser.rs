@@ -1,7 +1,6 @@
 //! Tests of the laser: when it is on, for how long, and when it must be off.
 
 use std::process::Command;
-use std::time::Duration;
 
 use judges::changing_light::{self, BRIGHTEST};
 use rand::SeedableRng as _;
@@ -92,13 +91,7 @@ fn the_laser_goes_off_when_the_firmware_stops() {
     results(&mut board, 2);
     assert!(laser_time(&mut board) > stopped);
     // In a reset the pin has no output.
-    let is_on = |board: &mut VirtualBoard| {
-        let now = board.now();
-        board.head(move |head| head.laser_pulses().any(|pulse| pulse.contains(&now)))
-    };
-    while !is_on(&mut board) {
-        board.run_for(Duration::from_micros(300)).expect("a run");
-    }
+    run_into_a_pulse(&mut board);
     board.reset_pin().expect("the emulator");
     let at_reset = laser_time(&mut board);
     run_ms(&mut board, 6);

@@ -68,6 +68,86 @@ fn the_watchdog_resets_after_a_logged_panic_and_if_a_computation_hangs() {
     }
 }
 
+/// Stops a board in a pulse. The pulse must end at once, not after its 5.6 ms.
+fn stop_in_a_pulse(board: &mut VirtualBoard, stop: fn(&mut VirtualBoard)) {
+    set(board, "exposure 5600");
+    // The core then still computes a row at the pulse's begin.
+    set(board, "estimator gauss-newton");
+    results(board, 3);
+    run_into_a_pulse(board);
+    let stopped = board.now();
+    stop(board);
+    run_ms(board, 20);
+    let pulse = board.head(|head| head.laser_pulses().next_back().expect("a pulse").clone());
+    println!("stopped at {stopped} ns, in the pulse {pulse:?}");
+    assert!(pulse.contains(&stopped) && pulse.end < stopped + 100_000);
+}
+
+/// Asserts what `info` says of the last stop, and how many stops `errors` counts.
+fn assert_tells_why(board: &mut VirtualBoard, why: &str, stops: u64) {
+    let info = ask_until(board, "info", |it| {
+        it.starts_with("info uncertainty motion")
+    });
+    let told = info.iter().find(|line| line.starts_with("info last stop "));
+    println!("{told:?}");
+    assert!(told.is_some_and(|told| told.contains(why)), "{info:#?}");
+    assert_eq!(Status::ask(board).count("stops"), stops);
+}
+
+#[test]
+fn a_stop_ends_the_pulse_and_is_told_after_the_reset() {
+    type Stop = fn(&mut VirtualBoard);
+    let cases: [(Stop, _); 2] = [
+        (|it| it.panic_now().expect("a panic"), "panic at "),
+        (VirtualBoard::fault_now, "fault at 0x18000000, "),
+    ];
+    let mut board = measuring(4);
+    for (count, (stop, why)) in (1..).zip(cases) {
+        stop_in_a_pulse(&mut board, stop);
+        await_line(&mut board, |line| line.ends_with("started by watchdog"));
+        assert_tells_why(&mut board, why, count);
+    }
+    // The next interrupt finds no room on the stack.
+    board.hang_now(stack_guard() + 4112);
+    await_line(&mut board, |line| line.ends_with("started by watchdog"));
+    assert_tells_why(&mut board, "the stack was full", 3);
+    // It loses what RAM holds.
+    board.dip_supply().expect("the emulator");
+    await_banner(&mut board);
+    assert_eq!(Status::ask(&mut board).count("stops"), 0);
+}
+
+/// How often LD1 changes in 2 s, and whether LD2 and LD3 are then on.
+fn lights(board: &mut VirtualBoard) -> (usize, bool, bool) {
+    let mut ld1 = vec![];
+    for _ in 0..40 {
+        ld1.push(output(board, "GPIOB", 0));
+        run_ms(board, 50);
+    }
+    let changes = ld1.windows(2).filter(|it| it[0] != it[1]).count();
+    let mut light = |number| output(board, "GPIOB", number).expect("an output");
+    (changes, light(7), light(14))
+}
+
+#[test]
+fn the_lights_show_how_the_sensor_is() {
+    let mut board = measuring(4);
+    let readings = lights(&mut board);
+    set(&mut board, "laser off");
+    results(&mut board, 3);
+    run_ms(&mut board, 100);
+    let faults = lights(&mut board);
+    println!("readings {readings:?}, faults {faults:?}");
+    assert!((3..=4).contains(&readings.0), "twice a second");
+    assert!((19..=20).contains(&faults.0), "ten times a second");
+    assert_eq!((readings.1, readings.2), (true, false));
+    assert_eq!((faults.1, faults.2), (false, true));
+    board.panic_at("measure_row").expect("the function");
+    run_ms(&mut board, 20);
+    let stopped = [0, 7, 14].map(|number| output(&mut board, "GPIOB", number));
+    assert_eq!(stopped, [Some(false), Some(false), Some(true)]);
+}
+
 /// A flipped bit in the serial port's register stops only the serial line. An answer then waits for ever, and
 /// the results wait behind it.
 #[test]
@@ -148,14 +228,18 @@ fn rows_of_a_hang(board: &mut VirtualBoard, stack: u32) -> u64 {
     board.statistics().rows - rows
 }
 
+fn stack_guard() -> u32 {
+    let end_of_statics = firmware().address_of("__sheap").expect("the statics' end");
+    let end_of_statics = u32::try_from(end_of_statics).expect("an address");
+    end_of_statics.next_multiple_of(4096)
+}
+
 /// Without a guard the stack would grow into the statics, and nobody would notice.
 #[test]
 fn a_stack_that_is_too_deep_ends_in_a_reset() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
-    let end_of_statics = firmware().address_of("__sheap").expect("the statics' end");
-    let guard = u32::try_from(end_of_statics).expect("an address");
-    let guard = guard.next_multiple_of(4096);
+    let guard = stack_guard();
     // An interrupt pushes 32 bytes or more.
     let (below, above) = (guard + 4096 + 16, guard + 8192);
     let more = rows_of_a_hang(&mut board, above);
@@ -170,17 +254,20 @@ fn a_stack_that_is_too_deep_ends_in_a_reset() {
     assert_starts_again(&mut board, "watchdog");
 }
 
-/// The ST-LINK's clock may be absent. The firmware then measures by the chip's own oscillator, and says so.
+/// The ST-LINK's clock may end. The firmware then measures by the chip's own oscillator, and says so.
 #[test]
-fn without_the_external_clock_the_firmware_starts_and_says_so() {
-    let mut board = CleanBoard::power_on(paper(), conditions(|it| it.has_clock = false));
+fn without_its_clock_the_firmware_ends_the_pulse_and_starts_again() {
+    let mut board = measuring(4);
+    stop_in_a_pulse(&mut board, |it| {
+        it.end_clock().expect("a clock that is watched")
+    });
     let banner = board.run_until_line(|line| line.contains("slitrange "), 6 * PATIENCE);
     let banner = banner.expect("a banner");
     println!("{banner} after {:.1} s", board.now() as f64 * 1e-9);
-    let end = ", started by power-on, without its external clock";
+    let end = ", started by software, without its external clock";
     assert!(banner.text.ends_with(end), "{banner}");
-    assert_no_reset(&mut board);
     assert_readings(&fresh_results(&mut board, 2));
+    assert_tells_why(&mut board, "the clock from outside stopped", 1);
     let info = ask_for_lines(&mut board, "info", 7).join("\n");
     assert!(info.contains("\ninfo clock internal"), "{info}");
 }

@@ -239,6 +239,7 @@ pub fn talk() {
         longest_exposure: slitrange::base::exposure::Exposure::LONGEST,
         clock: Clock::External,
         brown_out: BrownOut::Off,
+        last_stop: any(Some("")),
     });
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut session = Session::new(hardware, any::geometry(), any(StartCause::PowerOn));
