@@ -90,7 +90,7 @@ async fn read(sensor: &mut SensorHead, row: Buffer, next: Instant) -> bool {
                 .await;
             true
         }
-        // The sensor was pulsed in time, so the next row is good.
+        // After these and a lost word the sensor was pulsed in time, so the next row is good.
         Err(ReadOutError::Late) => {
             COUNTERS.rows_late.add();
             ROWS.free.send(row).await;
@@ -100,7 +100,7 @@ async fn read(sensor: &mut SensorHead, row: Buffer, next: Instant) -> bool {
             COUNTERS.rows_failed.add();
             defmt::warn!("read-out failed: {}", error);
             ROWS.free.send(row).await;
-            false
+            matches!(error, ReadOutError::WordLost)
         }
     }
 }

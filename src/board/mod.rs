@@ -55,7 +55,7 @@ pub use laser::Laser;
 pub use lights::Lights;
 pub use processor::{cycles, cycles_in_ns, reset, wait_until};
 pub use sensor_wires::{
-    Converter, MasterClock, Pins, master_clock_rose, raise_icg_at, words_to_come,
+    Converter, MasterClock, Pins, has_lost_a_word, master_clock_rose, raise_icg_at, words_to_come,
 };
 pub use serial::{Receiver, SerialPort, Transmitter};
 pub use trigger_pin::listen_to_trigger;

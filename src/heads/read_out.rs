@@ -27,8 +27,8 @@ const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
 /// Why a read-out brought no row.
 #[derive(Clone, Copy, Debug, defmt::Format)]
 pub enum ReadOutError {
-    /// The SPI peripheral reports an error.
-    Spi(spi::Error),
+    /// A word came before DMA had fetched the one before: it is lost.
+    WordLost,
     /// The transfer did not end in its time.
     Timeout,
     /// The program was late for an edge, or SCLK had a gap: it is not known which pixel is which word.
@@ -51,7 +51,7 @@ async fn poll_until<T>(alarm: Instant, mut transfer: Pin<&mut impl Future<Output
 /// set for it.
 ///
 /// # Errors
-/// That of the transfer, or else `word_0`'s or a gap's.
+/// A lost word, a transfer that does not end, or else `word_0`'s or a gap's.
 #[inline]
 pub async fn end_read_out(
     mut transfer: Pin<&mut impl Future<Output = Result<(), spi::Error>>>,
@@ -68,16 +68,20 @@ pub async fn end_read_out(
         Ok(word_0) if has_gap(word_0, word) => Err(ReadOutError::Late),
         word_0 => word_0,
     };
+    let has_lost_a_word = board::has_lost_a_word();
     set_alarm(next).await;
     if result.is_pending() {
         result = poll_until(next, transfer.as_mut()).await;
     }
-    let result = match result {
-        Poll::Ready(result) => Ok(result),
-        Poll::Pending => with_timeout(READ_OUT_TIMEOUT, transfer).await,
-    };
-    let result = result.map_err(|_| ReadOutError::Timeout)?;
-    result.map_err(ReadOutError::Spi)?;
+    // DMA waits for a lost word for ever.
+    if has_lost_a_word || board::has_lost_a_word() {
+        return Err(ReadOutError::WordLost);
+    }
+    if result.is_pending() {
+        let result = with_timeout(READ_OUT_TIMEOUT, transfer).await;
+        // embassy's read by DMA has no error of its own (embassy-stm32 0.6.0, spi/mod.rs, `read`).
+        let _ = result.map_err(|_| ReadOutError::Timeout)?;
+    }
     in_step.map(|_| ())
 }
 
@@ -111,8 +115,10 @@ pub fn find_end_of_word_0(words: usize, word: u32) -> Option<u32> {
 /// counts each of the two words after 0 to 40 cycles, and the program sees each end to half a turn of its
 /// loop of at most 16 instructions. So without a gap the two differ by 56 cycles at most, and by 88 if an
 /// instruction takes three cycles. A gap of 152 cycles, and of 184 on that slow core, is always seen.
-/// Shorter gaps are not expected: SPI1 only receives, and then SCLK does not wait for DMA (RM0090 section
-/// 28.3.5). If DMA is too late, a word is lost, and SPI1 reports it.
+/// A shorter gap, below 0.6 of a pixel, passes. embassy receives by a transfer in both directions, so SCLK
+/// waits when the DMA stream that sends is late. That stream has the time of a word, 1.5 us, for each word, and
+/// DMA2 serves nothing but SPI1. If the stream that receives is late, a word is lost: see
+/// [`board::has_lost_a_word`].
 fn has_gap(word_0_ended: u32, word: u32) -> bool {
     cortex_m::interrupt::free(|_| {
         let ended = if board::words_to_come() > 0 {

@@ -107,6 +107,12 @@ impl Stm32f429 {
         &mut self.spi1.spi
     }
 
+    /// The registers of SPI1.
+    pub fn converter_registers(&mut self) -> &mut Registers {
+        let slot = self.slots[0];
+        self.part.bus_mut().drive(VirtualNanos(0), slot).0
+    }
+
     pub(crate) fn drive_trigger(&mut self, high: bool, at: VirtualNanos) {
         let (registers, mut context) = self.part.bus_mut().drive(at, self.slots[EXTI]);
         self.trigger.drive(high, registers, &mut context);

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use rigless::soc::stm32f427::generated::spi1::{Register as Spi1, sr};
 use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
 use virtual_board::Row;
 use virtual_board::board::Conditions;
@@ -223,4 +224,22 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
     let status = Status::ask(&mut board);
     status.assert_none(&["rows lost", "rows failed"]);
     assert_eq!(status.count("rows late"), late_before, "{status:#?}");
+}
+
+/// SPI1 says so, and DMA would wait for the word for ever: the row must not be used, and the next one is good.
+#[test]
+fn a_lost_word_costs_its_row_only() {
+    let mut board = measuring(4);
+    for lost in 1..=5 {
+        run_into_a_row(&mut board);
+        with_processor(&mut board, |it| {
+            let registers = it.converter_registers();
+            registers.set(Spi1::Sr, registers.get(Spi1::Sr) | sr::OVR.mask());
+        });
+        run_ms(&mut board, 10);
+        let status = Status::ask(&mut board);
+        assert_eq!(status.count("rows failed"), lost);
+        status.assert_none(&["rows late", "rows lost", "fault sensor silent"]);
+    }
+    assert_readings(&fresh_results(&mut board, 2));
 }
