@@ -8,7 +8,7 @@
 //! rigless's.
 
 use rigless::device::Device;
-use rigless::mcu::Operate;
+use rigless::mcu::{Mcu as _, Operate};
 use rigless::soc::Width;
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::{tim1, tim2};
@@ -68,6 +68,10 @@ pub enum Miso {
     StuckHigh,
     /// It is there, and the processor's pull-up does not work.
     NoPullUp,
+    /// It is there, and SPI1 misses a bit now and then.
+    Slips,
+    /// It is there, and SPI1 reads the last bit of each word too early.
+    Stale,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -175,16 +179,26 @@ impl Jumpers {
         registers.set(Register::Sr, sr::CC2IF.set(registers.get(Register::Sr), 1));
     }
 
-    /// What SPI1 reads while MISO (PA6) is driven by its wire (from PB12).
+    /// What SPI1 reads while MISO (PA6) is driven by its wire (from PB13).
     pub(crate) fn miso(&self, part: &Stm32f427) -> OpenLine {
-        let driver = Pin::of(part, "GPIOB", 12);
+        let driver = Pin::of(part, "GPIOB", 13);
+        if driver.has_function(1) && complements_fm(part) {
+            match self.miso {
+                Miso::Wired | Miso::NoPullUp => return OpenLine::Clock,
+                Miso::Slips => return OpenLine::SlippingClock,
+                Miso::Stale => return OpenLine::StaleClock,
+                _ => {}
+            }
+        }
         let pulls_up = Pin::of(part, "GPIOA", 6).pull == 1;
         let is_high = match self.miso {
             Miso::StuckLow => false,
             Miso::StuckHigh => true,
-            Miso::Wired | Miso::NoPullUp if driver.mode == OUTPUT => driver.is_high,
+            Miso::Wired | Miso::NoPullUp | Miso::Slips | Miso::Stale if driver.mode == OUTPUT => {
+                driver.is_high
+            }
             Miso::NoPullUp => false,
-            Miso::Wired | Miso::Missing => pulls_up,
+            Miso::Wired | Miso::Missing | Miso::Slips | Miso::Stale => pulls_up,
         };
         [OpenLine::Zeros, OpenLine::Ones][usize::from(is_high)]
     }
@@ -225,6 +239,13 @@ fn counts_sclk(part: &mut Stm32f427) -> bool {
     let (_, registers) = part.timer(TIM3);
     let slave = registers.get(Register::Smcr);
     captures && starts && smcr::SMS.get(slave) == 0b111 && smcr::TS.get(slave) == 0b001
+}
+
+/// Whether TIM1 gives the complement of fM.
+fn complements_fm(part: &Stm32f427) -> bool {
+    let slot = part.bus().slot("TIM1").expect("the part has it");
+    let registers = part.bus().slots()[slot].registers();
+    tim1::ccer::CC1NE.is_set(registers.get(tim1::Register::Ccer))
 }
 
 fn is_connected(part: &Stm32f427, (port, pin, function): (&'static str, u64, u64)) -> bool {

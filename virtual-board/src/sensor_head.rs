@@ -144,10 +144,16 @@ pub enum OpenLine {
     Noise,
     /// No pull-up, and a line that catches the mains: zeros for 10 ms, then ones for 10 ms.
     Mains,
+    /// A clock of a quarter of SCLK's rate.
+    Clock,
+    /// Such a clock, of which a bit slips each millisecond.
+    SlippingClock,
+    /// Such a clock, of which the last bit of each word is as the one before.
+    StaleClock,
 }
 
 impl OpenLine {
-    /// All kinds.
+    /// All kinds without a clock.
     pub const ALL: [Self; 4] = [Self::Ones, Self::Zeros, Self::Noise, Self::Mains];
 
     fn word(self, now: Nanos) -> u16 {
@@ -156,6 +162,9 @@ impl OpenLine {
             Self::Zeros => 0,
             Self::Noise => random::mixed(now) as u16,
             Self::Mains => (now / 10_000_000 % 2) as u16 * u16::MAX,
+            Self::Clock => 0x6666,
+            Self::SlippingClock => 0x6666_u16.rotate_left((now / 1_000_000 % 4) as u32),
+            Self::StaleClock => 0x6667,
         }
     }
 }

@@ -53,9 +53,9 @@ mod wires;
 #[cfg(target_os = "none")]
 mod checks;
 
-// Linked for what they define: where the log goes, and what a panic does.
+// Linked for what it defines: where the log goes.
 #[cfg(target_os = "none")]
-use {defmt_rtt as _, panic_probe as _};
+use defmt_rtt as _;
 
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
@@ -66,7 +66,10 @@ async fn main(spawner: embassy_executor::Spawner) {
     // As the firmware's start. Spawning fails only if a task is spawned twice.
     let urgent = board::start_urgent_executor();
     urgent.spawn(defmt::unwrap!(acquisition::acquire(sensor)));
-    urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
+    urgent.spawn(defmt::unwrap!(watchdog::watch(
+        board.watchdog,
+        board.lights
+    )));
     // Dropping the output would make the pin an input.
     core::mem::forget(board.switch);
     spawner.spawn(defmt::unwrap!(checks::run(

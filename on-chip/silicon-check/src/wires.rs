@@ -7,7 +7,7 @@
 //! | PF13, SH (D7) | PC8 (D43) | TIM8 channel 3, rises; channel 4, falls |
 //! | PA5, SCLK (D13) | PA0 (D32) | TIM2 channel 1: its first rise starts the counter |
 //! | PD14, chip select (D10) | PB5 (D22) | TIM3 channel 2, falls; channel 1, rises |
-//! | PB12 (D19) | PA6, MISO (D12) | nothing: PB12 is driven low, high, or not |
+//! | PB13 (D18) | PA6, MISO (D12) | nothing: PB13 is driven low, high, by TIM1 as fM inverted, or not |
 //!
 //! TIM8 counts the core's cycles, and wraps after 65,536 of them: a multiple of fM's period of 64. So fM's
 //! edges always come at the same counts modulo 64, which are measured once, and the count at which ICG rises
@@ -32,7 +32,9 @@ const TIM8_FUNCTION: u8 = 3;
 const TIM2_FUNCTION: u8 = 1;
 const TIM3_FUNCTION: u8 = 2;
 
-const MISO_DRIVER: usize = 12;
+/// Also the complement of TIM1's channel 1, fM, by this function.
+const MISO_DRIVER: usize = 13;
+const TIM1_FUNCTION: u8 = 1;
 
 /// TIM2 counts at 84 MHz: every second cycle of the core.
 pub const TICKS_A_BIT: u32 = 8;
@@ -196,6 +198,12 @@ pub fn drive_miso(level: Option<bool>) {
         .modify(|speeds| speeds.set_ospeedr(MISO_DRIVER, Ospeedr::LOW_SPEED));
     port.moder()
         .modify(|modes| modes.set_moder(MISO_DRIVER, mode));
+}
+
+/// SCLK has four periods in one of fM, so each word is then two ones and two zeros again and again.
+pub fn drive_miso_by_master_clock() {
+    pac::TIM1.ccer().modify(|enable| enable.set_ccne(0, true));
+    connect(pac::GPIOB, MISO_DRIVER, TIM1_FUNCTION);
 }
 
 pub struct MasterClock {
