@@ -44,6 +44,7 @@ pub enum Command {
     Head(Head),
     Demo(demo::DemoOptions),
     Design(design::DesignOptions),
+    Doctor(sensor::DoctorOptions),
     Monitor(sensor::MonitorOptions),
     Settings(sensor::SettingsOptions),
     Plot(plot::PlotOptions),
@@ -89,6 +90,7 @@ impl Command {
         match self {
             Self::Calibrate(Calibrate::Show(options)) => return sensor::show(options, pc, output),
             Self::Settings(options) => return sensor::settings(options, pc, output),
+            Self::Doctor(options) => return sensor::doctor(options, pc, output),
             Self::Replay(options) => return replay::replay(options, output),
             Self::Calibrate(Calibrate::Fit(options)) => fit::run(options, output)?,
             Self::Calibrate(Calibrate::Run(options)) => sensor::run(options, pc, input, output)?,

@@ -6,6 +6,7 @@
 //! ```
 
 pub mod answers;
+pub mod doctor;
 pub mod flat;
 pub mod front_end;
 pub mod line;
@@ -21,6 +22,7 @@ pub mod stream;
 pub mod taken;
 pub mod transfer;
 
+pub use doctor::{DoctorOptions, doctor};
 pub use flat::{FlatOptions, flat};
 pub use front_end::{MeasureOptions, measure};
 pub use monitor::{MonitorOptions, monitor};

@@ -3,6 +3,7 @@
 mod command;
 mod design;
 mod desk;
+mod doctor;
 mod end_to_end;
 mod fit;
 mod recording;

@@ -53,6 +53,8 @@ pub struct Conditions {
     pub instructions_per_second: u64,
     /// Whether the ST-LINK gives its clock.
     pub has_clock: bool,
+    /// Whether the option bytes have the brown-out reset on, at level 3, until the next reset.
+    pub has_brown_out_reset: bool,
     /// How many times as fast as its clock TIM5 counts, the firmware's clock.
     pub row_timer_speed: f64,
     /// The most core cycles from the end of a word until DMA has counted it. Each word takes a random part.
@@ -74,6 +76,7 @@ impl Default for Conditions {
             has_rate_limit: true,
             instructions_per_second: default_speed(),
             has_clock: true,
+            has_brown_out_reset: false,
             row_timer_speed: 1.0,
             most_dma_latency: 40,
             watchdog_hz: 32_000,
@@ -114,6 +117,9 @@ impl Nucleo {
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.rcc.calibrate_lsi(conditions.watchdog_hz);
         processor.part.set_supply(SUPPLY_MILLIVOLTS.get());
+        if conditions.has_brown_out_reset {
+            processor.set_brown_out_level(0);
+        }
         pins::attach(&mut processor, pins);
         pins::attach_driver(&mut processor, Arc::clone(&line));
         processor.part.usart[SERIAL_PORT].attach(FarEnd { line });

@@ -22,9 +22,9 @@ use rigless::edge::Pulse;
 use rigless::mcu::Mcu;
 use rigless::snapshot::store;
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::dbg;
 use rigless::soc::stm32f427::generated::tim1::{Register as Tim1, cr1, cr2, smcr};
 use rigless::soc::stm32f427::generated::tim2::Register as Tim5;
+use rigless::soc::stm32f427::generated::{dbg, flash};
 use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::spi::Spi;
@@ -126,6 +126,16 @@ impl Stm32f429 {
     /// The number of words on SPI1 that two chips answered.
     pub(crate) fn contentions(&self) -> u32 {
         self.spi1.spi.contentions()
+    }
+
+    /// Sets the bits BOR_LEV of the option bytes.
+    pub(crate) fn set_brown_out_level(&mut self, level: u64) {
+        let (registers, _) = (self.part.bus_mut()).drive(VirtualNanos(0), self.slots[FLASH]);
+        let options = registers.get(flash::Register::Optcr);
+        registers.set(
+            flash::Register::Optcr,
+            flash::optcr::BOR_LEV.set(options, level),
+        );
     }
 
     pub(crate) fn flash_interface(&self) -> &Registers {
