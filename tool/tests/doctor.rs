@@ -202,6 +202,12 @@ const FAULTS: &[Fault] = &[
         ..NONE
     },
     Fault {
+        name: "out of focus",
+        found: ("width", "focus"),
+        scene: |it| it.spot.as_mut().expect("a spot").width = 12.0,
+        ..NONE
+    },
+    Fault {
         name: "noisy line",
         found: ("line", "spoilt"),
         board: |it| it.garble_serial_line(20_000, 20_000, 3).expect("a line"),
@@ -284,7 +290,7 @@ fn check(faults: &[Fault]) {
     let firmware = Firmware::build().expect("the firmware builds");
     let calibrated = calibrated(&firmware);
     let good = doctor(&firmware, &calibrated, &NONE);
-    assert_eq!(good.matches("ok    ").count(), 14, "{good}");
+    assert_eq!(good.matches("ok    ").count(), 16, "{good}");
     assert_shown(include_str!("../../docs/tool.md"), &good);
     let mut wrong = vec![];
     for fault in faults {

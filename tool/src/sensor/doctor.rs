@@ -7,6 +7,7 @@ use anyhow::Result;
 use slitrange::base::exposure::Exposure;
 use slitrange::light::ambient::AmbientMode;
 use slitrange_device::protocol::command::Command;
+use slitrange_device::protocol::info::VERSION;
 use slitrange_device::protocol::row_lines::{RowExposure, RowPart};
 use slitrange_device::settings::Value;
 use slitrange_device::settings::trigger::Trigger;
@@ -58,7 +59,8 @@ type Finding = Result<String, String>;
 type Check = (&'static str, fn(&Said) -> Option<Finding>);
 
 /// In this order: what a check finds may come from what those before it found.
-const CHECKS: [Check; 14] = [
+const CHECKS: [Check; 16] = [
+    ("firmware", |said| Some(firmware(said))),
     ("line", |said| Some(line(said))),
     ("start", |said| Some(start(said))),
     ("clock", |said| Some(clock(said))),
@@ -73,6 +75,7 @@ const CHECKS: [Check; 14] = [
     ("pixels", |said| said.rows.as_ref().map(pixels)),
     ("laser", |said| said.rows.as_ref().map(laser)),
     ("light", |said| said.rows.as_ref().map(light)),
+    ("width", |said| width(&said.rows.as_ref()?.lit)),
     ("gain", |said| gain(said.rows.as_ref()?, &said.info)),
     ("calibration", |said| Some(calibration(said))),
 ];
@@ -92,6 +95,19 @@ fn count(lines: &[String], name: &str) -> u32 {
 fn spoilt(status: &[String]) -> u32 {
     let kinds = ["serial noise", "serial framing", "serial overrun"];
     kinds.iter().map(|name| count(status, name)).sum()
+}
+
+fn firmware(said: &Said) -> Finding {
+    let version = value(&said.info, "info firmware slitrange ");
+    match version == VERSION {
+        true => Ok(format!(
+            "slitrange {version} on {}",
+            value(&said.info, "info board ")
+        )),
+        false => Err(format!(
+            "{version}, this tool is {VERSION}: take both from one version (tool.md)"
+        )),
+    }
 }
 
 fn line(said: &Said) -> Finding {
@@ -269,6 +285,20 @@ fn light(rows: &Rows) -> Finding {
             centre.height_counts, centre.x_px
         )),
     }
+}
+
+/// The nominal spot has 7.5 to 8.6 pixels, as sigma.
+const WIDE: f64 = 9.0;
+
+/// `None`: no spot, or a comb's.
+fn width(lit: &RowAnswer) -> Option<Finding> {
+    let width = lit.centre.as_ref().ok()?.shape?.width_px;
+    Some(match width {
+        0.0..=WIDE => Ok(format!("{width:.2} pixels")),
+        _ => Err(format!(
+            "{width:.2} pixels: the laser's focus, the slit parallel to the pixels (hardware/optics.md#align-it)"
+        )),
+    })
 }
 
 /// Counts above the black level from which a pixel tells the noise of light.
