@@ -131,7 +131,7 @@ const FAULTS: &[Fault] = &[
     },
     Fault {
         name: "lamp",
-        found: ("light", ""),
+        found: ("light", "lamp"),
         light: with_lamp,
         ..NONE
     },
@@ -205,6 +205,19 @@ const FAULTS: &[Fault] = &[
         name: "out of focus",
         found: ("width", "focus"),
         scene: |it| it.spot.as_mut().expect("a spot").width = 12.0,
+        conditions: |it| it.flash = SharedFlash::default(),
+        ..NONE
+    },
+    Fault {
+        name: "laser off",
+        found: ("laser", "`laser off` is set"),
+        board: |it| it.send("laser off\r\n"),
+        ..NONE
+    },
+    Fault {
+        name: "distances off, and other columns",
+        found: ("calibration", "calibration on"),
+        board: |it| it.send("calibration off\r\noutput counter time\r\n"),
         ..NONE
     },
     Fault {
@@ -251,7 +264,11 @@ fn doctor(firmware: &Firmware, calibrated: &Contents, fault: &Fault) -> String {
     if !fault.before.is_empty() {
         done(desk.run(fault.before));
     }
-    done(desk.run("doctor --port P")).replace("at board", "at P")
+    let settings = || done(desk.run("settings --port board"));
+    let before = settings();
+    let said = done(desk.run("doctor --port P"));
+    assert_eq!(settings(), before, "{}", fault.name);
+    said
 }
 
 /// What flash holds of a sensor that was calibrated.
