@@ -424,7 +424,7 @@ fn listen(session: &mut Session<'_>) -> Result<Said> {
     let before = ask(session, Command::Status, &LAST_OF_STATUS)?;
     session.borrow(Value::Trigger(Trigger::Continuous))?;
     let laser_is_set_off = session.value(Setting::Laser)? == Value::Laser(false);
-    let found = session.settings(&[Setting::Ambient, Setting::Region, Setting::Peak])?;
+    let found = session.settings(&[Setting::Ambient, Setting::Region, Setting::SpotChoice])?;
     let factory = Settings::default();
     let has_map = session.map()?.first().is_some_and(|line| line == "flat on");
     let selftest = ask(
