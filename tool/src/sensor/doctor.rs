@@ -341,7 +341,7 @@ fn gain(rows: &Rows, info: &[String]) -> Option<Finding> {
         if pair[0].first != pair[1].first || pair[0].exposure != pair[1].exposure {
             continue;
         }
-        let light_of = |row: &RowAnswer| mean(&counts(row)) - black;
+        let light_of = |row: &RowAnswer| mean(counts(row)) - black;
         // The laser may have become brighter.
         let brighter = light_of(&pair[0]) / light_of(&pair[1]);
         for (a, b) in counts(&pair[0]).into_iter().zip(counts(&pair[1])) {
