@@ -47,7 +47,7 @@ mod measuring;
 #[cfg(target_os = "none")]
 mod serial_line;
 
-// Linked for what it defines: where defmt's log goes.
+// Only linked: it takes defmt's log to the debug probe.
 #[cfg(target_os = "none")]
 use defmt_rtt as _;
 

@@ -79,8 +79,8 @@ fn config(clock: Clock) -> Config {
     config
 }
 
-/// Lets the chip watch the clock from outside. If the clock stops, the chip goes on by its own oscillator, and
-/// the exception NMI switches the laser off ([`super::last_stop`]).
+/// Lets the chip watch the clock from outside. If the clock stops, the chip goes on by its own oscillator,
+/// and the exception NMI switches the laser off ([`super::last_stop`]).
 pub fn watch(clock: Clock) {
     pac::RCC
         .cr()

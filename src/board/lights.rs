@@ -1,6 +1,6 @@
 //! The board's three lights. LD1 blinks: once a second while the sensor measures, five times a second while
-//! results are faults; dark, the firmware has stopped. LD2 is on while the laser is used. LD3 is on while
-//! results are faults, and after a panic or a HardFault.
+//! results are faults. If it does not blink, the firmware has stopped. LD2 is on while the laser is used. LD3
+//! is on while results are faults, and after a panic or a HardFault.
 
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use embassy_stm32::{Peri, pac, peripherals};

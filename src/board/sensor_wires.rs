@@ -107,8 +107,8 @@ pub fn words_to_come() -> u32 {
     u32::from(pac::DMA2.st(0).ndtr().read().ndt())
 }
 
-/// Whether a word of the read-out under way came before DMA had fetched the one before. Clears the flag, which
-/// embassy never reads (RM0090 section 28.3.10).
+/// Whether a word of the read-out under way came before DMA had fetched the one before. Clears the flag,
+/// which embassy never reads (RM0090 section 28.3.10).
 pub fn has_lost_a_word() -> bool {
     let is_lost = pac::SPI1.sr().read().ovr();
     if is_lost {

@@ -116,8 +116,8 @@ pub fn find_end_of_word_0(words: usize, word: u32) -> Option<u32> {
 /// loop of at most 16 instructions. So without a gap the two differ by 56 cycles at most, and by 88 if an
 /// instruction takes three cycles. A gap of 152 cycles, and of 184 on that slow core, is always seen.
 /// A shorter gap, below 0.6 of a pixel, passes. embassy receives by a transfer in both directions, so SCLK
-/// waits when the DMA stream that sends is late. That stream has the time of a word, 1.5 us, for each word, and
-/// DMA2 serves nothing but SPI1. If the stream that receives is late, a word is lost: see
+/// waits when the DMA stream that sends is late. That stream has the time of a word, 1.5 us, for each word,
+/// and DMA2 serves nothing but SPI1. If the stream that receives is late, a word is lost: see
 /// [`board::has_lost_a_word`].
 fn has_gap(word_0_ended: u32, word: u32) -> bool {
     cortex_m::interrupt::free(|_| {

@@ -15,7 +15,7 @@ use virtual_board::{Exposure, Firmware, LightSource, OpenLine, SharedFlash, Virt
 use crate::command::done;
 use crate::desk::Desk;
 
-/// A fault: its name, the check that must name it, words of that line, and how it is put in.
+/// A fault. `found` is the check that must name it, and words of that line. What follows puts the fault in.
 struct Fault {
     name: &'static str,
     found: (&'static str, &'static str),
@@ -37,7 +37,7 @@ const NONE: Fault = Fault {
     before: "",
 };
 
-/// The light of another row: the laser is on when it should be off.
+/// The laser is on when it should be off.
 fn inverted(mut light: LightSource) -> LightSource {
     Box::new(move |exposure: &Exposure| {
         let mut inverted = *exposure;

@@ -53,7 +53,7 @@ mod wires;
 #[cfg(target_os = "none")]
 mod checks;
 
-// Linked for what it defines: where the log goes.
+// Only linked: it takes defmt's log to the debug probe.
 #[cfg(target_os = "none")]
 use defmt_rtt as _;
 

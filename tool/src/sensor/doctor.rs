@@ -60,7 +60,7 @@ struct Rows {
 /// `Err`: what is wrong, and what to do about it.
 type Finding = Result<String, String>;
 
-/// A check: its name, and what it makes of what a sensor says. `None`: it depends on a check that failed.
+/// The name of a check, and its function. `None`: a check before it failed, so this one cannot be done.
 type Check = (&'static str, fn(&Said) -> Option<Finding>);
 
 /// In this order: what a check finds may come from what those before it found.
@@ -215,7 +215,7 @@ fn counts(row: &RowAnswer) -> Vec<f64> {
     row.counts.iter().map(|&count| count.into()).collect()
 }
 
-/// A pixel's distance from its neighbours is noise up to this many counts: ten times the data sheet's noise.
+/// A pixel may differ from its neighbours by this many counts: ten times the data sheet's noise.
 const NOISE: f64 = 40.0;
 
 /// More pixels than this cannot be told from light.

@@ -134,8 +134,8 @@ fn words_in_batches_are_the_same_as_words_one_by_one() {
 }
 
 /// Silicon executes fewer instructions than it has clocks, because it waits for flash: at 84 million a second
-/// each takes two clocks, at 56 million three. There no row is late, in a save too. On a still slower core the edges of a
-/// row come too late: such a row must be rejected and counted, and must never move a centre.
+/// each takes two clocks, at 56 million three. There no row is late, in a save too. On a still slower core
+/// the edges of a row come too late: such a row must be rejected and counted, and must never move a centre.
 #[test]
 fn slow_cores_reject_late_rows_and_move_no_centre() {
     for (millions, is_too_slow) in [(168, false), (84, false), (56, false), (36, true)] {
@@ -226,7 +226,7 @@ fn rows_with_a_gap_between_two_words_are_rejected_and_counted() {
     assert_eq!(status.count("rows late"), late_before, "{status:#?}");
 }
 
-/// SPI1 says so, and DMA would wait for the word for ever: the row must not be used, and the next one is good.
+/// SPI1 says so, and DMA would wait for the word for ever. The row must not be used. The next one is good.
 #[test]
 fn a_lost_word_costs_its_row_only() {
     let mut board = measuring(4);
