@@ -6,7 +6,7 @@
 
 use core::fmt::{self, Write as _};
 use core::panic::PanicInfo;
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::VectActive;
@@ -99,8 +99,13 @@ impl fmt::Display for Place {
 /// As panic-probe, but for the laser and the note.
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
+    static HAS_PANICKED: AtomicBool = AtomicBool::new(false);
     cortex_m::interrupt::disable();
     laser::force_off();
+    // The log below may panic too.
+    if HAS_PANICKED.swap(true, Ordering::Relaxed) {
+        stand_still();
+    }
     let place = match SCB::vect_active() {
         VectActive::ThreadMode => 0,
         VectActive::Exception(exception) => exception.irqn() as u32 & 0xF,
@@ -122,7 +127,13 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     laser::force_off();
     // SAFETY: these registers may be read at any time.
     let scb = unsafe { &*SCB::PTR };
-    let (cfsr, address) = (scb.cfsr.read(), scb.bfar.read());
+    let cfsr = scb.cfsr.read();
+    // BFARVALID and MMARVALID say which address counts; 0: none (ARMv7-M manual, section B3.2.15).
+    let address = match (cfsr >> 15 & 1, cfsr >> 7 & 1) {
+        (1, _) => scb.bfar.read(),
+        (_, 1) => scb.mmfar.read(),
+        _ => 0,
+    };
     // The core could not push its registers, so there is no frame (ARMv7-M manual, section B3.2.15).
     const STACKING_FAILED: u32 = 1 << 4 | 1 << 12;
     if cfsr & STACKING_FAILED != 0 {
