@@ -10,7 +10,7 @@ use slitrange_device::protocol::input::{Echo, Input};
 use slitrange_device::protocol::status::StartCause;
 use slitrange_device::session::Event;
 
-use crate::board::{CalibrationFlash, Receiver, SerialPort, Switch, Transmitter};
+use crate::board::{CalibrationFlash, Lost, Receiver, SerialPort, Switch};
 use crate::counters::COUNTERS;
 use crate::results::{IDLE, RESULTS};
 use crate::session::Shell;
@@ -34,9 +34,8 @@ pub async fn serve(
     started_by: StartCause,
     flash: CalibrationFlash,
 ) {
-    let (tx, rx) = port.split();
-    let mut rx = Receiver::new(rx);
-    let mut shell = Shell::new(Transmitter::new(tx), hardware, switch, started_by, flash);
+    let (tx, mut rx) = port;
+    let mut shell = Shell::new(tx, hardware, switch, started_by, flash);
     shell.start().await;
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut bytes = [0; PIECE];
@@ -44,7 +43,8 @@ pub async fn serve(
         if shell.streams_rows() {
             shell.stream_row().await;
             if let Poll::Ready(count) = poll_once(rx.read(&mut bytes)) {
-                take_bytes(&mut shell, &mut input, &mut echo, &bytes[..count]).await;
+                let received = received(&mut input, &bytes, count);
+                take_bytes(&mut shell, &mut input, &mut echo, received).await;
             }
             continue;
         }
@@ -52,7 +52,7 @@ pub async fn serve(
             Either3::First(frame) => shell.take_frame(frame).await,
             Either3::Third(()) => COUNTERS.results.add(),
             Either3::Second(count) => {
-                let received = &bytes[..count];
+                let received = received(&mut input, &bytes, count);
                 if shell.speaks_modbus() {
                     shell.gather(received);
                     gather_request(&mut shell, &mut rx, &mut bytes).await;
@@ -61,6 +61,17 @@ pub async fn serve(
                     take_bytes(&mut shell, &mut input, &mut echo, received).await;
                 }
             }
+        }
+    }
+}
+
+/// The bytes that came. If some were lost, their line is not taken.
+fn received<'a>(input: &mut Input, bytes: &'a [u8], count: Result<usize, Lost>) -> &'a [u8] {
+    match count {
+        Ok(count) => &bytes[..count],
+        Err(Lost) => {
+            input.lose_characters();
+            &[]
         }
     }
 }
@@ -78,7 +89,8 @@ async fn take_results(shell: &mut Shell) {
 /// and the master asks again.
 async fn gather_request(shell: &mut Shell, rx: &mut Receiver, bytes: &mut [u8; PIECE]) {
     while let Ok(count) = with_timeout(END_OF_REQUEST, rx.read(bytes)).await {
-        shell.gather(&bytes[..count]);
+        // A request of which bytes were lost has a wrong checksum.
+        shell.gather(&bytes[..count.unwrap_or(0)]);
         // Bytes could come without an end.
         take_results(shell).await;
     }

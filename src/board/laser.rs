@@ -2,13 +2,18 @@
 //!
 //! TIM4 runs in one-pulse mode at 1 MHz. The program starts it at the end of SH's pulse, which begins a row's
 //! light. The timer alone raises and lowers the output: neither interrupts nor a program that hangs can make
-//! the pulse longer. At reset the pin is an input. A resistor at the laser's driver then keeps the laser off
+//! the pulse longer. A long pulse goes on only while the timer's own interrupt is served: if the core hangs or
+//! a debugger halts it, the pulse ends within 0.9 ms. At reset the pin is an input. A resistor at the laser's driver then keeps the laser off
 //! (docs/exposure.md).
 //!
 //! The middle of the pulse is the same for all exposures, so that a target that moves is seen at the same
 //! time of each row.
 
+use core::sync::atomic::{AtomicU16, Ordering};
+
 use embassy_stm32::gpio::OutputType;
+use embassy_stm32::interrupt;
+use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::pac::timer::vals::Ocm;
 use embassy_stm32::timer::Ch4;
 use embassy_stm32::timer::low_level::Timer;
@@ -21,6 +26,37 @@ const COUNTER_HZ: u32 = 1_000_000;
 
 /// Channel 4 of TIM4.
 const CHANNEL: usize = 3;
+
+/// The channel whose compare value calls for the next extension of a pulse. Its pin is not connected.
+const EXTENSION: usize = 0;
+
+/// A pulse is extended every so many microseconds, and ends this long after an extension that does not come.
+const EXTEND_EVERY: u16 = 400;
+const END_AFTER: u16 = 500;
+
+/// The counter's last value in the pulse that was ordered.
+static LAST: AtomicU16 = AtomicU16::new(0);
+
+/// Lets the pulse last until the next extension is overdue, at most as long as it was ordered.
+fn extend(at: u16) {
+    let timer = pac::TIM4;
+    // At most 5600 + 400 + 500.
+    let next = at + EXTEND_EVERY;
+    let last = LAST.load(Ordering::Relaxed).min(next + END_AFTER);
+    timer.ccr(EXTENSION).write(|compare| compare.set_ccr(next));
+    timer.arr().write(|reload| reload.set_arr(last));
+}
+
+#[interrupt]
+fn TIM4() {
+    let timer = pac::TIM4;
+    // Writing a zero clears a flag.
+    timer.sr().write(|flags| {
+        flags.0 = u32::MAX;
+        flags.set_ccif(EXTENSION, false);
+    });
+    extend(timer.ccr(EXTENSION).read().ccr());
+}
 
 /// Switches the laser off until the next reset, in a pulse too, and whatever else uses the timer.
 pub fn force_off() {
@@ -62,6 +98,11 @@ impl Laser {
         registers
             .ccer()
             .modify(|enable| enable.set_cce(CHANNEL, true));
+        registers
+            .dier()
+            .write(|enable| enable.set_ccie(EXTENSION, true));
+        // SAFETY: the handler above needs nothing that is not ready.
+        unsafe { interrupt::TIM4.enable() };
         Self {
             _timer: timer,
             _pin: PwmPin::new(pin, OutputType::PushPull),
@@ -78,7 +119,8 @@ impl Laser {
         pac::TIM4
             .ccr(CHANNEL)
             .write(|compare| compare.set_ccr(rise));
-        pac::TIM4.arr().write(|reload| reload.set_arr(last));
+        LAST.store(last, Ordering::Relaxed);
+        extend(rise);
         // Restarts the prescaler too, so that each pulse begins as long after its start.
         pac::TIM4.egr().write(|event| event.set_ug(true));
     }

@@ -22,9 +22,8 @@
 //! 1. DMA and TIM5 (the clock of embassy-time). Their handlers only wake tasks, and say when a row is due.
 //! 2. UART4, which carries the urgent executor: only the handlers above interrupt it from the tick to the
 //!    pulses.
-//! 3. USART3, a character every 87 us, or every 11 us at 921600 baud. It may wait 10 us for the pulses,
-//!    because the hardware holds one character until the next has come. A slow core takes longer for the
-//!    pulses, and may then lose characters at 921600 baud (docs/hardware.md).
+//! 3. USART3, for each character that the sensor sends. DMA takes those that come, however long the pulses
+//!    last. TIM4, which lets the laser's pulse go on.
 //! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline. EXTI3, the
 //!    trigger's edge, which notes how many pulses were given before it.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
@@ -32,7 +31,7 @@
 mod clock;
 mod core_coupled_memory;
 mod flash;
-mod laser;
+pub mod laser;
 mod last_stop;
 mod lights;
 pub mod processor;
@@ -46,7 +45,7 @@ mod watchdog;
 use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
-use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals, usart};
+use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals};
 use slitrange_device::protocol::info::{BrownOut, Clock};
 use slitrange_device::protocol::status::StartCause;
 
@@ -57,22 +56,18 @@ pub use processor::{cycles, cycles_in_ns, reset, wait_until};
 pub use sensor_wires::{
     Converter, MasterClock, Pins, has_lost_a_word, master_clock_rose, raise_icg_at, words_to_come,
 };
-pub use serial::{Receiver, SerialPort, Transmitter};
+pub use serial::{Lost, Receiver, SerialPort, Transmitter};
 pub use trigger_pin::listen_to_trigger;
 pub use urgent::start_urgent_executor;
 pub use watchdog::Watchdog;
 
 use crate::counters::COUNTERS;
-use serial::{CountSerialErrors, NoteFlags, ReleaseLine};
 
 /// The board's name.
 pub const NAME: &str = "NUCLEO-F429ZI";
 
 bind_interrupts!(struct Interrupts {
-    // The order matters. The first handler notes the flags before the second clears them, and does no more:
-    // a flag that is set between the two is not seen. The driver of RS-485 is switched off after the second
-    // has seen the end of the last bit.
-    USART3 => NoteFlags, usart::BufferedInterruptHandler<peripherals::USART3>, CountSerialErrors, ReleaseLine;
+    DMA1_STREAM1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
     DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
     FLASH => embassy_stm32::flash::InterruptHandler;
@@ -125,6 +120,7 @@ pub fn init(master_clock_hz: u32, sclk_hz: u32) -> Board {
         (interrupt::TIM5, Priority::P1),
         (interrupt::UART4, Priority::P2),
         (serial::INTERRUPT, Priority::P3),
+        (interrupt::TIM4, Priority::P3),
         (interrupt::FLASH, Priority::P4),
         (interrupt::EXTI3, Priority::P4),
     ] {
@@ -141,7 +137,7 @@ pub fn init(master_clock_hz: u32, sclk_hz: u32) -> Board {
         chip_select: Output::new(p.PD14, Level::High, Speed::VeryHigh),
         laser,
     };
-    let serial = serial::open(p.USART3, p.PD9, p.PD8, p.PD12);
+    let serial = serial::open(p.USART3, p.PD9, p.PD8, p.PD12, p.DMA1_CH1);
     trigger_pin::watch_trigger(p.PA3);
     flash::keep_pa12_low(p.PA12);
     let flash = Flash::new(p.FLASH, Interrupts).into_regions();

@@ -11,13 +11,14 @@ use rigless::device::Device;
 use rigless::mcu::{Mcu as _, Operate};
 use rigless::soc::Width;
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::{tim1, tim2};
+use rigless::soc::stm32f427::generated::{gpioa, tim1, tim2};
+use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
 use rigless::soc::stm32f427::peripherals::tim::Channel;
 use rigless::time::VirtualNanos;
 
 use crate::base::Nanos;
 use crate::port_pin::{OUTPUT, Pin};
-use crate::sensor_head::{OpenLine, limits};
+use crate::sensor_head::{OpenLine, SensorHead, limits};
 use crate::stm32f429::Stm32f429;
 
 /// The wires. By default all are there, without faults.
@@ -39,6 +40,12 @@ pub struct Jumpers {
     pub late: Late,
     /// Edges of SCLK that are missing in each row.
     pub lost_edges: u32,
+    /// By how much the laser's pin falls late.
+    pub laser_falls_late: Nanos,
+    /// The trigger's pin, PA3, is at ground.
+    pub trigger_at_ground: bool,
+    /// How many bytes of a thousand the serial port does not hear of those that it sends itself.
+    pub bytes_unheard: u8,
 }
 
 /// See [`Jumpers::late`].
@@ -94,6 +101,9 @@ const TIM2: usize = 0;
 const TIM3: usize = 1;
 const TIM8: usize = 1;
 
+/// Port D in rigless's order.
+const PORT_D: usize = 3;
+
 const TIM3_COUNTER: u64 = 0x4000_0424;
 
 /// Pins, their ports and the functions that connect them to their timers (STM32F429 data sheet, table 12).
@@ -146,6 +156,27 @@ impl Jumpers {
             }
             _ => {}
         }
+    }
+
+    /// Drives the pins that `silicon-check` reads without a wire. Call it after each access.
+    pub(crate) fn drive_own_pins(&self, processor: &mut Stm32f429, head: &SensorHead, now: Nanos) {
+        let now_or_before = now.saturating_sub(self.laser_falls_late);
+        let is_on = head
+            .laser_pulses()
+            .any(|pulse| pulse.start <= now && now_or_before < pulse.end);
+        let (pin, level) = (
+            PortPin::new(15).expect("one of sixteen"),
+            Some(is_on.into()),
+        );
+        let at = VirtualNanos(now);
+        processor
+            .part
+            .drive_port(at, PORT_D, |port, registers, context| {
+                port.drive_function(pin, level, registers, context);
+            });
+        let (_, registers) = processor.part.port(0);
+        let pulls_up = gpioa::pupdr::PUPDR3.get(registers.get(gpioa::Register::Pupdr)) == 1;
+        processor.drive_trigger(pulls_up && !self.trigger_at_ground, at);
     }
 
     /// Lets TIM8 capture fM, if the program waits for that. Call it after each access.

@@ -14,7 +14,7 @@ use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
 use rigless::time::{EventId, VirtualNanos};
 
-use crate::base::lock;
+use crate::base::{Nanos, lock};
 use crate::forward::forward;
 use crate::port_pin::Pin;
 use crate::sensor_head::SharedHead;
@@ -35,6 +35,7 @@ pub struct LaserTimer {
     head: SharedHead,
     hz: u64,
     runs: bool,
+    started: Nanos,
 }
 
 impl LaserTimer {
@@ -46,6 +47,7 @@ impl LaserTimer {
             head: Arc::clone(head),
             hz: rcc::HSI_HZ,
             runs: false,
+            started: 0,
         }
     }
 
@@ -66,7 +68,20 @@ impl LaserTimer {
         if began || ended || !is_enabled || mode == FORCED_INACTIVE {
             lock(&self.head).laser_off(now.0);
         }
-        if !(began && is_enabled) || mode == FORCED_INACTIVE {
+        if !runs || !is_enabled || mode == FORCED_INACTIVE {
+            return;
+        }
+        if began {
+            self.started = now.0;
+        }
+        let tick = (registers.get(Register::Psc) + 1) as f64 * 1e9 / self.hz as f64;
+        let started = self.started;
+        let after = |ticks: u64| started + (ticks as f64 * tick).round() as u64;
+        let fall = registers.get(Register::Arr) + 1;
+        if !began {
+            if written == Register::Arr {
+                lock(&self.head).laser_falls(after(fall), now.0);
+            }
             return;
         }
         if !cr1::OPM.is_set(control) || mode != PWM_MODE_2 || ccer::CC4P.is_set(enable) {
@@ -74,9 +89,6 @@ impl LaserTimer {
             lock(&self.head).violated(now.0, what);
             return;
         }
-        let tick = (registers.get(Register::Psc) + 1) as f64 * 1e9 / self.hz as f64;
-        let after = |ticks: u64| now.0 + (ticks as f64 * tick).round() as u64;
-        let fall = registers.get(Register::Arr) + 1;
         if rise < fall {
             lock(&self.head).laser_pulse(after(rise), after(fall));
         }

@@ -10,11 +10,13 @@ use std::sync::{Arc, Mutex};
 use rigless::chip::{Timeline, spi};
 use rigless::snapshot::store;
 use rigless::soc::stm32f427::generated::spi1;
+use rigless::soc::stm32f427::generated::usart6::{self, cr3};
 use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
 use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 
 use crate::base::{Nanos, lock};
+use crate::board::SERIAL_PORT;
 use crate::burst;
 use crate::jumpers::{Edge, Jumpers};
 use crate::laser;
@@ -39,16 +41,22 @@ pub(crate) struct Pins {
     /// The wires of `cargo silicon-check`, if they are there, and the edges that they have not seen yet.
     jumpers: Option<Jumpers>,
     edges: Mutex<Vec<Edge>>,
+    line: Arc<Mutex<SerialLine>>,
 }
 
 impl Pins {
-    pub(crate) fn new(head: SensorHead, jumpers: Option<Jumpers>) -> Arc<Self> {
+    pub(crate) fn new(
+        head: SensorHead,
+        jumpers: Option<Jumpers>,
+        line: Arc<Mutex<SerialLine>>,
+    ) -> Arc<Self> {
         Arc::new(Self {
             head: Arc::new(Mutex::new(head)),
             look: AtomicBool::new(false),
             icg_rose: AtomicBool::new(false),
             jumpers,
             edges: Mutex::default(),
+            line,
         })
     }
 
@@ -57,6 +65,10 @@ impl Pins {
             return;
         };
         jumpers.drive_master_clock(processor, now);
+        jumpers.drive_own_pins(processor, &lock(&self.head), now);
+        let (_, registers) = processor.part.serial_port(SERIAL_PORT);
+        let is_half_duplex = cr3::HDSEL.is_set(registers.get(usart6::Register::Cr3));
+        lock(&self.line).echo = is_half_duplex.then_some(jumpers.bytes_unheard);
         let edges = std::mem::take(&mut *lock(&self.edges));
         for edge in edges {
             jumpers.drive(edge, processor, now);

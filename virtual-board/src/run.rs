@@ -133,8 +133,8 @@ impl VirtualBoard {
         flash.power_on(conditions.flash_word);
         let mut head = SensorHead::new(light);
         head.has_rate_limit = conditions.has_rate_limit;
-        let pins = Pins::new(head, conditions.jumpers);
         let line = Arc::<Mutex<SerialLine>>::default();
+        let pins = Pins::new(head, conditions.jumpers, Arc::clone(&line));
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
         let watched = Watched {

@@ -453,6 +453,13 @@ impl SensorHead {
         self.laser_before + self.laser_within(0..now)
     }
 
+    /// The pulse under way, or the next one, ends at `fall`, if it has not ended yet.
+    pub fn laser_falls(&mut self, fall: Nanos, now: Nanos) {
+        if let Some(pulse) = self.laser.back_mut().filter(|it| it.end > now) {
+            pulse.end = fall.max(now);
+        }
+    }
+
     /// The laser goes off, if it is on.
     pub fn laser_off(&mut self, now: Nanos) {
         for pulse in &mut self.laser {

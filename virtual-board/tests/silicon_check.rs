@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rigless::mcu::{Mcu as _, Operate as _};
 use rigless::soc::Width;
-use rigless::soc::stm32f427::generated::flash;
+use rigless::soc::stm32f427::generated::{dbg, flash, gpioa};
 use virtual_board::board::Conditions;
 use virtual_board::flash::{BASE, BYTES, Operation};
 use virtual_board::jumpers::{Jumpers, Miso};
@@ -25,7 +25,7 @@ const LAST_WORD: Operation = Operation::Program {
 };
 
 /// The last check before the program waits for the watchdog.
-const BEFORE_WATCHDOG: &str = "cycles fraunhofer";
+const BEFORE_WATCHDOG: &str = "laser off";
 
 fn program() -> &'static Firmware {
     static PROGRAM: OnceLock<Firmware> = OnceLock::new();
@@ -84,7 +84,7 @@ fn passes(rows: u32) {
     let text = lines.join("\n");
     assert_eq!(named("FAIL", &lines), [""; 0], "{text}");
     assert_eq!(named("skip", &lines), [""; 0], "{text}");
-    let last = "silicon-check: 22 pass, 0 fail, 0 skipped";
+    let last = "silicon-check: 28 pass, 0 fail, 0 skipped";
     assert_eq!(lines.last().unwrap(), last);
     let is_as_before = board.flash().contents() == contents;
     assert!(is_as_before, "the sector is as it was");
@@ -208,6 +208,41 @@ fn missing_pulses_and_bits_of_miso_fail() {
 
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
+fn another_chip_and_faults_of_its_own_pins_fail() {
+    let mut board = board_with(|_, wires| {
+        wires.laser_falls_late = 100_000;
+        (wires.trigger_at_ground, wires.bytes_unheard) = (true, 3);
+    });
+    // An STM32F405, and PD12 is no output.
+    board
+        .on_emulator(|session, _, _| {
+            let part = &mut session.board_mut().processor.part;
+            let slot = part.bus().slot("DBG").expect("the debugger's block");
+            let registers = part.bus_mut().slot_mut(slot).registers_mut();
+            registers.set(dbg::Register::DbgmcuIdcode, 0x1007_0413);
+        })
+        .expect("the emulator");
+    lines_up_to(&mut board, "clock", Duration::from_secs(4));
+    board
+        .on_emulator(|session, _, _| {
+            let (_, registers) = session.board_mut().processor.part.port(3);
+            let modes = registers.get(gpioa::Register::Moder);
+            registers.set(gpioa::Register::Moder, modes & !(0b11 << 24));
+        })
+        .expect("the emulator");
+    let failing = [
+        "chip",
+        "RS-485",
+        "trigger",
+        "reception",
+        "laser",
+        "laser off",
+    ];
+    fails(board, &failing, &[]);
+}
+
+#[test]
+#[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn a_slow_core_fails() {
     // More than five clocks an instruction: t4 is far beyond its limit then, whatever the phase of fM.
     let mut board = board_with(|it, _| it.instructions_per_second = 32_000_000);
@@ -278,6 +313,6 @@ fn a_watchdog_that_does_not_bite_fails() {
     }
     let lines = lines_up_to(&mut board, "silicon-check", Duration::from_secs(1));
     assert_eq!(named("FAIL", &lines), ["watchdog"], "{}", lines.join("\n"));
-    let last = "silicon-check: 21 pass, 1 fail, 0 skipped";
+    let last = "silicon-check: 27 pass, 1 fail, 0 skipped";
     assert_eq!(lines.last().unwrap(), last);
 }

@@ -19,13 +19,24 @@ pub struct Input {
     address: u16,
     /// The latest command was for all sensors on the line.
     is_for_all: bool,
-    /// The line was too long: the rest of it is skipped.
-    skipping: bool,
+    /// Why the rest of the line is skipped.
+    skipping: Skipping,
     keys: Keys,
 }
 
 /// The most bytes of an address before a line: `@247 `.
 const MAX_ADDRESS: usize = 5;
+
+/// Whether and why the rest of a line is skipped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Skipping {
+    #[default]
+    Nothing,
+    /// The line was too long. The other side knows.
+    TooLong,
+    /// Characters were lost. The other side is told at the line's end.
+    Cut,
+}
 
 /// Where in the bytes of a key a terminal is: arrows and their like send an escape, a bracket, some
 /// parameters, and a letter (ECMA-48, 5.4).
@@ -59,7 +70,7 @@ impl Input {
             line: Vec::new(),
             address: 0,
             is_for_all: false,
-            skipping: false,
+            skipping: Skipping::Nothing,
             keys: Keys::Between,
         }
     }
@@ -77,7 +88,7 @@ impl Input {
 
     /// Whether no line is under way.
     pub fn is_empty(&self) -> bool {
-        self.line.is_empty() && !self.skipping
+        self.line.is_empty() && self.skipping == Skipping::Nothing
     }
 
     /// As [`Input::take`], for a person: `echo` becomes what the terminal shows. Backspace takes the last
@@ -109,7 +120,7 @@ impl Input {
             }
             (_, b' '..=b'~' | b'\t') => {
                 let character = if byte == b'\t' { b' ' } else { byte };
-                if !self.skipping {
+                if self.skipping == Skipping::Nothing {
                     let _ = echo.write_char(char::from(character));
                 }
                 return self.take(character);
@@ -134,18 +145,19 @@ impl Input {
             return None;
         }
         if matches!(byte, b'\r' | b'\n') {
-            let was_skipped = self.skipping;
-            let command = match addressed(&self.line, self.address) {
-                Some((line, is_for_all)) if !was_skipped => {
+            let command = match (self.skipping, addressed(&self.line, self.address)) {
+                (Skipping::Nothing, Some((line, is_for_all))) => {
                     self.is_for_all = is_for_all;
                     Some(parse(line))
                 }
+                // Another sensor on the line may be meant.
+                (Skipping::Cut, _) if self.address == 0 => Some(Err(Error::Cut)),
                 _ => None,
             };
             self.start_line();
             return command;
         }
-        if self.skipping {
+        if self.skipping != Skipping::Nothing {
             return None;
         }
         let has_address = self.line.first() == Some(&b'@');
@@ -153,15 +165,23 @@ impl Input {
         if self.line.len() < room && self.line.push(byte).is_ok() {
             return None;
         }
-        self.skipping = true;
+        self.skipping = Skipping::TooLong;
         let (_, is_for_all) = addressed(&self.line, self.address)?;
         self.is_for_all = is_for_all;
         Some(Err(Error::TooLong))
     }
 
+    /// Characters were lost: what is left of their line is not taken, because it may be another valid command.
+    /// At its end comes [`Error::Cut`].
+    pub fn lose_characters(&mut self) {
+        self.start_line();
+        self.is_for_all = false;
+        self.skipping = Skipping::Cut;
+    }
+
     fn start_line(&mut self) {
         self.line.clear();
-        self.skipping = false;
+        self.skipping = Skipping::Nothing;
         self.keys = Keys::Between;
     }
 }
@@ -228,6 +248,35 @@ mod tests {
             assert_eq!(all(bytes), expected, "{}", bytes.escape_ascii());
         }
         assert_eq!(all(b"help\r\ninf"), [Ok(Command::Help)]);
+    }
+
+    #[test]
+    fn a_line_of_which_characters_were_lost_is_refused() {
+        for (before, after, expected) in [
+            ("rows 1", "6\r", &[Error::Cut][..]),
+            ("", "\r\n", &[Error::Cut]),
+            ("", "help\r", &[Error::Cut]),
+            ("", &"x".repeat(2 * MAX_LINE), &[]),
+        ] {
+            for address in [0, 5] {
+                let mut input = Input::new();
+                input.set_address(address);
+                assert!(before.bytes().all(|byte| input.take(byte).is_none()));
+                input.lose_characters();
+                assert!(!input.is_empty());
+                let mut answers: std::vec::Vec<_> =
+                    after.bytes().filter_map(|byte| input.take(byte)).collect();
+                answers.retain(|it| *it != Ok(Command::Nothing));
+                let expected: &[_] = if address == 0 { expected } else { &[] };
+                assert!(
+                    answers
+                        .iter()
+                        .map(|it| it.as_ref().err())
+                        .eq(expected.iter().map(Some)),
+                    "{after:?}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -5,7 +5,6 @@ use core::sync::atomic::Ordering;
 use cortex_m::peripheral::DWT;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
-use embassy_stm32::usart::BufferedUart;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::{NorFlash as _, ReadNorFlash as _};
 use slitrange::centre::Estimator;
@@ -14,11 +13,12 @@ use slitrange_device::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
 use crate::board::processor::CORE_HZ;
-use crate::board::{self, CalibrationFlash};
+use crate::board::{self, CalibrationFlash, SerialPort};
 use crate::counters::COUNTERS;
 use crate::estimators::{self, Load};
 use crate::heads::{CYCLES_A_MASTER_CLOCK, ROW_PERIOD, WORDS};
 use crate::kept::Word;
+use crate::pins;
 use crate::report::{Report, text};
 use crate::rows::ROWS;
 use crate::wires::{self, SEEN};
@@ -39,12 +39,12 @@ const VIRTUAL: [&str; 4] = [
 
 #[embassy_executor::task]
 pub async fn run(
-    serial: BufferedUart<'static>,
+    serial: SerialPort,
     mut flash: CalibrationFlash,
     clock: Clock,
     started_by: StartCause,
 ) {
-    let (tx, _rx) = serial.split();
+    let (tx, mut rx) = serial;
     let mut report = Report::new(tx);
     let waited = Word::Waits.is_written();
     Word::Waits.set(0);
@@ -69,6 +69,10 @@ pub async fn run(
     }
     wires::init();
     check_clock(&mut report, clock).await;
+    pins::check_chip(&mut report).await;
+    pins::check_driver_enable(&mut report).await;
+    pins::check_trigger(&mut report).await;
+    pins::check_reception(&mut report, &mut rx).await;
     let mut load = Load::new();
     if check_rows(&mut report, rows, &mut load).await {
         check_miso(&mut report).await;
@@ -86,6 +90,7 @@ pub async fn run(
         }
     }
     check_estimators(&mut report, &mut load).await;
+    pins::check_laser(&mut report).await;
     wait_for_watchdog(&mut report).await;
     end(&mut report).await
 }
@@ -382,7 +387,7 @@ async fn next_row() -> Option<crate::rows::Buffer> {
     row.ok().map(|row| row.words)
 }
 
-async fn free_rows() {
+pub async fn free_rows() {
     while let Ok(row) = ROWS.full.try_receive() {
         ROWS.free.send(row.words).await;
     }

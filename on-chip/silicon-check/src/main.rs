@@ -51,6 +51,9 @@ mod report;
 mod wires;
 
 #[cfg(target_os = "none")]
+mod pins;
+
+#[cfg(target_os = "none")]
 mod checks;
 
 // Only linked: it takes defmt's log to the debug probe.

@@ -2,9 +2,9 @@
 
 use core::fmt::Write as _;
 
-use embassy_stm32::usart::BufferedUartTx;
-use embedded_io_async::Write as _;
 use heapless::String;
+
+use crate::board::Transmitter;
 
 pub type Text = String<256>;
 
@@ -20,14 +20,14 @@ pub(crate) use text;
 
 /// The serial port, and how the checks ended.
 pub struct Report {
-    serial: BufferedUartTx<'static>,
+    pub serial: Transmitter,
     pub passed: u32,
     pub failed: u32,
     pub skipped: u32,
 }
 
 impl Report {
-    pub fn new(serial: BufferedUartTx<'static>) -> Self {
+    pub fn new(serial: Transmitter) -> Self {
         Self {
             serial,
             passed: 0,
@@ -37,13 +37,12 @@ impl Report {
     }
 
     pub async fn line(&mut self, line: &str) {
-        // This driver's writes do not fail.
-        let _ = self.serial.write_all(line.as_bytes()).await;
-        let _ = self.serial.write_all(b"\r\n").await;
+        self.serial.send(line.as_bytes()).await;
+        self.serial.send(b"\r\n").await;
     }
 
     pub async fn flush(&mut self) {
-        let _ = self.serial.flush().await;
+        self.serial.drain().await;
     }
 
     /// Reports a check: what was found, and where to look if it is wrong.

@@ -1,50 +1,84 @@
-//! The serial line's port.
+//! The serial line's port, USART3: DMA takes the characters that come, an interrupt sends the others.
+//!
+//! embassy-stm32 0.6.0's drivers of this port lose characters. `BufferedUart` takes each by an interrupt,
+//! which may wait for the sensor's pulses longer than a character lasts at 921600 baud.
+//! `RingBufferedUartRx::read` reads the data register itself, and then the DMA misses that character.
 
+mod queue;
 mod receiver;
-mod rs485;
 mod transmitter;
 
-use embassy_stm32::Peri;
-use embassy_stm32::gpio::Pull;
-use embassy_stm32::interrupt::Interrupt;
-use embassy_stm32::peripherals::{PD8, PD9, PD12, USART3};
-use embassy_stm32::usart::{self, BufferedUart};
-use slitrange_device::protocol::MAX_ANSWER;
+use embassy_stm32::gpio::{AfType, AnyPin, Flex, Level, Output, OutputType, Pull, Speed};
+use embassy_stm32::interrupt::{Interrupt, InterruptExt};
+use embassy_stm32::peripherals::{DMA1_CH1, PD8, PD9, PD12, USART3};
+use embassy_stm32::{Peri, interrupt, pac, rcc};
 use slitrange_device::settings::serial_line::Baud;
-use static_cell::ConstStaticCell;
 
-pub use receiver::{CountSerialErrors, NoteFlags, Receiver};
-pub use rs485::ReleaseLine;
+pub use receiver::{Lost, Receiver};
 pub use transmitter::Transmitter;
 
-use super::Interrupts;
-
 /// Both directions.
-pub type SerialPort = BufferedUart<'static>;
+pub type SerialPort = (Transmitter, Receiver);
 
 /// The interrupt of the serial line.
 pub const INTERRUPT: Interrupt = Interrupt::USART3;
 
-/// Outgoing characters: the longest answer, and as many characters of the readings that come meanwhile if a
-/// frame is one row. With less, lines are dropped after `help estimator`. In core-coupled memory, because no
-/// DMA needs it, and the stack has the room.
-#[unsafe(link_section = ".ccm.to_send")]
-static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0; 2 * MAX_ANSWER]);
+/// The alternate function that is USART3 (data sheet of the STM32F429, table 12).
+const USART3_FUNCTION: u8 = 7;
 
 /// Opens the port, with the rate of every start.
 pub fn open(
-    port: Peri<'static, USART3>,
+    _port: Peri<'static, USART3>,
     rx: Peri<'static, PD9>,
     tx: Peri<'static, PD8>,
     driver: Peri<'static, PD12>,
+    dma: Peri<'static, DMA1_CH1>,
 ) -> SerialPort {
-    rs485::start(driver);
-    let mut config = usart::Config::default();
-    config.baudrate = Baud::default().bits_a_second();
+    // Dropping a pin would make it an input again.
+    core::mem::forget(Output::new(driver, Level::Low, Speed::Low));
+    connect(
+        tx.into(),
+        AfType::output(OutputType::PushPull, Speed::Medium),
+    );
     // While the sensor sends, an RS-485 chip whose RE is tied to DE lets go of the pin.
-    config.rx_pull = Pull::Up;
-    let (to_send, received) = (TO_SEND.take(), receiver::RECEIVED.take());
-    let port = BufferedUart::new(port, rx, tx, to_send, received, Interrupts, config);
-    // The configuration is constant: a wrong one fails at the first start.
-    defmt::unwrap!(port)
+    connect(rx.into(), AfType::input(Pull::Up));
+    rcc::enable_and_reset::<USART3>();
+    set_rate(Baud::default());
+    let port = pac::USART3;
+    let receiver = Receiver::new(dma);
+    port.cr3().write(|control| {
+        control.set_dmar(true);
+        control.set_eie(true);
+    });
+    port.cr1().write(|control| {
+        control.set_ue(true);
+        control.set_te(true);
+        control.set_re(true);
+        control.set_idleie(true);
+    });
+    INTERRUPT.unpend();
+    // SAFETY: nothing depends on its absence.
+    unsafe { INTERRUPT.enable() };
+    (Transmitter::new(), receiver)
+}
+
+fn connect(pin: Peri<'static, AnyPin>, function: AfType) {
+    let mut pin = Flex::new(pin);
+    pin.set_as_af_unchecked(USART3_FUNCTION, function);
+    core::mem::forget(pin);
+}
+
+/// Sets the rate of both directions, to the nearest divisor of the port's clock (RM0090 section 30.3.4).
+fn set_rate(baud: Baud) {
+    let (clock, rate) = (rcc::frequency::<USART3>().0, baud.bits_a_second());
+    let divisor = (clock + rate / 2) / rate;
+    // At 42 MHz and 9600 baud it is 4375. BRR holds sixteenths of USARTDIV in 16 bits.
+    pac::USART3.brr().write(|register| register.0 = divisor);
+}
+
+#[interrupt]
+fn USART3() {
+    let flags = pac::USART3.sr().read();
+    receiver::on_interrupt(flags);
+    transmitter::on_interrupt(flags);
 }

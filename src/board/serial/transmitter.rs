@@ -1,37 +1,36 @@
-//! Sends characters to the serial line.
-//!
-//! # Note
-//!
-//! embassy-stm32 0.6.0's buffered transmitter wants care:
-//! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
-//! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
-//! * `write` starts the interrupt only if the buffer was empty when it checked. If the last bytes leave
-//!   between that check and the new bytes' arrival, nobody starts it: [`hand_over_bytes`] starts it after
-//!   every write.
+//! Sends characters to the serial line. The driver of an RS-485 line is enabled meanwhile.
 
-use embassy_futures::poll_once;
-use embassy_stm32::usart::BufferedUartTx;
+use embassy_stm32::interrupt::InterruptExt;
+use embassy_stm32::pac;
+use embassy_stm32::pac::usart::regs::Sr;
 use embassy_time::Timer;
-use embedded_io_async::Write as _;
+use slitrange_device::protocol::MAX_ANSWER;
 use slitrange_device::settings::serial_line::Baud;
 
-use super::rs485::hand_over_bytes;
+use super::queue::Queue;
+use super::{INTERRUPT, set_rate};
 use crate::counters::COUNTERS;
 
-/// Bytes handed over at a time: a small part of the driver's buffer, so that it does not run dry meanwhile.
+/// Outgoing characters: the longest answer, and as many characters of the readings that come meanwhile if a
+/// frame is one row. With less, lines are dropped after `help estimator`. In core-coupled memory, because no
+/// DMA needs it, and the stack has the room.
+#[unsafe(link_section = ".ccm.to_send")]
+static TO_SEND: Queue<{ 2 * MAX_ANSWER }> = Queue::new();
+
+/// Bytes handed over at a time: a small part of the queue, so that it does not run dry meanwhile.
 const PIECE: usize = 64;
+
+/// The pin of port D that enables the line's driver, with RS-485.
+const DRIVER_ENABLE: usize = 12;
 
 /// See the module.
 pub struct Transmitter {
-    port: BufferedUartTx<'static>,
     baud: Baud,
 }
 
 impl Transmitter {
-    /// Makes a transmitter of a port's sending side, which has the rate of every start.
-    pub fn new(port: BufferedUartTx<'static>) -> Self {
+    pub(super) fn new() -> Self {
         Self {
-            port,
             baud: Baud::default(),
         }
     }
@@ -42,8 +41,7 @@ impl Transmitter {
             return;
         }
         self.drain().await;
-        // The rates are constant: a wrong one fails at its first use.
-        defmt::unwrap!(self.port.set_baudrate(baud.bits_a_second()));
+        set_rate(baud);
         self.baud = baud;
     }
 
@@ -71,15 +69,50 @@ impl Transmitter {
 
     /// Whether the last bit of all bytes has left.
     pub fn is_empty(&mut self) -> bool {
-        poll_once(self.port.flush()).is_ready()
+        let control = pac::USART3.cr1().read();
+        TO_SEND.is_empty() && !control.txeie() && !control.tcie()
     }
 
-    /// Hands over all of the bytes or, without room for them, none. On an error the bytes count as handed
-    /// over, because a second try would give the same error.
+    /// Hands over all of the bytes or, without room for them, none. The interrupt, which comes at once, is
+    /// the only one that touches the port from here on.
     fn try_hand_over(&mut self, bytes: &[u8]) -> bool {
-        if bytes.is_empty() {
-            return true;
-        }
-        hand_over_bytes(|| poll_once(self.port.write(bytes)).is_ready())
+        let has_room = TO_SEND.try_push(bytes);
+        INTERRUPT.pend();
+        has_room
     }
+}
+
+/// Sends the next character. The line's driver is enabled from before the first bit until after the last.
+pub fn on_interrupt(flags: Sr) {
+    let port = pac::USART3;
+    let control = port.cr1().read();
+    if !TO_SEND.is_empty() {
+        pac::GPIOD
+            .bsrr()
+            .write(|pins| pins.set_bs(DRIVER_ENABLE, true));
+        if flags.txe()
+            && let Some(byte) = TO_SEND.pop()
+        {
+            port.dr().write(|data| data.set_dr(byte.into()));
+        }
+        if !control.txeie() || control.tcie() {
+            await_flags(true, false);
+        }
+    } else if control.txeie() {
+        // The last character is on its way.
+        await_flags(false, true);
+    } else if control.tcie() && flags.tc() {
+        await_flags(false, false);
+        pac::GPIOD
+            .bsrr()
+            .write(|pins| pins.set_br(DRIVER_ENABLE, true));
+    }
+}
+
+/// The interrupt comes when the next character may be written, or when the last bit has left.
+fn await_flags(txe: bool, tc: bool) {
+    pac::USART3.cr1().modify(|control| {
+        control.set_txeie(txe);
+        control.set_tcie(tc);
+    });
 }

@@ -123,15 +123,12 @@ fn bits_a_byte(bytes: &[(Nanos, u8)], baud: Baud) -> f64 {
 }
 
 /// USART3's clock of 42 MHz is not a multiple of the rates: the nearest divisor of 921600 baud is 0.93 % off,
-/// and the others are nearer. A receiver takes 3 % and more. A slower core loses bytes at 921600 baud
-/// (docs/hardware.md).
+/// and the others are nearer. A receiver takes 3 % and more.
 #[test]
 fn the_answer_to_baud_is_at_the_old_rate_and_all_later_bytes_are_at_the_new_one() {
     let mut board = measuring(4);
     let mut before = Baud::default();
-    let is_fast = cycles_an_instruction() == 1.0;
-    let bauds = Baud::ALL.into_iter().rev();
-    for baud in bauds.filter(|baud| is_fast || baud.bits_a_second() <= 460_800) {
+    for baud in Baud::ALL.into_iter().rev() {
         board.take_bytes();
         set(&mut board, &format!("baud {}", baud.bits_a_second()));
         let bits = bits_a_byte(&board.take_bytes(), before);
@@ -149,8 +146,7 @@ fn the_answer_to_baud_is_at_the_old_rate_and_all_later_bytes_are_at_the_new_one(
 
 #[test]
 fn whole_rows_arrive_with_the_results_that_a_pc_finds_in_them() {
-    // A slower core loses bytes of commands at this rate (docs/hardware.md).
-    let mut board = measuring_under(paper(), 16, full_speed());
+    let mut board = measuring(16);
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);
     say(&mut board, "pixels rows", 50);

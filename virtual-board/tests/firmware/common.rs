@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use rigless::soc::stm32f427::generated::spi1;
-use rigless::soc::stm32f427::generated::usart6::Register::Cr1;
+pub use rigless::soc::stm32f427::generated::usart6::Register as Usart;
 use simulator::scene::Scene;
 use slitrange::base::fault::Fault;
 use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
@@ -210,12 +210,12 @@ pub fn with_processor<T: Send + 'static>(
     done.expect("the emulator")
 }
 
-/// Changes the control register of the serial port, as a flipped bit would.
-pub fn change_serial_port(board: &mut VirtualBoard, change: fn(u64) -> u64) {
+/// Changes a register of the serial port, as a flipped bit would.
+pub fn change_serial_port(board: &mut VirtualBoard, register: Usart, change: fn(u64) -> u64) {
     // USART3, in rigless's order.
     with_processor(board, move |it| {
         let (_, registers) = it.part.serial_port(2);
-        registers.set(Cr1, change(registers.get(Cr1)));
+        registers.set(register, change(registers.get(register)));
     });
 }
 

@@ -1,5 +1,7 @@
 //! Tests of what silicon needs and the emulated core does not: an erratum's bit, and a log that nobody reads.
 
+use rigless::soc::stm32f427::generated::spi1;
+
 use super::common::*;
 
 /// The auxiliary control register (ARMv7-M manual, B3.2.2) and its bit that switches the write buffer off.
@@ -22,21 +24,28 @@ fn a_log_that_nobody_reads_stops_nothing() {
     let mut board = measuring(4);
     board.lose_log_reader().expect("a log");
     let [size, mut place] = board.log_size_and_place().expect("a log");
-    // Each of these bytes makes embassy's driver log an error.
-    garble(&mut board, 1_000_000, 0);
     let mut logged = 0;
     while logged <= 2 * size {
-        board.send("?");
-        run_ms(&mut board, 1);
+        // The row under way loses a word, which is logged.
+        run_ms(&mut board, 6);
+        with_processor(&mut board, |it| {
+            let registers = it.converter_registers();
+            registers.set(
+                spi1::Register::Sr,
+                registers.get(spi1::Register::Sr) | spi1::sr::OVR.mask(),
+            );
+        });
         let [_, now] = board.log_size_and_place().expect("a log");
         logged += (now + size - place) % size;
         place = now;
         assert!(board.now() < 20_000_000_000, "{logged} of {size} bytes");
     }
     println!("{logged} bytes in a buffer of {size}");
-    garble(&mut board, 0, 0);
-    board.send("\r\n");
+    run_ms(&mut board, 200);
+    board.take_lines();
     assert_readings(&fresh_results(&mut board, 4));
     assert_no_reset(&mut board);
-    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "rows late"]);
+    let status = Status::ask(&mut board);
+    assert!(status.count("rows failed") > 0);
+    status.assert_none(&["rows lost", "rows late"]);
 }

@@ -122,7 +122,7 @@ fn since(board: &VirtualBoard, then: Nanos) -> Duration {
 /// Binary at 921600 baud, one row in a frame: each row's result and window. Prints and limits the time from a
 /// row's last word to the first byte of its result.
 fn assert_windows_arrive(time: Duration) {
-    // A slower core may lose bytes of commands at this rate (docs/hardware.md).
+    // The limit holds for an instruction a cycle.
     let mut board = measuring_under(paper(), 1, full_speed());
     set(&mut board, "baud 921600");
     let mut reader = Reader::start(&mut board);

@@ -1,5 +1,7 @@
 //! Tests of the watchdog, and of the cause that the banner names after a start.
 
+use std::time::Duration;
+
 use rigless::soc::stm32f427::generated::usart6::cr1;
 use virtual_board::{Nanos, OpenLine, VirtualBoard};
 
@@ -70,17 +72,45 @@ fn the_watchdog_resets_after_a_logged_panic_and_if_a_computation_hangs() {
 
 /// Stops a board in a pulse. The pulse must end at once, not after its 5.6 ms.
 fn stop_in_a_pulse(board: &mut VirtualBoard, stop: fn(&mut VirtualBoard)) {
+    let us = stopped_pulse_lasts(board, 0, stop);
+    assert!(us < 100.0, "{us} us");
+}
+
+/// Stops a board in a pulse of 5.6 ms, some time after its begin. Gives how long the pulse then lasts, us.
+fn stopped_pulse_lasts(
+    board: &mut VirtualBoard,
+    after_us: u64,
+    stop: fn(&mut VirtualBoard),
+) -> f64 {
     set(board, "exposure 5600");
     // The core then still computes a row at the pulse's begin.
     set(board, "estimator gauss-newton");
     results(board, 3);
     run_into_a_pulse(board);
+    board
+        .run_for(Duration::from_micros(after_us))
+        .expect("a run");
     let stopped = board.now();
     stop(board);
     run_ms(board, 20);
     let pulse = board.head(|head| head.laser_pulses().next_back().expect("a pulse").clone());
     println!("stopped at {stopped} ns, in the pulse {pulse:?}");
-    assert!(pulse.contains(&stopped) && pulse.end < stopped + 100_000);
+    assert!(pulse.contains(&stopped));
+    (pulse.end - stopped) as f64 / 1000.0
+}
+
+/// A core that a debugger halts serves no interrupt.
+#[test]
+fn a_halt_ends_the_pulse_within_a_millisecond() {
+    for after_us in [10, 300, 390, 3000] {
+        let mut board = measuring(4);
+        let us = stopped_pulse_lasts(&mut board, after_us, |board| {
+            // NVIC_ICER0 to 2 (ARMv7-M manual, section B3.4.5).
+            (0..3).for_each(|number| board.probe_writes(0xE000_E180 + 4 * number, u32::MAX));
+        });
+        println!("{after_us} us after the begin of a pulse: {us} us");
+        assert!((500.0..1000.0).contains(&us), "{us} us");
+    }
 }
 
 /// Asserts what `info` says of the last stop, and how many stops `errors` counts.
@@ -157,7 +187,7 @@ fn the_watchdog_resets_if_the_serial_line_hangs() {
     // Twice what the port's buffer holds.
     board.send(&"help\r\n".repeat(6));
     run_ms(&mut board, 50);
-    change_serial_port(&mut board, |control| control & !cr1::TE.mask());
+    change_serial_port(&mut board, Usart::Cr1, |control| control & !cr1::TE.mask());
     run_ms(&mut board, 1);
     board.take_lines();
     let rows = board.statistics().rows;
