@@ -85,8 +85,8 @@ async fn take_results(shell: &mut Shell) {
 }
 
 /// Gathers the rest of a Modbus request, up to the silence that ends it. If the computation of a row keeps
-/// this task for longer than that, two requests may become one. That one has a wrong checksum and no answer,
-/// and the master asks again.
+/// this task for longer than that, what comes behind the silence is gathered too: the request is what the
+/// bytes end with.
 async fn gather_request(shell: &mut Shell, rx: &mut Receiver, bytes: &mut [u8; PIECE]) {
     while let Ok(count) = with_timeout(END_OF_REQUEST, rx.read(bytes)).await {
         // A request of which bytes were lost has a wrong checksum.

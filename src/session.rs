@@ -6,6 +6,7 @@ use core::fmt::{Display, Write as _};
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::row::pixels::flat_field::FlatField;
 use slitrange_device::protocol::info::Hardware;
+use slitrange_device::protocol::modbus::MAX_BYTES;
 use slitrange_device::protocol::packet::{
     Message, Packets, RowHead as RowPacket, RowWords, parts_of_text,
 };
@@ -102,12 +103,16 @@ impl Shell {
         self.session.speaks_modbus()
     }
 
-    /// Takes bytes of a Modbus request.
+    /// Takes bytes that may end with a Modbus request. Of too many the last are kept, as many as the longest
+    /// request has.
     pub fn gather(&mut self, bytes: &[u8]) {
-        let request = self.packets.buffer();
-        for &byte in bytes {
-            // The buffer holds more bytes than the longest request has. The rest of a longer one is dropped.
-            let _ = request.push(byte);
+        let gathered = self.packets.buffer();
+        if gathered.extend_from_slice(bytes).is_err() {
+            let old = gathered.len().saturating_sub(MAX_BYTES);
+            gathered.copy_within(old.., 0);
+            gathered.truncate(MAX_BYTES);
+            // Pieces are shorter than the rest of the buffer.
+            let _ = gathered.extend_from_slice(bytes);
         }
     }
 

@@ -115,6 +115,14 @@ pub enum Error {
     /// The line has bytes that are not printable ASCII.
     #[error("E5 not ASCII text")]
     NotText,
+    /// The line does not have the checksum that it ends with.
+    #[error("E7 checksum {written:02x}, of what came {computed:02x}: send it again")]
+    LineChecksum {
+        /// The checksum that was sent.
+        written: u32,
+        /// The exclusive or of what came.
+        computed: u32,
+    },
     /// Characters of the line were lost, because too many came at once.
     #[error("E20 characters were lost, so this line was not taken: send it again")]
     Cut,

@@ -145,13 +145,18 @@ impl Input {
             return None;
         }
         if matches!(byte, b'\r' | b'\n') {
-            let command = match (self.skipping, addressed(&self.line, self.address)) {
-                (Skipping::Nothing, Some((line, is_for_all))) => {
+            let checked = match self.skipping {
+                Skipping::Nothing => Some(without_checksum(&self.line)),
+                Skipping::Cut => Some(Err(Error::Cut)),
+                Skipping::TooLong => None,
+            };
+            let command = match checked {
+                Some(Ok(line)) => addressed(line, self.address).map(|(line, is_for_all)| {
                     self.is_for_all = is_for_all;
-                    Some(parse(line))
-                }
+                    parse(line)
+                }),
                 // Another sensor on the line may be meant.
-                (Skipping::Cut, _) if self.address == 0 => Some(Err(Error::Cut)),
+                Some(Err(error)) if self.address == 0 => Some(Err(error)),
                 _ => None,
             };
             self.start_line();
@@ -183,6 +188,25 @@ impl Input {
         self.line.clear();
         self.skipping = Skipping::Nothing;
         self.keys = Keys::Between;
+    }
+}
+
+/// A line without the checksum that it may end with: `*` and the exclusive or of all characters before it, two
+/// hexadecimal digits (NMEA 0183).
+fn without_checksum(line: &[u8]) -> Result<&[u8], Error> {
+    let Some((body, &[b'*', high, low])) = line.split_last_chunk() else {
+        return Ok(line);
+    };
+    let digit = |byte: u8| char::from(byte).to_digit(16);
+    let (Some(high), Some(low)) = (digit(high), digit(low)) else {
+        return Ok(line);
+    };
+    let computed = body.iter().fold(0, |sum, byte| sum ^ u32::from(*byte));
+    let written = high << 4 | low;
+    if written == computed {
+        Ok(body)
+    } else {
+        Err(Error::LineChecksum { written, computed })
     }
 }
 
@@ -277,6 +301,35 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn a_line_with_a_checksum_is_taken_only_if_it_is_right() {
+        let sum = |line: &str| line.bytes().fold(0, |sum, byte| sum ^ byte);
+        for line in ["help", "@5 help", "@0 help"] {
+            let right = format!("{line}*{:02x}\r", sum(line));
+            let address = if line == "help" { 0 } else { 5 };
+            let answer = [(Ok(Command::Help), line == "@0 help")];
+            assert_eq!(taken(address, &right), answer);
+            // Each bit of the line wrong. A digit may be a capital, and `*` a line feed, which ends the line.
+            for bit in 0..8 * (right.len() - 1) {
+                let mut wrong = right.clone().into_bytes();
+                wrong[bit / 8] ^= 1 << (bit % 8);
+                let is_right = wrong[line.len()] == b'\n'
+                    || bit / 8 > line.len() && wrong.eq_ignore_ascii_case(right.as_bytes());
+                let is_taken = taken(address, &wrong).iter().any(|(it, _)| it.is_ok());
+                assert_eq!(is_taken, is_right, "{}", wrong.escape_ascii());
+            }
+        }
+        let error = Error::LineChecksum {
+            written: 0x1A,
+            computed: 0x11,
+        };
+        assert_eq!(all(b"help*1a\r"), [Err(error)]);
+        assert_eq!(
+            error.to_string(),
+            "E7 checksum 1a, of what came 11: send it again"
+        );
     }
 
     #[test]

@@ -32,7 +32,8 @@
 //! | 6 | none | 1 does what the command `save` does, after the answer; reads 0 |
 //!
 //! A request that writes several registers changes all of them or none. A request with a wrong checksum, or
-//! for another station, changes nothing and has no answer. One for station 0 is for all stations: it is
+//! for another station, changes nothing and has no answer. Bytes before a request, as an answer of another
+//! station, are skipped: a computation may hide the silence between the two. One for station 0 is for all stations: it is
 //! carried out without an answer.
 //!
 //! The crate rmodbus reads requests too, but panics on some of them: rmodbus 0.13.0 trusts the byte count of
@@ -108,9 +109,24 @@ pub struct Answer {
     pub save: bool,
 }
 
-/// Answers a request to a station.
-pub fn answer(request: &[u8], station: u8, shown: &Shown<'_>) -> Answer {
-    carry_out(request, station, shown).unwrap_or_default()
+/// Answers the request to a station that `bytes` end with.
+pub fn answer(bytes: &[u8], station: u8, shown: &Shown<'_>) -> Answer {
+    let mut requests = (0..bytes.len()).filter_map(|start| {
+        let request = bytes.get(start..)?;
+        (start == 0 || has_length(request)).then_some(request)
+    });
+    requests
+        .find_map(|request| carry_out(request, station, shown))
+        .unwrap_or_default()
+}
+
+/// Whether a request is as long as its function says.
+fn has_length(request: &[u8]) -> bool {
+    match *request {
+        [_, 3 | 4 | 6, ..] => request.len() == 8,
+        [_, 16, _, _, _, _, length, ..] => request.len() == usize::from(length).saturating_add(9),
+        _ => false,
+    }
 }
 
 /// `None` if the request is not for this station, or is no request.
@@ -405,6 +421,11 @@ mod tests {
             let mut wrong = request.clone();
             wrong[bit / 8] ^= 1 << (bit % 8);
             assert_eq!(answer(&wrong, STATION, &shown), none);
+        }
+        for before in [1, 7, 8, 37, 250] {
+            let behind = [&std::vec![STATION; before], &request[..]].concat();
+            assert_eq!(answer(&behind, STATION, &shown).changes.len(), 1);
+            assert_eq!(answer(&[&behind[..], &[0]].concat(), STATION, &shown), none);
         }
         let longest = with_checksum(&[STATION; 255]);
         assert_eq!(answer(&longest, STATION, &shown), none);

@@ -1,6 +1,8 @@
 //! Tests of `format modbus`: requests and answers on the serial line. clients/python/tests/test_modbus.py
 //! does the same with a stock master.
 
+use std::time::Duration;
+
 use virtual_board::VirtualBoard;
 
 use super::common::*;
@@ -71,9 +73,9 @@ fn a_master_reads_results_and_writes_settings() {
     assert_eq!(say(&mut board, b"rows 7\r\n@17 rows 7\r\n", 30), NOTHING);
     assert_eq!(say(&mut board, &frame(&[18, 6, 0, 0, 0, 7]), 30), NOTHING);
     let two = [frame(&[17, 6, 0, 0, 0, 7]), frame(&[17, 6, 0, 0, 0, 8])].concat();
-    // No silence between them.
-    assert_eq!(say(&mut board, &two, 30), NOTHING);
-    assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 4]);
+    // No silence between them: only the last one counts.
+    assert_eq!(say(&mut board, &two, 30), frame(&[17, 6, 0, 0, 0, 8]));
+    assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 8]);
     assert_eq!(request(&mut board, &[17, 4, 0, 16, 0, 1]), [17, 0x84, 2]);
     // For all stations.
     assert_eq!(say(&mut board, &frame(&[0, 6, 0, 0, 0, 5]), 30), NOTHING);
@@ -94,4 +96,75 @@ fn a_master_reads_results_and_writes_settings() {
     assert_eq!(answer[..8], frame(&alone_in_text[..6]));
     assert_readings(&fresh_results(&mut board, 2));
     assert_eq!(ask(&mut board, "rows"), "rows 5");
+}
+
+/// Two boards on one line, as stations 1 and 2. The line carries each byte to all others.
+struct Bus([CleanBoard; 2]);
+
+impl Bus {
+    /// How far apart the boards' times are at most.
+    const STEP: Duration = Duration::from_micros(50);
+
+    fn new() -> Self {
+        Self([1, 2].map(|station| {
+            let (mut board, _) = boot(paper());
+            set(&mut board, &format!("address {station}"));
+            tell(&mut board, &format!("@{station} format modbus"));
+            run_ms(&mut board, 5);
+            board.take_bytes();
+            board
+        }))
+    }
+
+    /// Lets a master ask, and waits for an answer of `length` bytes, up to 100 ms. Gives the answer. The line
+    /// is silent for `silence` before the request and behind the answer.
+    fn ask(&mut self, request: &[u8], length: usize, silence: Duration) -> Vec<u8> {
+        for board in &mut self.0 {
+            board.run_for(silence).expect("a run");
+            let now = board.now();
+            board.send_at(now, request);
+        }
+        let (mut answer, start) = (vec![], self.0[0].now());
+        while answer.len() < length && self.0[0].now() < start + 100_000_000 {
+            for speaker in 0..2 {
+                self.0[speaker].run_for(Self::STEP).expect("a run");
+                let bytes: Vec<u8> = self.0[speaker].take_bytes().iter().map(|it| it.1).collect();
+                let other = &mut self.0[1 - speaker];
+                let now = other.now();
+                other.send_at(now, &bytes);
+                answer.extend(bytes);
+            }
+        }
+        answer
+    }
+}
+
+/// Asks two stations in turn. Each request must have its answer.
+fn all_requests_are_answered(requests: usize) {
+    // The silence that the standard wants above 19,200 baud, and 3.5 characters of 11 bits.
+    for silence in [Duration::from_micros(1750), Duration::from_nanos(334_000)] {
+        let mut bus = Bus::new();
+        let mut unanswered = 0;
+        for number in 0..requests {
+            let station = [1, 2][number % 2];
+            let answer = bus.ask(&frame(&[station, 4, 0, 0, 0, 16]), 37, silence);
+            let is_whole = answer
+                .split_last_chunk::<2>()
+                .is_some_and(|(body, _)| frame(body) == answer);
+            unanswered += usize::from(!(is_whole && answer[..3] == [station, 4, 32]));
+        }
+        println!("{silence:?}: {unanswered} of {requests} unanswered");
+        assert_eq!(unanswered, 0, "of {requests}");
+    }
+}
+
+#[test]
+fn two_stations_on_one_line_answer_all_requests() {
+    all_requests_are_answered(60);
+}
+
+#[test]
+#[ignore = "takes minutes; .ci/run leaves it out"]
+fn two_stations_on_one_line_answer_ten_thousand_requests() {
+    all_requests_are_answered(5_000);
 }
