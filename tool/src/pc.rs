@@ -5,12 +5,20 @@ use std::io::{self, IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
 
 use serialport::{ClearBuffer, SerialPort as _};
+use time::OffsetDateTime;
 
 use crate::keyboard;
 use crate::screen::{RealScreen, Screen};
 
 /// Bits a second, as the firmware sets them.
 const BAUD: u32 = 115_200;
+
+/// The date and the time, `2026-11-21T11:00:11.123Z`.
+pub fn utc() -> String {
+    let now = OffsetDateTime::now_utc();
+    let (hour, minute, second, ms) = now.to_hms_milli();
+    format!("{}T{hour:02}:{minute:02}:{second:02}.{ms:03}Z", now.date())
+}
 
 /// Serial ports, a clock and a terminal.
 pub trait Pc {

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
+use slitrange::base::exposure::Exposure;
 use slitrange_device::settings::columns::Column;
 use slitrange_device::settings::{Setting, Value};
 
@@ -19,7 +20,7 @@ use super::line::LineError;
 use super::port::PortOption;
 use super::session::{Link, Session};
 use super::stream::{FrameResult, Kind, frame_result};
-use crate::pc::Pc;
+use crate::pc::{Pc, utc};
 use crate::screen::{Key, Screen};
 
 /// How long to wait for a line before keys are read and the view is drawn.
@@ -40,14 +41,15 @@ const PROGRESS: Duration = Duration::from_secs(10);
 ///
 /// At a terminal: a live view with the distance, its trend and statistics. q or Ctrl-C ends it. Into a pipe,
 /// and with --plain: a line for each reading. The sensor is left as it was found. If the setting `output` has
-/// no distance, `monitor` adds it until its end.
+/// no distance, `monitor` adds it until its end; with --csv, also the columns `counter` and
+/// `time`, unless a frame is one row.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(after_help = "\
-The columns of FILE are: time_s (since the start, by the PC's clock), kind (reading, difference: a distance
+The columns of FILE are: time_s (since the start, by the PC's clock), utc (date and time), kind (reading, difference: a distance
 relative to `zero`, fault, held: a fault with an earlier distance in its place, gap: the sensor went away),
-number and sensor_us (with the columns counter and time of the setting `output`), distance_mm, u_mm, r_mm,
-centre_px, height_counts, width_px, rows_used, rows, exposure_us (empty: the longest exposure), slits, flags,
-fault. What the sensor does not send is empty.
+number and sensor_us (of the result, since the sensor's start), distance_mm, u_mm, r_mm, centre_px,
+height_counts, width_px, rows_used, rows, exposure_us, slits, flags, fault. What the sensor does not send is
+empty.
 
 Examples:
   slitrange monitor
@@ -91,6 +93,8 @@ struct Monitor<'a> {
     /// When the last reading or fault came.
     reading_came: Duration,
     results: u64,
+    /// The file gets an exposure for each reading. The sensor's lines leave the longest one out.
+    has_exposures: bool,
 }
 
 /// `monitor`.
@@ -117,6 +121,7 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         heard: began,
         reading_came: began,
         results: 0,
+        has_exposures: false,
     };
     let ended = monitor.run(session, &mut screen);
     drop(screen);
@@ -209,11 +214,28 @@ impl<'a> Monitor<'a> {
     /// Asks what `monitor` must know, and sets its columns. Gives the rows lost and lines dropped.
     fn prepare(&mut self, session: &mut Session<'_>) -> Result<(u32, u32), LineError> {
         self.statistics.leaves_out = session.value(Setting::Rate)? != Value::Rate(0);
-        if let Value::Output(columns) = session.value(Setting::Output)?
-            && !columns.has(Column::Distance)
-        {
-            session.borrow(Value::Output(columns.with(Column::Distance)))?;
-            self.title = format!("{}; `output` also has `distance` for now", self.sensor);
+        let Value::Output(columns) = session.value(Setting::Output)? else {
+            return session.losses();
+        };
+        let mut wanted = vec![Column::Distance];
+        // At 115200 baud, longer lines do not fit in the time of one row.
+        if self.recording.is_some() && session.value(Setting::Rows)? != Value::Rows(1) {
+            wanted.extend([Column::Counter, Column::Time]);
+        }
+        let all = wanted.iter().fold(columns, |all, column| all.with(*column));
+        self.has_exposures = self.recording.is_some() && columns.has(Column::Exposure);
+        if all != columns {
+            session.borrow(Value::Output(all))?;
+            wanted.retain(|column| !columns.has(*column));
+            let added: Vec<_> = wanted
+                .iter()
+                .map(|column| format!("`{}`", column.name()))
+                .collect();
+            self.title = format!(
+                "{}; `output` also has {} for now",
+                self.sensor,
+                added.join(", ")
+            );
         }
         session.losses()
     }
@@ -240,6 +262,7 @@ impl<'a> Monitor<'a> {
         if let Some(recording) = &mut self.recording {
             recording.add(&FrameResult {
                 time_s: seconds(at),
+                utc: utc(),
                 kind: Kind::Gap,
                 fault: fault.clone(),
                 ..FrameResult::default()
@@ -263,6 +286,10 @@ impl<'a> Monitor<'a> {
         self.reading_came = self.pc.now();
         self.statistics.take(at, &result);
         result.time_s = seconds(at);
+        result.utc = utc();
+        if self.has_exposures && result.distance_mm.is_some() {
+            result.exposure_us.get_or_insert(Exposure::LONGEST.us());
+        }
         if let Some(recording) = &mut self.recording {
             recording.add(&result)?;
         } else if self.as_lines {

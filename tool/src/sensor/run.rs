@@ -13,7 +13,6 @@ use slitrange::frame::comb::Slits;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::settings::{Setting, Value};
 use statistics::{least_and_most, mean, rms, standard_deviation, upper_median};
-use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};
 use super::line::LineError;
@@ -21,7 +20,7 @@ use super::port::PortOption;
 use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
 use super::taken::{Millimetres, PointLine, PointsFile, Taken};
-use crate::pc::Pc;
+use crate::pc::{Pc, utc};
 use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.
@@ -121,7 +120,7 @@ pub fn run(
     let mut session = options.port.open(pc)?;
     let setup = ask_setup(&mut session)?;
     let found = session.before()?;
-    let mut file = PointsFile::open(&options.file, &setup, found, &now())?;
+    let mut file = PointsFile::open(&options.file, &setup, found, &utc())?;
     // That is how a run that was killed leaves the sensor.
     let left_behind = Before {
         streamed: false,
@@ -517,13 +516,6 @@ fn middle_mean(mut values: Vec<f64>) -> f64 {
     // One of three: a line that lost a digit must not count.
     let quarter = (values.len() + 1) / 4;
     mean(&values[quarter..values.len() - quarter])
-}
-
-/// The time, `2026-11-21T11:00:11Z`.
-fn now() -> String {
-    let now = OffsetDateTime::now_utc();
-    let (hour, minute, second) = now.to_hms();
-    format!("{}T{hour:02}:{minute:02}:{second:02}Z", now.date())
 }
 
 #[cfg(test)]

@@ -24,6 +24,9 @@ pub enum Kind {
 pub struct FrameResult {
     /// Seconds since `monitor` began, by the PC's clock.
     pub time_s: f64,
+    /// When it came, in Coordinated Universal Time by the PC's clock: `2026-11-29T09:12:33.123Z`.
+    #[serde(default)]
+    pub utc: String,
     /// What the result is.
     pub kind: Kind,
     /// The number of the result since the sensor started.
@@ -46,7 +49,7 @@ pub struct FrameResult {
     pub rows_used: Option<u16>,
     /// The rows in the frame.
     pub rows: Option<u16>,
-    /// The mean exposure of the rows used, in microseconds. The sensor does not send the longest one.
+    /// The mean exposure of the rows used, in microseconds. The sensor's line leaves the longest one out.
     pub exposure_us: Option<u16>,
     /// The slits used of a comb.
     pub slits: Option<u8>,

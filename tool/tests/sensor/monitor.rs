@@ -112,6 +112,13 @@ fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
     for line in &lines {
         assert_eq!(line.distance_mm.is_some(), line.kind == Kind::Reading);
         assert_eq!(line.fault.is_empty(), line.kind == Kind::Reading);
+        assert_eq!(line.exposure_us.is_some(), line.kind == Kind::Reading);
+        assert_eq!(line.number.is_some(), line.kind != Kind::Gap);
+        assert_eq!(line.sensor_us.is_some(), line.kind != Kind::Gap);
+        assert!(
+            line.utc.starts_with("20") && line.utc.ends_with('Z'),
+            "{line:?}"
+        );
     }
     // One in twenty frames: of some 4000, 200 with a standard deviation of 14.
     let share = faults as f64 / (readings + faults) as f64;
