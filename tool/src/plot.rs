@@ -4,11 +4,14 @@ pub mod allan;
 mod figure;
 pub mod spectrum;
 
-use std::fs::File;
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
+use csv::StringRecord;
+use slitrange_device::protocol::csv::Header;
+use slitrange_device::settings::columns::Columns;
 use statistics::median;
 
 use crate::sensor::stream::{FrameResult, Kind};
@@ -30,7 +33,7 @@ Example:
   slitrange monitor --csv run.csv --seconds 600
   slitrange plot run.csv")]
 pub struct PlotOptions {
-    /// A recording of `slitrange monitor --csv`
+    /// A recording of `slitrange monitor --csv` or `replay --csv`, or lines of a sensor with `format csv`, in mm
     file: PathBuf,
     /// The figure. Without it: the recording's name with the ending .svg
     #[arg(short, long, value_name = "SVG")]
@@ -54,8 +57,25 @@ pub struct Series {
 
 /// `plot`.
 pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
-    let lines = read(&options.file)?;
-    let series = Series::of(&lines).with_context(|| options.file.display().to_string())?;
+    let Recorded {
+        results,
+        bad,
+        has_times,
+    } = read(&options.file)?;
+    if let Some(first) = bad.first() {
+        let count = bad.len();
+        writeln!(
+            output,
+            "lines left out, because they are no results: {count}, from line {first} on"
+        )?;
+    }
+    if !has_times {
+        writeln!(
+            output,
+            "the lines have no times (`output` without `time`): a second stands for a result"
+        )?;
+    }
+    let series = Series::of(&results).with_context(|| options.file.display().to_string())?;
     let beside = || options.file.with_extension("svg");
     let figure = options.output.clone().unwrap_or_else(beside);
     let mm: Vec<f64> = series.readings.iter().map(|(_, mm)| *mm).collect();
@@ -81,11 +101,86 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
     Ok(writeln!(output, "drawn: {}", figure.display())?)
 }
 
-fn read(path: &Path) -> Result<Vec<FrameResult>> {
+/// The results of a recording, and the numbers of the lines that are none: cut in a crash, or torn.
+struct Recorded {
+    results: Vec<FrameResult>,
+    bad: Vec<usize>,
+    has_times: bool,
+}
+
+fn read(path: &Path) -> Result<Recorded> {
     let name = path.display();
-    let file = File::open(path).with_context(|| format!("{name} cannot be opened"))?;
-    let lines: Result<_, csv::Error> = csv::Reader::from_reader(file).into_deserialize().collect();
-    lines.with_context(|| format!("{name} is no recording of `slitrange monitor --csv`"))
+    let bytes = fs::read(path).with_context(|| format!("{name} cannot be opened"))?;
+    let text = String::from_utf8_lossy(&bytes);
+    let is_header = |line: &str| {
+        line.starts_with("time_s,")
+            || line.starts_with("row,time_us,")
+            || line.ends_with("z,h,fault")
+    };
+    let mut lines = (1..).zip(text.lines().map(str::trim_end));
+    // A logger that came later has missed the sensor's header. Its columns are then those of the factory.
+    let usual = Header(Columns::default()).to_string();
+    let fields = usual.split(',').count();
+    let header = match text.lines().map(str::trim_end).find(|line| is_header(line)) {
+        Some(header) => {
+            lines.find(|(_, line)| *line == header);
+            header
+        }
+        None if text.lines().any(|line| line.split(',').count() == fields) => &usual,
+        None => bail!(
+            "{name} is no recording of `slitrange monitor --csv` or `replay --csv`, and has no lines of a \
+             sensor with `format csv`"
+        ),
+    };
+    let names = StringRecord::from_iter(header.split(','));
+    let mut recorded = Recorded {
+        results: vec![],
+        bad: vec![],
+        has_times: ["time_s", "time_us", "us"]
+            .iter()
+            .any(|time| names.iter().any(|it| it == *time)),
+    };
+    for (number, line) in lines.filter(|(_, line)| *line != header) {
+        let index = recorded.results.len() as f64;
+        match result_of(line, &names, index) {
+            Some(result) => recorded.results.push(result),
+            None => recorded.bad.push(number),
+        }
+    }
+    Ok(recorded)
+}
+
+/// Reads a line of `monitor`, of `replay` or of a sensor. A line without a time has the time `index`.
+fn result_of(line: &str, names: &StringRecord, index: f64) -> Option<FrameResult> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .from_reader(line.as_bytes());
+    let fields = reader.records().next()?.ok()?;
+    if fields.len() != names.len() || line.contains('\0') {
+        return None;
+    }
+    if names.get(0) == Some("time_s") {
+        return fields.deserialize(Some(names)).ok();
+    }
+    let field = |all: &[&str]| {
+        let at = names.iter().position(|name| all.contains(&name))?;
+        fields.get(at).filter(|it| !it.is_empty())
+    };
+    let number = |all: &[&str]| field(all).map(str::parse::<f64>).transpose();
+    let distance_mm = number(&["distance_mm", "distance"]).ok()?;
+    let time_us = number(&["time_us", "us"]).ok()?;
+    let kind = match (distance_mm, field(&["z"]), field(&["h"])) {
+        (None, ..) => Kind::Fault,
+        (_, _, Some(held)) if held != "0" => Kind::Held,
+        (_, Some("1"), _) => Kind::Difference,
+        _ => Kind::Reading,
+    };
+    Some(FrameResult {
+        time_s: time_us.map_or(index, |us| us * 1e-6),
+        kind,
+        distance_mm,
+        ..FrameResult::default()
+    })
 }
 
 impl Series {

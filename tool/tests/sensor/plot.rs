@@ -66,6 +66,41 @@ fn a_run_ends_at_a_fault_and_at_a_pause() {
 }
 
 #[test]
+fn good_lines_are_drawn_and_others_are_counted() {
+    let sensor = StandIn::new(3);
+    sensor.done("monitor --port PORT --csv @run.csv --count 40");
+    let whole = sensor.text("run.csv");
+    let cut = &whole[..whole.len() - 30];
+    let middle = whole.lines().nth(20).expect("a line");
+    let torn = whole.replace(middle, &format!("\0\0\0{middle}"));
+    let header = "distance,u,m,z,h,fault\r\n";
+    let lines = "800.1,0.4,0,0,0,\r\n".repeat(39);
+    let of_sensor = format!("stream on\r\n{header}{lines}{header},,,,,too dim\r\n");
+    let headless = format!(
+        "stream on\n{}",
+        "800.1,0.4,0.1,9.5,99,16,16,1,5600,0,,1,0,0,0,\n".repeat(39)
+    );
+    let no_times =
+        "the lines have no times (`output` without `time`): a second stands for a result\n";
+    let left_out =
+        |line| format!("lines left out, because they are no results: 1, from line {line} on\n");
+    for (text, says, count) in [
+        (cut, &*left_out(41), "39 readings"),
+        (&torn, &left_out(21), "39 readings"),
+        (&of_sensor, no_times, "39 readings, 1.0 a second, 1 faults"),
+        (
+            &headless,
+            &format!("{}{no_times}", left_out(1)),
+            "39 readings",
+        ),
+    ] {
+        sensor.write("other.csv", text);
+        let output = sensor.done("plot @other.csv");
+        assert!(output.starts_with(&format!("{says}{count}")), "{output}");
+    }
+}
+
+#[test]
 fn another_file_is_an_error() {
     let sensor = StandIn::new(2);
     sensor.write("points.csv", "distance_mm,x\n1,2\n");
