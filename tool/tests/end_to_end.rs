@@ -130,8 +130,8 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
             format!("calibrate write --port board {record}"),
             format!("calibrate show {record} --port board"),
             format!("monitor --port board --csv {recording} --count 5"),
-            format!("settings save {settings} --port board"),
-            format!("settings load {settings} --port board"),
+            format!("settings export {settings} --port board"),
+            format!("settings import {settings} --port board"),
         ] {
             done(desk.run(&line));
         }

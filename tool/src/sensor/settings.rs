@@ -1,4 +1,4 @@
-//! The settings of a sensor: shown, changed, saved to a file, loaded from it, and compared.
+//! The settings of a sensor: shown, changed, saved, written to a file, taken from it, and compared.
 //!
 //! All follows from the core's declaration of the settings ([`Setting::ALL`]). A new setting needs no line
 //! here.
@@ -27,17 +27,17 @@ const VALUE_WIDTH: usize = 24;
 /// Between the table's columns.
 const GAP: &str = "  ";
 
-/// Show, change, save, load and compare the settings of a sensor
+/// Show, change, export, import and compare the settings of a sensor
 ///
 /// Without a command: all settings, with the factory's values and what may be set. A change is in RAM only,
-/// until `save` on the sensor's line or `settings load --flash` writes it to flash.
+/// until --save, or `save` on the sensor's line, writes it to flash.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   slitrange settings
-  slitrange settings set exposure limit 2000
-  slitrange settings save bench.toml
-  slitrange settings load bench.toml --flash
+  slitrange settings set exposure limit 2000 --save
+  slitrange settings export bench.toml
+  slitrange settings import bench.toml --save
   slitrange settings compare bench.toml")]
 pub struct SettingsOptions {
     #[command(subcommand)]
@@ -60,19 +60,22 @@ enum SettingsCommand {
         /// The setting's name and its value, as on the sensor's line: `rows 64`, `black fixed 300`
         #[arg(required = true, value_names = ["NAME", "VALUE"])]
         words: Vec<String>,
+        /// Have the sensor save its settings and its calibration to flash
+        #[arg(long)]
+        save: bool,
     },
-    /// Write to a file all settings that the sensor's flash can hold
-    Save {
+    /// Write to a file all settings that the sensor can save
+    Export {
         /// A TOML file. An existing one is replaced
         file: PathBuf,
     },
     /// Send the settings of a file. Nothing is sent if one of them is wrong
-    Load {
-        /// A TOML file, as `settings save` writes it. Settings that it does not name stay as they are
+    Import {
+        /// A TOML file, as `settings export` writes it. Settings that it does not name stay as they are
         file: PathBuf,
-        /// Have the sensor write its settings and its calibration to flash
+        /// Have the sensor save its settings and its calibration to flash
         #[arg(long)]
-        flash: bool,
+        save: bool,
     },
     /// Compare with a file or with another sensor. The exit code is 1 if they differ, 2 after an error
     Compare {
@@ -98,7 +101,7 @@ pub fn settings(
             let value = value(&mut options.port.open(pc)?, setting)?;
             writeln!(output, "{}", words(value))?;
         }
-        Some(SettingsCommand::Set { words }) => {
+        Some(SettingsCommand::Set { words, save }) => {
             let value = read(&words.join(" "))?;
             ensure_alone(value)?;
             ensure!(
@@ -106,13 +109,15 @@ pub fn settings(
                 "`{value}` is not set here: the tool needs text at 115200 baud, and `record` changes both \
                  for itself"
             );
-            set(&mut options.port.open(pc)?, value, output)?;
+            set(&mut options.port.open(pc)?, value, *save, output)?;
         }
-        Some(SettingsCommand::Save { file }) => save(&mut options.port.open(pc)?, file, output)?,
-        Some(SettingsCommand::Load { file, flash }) => {
+        Some(SettingsCommand::Export { file }) => {
+            export(&mut options.port.open(pc)?, file, output)?
+        }
+        Some(SettingsCommand::Import { file, save }) => {
             let values = read_file(file)?;
             values.iter().try_for_each(|&value| ensure_alone(value))?;
-            load(&mut options.port.open(pc)?, &values, *flash, output)?;
+            import(&mut options.port.open(pc)?, &values, *save, output)?;
         }
         Some(SettingsCommand::Compare { file, with }) => {
             let (theirs, name) = match (file, with) {
@@ -237,16 +242,34 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
+fn set(session: &mut Session<'_>, new: Value, saves: bool, output: &mut dyn Write) -> Result<()> {
     let before = value(session, new.setting())?;
     if before == new {
-        return Ok(writeln!(output, "{new} (as before)")?);
+        writeln!(output, "{new} (as before)")?;
+    } else {
+        session.set_for_good(new)?;
+        writeln!(output, "{new} (it was {})", words(before))?;
     }
-    session.set_for_good(new)?;
-    Ok(writeln!(output, "{new} (it was {})", words(before))?)
+    match new.setting().affects() {
+        _ if saves => save(session, output),
+        Affects::Session => Ok(()),
+        _ => Ok(writeln!(
+            output,
+            "in RAM only: --save keeps it over a power cycle"
+        )?),
+    }
 }
 
-fn save(session: &mut Session<'_>, file: &Path, output: &mut dyn Write) -> Result<()> {
+fn save(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
+    let saved = session.has_done(&Command::Save.to_string(), SAVE);
+    saved.context("the settings are in use, but not saved")?;
+    Ok(writeln!(
+        output,
+        "saved: the settings are kept over a power cycle"
+    )?)
+}
+
+fn export(session: &mut Session<'_>, file: &Path, output: &mut dyn Write) -> Result<()> {
     let values = all(session)?;
     whole_file::write(file, to_toml(&values).as_bytes())?;
     let (file, count) = (file.display(), values.len());
@@ -256,7 +279,7 @@ fn save(session: &mut Session<'_>, file: &Path, output: &mut dyn Write) -> Resul
 /// The file of some values, with what may be set behind each.
 fn to_toml(values: &[Value]) -> String {
     let mut toml =
-        "# Settings of a slitrange sensor. `slitrange settings load FILE` sends them.\n\n"
+        "# Settings of a slitrange sensor. `slitrange settings import FILE` sends them.\n\n"
             .to_owned();
     for &value in values {
         let setting = value.setting();
@@ -316,10 +339,10 @@ fn read_value(setting: Setting, words: &str) -> Result<Value> {
     Ok(value)
 }
 
-fn load(
+fn import(
     session: &mut Session<'_>,
     values: &[Value],
-    to_flash: bool,
+    saves: bool,
     output: &mut dyn Write,
 ) -> Result<()> {
     let mut changes = Vec::new();
@@ -333,17 +356,15 @@ fn load(
     changes.retain(|(_, new)| !matches!(new, Value::Format(_) | Value::Baud(_)));
     for &(before, new) in &changes {
         let sent = session.set_for_good(new);
-        sent.context("some settings were sent, some were not: load the file again")?;
+        sent.context("some settings were sent, some were not: import the file again")?;
         let (name, before, new) = (new.setting().name(), words(before), words(new));
         writeln!(output, "{name}: {before} -> {new}")?;
     }
     let (count, same) = (changes.len(), values.len() - changes.len());
     let what = if count == 1 { "setting" } else { "settings" };
     writeln!(output, "{count} {what} changed, {same} as before")?;
-    if to_flash {
-        let saved = session.has_done(&Command::Save.to_string(), SAVE);
-        saved.context("the settings are in use, but not saved")?;
-        writeln!(output, "saved: they are kept over a power cycle")?;
+    if saves {
+        save(session, output)?;
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Settings are shown, changed, saved to a file, loaded from it, and compared.
+//! Settings are shown, changed, saved, written to a file, taken from it, and compared.
 
 use std::process::ExitCode;
 
@@ -60,11 +60,21 @@ fn a_value_is_changed_and_stays() {
         ("echo", "on", "off"),
     ] {
         let output = settings(&sensor, &format!("set {name} {value}"));
-        assert_eq!(output, format!("{name} {value} (it was {before})\n"));
+        let hint = match name {
+            "stream" | "echo" => "",
+            _ => "in RAM only: --save keeps it over a power cycle\n",
+        };
+        assert_eq!(output, format!("{name} {value} (it was {before})\n{hint}"));
         assert_eq!(settings(&sensor, &format!("get {name}")).trim_end(), value);
     }
     let now = sensor.state().settings();
     assert_eq!((now.rows, now.stream, now.echo), (64, false, true));
+    assert_eq!(sensor.state().saved_rows(), None);
+    ends(
+        &settings(&sensor, "set rows 32 --save"),
+        "saved: the settings are kept over a power cycle\n",
+    );
+    assert_eq!(sensor.state().saved_rows(), Some(32));
 }
 
 #[test]
@@ -98,7 +108,7 @@ fn a_sensor_stays_alone_on_its_line() {
         assert_eq!(refused(&sensor, &format!("set {words}")), error);
         let (name, value) = words.split_once(' ').expect("a value");
         sensor.write("alone.toml", format!("rows = 4\n{name} = \"{value}\"\n"));
-        assert_eq!(refused(&sensor, "load @alone.toml"), error);
+        assert_eq!(refused(&sensor, "import @alone.toml"), error);
     }
     // Time goes on as soon as anything is sent.
     assert_eq!(sensor.now(), std::time::Duration::ZERO);
@@ -112,7 +122,7 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
     let [first, second] = [4, 5].map(StandIn::new);
     let lines = "rows 32; estimator phase-table";
     first.state().type_lines(lines);
-    settings(&first, "save @bench.toml");
+    settings(&first, "export @bench.toml");
     let (bench, port) = (first.file("bench.toml"), second.port());
     let on_second = |command: &str| {
         let (code, output) = second.run(&format!("settings --port PORT {command} {bench}"));
@@ -121,16 +131,16 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
     let (code, output) = on_second("compare");
     assert_eq!(code, ExitCode::from(1));
     says(&output, [format!("rows: 16 at {port}, 32 in {bench}\n")]);
-    let (_, output) = on_second("load --flash");
+    let (_, output) = on_second("import --save");
     begins(&output, "rows: 16 -> 32\n");
     let changed = "estimator: adaptive -> phase-table\n2 settings changed, ";
     says(&output, [changed]);
-    ends(&output, "saved: they are kept over a power cycle\n");
+    ends(&output, "saved: the settings are kept over a power cycle\n");
     assert_eq!(on_second("compare").0, ExitCode::SUCCESS);
-    begins(&on_second("load").1, "0 settings changed, ");
+    begins(&on_second("import").1, "0 settings changed, ");
     second.state().type_line("rows 16");
     let changed = "rows: 16 -> 32\n1 setting changed, ";
-    says(&on_second("load").1, [changed]);
+    says(&on_second("import").1, [changed]);
     // They are in flash: a start keeps them.
     assert_eq!(second.state().saved_rows(), Some(32));
     assert_eq!(second.state().settings(), first.state().settings());
@@ -140,7 +150,7 @@ fn a_file_moves_settings_from_one_sensor_to_another() {
 fn a_file_with_a_wrong_line_changes_nothing() {
     let sensor = StandIn::new(6);
     sensor.write("wrong.toml", "mean = \"plain\"\nrows = 100\n");
-    let error = refused(&sensor, "load @wrong.toml");
+    let error = refused(&sensor, "import @wrong.toml");
     says(&error, ["`rows 100`: out of range, expected rows 1..64"]);
     assert_eq!(sensor.state().settings(), Settings::default());
 }
