@@ -1,6 +1,7 @@
 """What the firmware's own code writes is read: lines of text, comma-separated values and packets.
 
 host-tests/tests/packets.rs writes the file: numbers, and the lines and packets of results with these numbers.
+`INSTA_UPDATE=always cargo test packets::python` writes it anew.
 """
 
 import csv
