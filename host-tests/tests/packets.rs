@@ -1,10 +1,15 @@
 //! Packets of `format binary`: written and read, cut anywhere, with flipped, lost and added bytes.
 
 use crate::support::*;
+use slitrange::base::units::Units;
+use slitrange_device::protocol::csv::{CsvLine, Header};
+use slitrange_device::protocol::line::ResultLine;
 use slitrange_device::protocol::packet::{
     COUNTS_A_PACKET, Decoder, MAX_PACKET, Message, Packed, Packet, PacketError, Packets, RowHead,
     RowWords, TEXT_PART, parts_of_text, unpack,
 };
+use slitrange_device::protocol::row_lines::{self, RowExposure, RowPart};
+use slitrange_device::settings::columns::{Column, Columns};
 
 fn words_message(number: u32, first: u16, words: &[u8]) -> Message<'_> {
     Message::Words {
@@ -43,19 +48,47 @@ prop_compose! {
 }
 
 fn fault() -> impl Strategy<Value = Fault> {
-    let pixels = || any::<i32>().prop_map(Pixels::from_bits);
-    let counts = || any::<i32>().prop_map(Counts::from_bits);
-    let (step, exposure) = (
-        any::<i32>().prop_map(Micrometres::from_bits),
-        Exposure::SHORTEST,
-    );
-    prop_oneof![
-        Just(Fault::SensorSilent),
-        Just(Fault::LaserOff),
-        step.prop_map(|step| Fault::Spike { step }),
-        (counts(), counts()).prop_map(|(amplitude, needed)| Fault::TooDim { amplitude, needed }),
-        (pixels(), pixels()).prop_map(|(centre, other)| Fault::TwoSpots { centre, other }),
-        any::<u16>().prop_map(move |pixels| Fault::SaturatedAtShortest { pixels, exposure }),
+    let numbers = (any::<[i32; 2]>(), any::<[u16; 2]>(), 0..Fault::KINDS);
+    numbers.prop_map(|(bits, counts, kind)| faults(bits, counts)[kind])
+}
+
+/// Each kind of fault, with these numbers.
+fn faults(bits: [i32; 2], [pixels, other_pixels]: [u16; 2]) -> [Fault; Fault::KINDS] {
+    let [centre, other] = bits.map(Pixels::from_bits);
+    let [amplitude, needed] = bits.map(Counts::from_bits);
+    let (scatter, uncertainty, step) = (centre, other, Micrometres::from_bits(bits[0]));
+    let (found, images) = (pixels, pixels);
+    [
+        Fault::SensorSilent,
+        Fault::NoSpot { amplitude },
+        Fault::TooDim { amplitude, needed },
+        Fault::Saturated { pixels },
+        Fault::SpotAtEdge { centre },
+        Fault::TwoSpots { centre, other },
+        Fault::Unsteady { scatter },
+        Fault::OutOfRange { centre },
+        Fault::NotCalibrated {
+            centre,
+            uncertainty,
+        },
+        Fault::FewSlits {
+            found,
+            needed: other_pixels,
+        },
+        Fault::SlitsUnclear {
+            images,
+            other: other_pixels,
+        },
+        Fault::DimAtLongest {
+            amplitude,
+            exposure: Exposure::LONGEST,
+        },
+        Fault::SaturatedAtShortest {
+            pixels,
+            exposure: Exposure::SHORTEST,
+        },
+        Fault::LaserOff,
+        Fault::Spike { step },
     ]
 }
 
@@ -424,4 +457,115 @@ fn the_example_of_the_page_is_what_the_core_writes() {
         println!("{block}\n");
         assert!(page.contains(&block), "docs/serial-line.md lacks\n{block}");
     }
+}
+
+/// Bits of numbers that are written in different widths.
+const EDGES: [i32; 13] = [
+    0,
+    1,
+    -1,
+    64,
+    16_384,
+    -49_152,
+    128,
+    2_559_986,
+    2_559_987,
+    4_385_280,
+    99_999_999,
+    i32::MAX,
+    i32::MIN,
+];
+
+/// What the sensor writes, for clients/python/tests/test_printed.py: the numbers of a result or of a row's
+/// centre, those with fractions in bits, and then its lines and its packet.
+#[test]
+fn python_reads_what_is_written() {
+    let all = Column::ALL.into_iter().fold(Columns::NONE, Columns::with);
+    let mut text = format!("{}\n{}\n", Header(Columns::default()), Header(all));
+    let mut packets = Packets::default();
+    let mut packet = |message: Message<'_>| {
+        let bytes = packets.encode(message).iter();
+        bytes.map(|byte| format!("{byte:02x}")).collect::<String>() + "\n"
+    };
+    let geometry = Geometry {
+        words: 100,
+        shielded: 0..4,
+        light: 4..100,
+        ..tcd1304dg()
+    };
+    let row = geometry.row(&[3788; 100]).expect("a row");
+    let place = RowPart::Range {
+        first: 96,
+        last: 96,
+    };
+    for i in 0..EDGES.len() {
+        let bits: [i32; 17] = std::array::from_fn(|j| EDGES[(i + 5 * j) % EDGES.len()]);
+        let counts: [u16; 5] = std::array::from_fn(|j| [0, 1, 3, 16, 64, u16::MAX][(i + j) % 6]);
+        let exposure = [None, Some(Exposure::SHORTEST), Some(Exposure::LONGEST)][i % 3];
+        let (counter, time_us) = [(0, 0), (1, 1 << 40), (u32::MAX, u64::MAX)][i % 3];
+        let [is_odd, is_other] = [i % 2 > 0, i % 4 > 1];
+        let mut numbers: Vec<i128> = vec![i as i128, counter.into(), time_us.into()];
+        numbers.push(exposure.map_or(0, |it| it.us()).into());
+        numbers.extend(bits.map(i128::from));
+        numbers.extend(counts.map(i128::from));
+        let reading = Reading {
+            distance: Micrometres::from_bits(bits[0]),
+            uncertainty: Micrometres::from_bits(bits[1]),
+            parts: parts(std::array::from_fn(|j| Micrometres::from_bits(bits[2 + j]))),
+            centre: Pixels::from_bits(bits[9]),
+            centre_uncertainty: Pixels::from_bits(bits[10]),
+            amplitude: Counts::from_bits(bits[11]),
+            width: Pixels::from_bits(bits[12]),
+            black_level: Counts::from_bits(bits[13]),
+            exposure,
+            rows_used: counts[0],
+            rows: counts[1],
+            misfits: counts[2],
+            correlated: is_odd.then_some(counts[3]),
+            slits_used: i as u8 + 1,
+            estimator: Estimator::ALL[i % 5],
+            is_nominal: is_odd,
+            has_other_settings: is_other,
+        };
+        let mut results = vec![Ok(reading)];
+        if (2..5).contains(&i) {
+            results.extend(faults([bits[0], bits[1]], [counts[0], counts[1]]).map(Err));
+        }
+        text += &format!("{numbers:?}\n");
+        for result in results {
+            for units in [Units::Millimetres, Units::Micrometres] {
+                let has_all = is_other == (units == Units::Millimetres);
+                let line = ResultLine {
+                    number: counter,
+                    us: time_us,
+                    result: &result,
+                    is_difference: is_odd,
+                    held: counts[4],
+                    columns: if has_all { all } else { Columns::default() },
+                    units,
+                };
+                text += &format!("{line}\n{}\n", CsvLine(&line));
+            }
+            text += &packet(Message::Result(FrameResult {
+                counter,
+                time_us,
+                is_difference: is_odd,
+                result,
+            }));
+        }
+        let comb = is_odd.then_some(counts[0].max(1));
+        let result = Ok(frame_of(bits, counts, comb));
+        let light = exposure.map_or(RowExposure::Unknown, RowExposure::On);
+        let head = row_lines::RowHead::new(place, &row, light, &result).to_string();
+        text += &(head.replace("\r\n", "\n") + "\n");
+        text += &packet(Message::Row(RowHead {
+            number: counter,
+            skipped: counter,
+            time_us,
+            exposure,
+            words: counts[4],
+            result,
+        }));
+    }
+    insta::assert_snapshot!("python", text);
 }

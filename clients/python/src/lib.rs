@@ -5,7 +5,8 @@
 use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use slitrange::base::units::{Counts, Electrons};
+use slitrange::base::units::{Counts, Electrons, Pixels};
+use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::{BlackLevel, Estimator, Fault, Geometry, Options, Polarity, sensor_heads};
@@ -14,49 +15,52 @@ use slitrange::{BlackLevel, Estimator, Fault, Geometry, Options, Polarity, senso
 /// the count from which a pixel is saturated.
 type Layout = (usize, (usize, usize), (usize, usize), bool, u8, f64, u16);
 
-/// The results of all frames, one list for each quantity: centre and u in pixels, height in counts, width in
-/// pixels, rows used, rows with the flag misfit, and the number of the fault or -1.
+/// The numbers of a frame: centre, the parts noise and shape of its u, height in counts, width, and the
+/// components of the asymmetry; all others in pixels.
+const NUMBERS: usize = 5 + COMPONENTS;
+
+/// The results of all frames, one list for each number. Then rows used, rows with the flag misfit, and the
+/// number of the fault or -1.
 #[derive(Default)]
 struct Columns {
-    centre: Vec<f64>,
-    u: Vec<f64>,
-    height: Vec<f64>,
-    width: Vec<f64>,
-    rows_used: Vec<u16>,
-    misfits: Vec<u16>,
+    numbers: [Vec<f64>; NUMBERS],
+    rows: [Vec<u16>; 2],
     fault: Vec<i8>,
 }
 
 impl Columns {
     fn add(&mut self, result: &Result<Measured, Fault>) {
-        let nothing = [f64::NAN; 4];
-        let ([centre, u, height, width], [rows_used, misfits], fault) = match result {
-            Ok(Measured { frame, .. }) => (
-                [
-                    frame.centre.to_f64(),
-                    frame.uncertainty.to_f64(),
-                    frame.amplitude.to_f64(),
-                    frame.width.to_f64(),
-                ],
-                [frame.rows_used, frame.misfits],
-                -1,
-            ),
+        let (mut numbers, mut rows, mut kind) = ([f64::NAN; NUMBERS], [0, 0], -1);
+        match result {
+            Ok(Measured {
+                frame, by_shape, ..
+            }) => {
+                let (own, components) = numbers.split_at_mut(5);
+                let pixels = [frame.centre, frame.uncertainty, *by_shape].map(Pixels::to_f64);
+                own[..3].copy_from_slice(&pixels);
+                own[3..].copy_from_slice(&[frame.amplitude.to_f64(), frame.width.to_f64()]);
+                // Without a width, the check had too little of the spot to tell its shape.
+                if frame.shape.width > Pixels::default() {
+                    components.copy_from_slice(&frame.shape.components.map(Pixels::to_f64));
+                }
+                rows = [frame.rows_used, frame.misfits];
+            }
             // There are 15 kinds.
-            Err(fault) => (nothing, [0, 0], fault.kind() as i8),
-        };
-        self.centre.push(centre);
-        self.u.push(u);
-        self.height.push(height);
-        self.width.push(width);
-        self.rows_used.push(rows_used);
-        self.misfits.push(misfits);
-        self.fault.push(fault);
+            Err(fault) => kind = fault.kind() as i8,
+        }
+        for (list, number) in self.numbers.iter_mut().zip(numbers) {
+            list.push(number);
+        }
+        for (list, rows) in self.rows.iter_mut().zip(rows) {
+            list.push(rows);
+        }
+        self.fault.push(kind);
     }
 }
 
 /// The columns as numpy arrays.
 type Arrays<'py> = (
-    [Bound<'py, PyArray1<f64>>; 4],
+    [Bound<'py, PyArray1<f64>>; NUMBERS],
     [Bound<'py, PyArray1<u16>>; 2],
     Bound<'py, PyArray1<i8>>,
 );
@@ -97,17 +101,13 @@ fn centres<'py>(
         columns
     });
     let Columns {
-        centre,
-        u,
-        height,
-        width,
-        rows_used,
-        misfits,
+        numbers,
+        rows,
         fault,
     } = columns;
     Ok((
-        [centre, u, height, width].map(|it| PyArray1::from_vec(py, it)),
-        [rows_used, misfits].map(|it| PyArray1::from_vec(py, it)),
+        numbers.map(|it| PyArray1::from_vec(py, it)),
+        rows.map(|it| PyArray1::from_vec(py, it)),
         PyArray1::from_vec(py, fault),
     ))
 }
@@ -166,6 +166,7 @@ mod _core {
 
     use pyo3::prelude::*;
     use slitrange::row::{LARGEST_COUNT, MAX_PIXELS};
+    use slitrange::spot::MIN_PIXELS;
     use slitrange::{Estimator, Fault, frame};
 
     #[pymodule_init]
@@ -173,6 +174,7 @@ mod _core {
         module.add("ESTIMATORS", Estimator::ALL.map(Estimator::name))?;
         module.add("FAULTS", Fault::NAMES)?;
         module.add("LARGEST_COUNT", LARGEST_COUNT)?;
+        module.add("MIN_PIXELS", MIN_PIXELS)?;
         module.add("MAX_PIXELS", MAX_PIXELS)?;
         module.add("MAX_ROWS", frame::MAX_ROWS)
     }

@@ -11,6 +11,7 @@ import pytest
 
 import slitrange
 from slitrange import Centre, Fault, Geometry, Reading, Sensor, packets
+from slitrange.line import modbus_crc
 
 FLAGS = ("g", "cg")
 """The flags of a good frame: `g`, because the head was never calibrated, and by chance `c`. Of frames whose
@@ -148,7 +149,8 @@ def test_the_core_here_gives_the_bits_of_the_firmware(sensor: Sensor, estimator:
     print(f"{estimator}: sensor {row.centre.centre_px} px, here {found.centre_px[0]:.5f} px")
     # The line has five decimals.
     assert row.centre.centre_px == five_decimals(found.centre_px[0])
-    assert row.centre.u_px == five_decimals(found.u_px[0])
+    assert row.centre.u_px == five_decimals(found.r_px[0])
+    assert row.centre.asymmetry_px == tuple(map(five_decimals, found.asymmetry_px[0]))
 
 
 def test_a_row_can_be_a_part(sensor: Sensor) -> None:
@@ -239,4 +241,38 @@ def test_whole_rows_have_the_centre_that_the_sensor_found(sensor: Sensor) -> Non
         assert isinstance(head.centre, Centre)
         here = slitrange.centres(words, geometry=slitrange.TCD1304DG)
         assert here.centre_px[0] == head.centre.centre_px
-        assert here.u_px[0] == head.centre.u_px
+        assert (here.r_px[0], here.shape_px[0]) == (head.centre.u_px, head.centre.shape_px)
+
+
+def test_measure_starts_a_frame(sensor: Sensor) -> None:
+    with pytest.raises(slitrange.Refused, match=r"E24 frames start by themselves.*: use read\(\), or set"):
+        sensor.measure()
+    sensor.set("trigger", "serial")
+    for _ in range(3):
+        reading = sensor.measure()
+        assert isinstance(reading, Reading)
+        assert reading.distance_mm == pytest.approx(800, abs=0.02)
+    with pytest.raises(slitrange.NoAnswer, match=r"`trigger` is serial, .* measure\(\), or set"):
+        next(sensor.readings(timeout_s=0.5))
+
+
+def test_um_are_read(sensor: Sensor) -> None:
+    sensor.set("units", "um")
+    reading = sensor.read()
+    assert isinstance(reading, Reading)
+    assert (reading.distance_mm, reading.u_mm) == pytest.approx((800, 17.13), abs=0.02)
+
+
+def test_a_sensor_that_is_not_alone_is_found(virtual_board: str) -> None:
+    raw_answer(virtual_board, b"\x15\raddress 5\r", b"address 5\r\n")
+    with pytest.raises(slitrange.NoAnswer, match=r"the address 5 answers .* the line `@5 address 0`"):
+        slitrange.open(virtual_board)
+    raw_answer(virtual_board, b"@5 format modbus\r", b"format modbus\r\n")
+    with pytest.raises(slitrange.NoAnswer, match=r"speaks Modbus at .* as station 5: "):
+        slitrange.open(virtual_board)
+    # 0 to the holding register 4: text.
+    request = bytes([5, 6, 0, 4, 0, 0])
+    raw_answer(virtual_board, request + modbus_crc(request), request)
+    assert b"@5 address 0" in raw_answer(virtual_board, b"\r@5 address 0\r", b"address 0\r\n")
+    with slitrange.open(virtual_board) as sensor:
+        assert isinstance(sensor.read(), Reading)

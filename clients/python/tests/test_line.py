@@ -16,6 +16,7 @@ READING = "d 800.1234 mm u 0.4372 r 0.0035 x 1770.1234 a 1011 n 16/16"
 BANNER = "slitrange 0.1.0 NUCLEO-F429ZI TCD1304DG, started by watchdog"
 
 COLUMNS = "distance u r centre height rows exposure flags"
+END = b"the test is over"
 SETTINGS = {"stream": "on", "format": "text", "echo": "off", "output": COLUMNS, "rows": "16"}
 
 
@@ -54,11 +55,11 @@ def played(sensor: Played) -> Iterator[str]:
 
     def play() -> None:
         received = b""
-        while b"\x04" not in received:
+        while END not in received:
             received += os.read(board, 100)
             *commands, received = received.split(b"\r")
             for command in commands:
-                for text in sensor.answer(command.decode("ascii")) if command else []:
+                for text in sensor.answer(command.decode("latin-1")) if command else []:
                     os.write(board, text.encode("latin-1") + b"\r\n")
 
     thread = threading.Thread(target=play)
@@ -66,7 +67,7 @@ def played(sensor: Played) -> Iterator[str]:
     try:
         yield os.ttyname(program)
     finally:
-        os.write(program, b"\x04")
+        os.write(program, END)
         thread.join()
         os.close(board)
         os.close(program)
@@ -76,6 +77,7 @@ def played(sensor: Played) -> Iterator[str]:
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shortens the wait of a test in which no answer comes."""
     monkeypatch.setattr(line, "ANSWER_S", 0.3)
+    monkeypatch.setattr(line, "STATION_S", 0.002)
 
 
 @pytest.mark.parametrize("sent", ["binary", "csv"])
@@ -96,7 +98,7 @@ def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
         columns = "time u distance r centre height rows exposure flags"
         assert sensor.settings["output"] == columns
         assert isinstance(next(iter(opened)), Reading)
-        with pytest.raises(ValueError, match="output must also have r centre"):
+        with pytest.raises(slitrange.WrongUse, match="output must also have r centre"):
             opened.set("output", "distance u height rows exposure flags")
         opened.save()
         assert [it["output"] for it in saved] == ["time u"]
@@ -216,6 +218,47 @@ def test_a_sensor_that_says_nothing_is_an_error() -> None:
         slitrange.open(port)
 
 
+@pytest.mark.parametrize("address", ["1", "5", "247"])
+def test_a_sensor_with_an_address_is_found(address: str) -> None:
+    def special(command: str) -> list[str]:
+        return [f"@{address} address {address}"] if command == f"@{address} address" else []
+
+    message = f"the address {address} answers at .* send it the line `@{address} address 0` .* open it again"
+    with played(Played(special=special)) as port, pytest.raises(slitrange.NoAnswer, match=message):
+        slitrange.open(port)
+
+
+@pytest.mark.parametrize("station", [1, 17, 246])
+def test_a_sensor_that_speaks_modbus_is_found(station: int) -> None:
+    def special(command: str) -> list[str]:
+        if command[:6].encode("latin-1") != bytes([station, 3, 0, 5, 0, 1]):
+            return []
+        answer = bytes([station, 3, 2, 0, station])
+        return [(answer + line.modbus_crc(answer)).decode("latin-1")]
+
+    message = f"speaks Modbus at .* as station {station}: .* write 0 to its holding register 4"
+    with played(Played(special=special)) as port, pytest.raises(slitrange.NoAnswer, match=message):
+        slitrange.open(port)
+
+
+def test_a_frame_is_started_by_measure() -> None:
+    sensor = Played({**SETTINGS, "trigger": "serial", "pixels": "none", "baud": "115200"})
+    sensor.special = lambda it: [READING] if it == "measure" else None
+    with played(sensor) as port, slitrange.open(port) as opened:
+        assert str(opened.measure()) == READING
+        sensor.special = lambda it: ["stream on"] if it == "stream on" else None
+        for results in (opened.readings(timeout_s=0.1), opened.packets(timeout_s=0.1)):
+            with pytest.raises(
+                slitrange.NoAnswer, match=r"is serial, so no frame .*: start each by measure\(\)"
+            ):
+                next(results)
+        sensor.special = lambda it: ["E24 frames start by themselves"] if it == "measure" else None
+        with pytest.raises(
+            slitrange.Refused, match=r"E24 .*: use read\(\), or set\(\"trigger\", \"serial\"\)"
+        ):
+            opened.measure()
+
+
 def test_a_stream_that_ends_is_an_error() -> None:
     with played(Played()) as port, slitrange.open(port) as opened:
         readings = opened.readings(timeout_s=0.1)
@@ -251,8 +294,11 @@ def test_what_is_no_setting_is_not_sent(name: str, value: str | int, message: st
     sensor = Played()
     with played(sensor) as port, slitrange.open(port) as opened:
         heard = len(sensor.heard)
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises(slitrange.WrongUse, match=message):
             opened.set(name, value)
+        if name in ("save", "stream"):
+            with pytest.raises(slitrange.WrongUse, match=message):
+                opened.get(name)
         assert len(sensor.heard) == heard
 
 
@@ -261,17 +307,17 @@ def test_a_closed_sensor_says_so() -> None:
         opened = slitrange.open(port)
         opened.close()
         opened.close()
-        with pytest.raises(ValueError, match="the sensor is closed: open it again"):
+        with pytest.raises(slitrange.WrongUse, match="the sensor is closed: open it again"):
             opened.get("rows")
-        with pytest.raises(ValueError, match="the sensor is closed"):
+        with pytest.raises(slitrange.WrongUse, match="the sensor is closed"):
             next(iter(opened))
 
 
 def test_wrong_parts_of_a_row_are_refused() -> None:
     with played(Played()) as port, slitrange.open(port) as opened:
-        with pytest.raises(ValueError, match="give both first and last"):
+        with pytest.raises(slitrange.WrongUse, match="give both first and last"):
             opened.row(5)
-        with pytest.raises(ValueError, match="first is 9 and last is 5"):
+        with pytest.raises(slitrange.WrongUse, match="first is 9 and last is 5"):
             opened.row(9, 5)
-        with pytest.raises(ValueError, match="but not both"):
+        with pytest.raises(slitrange.WrongUse, match="but not both"):
             opened.row(5, 9, window=True)

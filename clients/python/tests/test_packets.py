@@ -97,7 +97,7 @@ def test_faults_have_the_words_of_their_lines(name: str) -> None:
         "d": signed(1234 * 256),
         "n": number(12),
     }
-    fault = bytes([FAULTS.index(name)]) + b"".join(figures[kind] for kind in kinds)
+    fault = bytes([FAULTS.index(name)]) + b"".join(figures[kind[0]] for kind in kinds.split())
     (result,) = read(packet(7, b"\x01" + number(5) + number(6) + b"\0\1" + fault))
     assert isinstance(result, Result)
     assert isinstance(result.result, Fault)
@@ -115,7 +115,7 @@ def test_numbers_are_signed_and_of_any_length() -> None:
         (result,) = read(packet(0, b"\x01" + number(2**32 - 1) + number(2**64 - 1) + b"\0\1" + fault))
         assert isinstance(result, Result)
         assert isinstance(result.result, Fault)
-        assert result.result.detail == f"x {value / 65536:.1f}"
+        assert result.result.detail == f"x {packets.rounded(value / 65536, 1)}"
         assert (result.counter, result.time_us) == (2**32 - 1, 2**64 - 1)
 
 

@@ -4,7 +4,7 @@
 """
 
 from slitrange import packets
-from slitrange.errors import NoAnswer, PortError, Refused, Restarted, SlitrangeError
+from slitrange.errors import NoAnswer, PortError, Refused, Restarted, SlitrangeError, WrongUse
 from slitrange.readings import Centre, Fault, Reading, Row, UncertaintyParts
 from slitrange.rows import ESTIMATORS, FAULTS, TCD1304DG, Centres, Geometry, centres
 from slitrange.sensor import Sensor, open
@@ -26,6 +26,7 @@ __all__ = [
     "Sensor",
     "SlitrangeError",
     "UncertaintyParts",
+    "WrongUse",
     "centres",
     "open",
     "packets",

@@ -6,6 +6,7 @@ FAULTS: list[str]
 LARGEST_COUNT: int
 MAX_PIXELS: int
 MAX_ROWS: int
+MIN_PIXELS: int
 
 _Layout = tuple[int, tuple[int, int], tuple[int, int], bool, int, float, int]
 

@@ -5,6 +5,10 @@ class SlitrangeError(Exception):
     """The sensor cannot be used, or did not do what it was asked for."""
 
 
+class WrongUse(SlitrangeError, ValueError, TypeError):  # noqa: N818 It says what is wrong.
+    """An argument cannot be used, or a method cannot be called now. It is one of Python's own errors, too."""
+
+
 class PortError(SlitrangeError):
     """The port cannot be opened, or stopped working."""
 
@@ -21,9 +25,9 @@ class Refused(SlitrangeError):  # noqa: N818
         number: The number of the error, 3 in this example.
     """
 
-    def __init__(self, command: str, sentence: str) -> None:
-        """Takes the command and the answer."""
-        super().__init__(f"the sensor answers `{command}` with `{sentence}`")
+    def __init__(self, command: str, sentence: str, advice: str = "") -> None:
+        """Takes the command, the answer, and what to do about it in Python."""
+        super().__init__(f"the sensor answers `{command}` with `{sentence}`{advice and ': '}{advice}")
         self.sentence = sentence
         self.number = int(sentence.split(" ", 1)[0][1:])
 

@@ -27,6 +27,9 @@ LONGEST = 800
 ANSWER_S = 2.0
 """How long to wait for the answer to a command: many times what a board takes."""
 
+STATION_S = 0.02
+"""How long a sensor with an address takes to answer at most."""
+
 POLL_S = 0.05
 """How long a read waits for the first byte. Bytes that come end the wait at once."""
 
@@ -152,6 +155,40 @@ class Line:
             f"the sensor has power, and that its line has {self.baud} baud"
         )
 
+    def station(self) -> str | None:
+        """Looks for a sensor that shares its line, by an address or Modbus. Says how to talk to it.
+
+        Only the end follows: reads wait less from here on.
+        """
+        heard = b""
+        try:
+            self._serial.timeout = STATION_S
+            for number in range(1, 248):
+                # Of Modbus: read the holding register 5, the address.
+                request = bytes([number, 3, 0, 5, 0, 1])
+                # The CR ends what a sensor without Modbus took for the start of a line.
+                for question in (request + modbus_crc(request), f"\r@{number} address\r".encode("ascii")):
+                    self.send(question)
+                    heard += self._serial.read(LONGEST)
+                # An adapter may keep bytes for a while, so an answer is told by the number in it.
+                if found := re.search(rb"@(\d+) address \1\b", heard):
+                    address = found[1].decode("ascii")
+                    return (
+                        f"a sensor with the address {address} answers at {self.port}, and this package talks "
+                        f"to a sensor that is alone on its line: send it the line `@{address} address 0` "
+                        "from a terminal, then open it again"
+                    )
+                for at in re.finditer(rb"(?=([\x01-\xf7]\x03\x02..)(..))", heard, re.DOTALL):
+                    if modbus_crc(at[1]) == at[2]:
+                        return (
+                            f"a sensor speaks Modbus at {self.port} as station {at[1][0]}: read it by a "
+                            "Modbus master, or let one write 0 to its holding register 4, for text, and open "
+                            "it again"
+                        )
+        except (serial.SerialException, OSError) as error:
+            raise self._gone(error) from error
+        return None
+
     def send(self, data: bytes) -> None:
         """Sends bytes."""
         try:
@@ -234,3 +271,13 @@ def _cannot_open(port: str, error: Exception) -> str:
             f"(`ls -l {port}`), often dialout"
         )
     return f"{port} cannot be opened as a serial port: {error}"
+
+
+def modbus_crc(data: bytes) -> bytes:
+    """The CRC-16 of a Modbus request, as it is sent."""
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0xA001 * (crc & 1)
+    return crc.to_bytes(2, "little")

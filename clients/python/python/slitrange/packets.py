@@ -7,6 +7,7 @@ docs/serial-line.md has the layout. `Decoder` reads packets from bytes, from any
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from decimal import ROUND_HALF_UP, Decimal
 from typing import TypeAlias
 
 import numpy as np
@@ -283,7 +284,7 @@ def _reading(fields: _Fields, counter: int, time_us: int, is_relative: bool) -> 
         u_mm=u_mm,
         r_mm=parts.noise_mm,
         centre_px=centre_px,
-        height=round(height),
+        height=int(rounded(height)),
         rows_used=rows_used,
         rows=rows,
         exposure_us=LONGEST_EXPOSURE_US if exposure_us is None else exposure_us,
@@ -308,22 +309,28 @@ def _estimator(number: int) -> str:
 
 
 FIGURES: dict[str, tuple[str, str]] = {
-    "no spot": ("c", "{:.1f} counts at most"),
-    "too dim": ("cc", "{:.1f} counts, needs {:.1f}"),
+    "no spot": ("c1", "{} counts at most"),
+    "too dim": ("c1 c1", "{} counts, needs {}"),
     "saturated": ("n", "{} pixels"),
-    "spot at the edge": ("x", "x {:.1f}"),
-    "two spots": ("xx", "x {:.1f} and {:.1f}"),
-    "unsteady": ("x", "rows scatter by {:.2f} px"),
-    "out of range": ("x", "x {:.5f}"),
-    "not calibrated": ("xx", "x {:.5f} u {:.5f}"),
-    "too few slits": ("nn", "{}, needs {}"),
-    "slits unclear": ("nn", "{} images fit one place, {} another"),
-    "too dim at the longest exposure": ("cn", "{:.1f} counts in {} us"),
-    "saturated at the shortest exposure": ("nn", "{} pixels in {} us"),
-    "spike": ("d", "{:.1f} um from the last good reading"),
+    "spot at the edge": ("x1", "x {}"),
+    "two spots": ("x1 x1", "x {} and {}"),
+    "unsteady": ("x2", "rows scatter by {} px"),
+    "out of range": ("x5", "x {}"),
+    "not calibrated": ("x5 x5", "x {} u {}"),
+    "too few slits": ("n n", "{}, needs {}"),
+    "slits unclear": ("n n", "{} images fit one place, {} another"),
+    "too dim at the longest exposure": ("c1 n", "{} counts in {} us"),
+    "saturated at the shortest exposure": ("n n", "{} pixels in {} us"),
+    "spike": ("d1", "{} um from the last good reading"),
 }
-"""What follows the number of a fault (c: counts, x: pixels, d: micrometres, n: a number), and the
-words of its line."""
+"""What follows the number of a fault (c: counts, x: pixels, d: micrometres, each with its decimals in a line;
+n: a number), and the words of its line."""
+
+
+def rounded(number: float, decimals: int = 0) -> Decimal:
+    """Rounds as the sensor does for a line: a half goes away from zero, and zero has no sign."""
+    # Adding 0 takes the sign.
+    return Decimal(number).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP) + 0
 
 
 def _fault(fields: _Fields, counter: int | None, time_us: int) -> Fault:
@@ -337,7 +344,7 @@ def _fault(fields: _Fields, counter: int | None, time_us: int) -> Fault:
         "d": lambda: fields.signed() * UM,
         "n": fields.unsigned,
     }
-    detail = words.format(*(read[kind]() for kind in kinds))
+    detail = words.format(*(rounded(read[kind[0]](), int(kind[1:] or 0)) for kind in kinds.split()))
     if name not in FAULTS:
         fields.skip()
     line = f"f {name}: {detail}" if detail else f"f {name}"
@@ -360,8 +367,8 @@ def _centre(fields: _Fields) -> Centre:
     _, width_px, _ = fields.pixels(), fields.pixels(), fields.pixels()
     independent_rows, _, _ = fields.option(), fields.pixels(), fields.pixels()
     black_level, _, estimator = fields.counts(), fields.counts(), fields.byte()
-    # What is not in a line: the uncertainty by the shape, and how far the pixels differ.
-    _, _, _ = fields.pixels(), fields.unsigned(), fields.counts()
+    # How far the pixels differ is not in a line.
+    shape_px, _, _ = fields.pixels(), fields.unsigned(), fields.counts()
     slits: int = 1
     images: list[tuple[float, int] | None] = []
     if fields.flag():
@@ -376,10 +383,10 @@ def _centre(fields: _Fields) -> Centre:
     return Centre(
         centre_px=centre_px,
         u_px=u_px,
-        height=round(height),
+        height=int(rounded(height)),
         rows_used=rows_used,
         rows=rows,
-        black_level=round(black_level),
+        black_level=int(rounded(black_level)),
         estimator=_estimator(estimator)[0],
         width_px=width_px if has_shape else None,
         asymmetry_px=asymmetry_px if has_shape else None,
@@ -387,6 +394,7 @@ def _centre(fields: _Fields) -> Centre:
         slits=slits,
         misfits=misfits,
         independent_rows=independent_rows,
+        shape_px=shape_px,
         images=tuple(images),
     )
 

@@ -15,6 +15,8 @@ LONGEST_EXPOSURE_US = 5600
 """The exposure of a line that does not say one."""
 
 DECIMAL = re.compile(r"-?\d+\.\d+")
+LONG = re.compile(r"\d{5,}")
+"""An uncertainty of 10 mm or more, in micrometres, which has no decimals."""
 WHOLE = re.compile(r"-?\d+")
 FAULT_NAME = re.compile(r"[a-z]+( [a-z]+)*")
 
@@ -146,6 +148,7 @@ class Centre:
         slits: The slits used: 1 without a comb.
         misfits: The rows used that do not look like a spot.
         independent_rows: If neighbouring rows have similar errors, how few independent rows they are worth.
+        shape_px: The part of the uncertainty by the spot's shape, in a packet only.
         images: With a comb, the centre in pixels and the height in counts of each slit's image, in the order
             of the slits. None for a slit without an image.
         unknown: The words of the line that this package does not know.
@@ -165,6 +168,7 @@ class Centre:
     slits: int = 1
     misfits: int = 0
     independent_rows: int | None = None
+    shape_px: float | None = None
     images: tuple[tuple[float, int] | None, ...] = ()
     unknown: str = ""
     line: str = ""
@@ -295,8 +299,8 @@ def _reading(text: str, counter: int | None, time_us: int | None, line: str) -> 
     used, rows = (words.take("n") or "").split("/")
     return Reading(
         distance_mm=scale * decimal(distance),
-        u_mm=scale * words.decimal("u"),
-        r_mm=scale * words.decimal("r"),
+        u_mm=scale * _uncertainty(words.take("u") or "", unit),
+        r_mm=scale * _uncertainty(words.take("r") or "", unit),
         centre_px=words.decimal("x"),
         height=words.whole("a"),
         rows_used=whole(used),
@@ -315,6 +319,11 @@ def _reading(text: str, counter: int | None, time_us: int | None, line: str) -> 
         unknown=words.rest(),
         line=line,
     )
+
+
+def _uncertainty(word: str, unit: str) -> float:
+    """Reads an uncertainty. Fails on any other word."""
+    return float(word) if unit == "um" and LONG.fullmatch(word) else decimal(word)
 
 
 def advised(lines: list[str]) -> Fault | None:
@@ -369,7 +378,7 @@ def _centre(line: str, images: tuple[tuple[float, int] | None, ...]) -> Centre:
     words = Words(line)
     used, rows = (words.take("n") or "").split("/")
     # A width of zero: the sensor could not measure the shape.
-    width = words.optional_decimal("w") or None
+    width = words.optional_decimal("w") or 0
     asymmetry = tuple(decimal(word) for word in words.take_all("o"))
     return Centre(
         centre_px=words.decimal("x"),
@@ -379,8 +388,8 @@ def _centre(line: str, images: tuple[tuple[float, int] | None, ...]) -> Centre:
         rows=whole(rows),
         black_level=words.whole("b"),
         estimator=words.take("e") or "",
-        width_px=width,
-        asymmetry_px=asymmetry if width else None,
+        width_px=width if width > 0 else None,
+        asymmetry_px=asymmetry if width > 0 else None,
         exposure_us=words.whole("t", LONGEST_EXPOSURE_US),
         slits=words.whole("k", 1),
         misfits=words.whole("m", 0),

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slitrange import _core
+from slitrange.errors import WrongUse
 
 ESTIMATORS: tuple[str, ...] = tuple(_core.ESTIMATORS)
 """The names of the estimators."""
@@ -22,7 +23,7 @@ class Geometry:
 
     Attributes:
         words: Words in a row.
-        light: The words of the pixels that see light. Pixel 0 of a centre is the first of them.
+        light: The words of the pixels that see light, 32 to 4096. Pixel 0 of a centre is the first of them.
         shielded: The words of the pixels under metal. Empty if there are none.
         falling: Whether words fall with light, from full scale down.
         bits: Bits of the converter, 1 to 12.
@@ -46,29 +47,32 @@ class Geometry:
         """Checks the values."""
         for name, pixels in (("light", self.light), ("shielded", self.shielded)):
             if pixels.step != 1 or not 0 <= pixels.start <= pixels.stop <= self.words:
-                raise ValueError(
+                raise WrongUse(
                     f"{name} is {pixels}, but must be a range of step 1 within the "
                     f"{self.words} words of a row"
                 )
             if len(pixels) > _core.MAX_PIXELS:
-                raise ValueError(
+                raise WrongUse(
                     f"{name} has {len(pixels)} pixels, but the core takes at most {_core.MAX_PIXELS}: "
                     "measure a part of the row"
                 )
-        if not self.light:
-            raise ValueError("light is empty: name the words of the pixels that see light")
+        if len(self.light) < _core.MIN_PIXELS:
+            raise WrongUse(
+                f"light has {len(self.light)} pixels, but the core takes at least {_core.MIN_PIXELS}: take "
+                "more of the row"
+            )
         if not 1 <= self.bits <= 12:
-            raise ValueError(
+            raise WrongUse(
                 f"bits is {self.bits}, but the core takes 1 to 12 bits: shift the words of a finer "
                 "converter, as in rows >> 4 for 16 bits, and state the gain for the shifted counts"
             )
         if not self.electrons_per_count >= 1:
-            raise ValueError(
+            raise WrongUse(
                 f"electrons_per_count is {self.electrons_per_count}, but must be 1 or more: shift the words, "
                 "as in rows >> 1, and state the gain for the shifted counts"
             )
         if not 0 < self.saturation <= 0xFFFF:
-            raise ValueError(f"saturation is {self.saturation}, but must be 1 to 65535 counts")
+            raise WrongUse(f"saturation is {self.saturation}, but must be 1 to 65535 counts")
 
     @classmethod
     def of_pixels(
@@ -115,10 +119,15 @@ class Centres:
 
     Attributes:
         centre_px: The spot's centre in pixels: pixel i covers i - 0.5 to i + 0.5. NaN with a fault.
-        u_px: The standard uncertainty of the centre by the noise of the rows, in pixels. NaN with a fault.
+        u_px: The standard uncertainty of the centre in pixels: its parts `r_px` and `shape_px`. What the
+            pixels differ by is not in it, because that is your sensor's. NaN with a fault.
+        r_px: The part by the noise of the rows. A sensor's `Centre` has only this one in a line, as `u_px`.
+        shape_px: The part by the spot's shape: how far a flaw that made it lopsided may have moved it.
         height: The spot's height in counts, above the background. `centroid` counts from the black level.
             NaN with a fault.
         width_px: The spot's width: sigma of the gaussian, in pixels. NaN with a fault.
+        asymmetry_px: How lopsided the spot is: frames x 5 shifts in pixels. NaN also if the row shows too
+            little of the spot for that.
         rows_used: The rows in the mean.
         misfits: Of these, the rows that do not look like a spot. Their centre may be off by more than u.
         fault: The name of the fault, or "" for a centre. FAULTS lists the names.
@@ -126,8 +135,11 @@ class Centres:
 
     centre_px: npt.NDArray[np.float64]
     u_px: npt.NDArray[np.float64]
+    r_px: npt.NDArray[np.float64]
+    shape_px: npt.NDArray[np.float64]
     height: npt.NDArray[np.float64]
     width_px: npt.NDArray[np.float64]
+    asymmetry_px: npt.NDArray[np.float64]
     rows_used: npt.NDArray[np.uint16]
     misfits: npt.NDArray[np.uint16]
     fault: npt.NDArray[np.str_]
@@ -161,29 +173,28 @@ def centres(
         The centres, one for each frame.
 
     Raises:
-        TypeError: The rows are no array of uint16.
-        ValueError: An argument cannot be used. The message says why.
+        WrongUse: An argument cannot be used. The message says why.
     """
     rows = _checked(rows)
     words = rows.shape[1]
     if geometry is None:
         geometry = Geometry.of_pixels(words)
     if words != geometry.words:
-        raise ValueError(f"the rows have {words} words, but the geometry has {geometry.words}")
+        raise WrongUse(f"the rows have {words} words, but the geometry has {geometry.words}")
     largest = int(rows.max(initial=0))
     if largest > geometry.full_scale:
-        raise ValueError(
+        raise WrongUse(
             f"the rows have the word {largest}, but a converter of {geometry.bits} bits makes at most "
             f"{geometry.full_scale}: shift the words of a finer converter, as in rows >> 4 for 16 bits, and "
             "state the gain for the shifted counts"
         )
     if estimator not in ESTIMATORS:
-        raise ValueError(f"there is no estimator {estimator!r}: take one of {', '.join(ESTIMATORS)}")
+        raise WrongUse(f"there is no estimator {estimator!r}: take one of {', '.join(ESTIMATORS)}")
     if not 1 <= frame <= _core.MAX_ROWS:
-        raise ValueError(f"frame is {frame}, but a frame has 1 to {_core.MAX_ROWS} rows")
+        raise WrongUse(f"frame is {frame}, but a frame has 1 to {_core.MAX_ROWS} rows")
     if len(rows) % frame:
-        raise ValueError(f"{len(rows)} rows are no whole number of frames of {frame} rows: leave some out")
-    (centre, u, height, width), (rows_used, misfits), codes = _core.centres(
+        raise WrongUse(f"{len(rows)} rows are no whole number of frames of {frame} rows: leave some out")
+    (centre, noise, shape, height, width, *asymmetry), (rows_used, misfits), codes = _core.centres(
         rows,
         estimator,
         (
@@ -200,9 +211,12 @@ def centres(
     )
     return Centres(
         centre_px=centre,
-        u_px=u,
+        u_px=np.hypot(noise, shape),
+        r_px=noise,
+        shape_px=shape,
         height=height,
         width_px=width,
+        asymmetry_px=np.stack(asymmetry, axis=1),
         rows_used=rows_used,
         misfits=misfits,
         # The code of a centre is -1: the last name.
@@ -213,20 +227,18 @@ def centres(
 def _checked(rows: Any) -> npt.NDArray[np.uint16]:
     """The rows as an array of rows x words."""
     if not isinstance(rows, np.ndarray):
-        raise TypeError(
+        raise WrongUse(
             f"rows is a {type(rows).__name__}, but must be a numpy array: np.asarray(rows, dtype=np.uint16)"
         )
     if rows.dtype.newbyteorder("=") != np.uint16:
-        raise TypeError(
+        raise WrongUse(
             f"rows has the dtype {rows.dtype}, but must have uint16: if all values are whole numbers from 0 "
             f"to {_core.LARGEST_COUNT}, convert it by rows.astype(np.uint16)"
         )
     if rows.ndim == 1:
         rows = rows[np.newaxis]
     if rows.ndim != 2 or rows.shape[1] == 0:
-        raise ValueError(
-            f"rows has the shape {rows.shape}, but must be rows x words, or the words of one row"
-        )
+        raise WrongUse(f"rows has the shape {rows.shape}, but must be rows x words, or the words of one row")
     checked: npt.NDArray[np.uint16] = rows.astype(np.uint16, copy=False)
     return checked
 
@@ -237,14 +249,12 @@ def _black_level(black_level: float | str | None, geometry: Geometry) -> str:
         return "shielded" if geometry.shielded else "frame"
     if isinstance(black_level, str):
         if black_level not in ("shielded", "frame"):
-            raise ValueError(
+            raise WrongUse(
                 f"black_level is {black_level!r}, but must be 'shielded', 'frame' or a number of counts"
             )
         if black_level == "shielded" and not geometry.shielded:
-            raise ValueError(
-                "black_level is 'shielded', but the geometry has no shielded pixels: take 'frame'"
-            )
+            raise WrongUse("black_level is 'shielded', but the geometry has no shielded pixels: take 'frame'")
         return black_level
     if not (math.isfinite(black_level) and 0 <= black_level <= geometry.full_scale):
-        raise ValueError(f"black_level is {black_level}, but must be 0 to {geometry.full_scale} counts")
+        raise WrongUse(f"black_level is {black_level}, but must be 0 to {geometry.full_scale} counts")
     return repr(float(black_level))

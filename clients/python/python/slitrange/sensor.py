@@ -9,11 +9,14 @@ from types import TracebackType
 from typing import Literal, TypeVar, cast
 
 from slitrange import packets, readings
-from slitrange.errors import NoAnswer, Refused, Restarted, SlitrangeError
+from slitrange.errors import NoAnswer, Refused, Restarted, SlitrangeError, WrongUse
 from slitrange.line import ANSWER_S, TRIES, Line, Lines
 from slitrange.readings import Centre, Fault, Reading, Row
 
 T = TypeVar("T")
+
+CONTINUOUS = 24
+"""The error of `measure` if frames start by themselves."""
 
 FRAME_S = 5.0
 """How long to wait for a frame. One of 64 rows takes 0.4 s; an emulated board can be slower than a clock."""
@@ -72,6 +75,7 @@ class Sensor:
         self._waiting: deque[Reading | Fault] = deque()
         self._before: dict[str, str] = {}
         self._is_streaming = False
+        self._trigger = "continuous"
         self._is_open = True
         # The value of `pixels` before packets came, as long as they come.
         self._pixels_before: str | None = None
@@ -93,7 +97,12 @@ class Sensor:
             raise
 
     def _begin(self) -> None:
-        self._format = self._line.use_text()
+        try:
+            self._format = self._line.use_text()
+        except NoAnswer as nobody:
+            if found := self._line.station():
+                raise NoAnswer(found) from nobody
+            raise
         self._streamed = self._line.synchronise()
         self._echoed = self._value("echo") == "on"
         if self._echoed:
@@ -211,10 +220,12 @@ class Sensor:
         self._check_open()
         self._stream(False)
         self._waiting.clear()
+        # Answers come in packets later.
+        self._trigger = self._value("trigger")
         self._pixels_before = self._value("pixels")
         decoder = packets.Decoder()
         try:
-            self._ask_setting("pixels", pixels)
+            self._ask_setting("pixels", _text(pixels))
             self._stream(True)
             self._ask_setting("baud", str(baud))
             self._line.set_baud(baud)
@@ -228,10 +239,7 @@ class Sensor:
                     yield message
                 now = time.monotonic()
                 if now > heard + timeout_s:
-                    raise NoAnswer(
-                        f"no packet came at {self._line.port} for {timeout_s} s: check the cable, or take a "
-                        "lower rate"
-                    )
+                    raise self._silence("packet", timeout_s, "take a lower rate")
                 if not has_come and now > asked + AGAIN_S:
                     asked = now
                     self._ask_for_packets()
@@ -267,11 +275,22 @@ class Sensor:
             if line is not None:
                 self._take(line)
             elif until is not None:
-                raise NoAnswer(
-                    f"no reading came at {self._line.port} for {timeout_s} s: check the cable, or wait "
-                    "longer by readings(timeout_s=...)"
-                )
+                with suppress(NoAnswer, Refused):
+                    answer = self._line.ask_once("trigger", lambda lines: _value_of("trigger", lines[-1]))
+                    self._trigger = answer
+                raise self._silence("reading", timeout_s or 0, "wait longer by readings(timeout_s=...)")
         return self._waiting.popleft()
+
+    def _silence(self, what: str, timeout_s: float, advice: str) -> NoAnswer:
+        """Why no result came."""
+        if self._trigger != "continuous":
+            advice = (
+                f"`trigger` is {self._trigger}, so no frame starts by itself: start each by measure(), or "
+                'set("trigger", "continuous")'
+            )
+        else:
+            advice = f"check the cable, or {advice}"
+        return NoAnswer(f"no {what} came at {self._line.port} for {timeout_s} s: {advice}")
 
     def _take(self, line: str) -> None:
         """Takes a line, if it is one of the stream."""
@@ -307,7 +326,7 @@ class Sensor:
 
     def _check_open(self) -> None:
         if not self._is_open:
-            raise ValueError("the sensor is closed: open it again")
+            raise WrongUse("the sensor is closed: open it again")
 
     def _ask(self, command: str, answer: Callable[[Lines], T | None], wait_s: float = ANSWER_S) -> T:
         with self._paused():
@@ -343,9 +362,9 @@ class Sensor:
         _check_alone(_text(name), text)
         name = _setting(name)
         if not text:
-            raise ValueError(f"there is no value for {name}: give one, or read it by get")
+            raise WrongUse(f"there is no value for {name}: give one, or read it by get")
         if name == "output" and (missing := _missing(text)):
-            raise ValueError(f"output must also have {' '.join(missing)}: a Reading needs these columns")
+            raise WrongUse(f"output must also have {' '.join(missing)}: a Reading needs these columns")
         with self._paused():
             is_first = not keep and name not in self._before
             if is_first:
@@ -378,6 +397,26 @@ class Sensor:
         # mypy takes the union for an object.
         return cast("Reading | Fault", self._ask("distance", readings.frame_result, FRAME_S))
 
+    def measure(self) -> Reading | Fault:
+        """Starts a frame, if `trigger` is `serial` or `pin`, and gives its result as the stream has it.
+
+        Raises:
+            Refused: `trigger` is `continuous`: frames start by themselves.
+            NoAnswer: No result came.
+        """
+        with self._paused():
+            try:
+                return cast(
+                    "Reading | Fault",
+                    # Sent twice, it would start two frames.
+                    self._line.ask_once("measure", lambda lines: readings.result(lines[-1]), FRAME_S),
+                )
+            except Refused as error:
+                if error.number != CONTINUOUS:
+                    raise
+                advice = 'use read(), or set("trigger", "serial") before measure()'
+                raise Refused("measure", error.sentence, advice) from None
+
     def centre(self) -> Centre | Fault:
         """The centre of the next frame and the spot's shape, without a distance; or a fault.
 
@@ -402,14 +441,14 @@ class Sensor:
         command = "row"
         if window:
             if first is not None or last is not None:
-                raise ValueError("give first and last, or window, but not both")
+                raise WrongUse("give first and last, or window, but not both")
             command = "row window"
         elif first is not None and last is not None:
             if not 0 <= first <= last <= 0xFFFF:
-                raise ValueError(f"first is {first} and last is {last}, but 0 <= first <= last <= 65535")
+                raise WrongUse(f"first is {first} and last is {last}, but 0 <= first <= last <= 65535")
             command = f"row {first} {last}"
         elif first is not None or last is not None:
-            raise ValueError("give both first and last, or none of them")
+            raise WrongUse("give both first and last, or none of them")
         with self._paused():
             for _ in range(TRIES):
                 found = self._line.ask(command, readings.row, ROW_S)
@@ -464,7 +503,7 @@ def _missing(output: str) -> Lines:
 def _text(text: str) -> str:
     """The words of a command, in lower case."""
     if not (text.isascii() and text.isprintable()):
-        raise ValueError(f"{text!r} is no text of ASCII in one line, so the sensor does not take it")
+        raise WrongUse(f"{text!r} is no text of ASCII in one line, so the sensor does not take it")
     return " ".join(text.lower().split())
 
 
@@ -473,9 +512,9 @@ def _setting(name: str) -> str:
     name = _text(name)
     first = name.split(" ")[0]
     if first in COMMANDS or not first:
-        raise ValueError(f"`{name}` is no setting but a command: use the method for it, or lines({name!r})")
+        raise WrongUse(f"`{name}` is no setting but a command: use the method for it, or lines({name!r})")
     if first in OWN_SETTINGS:
-        raise ValueError(f"`{name}` is set by this package, and put back at the end")
+        raise WrongUse(f"`{name}` is set by this package, and put back at the end")
     return name
 
 
@@ -483,7 +522,7 @@ def _check_alone(name: str, value: str) -> None:
     """Refuses a value with which the sensor would no longer answer this package."""
     has_address = name == "address" and value.strip("0") != ""
     if has_address or (name, value) == ("format", "modbus"):
-        raise ValueError(
+        raise WrongUse(
             f"{name} {value} is not set here: this package talks to a sensor that is alone on its line: "
             "`address 0`, and not `format modbus`"
         )
