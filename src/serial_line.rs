@@ -52,12 +52,13 @@ pub async fn serve(
             Either3::First(frame) => shell.take_frame(frame).await,
             Either3::Third(()) => COUNTERS.results.add(),
             Either3::Second(count) => {
-                let received = received(&mut input, &bytes, count);
                 if shell.speaks_modbus() {
-                    shell.gather(received);
+                    // A request of which bytes were lost has a wrong checksum.
+                    shell.gather(&bytes[..count.unwrap_or(0)]);
                     gather_request(&mut shell, &mut rx, &mut bytes).await;
                     shell.answer_request().await;
                 } else {
+                    let received = received(&mut input, &bytes, count);
                     take_bytes(&mut shell, &mut input, &mut echo, received).await;
                 }
             }
@@ -89,7 +90,6 @@ async fn take_results(shell: &mut Shell) {
 /// bytes end with.
 async fn gather_request(shell: &mut Shell, rx: &mut Receiver, bytes: &mut [u8; PIECE]) {
     while let Ok(count) = with_timeout(END_OF_REQUEST, rx.read(bytes)).await {
-        // A request of which bytes were lost has a wrong checksum.
         shell.gather(&bytes[..count.unwrap_or(0)]);
         // Bytes could come without an end.
         take_results(shell).await;

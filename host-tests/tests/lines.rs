@@ -251,6 +251,27 @@ struct Sensor {
     counts: BTreeMap<&'static str, u64>,
 }
 
+/// A line without its checksum, if it ends with one.
+fn checked(line: &[u8]) -> Result<&[u8], Error> {
+    let place = line.len().saturating_sub(3);
+    let sum = line[place..]
+        .strip_prefix(b"*")
+        .filter(|it| it.len() == 2 && it[0] != b'+');
+    let sum = sum.and_then(|it| str::from_utf8(it).ok());
+    let Some(written) = sum.and_then(|it| u32::from_str_radix(it, 16).ok()) else {
+        return Ok(line);
+    };
+    let computed = line[..place]
+        .iter()
+        .copied()
+        .fold(0, core::ops::BitXor::bitxor)
+        .into();
+    match written == computed {
+        true => Ok(&line[..place]),
+        false => Err(Error::LineChecksum { written, computed }),
+    }
+}
+
 impl Sensor {
     fn new() -> Self {
         let mut sensor = Self {
@@ -285,7 +306,7 @@ impl Sensor {
         let taken = self.input.take(byte);
         let line = self.reference.take(byte);
         let expected = (line.as_ref()).map(|line| match line {
-            Ok(line) => parse(line),
+            Ok(line) => checked(line).and_then(parse),
             Err(error) => Err(*error),
         });
         assert_eq!(taken, expected, "{line:?}");

@@ -2,8 +2,8 @@
 //!
 //! TIM4 runs in one-pulse mode at 1 MHz. The program starts it at the end of SH's pulse, which begins a row's
 //! light. The timer alone raises and lowers the output: neither interrupts nor a program that hangs can make
-//! the pulse longer. A long pulse goes on only while the timer's own interrupt is served: if the core hangs or
-//! a debugger halts it, the pulse ends within 0.9 ms. At reset the pin is an input. A resistor at the laser's driver then keeps the laser off
+//! the pulse longer. The timer goes on only while its own interrupt is served: if nothing serves interrupts, or
+//! a debugger halts the core, a pulse ends within 0.9 ms, and none begins. At reset the pin is an input. A resistor at the laser's driver then keeps the laser off
 //! (docs/exposure.md).
 //!
 //! The middle of the pulse is the same for all exposures, so that a target that moves is seen at the same
@@ -49,13 +49,16 @@ fn extend(at: u16) {
 
 #[interrupt]
 fn TIM4() {
-    let timer = pac::TIM4;
-    // Writing a zero clears a flag.
-    timer.sr().write(|flags| {
+    clear_flag();
+    extend(pac::TIM4.ccr(EXTENSION).read().ccr());
+}
+
+/// Clears the flag that calls for an extension, by a zero.
+fn clear_flag() {
+    pac::TIM4.sr().write(|flags| {
         flags.0 = u32::MAX;
         flags.set_ccif(EXTENSION, false);
     });
-    extend(timer.ccr(EXTENSION).read().ccr());
 }
 
 /// Switches the laser off until the next reset, in a pulse too, and whatever else uses the timer.
@@ -116,13 +119,16 @@ impl Laser {
         // The output is high from `rise` up to the counter's last value.
         let rise = 1 + (longest.us() - us) / 2;
         let last = if us == 0 { 0 } else { rise + us - 1 };
+        // It stands still already, but for a row that began too early after a halt.
+        pac::TIM4.cr1().modify(|control| control.set_cen(false));
         pac::TIM4
             .ccr(CHANNEL)
             .write(|compare| compare.set_ccr(rise));
         LAST.store(last, Ordering::Relaxed);
-        extend(rise);
+        extend(0);
         // Restarts the prescaler too, so that each pulse begins as long after its start.
         pac::TIM4.egr().write(|event| event.set_ug(true));
+        clear_flag();
     }
 
     /// Starts the pulse.

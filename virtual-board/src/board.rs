@@ -15,7 +15,7 @@ use crate::flash::SharedFlash;
 use crate::flash_times::{FlashTimes, SHORTEST_ERASE};
 use crate::jumpers::Jumpers;
 use crate::pins::{self, Pins};
-use crate::serial_line::{FarEnd, SerialLine};
+use crate::serial_line::{FarEnd, SERIAL_PORT, SerialLine};
 use crate::stm32f429::{SUPPLY_MILLIVOLTS, Stm32f429};
 use crate::watched_core::{self, Watched};
 
@@ -27,8 +27,6 @@ pub const INSTRUCTIONS_PER_SECOND: u64 = CLOCK_HZ;
 const HSE_HZ: u64 = 8_000_000;
 /// No 32 kHz crystal is used.
 const LSE_HZ: u64 = 0;
-/// USART3, the ST-LINK's serial port, in rigless's order.
-pub(crate) const SERIAL_PORT: usize = 2;
 
 /// A NUCLEO-F429ZI with the sensor head on its connectors.
 #[derive(Debug)]

@@ -16,12 +16,11 @@ use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 
 use crate::base::{Nanos, lock};
-use crate::board::SERIAL_PORT;
 use crate::burst;
 use crate::jumpers::{Edge, Jumpers};
 use crate::laser;
 use crate::sensor_head::{Clocks, Level, SensorHead, SharedHead};
-use crate::serial_line::{DriverEnable, SerialLine};
+use crate::serial_line::{DriverEnable, SERIAL_PORT, SerialLine};
 use crate::stm32f429::Stm32f429;
 
 mod wiring;

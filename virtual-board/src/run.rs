@@ -16,7 +16,7 @@ use rigless::soc::stm32f427::generated::rcc;
 use rigless::time::VirtualNanos;
 
 use crate::base::{Nanos, lock};
-use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
+use crate::board::{Conditions, INSTRUCTIONS_PER_SECOND, Nucleo};
 use crate::firmware::Firmware;
 use crate::flash::{self, SharedFlash};
 use crate::hang::{self, Detour};
@@ -24,7 +24,7 @@ use crate::pins::Pins;
 use crate::random::mixed;
 use crate::rtt::{self, Message};
 use crate::sensor_head::{LightSource, OpenLine, SensorHead};
-use crate::serial_line::{Arrival, Line, SerialLine};
+use crate::serial_line::{Arrival, Line, SERIAL_PORT, SerialLine};
 use crate::trace::Call;
 use crate::violations::Violation;
 use crate::watched_core::Watched;

@@ -10,6 +10,9 @@ use rigless::time::VirtualNanos;
 
 use crate::base::{Nanos, lock};
 
+/// USART3, the ST-LINK's serial port, in rigless's order.
+pub(crate) const SERIAL_PORT: usize = 2;
+
 /// A line that the firmware sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line {

@@ -124,7 +124,7 @@ pub enum Error {
         computed: u32,
     },
     /// Characters of the line were lost, because too many came at once.
-    #[error("E20 characters were lost, so this line was not taken: send it again")]
+    #[error("E7 characters were lost, so this line was not taken: send it again")]
     Cut,
     /// A piece of a record does not have the checksum that was sent with it.
     #[error("E7 checksum {written:04x}, of what came {computed:04x}: send it again")]

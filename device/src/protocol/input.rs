@@ -156,7 +156,10 @@ impl Input {
                     parse(line)
                 }),
                 // Another sensor on the line may be meant.
-                Some(Err(error)) if self.address == 0 => Some(Err(error)),
+                Some(Err(error)) if self.address == 0 => {
+                    self.is_for_all = false;
+                    Some(Err(error))
+                }
                 _ => None,
             };
             self.start_line();
@@ -325,7 +328,8 @@ mod tests {
             written: 0x1A,
             computed: 0x11,
         };
-        assert_eq!(all(b"help*1a\r"), [Err(error)]);
+        let after_one_for_all = [(Ok(Command::Help), true), (Err(error), false)];
+        assert_eq!(taken(0, b"@0 help\rhelp*1a\r"), after_one_for_all);
         assert_eq!(
             error.to_string(),
             "E7 checksum 1a, of what came 11: send it again"

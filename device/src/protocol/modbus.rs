@@ -33,7 +33,8 @@
 //!
 //! A request that writes several registers changes all of them or none. A request with a wrong checksum, or
 //! for another station, changes nothing and has no answer. Bytes before a request, as an answer of another
-//! station, are skipped: a computation may hide the silence between the two. One for station 0 is for all stations: it is
+//! station, are skipped: a computation may hide the silence between the two. A request for all stations, or of
+//! another function, needs the silence. One for station 0 is for all stations: it is
 //! carried out without an answer.
 //!
 //! The crate rmodbus reads requests too, but panics on some of them: rmodbus 0.13.0 trusts the byte count of
@@ -113,7 +114,9 @@ pub struct Answer {
 pub fn answer(bytes: &[u8], station: u8, shown: &Shown<'_>) -> Answer {
     let mut requests = (0..bytes.len()).filter_map(|start| {
         let request = bytes.get(start..)?;
-        (start == 0 || has_length(request)).then_some(request)
+        // In a long answer of another station, zeros and a checksum that fits by chance are likelier.
+        let may_be = has_length(request) && request.first() != Some(&ALL_STATIONS);
+        (start == 0 || may_be).then_some(request)
     });
     requests
         .find_map(|request| carry_out(request, station, shown))

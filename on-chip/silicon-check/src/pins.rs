@@ -2,6 +2,7 @@
 //! too.
 
 use embassy_futures::join::join;
+use embassy_futures::poll_once;
 use embassy_stm32::pac;
 use embassy_stm32::pac::gpio::Gpio;
 use embassy_stm32::pac::gpio::vals::{Idr, Pupdr};
@@ -77,6 +78,9 @@ pub async fn check_reception(report: &mut Report, rx: &mut Receiver) {
     const PIECE: usize = 64;
     const PIECES: usize = 64;
     report.flush().await;
+    // Between two characters, the port lets go of the pin.
+    let pull = |way| pac::GPIOD.pupdr().modify(|pulls| pulls.set_pupdr(8, way));
+    pull(Pupdr::PULL_UP);
     pac::USART3.cr3().modify(|control| control.set_hdsel(true));
     report.serial.set_baud(Baud::B921600).await;
     let mut right = 0;
@@ -84,6 +88,8 @@ pub async fn check_reception(report: &mut Report, rx: &mut Receiver) {
         // No two pieces are alike, and each byte occurs.
         let sent: [u8; PIECE] = core::array::from_fn(|place| (7 * piece + 5 * place) as u8);
         let mut received = [0; PIECE];
+        // What came before, or too late.
+        while poll_once(rx.read(&mut received)).is_ready() {}
         let receive = async {
             let mut count = 0;
             while count < PIECE {
@@ -99,6 +105,7 @@ pub async fn check_reception(report: &mut Report, rx: &mut Receiver) {
     }
     report.serial.set_baud(Baud::default()).await;
     pac::USART3.cr3().modify(|control| control.set_hdsel(false));
+    pull(Pupdr::FLOATING);
     let found = text!(
         "{right} of {} bytes at 921600 baud came back",
         PIECE * PIECES

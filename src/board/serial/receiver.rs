@@ -63,10 +63,12 @@ pub fn on_interrupt(flags: Sr) {
         return;
     }
     // Reading SR and then DR clears these flags (RM0090 section 30.6.1). If a character waits, it is the DMA
-    // that reads DR.
-    if !flags.rxne() {
-        let _ = pac::USART3.dr().read();
-    }
+    // that reads DR. A character that comes between the two reads, some 20 ns apart, is lost.
+    cortex_m::interrupt::free(|_| {
+        if !pac::USART3.sr().read().rxne() {
+            pac::USART3.dr().read();
+        }
+    });
     COUNTERS.serial_noise.add_if(flags.ne());
     COUNTERS.serial_framing.add_if(flags.fe());
     COUNTERS.serial_overrun.add_if(flags.ore());

@@ -69,8 +69,11 @@ impl Transmitter {
 
     /// Whether the last bit of all bytes has left.
     pub fn is_empty(&mut self) -> bool {
+        if !TO_SEND.is_empty() {
+            return false;
+        }
         let control = pac::USART3.cr1().read();
-        TO_SEND.is_empty() && !control.txeie() && !control.tcie()
+        !control.txeie() && !control.tcie()
     }
 
     /// Hands over all of the bytes or, without room for them, none. The interrupt, which comes at once, is
@@ -93,7 +96,11 @@ pub fn on_interrupt(flags: Sr) {
         if flags.txe()
             && let Some(byte) = TO_SEND.pop()
         {
-            port.dr().write(|data| data.set_dr(byte.into()));
+            // This clears TC only if SR was read after it rose.
+            cortex_m::interrupt::free(|_| {
+                port.sr().read();
+                port.dr().write(|data| data.set_dr(byte.into()));
+            });
         }
         if !control.txeie() || control.tcie() {
             await_flags(true, false);

@@ -287,6 +287,12 @@ pub fn set(board: &mut VirtualBoard, command: &str) {
     assert_eq!(ask(board, command), command);
 }
 
+/// For how long the laser was on since power-on.
+pub fn laser_time(board: &mut VirtualBoard) -> virtual_board::Nanos {
+    let now = board.now();
+    board.head(move |head| head.laser_time(now))
+}
+
 /// Runs until the laser has just gone on.
 pub fn run_into_a_pulse(board: &mut VirtualBoard) {
     for wanted in [false, true] {

@@ -7,15 +7,10 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Exposure as Times, Scene, Simulation};
 use slitrange::measurement::Options;
-use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
+use virtual_board::{Exposure, LightSource};
 
 use super::common::*;
 use super::identical::{logarithmic, run_as_on_this_pc};
-
-fn laser_time(board: &mut VirtualBoard) -> Nanos {
-    let now = board.now();
-    board.head(move |head| head.laser_time(now))
-}
 
 /// Each row has its exposure to the nanosecond, and the pulse lies in the row's middle, without jitter.
 #[test]

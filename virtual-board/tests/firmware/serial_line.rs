@@ -317,7 +317,7 @@ fn lines_that_find_the_buffer_full_are_refused_and_counted() {
     run_ms(&mut board, 3_000);
     let mut answers = take_texts(&mut board);
     answers.retain(|it| !it.starts_with("save"));
-    let refused = "E20 characters were lost, so this line was not taken: send it again";
+    let refused = "E7 characters were lost, so this line was not taken: send it again";
     println!("{} answers", answers.len());
     let refusals = answers.iter().filter(|it| *it == refused).count();
     let taken = answers

@@ -104,13 +104,33 @@ fn stopped_pulse_lasts(
 fn a_halt_ends_the_pulse_within_a_millisecond() {
     for after_us in [10, 300, 390, 3000] {
         let mut board = measuring(4);
-        let us = stopped_pulse_lasts(&mut board, after_us, |board| {
-            // NVIC_ICER0 to 2 (ARMv7-M manual, section B3.4.5).
-            (0..3).for_each(|number| board.probe_writes(0xE000_E180 + 4 * number, u32::MAX));
-        });
+        let us = stopped_pulse_lasts(&mut board, after_us, serve_no_interrupt);
         println!("{after_us} us after the begin of a pulse: {us} us");
         assert!((500.0..1000.0).contains(&us), "{us} us");
     }
+    // The next short pulse is a row's 5.7 ms after the one before. The timer has begun, and the pulse has not.
+    for before_us in [1700, 1000, 100] {
+        let mut board = measuring(4);
+        set(&mut board, "exposure 100");
+        results(&mut board, 3);
+        run_into_a_pulse(&mut board);
+        board
+            .run_for(Duration::from_micros(5700 - before_us))
+            .expect("a run");
+        serve_no_interrupt(&mut board);
+        let on_before = laser_time(&mut board);
+        run_ms(&mut board, 20);
+        assert_eq!(
+            laser_time(&mut board),
+            on_before,
+            "{before_us} us before a pulse"
+        );
+    }
+}
+
+fn serve_no_interrupt(board: &mut VirtualBoard) {
+    // NVIC_ICER0 to 2 (ARMv7-M manual, section B3.4.5).
+    (0..3).for_each(|number| board.probe_writes(0xE000_E180 + 4 * number, u32::MAX));
 }
 
 /// Asserts what `info` says of the last stop, and how many stops `errors` counts.
