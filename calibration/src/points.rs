@@ -268,7 +268,8 @@ fn check_unit(points: &[Point]) -> anyhow::Result<()> {
     ensure!(
         points.len() < 2 || !near_zero || mm >= LEAST_MM_PER_PX * pixels,
         "the distances cover {mm:.3} mm and the centres {pixels:.1} px, so the distances seem to be in \
-         metres: give d_mm in millimetres (if they are millimetres, add 100 to each: eq. (1)'s D takes that in)"
+         metres: give d_mm in millimetres (if they are millimetres, add 100 to each: eq. \
+         (1)'s D takes that in)"
     );
     Ok(())
 }
