@@ -1,7 +1,7 @@
 //! From points to curves.
 //!
 //! ```text
-//! order -> outliers -> eq. (1) -> smooth curve of what it leaves
+//! repeats -> order -> outliers -> eq. (1) -> smooth curve of what it leaves
 //! ```
 //!
 //! [`solve()`](solve::solve) does all of it. With a comb of slits, [`comb`] comes first: it makes one centre
@@ -13,6 +13,7 @@ pub mod eq1;
 pub mod observed;
 pub mod order;
 pub mod outliers;
+pub mod repeats;
 pub mod solve;
 pub mod spline;
 pub mod start;

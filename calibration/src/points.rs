@@ -18,7 +18,8 @@
 //! `slit_16_counts`: centre on the row, and height. Both are empty for a slit without an image.
 //!
 //! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record.
-//! Other columns are not read.
+//! Other columns are not read. Semicolons or tabs may stand for the commas; beside semicolons, numbers may
+//! have decimal commas.
 
 pub mod columns;
 
@@ -165,12 +166,18 @@ impl Points {
     /// A line cannot be read; which and what to do is said.
     pub fn parse(text: &str) -> anyhow::Result<Self> {
         let mut read = Self::default();
-        let mut header: Option<csv::StringRecord> = None;
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        let mut header: Option<(csv::StringRecord, u8)> = None;
+        ensure!(
+            !text.contains('\0'),
+            "it is UTF-16, or no text: save it as CSV in UTF-8"
+        );
+        let text = text.trim_start_matches('\u{feff}');
+        let text = text.replace("\r\n", "\n").replace('\r', "\n");
         for (line, text) in (1..).zip(text.lines()) {
-            let text = text.trim();
+            // A spreadsheet fills lines up with empty cells.
+            let words = text.trim().trim_end_matches([',', ';', '\t']);
             let in_line = || format!("line {line}");
-            if let Some(comment) = text.strip_prefix('#') {
+            if let Some(comment) = words.strip_prefix('#') {
                 read.setup.read_comment(comment).with_context(in_line)?;
                 if let Some(head) = read.setup.head.as_ref().filter(|head| *head != HEAD) {
                     let error =
@@ -179,26 +186,39 @@ impl Points {
                 }
                 continue;
             }
-            if text.is_empty() {
+            if words.is_empty() || header.is_none() && words.starts_with("sep=") {
                 continue;
             }
-            let fields = fields(text).with_context(in_line)?;
-            let Some(header) = &header else {
-                for name in [X, D] {
-                    ensure!(
-                        fields.iter().any(|field| field == name),
-                        "line {line} names no column {name}: the first line that is no comment must be \
-                         x_px,d_mm or x_px,d_mm,sigma_px"
-                    );
-                }
-                header = Some(fields);
+            let Some((header, separator)) = &header else {
+                let names = |by| Some((fields(&text.to_lowercase(), by).ok()?, by));
+                let once = |name, (names, _): &(csv::StringRecord, u8)| {
+                    names.iter().filter(|it| *it == name).count() == 1
+                };
+                let mut ways = b",;\t".iter().copied().filter_map(names);
+                header = ways.find(|way| once(X, way) && once(D, way));
+                ensure!(
+                    header.is_some(),
+                    "line {line}, `{}`, does not name the columns x_px and d_mm, once each: the first line \
+                     that is no comment must be x_px,d_mm or x_px,d_mm,sigma_px",
+                    text.escape_debug()
+                );
                 continue;
             };
             let line = Line {
                 number: line,
                 header,
-                fields,
+                separator: *separator,
+                fields: fields(text, *separator).with_context(in_line)?,
             };
+            let has_name = |place| header.get(place).is_some_and(|name| !name.is_empty());
+            let mut filled = (0..).zip(&line.fields).filter(|(_, it)| !it.is_empty());
+            ensure!(
+                filled.all(|(place, _)| has_name(place)),
+                "line {}, `{}`, has more fields than the header has names: a decimal comma may be the cause, \
+                 write decimals with a point, or semicolons between the columns",
+                line.number,
+                text.escape_debug()
+            );
             read.points.push(line.point()?);
         }
         ensure!(
@@ -228,10 +248,6 @@ impl Points {
             _ => {}
         }
         check_unit(&read.points)?;
-        // A run that was stopped leaves its points in the order in which they were taken.
-        if text.lines().next() == Some(TITLE) {
-            read.points.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
-        }
         Ok(read)
     }
 }
@@ -251,15 +267,17 @@ fn check_unit(points: &[Point]) -> anyhow::Result<()> {
     let near_zero = points.iter().all(|point| point.d_mm.abs() < METRES);
     ensure!(
         points.len() < 2 || !near_zero || mm >= LEAST_MM_PER_PX * pixels,
-        "the distances cover {mm} mm and the centres {pixels:.1} px, so the distances seem to be in metres: \
-         give d_mm in millimetres (if they are millimetres, add 100 to each: eq. (1)'s D takes that in)"
+        "the distances cover {mm:.3} mm and the centres {pixels:.1} px, so the distances seem to be in \
+         metres: give d_mm in millimetres (if they are millimetres, add 100 to each: eq. \
+         (1)'s D takes that in)"
     );
     Ok(())
 }
 
 /// A line's fields, without the blanks around them.
-fn fields(line: &str) -> anyhow::Result<csv::StringRecord> {
+fn fields(line: &str, separator: u8) -> anyhow::Result<csv::StringRecord> {
     let mut reader = csv::ReaderBuilder::new()
+        .delimiter(separator)
         .has_headers(false)
         .trim(csv::Trim::All)
         .from_reader(line.as_bytes());
@@ -277,6 +295,7 @@ const SHAPE_AND_NOISE: [&str; 3 + COMPONENTS] = [
 struct Line<'a> {
     number: u64,
     header: &'a csv::StringRecord,
+    separator: u8,
     fields: csv::StringRecord,
 }
 
@@ -291,10 +310,13 @@ impl Line<'_> {
         let Some(field) = field.filter(|field| !field.is_empty()) else {
             return Ok(None);
         };
-        let number: Option<f64> = field.parse().ok().filter(|number: &f64| number.is_finite());
+        let point = if self.separator == b';' { "." } else { "," };
+        let number = field.replace(',', point).parse().ok();
+        let number = number.filter(|number: &f64| number.is_finite());
         number.map(Some).with_context(|| {
             format!(
-                "line {}: {column} is {field:?}, which is no finite number: correct it, or remove the line",
+                "line {}: {column} is {field:?}, which is no finite number with a decimal point: correct it, \
+                 or remove the line",
                 self.number
             )
         })
@@ -571,17 +593,20 @@ mod tests {
         }
     }
 
+    /// As spreadsheets write them.
     #[test]
-    fn points_of_a_run_that_was_stopped_are_sorted() {
-        let lines = "x_px,d_mm\n1800,700\n2000,620\n1900,660\n";
-        let order = |text: &str| -> Vec<(u64, f64)> {
-            let points = Points::parse(text).expect("points").points.into_iter();
-            points.map(|point| (point.line, point.d_mm)).collect()
-        };
-        let taken = order(&format!("{TITLE}\n{lines}"));
-        assert_eq!(taken, [(4, 620.0), (5, 660.0), (3, 700.0)]);
-        // In a person's file, a line out of order may be a slip.
-        assert_eq!(order(lines), [(2, 700.0), (3, 620.0), (4, 660.0)]);
+    fn separators_line_ends_and_filled_lines_are_understood() {
+        for text in [
+            "X_px,D_MM\r2428.5,600.25\r1315.5,1020\r",
+            "sep=;\n# black shielded;\nx_px;d_mm\n2428,5;600,25\n1315,5;1020\n;\n",
+            "\u{feff}x_px\td_mm\r\n2428.5\t600.25\r\n1315.5\t1020",
+            "# black shielded,,\nx_px,d_mm,,\n2428.5,600.25,,\n1315.5,1020,,\n,,,\n",
+            "x_px,d_mm,\"a; b\"\n2428.5,600.25,\n1315.5,1020,c\n",
+        ] {
+            let read = Points::parse(text).expect("points").points;
+            let read: Vec<(f64, f64)> = read.iter().map(|it| (it.x_px, it.d_mm)).collect();
+            assert_eq!(read, [(2428.5, 600.25), (1315.5, 1020.0)], "{text}");
+        }
     }
 
     #[test]
@@ -663,7 +688,15 @@ mod tests {
             "# serial -1\n",
             "# head MLX75306\n",
             "1500,600\n",
-            "x_px;d_mm\n",
+            "x_px d_mm\n",
+            "x_px,d_mm,d_mm\n",
+            "x\0_\0p\0x\0",
+            "x_px,d_mm\n2426,600,5\n",
+            "x_px,d_mm,\n2426,600,5\n",
+            "x_px,d_mm\n2428,3047,600,5\n",
+            "x_px,d_mm\n2426,\"600,5\"\n",
+            "x_px;d_mm\n2426;1.020,5\n",
+            "x_px,d_mm\n2428.3,0.6\n1315.4,1.02\n",
             "x_px,d_mm\n1500\n",
             "x_px,d_mm\n1500,600\n1501,\n",
             "x_px,d_mm\n1500,NaN\n",

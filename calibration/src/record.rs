@@ -11,11 +11,10 @@ pub mod surface;
 pub mod tabulate;
 pub mod verdict;
 
-use slitrange::centre::Estimator;
-use slitrange::light::black_level::BlackLevel;
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
+use slitrange_device::settings::Settings;
 
 use crate::fit::comb::FittedComb;
 use crate::fit::solve::Solved;
@@ -23,7 +22,7 @@ use crate::points::Setup;
 use form::Made;
 
 /// The record of a calibration, for the sensor and the settings with which its points were taken. A setup
-/// without an estimator or a black level is that of firmware that wrote neither, with its defaults.
+/// without an estimator or a black level is taken to be that of the factory.
 pub fn of(
     setup: &Setup,
     date: Date,
@@ -31,12 +30,13 @@ pub fn of(
     made: &Made<'_>,
     comb: Option<&FittedComb>,
 ) -> Record {
+    let factory = Settings::default();
     Record {
         serial_number: setup.serial_number.unwrap_or(0),
         date,
         geometry: tcd1304dg(),
-        estimator: setup.estimator.unwrap_or(Estimator::PhaseTable),
-        black_level: setup.black_level.unwrap_or(BlackLevel::Shielded),
+        estimator: setup.estimator.unwrap_or(factory.estimator),
+        black_level: setup.black_level.unwrap_or(factory.black_level),
         calibration: made.calibration.clone(),
         errors: errors::of(solved, made),
         profile: profile::of(solved, &made.calibration),

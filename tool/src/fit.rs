@@ -42,7 +42,7 @@ pub struct Options {
     /// The day of the calibration [default: today]
     #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
     date: Option<Date>,
-    /// How the centres were found [default: as the points say, or phase-table]
+    /// How the centres were found [default: as the points say, or adaptive]
     #[arg(long, value_name = "NAME", value_parser = points::estimator)]
     estimator: Option<Estimator>,
     /// How the black level was found: shielded, frame, or "fixed N" [default: as the points say, or shielded]
@@ -101,6 +101,9 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
         black_level: options.black.or(setup.black_level),
         ..setup
     };
+    if setup.estimator.is_none() {
+        report.assumes_estimator();
+    }
     let date = options.date.map_or_else(today, Ok)?;
     let record = EncodedRecord::new(record::of(&setup, date, &solved, &made, comb.as_ref()))?;
     let beside = || options.points.with_extension("record");

@@ -43,13 +43,9 @@ pub fn read(path: &Path) -> Result<EncodedRecord> {
     record.with_context(|| shown.to_string())
 }
 
-/// Whether a file is one of points, which `fit` takes: its first line that is no comment names the columns.
+/// Whether a file is one of points, which `fit` takes: its header names the columns.
 fn is_points(bytes: &[u8]) -> bool {
-    let Ok(text) = std::str::from_utf8(bytes) else {
-        return false;
-    };
-    let mut lines = text.lines().filter(|line| !line.trim().starts_with('#'));
-    lines.next().is_some_and(|header| header.contains("x_px"))
+    std::str::from_utf8(bytes).is_ok_and(|text| text.to_lowercase().contains("x_px"))
 }
 
 /// Writes a record, on the disk when this returns; a file that was there is replaced as a whole or not at

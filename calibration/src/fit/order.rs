@@ -1,11 +1,7 @@
-//! What makes points no calibration, whatever curve is sought: too few, repeated, out of order, or centres
-//! that go back while distances go on.
+//! What makes points no calibration, whatever curve is sought: too few, two with one centre, or centres that
+//! go back while distances go on. The order of the lines does not matter.
 //!
-//! **Order of the lines.** Distances are what a person or a stage sets: they rise or fall from line to line.
-//! A line out of order is a slip in the file, except where it turns out to be an outlier, a distance that was
-//! mistyped: then it is rejected like any other.
-//!
-//! **Centres along the distances** rise or fall as well. Here noise and outliers do not count, and a fold
+//! **Centres along the distances** rise or fall. Here noise and outliers do not count, and a fold
 //! does: that the centre turns and comes back, so that two distances have one centre. A fold is found where
 //! medians of groups of points go back, or five points in a row by more than their scatter. (A lesser one
 //! than that is outliers, which are named.)
@@ -13,7 +9,7 @@
 //! With fewer than ten points nothing can be rejected: any step back counts.
 
 use anyhow::{bail, ensure};
-use statistics::median;
+use statistics::{least_and_most, median};
 
 use crate::points::Point;
 
@@ -34,122 +30,42 @@ const FOLD: usize = 4;
 /// Steps back by less, in standard deviations of their difference, are noise.
 const NOISE: f64 = 6.0;
 
-/// Looks at the points before any fit. Gives the lines that are out of order, which only outliers may be.
-pub fn before(points: &[Point]) -> anyhow::Result<Vec<OutOfOrder>> {
+/// Looks at the points before any fit: one of each distance, and all of which they are the means.
+pub fn before(points: &[Point], all: &[Point]) -> anyhow::Result<()> {
     ensure!(
         points.len() >= 3,
         "there {} in the file, and eq. (1) has three parameters: take three at least, better 20 or more",
         match points.len() {
             0 => "are no points".into(),
-            1 => format!("is one point (line {})", points[0].line),
+            1 => format!("is one distance (line {})", points[0].line),
             count => format!(
-                "are {count} points (lines {} and {})",
+                "are {count} distances (lines {} and {})",
                 points[0].line, points[1].line
             ),
         }
     );
     repeated(points)?;
-    let out_of_order = out_of_order(points);
-    if let Some(first) = out_of_order.first()
-        && out_of_order.len() > most_rejected(points.len())
-    {
-        bail!("{first}");
-    }
-    if points.len() < FEWEST_TO_REJECT {
-        steps_back(points)?;
-    } else {
-        groups_go_back(points)?;
-    }
-    Ok(out_of_order)
-}
-
-/// Looks at them when it is known which are kept, and how far centres scatter, in pixels.
-pub fn after(
-    points: &[Point],
-    out_of_order: &[OutOfOrder],
-    kept: &[bool],
-    scatter: &[f64],
-) -> anyhow::Result<()> {
-    if let Some(line) = out_of_order.iter().find(|line| kept[line.index]) {
-        bail!("{line}");
-    }
-    folds(points, scatter)
-}
-
-/// A line whose distance does not go on from those before it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OutOfOrder {
-    index: usize,
-    point: Point,
-    /// The line with which it does not go together.
-    other: Point,
-    rise: bool,
-}
-
-impl std::fmt::Display for OutOfOrder {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut lines = [&self.other, &self.point].map(|point| (point.line, point.d_mm));
-        lines.sort_by_key(|(line, _)| *line);
-        let [(before, before_mm), (after, after_mm)] = lines;
-        let go = if self.rise { "rise" } else { "fall" };
-        write!(
-            f,
-            "line {after}: its distance, {after_mm} mm, comes after the {before_mm} mm of line {before}, \
-             where the others {go} from line to line: sort the lines by distance, or correct it"
-        )
+    match points.len() < FEWEST_TO_REJECT {
+        true => steps_back(points).and_then(|()| strays(points, all)),
+        false => groups_go_back(points),
     }
 }
 
-/// A centre or a distance twice.
+/// Two distances with one centre.
 fn repeated(points: &[Point]) -> anyhow::Result<()> {
-    let twice = |value: fn(&Point) -> f64| {
-        let mut sorted: Vec<&Point> = points.iter().collect();
-        sorted.sort_by(|a, b| value(a).total_cmp(&value(b)).then(a.line.cmp(&b.line)));
-        let pairs = sorted.windows(2).map(|pair| (*pair[0], *pair[1]));
-        let same = pairs.filter(|(first, later)| value(first) == value(later));
-        same.min_by_key(|(_, later)| later.line)
-    };
-    if let Some((first, later)) = twice(|point| point.d_mm) {
-        let (line, d_mm, again) = (first.line, first.d_mm, later.line);
-        ensure!(
-            first.x_px != later.x_px,
-            "line {again} repeats line {line}: remove one of them"
-        );
+    let mut sorted: Vec<&Point> = points.iter().collect();
+    sorted.sort_by(|a, b| a.x_px.total_cmp(&b.x_px).then(a.line.cmp(&b.line)));
+    let same = sorted
+        .windows(2)
+        .filter(|pair| pair[0].x_px == pair[1].x_px);
+    if let Some([first, later]) = same.min_by_key(|pair| pair[1].line) {
+        let [(line, x_px, _), (later, ..)] = [first, later].map(figures);
         bail!(
-            "line {again} has the distance of line {line}, {d_mm} mm, with another centre: keep one of them, \
-             or their mean"
-        );
-    }
-    if let Some((Point { line, x_px, .. }, later)) = twice(|point| point.x_px) {
-        bail!(
-            "line {} has the centre of line {line}, {x_px} px, at another distance: no calibration can tell \
-             the two apart; take one of them again, or remove it",
-            later.line
+            "line {later} has the centre of line {line}, {x_px} px, at another distance: no calibration can \
+             tell the two apart; take one of them again, or remove it"
         );
     }
     Ok(())
-}
-
-/// The lines outside of the longest run of distances that rise, or fall, whichever is longer.
-fn out_of_order(points: &[Point]) -> Vec<OutOfOrder> {
-    let (run, sign) = longest_run(points.iter().map(|point| point.d_mm));
-    let rise = sign > 0.0;
-    let left_out = (0..points.len()).filter(|index| run.binary_search(index).is_err());
-    let line = |index| {
-        let after = run.partition_point(|&member| member < index);
-        // It lies above the next of the run, or below the last.
-        let neighbours = [after.checked_sub(1), Some(after)].into_iter().flatten();
-        let mut members = neighbours.filter_map(|place| run.get(place).copied());
-        let is_less = |a: usize, b: usize| sign * points[a].d_mm < sign * points[b].d_mm;
-        let other = members.find(|&member| is_less(member, index) != (member < index));
-        OutOfOrder {
-            index,
-            point: points[index],
-            other: points[other.unwrap_or(index)],
-            rise,
-        }
-    };
-    left_out.map(line).collect()
 }
 
 /// The places of the longest run of numbers that rise, and 1, or of those that fall, and -1.
@@ -194,9 +110,10 @@ fn by_distance(points: &[Point]) -> Vec<&Point> {
     sorted
 }
 
-/// The line of a point, its centre and its distance.
+/// The line of a point, its centre and its distance, for a person.
 fn figures(point: &&Point) -> (u64, f64, f64) {
-    (point.line, point.x_px, point.d_mm)
+    let rounded = |value: f64| (1e5 * value).round() / 1e5;
+    (point.line, rounded(point.x_px), rounded(point.d_mm))
 }
 
 /// Few points: each goes on from the one before.
@@ -213,6 +130,23 @@ fn steps_back(points: &[Point]) -> anyhow::Result<()> {
             "line {far}: its centre, {to_px} px, goes back from the {from_px} px of line {near} while the \
              distance goes on from {from} to {to} mm: take it again, or leave it out (a wrong point can be \
              told from good ones where there are {FEWEST_TO_REJECT} or more)"
+        );
+    }
+    Ok(())
+}
+
+/// Few distances: the centres of one lie together, within a quarter of the steps between distances.
+fn strays(points: &[Point], all: &[Point]) -> anyhow::Result<()> {
+    let (least, most) = least_and_most(points.iter().map(|point| point.x_px));
+    let near = 0.25 * (most - least) / (points.len() - 1) as f64;
+    let strays = |it: &&Point| {
+        let is_far = |mean: &Point| mean.d_mm == it.d_mm && (mean.x_px - it.x_px).abs() > near;
+        points.iter().any(is_far)
+    };
+    if let Some((line, x_px, d_mm)) = all.iter().find(strays).as_ref().map(figures) {
+        bail!(
+            "line {line}: its centre, {x_px} px, is far from those of the other lines with {d_mm} mm: \
+             correct one of them, or remove it"
         );
     }
     Ok(())
@@ -237,7 +171,8 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
     };
     let back = steps.iter().position(|step| sign * step <= 0.0);
     if let Some(i) = back {
-        let (next, from) = (groups[i + 1], groups[i][0].d_mm);
+        let next = groups[i + 1];
+        let (_, _, from) = figures(&groups[i][0]);
         let (line, (last, _, to)) = (next[0].line, figures(&next[next.len() - 1]));
         bail!(
             "lines {line} to {last}: from {from} to {to} mm the centres go back, from about {:.1} to {:.1} \
@@ -250,8 +185,9 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Five points in a row whose centres go back, each by more than noise makes them.
-fn folds(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
+/// Five points in a row whose centres go back, each by more than noise makes them, when it is known how far
+/// centres scatter, in pixels.
+pub fn after(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
     let mut sorted: Vec<(&Point, f64)> = points.iter().zip(scatter.iter().copied()).collect();
     sorted.sort_by(|(a, _), (b, _)| a.d_mm.total_cmp(&b.d_mm));
     let sign = median(sorted.windows(2).map(|it| it[1].0.x_px - it[0].0.x_px)).signum();

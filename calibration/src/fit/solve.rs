@@ -9,6 +9,7 @@ use super::eq1;
 use super::observed::{Observed, Weights};
 use super::order::{self, FEWEST_TO_REJECT};
 use super::outliers::{self, Verdict};
+use super::repeats::{self, Repeats};
 use super::spline::{Equations, Grid, Residual};
 use super::start;
 use crate::points::Point;
@@ -36,7 +37,7 @@ pub struct Solved {
     pub corrected: Option<(Curve, Quality)>,
     /// How clearly the correction is better: see [`CLEARLY`].
     pub gain: Option<f64>,
-    /// The points in their order.
+    /// The points in their order, one of each distance.
     pub points: Vec<Point>,
     /// Those that count, as the fit sees them.
     pub observed: Vec<Observed>,
@@ -44,6 +45,8 @@ pub struct Solved {
     pub verdicts: Vec<Verdict>,
     /// What was known of their errors.
     pub weights: Weights,
+    /// What points that repeat a distance tell.
+    pub repeats: Option<Repeats>,
 }
 
 /// How many standard errors a correction must gain to be taken for better than eq. (1) alone.
@@ -58,7 +61,9 @@ const WEIGHT_ROUNDS: usize = 3;
 /// # Errors
 /// Says which line stands against it, and why.
 pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> {
-    let out_of_order = order::before(points)?;
+    let all_points = points;
+    let points = &repeats::merged(points)[..];
+    order::before(points, all_points)?;
     let (all, weights) = Observed::all(points, position);
     let verdicts = verdicts(&all, weights)?;
     let is_kept: Vec<bool> = verdicts.iter().map(|verdict| verdict.kept).collect();
@@ -104,10 +109,11 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
     let curve = &plain.eq1.curve;
     let sigma_px = |point: &Observed| (point.sigma(curve) / curve.slope(point.centre)).abs();
     let scatter_px: Vec<f64> = all.iter().map(|point| scatter * sigma_px(point)).collect();
-    order::after(points, &out_of_order, &is_kept, &scatter_px)?;
+    order::after(points, &scatter_px)?;
     let gain_of = |(curve, _): &(Curve, Quality)| gain(&plain, curve, &kept);
     let gain = corrected.as_ref().and_then(gain_of);
     Ok(Solved {
+        repeats: Repeats::of(all_points, &plain.eq1.curve),
         plain,
         plain_quality,
         corrected,

@@ -15,9 +15,10 @@ pub fn of(solved: &Solved, made: &Made<'_>) -> CalibrationErrors {
     let (first, last) = curve.eq1.valid;
     let centres: [f64; PLACES] =
         std::array::from_fn(|place| first + (last - first) * place as f64 / (PLACES - 1) as f64);
-    // Three points leave no residuals, so the fit cannot tell its errors.
+    // Three points leave no residuals, so the fit cannot tell its errors. The tolerances of a head that
+    // nobody calibrated stand in, with their flag: unknown errors would count as none.
     let Some(factor) = solved.quality(made.form).factor else {
-        return CalibrationErrors::Unknown;
+        return CalibrationErrors::Nominal;
     };
     let um = |metres: f64| micrometres(1e6 * metres).max(Micrometres::default());
     let surface = Surface::of(solved, curve).map(|surface| {

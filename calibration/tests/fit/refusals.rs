@@ -53,30 +53,17 @@ fn unusable_points_are_refused_with_a_reason() {
         point.x_px = 2000.0 - 2.0 * (point.d_mm - 600.0) + 0.01 * (point.x_px % 7.0);
     }
     say("straight within its scatter", noisy);
-    let mut repeated = exact(12);
-    repeated.insert(5, repeated[4]);
-    say("a line twice", renumbered(repeated));
+    let twice = [&exact(5)[..2], &exact(5)[..2]].concat();
+    say("two distances twice", renumbered(twice));
     let mut same = exact(12);
     same[6].x_px = same[3].x_px;
     say("a centre twice", same);
-    let mut same = exact(12);
-    same[6].d_mm = same[5].d_mm;
-    say("a distance twice", same);
-    for count in [6, 40] {
-        let mut swapped = exact(count);
-        swapped.swap(2, 3);
-        let name = format!("two of {count} lines swapped");
-        say(&name, renumbered(swapped));
-        let mut moved = exact(count);
-        moved.rotate_left(1);
-        let name = format!("the first of {count} lines at the end");
-        say(&name, renumbered(moved));
-    }
-    let mut shuffled = exact(40);
-    for i in 0..40 {
-        shuffled.swap(i, (i * 17 + 5) % 40);
-    }
-    say("shuffled", renumbered(shuffled));
+    let mut same = exact(6);
+    same[2].d_mm = same[1].d_mm;
+    say("two of 6 distances the same by a slip", same);
+    let mut swapped = exact(6);
+    (swapped[2].d_mm, swapped[3].d_mm) = (swapped[3].d_mm, swapped[2].d_mm);
+    say("two of 6 distances swapped", swapped);
     let mut back = exact(6);
     back[3].x_px = back[1].x_px + 10.0;
     say("one of 6 centres goes back", back);
@@ -119,6 +106,71 @@ fn one_wrong_point_among_many_is_an_outlier() {
     solve(&renumbered(points), None).expect("a fit");
     // Noise that is larger than the steps.
     solve(&Truth::nominal().points(1200, 3.0, &mut seeded(2)), None).expect("a fit");
+}
+
+/// Points again and again, up and down, and in any order: those of a distance count as one.
+#[test]
+fn repeated_points_tell_noise_and_backlash() {
+    let once = |seed| Truth::nominal().points(12, 0.02, &mut seeded(seed));
+    let again: Vec<Point> = (0..12)
+        .flat_map(|i| (0..5).map(move |seed| once(seed)[i]))
+        .collect();
+    // On the way down, the target stands 0.1 mm farther than it is said to.
+    let mut down = Truth::nominal().points(12, 0.0, &mut seeded(0));
+    for point in &mut down {
+        point.x_px = Truth::nominal().centre(1e-3 * (point.d_mm + 0.1));
+    }
+    down.reverse();
+    let mut shuffled = again.clone();
+    (0..60).for_each(|i| shuffled.swap(i, (i * 17 + 5) % 60));
+    for (name, points, repeats, scatter, backlash) in [
+        ("again", again.clone(), 48, Some(0.02), None),
+        (
+            "up and down",
+            [once(0), down.clone()].concat(),
+            12,
+            None,
+            Some(-0.1),
+        ),
+        (
+            "twice up and down",
+            [once(0), down.clone(), once(1), down].concat(),
+            36,
+            Some(0.014),
+            Some(-0.1),
+        ),
+        (
+            "again, whole pixels",
+            again
+                .iter()
+                .map(|it| Point {
+                    x_px: it.x_px.round(),
+                    ..*it
+                })
+                .collect(),
+            48,
+            Some(0.0),
+            None,
+        ),
+        ("in any order", shuffled, 48, Some(0.02), Some(0.0)),
+    ] {
+        let solved = solve(&renumbered(points), None).expect(name);
+        let error = Truth::nominal().error(|x| solved.plain.distance(x)).1;
+        let found = solved.repeats.expect("repeats");
+        println!("{name}: {error:.1} um, {found:?}");
+        assert_eq!(
+            (solved.points.len(), found.repeats),
+            (12, repeats),
+            "{name}"
+        );
+        assert_eq!(found.scatter_px.is_some(), scatter.is_some(), "{name}");
+        let off = found.scatter_px.unwrap_or(0.0) - scatter.unwrap_or(0.0);
+        assert!(off.abs() < 0.005, "{name}");
+        if let Some(due) = backlash {
+            let (mm, u) = found.backlash_mm.expect("backlash");
+            assert!((mm - due).abs() < 4.0 * u && u < 0.01, "{name}");
+        }
+    }
 }
 
 #[test]

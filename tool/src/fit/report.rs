@@ -7,6 +7,7 @@ use calibration::fit::comb::FittedComb;
 use calibration::fit::curve::{FEW_FREEDOMS, Quality};
 use calibration::fit::observed::Weights;
 use calibration::fit::order::FEWEST_TO_REJECT;
+use calibration::fit::repeats::Repeats;
 use calibration::fit::solve::{Form, Solved};
 use calibration::record::form::Made;
 use calibration::record::surface::Surface;
@@ -21,8 +22,10 @@ use crate::record_file::Shown;
 pub struct Report {
     verdict: Verdict,
     file: String,
-    /// Points that were read.
+    /// Distances with a point.
     points: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    repeats: Option<Repeats>,
     used: usize,
     rejected: Vec<Rejected>,
     form: Form,
@@ -179,6 +182,7 @@ impl Report {
             verdict: Verdict::of(solved, made),
             file,
             points: solved.points.len(),
+            repeats: solved.repeats.clone(),
             used: all().filter(|(_, verdict)| verdict.kept).count(),
             rejected: rejected
                 .map(|(point, verdict)| Rejected {
@@ -241,6 +245,12 @@ impl Report {
             estimator: shown.estimator,
             black: shown.black,
         });
+    }
+
+    pub(super) fn assumes_estimator(&mut self) {
+        let text = "how the centres were found: the points name no estimator, and the record takes adaptive, \
+                    as the factory sets it; if it was another, give --estimator";
+        self.cannot_show.push(text.into());
     }
 
     /// What the points cannot show.
@@ -315,6 +325,9 @@ impl fmt::Display for Report {
             self.rejected.len(),
             self.weights
         )?;
+        if let Some(it) = &self.repeats {
+            write_repeats(f, it)?;
+        }
         writeln!(
             f,
             "  from {:.3} to {:.3} px, which are {:.3} to {:.3} mm",
@@ -404,7 +417,7 @@ impl fmt::Display for Report {
             for point in &self.rejected {
                 writeln!(
                     f,
-                    "  line {}: {} px at {} mm, off by {:+.4} mm, {:.1} standard deviations",
+                    "  line {}: {:.5} px at {:.4} mm, off by {:+.4} mm, {:.1} standard deviations",
                     point.line, point.x_px, point.d_mm, point.off_mm, point.off_deviations
                 )?;
             }
@@ -422,6 +435,27 @@ impl fmt::Display for Report {
         }
         Ok(())
     }
+}
+
+fn write_repeats(f: &mut fmt::Formatter<'_>, it: &Repeats) -> fmt::Result {
+    writeln!(
+        f,
+        "  {} more points repeat a distance: the points of a distance count as one, their mean",
+        it.repeats
+    )?;
+    if let Some((px, mm)) = it.scatter_px.zip(it.scatter_mm) {
+        writeln!(
+            f,
+            "  repeated points scatter by {px:.4} px, which are {mm:.4} mm: noise"
+        )?;
+    }
+    if let Some((mm, u)) = it.backlash_mm {
+        writeln!(
+            f,
+            "  on the way up, the centres stand for {mm:+.4} +- {u:.4} mm more than on the way down: backlash"
+        )?;
+    }
+    Ok(())
 }
 
 fn write_comb(f: &mut fmt::Formatter<'_>, comb: &FittedComb) -> fmt::Result {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
+use calibration::record::verdict;
 use serde::Serialize;
 use slitrange::frame::comb::Slits;
 use slitrange_device::protocol::command::{Command, parse};
@@ -42,6 +43,9 @@ pub struct WriteOptions {
     /// Leave the flash as it is: the record is used until the power goes
     #[arg(long)]
     no_save: bool,
+    /// Write a calibration that is not usable, too
+    #[arg(long)]
+    force: bool,
 }
 
 /// Read the record that the sensor uses, show it, and write it to a file
@@ -86,6 +90,13 @@ pub struct ShowOptions {
 /// In sentences: the sensor uses the record that it had, or the new one, as is said.
 pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let from_file = record_file::read(&options.file)?;
+    let against = verdict::against(from_file.record());
+    if let Some(reason) = against.as_ref().filter(|_| !options.force) {
+        bail!(
+            "{} is not written, its calibration is not usable: {reason} (--force writes it all the same)",
+            options.file.display()
+        );
+    }
     let mut session = options.port.open(pc)?;
     let before = session.calibration()?;
     let front_end = match (from_file.record().front_end, &before.record) {
@@ -109,6 +120,9 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         output,
         "record of sensor {number}, {date}, {bytes} bytes, CRC-32 {sum:08x}, for the sensor {head} at {port}"
     )?;
+    if let Some(reason) = against {
+        writeln!(output, "mind: the calibration is not usable: {reason}")?;
+    }
     let other = before.record.map(|it| it.serial_number);
     if let Some(other) = other.filter(|it| ![0, number].contains(it)) {
         let mind = "mind: the sensor's calibration until now was that of sensor";

@@ -8,6 +8,7 @@ use calibration::points::Point;
 use slitrange::base::units::Pixels;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
+use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange_device::record::Record;
 use slitrange_tool::record_file;
 
@@ -166,6 +167,50 @@ fn the_first_line_is_a_verdict() {
     let coarse = verdict(&points(4), " --position-uncertainty 10");
     begins(&coarse, "Calibration not usable: ");
     says(&coarse, ["; that is more than 1 % of the range: "]);
+}
+
+/// The nominal head in wrong units and columns, and three points, which name no estimator.
+#[test]
+fn slips_of_units_and_columns_are_not_usable() {
+    let folder = Folder::nominal();
+    let points = |count| Truth::nominal().points(count, 0.002, &mut seeded(4));
+    for (count, unit, columns, cause) in [
+        (20, 10.0, "x_px,d_mm", "d_mm seems to be in centimetres"),
+        (20, 25.4, "x_px,d_mm", "d_mm seems to be in inches"),
+        (
+            20,
+            1.0,
+            "d_mm,x_px",
+            "the columns x_px and d_mm seem to be exchanged",
+        ),
+        (
+            3,
+            1.0,
+            "x_px,d_mm",
+            "nothing tells how uncertain the curve is",
+        ),
+    ] {
+        let mut text = format!("{columns}\n");
+        for point in points(count) {
+            let _ = writeln!(text, "{:.5},{:.5}", point.x_px, point.d_mm / unit);
+        }
+        std::fs::write(folder.path("slip.csv"), text).expect("written");
+        let said = folder.fits("slip.csv --force");
+        begins(&said, "Calibration not usable: ");
+        says(
+            &said,
+            [
+                cause,
+                "the points name no estimator, and the record takes adaptive",
+            ],
+        );
+        let record = folder.record("slip.record");
+        assert_eq!(record.estimator, Estimator::Adaptive);
+        // `calibrate write` says the same, and a sensor never takes an unknown uncertainty for none.
+        let against = calibration::record::verdict::against(&record);
+        says(&against.expect("not usable"), [cause]);
+        assert_ne!(record.errors, CalibrationErrors::Unknown);
+    }
 }
 
 /// Other programs take `-` for standard output. This one would make a file with that name.

@@ -263,7 +263,7 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
         ..before.record().clone()
     });
     sensor.write("own.record", own.expect("a record").bytes());
-    let output = sensor.done("calibrate write --port PORT @own.record");
+    let output = sensor.done("calibrate write --force --port PORT @own.record");
     let kept = "with the front end that was measured on this sensor";
     says(&output, [kept]);
     let saved = || sensor.state().saved_record().expect("a record");

@@ -89,8 +89,9 @@ fn file(sensor: &StandIn, written: &EncodedRecord) {
 
 /// How the output of a record that is saved ends.
 const SAVED: &str = "saved: it is kept over a power cycle\n";
-const WRITE: &str = "calibrate write @record --port PORT";
-const NO_SAVE: &str = "calibrate write @record --port PORT --no-save";
+// The records do not say how uncertain their curves are.
+const WRITE: &str = "calibrate write @record --port PORT --force";
+const NO_SAVE: &str = "calibrate write @record --port PORT --force --no-save";
 
 #[test]
 fn every_kind_of_record_is_written_and_read_back_unchanged() {
@@ -114,6 +115,21 @@ fn every_kind_of_record_is_written_and_read_back_unchanged() {
         assert_eq!(code, Ok(ExitCode::SUCCESS));
         assert_eq!(output, "the same, bit for bit\n");
     }
+}
+
+#[test]
+fn a_calibration_that_is_not_usable_is_written_only_if_forced() {
+    let sensor = StandIn::new(38);
+    let [written, ..] = kinds();
+    file(&sensor, &written);
+    let reason = "nothing tells how uncertain the curve is; take more points than three";
+    let error = sensor.refused("calibrate write @record --port PORT");
+    let rest = format!("not usable: {reason} (--force writes it all the same)");
+    ends(&error, &rest);
+    assert_eq!(sensor.state().record(), EncodedRecord::nominal());
+    let mind = format!("mind: the calibration is not usable: {reason}\n");
+    says(&sensor.done(WRITE), [mind]);
+    assert_eq!(sensor.state().record(), Some(written));
 }
 
 #[test]
