@@ -78,10 +78,7 @@ impl LaserTimer {
         let started = self.started;
         let after = |ticks: u64| started + (ticks as f64 * tick).round() as u64;
         let fall = registers.get(Register::Arr) + 1;
-        if !began {
-            if written == Register::Arr {
-                lock(&self.head).laser_falls(after(fall), now.0);
-            }
+        if !began && written != Register::Arr {
             return;
         }
         if !cr1::OPM.is_set(control) || mode != PWM_MODE_2 || ccer::CC4P.is_set(enable) {

@@ -430,9 +430,13 @@ impl SensorHead {
         }
     }
 
-    /// The laser is to be on in this time.
+    /// The laser is to be on in this time. A later word about the same pulse counts.
     pub fn laser_pulse(&mut self, rise: Nanos, fall: Nanos) {
         if !self.laser_pin {
+            return;
+        }
+        if let Some(pulse) = self.laser.back_mut().filter(|it| it.start == rise) {
+            pulse.end = fall;
             return;
         }
         if self.laser.len() == PULSES_KEPT
@@ -451,13 +455,6 @@ impl SensorHead {
     /// For how long the laser was on from power-on until now.
     pub fn laser_time(&self, now: Nanos) -> Nanos {
         self.laser_before + self.laser_within(0..now)
-    }
-
-    /// The pulse under way, or the next one, ends at `fall`, if it has not ended yet.
-    pub fn laser_falls(&mut self, fall: Nanos, now: Nanos) {
-        if let Some(pulse) = self.laser.back_mut().filter(|it| it.end > now) {
-            pulse.end = fall.max(now);
-        }
     }
 
     /// The laser goes off, if it is on.

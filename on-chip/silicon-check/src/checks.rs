@@ -4,7 +4,6 @@ use core::sync::atomic::Ordering;
 
 use cortex_m::peripheral::DWT;
 use embassy_futures::select::{Either, select};
-use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::{NorFlash as _, ReadNorFlash as _};
 use slitrange::centre::Estimator;
@@ -18,7 +17,7 @@ use crate::counters::COUNTERS;
 use crate::estimators::{self, Load};
 use crate::heads::{CYCLES_A_MASTER_CLOCK, ROW_PERIOD, WORDS};
 use crate::kept::Word;
-use crate::pins;
+use crate::pins::{self, free_rows};
 use crate::report::{Report, text};
 use crate::rows::ROWS;
 use crate::wires::{self, SEEN};
@@ -385,13 +384,6 @@ async fn next_row() -> Option<crate::rows::Buffer> {
     COUNTERS.results.add();
     let row = embassy_time::with_timeout(Duration::from_millis(100), ROWS.full.receive()).await;
     row.ok().map(|row| row.words)
-}
-
-pub async fn free_rows() {
-    while let Ok(row) = ROWS.full.try_receive() {
-        ROWS.free.send(row.words).await;
-    }
-    yield_now().await;
 }
 
 /// Takes rows for ever, with signs of life.

@@ -3,6 +3,7 @@
 
 use embassy_futures::join::join;
 use embassy_futures::poll_once;
+use embassy_futures::yield_now;
 use embassy_stm32::pac;
 use embassy_stm32::pac::gpio::Gpio;
 use embassy_stm32::pac::gpio::vals::{Idr, Pupdr};
@@ -16,10 +17,19 @@ use crate::board::{self, Receiver, cycles, cycles_in_ns};
 use crate::counters::COUNTERS;
 use crate::laser_order::LASER;
 use crate::report::{Report, text};
+use crate::rows::ROWS;
 use crate::trigger::FRAMES;
 
 /// The STM32F42x and F43x (RM0090 section 38.6.1).
 const DEVICE: u16 = 0x419;
+
+/// Gives the rows that came back to acquisition, unread.
+pub async fn free_rows() {
+    while let Ok(row) = ROWS.full.try_receive() {
+        ROWS.free.send(row.words).await;
+    }
+    yield_now().await;
+}
 
 fn is_high(port: Gpio, pin: usize) -> bool {
     port.idr().read().idr(pin) == Idr::HIGH
@@ -101,7 +111,7 @@ pub async fn check_reception(report: &mut Report, rx: &mut Receiver) {
         let _ = with_timeout(Duration::from_millis(20), transfer).await;
         right += sent.iter().zip(&received).filter(|(a, b)| a == b).count();
         COUNTERS.results.add();
-        crate::checks::free_rows().await;
+        free_rows().await;
     }
     report.serial.set_baud(Baud::default()).await;
     pac::USART3.cr3().modify(|control| control.set_hdsel(false));
@@ -141,7 +151,7 @@ pub async fn check_laser(report: &mut Report) {
     for _ in 0..4 {
         Timer::after_millis(6).await;
         COUNTERS.results.add();
-        crate::checks::free_rows().await;
+        free_rows().await;
         // The pulse under way began before.
         until_laser_is(false);
         until_laser_is(true);

@@ -250,14 +250,13 @@ fn set(session: &mut Session<'_>, new: Value, saves: bool, output: &mut dyn Writ
         session.set_for_good(new)?;
         writeln!(output, "{new} (it was {})", words(before))?;
     }
-    match new.setting().affects() {
-        _ if saves => save(session, output),
-        Affects::Session => Ok(()),
-        _ => Ok(writeln!(
-            output,
-            "in RAM only: --save keeps it over a power cycle"
-        )?),
+    if saves {
+        return save(session, output);
     }
+    if before != new && new.setting().affects() != Affects::Session {
+        writeln!(output, "in RAM only: --save keeps it over a power cycle")?;
+    }
+    Ok(())
 }
 
 fn save(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {

@@ -118,12 +118,13 @@ fn a_halt_ends_the_pulse_within_a_millisecond() {
             .run_for(Duration::from_micros(5700 - before_us))
             .expect("a run");
         serve_no_interrupt(&mut board);
+        run_ms(&mut board, 1);
         let on_before = laser_time(&mut board);
         run_ms(&mut board, 20);
         assert_eq!(
             laser_time(&mut board),
             on_before,
-            "{before_us} us before a pulse"
+            "halted {before_us} us before a pulse"
         );
     }
 }
