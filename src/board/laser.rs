@@ -3,8 +3,8 @@
 //! TIM4 runs in one-pulse mode at 1 MHz. The program starts it at the end of SH's pulse, which begins a row's
 //! light. The timer alone raises and lowers the output: neither interrupts nor a program that hangs can make
 //! the pulse longer. The timer goes on only while its own interrupt is served: if nothing serves interrupts,
-//! or a debugger halts the core, the laser is off 0.9 ms later, and stays off. At reset the pin is an input. A
-//! resistor at the laser's driver then keeps the laser off (docs/exposure.md).
+//! or a debugger halts the core, the laser is off 0.9 ms later, and stays off. At reset the pin is an input.
+//! A resistor at the laser's driver then keeps the laser off (docs/exposure.md).
 //!
 //! The middle of the pulse is the same for all exposures, so that a target that moves is seen at the same
 //! time of each row.

@@ -33,7 +33,7 @@ Example:
   slitrange monitor --csv run.csv --seconds 600
   slitrange plot run.csv")]
 pub struct PlotOptions {
-    /// A recording of `slitrange monitor --csv` or `replay --csv`, or lines of a sensor with `format csv`, in mm
+    /// A recording of `monitor --csv` or `replay --csv`, or lines of a sensor with `format csv`, in mm
     file: PathBuf,
     /// The figure. Without it: the recording's name with the ending .svg
     #[arg(short, long, value_name = "SVG")]

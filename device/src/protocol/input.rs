@@ -179,7 +179,7 @@ impl Input {
         Some(Err(Error::TooLong))
     }
 
-    /// Characters were lost: what is left of their line is not taken, because it may be another valid command.
+    /// Characters were lost: what is left of their line is not taken, as it may be another valid command.
     /// At its end comes [`Error::Cut`].
     pub fn lose_characters(&mut self) {
         self.start_line();
@@ -194,8 +194,8 @@ impl Input {
     }
 }
 
-/// A line without the checksum that it may end with: `*` and the exclusive or of all characters before it, two
-/// hexadecimal digits (NMEA 0183).
+/// A line without the checksum that it may end with: `*` and the exclusive or of all characters before it,
+/// two hexadecimal digits (NMEA 0183).
 fn without_checksum(line: &[u8]) -> Result<&[u8], Error> {
     let Some((body, &[b'*', high, low])) = line.split_last_chunk() else {
         return Ok(line);

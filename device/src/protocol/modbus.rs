@@ -33,9 +33,9 @@
 //!
 //! A request that writes several registers changes all of them or none. A request with a wrong checksum, or
 //! for another station, changes nothing and has no answer. Bytes before a request, as an answer of another
-//! station, are skipped: a computation may hide the silence between the two. A request for all stations, or of
-//! another function, needs the silence. One for station 0 is for all stations: it is
-//! carried out without an answer.
+//! station, are skipped: a computation may hide the silence between the two. A request for all stations, or
+//! of another function, needs the silence. One for station 0 is for all stations: it is carried out without
+//! an answer.
 //!
 //! The crate rmodbus reads requests too, but panics on some of them: rmodbus 0.13.0 trusts the byte count of
 //! a request with function 16, although fewer bytes came.

@@ -333,8 +333,8 @@ fn lines_that_find_the_buffer_full_are_refused_and_counted() {
     );
 }
 
-/// At the highest rate a byte takes 10.9 us, and the pulses of a row last about as long. Commands come without
-/// a pause, while results go out.
+/// At the highest rate a byte takes 10.9 us, and the pulses of a row last about as long. Commands come
+/// without a pause, while results go out.
 #[test]
 fn commands_at_921600_baud_arrive_whole_on_slow_cores_too() {
     let commands: Vec<String> = (2..=64).map(|it| format!("average moving {it}")).collect();

@@ -108,7 +108,7 @@ fn a_halt_ends_the_pulse_within_a_millisecond() {
         println!("{after_us} us after the begin of a pulse: {us} us");
         assert!((500.0..1000.0).contains(&us), "{us} us");
     }
-    // The next short pulse is a row's 5.7 ms after the one before. The timer has begun, and the pulse has not.
+    // The next short pulse is a row's 5.7 ms after the one before. The timer has begun, the pulse has not.
     for before_us in [1700, 1000, 100] {
         let mut board = measuring(4);
         set(&mut board, "exposure 100");
