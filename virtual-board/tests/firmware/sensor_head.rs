@@ -56,7 +56,11 @@ fn rows_come_on_time() {
         assert_timing(rows);
         let slower = slower_sampling();
         assert!(limits::HOLD_PHASE.contains(&least) && limits::HOLD_PHASE.contains(&most));
-        assert!(least > 0.5 - slower && most < 0.9, "{least} to {most}");
+        // Elsewhere, DMA's latency and the core's load would change which rise of fM is the nearest.
+        assert!(
+            least > 0.6 - slower && most < 0.72 + slower,
+            "{least} to {most}"
+        );
         assert!(most - least < 0.1 + slower, "{least} to {most}");
         let off = count as f64 - ms as f64 * 1e6 / ROW_PERIOD;
         assert!(off.abs() <= 1.5, "{count} rows");
