@@ -95,8 +95,8 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
 /// From the fall of ICG to the start of the transfer: fixed to fM, after SH fell and the laser began. With
-/// nine sixteenths of a period, the wanted rise of ICG is near a rise of fM, and DMA's latency does not change
-/// the choice (virtual board: pixels are sampled at 65 to 68 % of their time).
+/// nine sixteenths of a period, the wanted rise of ICG is near a rise of fM. So each row takes the same rise,
+/// whatever DMA's latency is (virtual board: pixels are sampled at 65 to 68 % of their time).
 const TRANSFER_START: u32 = 8 * CYCLES_A_MASTER_CLOCK + 9 * CYCLES_A_MASTER_CLOCK / 16;
 
 /// From the fall of SH to the rise of ICG, at least (data sheet, t1).

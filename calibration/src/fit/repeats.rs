@@ -18,8 +18,8 @@ pub struct Repeats {
     pub scatter_px: Option<f64>,
     /// In millimetres.
     pub scatter_mm: Option<f64>,
-    /// By how much a distance on the way up is larger than on the way down by their centres, and the standard
-    /// uncertainty of that by its scatter, in millimetres.
+    /// By how much the centres say that a distance is larger on the way up than on the way down, in
+    /// millimetres. And the standard uncertainty of that difference, which its scatter tells.
     pub backlash_mm: Option<(f64, f64)>,
 }
 

@@ -115,7 +115,7 @@ fn repeated_points_tell_noise_and_backlash() {
     let again: Vec<Point> = (0..12)
         .flat_map(|i| (0..5).map(move |seed| once(seed)[i]))
         .collect();
-    // On the way down, the target stands 0.1 mm farther than it is said to.
+    // On the way down, the target stands 0.1 mm farther than the point says.
     let mut down = Truth::nominal().points(12, 0.0, &mut seeded(0));
     for point in &mut down {
         point.x_px = Truth::nominal().centre(1e-3 * (point.d_mm + 0.1));

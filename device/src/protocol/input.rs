@@ -32,9 +32,9 @@ const MAX_ADDRESS: usize = 5;
 enum Skipping {
     #[default]
     Nothing,
-    /// The line was too long. The other side knows.
+    /// The line was too long. The error was sent when it became so.
     TooLong,
-    /// Characters were lost. The other side is told at the line's end.
+    /// Characters were lost. The error is sent at the line's end.
     Cut,
 }
 
@@ -179,8 +179,8 @@ impl Input {
         Some(Err(Error::TooLong))
     }
 
-    /// Characters were lost: what is left of their line is not taken, as it may be another valid command.
-    /// At its end comes [`Error::Cut`].
+    /// Characters were lost. The rest of their line is refused with [`Error::Cut`]: it could be another valid
+    /// command.
     pub fn lose_characters(&mut self) {
         self.start_line();
         self.is_for_all = false;

@@ -114,7 +114,8 @@ pub struct Answer {
 pub fn answer(bytes: &[u8], station: u8, shown: &Shown<'_>) -> Answer {
     let mut requests = (0..bytes.len()).filter_map(|start| {
         let request = bytes.get(start..)?;
-        // In a long answer of another station, zeros and a checksum that fits by chance are likelier.
+        // An answer of another station may end with bytes that look like a request. Zeros are frequent in it,
+        // so a request to station 0 counts only from the first byte on.
         let may_be = has_length(request) && request.first() != Some(&ALL_STATIONS);
         (start == 0 || may_be).then_some(request)
     });

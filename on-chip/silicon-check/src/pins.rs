@@ -23,7 +23,7 @@ use crate::trigger::FRAMES;
 /// The STM32F42x and F43x (RM0090 section 38.6.1).
 const DEVICE: u16 = 0x419;
 
-/// Gives the rows that came back to acquisition, unread.
+/// Gives the rows that came back to acquisition. Nobody reads them.
 pub async fn free_rows() {
     while let Ok(row) = ROWS.full.try_receive() {
         ROWS.free.send(row.words).await;

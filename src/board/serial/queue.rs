@@ -5,7 +5,8 @@ use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 /// Holds `ROOM` - 1 bytes. One side pushes, the other pops. All its bytes are zero at first.
 pub struct Queue<const ROOM: usize> {
     bytes: [AtomicU8; ROOM],
-    /// Where the next byte goes to, and comes from.
+    /// The place of the next byte that is pushed, and of the next that is popped. Below `ROOM`, so no sum of
+    /// these wraps.
     end: AtomicUsize,
     begin: AtomicUsize,
 }
