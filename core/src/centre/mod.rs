@@ -85,9 +85,10 @@ pub struct RowCentre {
     pub centre: Pixels,
     /// The standard uncertainty of the centre that follows from the row's noise and the spot's shot noise.
     pub uncertainty: Pixels,
-    /// The spot's height above the background.
+    /// The spot's height above the background. The [`check`](crate::check) replaces the estimator's by that of
+    /// the gaussian that fits the light best.
     pub amplitude: Counts,
-    /// The spot's width (a gaussian's sigma).
+    /// The spot's width (a gaussian's sigma), as the estimator needs it: see also [`SpotShape::width`].
     pub width: Pixels,
     /// The phase table that was used, if any.
     pub class: WidthClass,

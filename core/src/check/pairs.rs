@@ -843,6 +843,8 @@ pub(super) struct Shape {
     /// How much wider the light is than the spot, times 2 to the second number: the coefficient of u^2 e over
     /// that of e. `None` if the light does not tell.
     pub(super) wider: Option<(i32, i32)>,
+    /// The peak of p, the coefficient of e, times 2 to the second number. Zero if the light does not tell.
+    pub(super) peak: (i32, i32),
     pub(super) unit: i32,
     /// The norm of the part of u^4 e that it shares with no other function, Q15, and the part of p along it,
     /// Q15. `None` if rounding is all of it.
@@ -933,9 +935,18 @@ impl Even {
             .wrapping_add(shift2)
             .wrapping_sub(shift1);
         let unit = shift_p.wrapping_sub(2).wrapping_sub(fewer);
+        // `first` is the coefficient of the columns times the two norms, and below 2^29 without sign: here the
+        // coefficient has 16 bits after the point. The column of e has 12 and those by which it was enlarged.
+        let norms = upper_product(l11, l22) >> 14;
+        let peak = if norms > 0 {
+            first.wrapping_mul(4) / norms
+        } else {
+            0
+        };
         let norm = shifted_32(norm, shift3.wrapping_add(12).wrapping_neg());
         Shape {
             wider: (first != 0).then_some((ratio, by)),
+            peak: (peak, shift1.wrapping_sub(unit).wrapping_sub(4)),
             unit,
             fourth: (norm > 0).then_some((norm, y3)),
             rest: rest.wrapping_add(y3_squared),

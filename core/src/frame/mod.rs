@@ -74,11 +74,11 @@ pub struct FrameCentre {
     /// 0.15 with every fourth row missing of 16, and 3.4 without the first third of 64 rows. At worst it is
     /// 6.5, without the first 31 of 64 rows.
     pub uncertainty: Pixels,
-    /// The mean height of the spot.
+    /// The mean height of the spot: see [`RowCentre::amplitude`].
     pub amplitude: Counts,
     /// The mean exposure of the rows used. `None` if the exposure of one of them is not known.
     pub exposure: Option<Exposure>,
-    /// The mean width of the spot.
+    /// The mean width of the spot: that of its shape, or the estimator's where the check could not tell it.
     pub width: Pixels,
     /// Rows in the mean: those with a centre, less those that disagree with the others.
     pub rows_used: u16,
@@ -215,18 +215,23 @@ impl Frame {
         } else {
             0.0
         };
+        let shape = mean_shape(&members);
         Ok(FrameCentre {
             centre: Pixels::from_bits(origin.saturating_add(Pixels::from_f32(offset).to_bits())),
             // Never an uncertainty below one step.
             uncertainty: Pixels::from_f32(uncertainty).max(RESOLUTION),
             amplitude: Counts::from_bits(mean(members.iter().map(|it| it.row.amplitude.to_bits()))),
             exposure: self.mean_exposure(&members),
-            width,
+            width: if shape.width > Pixels::default() {
+                shape.width
+            } else {
+                width
+            },
             // At most the 64 rows there are.
             rows_used: numeric::to_u16(members.len()),
             rows: self.rows,
             misfits: numeric::to_u16(count_where(&members, |it| it.row.misfit)),
-            shape: mean_shape(&members),
+            shape,
             correlated: correlated.and_then(Correlated::rows_if_few),
             spread: Pixels::from_f32(spread),
             motion: Pixels::from_f32(fluctuation.shift),
