@@ -224,7 +224,7 @@ def test_a_sensor_that_says_nothing_is_an_error() -> None:
     with (
         played(Played(special=lambda _: [])) as port,
         pytest.raises(
-            slitrange.NoAnswer, match=r"nobody answers `format` at .* check that this is the sensor's"
+            slitrange.NoAnswer, match=r"nobody answers `plain` at .* check that this is the sensor's"
         ),
     ):
         slitrange.open(port)

@@ -212,8 +212,12 @@ class Line:
         try:
             self._serial.flush()
             self._serial.baudrate = baud
-            self._serial.parity = bits[1].upper()
             self._serial.stopbits = int(bits[2])
+            try:
+                self._serial.parity = bits[1].upper()
+            except Exception:
+                # A pseudo-terminal has no parity: on Unix, that is termios.error.
+                self._serial.parity = "N"
         except (serial.SerialException, OSError) as error:
             raise self._gone(error) from error
 
