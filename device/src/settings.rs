@@ -67,11 +67,11 @@ macro_rules! list {
             Format "format" format: Format = Format::Text,
                 Form::Words("text|csv|binary|modbus"), Affects::Connection;
 
-            /// bits a second on the serial line; the answer is at the old rate
+            /// bits a second; the answer is at the old rate
             Baud "baud" baud: Baud = Baud::B115200,
                 Form::Words("9600|19200|115200|230400|460800|921600"), Affects::Connection;
 
-            /// data bits, parity and stop bits of a character on the serial line
+            /// data bits, parity and stop bits of a character
             Bits "bits" bits: Bits = Bits::N1, Form::Words("8n1|8e1|8n2"), Affects::Connection;
 
             /// until the next start, text at 115200 8n1 without the address
