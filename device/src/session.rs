@@ -273,8 +273,8 @@ impl Session {
                 self.flat.end(outcome, actions);
             }
         }
-        // A master that speaks Modbus would take a text for an answer.
-        if spoke_modbus {
+        // A master that speaks Modbus would take a text for an answer. `plain on` at the start ends Modbus.
+        if spoke_modbus && self.speaks_modbus() {
             actions.text.clear();
         }
     }

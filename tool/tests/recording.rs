@@ -81,8 +81,9 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
         ] {
             assert_eq!(ask(&desk, line.split(' ').next().expect("a name")), line);
         }
-        ask(&desk, "plain off");
     };
+    let plain = done("settings --port A get plain");
+    assert_eq!(plain, "off\n", "it sends packets again");
     is_as_before();
 
     // Also after Ctrl-C, an error, or a byte lost on the way to packets. A row has 6000 bytes.

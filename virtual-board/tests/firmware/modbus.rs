@@ -77,7 +77,7 @@ fn a_master_reads_results_and_writes_settings() {
     // No silence between them: only the last one counts.
     assert_eq!(say(&mut board, &two, 30), frame(&[17, 6, 0, 0, 0, 8]));
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 8]);
-    assert_eq!(request(&mut board, &[17, 4, 0, 16, 0, 1]), [17, 0x84, 2]);
+    assert_eq!(request(&mut board, &[17, 4, 0, 24, 0, 1]), [17, 0x84, 2]);
     // For all stations.
     assert_eq!(say(&mut board, &frame(&[0, 6, 0, 0, 0, 5]), 30), NOTHING);
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
@@ -163,7 +163,8 @@ fn rates_and_characters_of_plcs_are_saved_and_time_the_requests() {
         // The way back, whatever is saved: the button, held while the board starts.
         board.hold_button(true).expect("the emulator");
         board.reset_pin().expect("the emulator");
-        await_text(&mut board, "plain on");
+        // Behind the bytes of an answer, which is no line.
+        await_line(&mut board, |line| line.ends_with("plain on"));
         board.hold_button(false).expect("the emulator");
         assert_characters(&mut board, "8n1");
         assert_readings(&fresh_results(&mut board, 1));
