@@ -161,8 +161,8 @@ fn rates_and_characters_of_plcs_are_saved_and_time_the_requests() {
             );
         }
         // The way back, whatever is saved: the button, held while the board starts.
-        board.hold_button(true).expect("the emulator");
         board.reset_pin().expect("the emulator");
+        board.hold_button(true).expect("the emulator");
         // Behind the bytes of an answer, which is no line.
         await_line(&mut board, |line| line.ends_with("plain on"));
         board.hold_button(false).expect("the emulator");
