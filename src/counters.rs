@@ -23,6 +23,7 @@ pub static COUNTERS: Counters = Counters {
     stops: Counter::new(),
     serial_noise: Counter::new(),
     serial_framing: Counter::new(),
+    serial_parity: Counter::new(),
     serial_overrun: Counter::new(),
 };
 
@@ -64,6 +65,8 @@ pub struct Counters {
     pub serial_noise: Counter,
     /// Characters received without a stop bit.
     pub serial_framing: Counter,
+    /// Characters received with a wrong parity.
+    pub serial_parity: Counter,
     /// Characters lost because the one before was not fetched in time.
     pub serial_overrun: Counter,
 }
@@ -87,6 +90,7 @@ impl Counters {
             serial_errors: SerialErrors {
                 noise: self.serial_noise.get(),
                 framing: self.serial_framing.get(),
+                parity: self.serial_parity.get(),
                 overrun: self.serial_overrun.get(),
             },
             ..Vitals::default()

@@ -79,6 +79,7 @@ async fn main(spawner: embassy_executor::Spawner) {
         hardware,
         board.switch,
         board.started_by,
+        board.starts_plain,
         board.flash
     )));
 }

@@ -4,7 +4,7 @@ use core::task::Poll;
 
 use embassy_futures::poll_once;
 use embassy_futures::select::{Either3, select3};
-use embassy_time::{Duration, with_timeout};
+use embassy_time::with_timeout;
 use slitrange_device::protocol::info::Hardware;
 use slitrange_device::protocol::input::{Echo, Input};
 use slitrange_device::protocol::status::StartCause;
@@ -14,10 +14,6 @@ use crate::board::{CalibrationFlash, Lost, Receiver, SerialPort, Switch};
 use crate::counters::COUNTERS;
 use crate::results::{IDLE, RESULTS};
 use crate::session::Shell;
-
-/// The silence that ends a Modbus request, for rates above 19200 baud (Modbus over serial line V1.02, section
-/// 2.5.1.1).
-const END_OF_REQUEST: Duration = Duration::from_micros(1750);
 
 /// Bytes taken from the receiver at a time.
 const PIECE: usize = 64;
@@ -32,11 +28,12 @@ pub async fn serve(
     hardware: Hardware,
     switch: Switch,
     started_by: StartCause,
+    starts_plain: bool,
     flash: CalibrationFlash,
 ) {
     let (tx, mut rx) = port;
     let mut shell = Shell::new(tx, hardware, switch, started_by, flash);
-    shell.start().await;
+    shell.start(starts_plain).await;
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut bytes = [0; PIECE];
     loop {
@@ -89,7 +86,7 @@ async fn take_results(shell: &mut Shell) {
 /// this task for longer than that, what comes behind the silence is gathered too: the request is what the
 /// bytes end with.
 async fn gather_request(shell: &mut Shell, rx: &mut Receiver, bytes: &mut [u8; PIECE]) {
-    while let Ok(count) = with_timeout(END_OF_REQUEST, rx.read(bytes)).await {
+    while let Ok(count) = with_timeout(shell.modbus_silence(), rx.read(bytes)).await {
         shell.gather(&bytes[..count.unwrap_or(0)]);
         // Bytes could come without an end.
         take_results(shell).await;

@@ -5,6 +5,7 @@ use core::fmt::{Display, Write as _};
 
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::row::pixels::flat_field::FlatField;
+use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::info::Hardware;
 use slitrange_device::protocol::modbus::MAX_BYTES;
 use slitrange_device::protocol::packet::{
@@ -15,6 +16,7 @@ use slitrange_device::protocol::selftest::RowTest;
 use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::session::flat::{Job, Outcome};
 use slitrange_device::session::{Actions, AddressPrefix, Event, Session};
+use slitrange_device::settings::Value;
 use slitrange_device::settings::trigger::Trigger;
 use slitrange_device::store::{Found, Store, pixel_map};
 use slitrange_device::text::Text;
@@ -58,8 +60,8 @@ pub struct Shell {
 }
 
 /// With an address, the sensor waits before it answers: an LF may come behind the CR, and the other side must
-/// stop driving the line. Five characters at 115200 baud.
-const BEFORE_ANSWER: Duration = Duration::from_micros(500);
+/// stop driving the line. It waits for five characters, and at least so long, in us.
+const BEFORE_ANSWER_US: u64 = 500;
 
 /// How long readings are left out after a key, unless the line ends before.
 const TYPING: Duration = Duration::from_secs(10);
@@ -93,13 +95,13 @@ impl Shell {
     pub fn echoes(&self) -> bool {
         let settings = self.session.settings();
         settings.echo
-            && settings.address == 0
+            && self.address() == 0
             && !self.session.sends_packets()
             && !self.session.speaks_modbus()
     }
 
     /// Whether the bytes that come are Modbus requests, for [`Self::gather`].
-    pub const fn speaks_modbus(&self) -> bool {
+    pub fn speaks_modbus(&self) -> bool {
         self.session.speaks_modbus()
     }
 
@@ -149,7 +151,17 @@ impl Shell {
 
     /// The sensor's address on its line; 0 if it is alone.
     pub fn address(&self) -> u16 {
-        self.session.settings().address
+        self.session.connection().address
+    }
+
+    /// The silence that ends a Modbus request.
+    pub fn modbus_silence(&self) -> Duration {
+        Duration::from_micros(self.session.connection().modbus_silence_us())
+    }
+
+    async fn set_line(&mut self) {
+        let connection = self.session.connection();
+        self.tx.set_line(connection.baud, connection.bits).await;
     }
 
     /// Shows what a person types. Readings are left out until the line ends, so that they do not tear it.
@@ -162,11 +174,16 @@ impl Shell {
         self.tx.send(echo.as_bytes()).await;
     }
 
-    /// Loads what flash holds, sends the banner, and lets measuring begin.
-    pub async fn start(&mut self) {
+    /// Loads what flash holds, sends the banner, and lets measuring begin. With `plain`, the answer to `plain
+    /// on` is sent in place of the banner.
+    pub async fn start(&mut self, plain: bool) {
         let found = self.store.find().await;
         self.start_session(found);
         self.apply();
+        if plain {
+            self.update_session(Event::Line(Ok(Command::Set(Value::Plain(true)))));
+        }
+        self.set_line().await;
         self.send().await;
         // No answer is due, so the text is that of the banner.
         self.load_map(FLAT.take()).await;
@@ -212,7 +229,7 @@ impl Shell {
             self.tx.drain().await;
             board::reset();
         }
-        self.tx.set_baud(self.session.settings().baud).await;
+        self.set_line().await;
         MEASURING.send_windows(self.session.streams_windows());
         if let Some(part) = self.actions.row.take() {
             self.send_row(part).await;
@@ -464,14 +481,15 @@ impl Shell {
 
     /// Sends the text of an answer as lines, each with the sensor's address if the sensor has one.
     async fn send_lines(&mut self) {
-        let Self { tx, actions, .. } = self;
-        if actions.address == 0 {
-            tx.send(actions.text.as_bytes()).await;
+        if self.actions.address == 0 {
+            self.tx.send(self.actions.text.as_bytes()).await;
             return;
         }
-        if !actions.text.as_str().is_empty() {
-            Timer::after(BEFORE_ANSWER).await;
+        if !self.actions.text.as_str().is_empty() {
+            let characters = self.session.connection().half_characters_us(10);
+            Timer::after_micros(characters.max(BEFORE_ANSWER_US)).await;
         }
+        let Self { tx, actions, .. } = self;
         let mut prefix = Text::<5>::default();
         // An address has at most three digits.
         let _ = write!(prefix, "{}", AddressPrefix(actions.address));

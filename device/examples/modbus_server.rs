@@ -70,6 +70,7 @@ fn main() -> io::Result<()> {
                 let shown = Shown {
                     inputs: &modbus::inputs(Some(&result), counter),
                     settings: &settings,
+                    is_relative: false,
                     can_save: false,
                 };
                 let answer = modbus::answer(&request, STATION, &shown);

@@ -19,5 +19,5 @@ pub mod selftest;
 pub mod status;
 pub mod upload;
 
-/// The longest answer, in bytes with its line ends: `help`, with room for three settings more.
+/// The longest answer, in bytes with its line ends: `help`, with room for one setting more.
 pub const MAX_ANSWER: usize = 4608;

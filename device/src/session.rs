@@ -21,6 +21,7 @@ use crate::filters::Filters;
 use crate::filters::zero::Zero;
 use crate::protocol::calibration::FlashStatus;
 use crate::protocol::command::{Command, Error};
+use crate::protocol::csv::Header;
 use crate::protocol::info::{Banner, Hardware};
 use crate::protocol::modbus::{self, Shown};
 use crate::protocol::refusal::Refusal;
@@ -28,7 +29,7 @@ use crate::protocol::selftest::{RowTest, Selftest};
 use crate::protocol::status::{StartCause, Vitals};
 use crate::protocol::upload::Upload;
 use crate::record::{self, Record};
-use crate::settings::serial_line::{Format, PixelStream};
+use crate::settings::serial_line::{Connection, Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use crate::settings::{Settings, Value};
 use crate::store::configuration::Configuration;
@@ -54,6 +55,10 @@ pub enum Event {
     /// The job that [`Actions::flat`] asked for has ended, or flash was read at the start.
     Flat(flat::Outcome),
 }
+
+/// After so many lines of comma-separated values in the stream, one names the columns: a logger that starts
+/// late learns them within 10 s at 16 rows a frame.
+const HEADER_PERIOD: u8 = 100;
 
 /// What commands want of the next result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,6 +95,8 @@ pub struct Session {
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Zero>,
     filters: Filters,
+    /// The lines of comma-separated values before the next one that names the columns.
+    lines_to_header: u8,
     /// The latest result with its number, for [`Format::Modbus`].
     latest: Option<(u32, Result<Reading, Fault>)>,
     /// As the latest frame says.
@@ -116,6 +123,7 @@ impl Session {
             saves_silently: false,
             zero: None,
             filters: Filters::default(),
+            lines_to_header: 0,
             latest: None,
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
@@ -126,6 +134,11 @@ impl Session {
     /// The settings in use.
     pub const fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// How the sensor speaks now.
+    pub fn connection(&self) -> Connection {
+        self.settings.connection()
     }
 
     /// The record in use, if there is one.
@@ -171,18 +184,19 @@ impl Session {
 
     /// Whether results and answers are packets. With an address they are text, because a packet says not from
     /// which sensor it is.
-    pub const fn sends_packets(&self) -> bool {
-        matches!(self.settings.format, Format::Binary) && self.settings.address == 0
+    pub fn sends_packets(&self) -> bool {
+        let connection = self.connection();
+        connection.format == Format::Binary && connection.address == 0
     }
 
     /// Whether the line speaks Modbus. Bytes then go to [`Self::answer_modbus`].
-    pub const fn speaks_modbus(&self) -> bool {
-        matches!(self.settings.format, Format::Modbus)
+    pub fn speaks_modbus(&self) -> bool {
+        self.connection().format == Format::Modbus
     }
 
     /// Whether the sensor may send without being asked: it is alone on its line, which is not Modbus.
-    const fn is_alone(&self) -> bool {
-        self.settings.address == 0 && !self.speaks_modbus()
+    fn is_alone(&self) -> bool {
+        self.connection().address == 0 && !self.speaks_modbus()
     }
 
     /// Whether the switching output is on: the latest distance is within the setting `limits`. While whole
@@ -209,8 +223,8 @@ impl Session {
     /// Starts with what flash holds, and writes into `actions` what must be done.
     #[inline(never)]
     pub fn start(&mut self, stored: &Stored, actions: &mut Actions) {
-        actions.start(self.settings.address);
         self.load(stored);
+        actions.start(self.connection().address);
         actions.apply = Some(self.applied());
         if self.is_alone() {
             actions.add_line(&Banner(&self.hardware, self.started_by));
@@ -220,7 +234,7 @@ impl Session {
     /// Takes an event, and writes into `actions` what must be done. `vitals` is what the firmware has counted
     /// so far.
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
-        actions.start(self.settings.address);
+        actions.start(self.connection().address);
         let spoke_modbus = self.speaks_modbus();
         match event {
             Event::Line(Ok(command)) => self.take_command(command, vitals, actions),
@@ -259,8 +273,8 @@ impl Session {
                 self.flat.end(outcome, actions);
             }
         }
-        // A master that speaks Modbus would take a text for an answer.
-        if spoke_modbus {
+        // A master that speaks Modbus would take a text for an answer. `plain on` at the start ends Modbus.
+        if spoke_modbus && self.speaks_modbus() {
             actions.text.clear();
         }
     }
@@ -274,25 +288,38 @@ impl Session {
         vitals: &Vitals,
         actions: &mut Actions,
     ) -> modbus::Answer {
-        actions.start(self.settings.address);
+        actions.start(self.connection().address);
         let station = u8::try_from(self.settings.address).unwrap_or(1).max(1);
         let latest = self.latest.as_ref();
         let (number, result) = latest.map_or((0, None), |(number, it)| (*number, Some(it)));
         let shown = Shown {
             inputs: &modbus::inputs(result, number),
             settings: &self.settings,
+            is_relative: self.zero.is_some() || self.wanted.zero.is_some(),
             can_save: self.check_save(Command::Save).is_ok(),
         };
         let answer = modbus::answer(request, station, &shown);
-        let mut apply = None;
-        for &change in &answer.changes {
-            self.take_command(Command::Set(change), vitals, actions);
+        let (mut apply, mut trigger) = (None, false);
+        let changes = answer.changes.iter().map(|&change| Command::Set(change));
+        let zero = answer.zero.map(Command::Zero);
+        let measure = answer.measure.then_some(Command::Measure);
+        for command in changes.chain(zero).chain(measure) {
+            self.take_command(command, vitals, actions);
             apply = actions.apply.take().or(apply);
+            trigger |= actions.trigger;
         }
-        actions.apply = apply;
+        (actions.apply, actions.trigger) = (apply, trigger);
         actions.save = answer.save;
         actions.text.clear();
         answer
+    }
+
+    /// Names the columns of the lines to come, if they are comma-separated values.
+    fn add_header(&mut self, actions: &mut Actions) {
+        if self.connection().format == Format::Csv {
+            self.lines_to_header = HEADER_PERIOD;
+            actions.add_line(&Header(self.settings.output));
+        }
     }
 
     /// Takes a command and writes its answer. Starts a frame for it, if it needs one and frames do not start

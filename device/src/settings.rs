@@ -42,7 +42,7 @@ use heapless::Vec;
 use crate::filters::average::Average;
 use crate::filters::{Limits, SpikeFilter};
 use crate::settings::columns::Columns;
-use crate::settings::serial_line::{Baud, Format, PixelStream};
+use crate::settings::serial_line::{Baud, Bits, Connection, Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::units::Units;
@@ -65,11 +65,17 @@ macro_rules! list {
 
             /// how the sensor writes what it sends; commands stay lines, but for modbus
             Format "format" format: Format = Format::Text,
-                Form::Words("text|csv|binary|modbus"), Affects::Session;
+                Form::Words("text|csv|binary|modbus"), Affects::Connection;
 
-            /// bits a second on the serial line; the answer is at the old rate
+            /// bits a second; the answer is at the old rate
             Baud "baud" baud: Baud = Baud::B115200,
-                Form::Words("115200|230400|460800|921600"), Affects::Session;
+                Form::Words("9600|19200|115200|230400|460800|921600"), Affects::Connection;
+
+            /// data bits, parity and stop bits of a character
+            Bits "bits" bits: Bits = Bits::N1, Form::Words("8n1|8e1|8n2"), Affects::Connection;
+
+            /// until the next start, text at 115200 8n1 without the address
+            Plain "plain" plain: bool = false, Form::Words("on|off"), Affects::Session;
 
             /// with `format binary`, the pixels sent too: the spot's, or whole rows
             Pixels "pixels" pixels: PixelStream = PixelStream::None,
@@ -192,10 +198,10 @@ pub enum Affects {
     Measurement,
     /// The lines of readings, and not the measurement. `save` and `defaults` as above.
     Lines,
-    /// By whom the sensor is found on its line. `save` as above; `defaults` leaves the setting, so that the
-    /// sensor does not begin to talk on a line that it shares.
+    /// How the sensor is found on its line. `save` as above; `defaults` leaves the setting, so that a program
+    /// does not lose the sensor, and the sensor does not begin to talk on a line that it shares.
     Connection,
-    /// What this session sends. The setting holds until the next start; see [`Value::is_saved`].
+    /// What this session sends. The setting holds until the next start.
     Session,
 }
 
@@ -339,6 +345,19 @@ macro_rules! declare {
 list!(declare);
 
 impl Settings {
+    /// How the sensor speaks now: as on a line of its own while it is `plain`.
+    pub fn connection(&self) -> Connection {
+        if self.plain {
+            return Connection::default();
+        }
+        Connection {
+            format: self.format,
+            baud: self.baud,
+            bits: self.bits,
+            address: self.address,
+        }
+    }
+
     /// The settings that the core measures by.
     pub const fn options(&self) -> Options {
         Options {
@@ -375,10 +394,9 @@ impl Setting {
 }
 
 impl Value {
-    /// Whether `save` writes it to flash. Of what affects the session, that is `format modbus` alone: a
-    /// master that speaks Modbus could not ask for it after each start.
+    /// Whether `save` writes it to flash.
     pub fn is_saved(self) -> bool {
-        self.setting().affects() != Affects::Session || self == Self::Format(Format::Modbus)
+        self.setting().affects() != Affects::Session
     }
 }
 

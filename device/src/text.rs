@@ -38,14 +38,21 @@ impl<const N: usize> Text<N> {
 
 impl<const N: usize> fmt::Write for Text<N> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
-        let room = self.bytes.get_mut(self.length..).unwrap_or_default();
-        for (place, byte) in room.iter_mut().zip(text.bytes()) {
-            *place = byte;
-        }
-        let fits = text.len() <= room.len();
-        self.length = self.length.saturating_add(text.len()).min(N);
-        if fits { Ok(()) } else { Err(fmt::Error) }
+        add(&mut self.bytes, &mut self.length, text)
     }
+}
+
+/// Not inlined, so that flash does not hold a copy for each `N`.
+#[inline(never)]
+fn add(bytes: &mut [u8], length: &mut usize, text: &str) -> fmt::Result {
+    let most = bytes.len();
+    let room = bytes.get_mut(*length..).unwrap_or_default();
+    for (place, byte) in room.iter_mut().zip(text.bytes()) {
+        *place = byte;
+    }
+    let fits = text.len() <= room.len();
+    *length = length.saturating_add(text.len()).min(most);
+    if fits { Ok(()) } else { Err(fmt::Error) }
 }
 
 #[cfg(test)]

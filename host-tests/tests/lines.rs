@@ -350,7 +350,7 @@ impl Sensor {
             Command::Set(value) if !is_error => self.settings.set(value),
             Command::Defaults => {
                 for &setting in Setting::ALL {
-                    if setting.affects() != Affects::Session {
+                    if matches!(setting.affects(), Affects::Measurement | Affects::Lines) {
                         self.settings.set(Settings::default().get(setting));
                     }
                 }
@@ -404,8 +404,10 @@ impl Sensor {
         let default = Settings::default();
         let mut settings = self.settings;
         for &setting in Setting::ALL {
-            use Setting::{Average, Baud, Format, Output, Pixels, Stream, Units};
-            let any = [Stream, Format, Pixels, Units, Output, Average, Baud];
+            use Setting::{Average, Baud, Bits, Format, Output, Pixels, Plain, Stream, Units};
+            let any = [
+                Stream, Format, Pixels, Units, Output, Average, Baud, Bits, Plain,
+            ];
             if any.contains(&setting) || setting.affects() == Affects::Measurement {
                 settings.set(default.get(setting));
             }
@@ -427,7 +429,7 @@ impl Sensor {
         let [asked, zero_asked] = [&mut self.is_asked, &mut self.is_zero_asked].map(std::mem::take);
         let packet = self.actions.result.map(|packet| packet.counter);
         self.count("frames");
-        let (stream, format) = (self.settings.stream, self.settings.format);
+        let (stream, format) = (self.settings.stream, self.settings.connection().format);
         if asked || zero_asked {
             // An answer, which must arrive. It has the reading.
             assert!(!self.actions.may_drop && text.ends_with("\r\n"), "{text:?}");
@@ -442,7 +444,14 @@ impl Sensor {
             self.count("packets");
         } else {
             assert!(self.actions.may_drop && packet.is_none(), "{text:?}");
-            assert_eq!(text.find("\r\n"), Some(text.len() - 2), "{text:?}");
+            // Every hundredth line of comma-separated values has one before that names the columns.
+            let is_headed = format == Format::Csv && text.contains("fault\r\n");
+            assert_eq!(
+                text.matches("\r\n").count(),
+                1 + usize::from(is_headed),
+                "{text:?}"
+            );
+            assert!(text.ends_with("\r\n"), "{text:?}");
             self.count("lines of readings and faults");
             let default = Settings::default();
             let is_of_frame =

@@ -119,7 +119,6 @@ pub fn reference() -> String {
         let default = default.strip_prefix(setting.name());
         let default = default.unwrap_or_default().trim();
         let saved = match setting.affects() {
-            Affects::Session if setting == Setting::Format => "`modbus` only",
             Affects::Measurement | Affects::Lines | Affects::Connection => "yes",
             Affects::Session => "no",
         };

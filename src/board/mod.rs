@@ -12,6 +12,7 @@
 //! | PE11 (D5) | output, low after a reset | the switching output of the setting `limits` |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
 //! | PA3 | input, EXTI3, pulled down | the trigger: a rising edge starts a frame (setting `trigger pin`) |
+//! | PC13 | input at the start, pulled down | the board's blue button: high starts with `plain on` |
 //! | PD12 | output | an RS-485 driver: high while the sensor sends |
 //! | PB0, PB7, PB14 | outputs | the board's lights LD1 to LD3 |
 //! | PA12 | output, low | nothing (see `keep_pa12_low`) |
@@ -43,7 +44,7 @@ mod urgent;
 mod watchdog;
 
 use embassy_stm32::flash::Flash;
-use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals};
 use slitrange_device::protocol::info::{BrownOut, Clock};
@@ -90,6 +91,8 @@ pub struct Board {
     pub watchdog: Watchdog,
     /// What made the board start.
     pub started_by: StartCause,
+    /// Whether the button was held: the way back from a format, a rate or an address that nobody knows.
+    pub starts_plain: bool,
     /// What times the rows and the serial line.
     pub clock: Clock,
     /// What the chip does while its supply is too low.
@@ -149,6 +152,7 @@ pub fn init(master_clock_hz: u32, sclk_hz: u32) -> Board {
         flash: CalibrationFlash::new(flash.bank2_region1),
         watchdog,
         started_by,
+        starts_plain: Input::new(p.PC13, Pull::Down).is_high(),
         clock,
         brown_out: start_cause::brown_out(),
         last_stop,

@@ -4,14 +4,12 @@
 use std::io::{self, IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
 
-use serialport::{ClearBuffer, SerialPort as _};
+use serialport::{ClearBuffer, Parity, SerialPort as _, StopBits};
+use slitrange_device::settings::serial_line::{Baud, Bits};
 use time::OffsetDateTime;
 
 use crate::keyboard;
 use crate::screen::{RealScreen, Screen};
-
-/// Bits a second, as the firmware sets them.
-const BAUD: u32 = 115_200;
 
 /// The date and the time, `2026-11-21T11:00:11.123Z`.
 pub fn utc() -> String {
@@ -59,9 +57,9 @@ pub trait Port {
     /// Writes all bytes.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Changes the rate, in bits a second. A port that has no rate, as in a test, ignores it.
-    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
-        let _ = baud;
+    /// Changes rate and characters. A port that has none, as in a test, ignores it.
+    fn set_line(&mut self, baud: Baud, bits: Bits) -> io::Result<()> {
+        let _ = (baud, bits);
         Ok(())
     }
 }
@@ -79,7 +77,7 @@ impl Default for RealPc {
 
 impl Pc for RealPc {
     fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>> {
-        let port = serialport::new(port, BAUD).open_native()?;
+        let port = serialport::new(port, Baud::default().bits_a_second()).open_native()?;
         #[cfg(unix)]
         let port = {
             let mut port = port;
@@ -133,7 +131,15 @@ impl Port for Native {
         self.write_all(bytes)
     }
 
-    fn set_baud(&mut self, baud: u32) -> io::Result<()> {
-        Ok(self.set_baud_rate(baud)?)
+    fn set_line(&mut self, baud: Baud, bits: Bits) -> io::Result<()> {
+        let (parity, stop) = match bits {
+            Bits::N1 => (Parity::None, StopBits::One),
+            Bits::E1 => (Parity::Even, StopBits::One),
+            Bits::N2 => (Parity::None, StopBits::Two),
+        };
+        // A pseudo-terminal has no parity, and refuses it.
+        let _ = self.set_parity(parity);
+        self.set_stop_bits(stop)?;
+        Ok(self.set_baud_rate(baud.bits_a_second())?)
     }
 }

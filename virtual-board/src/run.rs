@@ -513,6 +513,14 @@ impl VirtualBoard {
         })
     }
 
+    /// Presses the blue button, or lets go of it.
+    pub fn hold_button(&mut self, is_held: bool) -> Result<()> {
+        self.on_emulator(move |session, _, stop| {
+            let processor = &mut session.board_mut().processor;
+            processor.drive_button(is_held, stop.at);
+        })
+    }
+
     /// Presses the reset button. The flash does not end what it is doing.
     pub fn reset_pin(&mut self) -> Result<()> {
         let flash = self.flash().clone();

@@ -26,6 +26,7 @@ use rigless::soc::stm32f427::generated::tim1::{Register as Tim1, cr1, cr2, smcr}
 use rigless::soc::stm32f427::generated::tim2::Register as Tim5;
 use rigless::soc::stm32f427::generated::{dbg, flash};
 use rigless::soc::stm32f427::peripherals::dma::Dma;
+use rigless::soc::stm32f427::peripherals::gpio::Pin;
 use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::spi::Spi;
 use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, General, Tim};
@@ -116,6 +117,15 @@ impl Stm32f429 {
     pub(crate) fn drive_trigger(&mut self, high: bool, at: VirtualNanos) {
         let (registers, mut context) = self.part.bus_mut().drive(at, self.slots[EXTI]);
         self.trigger.drive(high, registers, &mut context);
+    }
+
+    /// Drives PC13 high or, by the board's own resistor, low.
+    pub(crate) fn drive_button(&mut self, high: bool, at: VirtualNanos) {
+        let pin = Pin::new(13).expect("one of sixteen");
+        // Port C in rigless's order.
+        self.part.drive_port(at, 2, |port, registers, context| {
+            port.drive(pin, Some(high.into()), registers, context);
+        });
     }
 
     /// Pauses SCLK after a word of each read-out to come, from 0, for some time in ns.

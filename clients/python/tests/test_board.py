@@ -225,8 +225,8 @@ def test_packets_hold_what_lines_hold(virtual_board: str) -> None:
             assert window.first < reading.centre_px < window.first + len(window.counts)
         # Readings come as lines again.
         assert isinstance(next(iter(sensor)), Reading)
-    came = raw_answer(virtual_board, b"\x15\rformat\rpixels\rbaud\rstream\r", b"stream o")
-    for found in (b"format text\r\n", b"pixels none\r\n", b"baud 115200\r\n", b"stream on"):
+    came = raw_answer(virtual_board, b"\x15\rplain\rpixels\rbaud\rstream\r", b"stream o")
+    for found in (b"plain off\r\n", b"pixels none\r\n", b"baud 115200\r\n", b"stream on"):
         assert found in came
 
 

@@ -17,7 +17,9 @@ BANNER = "slitrange 0.1.0 NUCLEO-F429ZI TCD1304DG, started by watchdog"
 
 COLUMNS = "distance u r centre height rows exposure flags"
 END = b"the test is over"
-SETTINGS = {"stream": "on", "format": "text", "echo": "off", "output": COLUMNS, "rows": "16"}
+SETTINGS = {"stream": "on", "plain": "off", "echo": "off", "output": COLUMNS, "rows": "16"}
+
+LINE = {"format": "text", "bits": "8n1", "baud": "115200"}
 
 
 @dataclass
@@ -42,7 +44,7 @@ class Played:
         if value:
             self.settings[name] = value
         lines = [f"{name} {self.settings[name]}"]
-        if self.settings.get("format") == "binary":
+        if self.settings.get("format") == "binary" and self.settings["plain"] == "off":
             lines = ["\0\xf0\x05\xffpacket" + lines[0]]
         return [*lines, READING] if command == "stream on" else lines
 
@@ -82,7 +84,7 @@ def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("sent", ["binary", "csv"])
 def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
-    sensor = Played({"stream": "on", "format": sent, "echo": "off", "output": "time u", "rows": "16"})
+    sensor = Played({**SETTINGS, "format": sent, "output": "time u"})
     before = dict(sensor.settings)
     saved = []
 
@@ -94,7 +96,7 @@ def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
 
     sensor.special = special
     with played(sensor) as port, slitrange.open(port) as opened:
-        assert sensor.settings["format"] == "text"
+        assert (sensor.settings["format"], sensor.settings["plain"]) == (sent, "on")
         columns = "time u distance r centre height rows exposure flags"
         assert sensor.settings["output"] == columns
         assert isinstance(next(iter(opened)), Reading)
@@ -112,17 +114,27 @@ def test_another_format_and_missing_columns_are_put_back(sent: str) -> None:
     assert sensor.settings["output"] == f"{columns} width"
 
 
-def test_a_sensor_that_misses_format_text_is_asked_again() -> None:
+def test_a_sensor_that_misses_plain_on_is_asked_again() -> None:
     # A byte of the command is lost on its way. Until the sensor hears all of it, its answers come in packets.
     sensor = Played({**SETTINGS, "format": "binary"})
 
     def special(command: str) -> list[str] | None:
-        is_missed = command == "format text" and sensor.heard.count(command) == 1
+        is_missed = command == "plain on" and sensor.heard.count(command) == 1
         return ["\0\xf0\x05\xffpacketE1 unknown command, try help"] if is_missed else None
 
     sensor.special = special
     with played(sensor) as port, slitrange.open(port):
-        assert sensor.settings["format"] == "text"
+        assert sensor.settings["plain"] == "on"
+
+
+def test_a_sensor_at_another_rate_is_found() -> None:
+    sensor = Played(SETTINGS.copy())
+    # It hears nothing before its own rate is tried.
+    sensor.special = lambda _: [] if sensor.heard.count("plain on") < 5 else None
+    with played(sensor) as port, slitrange.open(port) as opened:
+        assert sensor.settings["plain"] == "on"
+        assert isinstance(next(iter(opened)), Reading)
+    assert sensor.settings == SETTINGS
 
 
 @pytest.mark.parametrize("streamed", ["on", "off"])
@@ -131,7 +143,7 @@ def test_the_sensor_is_left_as_it_was_found(streamed: str, echoed: str) -> None:
     sensor = Played({**SETTINGS, "stream": streamed, "echo": echoed})
     before = dict(sensor.settings)
     with played(sensor) as port, slitrange.open(port) as opened:
-        assert sensor.settings == {**SETTINGS, "stream": "off"}
+        assert sensor.settings == {**SETTINGS, "stream": "off", "plain": "on"}
         assert isinstance(next(iter(opened)), Reading)
         opened.set("rows", 3)
         opened.set("rows", 4)
@@ -212,7 +224,7 @@ def test_a_sensor_that_says_nothing_is_an_error() -> None:
     with (
         played(Played(special=lambda _: [])) as port,
         pytest.raises(
-            slitrange.NoAnswer, match=r"nobody answers `format` at .* check that this is the sensor's"
+            slitrange.NoAnswer, match=r"nobody answers `plain` at .* check that this is the sensor's"
         ),
     ):
         slitrange.open(port)
@@ -242,7 +254,7 @@ def test_a_sensor_that_speaks_modbus_is_found(station: int) -> None:
 
 
 def test_a_frame_is_started_by_measure() -> None:
-    sensor = Played({**SETTINGS, "trigger": "serial", "pixels": "none", "baud": "115200"})
+    sensor = Played({**SETTINGS, "trigger": "serial", "pixels": "none", **LINE})
     sensor.special = lambda it: [READING] if it == "measure" else None
     with played(sensor) as port, slitrange.open(port) as opened:
         assert str(opened.measure()) == READING
@@ -281,7 +293,7 @@ def test_errors_of_a_port_say_what_to_do(tmp_path: os.PathLike[str]) -> None:
         ("Calibration", "off", "`calibration` is no setting but a command"),
         ("", 1, "is no setting"),
         ("stream", True, "`stream` is set by this package"),
-        ("format", "binary", "`format` is set by this package"),
+        ("plain", "on", "`plain` is set by this package"),
         ("Address", 5, "address 5 is not set here: this package talks to a sensor that is alone on its line"),
         ("address", "247", "address 247 is not set here"),
         ("format", "MODBUS", "format modbus is not set here"),

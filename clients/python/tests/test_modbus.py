@@ -1,4 +1,4 @@
-"""The device's Modbus registers with a stock master, pymodbus, on a pseudo-terminal.
+"""The device's Modbus registers with stock masters, pymodbus and minimalmodbus, on a pseudo-terminal.
 
 The other side is device/examples/modbus_server.rs on this PC, or the firmware on the virtual board.
 """
@@ -10,6 +10,7 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
+import minimalmodbus  # type: ignore[import-untyped]
 import pytest
 from pymodbus.client import ModbusSerialClient
 
@@ -89,6 +90,36 @@ def test_a_reading_is_read(server: Server, master: ModbusSerialClient) -> None:
     assert answer.registers[12:] == [reading.height, reading.rows_used, reading.rows, 0]
     # One request for all registers, and four for pairs of them.
     assert number(master, 2) == 6
+    # By function 3 too, as a float in mm.
+    floats = master.read_holding_registers(1016, count=2, device_id=STATION).registers
+    distance_mm = master.convert_from_registers(floats, master.DATATYPE.FLOAT32)
+    assert distance_mm == pytest.approx(reading.distance_mm, abs=1e-4)
+
+
+def test_minimalmodbus_reads_and_writes_too(server: Server) -> None:
+    reading = readings.result(server.line())
+    assert isinstance(reading, Reading)
+    sensor = minimalmodbus.Instrument(server.port, STATION)
+    assert sensor.serial is not None
+    sensor.serial.baudrate = 115200
+    sensor.serial.timeout = 2
+    try:
+        for offset, function in ((16, 4), (1016, 4), (1016, 3)):
+            distance_mm = sensor.read_float(offset, functioncode=function)
+            assert distance_mm == pytest.approx(reading.distance_mm, abs=1e-4)
+        tenths = sensor.read_long(1004, functioncode=3, signed=True)
+        assert tenths == round(reading.distance_mm * 1e4)
+        # `average median 8` and `trigger pin`, `limits -1000 790000 500`.
+        for offset, value in ((7, 208), (9, 2)):
+            sensor.write_register(offset, value, functioncode=6)
+            assert sensor.read_register(offset) == value
+        limits = [1, 0xFFFF, 0xFC18, 0x000C, 0x0DF0, 0, 500]
+        sensor.write_registers(11, limits)
+        assert sensor.read_registers(11, 7) == limits
+        with pytest.raises(minimalmodbus.IllegalRequestError):
+            sensor.write_register(0, 65, functioncode=6)
+    finally:
+        sensor.serial.close()
 
 
 def test_settings_are_written_and_read(server: Server, master: ModbusSerialClient) -> None:
@@ -110,8 +141,8 @@ def test_what_cannot_be_done_is_an_exception(server: Server, master: ModbusSeria
     exceptions = [
         master.write_register(0, 65, device_id=STATION),
         master.write_registers(0, [8, 9], device_id=STATION),
-        master.write_register(7, 1, device_id=STATION),
-        master.read_input_registers(0, count=17, device_id=STATION),
+        master.write_register(18, 1, device_id=STATION),
+        master.read_input_registers(0, count=25, device_id=STATION),
         master.read_coils(0, count=1, device_id=STATION),
     ]
     assert [it.exception_code for it in exceptions] == [3, 3, 2, 2, 1]
@@ -151,8 +182,8 @@ def test_the_firmware_speaks_modbus(virtual_board: str) -> None:
         assert number(master, 6, 1) / 1e4 == pytest.approx(reading.u_mm, abs=0.02)
         assert not master.write_register(0, 4, device_id=1).isError()
         assert not master.write_registers(1, [0, 1000], device_id=1).isError()
-        holdings = master.read_holding_registers(0, count=7, device_id=1).registers
-        assert holdings == [4, 0, 1000, 1, 2, 0, 0]
+        holdings = master.read_holding_registers(0, count=18, device_id=1).registers
+        assert holdings == [4, 0, 1000, 1, 2, *[0] * 13]
         assert master.write_register(0, 65, device_id=1).exception_code == 3
         assert not master.write_registers(0, [16, 0, 5600], device_id=1).isError()
     finally:

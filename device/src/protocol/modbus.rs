@@ -17,9 +17,14 @@
 //! | 12 | height in counts |
 //! | 13, 14 | rows used, rows of the frame |
 //! | 15 | exposure in us; 0 if it is not known |
+//! | 16, 17 | distance in mm, as a float (IEEE 754, binary32) |
+//! | 18, 19 | u in mm, as a float |
+//! | 20, 21 | r in mm, as a float |
+//! | 22, 23 | centre in px, as a float |
 //!
-//! Without a reading, each pair of the registers 4 to 11 holds 0x8000_0000, which is no distance, and the
-//! registers 1 and 12 to 15 hold zero.
+//! Without a reading, each pair of the registers 4 to 11 holds 0x8000_0000, which is no distance, the
+//! registers 1 and 12 to 15 hold zero, and the floats are not numbers. The functions 3 and 4 both read these
+//! registers from 1000 on, too: a master without function 4 reads register 4 as holding register 1004.
 //!
 //! | holding register | setting | values |
 //! |---|---|---|
@@ -30,8 +35,15 @@
 //! | 4 | `format` | 0 is `text`, 1 is `binary`, 2 is `modbus`, 3 is `csv`: the way back to lines |
 //! | 5 | `address` | as on the serial line; the answer comes from the old one |
 //! | 6 | none | 1 does what the command `save` does, after the answer; reads 0 |
+//! | 7 | `average` | 0 is `none`, 100 + N is `moving N`, 200 + N is `median N`, 300 + N is `recursive N` |
+//! | 8 | none | 1 does what the command `zero` does, 0 is `zero off`; reads 1 if distances are relative |
+//! | 9 | `trigger` | 0 is `continuous`, 1 is `serial`, 2 is `pin` |
+//! | 10 | none | 1 does what the command `measure` does; reads 0 |
+//! | 11 | `limits` | 0 is `off`, 1 is on with the limits of registers 12 to 17 |
+//! | 12 to 17 | `limits` | low, high, hysteresis in um, signed, two registers each; 0 while it is off |
 //!
-//! A request that writes several registers changes all of them or none. A request with a wrong checksum, or
+//! A request that writes several registers changes all of them or none. To switch `limits` on, write its
+//! seven registers by one request. A request with a wrong checksum, or
 //! for another station, changes nothing and has no answer. Bytes before a request, as an answer of another
 //! station, are skipped: a computation may hide the silence between the two. A request for all stations, or
 //! of another function, needs the silence. One for station 0 is for all stations: it is carried out without
@@ -44,8 +56,11 @@ use core::fmt::Write as _;
 
 use heapless::Vec;
 
+use crate::filters::Limits;
+use crate::filters::average::Average;
 use crate::settings::serial_line::Format;
-use crate::settings::{Setting, Settings, Value};
+use crate::settings::trigger::Trigger;
+use crate::settings::{Setting, Settings, Value, split_words};
 use crate::text::Text;
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::{Fault, Micrometres, Pixels, Reading};
@@ -57,23 +72,33 @@ pub const MAX_BYTES: usize = 256;
 const ALL_STATIONS: u8 = 0;
 
 /// The number of input registers.
-pub const INPUTS: usize = 16;
+pub const INPUTS: usize = 24;
 
-/// The settings in holding registers, in the order of the registers. A register never changes its
-/// number: new settings follow at the end.
-pub const HOLDINGS: [Setting; 6] = [
-    Setting::Rows,
-    Setting::Exposure,
-    Setting::ExposureLimit,
-    Setting::Laser,
-    Setting::Format,
-    Setting::Address,
+/// From here on, both functions that read have the input registers.
+const READINGS: u16 = 1000;
+
+/// The number of holding registers. A register never changes its number: new ones follow at the end.
+const HOLDINGS: usize = 18;
+
+/// The settings in holding registers, with the first register and the one behind the last.
+const SETTINGS: [(Setting, usize, usize); 9] = [
+    (Setting::Rows, 0, 1),
+    (Setting::Exposure, 1, 2),
+    (Setting::ExposureLimit, 2, 3),
+    (Setting::Laser, 3, 4),
+    (Setting::Format, 4, 5),
+    (Setting::Address, 5, 6),
+    (Setting::Average, 7, 8),
+    (Setting::Trigger, TRIGGER, TRIGGER + 1),
+    (Setting::Limits, 11, HOLDINGS),
 ];
 
-/// The holding register that saves, behind those of the settings.
-const SAVE: usize = HOLDINGS.len();
+/// The holding registers that are no settings.
+const SAVE: usize = 6;
+const ZERO: usize = 8;
+const MEASURE: usize = 10;
 
-const ALL_HOLDINGS: usize = SAVE + 1;
+const TRIGGER: usize = 9;
 
 /// What a pair of registers holds instead of a number.
 const NO_VALUE: i32 = i32::MIN;
@@ -84,7 +109,7 @@ enum Exception {
     Function = 1,
     Address = 2,
     Value = 3,
-    /// The sensor has nothing to save, or would lose a calibration.
+    /// The sensor has nothing to save, would lose a calibration, or measures without being asked.
     Failure = 4,
 }
 
@@ -95,6 +120,8 @@ pub struct Shown<'a> {
     pub inputs: &'a [u16; INPUTS],
     /// The settings in use.
     pub settings: &'a Settings,
+    /// Whether distances are relative to a reading, or will be from the next frame on.
+    pub is_relative: bool,
     /// Whether a `save` would be carried out.
     pub can_save: bool,
 }
@@ -105,7 +132,11 @@ pub struct Answer {
     /// The bytes to send. Empty if nobody expects an answer.
     pub bytes: Vec<u8, MAX_BYTES>,
     /// The settings to change.
-    pub changes: Vec<Value, { HOLDINGS.len() }>,
+    pub changes: Vec<Value, { SETTINGS.len() }>,
+    /// What follows them: `zero`, or `zero off`.
+    pub zero: Option<bool>,
+    /// Whether to start a frame then.
+    pub measure: bool,
     /// Whether to save then.
     pub save: bool,
 }
@@ -207,8 +238,11 @@ fn execute(
     let [a, b, c, d] = head;
     let (first, count) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
     match (function, rest) {
-        (3, []) => registers(&holdings(shown.settings), first, count),
-        (4, []) => registers(shown.inputs, first, count),
+        (3 | 4, []) => match (function, first.checked_sub(READINGS)) {
+            (_, Some(first)) => registers(shown.inputs, first, count),
+            (4, None) => registers(shown.inputs, first, count),
+            _ => registers(&holdings(shown), first, count),
+        },
         (6, []) => {
             write(first, &[count.to_be_bytes()], shown, answer)?;
             Ok(Content::Written(head))
@@ -242,7 +276,7 @@ fn registers(all: &[u16], first: u16, count: u16) -> Result<Content, Exception> 
     Ok(Content::Registers(registers))
 }
 
-/// Reads the values of some holding registers, as the words of the serial line are read.
+/// Reads the values of some holding registers. A setting of several registers is as these and its others say.
 fn write(
     first: u16,
     values: &[[u8; 2]],
@@ -251,59 +285,111 @@ fn write(
 ) -> Result<(), Exception> {
     let first = usize::from(first);
     let end = first.saturating_add(values.len());
-    if end > ALL_HOLDINGS {
-        return Err(Exception::Address);
+    let mut all = holdings(shown);
+    let places = all.get_mut(first..end).ok_or(Exception::Address)?;
+    for (place, &value) in places.iter_mut().zip(values) {
+        *place = u16::from_be_bytes(value);
     }
-    for (register, &value) in (first..end).zip(values) {
-        let value = u16::from_be_bytes(value);
-        let Some(&setting) = HOLDINGS.get(register) else {
-            answer.save = match value {
-                0 => false,
-                1 if shown.can_save => true,
-                1 => return Err(Exception::Failure),
-                _ => return Err(Exception::Value),
-            };
-            continue;
-        };
-        let mut number = Text::<5>::default();
-        let word = match (setting, value) {
-            (Setting::Laser, 0) => "off",
-            (Setting::Laser, 1) => "on",
-            (Setting::Exposure, 0) => "auto",
-            (Setting::Format, value) => {
-                let format = Format::ALL.get(usize::from(value));
-                format.ok_or(Exception::Value)?.name()
-            }
-            (_, value) => {
-                // A u16 has at most five digits.
-                let _ = write!(number, "{value}");
-                number.as_str()
-            }
-        };
-        let value = setting.read(&[word]).map_err(|_| Exception::Value)?;
-        // There is room for all.
-        let _ = answer.changes.push(value);
+    for (setting, from, to) in SETTINGS {
+        if first < to && from < end {
+            let registers = all.get(from..to).unwrap_or_default();
+            let has_others = end > from.saturating_add(1);
+            // There is room for all.
+            let _ = (answer.changes).push(value(setting, registers, has_others)?);
+        }
+    }
+    let is_written = |register| (first..end).contains(&register);
+    let asks = |register: usize, value| match value {
+        0 | 1 => Ok(is_written(register) && value == 1),
+        _ => Err(Exception::Value),
+    };
+    answer.save = asks(SAVE, all[SAVE])?;
+    answer.measure = asks(MEASURE, all[MEASURE])?;
+    answer.zero = is_written(ZERO).then_some(asks(ZERO, all[ZERO])?);
+    let is_continuous = all[TRIGGER] == Trigger::Continuous as u16;
+    if answer.save && !shown.can_save || answer.measure && is_continuous {
+        return Err(Exception::Failure);
     }
     Ok(())
 }
 
-fn holdings(settings: &Settings) -> [u16; ALL_HOLDINGS] {
-    let values = HOLDINGS.map(|setting| match settings.get(setting) {
-        Value::Rows(rows) => rows,
-        Value::Exposure(ExposureMode::Fixed(exposure)) | Value::ExposureLimit(exposure) => {
-            exposure.us()
+/// The value of a setting, from its registers: their words are read as those of the serial line. A request
+/// may write others than the first register.
+fn value(setting: Setting, registers: &[u16], has_others: bool) -> Result<Value, Exception> {
+    let (&number, others) = registers.split_first().ok_or(Exception::Address)?;
+    let name = |names: &[&'static str], number: u16| {
+        let name = names.get(usize::from(number)).copied();
+        name.ok_or(Exception::Value)
+    };
+    let mut words = Text::<40>::default();
+    // The longest words are three numbers of 32 bits, each with a blank.
+    let _ = match setting {
+        Setting::Laser => words.write_str(name(&["off", "on"], number)?),
+        Setting::Format => words.write_str(name(&Format::ALL.map(Format::name), number)?),
+        Setting::Trigger => words.write_str(name(&Trigger::ALL.map(Trigger::name), number)?),
+        Setting::Exposure if number == 0 => words.write_str("auto"),
+        Setting::Average if number == 0 => words.write_str("none"),
+        Setting::Average => {
+            let kind = name(&["", "moving", "median", "recursive"], number / 100)?;
+            write!(words, "{kind} {}", number % 100)
         }
-        Value::Laser(is_on) => is_on.into(),
-        Value::Format(format) => format as u16,
-        Value::Address(address) => address,
-        // The exposure `auto`. No other setting is in the list.
-        _ => 0,
-    });
-    let mut all = [0; ALL_HOLDINGS];
-    for (place, value) in all.iter_mut().zip(values) {
-        *place = value;
-    }
-    all
+        Setting::Limits if number == 0 && (!has_others || others.iter().all(|&it| it == 0)) => {
+            words.write_str("off")
+        }
+        Setting::Limits if number == 1 => others.as_chunks().0.iter().try_for_each(|&[a, b]| {
+            let ([a, b], [c, d]) = (u16::to_be_bytes(a), u16::to_be_bytes(b));
+            write!(words, "{} ", i32::from_be_bytes([a, b, c, d]))
+        }),
+        Setting::Limits => return Err(Exception::Value),
+        _ => write!(words, "{number}"),
+    };
+    let value = setting.read(&split_words(words.as_str()));
+    value.map_err(|_| Exception::Value)
+}
+
+fn holdings(shown: &Shown<'_>) -> [u16; HOLDINGS] {
+    let settings = shown.settings;
+    let exposure = match settings.exposure {
+        ExposureMode::Auto => 0,
+        ExposureMode::Fixed(exposure) => exposure.us(),
+    };
+    let average = match settings.average {
+        Average::None => 0,
+        Average::Moving(length) => 100 + u16::from(length),
+        Average::Median(length) => 200 + u16::from(length),
+        Average::Recursive(length) => 300 + u16::from(length),
+    };
+    let (has_limits, limits) = match settings.limits {
+        Limits::Off => (0, [Micrometres::default(); 3]),
+        Limits::Within {
+            low,
+            high,
+            hysteresis,
+        } => (1, [low, high, hysteresis]),
+    };
+    // Limits are whole micrometres.
+    let [[l0, l1], [h0, h1], [y0, y1]] =
+        limits.map(|it| halves((it.to_bits() >> Micrometres::FRACTION).cast_unsigned()));
+    [
+        settings.rows,
+        exposure,
+        settings.exposure_limit.us(),
+        settings.laser.into(),
+        settings.format as u16,
+        settings.address,
+        0,
+        average,
+        shown.is_relative.into(),
+        settings.trigger as u16,
+        0,
+        has_limits,
+        l0,
+        l1,
+        h0,
+        h1,
+        y0,
+        y1,
+    ]
 }
 
 /// The input registers after the latest result, `None` before the first one. `counter` is the number of
@@ -311,7 +397,8 @@ fn holdings(settings: &Settings) -> [u16; ALL_HOLDINGS] {
 pub fn inputs(result: Option<&Result<Reading, Fault>>, counter: u32) -> [u16; INPUTS] {
     let [count_high, count_low] = halves(counter);
     let none = halves(NO_VALUE.cast_unsigned());
-    let (status, flags, pairs, rest) = match result {
+    let nan = halves(f32::NAN.to_bits());
+    let (status, flags, pairs, floats, rest) = match result {
         Some(Ok(reading)) => (
             0,
             flags(reading),
@@ -323,6 +410,13 @@ pub fn inputs(result: Option<&Result<Reading, Fault>>, counter: u32) -> [u16; IN
             ]
             .map(|number| halves(number.cast_unsigned())),
             [
+                reading.distance.to_f32() / 1000.0,
+                reading.uncertainty.to_f32() / 1000.0,
+                reading.parts.noise.to_f32() / 1000.0,
+                reading.centre.to_f32(),
+            ]
+            .map(|number| halves(number.to_bits())),
+            [
                 // At most full scale.
                 rounded(reading.amplitude.to_f32()),
                 reading.rows_used,
@@ -330,14 +424,15 @@ pub fn inputs(result: Option<&Result<Reading, Fault>>, counter: u32) -> [u16; IN
                 reading.exposure.map_or(0, Exposure::us),
             ],
         ),
-        Some(Err(fault)) => (number(fault), 0, [none; 4], [0; 4]),
-        None => (u16::MAX, 0, [none; 4], [0; 4]),
+        Some(Err(fault)) => (number(fault), 0, [none; 4], [nan; 4], [0; 4]),
+        None => (u16::MAX, 0, [none; 4], [nan; 4], [0; 4]),
     };
     let [[d0, d1], [u0, u1], [r0, r1], [x0, x1]] = pairs;
+    let [[f0, f1], [g0, g1], [h0, h1], [i0, i1]] = floats;
     let [height, rows_used, rows, exposure] = rest;
     [
         status, flags, count_high, count_low, d0, d1, u0, u1, r0, r1, x0, x1, height, rows_used,
-        rows, exposure,
+        rows, exposure, f0, f1, g0, g1, h0, h1, i0, i1,
     ]
 }
 
@@ -412,6 +507,7 @@ mod tests {
         let shown = Shown {
             inputs: &[0; INPUTS],
             settings: &settings,
+            is_relative: false,
             can_save: true,
         };
         let request = with_checksum(&[STATION, 6, 0, 0, 0, 4]);

@@ -63,8 +63,8 @@ pub struct Vitals {
     pub triggers_missed: u32,
     /// Lines of readings and faults that the serial line was too slow for.
     pub lines_dropped: u32,
-    /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in
-    /// time.
+    /// Bytes received with noise, with a wrong stop bit or parity, and lost because an earlier one was not
+    /// fetched in time.
     pub serial_errors: SerialErrors,
 }
 
@@ -90,6 +90,8 @@ pub struct SerialErrors {
     pub noise: u32,
     /// Bytes without a stop bit.
     pub framing: u32,
+    /// Bytes with a wrong parity.
+    pub parity: u32,
     /// Bytes lost because an earlier one was not fetched in time.
     pub overrun: u32,
 }
@@ -154,6 +156,7 @@ impl fmt::Display for Errors<'_> {
             ("lines dropped", vitals.lines_dropped),
             ("serial noise", serial.noise),
             ("serial framing", serial.framing),
+            ("serial parity", serial.parity),
         ] {
             write!(f, "status {name} {count}\r\n")?;
         }

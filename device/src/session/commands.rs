@@ -2,7 +2,6 @@
 
 use crate::protocol::calibration::CalibrationAnswer;
 use crate::protocol::command::Command;
-use crate::protocol::csv::Header;
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::Info;
 use crate::protocol::piece::Piece;
@@ -11,7 +10,6 @@ use crate::protocol::status::{Errors, Status, Uptime, Vitals};
 use crate::protocol::upload::Step;
 use crate::record;
 use crate::session::{Actions, Session, record_of_factory};
-use crate::settings::serial_line::Format;
 use crate::settings::trigger::Trigger;
 use crate::settings::{Affects, Setting, Settings, Value};
 use slitrange::base::units::{InUnits, Micrometres};
@@ -101,7 +99,7 @@ impl Session {
                     actions.apply = Some(self.applied());
                 }
                 actions.add_line(&value);
-                if matches!(value, Value::Format(_) | Value::Output(_)) {
+                if matches!(value, Value::Format(_) | Value::Output(_) | Value::Plain(_)) {
                     self.add_header(actions);
                 }
             }
@@ -138,13 +136,6 @@ impl Session {
             Command::Flat(flat) => self.flat.execute(flat, actions)?,
         }
         Ok(())
-    }
-
-    /// Names the columns of the lines to come, if they are comma-separated values.
-    fn add_header(&self, actions: &mut Actions) {
-        if self.settings.format == Format::Csv {
-            actions.add_line(&Header(self.settings.output));
-        }
     }
 
     /// Refuses a `save`, or a `save nominal`, that has nothing to save or would lose a calibration.

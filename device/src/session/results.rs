@@ -121,7 +121,7 @@ impl Session {
         line: &ResultLine<'_>,
         actions: &mut Actions,
     ) {
-        let format = self.settings.format;
+        let format = self.connection().format;
         if wanted.distance || wanted.zero.is_some() {
             answer(line, format, actions);
         }
@@ -150,7 +150,7 @@ impl Session {
     }
 
     /// Gives a result to the stream, as a line or as a packet.
-    fn stream(&self, line: &ResultLine<'_>, held: &Result<Held, Fault>, actions: &mut Actions) {
+    fn stream(&mut self, line: &ResultLine<'_>, held: &Result<Held, Fault>, actions: &mut Actions) {
         // The answer to `measure` at an address must arrive.
         actions.may_drop = self.is_alone();
         match self.sends_packets() {
@@ -160,7 +160,12 @@ impl Session {
                     held: held.map_or(0, |it| it.results),
                     ..*line
                 };
-                add_result(&line, self.settings.format, actions);
+                let format = self.connection().format;
+                if format == Format::Csv && self.lines_to_header == 0 {
+                    self.add_header(actions);
+                }
+                self.lines_to_header = self.lines_to_header.saturating_sub(1);
+                add_result(&line, format, actions);
             }
             // Each row has its own result.
             true if self.streams_rows() => {}

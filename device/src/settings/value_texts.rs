@@ -5,7 +5,7 @@ use core::fmt;
 use crate::filters::average::{self, Average};
 use crate::filters::{Limits, SpikeFilter};
 use crate::settings::columns::{Column, Columns};
-use crate::settings::serial_line::{Baud, Format, PixelStream};
+use crate::settings::serial_line::{Baud, Bits, Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use crate::settings::{Form, ValueError, ValueText, read_number};
 use slitrange::base::exposure::{Exposure, ExposureMode};
@@ -221,6 +221,7 @@ one_word! {
     AmbientMode: Form,
     Format: Form,
     PixelStream: Form,
+    Bits: Form,
     Trigger: Form,
     Slits: Form,
     SpotChoice: Form,

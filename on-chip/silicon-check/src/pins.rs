@@ -10,7 +10,7 @@ use embassy_stm32::pac::gpio::vals::{Idr, Pupdr};
 use embassy_time::{Duration, Timer, with_timeout};
 use slitrange::base::exposure::Exposure;
 use slitrange::light::ambient::AmbientMode;
-use slitrange_device::settings::serial_line::Baud;
+use slitrange_device::settings::serial_line::{Baud, Bits};
 use slitrange_device::settings::trigger::Trigger;
 
 use crate::board::{self, Receiver, cycles, cycles_in_ns};
@@ -92,7 +92,7 @@ pub async fn check_reception(report: &mut Report, rx: &mut Receiver) {
     let pull = |way| pac::GPIOD.pupdr().modify(|pulls| pulls.set_pupdr(8, way));
     pull(Pupdr::PULL_UP);
     pac::USART3.cr3().modify(|control| control.set_hdsel(true));
-    report.serial.set_baud(Baud::B921600).await;
+    report.serial.set_line(Baud::B921600, Bits::N1).await;
     let mut right = 0;
     for piece in 0..PIECES {
         // No two pieces are alike, and each byte occurs.
@@ -113,7 +113,7 @@ pub async fn check_reception(report: &mut Report, rx: &mut Receiver) {
         COUNTERS.results.add();
         free_rows().await;
     }
-    report.serial.set_baud(Baud::default()).await;
+    report.serial.set_line(Baud::B115200, Bits::N1).await;
     pac::USART3.cr3().modify(|control| control.set_hdsel(false));
     pull(Pupdr::FLOATING);
     let found = text!(

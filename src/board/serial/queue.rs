@@ -22,15 +22,19 @@ impl<const ROOM: usize> Queue<ROOM> {
     }
 
     pub fn is_empty(&self) -> bool {
-        self.begin.load(Ordering::Relaxed) == self.end.load(Ordering::Acquire)
+        self.len() == 0
+    }
+
+    /// The bytes in it.
+    pub fn len(&self) -> usize {
+        let begin = self.begin.load(Ordering::Acquire);
+        (self.end.load(Ordering::Acquire) + ROOM - begin) % ROOM
     }
 
     /// Takes all of the bytes or, without room for them, none.
     pub fn try_push(&self, bytes: &[u8]) -> bool {
-        let begin = self.begin.load(Ordering::Acquire);
         let mut end = self.end.load(Ordering::Relaxed);
-        let used = (end + ROOM - begin) % ROOM;
-        if bytes.len() >= ROOM - used {
+        if bytes.len() >= ROOM - self.len() {
             return false;
         }
         for byte in bytes {

@@ -1,6 +1,7 @@
 //! Receives characters from the serial line, and counts those that were lost or damaged.
 
 use core::future::poll_fn;
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::task::Poll;
 
 use embassy_stm32::dma::{Channel, ReadableRingBuffer, TransferOptions};
@@ -20,7 +21,10 @@ static RECEIVED: ConstStaticCell<[u8; 2048]> = ConstStaticCell::new([0; 2048]);
 /// Woken when the line falls silent. The DMA wakes at each half of [`RECEIVED`].
 static SILENCE: AtomicWaker = AtomicWaker::new();
 
-/// Characters came faster than they were taken: all that were not taken yet are lost.
+/// A character had a wrong parity. What came with it is refused, like what is lost.
+static IS_DAMAGED: AtomicBool = AtomicBool::new(false);
+
+/// Characters came faster than they were taken, or damaged: all that were not taken yet are lost.
 pub struct Lost;
 
 /// The receiver.
@@ -44,6 +48,10 @@ impl Receiver {
         poll_fn(|context| {
             SILENCE.register(context.waker());
             self.0.set_waker(context.waker());
+            if IS_DAMAGED.swap(false, Ordering::Relaxed) {
+                self.0.clear();
+                return Poll::Ready(Err(Lost));
+            }
             match self.0.read(bytes) {
                 Ok((0, _)) => Poll::Pending,
                 Ok((count, _)) => Poll::Ready(Ok(count)),
@@ -59,7 +67,7 @@ impl Receiver {
 
 /// Counts receive errors, and wakes the reader when the line falls silent.
 pub fn on_interrupt(flags: Sr) {
-    if !(flags.idle() || flags.ne() || flags.fe() || flags.ore()) {
+    if !(flags.idle() || flags.ne() || flags.fe() || flags.pe() || flags.ore()) {
         return;
     }
     // Reading SR and then DR clears these flags (RM0090 section 30.6.1). If a character waits, it is the DMA
@@ -71,6 +79,8 @@ pub fn on_interrupt(flags: Sr) {
     });
     COUNTERS.serial_noise.add_if(flags.ne());
     COUNTERS.serial_framing.add_if(flags.fe());
+    COUNTERS.serial_parity.add_if(flags.pe());
     COUNTERS.serial_overrun.add_if(flags.ore());
+    IS_DAMAGED.fetch_or(flags.pe(), Ordering::Relaxed);
     SILENCE.wake();
 }

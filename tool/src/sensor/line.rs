@@ -9,7 +9,7 @@ use std::io;
 use std::time::Duration;
 
 use slitrange_device::protocol::command::{Command, parse};
-use slitrange_device::settings::serial_line::{Baud, Format};
+use slitrange_device::settings::serial_line::{Baud, Bits};
 use slitrange_device::settings::{Setting, Value};
 
 use crate::pc::{Pc, Port};
@@ -261,34 +261,60 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Changes the port's rate.
-    pub fn set_baud(&mut self, baud: Baud) -> Result<(), LineError> {
-        let set = self.port.set_baud(baud.bits_a_second());
+    /// Changes the port's rate and characters.
+    pub fn set_line(&mut self, baud: Baud, bits: Bits) -> Result<(), LineError> {
+        let set = self.port.set_line(baud, bits);
         set.map_err(|error| self.gone(error))
     }
 
-    /// Brings a sensor back to text at the rate of every start, whichever rate and format it has, and gives
-    /// whether readings stream. The port has that rate afterwards.
+    /// Has a sensor speak plainly, whichever rate, characters and format it has, and gives whether readings
+    /// stream.
     pub fn wake(&mut self) -> Result<bool, LineError> {
-        let text = Command::Set(Value::Format(Format::Text));
-        let slow = Command::Set(Value::Baud(Baud::default()));
         let mut tries = 0;
         loop {
-            for baud in Baud::ALL.into_iter().rev() {
-                self.set_baud(baud)?;
-                self.tell(&format!("\x15\r{text}\r{slow}"))?;
-                // The bytes must have left before the rate changes.
-                self.pc.sleep(WAKE);
-            }
-            let until = self.pc.now() + WAKE;
-            while self.bytes(&mut [0; 4096], WAKE)? > 0 && self.pc.now() < until {}
-            self.received.clear();
             tries += 1;
-            match self.synchronise_once() {
+            match self.wake_once() {
                 // Above 115200 baud a byte to the sensor may be lost.
                 Err(LineError::Silent { .. }) if tries < TRIES => {}
                 answer => return answer,
             }
+        }
+    }
+
+    fn wake_once(&mut self) -> Result<bool, LineError> {
+        let plain = Command::Set(Value::Plain(true));
+        // The slowest first: what a sensor still has to say at its own rate takes up to 0.9 s.
+        for baud in Baud::ALL {
+            for bits in Bits::ALL {
+                self.set_line(baud, bits)?;
+                self.tell(&format!("\x15\r{plain}"))?;
+                // The bytes must have left before the rate changes.
+                self.pc.sleep(WAKE);
+            }
+        }
+        self.set_line(Baud::default(), Bits::default())?;
+        let until = self.pc.now() + WAKE;
+        while self.bytes(&mut [0; 4096], WAKE)? > 0 && self.pc.now() < until {}
+        self.received.clear();
+        self.synchronise_once()
+    }
+
+    /// Has the sensor speak as its settings say. The answer may be in a packet.
+    pub fn end_plain(&mut self) -> Result<(), LineError> {
+        let off = Command::Set(Value::Plain(false)).to_string();
+        let answer = |lines: &[String]| lines.last()?.ends_with(&off).then_some(());
+        self.ask(&off, ANSWER, answer)
+    }
+
+    /// Asks whether a sensor is there, for four seconds at most, and leaves it as it is.
+    pub fn find(&mut self) -> Result<(), LineError> {
+        match self.answers() {
+            Err(LineError::Restarted { .. }) => Ok(()),
+            Err(LineError::Silent { .. }) => {
+                self.wake_once()?;
+                self.end_plain()
+            }
+            answers => answers.map(drop),
         }
     }
 
@@ -297,7 +323,7 @@ impl<'a> Line<'a> {
         self.ask_stream(TRIES, ANSWER)
     }
 
-    /// The same in a second at most: whether a sensor is there.
+    /// The same in a second at most, at 115200 baud.
     pub fn answers(&mut self) -> Result<bool, LineError> {
         self.ask_stream(2, GLANCE / 2)
     }

@@ -37,7 +37,7 @@ fn find(pc: &dyn Pc) -> Result<String> {
     let mut found = Vec::new();
     let mut others = String::new();
     for port in pc.ports() {
-        match asks(pc, &port) {
+        match Line::open(pc, &port).and_then(|mut line| line.find()) {
             Ok(()) => found.push(port),
             // The port's name and what to do are in the error.
             Err(error @ LineError::Port { .. }) => _ = write!(others, "\n{error}"),
@@ -57,13 +57,5 @@ fn find(pc: &dyn Pc) -> Result<String> {
             "sensors answer at {}: name one of them with --port",
             several.join(" and at ")
         ),
-    }
-}
-
-/// Asks at a port, for a second at most.
-fn asks(pc: &dyn Pc, port: &str) -> Result<(), LineError> {
-    match Line::open(pc, port)?.answers() {
-        Err(LineError::Restarted { .. }) => Ok(()),
-        answers => answers.map(|_| ()),
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::flat::Flat;
-use slitrange_device::settings::serial_line::{Baud, Format};
+use slitrange_device::settings::serial_line::{Baud, Bits, Format};
 use slitrange_device::settings::{Setting, Settings, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
@@ -21,7 +21,7 @@ pub struct Session<'a> {
     head: String,
     borrowed: Borrowed,
     streams: bool,
-    /// Whether the sensor may send packets, or have another rate than 115200 baud.
+    /// Whether the sensor may speak otherwise than plainly.
     is_binary: bool,
 }
 
@@ -33,15 +33,11 @@ pub struct Away<'a> {
 }
 
 impl<'a> Away<'a> {
-    /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers, and then
-    /// a pause.
+    /// Opens the port and asks whether the sensor is there again. Takes four seconds if nobody answers, and
+    /// then a pause.
     pub fn find_again(self, pause: Duration) -> Link<'a> {
-        let answers = Line::open(self.pc, &self.port).and_then(|mut line| line.answers());
-        let opened = match answers {
-            Ok(_) | Err(LineError::Restarted { .. }) => Session::open(self.pc, &self.port),
-            Err(error) => Err(error),
-        };
-        match opened {
+        let found = Line::open(self.pc, &self.port).and_then(|mut line| line.find());
+        match found.and_then(|()| Session::open(self.pc, &self.port)) {
             Ok(mut session) => {
                 session.borrowed = self.borrowed;
                 Link::There(session)
@@ -77,6 +73,8 @@ struct Borrowed {
     before: Before,
     /// The sensor echoed what is typed. An echoed command looks like its answer.
     echo: bool,
+    /// The sensor spoke as its settings say, not plainly.
+    own_format: bool,
     /// Rows were corrected with the map of the pixels.
     map: bool,
     /// The settings that the session changed, with the values that they had.
@@ -90,9 +88,13 @@ impl<'a> Session<'a> {
     /// The port cannot be opened, or what answers there is no sensor.
     pub fn open(pc: &'a dyn Pc, port: &str) -> Result<Self, LineError> {
         let mut line = Line::open(pc, port)?;
+        let mut is_woken = false;
         let answer = match line.synchronise_once() {
             // It may speak packets, or have another rate.
-            Err(LineError::Silent { .. }) => line.wake(),
+            Err(LineError::Silent { .. }) => {
+                is_woken = true;
+                line.wake()
+            }
             answer => answer,
         };
         let streamed = match answer {
@@ -114,7 +116,9 @@ impl<'a> Session<'a> {
             session.set(Command::Set(Value::Echo(false)))?;
             session.line.synchronise()?;
         }
-        session.borrow(Value::Format(Format::Text))?;
+        let found = session.value(Setting::Plain)?;
+        session.borrowed.own_format = is_woken || found == Value::Plain(false);
+        session.set(Command::Set(Value::Plain(true)))?;
         session.set(Command::Set(Value::Stream(false)))?;
         session.streams = false;
         let info = Command::Info.to_string();
@@ -216,6 +220,7 @@ impl<'a> Session<'a> {
         match setting {
             Setting::Stream => Some(Value::Stream(self.borrowed.before.streamed)),
             Setting::Echo => Some(Value::Echo(self.borrowed.echo)),
+            Setting::Plain => Some(Value::Plain(!self.borrowed.own_format)),
             _ => (self.borrowed.values.iter().copied()).find(|value| value.setting() == setting),
         }
     }
@@ -226,6 +231,7 @@ impl<'a> Session<'a> {
             // The end of the session sets them.
             Value::Stream(on) => self.borrowed.before.streamed = on,
             Value::Echo(on) => self.borrowed.echo = on,
+            Value::Plain(on) => self.borrowed.own_format = !on,
             _ => {
                 self.set(Command::Set(value))?;
                 (self.borrowed.values).retain(|found| found.setting() != value.setting());
@@ -284,8 +290,21 @@ impl<'a> Session<'a> {
     /// [`Session::ask_for_packets`] again.
     pub fn send_packets(&mut self, baud: Baud) -> Result<(), LineError> {
         self.is_binary = true;
-        self.set(Command::Set(Value::Baud(baud)))?;
-        self.line.set_baud(baud)?;
+        // Text at first, because the answer to `plain off` is one.
+        let format = Value::Format(Format::Text);
+        let bits = Bits::default();
+        for value in [
+            format,
+            Value::Address(0),
+            Value::Bits(bits),
+            Value::Baud(baud),
+        ] {
+            let found = self.value(value.setting())?;
+            self.borrowed.values.push(found);
+            self.set(Command::Set(value))?;
+        }
+        self.set(Command::Set(Value::Plain(false)))?;
+        self.line.set_line(baud, bits)?;
         self.ask_for_packets()
     }
 
@@ -344,7 +363,8 @@ impl<'a> Session<'a> {
     fn put_back(&mut self) -> Result<(), LineError> {
         let found = std::mem::take(&mut self.borrowed);
         let (values, Before { streamed, rows }) = (found.values, found.before);
-        let is_changed = found.echo || found.map || !values.is_empty() || rows.is_some();
+        let is_changed = found.echo || found.own_format || found.map || rows.is_some();
+        let is_changed = is_changed || !values.is_empty();
         if !is_changed && !streamed && !self.streams && !self.is_binary {
             return Ok(());
         }
@@ -363,8 +383,11 @@ impl<'a> Session<'a> {
             self.set(Command::Set(Value::Rows(rows)))?;
         }
         self.set(Command::Set(Value::Stream(streamed)))?;
-        match found.echo {
-            true => self.set(Command::Set(Value::Echo(true))),
+        if found.echo {
+            self.set(Command::Set(Value::Echo(true)))?;
+        }
+        match found.own_format {
+            true => self.line.end_plain(),
             false => Ok(()),
         }
     }

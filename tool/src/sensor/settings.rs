@@ -104,11 +104,6 @@ pub fn settings(
         Some(SettingsCommand::Set { words, save }) => {
             let value = read(&words.join(" "))?;
             ensure_alone(value)?;
-            ensure!(
-                !matches!(value, Value::Format(_) | Value::Baud(_)),
-                "`{value}` is not set here: the tool needs text at 115200 baud, and `record` changes both \
-                 for itself"
-            );
             set(&mut options.port.open(pc)?, value, *save, output)?;
         }
         Some(SettingsCommand::Export { file }) => {
@@ -351,8 +346,6 @@ fn import(
             changes.push((before, new));
         }
     }
-    // The tool needs text at 115200 baud.
-    changes.retain(|(_, new)| !matches!(new, Value::Format(_) | Value::Baud(_)));
     for &(before, new) in &changes {
         let sent = session.set_for_good(new);
         sent.context("some settings were sent, some were not: import the file again")?;

@@ -110,8 +110,8 @@ fn status_counts_what_happened() {
     let faults: Vec<String> = Fault::NAMES.map(|name| format!("fault {name}")).into();
     let before = "start, uptime, rows read, row cycles, slowest row cycles, sampling spread, \
                   readings, limits, rows lost, rows failed, rows late";
-    let after =
-        "stops, triggers missed, lines dropped, serial noise, serial framing, serial overrun";
+    let after = "stops, triggers missed, lines dropped, serial noise, serial framing, \
+                 serial parity, serial overrun";
     let expected = format!("{before}, {}, {after}", faults.join(", "));
     assert_eq!(names.join(", "), expected);
 

@@ -364,7 +364,7 @@ pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
 }
 
 /// Lines of the answer to `status`.
-const STATUS_LINES: usize = 17 + Fault::KINDS;
+const STATUS_LINES: usize = 18 + Fault::KINDS;
 
 #[derive(Debug)]
 pub struct Status(pub Vec<String>);

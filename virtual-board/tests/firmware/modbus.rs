@@ -3,7 +3,8 @@
 
 use std::time::Duration;
 
-use virtual_board::VirtualBoard;
+use rigless::soc::stm32f427::generated::usart6::{cr1, cr2};
+use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::*;
 
@@ -76,7 +77,7 @@ fn a_master_reads_results_and_writes_settings() {
     // No silence between them: only the last one counts.
     assert_eq!(say(&mut board, &two, 30), frame(&[17, 6, 0, 0, 0, 8]));
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 8]);
-    assert_eq!(request(&mut board, &[17, 4, 0, 16, 0, 1]), [17, 0x84, 2]);
+    assert_eq!(request(&mut board, &[17, 4, 0, 24, 0, 1]), [17, 0x84, 2]);
     // For all stations.
     assert_eq!(say(&mut board, &frame(&[0, 6, 0, 0, 0, 5]), 30), NOTHING);
     assert_eq!(request(&mut board, &[17, 3, 0, 0, 0, 1]), [17, 3, 2, 0, 5]);
@@ -96,6 +97,81 @@ fn a_master_reads_results_and_writes_settings() {
     assert_eq!(answer[..8], frame(&alone_in_text[..6]));
     assert_readings(&fresh_results(&mut board, 2));
     assert_eq!(ask(&mut board, "rows"), "rows 5");
+}
+
+/// Asserts that USART3 has nine bits with even parity, or eight, and its stop bits (RM0090 section 30.6).
+fn assert_characters(board: &mut VirtualBoard, bits: &str) {
+    let [one, two] = with_processor(board, |it| {
+        let (_, registers) = it.part.serial_port(2);
+        [Usart::Cr1, Usart::Cr2].map(|register| registers.get(register))
+    });
+    let [nine, parity, odd] = [cr1::M, cr1::PCE, cr1::PS].map(|field| field.is_set(one));
+    let expected = (bits == "8e1", bits == "8e1", false);
+    assert_eq!((nine, parity, odd), expected, "{bits}");
+    let stop = cr2::STOP.get(two);
+    assert_eq!(stop, if bits == "8n2" { 0b10 } else { 0 }, "{bits}");
+}
+
+/// As PLCs speak it, after a reset: rate, characters and format are saved. A pause within a request ends it
+/// if it is longer than 3.5 characters of 11 bits: 4.01 ms at 9600 baud, 2.01 ms at 19200.
+#[test]
+fn rates_and_characters_of_plcs_are_saved_and_time_the_requests() {
+    let (mut board, _) = boot(paper());
+    let mut before = "bits 8n1";
+    for (baud, bits) in [(9600, "8e1"), (19_200, "8n2")] {
+        set(&mut board, "plain on");
+        set(&mut board, &format!("bits {bits}"));
+        set(&mut board, &format!("baud {baud}"));
+        set(&mut board, "format modbus");
+        set(&mut board, "plain off");
+        say(&mut board, &frame(&[1, 6, 0, 6, 0, 1]), 600);
+        board.reset_pin().expect("the emulator");
+        assert_eq!(say(&mut board, b"", 300), NOTHING, "after {before}");
+        assert_characters(&mut board, bits);
+        let character = 11.0 / f64::from(baud);
+        let asked = frame(&[1, 3, 0, 4, 0, 1]);
+        for (pause, is_one) in [(0.0, true), (2.7, true), (5.5, false)] {
+            board.take_bytes();
+            let start = board.now();
+            board.send_at(start, &asked[..3]);
+            let pause = (pause * character * 1e9) as Nanos;
+            let rest = start + (3.0 * character * 1e9) as Nanos + pause;
+            board.send_at(rest, &asked[3..]);
+            run_ms(&mut board, 60);
+            let answer = board.take_bytes();
+            let bytes: Vec<u8> = answer.iter().map(|&(_, byte)| byte).collect();
+            let expected = if is_one {
+                frame(&[1, 3, 2, 0, 2])
+            } else {
+                vec![]
+            };
+            assert_eq!(bytes, expected, "{baud} {bits}, a pause of {pause} ns");
+            let Some(&[(first, _), (second, _)]) = answer.first_chunk() else {
+                continue;
+            };
+            let length = (second - first) as f64 * 1e-9 / character;
+            // Behind five more characters, a silence of 3.5, and the first one of the answer.
+            let silence = (first - rest) as f64 * 1e-9 / character - 5.0 - 1.0;
+            println!("{baud} {bits}: a character of {length:.3}, answered after {silence:.2}");
+            assert!((length - 1.0).abs() < 0.01, "{length}");
+            // The receiver notices a silence after a character. A row may be computed meanwhile.
+            assert!(
+                (3.5..5.5 + 0.02 / character).contains(&silence),
+                "{silence}"
+            );
+        }
+        // The way back, whatever is saved: the button, held while the board starts.
+        board.reset_pin().expect("the emulator");
+        board.hold_button(true).expect("the emulator");
+        // Behind the bytes of an answer, which is no line.
+        await_line(&mut board, |line| line.ends_with("plain on"));
+        board.hold_button(false).expect("the emulator");
+        assert_characters(&mut board, "8n1");
+        assert_readings(&fresh_results(&mut board, 1));
+        assert_eq!(ask(&mut board, "format"), "format modbus");
+        assert_eq!(ask(&mut board, "baud"), format!("baud {baud}"));
+        before = bits;
+    }
 }
 
 /// Two boards on one line, as stations 1 and 2. The line carries each byte to all others.

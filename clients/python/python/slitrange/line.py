@@ -18,6 +18,10 @@ from slitrange.errors import NoAnswer, PortError, Refused, Restarted
 T = TypeVar("T")
 Lines = list[str]
 
+BAUD = 115200
+BAUDS = (9600, 19200, 115200, 230400, 460800, 921600)
+BITS = ("8n1", "8e1", "8n2")
+
 TRIES = 4
 """How often a command is sent before nobody answers."""
 
@@ -47,7 +51,6 @@ class Line:
     def __init__(self, port: str, baud: int) -> None:
         """Opens a port, unless another program has it open."""
         self.port = port
-        self.baud = baud
         # Whether the sensor is gone, or has forgotten what was set.
         self.is_lost = False
         self._received = b""
@@ -120,27 +123,35 @@ class Line:
         """Leaves behind whatever was sent before. Returns whether readings stream."""
         return self._question("stream", lambda line: (line == "stream on") if line in STREAM else None)
 
-    def use_text(self) -> str:
-        """Makes the sensor send lines of text. Returns the format that it had before."""
+    def use_plain(self) -> bool:
+        """Makes the sensor send lines of text at 115200 baud. Returns whether it did so before."""
 
-        def format_of(line: str) -> str | None:
+        def is_plain(line: str) -> bool | None:
             # A packet holds the answer as text, with other bytes before it.
-            if line.endswith("format binary"):
-                return "binary"
-            if line == "format csv":
-                return "csv"
-            return "text" if line == "format text" else None
+            found = re.search(r"plain (on|off)$", line)
+            return None if found is None else found[1] == "on"
 
-        before = self._question("format", format_of)
-        if before != "text":
-            # Not by `ask`: after a lost byte it would wait for answers in text, and they come in packets.
-            self._question("format text", lambda line: True if line.endswith("format text") else None)
+        try:
+            before = self._question("plain", is_plain, 2)
+            if not before:
+                # Not by `ask`: after a lost byte it would wait for answers in text, and they come in packets.
+                self._question("plain on", lambda line: True if line.endswith("plain on") else None)
+        except NoAnswer:
+            before = False
+            # The slowest first: what a sensor still has to send at its own rate takes up to 0.9 s.
+            for baud in BAUDS:
+                for bits in BITS:
+                    self.set_line(baud, bits)
+                    self.send(b"\x15\rplain on\r")
+                    time.sleep(POLL_S)
+        self.set_line(BAUD)
+        self._question("plain", lambda line: is_plain(line) or None)
         return before
 
-    def _question(self, command: str, answer: Callable[[str], T | None]) -> T:
+    def _question(self, command: str, answer: Callable[[str], T | None], tries: int = TRIES) -> T:
         """Asks a question, whatever was sent before."""
         heard = None
-        for _ in range(TRIES):
+        for _ in range(tries):
             # Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and
             # no command.
             self.send(f"\x15\r{command}\r".encode("ascii"))
@@ -151,8 +162,8 @@ class Line:
                 heard = line
         last = "" if heard is None else f", where {heard!r} came last"
         raise NoAnswer(
-            f"nobody answers `{command}` at {self.port}{last}: check that this is the sensor's port, that "
-            f"the sensor has power, and that its line has {self.baud} baud"
+            f"nobody answers `{command}` at {self.port}{last}: check that this is the sensor's port and "
+            "that the sensor has power"
         )
 
     def station(self) -> str | None:
@@ -196,11 +207,17 @@ class Line:
         except (serial.SerialException, OSError) as error:
             raise self._gone(error) from error
 
-    def set_baud(self, baud: int) -> None:
-        """Changes the rate of the port."""
+    def set_line(self, baud: int, bits: str = "8n1") -> None:
+        """Changes the rate and the characters of the port."""
         try:
             self._serial.flush()
             self._serial.baudrate = baud
+            self._serial.stopbits = int(bits[2])
+            try:
+                self._serial.parity = bits[1].upper()
+            except Exception:
+                # A pseudo-terminal has no parity: on Unix, that is termios.error.
+                self._serial.parity = "N"
         except (serial.SerialException, OSError) as error:
             raise self._gone(error) from error
 

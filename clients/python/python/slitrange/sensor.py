@@ -38,7 +38,7 @@ COMMANDS = {
 """First words of commands. They are no settings, and some of them change the sensor."""
 
 
-OWN_SETTINGS = ("stream", "echo", "format", "baud")
+OWN_SETTINGS = ("stream", "echo", "plain")
 """Settings that this package needs for itself."""
 
 COLUMNS = ("distance", "u", "r", "centre", "height", "rows", "exposure", "flags")
@@ -50,7 +50,7 @@ def open(port: str, baud: int = 115200) -> "Sensor":
 
     Args:
         port: The name of the port.
-        baud: The rate of the line. A sensor has 115200 after its start.
+        baud: The rate of the line that is tried first. A sensor at another rate is found in some seconds.
 
     Raises:
         SlitrangeError: The port cannot be opened, or what answers there is no sensor.
@@ -77,12 +77,12 @@ class Sensor:
         self._is_streaming = False
         self._trigger = "continuous"
         self._is_open = True
-        # The value of `pixels` before packets came, as long as they come.
-        self._pixels_before: str | None = None
+        # The settings before packets came, as long as they come.
+        self._before_packets: dict[str, str] | None = None
         # What is put back at the end.
         self._streamed = False
         self._echoed = False
-        self._format = "text"
+        self._was_plain = True
         self._output: str | None = None
         try:
             try:
@@ -98,7 +98,7 @@ class Sensor:
 
     def _begin(self) -> None:
         try:
-            self._format = self._line.use_text()
+            self._was_plain = self._line.use_plain()
         except NoAnswer as nobody:
             if found := self._line.station():
                 raise NoAnswer(found) from nobody
@@ -163,9 +163,9 @@ class Sensor:
             self._stream(True)
         if self._echoed:
             self._ask_setting("echo", "on")
-        if self._format != "text":
-            answer = f"format {self._format}"
-            self._line.ask(answer, lambda lines: lines[-1].endswith(answer) or None)
+        if not self._was_plain:
+            # The answer may be in a packet.
+            self._line.ask("plain off", lambda lines: lines[-1].endswith("plain off") or None)
 
     def __iter__(self) -> Iterator[Reading | Fault]:
         """The readings and faults, one for each frame, as the sensor measures them."""
@@ -222,13 +222,16 @@ class Sensor:
         self._waiting.clear()
         # Answers come in packets later.
         self._trigger = self._value("trigger")
-        self._pixels_before = self._value("pixels")
+        # Text at first, because the answer to `plain off` is one.
+        own = {"pixels": _text(pixels), "format": "text", "bits": "8n1", "baud": str(baud)}
+        self._before_packets = {name: self._value(name) for name in own}
         decoder = packets.Decoder()
         try:
-            self._ask_setting("pixels", _text(pixels))
+            for name, value in own.items():
+                self._ask_setting(name, value)
             self._stream(True)
-            self._ask_setting("baud", str(baud))
-            self._line.set_baud(baud)
+            self._ask_setting("plain", "off")
+            self._line.set_line(baud)
             heard = asked = time.monotonic()
             self._ask_for_packets()
             has_come = False
@@ -253,16 +256,15 @@ class Sensor:
         self._line.send(b"\x15\rformat binary\r")
 
     def _end_packets(self) -> None:
-        """Makes the sensor send lines again, at the rate that it had."""
-        if self._pixels_before is None:
+        """Makes the sensor send lines again."""
+        if self._before_packets is None:
             return
-        before, self._pixels_before = self._pixels_before, None
-        self._line.use_text()
-        self._ask_setting("baud", str(self._line.baud))
-        self._line.set_baud(self._line.baud)
+        before, self._before_packets = self._before_packets, None
+        self._line.use_plain()
         self._stream(False)
         self._waiting.clear()
-        self._ask_setting("pixels", before)
+        for name, value in before.items():
+            self._ask_setting(name, value)
 
     def _next_result(self, timeout_s: float | None) -> Reading | Fault:
         """The next reading or fault of the stream."""

@@ -323,6 +323,7 @@ fn answer_a_master() {
     let shown = Shown {
         inputs: &modbus::inputs(result.as_ref(), any(0)),
         settings: &any::settings(),
+        is_relative: any(true),
         can_save: any(true),
     };
     let answer = modbus::answer(any::bytes(&mut request), any(0), &shown);
