@@ -1,6 +1,7 @@
 //! Scenes as TOML files.
 
 use std::f64::consts::FRAC_PI_2;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
@@ -74,8 +75,8 @@ impl Scene {
     /// # Errors
     /// A value that means nothing, or an effect that has nothing to act on, and what to do about it.
     pub fn check(&self) -> Result<()> {
-        above_zero("distance", self.distance, "m")?;
-        above_zero("exposure", self.exposure, "s")?;
+        Above(0.0).check("distance", self.distance, "m")?;
+        Above(0.0).check("exposure", self.exposure, "s")?;
         if let Sensor::Row(pixels) = self.sensor {
             ensure!(
                 pixels > 0,
@@ -92,7 +93,13 @@ impl Scene {
         }
         self.check_effects()?;
         self.check_lens()?;
-        self.check_numbers()
+        for it in PARAMETERS {
+            if let Some(value) = (it.value)(self) {
+                let name = format!("{}.{}", it.effect, it.name);
+                it.range.check(&name, value, it.unit)?;
+            }
+        }
+        Ok(())
     }
 
     /// That a target at a distance in metres can be simulated, where it is not the scene's own.
@@ -100,7 +107,7 @@ impl Scene {
     /// # Errors
     /// It is behind the laser, or speckle's surface is not made for it.
     pub fn check_distance(&self, distance: f64) -> Result<()> {
-        above_zero("the target's distance", distance, "m")?;
+        Above(0.0).check("the target's distance", distance, "m")?;
         if self.speckle.is_some() {
             let nearest = speckle::NEAREST.min(self.distance);
             let farthest = speckle::FARTHEST * self.distance;
@@ -123,16 +130,11 @@ impl Scene {
                 effect.name()
             );
         }
-        if let Some(speckle) = &self.speckle {
+        if self.speckle.is_some() {
             ensure!(
                 self.laser_spot.is_some(),
                 "[speckle] is the interference of light from all over the laser's spot, and that is a \
                  point: add [laser_spot]"
-            );
-            ensure!(
-                matches!(speckle.polarisations, 1 | 2),
-                "speckle.polarisations is {}: light has 1 (metal, gloss) or 2 (paper, wood)",
-                speckle.polarisations
             );
             let (side, name) = match self.optics.aperture {
                 Aperture::Slit { height, .. } => (height, "slit.height"),
@@ -142,26 +144,6 @@ impl Scene {
                 side <= SPECKLE_APERTURE,
                 "optics.aperture.{name} is {side} m: with [speckle] it must be {SPECKLE_APERTURE} m or less, \
                  beyond which the field of the surface's lattice repeats"
-            );
-        }
-        if let Some(reflectivity) = &self.reflectivity {
-            ensure!(
-                reflectivity.darkest > 0.0 && reflectivity.darkest <= 1.0,
-                "reflectivity.darkest is {}: the darkest target's light over the brightest's is above 0 and \
-                 at most 1",
-                reflectivity.darkest
-            );
-            ensure!(
-                reflectivity.steps > 0,
-                "reflectivity.steps is 0: from the darkest to the brightest there is at least one step"
-            );
-        }
-        if let Some(noise) = &self.shot_noise {
-            ensure!(
-                noise.electrons_per_count > 1.0 && noise.electrons_per_count.is_finite(),
-                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond \
-                 what the core can be told of; more than 1 are needed",
-                noise.electrons_per_count
             );
         }
         Ok(())
@@ -180,80 +162,150 @@ impl Scene {
     }
 }
 
-/// Checks the numbers of the effects that a scene lists: each by its rule, with its unit.
-macro_rules! check_numbers {
-    ($scene:ident, $($effect:ident.$number:ident: $rule:expr, $unit:literal;)+) => {
-        $(if let Some(effect) = &$scene.$effect
-            && let Some(number) = effect.$number.into()
-        {
-            $rule(concat!(stringify!($effect), ".", stringify!($number)), number, $unit)?;
-        })+
-    };
+/// The values that a number of a scene may have. `Display` says which.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// All.
+    Any,
+    /// This and more.
+    AtLeast(f64),
+    /// More than this.
+    Above(f64),
+    /// From 0 to 1.
+    Share,
+    /// Above 0, at most 1.
+    PositiveShare,
+    /// Whole numbers from the first to the second.
+    Whole(u32, u32),
 }
 
-impl Scene {
-    fn check_numbers(&self) -> Result<()> {
-        check_numbers! { self,
-            spot.width: above_zero, "pixels";
-            spot.counts_per_second: not_negative, "counts/s";
-            laser_spot.waist: at_least(10e-6), "m";
-            laser_spot.waist_distance: finite, "m";
-            laser_spot.wander: finite, "m/m";
-            speckle.linewidth: not_negative, "m";
-            speckle.path_spread: not_negative, "m";
-            texture.contrast: not_negative, "of the mean";
-            texture.length: at_least(1e-6), "m";
-            specular_lobe.strength: not_negative, "of the surface's";
-            specular_lobe.width: above_zero, "radians";
-            specular_lobe.tilt: finite, "radians";
-            reflectivity.seconds: above_zero, "s";
-            second_reflection.offset: finite, "pixels";
-            second_reflection.width: above_zero, "pixels";
-            second_reflection.strength: not_negative, "of the spot's";
-            motion.speed: finite, "m/s";
-            temperature.kelvin_per_second: finite, "K/s";
-            temperature.expansion: finite, "/K";
-            defocus.focus_distance: above_zero, "m";
-            coma.waves: finite, "waves";
-            coma.field: above_zero, "m";
-            distortion.share: finite, "of the distance";
-            distortion.field: above_zero, "m";
-            flare.magnification: finite, "times";
-            flare.width: above_zero, "pixels";
-            flare.strength: not_negative, "of the spot's";
-            flare.veil: not_negative, "of the spot's";
-            ambient.counts_per_second: not_negative, "counts/s";
-            ambient.slope: finite, "counts/s a pixel";
-            mains_light.counts_per_second: not_negative, "counts/s";
-            mains_light.slope: finite, "counts/s a pixel";
-            mains_light.modulation: share, "";
-            mains_light.frequency: above_zero, "Hz";
-            mains_light.phase: finite, "radians";
-            response.deviation: not_negative, "of the mean";
-            lag.counts: above_zero, "counts";
-            lag.share: share, "";
-            hot_pixels.share: share, "";
-            hot_pixels.counts_per_second: not_negative, "counts/s";
-            saturation.full_well: above_zero, "counts";
-            saturation.blooming: share, "";
-            black_level.counts: finite, "counts";
-            black_level.drift: finite, "counts/s";
-            fixed_pattern.counts: not_negative, "counts";
-            settling.time_constant: above_zero, "s";
-            front_end.gain: above_zero, "times";
-            front_end.offset: finite, "counts";
-            front_end.saturation: above_zero, "counts";
-            read_noise.counts: not_negative, "counts";
-            quantisation.step: at_least(0.01), "counts";
-        }
+use Range::{Above, Any, AtLeast, PositiveShare, Share, Whole};
+
+impl Range {
+    /// Whether a value is within. Infinity and NaN never are.
+    pub fn contains(self, value: f64) -> bool {
+        value.is_finite()
+            && match self {
+                Any => true,
+                AtLeast(least) => value >= least,
+                Above(least) => value > least,
+                Share => (0.0..=1.0).contains(&value),
+                PositiveShare => value > 0.0 && value <= 1.0,
+                Whole(least, most) => (f64::from(least)..=f64::from(most)).contains(&value),
+            }
+    }
+
+    fn check(self, name: &str, value: f64, unit: &str) -> Result<()> {
+        let is_within = self.contains(value);
+        ensure!(is_within, "{name} is {value} {unit}: it must be {self}");
         Ok(())
     }
 }
 
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Any => write!(f, "a number"),
+            AtLeast(least) => write!(f, "{least} or more"),
+            Above(least) => write!(f, "above {least}"),
+            Share => write!(f, "0 to 1"),
+            PositiveShare => write!(f, "above 0, at most 1"),
+            Whole(least, most) => write!(f, "a whole number from {least} to {most}"),
+        }
+    }
+}
+
+/// A parameter of an effect: what a scene's file may say of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// The name of the effect.
+    pub effect: &'static str,
+    /// Its own name.
+    pub name: &'static str,
+    /// The values that [`Scene::check`] accepts.
+    pub range: Range,
+    /// The unit of the value, or what it is a share of.
+    pub unit: &'static str,
+    /// The value in a scene; `None` where the scene does not say it.
+    value: fn(&Scene) -> Option<f64>,
+}
+
+macro_rules! parameters {
+    ($($effect:ident.$name:ident $(as $type:ty)?: $range:expr, $unit:literal;)+) => {
+        /// The parameters that are numbers, of all effects.
+        pub const PARAMETERS: &[Parameter] = &[$(Parameter {
+            effect: stringify!($effect),
+            name: stringify!($name),
+            range: $range,
+            unit: $unit,
+            value: |scene| scene.$effect.and_then(|it| (it.$name $(as $type)?).into()),
+        },)+];
+    };
+}
+
+parameters! {
+    spot.width: Above(0.0), "pixels";
+    spot.counts_per_second: AtLeast(0.0), "counts/s";
+    laser_spot.waist: AtLeast(10e-6), "m";
+    laser_spot.waist_distance: Any, "m";
+    laser_spot.wander: Any, "m/m";
+    speckle.polarisations as f64: Whole(1, 2), "(1: metal, gloss; 2: paper, wood)";
+    speckle.linewidth: AtLeast(0.0), "m";
+    speckle.path_spread: AtLeast(0.0), "m";
+    texture.contrast: AtLeast(0.0), "of the mean";
+    texture.length: AtLeast(1e-6), "m";
+    specular_lobe.strength: AtLeast(0.0), "of the surface's";
+    specular_lobe.width: Above(0.0), "radians";
+    specular_lobe.tilt: Any, "radians";
+    reflectivity.darkest: PositiveShare, "of the brightest";
+    reflectivity.steps as f64: Whole(1, u32::MAX), "steps";
+    reflectivity.seconds: Above(0.0), "s";
+    second_reflection.offset: Any, "pixels";
+    second_reflection.width: Above(0.0), "pixels";
+    second_reflection.strength: AtLeast(0.0), "of the spot's";
+    motion.speed: Any, "m/s";
+    temperature.kelvin_per_second: Any, "K/s";
+    temperature.expansion: Any, "/K";
+    defocus.focus_distance: Above(0.0), "m";
+    coma.waves: Any, "waves";
+    coma.field: Above(0.0), "m";
+    distortion.share: Any, "of the distance";
+    distortion.field: Above(0.0), "m";
+    flare.magnification: Any, "times";
+    flare.width: Above(0.0), "pixels";
+    flare.strength: AtLeast(0.0), "of the spot's";
+    flare.veil: AtLeast(0.0), "of the spot's";
+    ambient.counts_per_second: AtLeast(0.0), "counts/s";
+    ambient.slope: Any, "counts/s a pixel";
+    mains_light.counts_per_second: AtLeast(0.0), "counts/s";
+    mains_light.slope: Any, "counts/s a pixel";
+    mains_light.modulation: Share, "of the mean";
+    mains_light.frequency: Above(0.0), "Hz";
+    mains_light.phase: Any, "radians";
+    response.deviation: AtLeast(0.0), "of the mean";
+    lag.counts: Above(0.0), "counts";
+    lag.share: Share, "of the charge";
+    hot_pixels.share: Share, "of the pixels";
+    hot_pixels.counts_per_second: AtLeast(0.0), "counts/s";
+    // The core cannot be told of a converter that counts single electrons.
+    shot_noise.electrons_per_count: Above(1.0), "electrons";
+    saturation.full_well: Above(0.0), "counts";
+    saturation.blooming: Share, "of the charge";
+    black_level.counts: Any, "counts";
+    black_level.drift: Any, "counts/s";
+    fixed_pattern.counts: AtLeast(0.0), "counts";
+    settling.time_constant: Above(0.0), "s";
+    front_end.gain: Above(0.0), "times";
+    front_end.offset: Any, "counts";
+    front_end.saturation: Above(0.0), "counts";
+    read_noise.counts: AtLeast(0.0), "counts";
+    quantisation.step: AtLeast(0.01), "counts";
+}
+
 fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
-    finite("optics.offset", optics.offset, "m")?;
-    above_zero("optics.baseline", optics.baseline, "m")?;
-    at_least(1e-3)("optics.focal_length", optics.focal_length, "m")?;
+    Any.check("optics.offset", optics.offset, "m")?;
+    Above(0.0).check("optics.baseline", optics.baseline, "m")?;
+    AtLeast(1e-3).check("optics.focal_length", optics.focal_length, "m")?;
     ensure!(
         optics.angle > 0.0 && optics.angle < FRAC_PI_2,
         "optics.angle is {} radians: it is the optical axis's to the casing, between 0 and pi/2",
@@ -265,47 +317,94 @@ fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
         "optics.pitch is {} m, and the pixels of the scene's sensor are {pitch} m apart: write that",
         optics.pitch
     );
-    finite("optics.axis", optics.axis, "pixels")?;
-    above_zero("optics.wavelength", optics.wavelength, "m")?;
+    Any.check("optics.axis", optics.axis, "pixels")?;
+    Above(0.0).check("optics.wavelength", optics.wavelength, "m")?;
     match optics.aperture {
         Aperture::Slit { width, height } => {
-            above_zero("optics.aperture.slit.width", width, "m")?;
-            above_zero("optics.aperture.slit.height", height, "m")
+            Above(0.0).check("optics.aperture.slit.width", width, "m")?;
+            Above(0.0).check("optics.aperture.slit.height", height, "m")
         }
-        Aperture::Lens { diameter } => above_zero("optics.aperture.lens.diameter", diameter, "m"),
+        Aperture::Lens { diameter } => {
+            Above(0.0).check("optics.aperture.lens.diameter", diameter, "m")
+        }
     }
 }
 
-/// An error that says what a number must be, where it is not.
-fn rule(holds: bool, name: &str, value: f64, unit: &str, must: &str) -> Result<()> {
-    ensure!(holds, "{name} is {value} {unit}: {must}");
-    Ok(())
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn finite(name: &str, value: f64, unit: &str) -> Result<()> {
-    rule(value.is_finite(), name, value, unit, "give it a number")
-}
-
-fn not_negative(name: &str, value: f64, unit: &str) -> Result<()> {
-    finite(name, value, unit)?;
-    rule(value >= 0.0, name, value, unit, "it cannot be below 0")
-}
-
-fn above_zero(name: &str, value: f64, unit: &str) -> Result<()> {
-    finite(name, value, unit)?;
-    rule(value > 0.0, name, value, unit, "it must be above 0")
-}
-
-fn at_least(least: f64) -> impl Fn(&str, f64, &str) -> Result<()> {
-    move |name, value, unit| {
-        finite(name, value, unit)?;
-        let must = format!("it must be {least} {unit} or more");
-        rule(value >= least, name, value, unit, &must)
+    /// A scene behind a lens that has all parameters, each with the value that a function gives.
+    fn scene_with(value: impl Fn(&Parameter) -> f64) -> Result<Scene> {
+        let mut scene = Scene::white_paper();
+        scene.optics.aperture = Aperture::PAPER_LENS;
+        let mut table = toml::Table::try_from(&scene)?;
+        for it in PARAMETERS {
+            let effect = table.entry(it.effect).or_insert(toml::Table::new().into());
+            let value = match it.range {
+                Whole(..) => toml::Value::Integer(value(it) as i64),
+                _ => toml::Value::Float(value(it)),
+            };
+            let effect = effect.as_table_mut().context("a table")?;
+            effect.insert(it.name.to_owned(), value);
+        }
+        Scene::from_toml(&table.to_string())
     }
-}
 
-fn share(name: &str, value: f64, _: &str) -> Result<()> {
-    let is_share = (0.0..=1.0).contains(&value);
-    ensure!(is_share, "{name} is {value}: it is a share, from 0 to 1");
-    Ok(())
+    /// A time constant of 0.25 s is among the values.
+    #[test]
+    fn each_parameter_is_listed_and_accepts_the_values_of_its_range() {
+        let plain = |it: &Parameter| match it.range {
+            Above(least) => least + 0.25,
+            Whole(least, _) => f64::from(least),
+            _ => 0.25,
+        };
+        let scene = scene_with(plain).expect("a scene");
+        let table = toml::Table::try_from(&scene).expect("a table");
+        for effect in Effect::ALL.map(Effect::name).into_iter().chain(["spot"]) {
+            let parameters = table.get(effect).and_then(toml::Value::as_table);
+            let listed = PARAMETERS.iter().filter(|it| it.effect == effect).count();
+            assert_eq!(parameters.map_or(0, toml::Table::len), listed, "{effect}");
+        }
+        for tried in PARAMETERS {
+            for value in [
+                -1.0,
+                0.0,
+                1e-6,
+                0.9e-5,
+                0.25,
+                1.0,
+                1.5,
+                2.0,
+                3.0,
+                1e9,
+                f64::NAN,
+                f64::INFINITY,
+            ] {
+                let is_number_of_type = match tried.range {
+                    Whole(..) => value >= 0.0 && value.fract() == 0.0 && value < 256.0,
+                    _ => true,
+                };
+                if !is_number_of_type {
+                    continue;
+                }
+                let is_tried = |it: &Parameter| (it.effect, it.name) == (tried.effect, tried.name);
+                let found = scene_with(|it| if is_tried(it) { value } else { plain(it) });
+                let (effect, name, range) = (tried.effect, tried.name, tried.range);
+                println!("{effect}.{name} = {value}: {:?}", found.as_ref().err());
+                assert_eq!(
+                    found.is_ok(),
+                    range.contains(value),
+                    "{effect}.{name} = {value}"
+                );
+                if let Err(error) = found {
+                    let words = format!(
+                        "{effect}.{name} is {value} {}: it must be {range}",
+                        tried.unit
+                    );
+                    assert_eq!(format!("{error:#}"), words);
+                }
+            }
+        }
+    }
 }

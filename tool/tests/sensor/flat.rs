@@ -1,8 +1,12 @@
 //! `slitrange head flat` takes a map of the pixels and saves it.
 
+use simulator::scene::Scene;
+use slitrange::row::Polarity;
+use statistics::rms;
+
 use crate::command::{begins, done, refused, says};
 
-use super::stand_in::{StandIn, Trouble};
+use super::stand_in::{SimulatedHead, StandIn, Trouble};
 
 #[test]
 fn a_person_darkens_and_lights_the_sensor() {
@@ -10,8 +14,9 @@ fn a_person_darkens_and_lights_the_sensor() {
     let output = done(sensor.type_in("head flat --port PORT", "\n\n"));
     let lines = [
         "sensor TCD1304DG at ",
+        "the laser is off until",
         "cover the sensor",
-        "remove the slit",
+        "take the slit off",
         "flat dark 300.0 counts",
         "flat lit 2300.0 counts response 0.052 % offset 0.26 counts outside 2",
         "flat on",
@@ -19,7 +24,46 @@ fn a_person_darkens_and_lights_the_sensor() {
     ];
     says(&output, lines);
     assert!(sensor.state().has_saved_map);
-    assert!(sensor.state().settings().stream, "the stream is put back");
+    let settings = sensor.state().settings();
+    assert!(settings.stream && settings.laser, "they are put back");
+}
+
+/// The map of a head that sees `scenes/even-light.toml` has the response and the offset of its pixels. 256
+/// rows of 2000 counts, with 10 electrons a count and 4 counts of read noise, leave 0.046 % of a response.
+/// The mean over 1025 pixels that differ by 2 % leaves 0.062 %, which may be twice as large, as the row has
+/// three such means. Of an offset, 4 counts over the root of 256 rows are left, and the rounding to 1/16.
+#[test]
+fn the_map_has_the_pixels_of_the_scene_in_even_light() {
+    let scene = Scene::load("even-light").expect("a scene");
+    let sensor = StandIn::new(4);
+    sensor.state().light = Some(SimulatedHead::new(scene.clone(), Polarity::Falling));
+    sensor.state().type_line("laser off");
+    done(sensor.type_in("head flat --port PORT", "\n\n"));
+    assert!(!sensor.state().settings().laser, "it was off before");
+    let geometry = scene.sensor.geometry();
+    let (seed, pixels) = (scene.seed, geometry.light.len());
+    let factors = scene.response.expect("a response").factors(seed, 0, pixels);
+    let pattern = scene.fixed_pattern.expect("a pattern");
+    let offsets = pattern
+        .offsets(seed, 0, geometry.words)
+        .split_off(geometry.light.start);
+    let mean = statistics::mean(offsets[..pixels].iter().map(|&it| f64::from(it)));
+    let state = sensor.state();
+    let map = state.flat.map().expect("a map");
+    // At the ends, fewer neighbours make the mean.
+    let entries = map.entries().iter().zip(factors.iter().zip(offsets));
+    let inner: Vec<_> = entries.skip(512).take(pixels - 1024).collect();
+    let response = rms(inner.iter().map(|(entry, (factor, _))| {
+        (1.0 + f64::from(entry.gain_q15()) / 32768.0) * f64::from(**factor) - 1.0
+    }));
+    let offset = rms(inner.iter().map(|(entry, (_, offset))| {
+        f64::from(entry.offset_q4()) / 16.0 - (f64::from(*offset) - mean)
+    }));
+    println!(
+        "off by {:.4} % and {offset:.3} counts, RMS",
+        100.0 * response
+    );
+    assert!(response < 0.046e-2f64.hypot(2.0 * 0.062e-2) && offset < 0.27);
 }
 
 #[test]
@@ -34,6 +78,10 @@ fn wrong_light_is_asked_for_again() {
     assert!(!sensor.state().has_saved_map);
     // Nobody is there.
     begins(&refused(flat("\n")), "nobody pressed Enter");
+    assert!(sensor.state().settings().laser);
+    sensor.state().trouble.interrupted = true;
+    begins(&refused(flat("")), "stopped by Ctrl-C");
+    assert!(sensor.state().settings().laser);
 }
 
 #[test]

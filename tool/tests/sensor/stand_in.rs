@@ -26,7 +26,7 @@ use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::row::Polarity;
 use slitrange::row::pixels::PixelErrors;
-use slitrange::row::pixels::flat_field::{Kind, TakeError, Taken};
+use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::pixels::map::MapSummary;
 use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange_device::protocol::command::{Command, parse};
@@ -146,6 +146,8 @@ pub struct State {
     pub spot_height: f64,
     /// A simulated sensor head. If there is one, the rows come from it, and `spot_height` has no effect.
     pub light: Option<SimulatedHead>,
+    /// The map of the simulated sensor head.
+    pub flat: Box<FlatField>,
     /// The tool is dead: nothing that its destructors do has any effect.
     killed: bool,
     stage: PathBuf,
@@ -348,14 +350,17 @@ impl State {
         let works = !self.trouble.broken_flash;
         let result = works.then_some(()).ok_or(StoreError::Flash);
         Some(match job {
-            Job::Take(kind) if self.trouble.wrong_light > 0 => {
-                self.trouble.wrong_light -= 1;
+            Job::Take(kind) if self.trouble.wrong_light > 0 || self.settings().laser => {
+                self.trouble.wrong_light = self.trouble.wrong_light.saturating_sub(1);
                 let (pixel, above) = (1760, 900);
                 let error = match kind {
                     Kind::Dark => TakeError::SpotInTheDark { pixel, above },
                     Kind::Lit => TakeError::Saturated { pixels: 3648 },
                 };
                 Outcome::Taken(kind, Err(error))
+            }
+            Job::Take(kind) if self.sees_even_light() => {
+                Outcome::Taken(kind, self.take_simulated_rows(kind))
             }
             Job::Take(kind) => {
                 let is_lit = kind == Kind::Lit;
@@ -373,6 +378,30 @@ impl State {
             Job::Load => Outcome::Loaded(Ok(StoredMap::Newest), Some(MAP)),
             Job::Use(_) => return None,
         })
+    }
+}
+
+impl State {
+    fn sees_even_light(&self) -> bool {
+        (self.light.as_ref()).is_some_and(|it| it.simulation.scene().spot.is_none())
+    }
+
+    /// As the firmware does. The head is covered while dark rows are taken.
+    fn take_simulated_rows(&mut self, kind: Kind) -> Result<Taken, TakeError> {
+        let geometry = self.session.geometry();
+        let lit = self.light.as_mut().expect("a head");
+        let mut covered = SimulatedHead::new(lit.simulation.scene().covered(), lit.polarity);
+        let head = if kind == Kind::Dark {
+            &mut covered
+        } else {
+            lit
+        };
+        self.flat.begin(kind, geometry)?;
+        loop {
+            if let Some(taken) = self.flat.add(&head.words(None), geometry) {
+                return taken;
+            }
+        }
     }
 }
 
@@ -421,6 +450,7 @@ impl StandIn {
             has_saved_map: false,
             spot_height: 2000.0,
             light: None,
+            flat: Box::new(FlatField::new()),
             killed: false,
             stage: directory.path().join("stage"),
             seen_mm: None,

@@ -1,7 +1,8 @@
 //! A scene in words.
 
 use simulator::optics::Aperture;
-use simulator::scene::{Scene, Sensor};
+use simulator::scene::file::PARAMETERS;
+use simulator::scene::{Diffraction, Effect, Scene, Sensor};
 
 use crate::budget::{Budget, Errors};
 use crate::programs::scene::timing::{Difference, Timing};
@@ -34,6 +35,9 @@ pub fn of(name: &str, scene: &Scene, budget: &Budget, timing: &Timing) -> String
         lines.push(line(&name, without.errors.as_ref(), share, times));
     }
     text += &table::text(&lines);
+    if text.contains(NOISE) {
+        text += "noise: what the effect costs is less than the timing can tell\n";
+    }
     for (name, count) in &budget.whole.faults {
         text += &format!("{count} of {} {reading}: {name}\n", budget.whole.readings);
     }
@@ -61,6 +65,30 @@ pub fn setting(scene: &Scene) -> String {
         optics.metres_per_pixel(optics.centre(scene.distance)) * 1e6,
         scene.exposure * 1e3
     )
+}
+
+/// The parameters of every effect as a Markdown table, as the reader of scenes declares them.
+pub fn effects() -> anyhow::Result<String> {
+    let patterns = [Diffraction::Fraunhofer, Diffraction::Fresnel];
+    let patterns = patterns.map(|it| serde_json::to_string(&it).map(|word| format!("`{word}`")));
+    let patterns = patterns.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let rows = ["spot"].into_iter().chain(Effect::ALL.map(Effect::name));
+    let rows = rows.map(|effect| {
+        let of_effect = PARAMETERS.iter().filter(|it| it.effect == effect);
+        let parameters: Vec<String> = of_effect
+            .map(|it| format!("`{}`: {}, {}", it.name, it.unit, it.range))
+            .collect();
+        let parameters = match effect {
+            "diffraction" => patterns.join(" or "),
+            _ if parameters.is_empty() => "none".to_owned(),
+            _ => parameters.join("; "),
+        };
+        format!("| `{effect}` | {parameters} |\n")
+    });
+    let rows: String = rows.collect();
+    Ok(format!(
+        "| effect | parameters: unit, range |\n|---|---|\n{rows}"
+    ))
 }
 
 /// Of a table: name, errors in four columns, faults, share, times of a row and of the first.
@@ -104,12 +132,17 @@ fn line(
     ]
 }
 
-/// A difference of times, unless it is lost in the scatter of the repetitions.
+/// How a difference of times is printed if the noise of the timing hides it.
+const NOISE: &str = "noise of ";
+
+/// How much longer a row takes with an effect. One that takes light away may save time.
 fn longer(time: Difference) -> String {
-    if time.nanoseconds.abs() < 3.0 * time.uncertainty {
-        return format!("0 ± {}", duration(time.uncertainty));
+    let least = 3.0 * time.uncertainty;
+    match time.nanoseconds {
+        it if it.abs() < least => format!("{NOISE}{}", duration(least)),
+        it if it < 0.0 => format!("saves {}", duration(-it)),
+        it => duration(it),
     }
-    duration(time.nanoseconds)
 }
 
 /// Three digits.
@@ -140,6 +173,16 @@ mod tests {
             nanoseconds: 29.0,
             uncertainty: 10.0,
         };
-        assert_eq!(longer(lost), "0 ± 10.0 ns");
+        let of = |nanoseconds| {
+            longer(Difference {
+                nanoseconds,
+                ..lost
+            })
+        };
+        let all = [-29.0, 29.0, 31.0, -7800.0].map(of).join(", ");
+        assert_eq!(
+            all,
+            "noise of 30.0 ns, noise of 30.0 ns, 31.0 ns, saves 7.80 us"
+        );
     }
 }
