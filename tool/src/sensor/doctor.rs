@@ -407,14 +407,14 @@ fn ask(session: &mut Session<'_>, command: Command, last: &[&str]) -> Result<Vec
 }
 
 /// A row with the laser on, or off. A change takes effect some rows later.
-pub fn ask_row_with(session: &mut Session<'_>, laser: bool, part: RowPart) -> Result<RowAnswer> {
+fn ask_row_with(session: &mut Session<'_>, laser: bool) -> Result<RowAnswer> {
     session.borrow(Value::Laser(laser))?;
-    let mut row = ask_row(session, part)?;
+    let mut row = ask_row(session, RowPart::Whole)?;
     for _ in 0..3 {
         if (row.exposure != RowExposure::Off) == laser {
             break;
         }
-        row = ask_row(session, part)?;
+        row = ask_row(session, RowPart::Whole)?;
     }
     Ok(row)
 }
@@ -437,9 +437,9 @@ fn listen(session: &mut Session<'_>) -> Result<Said> {
         true => None,
         false => {
             session.borrow(Value::Ambient(AmbientMode::Off))?;
-            let dark = ask_row_with(session, false, RowPart::Whole)?;
+            let dark = ask_row_with(session, false)?;
             session.borrow(found.get(Setting::Ambient))?;
-            let lit = ask_row_with(session, true, RowPart::Whole)?;
+            let lit = ask_row_with(session, true)?;
             session.borrow(Value::Ambient(AmbientMode::Off))?;
             let windows = (0..12).map(|_| ask_row(session, RowPart::Window));
             let windows = windows.collect::<Result<_>>()?;

@@ -1,19 +1,21 @@
 //! A map of the pixels that differ, taken with a person who covers and lights the sensor.
 
 use std::io::{BufRead, Write};
+use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::flat::Flat;
-use slitrange_device::protocol::row_lines::RowPart;
-use slitrange_device::settings::Setting;
+use slitrange_device::settings::{Setting, Value};
 
 use super::answers;
-use super::doctor;
 use super::line::{FRAME, LineError, SAVE};
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
+
+/// In this time the sensor reads the rows that were lit before the laser went off: less than ten, of 5.7 ms.
+const UNDER_WAY: Duration = Duration::from_millis(100);
 
 /// Take a map of the pixels that differ, use it and save it
 ///
@@ -59,9 +61,8 @@ pub fn flat(
     pc.interrupted();
     let mut session = options.port.open(pc)?;
     writeln!(output, "sensor {} at {}", session.head(), session.port())?;
-    // Rows that come after a row without the laser have none either.
-    let part = RowPart::Range { first: 0, last: 0 };
-    doctor::ask_row_with(&mut session, false, part)?;
+    session.borrow(Value::Laser(false))?;
+    pc.sleep(UNDER_WAY);
     writeln!(output, "the laser is off until this command ends")?;
     for (kind, only, what_to_do) in [
         (

@@ -396,9 +396,9 @@ impl State {
         } else {
             lit
         };
-        self.flat.begin(kind, geometry)?;
+        self.flat.begin(kind, &geometry)?;
         loop {
-            if let Some(taken) = self.flat.add(&head.words(None), geometry) {
+            if let Some(taken) = self.flat.add(&mut head.words(None), &geometry) {
                 return taken;
             }
         }
