@@ -968,7 +968,7 @@ gain = 0.8 => gain = 0.0 => front_end.gain is 0 times: it must be above 0
 offset = 20.0, saturation = 900.0 => saturation = -1.0 => front_end.saturation is -1 counts: it must be above 0
 step = 4.0 => step = 0.0 => quantisation.step is 0 counts
 |laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 } =>  => add [laser_spot]
-polarisations = 2 => polarisations = 3 => speckle.polarisations is 3 (1: metal, gloss; 2: paper, wood): it must be a whole
+polarisations = 2 => polarisations = 3 => speckle.polarisations is 3 (1: metal, gloss; 2: paper, wood): it must be 1 to 2
 waist = 0.42e-3 => waist = 9e-6 => laser_spot.waist is 0.000009 m: it must be 0.00001
 length = 0.5e-3 => length = 0.9e-6 => texture.length is 0.0000009 m
 focal_length = 0.05 => focal_length = 0.9e-3 => optics.focal_length is 0.0009 m
@@ -1006,7 +1006,7 @@ fn meaningless_scenes_are_refused() {
     let (width, height) = (200e-6, 4.3e-3);
     scene.optics.aperture = Aperture::Slit { width, height };
     refused(&scene, "optics.aperture.slit.height is 0.0043 m");
-    let words = "sensor.row is 65537 pixels: it must be 65536 or fewer";
+    let words = "sensor.row is 65537 pixels: it must be 1 to 65536";
     refused(&Scene::dark(Sensor::Row(65_537)), words);
     use Effect::{Coma, Defocus, Distortion, Flare};
     for effect in [Defocus, Coma, Distortion, Flare] {

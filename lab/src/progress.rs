@@ -21,38 +21,14 @@ pub fn bar(length: u64, template: &str) -> anyhow::Result<ProgressBar> {
         thread::spawn(move || {
             loop {
                 thread::sleep(PERIOD);
-                match weak.upgrade() {
-                    Some(bar) if !bar.is_finished() => eprintln!("{}", line(&bar)),
-                    _ => return,
-                }
+                let Some(bar) = weak.upgrade().filter(|it| !it.is_finished()) else {
+                    return;
+                };
+                let (done, all) = (bar.position(), bar.length().unwrap_or(0));
+                let (name, time) = (bar.message(), bar.elapsed());
+                eprintln!("{name} {done} of {all} after {time:.0?}");
             }
         });
     }
     Ok(bar)
-}
-
-fn line(bar: &ProgressBar) -> String {
-    let (done, all, seconds) = (
-        bar.position(),
-        bar.length().unwrap_or(0),
-        bar.elapsed().as_secs(),
-    );
-    format!("{} {done} of {all} after {seconds} s", bar.message())
-        .trim_start()
-        .to_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_line_says_how_far_a_run_is() {
-        let bar = ProgressBar::hidden();
-        bar.set_length(9);
-        bar.inc(4);
-        assert_eq!(line(&bar), "4 of 9 after 0 s");
-        bar.set_message("paper, comb:");
-        assert_eq!(line(&bar), "paper, comb: 4 of 9 after 0 s");
-    }
 }

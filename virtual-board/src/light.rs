@@ -275,4 +275,19 @@ mod tests {
         }
         assert!((mean(23, 3).expect("three rows") - after(1.0)).abs() < 1e-12);
     }
+
+    /// A cover leaves the black level of 300 counts. Pixels differ by 2 % of 2000 counts and by 5 counts, so
+    /// their mean is off by less than a count.
+    #[test]
+    fn a_cover_keeps_the_light_from_the_sensor() {
+        let target = Target::at(0.8);
+        let mut light = of_scene(Scene::load("even-light").expect("a scene"), target.clone());
+        for (is_covered, counts) in [(false, 2300.7), (true, 300.0), (false, 2300.7)] {
+            target.cover(is_covered);
+            let row = light(&exposure(0));
+            let mean = statistics::mean(row[LIGHT].iter().map(|&it| f64::from(it)));
+            println!("covered {is_covered}: {mean:.1} counts");
+            assert!((mean - counts).abs() < 3.0);
+        }
+    }
 }

@@ -58,12 +58,7 @@ const EFFECTS: &str = "cargo scene --effects";
 
 pub fn main(options: &Options) -> Result<()> {
     if options.effects {
-        return docs::print_or_write(
-            EFFECTS,
-            options.write,
-            PAGE,
-            &[(EFFECTS, words::effects()?)],
-        );
+        return docs::print_or_write(EFFECTS, options.write, PAGE, &[(EFFECTS, words::effects())]);
     }
     if options.write {
         let folder = docs::path("docs/figures");
@@ -120,7 +115,7 @@ mod tests {
     #[test]
     fn the_page_has_the_parameters_that_scenes_accept() {
         let page = std::fs::read_to_string(docs::path(PAGE)).expect(PAGE);
-        let table = words::effects().expect("a table");
+        let table = words::effects();
         let due = docs::with_block(&page, EFFECTS, &table).expect("marks");
         assert!(page == due, "{PAGE} is old: run `{EFFECTS} --write`");
     }

@@ -1,7 +1,8 @@
 //! Scenes as TOML files.
 
 use std::f64::consts::FRAC_PI_2;
-use std::fmt;
+use std::ops::Bound::{self, Excluded, Included};
+use std::ops::RangeBounds as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
@@ -75,16 +76,12 @@ impl Scene {
     /// # Errors
     /// A value that means nothing, or an effect that has nothing to act on, and what to do about it.
     pub fn check(&self) -> Result<()> {
-        Above(0.0).check("distance", self.distance, "m")?;
-        Above(0.0).check("exposure", self.exposure, "s")?;
+        check("distance", self.distance, "m", above(0.0))?;
+        check("exposure", self.exposure, "s", above(0.0))?;
         if let Sensor::Row(pixels) = self.sensor {
             ensure!(
-                pixels > 0,
-                "sensor.row is 0 pixels: give the row a length, or name a sensor"
-            );
-            ensure!(
-                pixels <= LONGEST_ROW,
-                "sensor.row is {pixels} pixels: it must be {LONGEST_ROW} or fewer"
+                (1..=LONGEST_ROW).contains(&pixels),
+                "sensor.row is {pixels} pixels: it must be 1 to {LONGEST_ROW}, or name a sensor"
             );
         }
         check_optics(&self.optics, self.sensor)?;
@@ -96,7 +93,7 @@ impl Scene {
         for it in PARAMETERS {
             if let Some(value) = (it.value)(self) {
                 let name = format!("{}.{}", it.effect, it.name);
-                it.range.check(&name, value, it.unit)?;
+                check(&name, value, it.unit, it.range)?;
             }
         }
         Ok(())
@@ -107,7 +104,7 @@ impl Scene {
     /// # Errors
     /// It is behind the laser, or speckle's surface is not made for it.
     pub fn check_distance(&self, distance: f64) -> Result<()> {
-        Above(0.0).check("the target's distance", distance, "m")?;
+        check("the target's distance", distance, "m", above(0.0))?;
         if self.speckle.is_some() {
             let nearest = speckle::NEAREST.min(self.distance);
             let farthest = speckle::FARTHEST * self.distance;
@@ -162,57 +159,38 @@ impl Scene {
     }
 }
 
-/// The values that a number of a scene may have. `Display` says which.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Range {
-    /// All.
-    Any,
-    /// This and more.
-    AtLeast(f64),
-    /// More than this.
-    Above(f64),
-    /// From 0 to 1.
-    Share,
-    /// Above 0, at most 1.
-    PositiveShare,
-    /// Whole numbers from the first to the second.
-    Whole(u32, u32),
+/// The values that a number of a scene may have. Infinity and NaN are in no range.
+pub type Range = (Bound<f64>, Bound<f64>);
+
+const ANY: Range = (Excluded(f64::NEG_INFINITY), Excluded(f64::INFINITY));
+const SHARE: Range = (Included(0.0), Included(1.0));
+
+const fn at_least(least: f64) -> Range {
+    (Included(least), Excluded(f64::INFINITY))
 }
 
-use Range::{Above, Any, AtLeast, PositiveShare, Share, Whole};
+const fn above(least: f64) -> Range {
+    (Excluded(least), Excluded(f64::INFINITY))
+}
 
-impl Range {
-    /// Whether a value is within. Infinity and NaN never are.
-    pub fn contains(self, value: f64) -> bool {
-        value.is_finite()
-            && match self {
-                Any => true,
-                AtLeast(least) => value >= least,
-                Above(least) => value > least,
-                Share => (0.0..=1.0).contains(&value),
-                PositiveShare => value > 0.0 && value <= 1.0,
-                Whole(least, most) => (f64::from(least)..=f64::from(most)).contains(&value),
-            }
-    }
-
-    fn check(self, name: &str, value: f64, unit: &str) -> Result<()> {
-        let is_within = self.contains(value);
-        ensure!(is_within, "{name} is {value} {unit}: it must be {self}");
-        Ok(())
+/// A range in words.
+pub fn in_words(range: Range) -> String {
+    match range {
+        (Included(least), Included(most)) => format!("{least} to {most}"),
+        (Excluded(least), Included(most)) => format!("above {least}, at most {most}"),
+        (Included(least), _) => format!("{least} or more"),
+        (Excluded(least), _) if least.is_finite() => format!("above {least}"),
+        _ => "a number".to_owned(),
     }
 }
 
-impl fmt::Display for Range {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Any => write!(f, "a number"),
-            AtLeast(least) => write!(f, "{least} or more"),
-            Above(least) => write!(f, "above {least}"),
-            Share => write!(f, "0 to 1"),
-            PositiveShare => write!(f, "above 0, at most 1"),
-            Whole(least, most) => write!(f, "a whole number from {least} to {most}"),
-        }
-    }
+fn check(name: &str, value: f64, unit: &str, range: Range) -> Result<()> {
+    let must = in_words(range);
+    ensure!(
+        range.contains(&value),
+        "{name} is {value} {unit}: it must be {must}"
+    );
+    Ok(())
 }
 
 /// A parameter of an effect: what a scene's file may say of it.
@@ -244,68 +222,69 @@ macro_rules! parameters {
 }
 
 parameters! {
-    spot.width: Above(0.0), "pixels";
-    spot.counts_per_second: AtLeast(0.0), "counts/s";
-    laser_spot.waist: AtLeast(10e-6), "m";
-    laser_spot.waist_distance: Any, "m";
-    laser_spot.wander: Any, "m/m";
-    speckle.polarisations as f64: Whole(1, 2), "(1: metal, gloss; 2: paper, wood)";
-    speckle.linewidth: AtLeast(0.0), "m";
-    speckle.path_spread: AtLeast(0.0), "m";
-    texture.contrast: AtLeast(0.0), "of the mean";
-    texture.length: AtLeast(1e-6), "m";
-    specular_lobe.strength: AtLeast(0.0), "of the surface's";
-    specular_lobe.width: Above(0.0), "radians";
-    specular_lobe.tilt: Any, "radians";
-    reflectivity.darkest: PositiveShare, "of the brightest";
-    reflectivity.steps as f64: Whole(1, u32::MAX), "steps";
-    reflectivity.seconds: Above(0.0), "s";
-    second_reflection.offset: Any, "pixels";
-    second_reflection.width: Above(0.0), "pixels";
-    second_reflection.strength: AtLeast(0.0), "of the spot's";
-    motion.speed: Any, "m/s";
-    temperature.kelvin_per_second: Any, "K/s";
-    temperature.expansion: Any, "/K";
-    defocus.focus_distance: Above(0.0), "m";
-    coma.waves: Any, "waves";
-    coma.field: Above(0.0), "m";
-    distortion.share: Any, "of the distance";
-    distortion.field: Above(0.0), "m";
-    flare.magnification: Any, "times";
-    flare.width: Above(0.0), "pixels";
-    flare.strength: AtLeast(0.0), "of the spot's";
-    flare.veil: AtLeast(0.0), "of the spot's";
-    ambient.counts_per_second: AtLeast(0.0), "counts/s";
-    ambient.slope: Any, "counts/s a pixel";
-    mains_light.counts_per_second: AtLeast(0.0), "counts/s";
-    mains_light.slope: Any, "counts/s a pixel";
-    mains_light.modulation: Share, "of the mean";
-    mains_light.frequency: Above(0.0), "Hz";
-    mains_light.phase: Any, "radians";
-    response.deviation: AtLeast(0.0), "of the mean";
-    lag.counts: Above(0.0), "counts";
-    lag.share: Share, "of the charge";
-    hot_pixels.share: Share, "of the pixels";
-    hot_pixels.counts_per_second: AtLeast(0.0), "counts/s";
+    spot.width: above(0.0), "pixels";
+    spot.counts_per_second: at_least(0.0), "counts/s";
+    laser_spot.waist: at_least(10e-6), "m";
+    laser_spot.waist_distance: ANY, "m";
+    laser_spot.wander: ANY, "m/m";
+    speckle.polarisations as f64: (Included(1.0), Included(2.0)), "(1: metal, gloss; 2: paper, wood)";
+    speckle.linewidth: at_least(0.0), "m";
+    speckle.path_spread: at_least(0.0), "m";
+    texture.contrast: at_least(0.0), "of the mean";
+    texture.length: at_least(1e-6), "m";
+    specular_lobe.strength: at_least(0.0), "of the surface's";
+    specular_lobe.width: above(0.0), "radians";
+    specular_lobe.tilt: ANY, "radians";
+    reflectivity.darkest: (Excluded(0.0), Included(1.0)), "of the brightest";
+    reflectivity.steps as f64: at_least(1.0), "steps";
+    reflectivity.seconds: above(0.0), "s";
+    second_reflection.offset: ANY, "pixels";
+    second_reflection.width: above(0.0), "pixels";
+    second_reflection.strength: at_least(0.0), "of the spot's";
+    motion.speed: ANY, "m/s";
+    temperature.kelvin_per_second: ANY, "K/s";
+    temperature.expansion: ANY, "/K";
+    defocus.focus_distance: above(0.0), "m";
+    coma.waves: ANY, "waves";
+    coma.field: above(0.0), "m";
+    distortion.share: ANY, "of the distance";
+    distortion.field: above(0.0), "m";
+    flare.magnification: ANY, "times";
+    flare.width: above(0.0), "pixels";
+    flare.strength: at_least(0.0), "of the spot's";
+    flare.veil: at_least(0.0), "of the spot's";
+    ambient.counts_per_second: at_least(0.0), "counts/s";
+    ambient.slope: ANY, "counts/s a pixel";
+    mains_light.counts_per_second: at_least(0.0), "counts/s";
+    mains_light.slope: ANY, "counts/s a pixel";
+    mains_light.modulation: SHARE, "of the mean";
+    mains_light.frequency: above(0.0), "Hz";
+    mains_light.phase: ANY, "radians";
+    response.deviation: at_least(0.0), "of the mean";
+    lag.counts: above(0.0), "counts";
+    lag.share: SHARE, "of the charge";
+    hot_pixels.share: SHARE, "of the pixels";
+    hot_pixels.counts_per_second: at_least(0.0), "counts/s";
     // The core cannot be told of a converter that counts single electrons.
-    shot_noise.electrons_per_count: Above(1.0), "electrons";
-    saturation.full_well: Above(0.0), "counts";
-    saturation.blooming: Share, "of the charge";
-    black_level.counts: Any, "counts";
-    black_level.drift: Any, "counts/s";
-    fixed_pattern.counts: AtLeast(0.0), "counts";
-    settling.time_constant: Above(0.0), "s";
-    front_end.gain: Above(0.0), "times";
-    front_end.offset: Any, "counts";
-    front_end.saturation: Above(0.0), "counts";
-    read_noise.counts: AtLeast(0.0), "counts";
-    quantisation.step: AtLeast(0.01), "counts";
+    shot_noise.electrons_per_count: above(1.0), "electrons";
+    saturation.full_well: above(0.0), "counts";
+    saturation.blooming: SHARE, "of the charge";
+    black_level.counts: ANY, "counts";
+    black_level.drift: ANY, "counts/s";
+    fixed_pattern.counts: at_least(0.0), "counts";
+    settling.time_constant: above(0.0), "s";
+    front_end.gain: above(0.0), "times";
+    front_end.offset: ANY, "counts";
+    front_end.saturation: above(0.0), "counts";
+    read_noise.counts: at_least(0.0), "counts";
+    quantisation.step: at_least(0.01), "counts";
 }
 
 fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
-    Any.check("optics.offset", optics.offset, "m")?;
-    Above(0.0).check("optics.baseline", optics.baseline, "m")?;
-    AtLeast(1e-3).check("optics.focal_length", optics.focal_length, "m")?;
+    check("optics.offset", optics.offset, "m", ANY)?;
+    check("optics.baseline", optics.baseline, "m", above(0.0))?;
+    let focal_length = optics.focal_length;
+    check("optics.focal_length", focal_length, "m", at_least(1e-3))?;
     ensure!(
         optics.angle > 0.0 && optics.angle < FRAC_PI_2,
         "optics.angle is {} radians: it is the optical axis's to the casing, between 0 and pi/2",
@@ -317,15 +296,15 @@ fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
         "optics.pitch is {} m, and the pixels of the scene's sensor are {pitch} m apart: write that",
         optics.pitch
     );
-    Any.check("optics.axis", optics.axis, "pixels")?;
-    Above(0.0).check("optics.wavelength", optics.wavelength, "m")?;
+    check("optics.axis", optics.axis, "pixels", ANY)?;
+    check("optics.wavelength", optics.wavelength, "m", above(0.0))?;
     match optics.aperture {
         Aperture::Slit { width, height } => {
-            Above(0.0).check("optics.aperture.slit.width", width, "m")?;
-            Above(0.0).check("optics.aperture.slit.height", height, "m")
+            check("optics.aperture.slit.width", width, "m", above(0.0))?;
+            check("optics.aperture.slit.height", height, "m", above(0.0))
         }
         Aperture::Lens { diameter } => {
-            Above(0.0).check("optics.aperture.lens.diameter", diameter, "m")
+            check("optics.aperture.lens.diameter", diameter, "m", above(0.0))
         }
     }
 }
@@ -341,11 +320,11 @@ mod tests {
         let mut table = toml::Table::try_from(&scene)?;
         for it in PARAMETERS {
             let effect = table.entry(it.effect).or_insert(toml::Table::new().into());
-            let value = match it.range {
-                Whole(..) => toml::Value::Integer(value(it) as i64),
-                _ => toml::Value::Float(value(it)),
-            };
             let effect = effect.as_table_mut().context("a table")?;
+            let value = match value(it) {
+                whole if whole.fract() == 0.0 => toml::Value::Integer(whole as i64),
+                other => toml::Value::Float(other),
+            };
             effect.insert(it.name.to_owned(), value);
         }
         Scene::from_toml(&table.to_string())
@@ -354,56 +333,21 @@ mod tests {
     /// A time constant of 0.25 s is among the values.
     #[test]
     fn each_parameter_is_listed_and_accepts_the_values_of_its_range() {
-        let plain = |it: &Parameter| match it.range {
-            Above(least) => least + 0.25,
-            Whole(least, _) => f64::from(least),
-            _ => 0.25,
-        };
-        let scene = scene_with(plain).expect("a scene");
-        let table = toml::Table::try_from(&scene).expect("a table");
+        let plain = |it: &Parameter| if it.range.contains(&0.25) { 0.25 } else { 2.0 };
+        let table = toml::Table::try_from(scene_with(plain).expect("a scene")).expect("a table");
         for effect in Effect::ALL.map(Effect::name).into_iter().chain(["spot"]) {
             let parameters = table.get(effect).and_then(toml::Value::as_table);
             let listed = PARAMETERS.iter().filter(|it| it.effect == effect).count();
             assert_eq!(parameters.map_or(0, toml::Table::len), listed, "{effect}");
         }
         for tried in PARAMETERS {
-            for value in [
-                -1.0,
-                0.0,
-                1e-6,
-                0.9e-5,
-                0.25,
-                1.0,
-                1.5,
-                2.0,
-                3.0,
-                1e9,
-                f64::NAN,
-                f64::INFINITY,
-            ] {
-                let is_number_of_type = match tried.range {
-                    Whole(..) => value >= 0.0 && value.fract() == 0.0 && value < 256.0,
-                    _ => true,
-                };
-                if !is_number_of_type {
-                    continue;
-                }
-                let is_tried = |it: &Parameter| (it.effect, it.name) == (tried.effect, tried.name);
+            let (effect, name) = (tried.effect, tried.name);
+            for value in [-1.0, 0.0, 9e-6, 0.25, 1.0, 2.0, 3.0, 1e9, f64::NAN] {
+                let is_tried = |it: &Parameter| (it.effect, it.name) == (effect, name);
                 let found = scene_with(|it| if is_tried(it) { value } else { plain(it) });
-                let (effect, name, range) = (tried.effect, tried.name, tried.range);
                 println!("{effect}.{name} = {value}: {:?}", found.as_ref().err());
-                assert_eq!(
-                    found.is_ok(),
-                    range.contains(value),
-                    "{effect}.{name} = {value}"
-                );
-                if let Err(error) = found {
-                    let words = format!(
-                        "{effect}.{name} is {value} {}: it must be {range}",
-                        tried.unit
-                    );
-                    assert_eq!(format!("{error:#}"), words);
-                }
+                let is_within = tried.range.contains(&value);
+                assert_eq!(found.is_ok(), is_within, "{effect}.{name} = {value}");
             }
         }
     }

@@ -11,6 +11,7 @@ use slitrange_device::settings::{Setting, Value};
 use super::answers;
 use super::line::{FRAME, LineError, SAVE};
 use super::port::PortOption;
+use super::positions;
 use super::session::Session;
 use crate::pc::Pc;
 
@@ -90,10 +91,8 @@ pub fn flat(
     for line in session.map()? {
         writeln!(output, "{line}")?;
     }
-    ensure!(
-        !pc.interrupted(),
-        "stopped by Ctrl-C: the map is in use, but not saved"
-    );
+    let unsaved = "stopped by Ctrl-C: the map is in use, but not saved";
+    ensure!(!pc.interrupted(), unsaved);
     if options.no_save {
         writeln!(output, "not saved: the map is used until the power goes")?;
     } else {
@@ -117,15 +116,11 @@ fn take_with_person(
 ) -> Result<()> {
     loop {
         writeln!(output, "{what_to_do}\nThen press Enter.")?;
-        output.flush()?;
-        let mut typed = String::new();
-        let count = input.read_line(&mut typed)?;
+        let typed = positions::read(input, output)?;
+        let is_interrupted = session.line().pc().interrupted();
+        ensure!(!is_interrupted, "stopped by Ctrl-C: nothing was saved");
         ensure!(
-            !session.line().pc().interrupted(),
-            "stopped by Ctrl-C: nothing was saved"
-        );
-        ensure!(
-            count > 0,
+            typed.is_some(),
             "nobody pressed Enter: nothing was saved; for a script, take --only dark, then --only lit"
         );
         match take(session, kind) {

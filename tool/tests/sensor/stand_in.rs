@@ -25,9 +25,7 @@ use slitrange::frame::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::row::Polarity;
-use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
-use slitrange::row::pixels::map::MapSummary;
 use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
@@ -146,7 +144,7 @@ pub struct State {
     pub spot_height: f64,
     /// A simulated sensor head. If there is one, the rows come from it, and `spot_height` has no effect.
     pub light: Option<SimulatedHead>,
-    /// The map of the simulated sensor head.
+    /// The map of the pixels of `scenes/even-light.toml`.
     pub flat: Box<FlatField>,
     /// The tool is dead: nothing that its destructors do has any effect.
     killed: bool,
@@ -359,43 +357,32 @@ impl State {
                 };
                 Outcome::Taken(kind, Err(error))
             }
-            Job::Take(kind) if self.sees_even_light() => {
-                Outcome::Taken(kind, self.take_simulated_rows(kind))
-            }
-            Job::Take(kind) => {
-                let is_lit = kind == Kind::Lit;
-                let taken = Taken {
-                    mean: Counts::from_int(if is_lit { 2300 } else { 300 }),
-                    map: is_lit.then_some(MAP),
-                };
-                Outcome::Taken(kind, Ok(taken))
-            }
+            Job::Take(kind) => Outcome::Taken(kind, self.take_rows(kind)),
             Job::Save => {
                 self.has_saved_map |= works;
                 Outcome::Saved(result)
             }
             Job::Erase => Outcome::Erased(result),
-            Job::Load => Outcome::Loaded(Ok(StoredMap::Newest), Some(MAP)),
+            Job::Load => Outcome::Loaded(
+                Ok(StoredMap::Newest),
+                self.flat.map().map(|map| *map.summary()),
+            ),
             Job::Use(_) => return None,
         })
     }
 }
 
 impl State {
-    fn sees_even_light(&self) -> bool {
-        (self.light.as_ref()).is_some_and(|it| it.simulation.scene().spot.is_none())
-    }
-
-    /// As the firmware does. The head is covered while dark rows are taken.
-    fn take_simulated_rows(&mut self, kind: Kind) -> Result<Taken, TakeError> {
+    /// As the firmware does, with a person who covers the sensor for dark rows and lights it evenly for others.
+    fn take_rows(&mut self, kind: Kind) -> Result<Taken, TakeError> {
         let geometry = self.session.geometry();
-        let lit = self.light.as_mut().expect("a head");
-        let mut covered = SimulatedHead::new(lit.simulation.scene().covered(), lit.polarity);
-        let head = if kind == Kind::Dark {
-            &mut covered
+        let lit = Scene::load("even-light").expect("a scene");
+        let scene = if kind == Kind::Dark {
+            lit.covered()
         } else {
             lit
         };
+        let mut head = SimulatedHead::new(scene, geometry.polarity);
         self.flat.begin(kind, &geometry)?;
         loop {
             if let Some(taken) = self.flat.add(&mut head.words(None), &geometry) {
@@ -404,16 +391,6 @@ impl State {
         }
     }
 }
-
-/// What every map of the stand-in says.
-const MAP: MapSummary = MapSummary {
-    errors: PixelErrors {
-        response_q16: 34,
-        offset: Counts::from_bits(66),
-    },
-    pattern: Counts::from_int(5),
-    outside: 2,
-};
 
 fn new_session() -> Session {
     Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn)

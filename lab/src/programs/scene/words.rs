@@ -1,8 +1,8 @@
 //! A scene in words.
 
 use simulator::optics::Aperture;
-use simulator::scene::file::PARAMETERS;
-use simulator::scene::{Diffraction, Effect, Scene, Sensor};
+use simulator::scene::file::{PARAMETERS, in_words};
+use simulator::scene::{Effect, Scene, Sensor};
 
 use crate::budget::{Budget, Errors};
 use crate::programs::scene::timing::{Difference, Timing};
@@ -35,9 +35,6 @@ pub fn of(name: &str, scene: &Scene, budget: &Budget, timing: &Timing) -> String
         lines.push(line(&name, without.errors.as_ref(), share, times));
     }
     text += &table::text(&lines);
-    if text.contains(NOISE) {
-        text += "noise: what the effect costs is less than the timing can tell\n";
-    }
     for (name, count) in &budget.whole.faults {
         text += &format!("{count} of {} {reading}: {name}\n", budget.whole.readings);
     }
@@ -68,27 +65,21 @@ pub fn setting(scene: &Scene) -> String {
 }
 
 /// The parameters of every effect as a Markdown table, as the reader of scenes declares them.
-pub fn effects() -> anyhow::Result<String> {
-    let patterns = [Diffraction::Fraunhofer, Diffraction::Fresnel];
-    let patterns = patterns.map(|it| serde_json::to_string(&it).map(|word| format!("`{word}`")));
-    let patterns = patterns.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let rows = ["spot"].into_iter().chain(Effect::ALL.map(Effect::name));
-    let rows = rows.map(|effect| {
+pub fn effects() -> String {
+    let mut text = "| effect | parameters: unit, range |\n|---|---|\n".to_owned();
+    for effect in ["spot"].into_iter().chain(Effect::ALL.map(Effect::name)) {
         let of_effect = PARAMETERS.iter().filter(|it| it.effect == effect);
-        let parameters: Vec<String> = of_effect
-            .map(|it| format!("`{}`: {}, {}", it.name, it.unit, it.range))
-            .collect();
+        let parameters = of_effect.map(|it| {
+            let range = in_words(it.range);
+            format!("`{}`: {}, {range}", it.name, it.unit)
+        });
         let parameters = match effect {
-            "diffraction" => patterns.join(" or "),
-            _ if parameters.is_empty() => "none".to_owned(),
-            _ => parameters.join("; "),
+            "diffraction" => "`\"fraunhofer\"` or `\"fresnel\"`".to_owned(),
+            _ => parameters.collect::<Vec<_>>().join("; "),
         };
-        format!("| `{effect}` | {parameters} |\n")
-    });
-    let rows: String = rows.collect();
-    Ok(format!(
-        "| effect | parameters: unit, range |\n|---|---|\n{rows}"
-    ))
+        text += &format!("| `{effect}` | {parameters} |\n");
+    }
+    text
 }
 
 /// Of a table: name, errors in four columns, faults, share, times of a row and of the first.
@@ -132,14 +123,11 @@ fn line(
     ]
 }
 
-/// How a difference of times is printed if the noise of the timing hides it.
-const NOISE: &str = "noise of ";
-
 /// How much longer a row takes with an effect. One that takes light away may save time.
 fn longer(time: Difference) -> String {
     let least = 3.0 * time.uncertainty;
     match time.nanoseconds {
-        it if it.abs() < least => format!("{NOISE}{}", duration(least)),
+        it if it.abs() < least => format!("within noise ({})", duration(least)),
         it if it < 0.0 => format!("saves {}", duration(-it)),
         it => duration(it),
     }
@@ -182,7 +170,7 @@ mod tests {
         let all = [-29.0, 29.0, 31.0, -7800.0].map(of).join(", ");
         assert_eq!(
             all,
-            "noise of 30.0 ns, noise of 30.0 ns, 31.0 ns, saves 7.80 us"
+            "within noise (30.0 ns), within noise (30.0 ns), 31.0 ns, saves 7.80 us"
         );
     }
 }
