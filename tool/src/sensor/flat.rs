@@ -74,9 +74,8 @@ pub fn flat(
         (
             Kind::Lit,
             Only::Lit,
-            "\nStep 2 of 2: uncover the sensor and take the slit off. Put a white sheet before the sensor that \
-             fills its view.\nLight the sheet with daylight, or with a lamp on direct current: about 2000 \
-             counts above the dark rows are best.",
+            "\nStep 2 of 2: uncover the sensor, take the slit off, and put a white sheet all over its view.\n\
+             Light the sheet with daylight or a lamp on direct current, to about 2000 counts above the dark.",
         ),
     ] {
         match options.only {

@@ -25,6 +25,7 @@ use slitrange::frame::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::row::Polarity;
+use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange_device::protocol::command::{Command, parse};
@@ -373,7 +374,7 @@ impl State {
 }
 
 impl State {
-    /// As the firmware does, with a person who covers the sensor for dark rows and lights it evenly for others.
+    /// As the firmware does. A person covers the sensor for dark rows, and lights it evenly for others.
     fn take_rows(&mut self, kind: Kind) -> Result<Taken, TakeError> {
         let geometry = self.session.geometry();
         let lit = Scene::load("even-light").expect("a scene");
