@@ -952,23 +952,23 @@ fn scenes_give_a_centre_or_the_fault_that_their_file_names() {
 /// What is replaced in a scene with every effect, by what, and words of the error. `|` is the end of a line.
 const MEANINGLESS: &str = r#"
 exposure = 0.005 => exposure = 0.0 => exposure is 0 s: it must be above 0
-|distance = 0.8 => |distance = nan => distance is NaN m: give it a number
+|distance = 0.8 => |distance = nan => distance is NaN m: it must be above 0
 width = 8.6 => width = -8.6 => spot.width is -8.6 pixels: it must be above 0
-{ counts = 4.0 => { counts = -1.0 => read_noise.counts is -1 counts: it cannot be below 0
-_count = 10.0 => _count = 0.0 => more than 1 are needed
-blooming = 0.5 => blooming = 1.5 => saturation.blooming is 1.5: it is a share
-{ share = 0.01, c => { share = -0.1, c => hot_pixels.share is -0.1: it is a share
-modulation = 0.5 => modulation = 1.5 => mains_light.modulation is 1.5: it is a share
+{ counts = 4.0 => { counts = -1.0 => read_noise.counts is -1 counts: it must be 0 or more
+_count = 10.0 => _count = 0.0 => electrons_per_count is 0 electrons: it must be above 1
+blooming = 0.5 => blooming = 1.5 => saturation.blooming is 1.5 of the charge: it must be 0 to 1
+{ share = 0.01, c => { share = -0.1, c => hot_pixels.share is -0.1 of the pixels: it must be 0 to 1
+modulation = 0.5 => modulation = 1.5 => mains_light.modulation is 1.5 of the mean: it must be 0 to 1
 frequency = 100.0 => frequency = 0.0 => mains_light.frequency is 0 Hz: it must be above 0
 frequency = 100.0 => phase = nan, frequency = 100.0 => mains_light.phase is NaN radians
 { counts = 100.0, share = 0.5 => { counts = 0.0, share = 0.5 => lag.counts is 0 counts: it must be above 0
-100.0, share = 0.5 => 100.0, share = 1.1 => lag.share is 1.1: it is a share
+100.0, share = 0.5 => 100.0, share = 1.1 => lag.share is 1.1 of the charge: it must be 0 to 1
 time_constant = 0.4e-6 => time_constant = 0.0 => settling.time_constant is 0 s: it must be above 0
 gain = 0.8 => gain = 0.0 => front_end.gain is 0 times: it must be above 0
 offset = 20.0, saturation = 900.0 => saturation = -1.0 => front_end.saturation is -1 counts: it must be above 0
 step = 4.0 => step = 0.0 => quantisation.step is 0 counts
 |laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 } =>  => add [laser_spot]
-polarisations = 2 => polarisations = 3 => light has 1 (metal, gloss) or 2
+polarisations = 2 => polarisations = 3 => speckle.polarisations is 3 (1: metal, gloss; 2: paper, wood): it must be 1 to 2
 waist = 0.42e-3 => waist = 9e-6 => laser_spot.waist is 0.000009 m: it must be 0.00001
 length = 0.5e-3 => length = 0.9e-6 => texture.length is 0.0000009 m
 focal_length = 0.05 => focal_length = 0.9e-3 => optics.focal_length is 0.0009 m
@@ -1006,7 +1006,7 @@ fn meaningless_scenes_are_refused() {
     let (width, height) = (200e-6, 4.3e-3);
     scene.optics.aperture = Aperture::Slit { width, height };
     refused(&scene, "optics.aperture.slit.height is 0.0043 m");
-    let words = "sensor.row is 65537 pixels: it must be 65536 or fewer";
+    let words = "sensor.row is 65537 pixels: it must be 1 to 65536";
     refused(&Scene::dark(Sensor::Row(65_537)), words);
     use Effect::{Coma, Defocus, Distortion, Flare};
     for effect in [Defocus, Coma, Distortion, Flare] {

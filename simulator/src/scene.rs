@@ -212,6 +212,16 @@ impl Scene {
         self
     }
 
+    /// The scene with a cover on the sensor: no light reaches the sensor, whose own effects stay.
+    pub fn covered(&self) -> Self {
+        Self {
+            spot: None,
+            ambient: None,
+            mains_light: None,
+            ..self.clone()
+        }
+    }
+
     /// White paper in a dim room, on the TCD1304DG: no ambient light, no speckle.
     ///
     /// The spot is that of a 2 mm laser spot through a 200 um slit 50 mm from the sensor: sigma 69 um, 8.6

@@ -95,7 +95,7 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     desk.trouble.interrupted_in.set(None);
     let rows = recording::open(&other).expect("a recording").count();
     assert!((1..40).contains(&rows), "{rows}");
-    begins(&said, &format!("ended by Ctrl-C: {rows} rows written"));
+    says(&said, [format!("ended by Ctrl-C: {rows} rows written")]);
     is_as_before();
     std::fs::remove_file(&other).expect("a file");
     desk.trouble.fails_in.set(Some(30_000));

@@ -24,6 +24,7 @@ struct Place {
     /// The first row after `move_to`; `None` until there is one.
     put: Option<u64>,
     seen: VecDeque<Seen>,
+    is_covered: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +48,7 @@ impl Target {
             waits: 0.0,
             put: None,
             seen: VecDeque::new(),
+            is_covered: false,
         })))
     }
 
@@ -60,6 +62,11 @@ impl Target {
         let mut place = self.place();
         place.distance = distance;
         place.put = None;
+    }
+
+    /// Covers the sensor ([`Scene::covered`]), or takes the cover away.
+    pub fn cover(&self, is_covered: bool) {
+        self.place().is_covered = is_covered;
     }
 
     /// Shows another surface: another place on the target, or another target of the same material.
@@ -142,9 +149,10 @@ fn seen(
     let mut laser_before = 0.0;
     Box::new(move |exposure: &Exposure| {
         row += 1;
-        let (shown, waits) = {
+        let (shown, waits, is_covered) = {
             let mut place = target.place();
-            (place.surface, std::mem::take(&mut place.waits))
+            let waits = std::mem::take(&mut place.waits);
+            (place.surface, waits, place.is_covered)
         };
         row += (waits / simulation.scene().period()) as u64;
         if surface != shown {
@@ -158,6 +166,9 @@ fn seen(
             laser,
             laser_before: std::mem::replace(&mut laser_before, laser),
         };
+        if is_covered {
+            return simulation.scene().covered().row(row, distance, times);
+        }
         simulation.row(row, seen_at(distance), times)
     })
 }
@@ -263,5 +274,20 @@ mod tests {
             light(&exposure(row));
         }
         assert!((mean(23, 3).expect("three rows") - after(1.0)).abs() < 1e-12);
+    }
+
+    /// A cover leaves the black level of 300 counts. Pixels differ by 2 % of 2000 counts and by 5 counts, so
+    /// their mean is off by less than a count.
+    #[test]
+    fn a_cover_keeps_the_light_from_the_sensor() {
+        let target = Target::at(0.8);
+        let mut light = of_scene(Scene::load("even-light").expect("a scene"), target.clone());
+        for (is_covered, counts) in [(false, 2300.7), (true, 300.0), (false, 2300.7)] {
+            target.cover(is_covered);
+            let row = light(&exposure(0));
+            let mean = statistics::mean(row[LIGHT].iter().map(|&it| f64::from(it)));
+            println!("covered {is_covered}: {mean:.1} counts");
+            assert!((mean - counts).abs() < 3.0);
+        }
     }
 }

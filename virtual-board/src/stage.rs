@@ -1,4 +1,4 @@
-//! A stage that moves the target to the position in a file.
+//! A stage that moves the target to the position in a file, or covers the sensor.
 
 use std::path::PathBuf;
 
@@ -23,14 +23,19 @@ impl Stage {
         }
     }
 
-    /// Reads the file and moves the target to its position. If there is no file, or no distance in it, the
-    /// target stays where it is: the program that writes the file may not have finished.
+    /// Reads the file and moves the target to its position. The word `covered` in its place covers the sensor
+    /// until a position follows. If there is no file, or neither in it, all stays as it is: the program that
+    /// writes the file may not have finished.
     pub fn look(&mut self) {
-        let text = std::fs::read_to_string(&self.file).ok();
-        let position = text.and_then(|text| millimetres(&text));
-        if let Some(millimetres) = position
+        let text = std::fs::read_to_string(&self.file).unwrap_or_default();
+        let position = millimetres(&text);
+        if text.trim() == "covered" {
+            self.target.cover(true);
+            self.position = None;
+        } else if let Some(millimetres) = position
             && position != self.position
         {
+            self.target.cover(false);
             self.target.move_to(1e-3 * millimetres);
             self.position = position;
         }

@@ -41,15 +41,25 @@ const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "le
 pub struct Options {
     /// A scene of the folder scenes/, or the path of a .toml file
     name: Option<String>,
-    /// Redraw the pictures that docs/physics.md shows, and nothing else
+    /// Redraw the pictures that docs/physics.md shows, and nothing else; with --effects its table
     #[arg(long, conflicts_with = "name")]
     write: bool,
+    /// List the parameters of every effect, with their units and ranges
+    #[arg(long, conflicts_with = "name")]
+    effects: bool,
 }
 
 /// The folder of the pictures that no page shows.
 const PICTURES: &str = "target/scenes";
 
+/// The page with the table of the effects' parameters, and the mark and the command of the table.
+const PAGE: &str = "docs/physics.md";
+const EFFECTS: &str = "cargo scene --effects";
+
 pub fn main(options: &Options) -> Result<()> {
+    if options.effects {
+        return docs::print_or_write(EFFECTS, options.write, PAGE, &[(EFFECTS, words::effects())]);
+    }
     if options.write {
         let folder = docs::path("docs/figures");
         for name in SHOWN {
@@ -96,4 +106,17 @@ fn list() -> Result<()> {
         println!("{name:width$}  {}", Scene::load(&name)?.about);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_has_the_parameters_that_scenes_accept() {
+        let page = std::fs::read_to_string(docs::path(PAGE)).expect(PAGE);
+        let table = words::effects();
+        let due = docs::with_block(&page, EFFECTS, &table).expect("marks");
+        assert!(page == due, "{PAGE} is old: run `{EFFECTS} --write`");
+    }
 }

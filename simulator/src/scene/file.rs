@@ -1,6 +1,8 @@
 //! Scenes as TOML files.
 
 use std::f64::consts::FRAC_PI_2;
+use std::ops::Bound::{self, Excluded, Included};
+use std::ops::RangeBounds as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
@@ -74,16 +76,12 @@ impl Scene {
     /// # Errors
     /// A value that means nothing, or an effect that has nothing to act on, and what to do about it.
     pub fn check(&self) -> Result<()> {
-        above_zero("distance", self.distance, "m")?;
-        above_zero("exposure", self.exposure, "s")?;
+        check("distance", self.distance, "m", above(0.0))?;
+        check("exposure", self.exposure, "s", above(0.0))?;
         if let Sensor::Row(pixels) = self.sensor {
             ensure!(
-                pixels > 0,
-                "sensor.row is 0 pixels: give the row a length, or name a sensor"
-            );
-            ensure!(
-                pixels <= LONGEST_ROW,
-                "sensor.row is {pixels} pixels: it must be {LONGEST_ROW} or fewer"
+                (1..=LONGEST_ROW).contains(&pixels),
+                "sensor.row is {pixels} pixels: it must be 1 to {LONGEST_ROW}, or name a sensor"
             );
         }
         check_optics(&self.optics, self.sensor)?;
@@ -92,7 +90,13 @@ impl Scene {
         }
         self.check_effects()?;
         self.check_lens()?;
-        self.check_numbers()
+        for it in PARAMETERS {
+            if let Some(value) = (it.value)(self) {
+                let name = format!("{}.{}", it.effect, it.name);
+                check(&name, value, it.unit, it.range)?;
+            }
+        }
+        Ok(())
     }
 
     /// That a target at a distance in metres can be simulated, where it is not the scene's own.
@@ -100,7 +104,7 @@ impl Scene {
     /// # Errors
     /// It is behind the laser, or speckle's surface is not made for it.
     pub fn check_distance(&self, distance: f64) -> Result<()> {
-        above_zero("the target's distance", distance, "m")?;
+        check("the target's distance", distance, "m", above(0.0))?;
         if self.speckle.is_some() {
             let nearest = speckle::NEAREST.min(self.distance);
             let farthest = speckle::FARTHEST * self.distance;
@@ -123,16 +127,11 @@ impl Scene {
                 effect.name()
             );
         }
-        if let Some(speckle) = &self.speckle {
+        if self.speckle.is_some() {
             ensure!(
                 self.laser_spot.is_some(),
                 "[speckle] is the interference of light from all over the laser's spot, and that is a \
                  point: add [laser_spot]"
-            );
-            ensure!(
-                matches!(speckle.polarisations, 1 | 2),
-                "speckle.polarisations is {}: light has 1 (metal, gloss) or 2 (paper, wood)",
-                speckle.polarisations
             );
             let (side, name) = match self.optics.aperture {
                 Aperture::Slit { height, .. } => (height, "slit.height"),
@@ -142,26 +141,6 @@ impl Scene {
                 side <= SPECKLE_APERTURE,
                 "optics.aperture.{name} is {side} m: with [speckle] it must be {SPECKLE_APERTURE} m or less, \
                  beyond which the field of the surface's lattice repeats"
-            );
-        }
-        if let Some(reflectivity) = &self.reflectivity {
-            ensure!(
-                reflectivity.darkest > 0.0 && reflectivity.darkest <= 1.0,
-                "reflectivity.darkest is {}: the darkest target's light over the brightest's is above 0 and \
-                 at most 1",
-                reflectivity.darkest
-            );
-            ensure!(
-                reflectivity.steps > 0,
-                "reflectivity.steps is 0: from the darkest to the brightest there is at least one step"
-            );
-        }
-        if let Some(noise) = &self.shot_noise {
-            ensure!(
-                noise.electrons_per_count > 1.0 && noise.electrons_per_count.is_finite(),
-                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond \
-                 what the core can be told of; more than 1 are needed",
-                noise.electrons_per_count
             );
         }
         Ok(())
@@ -180,80 +159,132 @@ impl Scene {
     }
 }
 
-/// Checks the numbers of the effects that a scene lists: each by its rule, with its unit.
-macro_rules! check_numbers {
-    ($scene:ident, $($effect:ident.$number:ident: $rule:expr, $unit:literal;)+) => {
-        $(if let Some(effect) = &$scene.$effect
-            && let Some(number) = effect.$number.into()
-        {
-            $rule(concat!(stringify!($effect), ".", stringify!($number)), number, $unit)?;
-        })+
-    };
+/// The values that a number of a scene may have. Infinity and NaN are in no range.
+pub type Range = (Bound<f64>, Bound<f64>);
+
+const ANY: Range = (Excluded(f64::NEG_INFINITY), Excluded(f64::INFINITY));
+const SHARE: Range = (Included(0.0), Included(1.0));
+
+const fn at_least(least: f64) -> Range {
+    (Included(least), Excluded(f64::INFINITY))
 }
 
-impl Scene {
-    fn check_numbers(&self) -> Result<()> {
-        check_numbers! { self,
-            spot.width: above_zero, "pixels";
-            spot.counts_per_second: not_negative, "counts/s";
-            laser_spot.waist: at_least(10e-6), "m";
-            laser_spot.waist_distance: finite, "m";
-            laser_spot.wander: finite, "m/m";
-            speckle.linewidth: not_negative, "m";
-            speckle.path_spread: not_negative, "m";
-            texture.contrast: not_negative, "of the mean";
-            texture.length: at_least(1e-6), "m";
-            specular_lobe.strength: not_negative, "of the surface's";
-            specular_lobe.width: above_zero, "radians";
-            specular_lobe.tilt: finite, "radians";
-            reflectivity.seconds: above_zero, "s";
-            second_reflection.offset: finite, "pixels";
-            second_reflection.width: above_zero, "pixels";
-            second_reflection.strength: not_negative, "of the spot's";
-            motion.speed: finite, "m/s";
-            temperature.kelvin_per_second: finite, "K/s";
-            temperature.expansion: finite, "/K";
-            defocus.focus_distance: above_zero, "m";
-            coma.waves: finite, "waves";
-            coma.field: above_zero, "m";
-            distortion.share: finite, "of the distance";
-            distortion.field: above_zero, "m";
-            flare.magnification: finite, "times";
-            flare.width: above_zero, "pixels";
-            flare.strength: not_negative, "of the spot's";
-            flare.veil: not_negative, "of the spot's";
-            ambient.counts_per_second: not_negative, "counts/s";
-            ambient.slope: finite, "counts/s a pixel";
-            mains_light.counts_per_second: not_negative, "counts/s";
-            mains_light.slope: finite, "counts/s a pixel";
-            mains_light.modulation: share, "";
-            mains_light.frequency: above_zero, "Hz";
-            mains_light.phase: finite, "radians";
-            response.deviation: not_negative, "of the mean";
-            lag.counts: above_zero, "counts";
-            lag.share: share, "";
-            hot_pixels.share: share, "";
-            hot_pixels.counts_per_second: not_negative, "counts/s";
-            saturation.full_well: above_zero, "counts";
-            saturation.blooming: share, "";
-            black_level.counts: finite, "counts";
-            black_level.drift: finite, "counts/s";
-            fixed_pattern.counts: not_negative, "counts";
-            settling.time_constant: above_zero, "s";
-            front_end.gain: above_zero, "times";
-            front_end.offset: finite, "counts";
-            front_end.saturation: above_zero, "counts";
-            read_noise.counts: not_negative, "counts";
-            quantisation.step: at_least(0.01), "counts";
-        }
-        Ok(())
+const fn above(least: f64) -> Range {
+    (Excluded(least), Excluded(f64::INFINITY))
+}
+
+/// A range in words.
+pub fn in_words(range: Range) -> String {
+    match range {
+        (Included(least), Included(most)) => format!("{least} to {most}"),
+        (Excluded(least), Included(most)) => format!("above {least}, at most {most}"),
+        (Included(least), _) => format!("{least} or more"),
+        (Excluded(least), _) if least.is_finite() => format!("above {least}"),
+        _ => "a number".to_owned(),
     }
 }
 
+fn check(name: &str, value: f64, unit: &str, range: Range) -> Result<()> {
+    let must = in_words(range);
+    ensure!(
+        range.contains(&value),
+        "{name} is {value} {unit}: it must be {must}"
+    );
+    Ok(())
+}
+
+/// A parameter of an effect: what a scene's file may say of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// The name of the effect.
+    pub effect: &'static str,
+    /// Its own name.
+    pub name: &'static str,
+    /// The values that [`Scene::check`] accepts.
+    pub range: Range,
+    /// The unit of the value, or what it is a share of.
+    pub unit: &'static str,
+    /// The value in a scene; `None` where the scene does not say it.
+    value: fn(&Scene) -> Option<f64>,
+}
+
+macro_rules! parameters {
+    ($($effect:ident.$name:ident $(as $type:ty)?: $range:expr, $unit:literal;)+) => {
+        /// The parameters that are numbers, of all effects.
+        pub const PARAMETERS: &[Parameter] = &[$(Parameter {
+            effect: stringify!($effect),
+            name: stringify!($name),
+            range: $range,
+            unit: $unit,
+            value: |scene| scene.$effect.and_then(|it| (it.$name $(as $type)?).into()),
+        },)+];
+    };
+}
+
+parameters! {
+    spot.width: above(0.0), "pixels";
+    spot.counts_per_second: at_least(0.0), "counts/s";
+    laser_spot.waist: at_least(10e-6), "m";
+    laser_spot.waist_distance: ANY, "m";
+    laser_spot.wander: ANY, "m/m";
+    speckle.polarisations as f64: (Included(1.0), Included(2.0)), "(1: metal, gloss; 2: paper, wood)";
+    speckle.linewidth: at_least(0.0), "m";
+    speckle.path_spread: at_least(0.0), "m";
+    texture.contrast: at_least(0.0), "of the mean";
+    texture.length: at_least(1e-6), "m";
+    specular_lobe.strength: at_least(0.0), "of the surface's";
+    specular_lobe.width: above(0.0), "radians";
+    specular_lobe.tilt: ANY, "radians";
+    reflectivity.darkest: (Excluded(0.0), Included(1.0)), "of the brightest";
+    reflectivity.steps as f64: at_least(1.0), "steps";
+    reflectivity.seconds: above(0.0), "s";
+    second_reflection.offset: ANY, "pixels";
+    second_reflection.width: above(0.0), "pixels";
+    second_reflection.strength: at_least(0.0), "of the spot's";
+    motion.speed: ANY, "m/s";
+    temperature.kelvin_per_second: ANY, "K/s";
+    temperature.expansion: ANY, "/K";
+    defocus.focus_distance: above(0.0), "m";
+    coma.waves: ANY, "waves";
+    coma.field: above(0.0), "m";
+    distortion.share: ANY, "of the distance";
+    distortion.field: above(0.0), "m";
+    flare.magnification: ANY, "times";
+    flare.width: above(0.0), "pixels";
+    flare.strength: at_least(0.0), "of the spot's";
+    flare.veil: at_least(0.0), "of the spot's";
+    ambient.counts_per_second: at_least(0.0), "counts/s";
+    ambient.slope: ANY, "counts/s a pixel";
+    mains_light.counts_per_second: at_least(0.0), "counts/s";
+    mains_light.slope: ANY, "counts/s a pixel";
+    mains_light.modulation: SHARE, "of the mean";
+    mains_light.frequency: above(0.0), "Hz";
+    mains_light.phase: ANY, "radians";
+    response.deviation: at_least(0.0), "of the mean";
+    lag.counts: above(0.0), "counts";
+    lag.share: SHARE, "of the charge";
+    hot_pixels.share: SHARE, "of the pixels";
+    hot_pixels.counts_per_second: at_least(0.0), "counts/s";
+    // The core cannot be told of a converter that counts single electrons.
+    shot_noise.electrons_per_count: above(1.0), "electrons";
+    saturation.full_well: above(0.0), "counts";
+    saturation.blooming: SHARE, "of the charge";
+    black_level.counts: ANY, "counts";
+    black_level.drift: ANY, "counts/s";
+    fixed_pattern.counts: at_least(0.0), "counts";
+    settling.time_constant: above(0.0), "s";
+    front_end.gain: above(0.0), "times";
+    front_end.offset: ANY, "counts";
+    front_end.saturation: above(0.0), "counts";
+    read_noise.counts: at_least(0.0), "counts";
+    quantisation.step: at_least(0.01), "counts";
+}
+
 fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
-    finite("optics.offset", optics.offset, "m")?;
-    above_zero("optics.baseline", optics.baseline, "m")?;
-    at_least(1e-3)("optics.focal_length", optics.focal_length, "m")?;
+    check("optics.offset", optics.offset, "m", ANY)?;
+    check("optics.baseline", optics.baseline, "m", above(0.0))?;
+    let focal_length = optics.focal_length;
+    check("optics.focal_length", focal_length, "m", at_least(1e-3))?;
     ensure!(
         optics.angle > 0.0 && optics.angle < FRAC_PI_2,
         "optics.angle is {} radians: it is the optical axis's to the casing, between 0 and pi/2",
@@ -265,47 +296,59 @@ fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
         "optics.pitch is {} m, and the pixels of the scene's sensor are {pitch} m apart: write that",
         optics.pitch
     );
-    finite("optics.axis", optics.axis, "pixels")?;
-    above_zero("optics.wavelength", optics.wavelength, "m")?;
+    check("optics.axis", optics.axis, "pixels", ANY)?;
+    check("optics.wavelength", optics.wavelength, "m", above(0.0))?;
     match optics.aperture {
         Aperture::Slit { width, height } => {
-            above_zero("optics.aperture.slit.width", width, "m")?;
-            above_zero("optics.aperture.slit.height", height, "m")
+            check("optics.aperture.slit.width", width, "m", above(0.0))?;
+            check("optics.aperture.slit.height", height, "m", above(0.0))
         }
-        Aperture::Lens { diameter } => above_zero("optics.aperture.lens.diameter", diameter, "m"),
+        Aperture::Lens { diameter } => {
+            check("optics.aperture.lens.diameter", diameter, "m", above(0.0))
+        }
     }
 }
 
-/// An error that says what a number must be, where it is not.
-fn rule(holds: bool, name: &str, value: f64, unit: &str, must: &str) -> Result<()> {
-    ensure!(holds, "{name} is {value} {unit}: {must}");
-    Ok(())
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn finite(name: &str, value: f64, unit: &str) -> Result<()> {
-    rule(value.is_finite(), name, value, unit, "give it a number")
-}
-
-fn not_negative(name: &str, value: f64, unit: &str) -> Result<()> {
-    finite(name, value, unit)?;
-    rule(value >= 0.0, name, value, unit, "it cannot be below 0")
-}
-
-fn above_zero(name: &str, value: f64, unit: &str) -> Result<()> {
-    finite(name, value, unit)?;
-    rule(value > 0.0, name, value, unit, "it must be above 0")
-}
-
-fn at_least(least: f64) -> impl Fn(&str, f64, &str) -> Result<()> {
-    move |name, value, unit| {
-        finite(name, value, unit)?;
-        let must = format!("it must be {least} {unit} or more");
-        rule(value >= least, name, value, unit, &must)
+    /// A scene behind a lens that has all parameters, each with the value that a function gives.
+    fn scene_with(value: impl Fn(&Parameter) -> f64) -> Result<Scene> {
+        let mut scene = Scene::white_paper();
+        scene.optics.aperture = Aperture::PAPER_LENS;
+        let mut table = toml::Table::try_from(&scene)?;
+        for it in PARAMETERS {
+            let effect = table.entry(it.effect).or_insert(toml::Table::new().into());
+            let effect = effect.as_table_mut().context("a table")?;
+            let value = match value(it) {
+                whole if whole.fract() == 0.0 => toml::Value::Integer(whole as i64),
+                other => toml::Value::Float(other),
+            };
+            effect.insert(it.name.to_owned(), value);
+        }
+        Scene::from_toml(&table.to_string())
     }
-}
 
-fn share(name: &str, value: f64, _: &str) -> Result<()> {
-    let is_share = (0.0..=1.0).contains(&value);
-    ensure!(is_share, "{name} is {value}: it is a share, from 0 to 1");
-    Ok(())
+    /// A time constant of 0.25 s is among the values.
+    #[test]
+    fn each_parameter_is_listed_and_accepts_the_values_of_its_range() {
+        let plain = |it: &Parameter| if it.range.contains(&0.25) { 0.25 } else { 2.0 };
+        let table = toml::Table::try_from(scene_with(plain).expect("a scene")).expect("a table");
+        for effect in Effect::ALL.map(Effect::name).into_iter().chain(["spot"]) {
+            let parameters = table.get(effect).and_then(toml::Value::as_table);
+            let listed = PARAMETERS.iter().filter(|it| it.effect == effect).count();
+            assert_eq!(parameters.map_or(0, toml::Table::len), listed, "{effect}");
+        }
+        for tried in PARAMETERS {
+            let (effect, name) = (tried.effect, tried.name);
+            for value in [-1.0, 0.0, 9e-6, 0.25, 1.0, 2.0, 3.0, 1e9, f64::NAN] {
+                let is_tried = |it: &Parameter| (it.effect, it.name) == (effect, name);
+                let found = scene_with(|it| if is_tried(it) { value } else { plain(it) });
+                println!("{effect}.{name} = {value}: {:?}", found.as_ref().err());
+                let is_within = tried.range.contains(&value);
+                assert_eq!(found.is_ok(), is_within, "{effect}.{name} = {value}");
+            }
+        }
+    }
 }

@@ -1,27 +1,36 @@
-//! A map of the pixels that differ, taken with a person who darkens and lights the sensor.
+//! A map of the pixels that differ, taken with a person who covers and lights the sensor.
 
 use std::io::{BufRead, Write};
+use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::flat::Flat;
+use slitrange_device::settings::{Setting, Value};
 
 use super::answers;
 use super::line::{FRAME, LineError, SAVE};
 use super::port::PortOption;
+use super::positions;
 use super::session::Session;
 use crate::pc::Pc;
+
+/// In this time the sensor reads the rows that were lit before the laser went off: less than ten, of 5.7 ms.
+const UNDER_WAY: Duration = Duration::from_millis(100);
 
 /// Take a map of the pixels that differ, use it and save it
 ///
 /// Each pixel of a sensor has a response and an offset of its own, which move the centre of every row the
 /// same way. The sensor takes 256 dark rows, then 256 rows with even light, and from then on corrects its
-/// rows. Take the map before the calibration, because it moves centres by hundredths of a pixel.
+/// rows. The laser is off meanwhile, and as it was afterwards. Take the map before the calibration, because
+/// it moves centres by hundredths of a pixel.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = "\
 For a script, in two runs:
   slitrange head flat --port /dev/ttyACM0 --only dark
-  slitrange head flat --port /dev/ttyACM0 --only lit")]
+  slitrange head flat --port /dev/ttyACM0 --only lit
+To try it without a sensor, start `slitrange demo even-light -- --stage stage.txt`. To cover the sensor, type
+`echo covered > stage.txt` in another terminal, and to uncover it `echo 800 > stage.txt`.")]
 pub struct FlatOptions {
     #[command(flatten)]
     port: PortOption,
@@ -49,19 +58,24 @@ pub fn flat(
     input: &mut dyn BufRead,
     output: &mut dyn Write,
 ) -> Result<()> {
+    // From now on, Ctrl-C ends the input, and the laser is put back.
+    pc.interrupted();
     let mut session = options.port.open(pc)?;
     writeln!(output, "sensor {} at {}", session.head(), session.port())?;
+    session.borrow(Value::Laser(false))?;
+    pc.sleep(UNDER_WAY);
+    writeln!(output, "the laser is off until this command ends")?;
     for (kind, only, what_to_do) in [
         (
             Kind::Dark,
             Only::Dark,
-            "Switch the laser off and cover the sensor, so that no light reaches it.",
+            "\nStep 1 of 2: cover the sensor, so that no light reaches it.",
         ),
         (
             Kind::Lit,
             Only::Lit,
-            "Leave the laser off, remove the slit, and let a white sheet that a lamp lights fill the \
-             sensor's view.\nDaylight or a lamp on direct current is best. Aim at half of full scale.",
+            "\nStep 2 of 2: uncover the sensor, take the slit off, and put a white sheet all over its view.\n\
+             Light the sheet with daylight or a lamp on direct current, to about 2000 counts above the dark.",
         ),
     ] {
         match options.only {
@@ -76,6 +90,8 @@ pub fn flat(
     for line in session.map()? {
         writeln!(output, "{line}")?;
     }
+    let unsaved = "stopped by Ctrl-C: the map is in use, but not saved";
+    ensure!(!pc.interrupted(), unsaved);
     if options.no_save {
         writeln!(output, "not saved: the map is used until the power goes")?;
     } else {
@@ -83,7 +99,9 @@ pub fn flat(
         saved.context("the map is in use, but not saved")?;
         writeln!(output, "saved: the map is kept over a power cycle")?;
     }
-    let next = "Put the slit back. Then calibrate: slitrange calibrate run";
+    session.give_back(&[Setting::Laser])?;
+    let next =
+        "The laser is as it was before. Put the slit back. Then calibrate: slitrange calibrate run";
     Ok(writeln!(output, "{next}")?)
 }
 
@@ -97,10 +115,11 @@ fn take_with_person(
 ) -> Result<()> {
     loop {
         writeln!(output, "{what_to_do}\nThen press Enter.")?;
-        output.flush()?;
-        let mut typed = String::new();
+        let typed = positions::read(input, output)?;
+        let is_interrupted = session.line().pc().interrupted();
+        ensure!(!is_interrupted, "stopped by Ctrl-C: nothing was saved");
         ensure!(
-            input.read_line(&mut typed)? > 0,
+            typed.is_some(),
             "nobody pressed Enter: nothing was saved; for a script, take --only dark, then --only lit"
         );
         match take(session, kind) {

@@ -208,7 +208,7 @@ impl<'a> Mover<'a> {
 }
 
 /// A line that a person types, without the blanks around it. None at the input's end (Ctrl-D).
-fn read(input: &mut dyn BufRead, output: &mut dyn Write) -> Result<Option<String>> {
+pub(super) fn read(input: &mut dyn BufRead, output: &mut dyn Write) -> Result<Option<String>> {
     output.flush()?;
     let mut typed = String::new();
     if input.read_line(&mut typed)? == 0 {

@@ -26,6 +26,8 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const AGAIN: Duration = Duration::from_secs(1);
 /// How long to wait for bytes before Ctrl-C is looked for.
 const TICK: Duration = Duration::from_millis(100);
+/// So often a line says how many rows came.
+const PROGRESS: Duration = Duration::from_secs(2);
 
 /// Record whole rows, for `slitrange replay`
 ///
@@ -65,6 +67,7 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
     // From now on, Ctrl-C ends the recording in order.
     pc.interrupted();
     let mut session = options.port.open(pc)?;
+    writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     let name = options.file.display();
     let file = File::create_new(&options.file)
         .with_context(|| format!("{name} cannot be written as a new file"))?;
@@ -123,6 +126,7 @@ fn take_rows(
     let (mut decoder, mut rows) = (Decoder::new(), Rows::default());
     let (mut count, mut between, mut before) = (0, 0, None::<u32>);
     let mut until = pc.now() + PATIENCE;
+    let mut progress = pc.now() + PROGRESS;
     let mut again = Some(pc.now() + AGAIN);
     let mut bytes = [0; 4096];
     loop {
@@ -159,7 +163,8 @@ fn take_rows(
             if count == wanted {
                 return Ok((count, between));
             }
-            if count % 100 == 0 {
+            if pc.now() >= progress {
+                progress = pc.now() + PROGRESS;
                 writeln!(output, "{count} of {wanted} rows")?;
             }
         }

@@ -350,7 +350,9 @@ fn a_spot_that_just_saturates_gives_the_right_gain() {
 fn echo_and_map_are_put_back() {
     let (scene, truth) = head(2);
     let sensor = sensor(scene, truth.polarity);
-    sensor.state().type_lines("flat dark; flat lit; echo on");
+    sensor
+        .state()
+        .type_lines("laser off; flat dark; flat lit; laser on; echo on");
     sensor.done(NO_SAVE);
     assert!((recorded(&sensor).gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
     assert!(sensor.state().settings().echo);
@@ -362,7 +364,7 @@ fn echo_and_map_are_put_back() {
 fn ctrl_c_ends_the_measurement_in_order() {
     let (scene, truth) = head(2);
     let sensor = sensor(scene, truth.polarity);
-    let lines = "flat dark; flat lit; ambient subtract; exposure 700";
+    let lines = "laser off; flat dark; flat lit; laser on; ambient subtract; exposure 700";
     sensor.state().type_lines(lines);
     let before = sensor.state().settings();
     sensor.state().trouble.interrupted = true;

@@ -26,8 +26,7 @@ use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::row::Polarity;
 use slitrange::row::pixels::PixelErrors;
-use slitrange::row::pixels::flat_field::{Kind, TakeError, Taken};
-use slitrange::row::pixels::map::MapSummary;
+use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
@@ -146,6 +145,8 @@ pub struct State {
     pub spot_height: f64,
     /// A simulated sensor head. If there is one, the rows come from it, and `spot_height` has no effect.
     pub light: Option<SimulatedHead>,
+    /// The map of the pixels of `scenes/even-light.toml`.
+    pub flat: Box<FlatField>,
     /// The tool is dead: nothing that its destructors do has any effect.
     killed: bool,
     stage: PathBuf,
@@ -348,8 +349,8 @@ impl State {
         let works = !self.trouble.broken_flash;
         let result = works.then_some(()).ok_or(StoreError::Flash);
         Some(match job {
-            Job::Take(kind) if self.trouble.wrong_light > 0 => {
-                self.trouble.wrong_light -= 1;
+            Job::Take(kind) if self.trouble.wrong_light > 0 || self.settings().laser => {
+                self.trouble.wrong_light = self.trouble.wrong_light.saturating_sub(1);
                 let (pixel, above) = (1760, 900);
                 let error = match kind {
                     Kind::Dark => TakeError::SpotInTheDark { pixel, above },
@@ -357,34 +358,40 @@ impl State {
                 };
                 Outcome::Taken(kind, Err(error))
             }
-            Job::Take(kind) => {
-                let is_lit = kind == Kind::Lit;
-                let taken = Taken {
-                    mean: Counts::from_int(if is_lit { 2300 } else { 300 }),
-                    map: is_lit.then_some(MAP),
-                };
-                Outcome::Taken(kind, Ok(taken))
-            }
+            Job::Take(kind) => Outcome::Taken(kind, self.take_rows(kind)),
             Job::Save => {
                 self.has_saved_map |= works;
                 Outcome::Saved(result)
             }
             Job::Erase => Outcome::Erased(result),
-            Job::Load => Outcome::Loaded(Ok(StoredMap::Newest), Some(MAP)),
+            Job::Load => Outcome::Loaded(
+                Ok(StoredMap::Newest),
+                self.flat.map().map(|map| *map.summary()),
+            ),
             Job::Use(_) => return None,
         })
     }
 }
 
-/// What every map of the stand-in says.
-const MAP: MapSummary = MapSummary {
-    errors: PixelErrors {
-        response_q16: 34,
-        offset: Counts::from_bits(66),
-    },
-    pattern: Counts::from_int(5),
-    outside: 2,
-};
+impl State {
+    /// As the firmware does. A person covers the sensor for dark rows, and lights it evenly for others.
+    fn take_rows(&mut self, kind: Kind) -> Result<Taken, TakeError> {
+        let geometry = self.session.geometry();
+        let lit = Scene::load("even-light").expect("a scene");
+        let scene = if kind == Kind::Dark {
+            lit.covered()
+        } else {
+            lit
+        };
+        let mut head = SimulatedHead::new(scene, geometry.polarity);
+        self.flat.begin(kind, &geometry)?;
+        loop {
+            if let Some(taken) = self.flat.add(&mut head.words(None), &geometry) {
+                return taken;
+            }
+        }
+    }
+}
 
 fn new_session() -> Session {
     Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn)
@@ -421,6 +428,7 @@ impl StandIn {
             has_saved_map: false,
             spot_height: 2000.0,
             light: None,
+            flat: Box::new(FlatField::new()),
             killed: false,
             stage: directory.path().join("stage"),
             seen_mm: None,

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use simulator::scene::{Scene, Simulation, quantise};
-use statistics::upper_median;
+use statistics::{rms, upper_median};
 
 use crate::budget;
 
@@ -23,7 +23,7 @@ pub struct Timing {
 #[derive(Clone, Copy)]
 pub struct Difference {
     pub nanoseconds: f64,
-    /// Its standard uncertainty, from the scatter of the repetitions.
+    /// Its standard uncertainty, from the scatter of the repetitions and the differences of the copies.
     pub uncertainty: f64,
 }
 
@@ -39,12 +39,17 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 const FEWEST: usize = 5;
 
+/// The scene itself is timed again so many times. What these differ from it is noise that repetitions do not
+/// show: each simulation has its own place in memory.
+const COPIES: usize = 3;
+
 impl Timing {
     pub fn of(scene: &Scene) -> Self {
         let whole = Rows::of(scene);
-        let without: Vec<Option<Rows>> = budget::effects(scene)
-            .map(|effect| budget::without(scene, effect).as_ref().map(Rows::of))
-            .collect();
+        let without = budget::effects(scene)
+            .map(|effect| budget::without(scene, effect).as_ref().map(Rows::of));
+        let copies = (0..COPIES).map(|_| Some(Rows::of(scene)));
+        let without: Vec<Option<Rows>> = without.chain(copies).collect();
         let (a_row, rows) = compare(&whole, &without, Rows::nanoseconds_a_row);
         let (first_row, first_rows) = compare(&whole, &without, Rows::nanoseconds_of_the_first_row);
         Self {
@@ -57,7 +62,8 @@ impl Timing {
     }
 }
 
-/// The median time of a scene, and by how much it is above that of each of the others.
+/// The median time of a scene, and by how much it is above that of each of the others, of which the last are
+/// copies of the scene.
 fn compare(
     whole: &Rows,
     others: &[Option<Rows>],
@@ -73,7 +79,12 @@ fn compare(
         }
         times.push(whole);
     }
-    let differences = differences.into_iter().map(Difference::of).collect();
+    let mut differences: Vec<_> = differences.into_iter().map(Difference::of).collect();
+    let copies = differences.split_off(others.len() - COPIES);
+    let noise = rms(copies.into_iter().flatten().map(|it| it.nanoseconds));
+    for difference in differences.iter_mut().flatten() {
+        difference.uncertainty = difference.uncertainty.hypot(noise);
+    }
     (upper_median(times), differences)
 }
 

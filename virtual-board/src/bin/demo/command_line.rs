@@ -38,7 +38,8 @@ pub struct Options {
     #[arg(long, conflicts_with_all = ["json", "steps"])]
     pub pty: bool,
     /// Put the target at the distance in FILE, in millimetres. The demo reads FILE again whenever it changes.
-    /// To try calibrating without hardware, use the stage command `echo {} > FILE`.
+    /// To try calibrating without hardware, use the stage command `echo {} > FILE`. The word `covered` in
+    /// FILE, in place of a distance, keeps all light from the sensor.
     #[arg(long, value_name = "FILE", requires = "pty")]
     pub stage: Option<PathBuf>,
     /// Give the sensor an unknown geometry, so that it needs a calibration: distances are off by millimetres
