@@ -34,6 +34,7 @@ use crate::text::Text;
 use slitrange::base::exposure::Exposure;
 use slitrange::light::black_level;
 use slitrange::row::{LARGEST_COUNT, Light, Row};
+use slitrange::spot::region::Region;
 use slitrange::{Counts, Fault, Measured, Pixels};
 
 /// The most pixels in a line.
@@ -153,6 +154,8 @@ pub struct RowHead<'a> {
     black: Option<Counts>,
     saturated_from: u16,
     measured: &'a Result<Measured, Fault>,
+    /// Where the spot was searched.
+    region: Region,
 }
 
 impl<'a> RowHead<'a> {
@@ -162,6 +165,7 @@ impl<'a> RowHead<'a> {
         row: &Row<'_>,
         exposure: RowExposure,
         measured: &'a Result<Measured, Fault>,
+        region: Region,
     ) -> Self {
         let pixels = row.light().len();
         let sent = match (part, measured) {
@@ -179,6 +183,7 @@ impl<'a> RowHead<'a> {
             black: black_level::of_shielded(row),
             saturated_from: row.saturated_from(),
             measured,
+            region,
         }
     }
 
@@ -199,7 +204,10 @@ impl<'a> RowHead<'a> {
         write!(to, " saturated {}\r\n", self.saturated_from)?;
         match self.measured {
             Ok(measured) => write!(to, "{}", CentreLine(measured)),
-            Err(fault) => write!(to, "{}\r\n({})", FaultLine(fault), advice(fault)),
+            Err(fault) => {
+                let line = FaultLine(fault, self.region);
+                write!(to, "{line}\r\n({})", advice(fault))
+            }
         }
     }
 }

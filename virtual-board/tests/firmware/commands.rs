@@ -2,7 +2,7 @@
 
 use simulator::scene::Scene;
 use slitrange::base::fault::Fault;
-use slitrange::base::units::Pixels;
+use slitrange::base::units::{Pixels, Units};
 use slitrange::centre::Estimator;
 use slitrange::distance::eq1;
 use slitrange::row::pixels::PixelErrors;
@@ -41,7 +41,7 @@ fn assert_answer(board: &mut VirtualBoard, command: &str, expected: &str) {
 #[test]
 fn help_and_info_match_the_core() {
     let mut board = measuring(16);
-    assert_answer(&mut board, "help", &Help.to_string());
+    assert_answer(&mut board, "help", &Help(Units::default()).to_string());
 
     for (on, command) in [(true, "calibration on"), (false, "calibration off")] {
         set(&mut board, command);
