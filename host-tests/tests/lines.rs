@@ -54,7 +54,9 @@ impl Lines {
                     let number = |i: u32| (least + (most - least) / 7 * i).to_string();
                     (0..8).map(number).collect()
                 }
-                Form::Words(words) | Form::Lengths { um: words, .. } => words.split('|').flat_map(of_form).collect(),
+                Form::Words(words) | Form::Lengths { um: words, .. } => {
+                    words.split('|').flat_map(of_form).collect()
+                }
                 Form::Several(names) => {
                     let some = |i| names.split(' ').skip(i).step_by(2).collect::<Vec<_>>();
                     (0..8).map(|i| some(i).join(" ")).collect()
@@ -356,7 +358,10 @@ impl Sensor {
             }
             Ok(command) => command,
         };
-        assert!(is_exactly(&line, command, units), "{shown} is taken for {command}");
+        assert!(
+            is_exactly(&line, command, units),
+            "{shown} is taken for {command}"
+        );
         self.count(["commands", "refused commands"][usize::from(is_error)]);
         match command {
             // The next frame answers, or something else than text.

@@ -182,7 +182,9 @@ fn write_value_error(
     match form {
         Form::Listed => {
             f.write_str(", one of")?;
-            Estimator::ALL.iter().try_for_each(|it| write!(f, " {}", it.name()))?;
+            Estimator::ALL
+                .iter()
+                .try_for_each(|it| write!(f, " {}", it.name()))?;
             write!(f, "; try help {name}")
         }
         Form::Several(names) => write!(f, ", some of {names}"),

@@ -399,7 +399,7 @@ mod tests {
         words[1] = 301;
         let row = geometry().row(&words).expect("a row");
         let exposure = RowExposure::of_laser(Exposure::from_us(187));
-        let head = RowHead::new(RowPart::Whole, &row, exposure, &FAULT).to_string();
+        let head = RowHead::new(RowPart::Whole, &row, exposure, &FAULT, Region::ALL).to_string();
         // Python: binascii.crc_hqx(b"row pixels ...\nf laser off\n(send `laser on`)", 0xffff).
         let lines = [
             "row pixels 100 first 0 count 100 exposure 187 black 300.25 saturated 3900",
@@ -419,7 +419,7 @@ mod tests {
     fn a_row_that_did_not_come_has_neither_pixels_nor_exposure() {
         let row = geometry().empty_row();
         for part in [RowPart::Whole, RowPart::Range { first: 3, last: 9 }] {
-            let head = RowHead::new(part, &row, RowExposure::Unknown, &FAULT);
+            let head = RowHead::new(part, &row, RowExposure::Unknown, &FAULT, Region::ALL);
             assert!(head.sent().is_empty());
             let first = "row pixels 0 first 0 count 0 exposure - black - saturated 3900\r\n";
             assert!(head.to_string().starts_with(first), "{head}");
@@ -439,7 +439,7 @@ mod tests {
             (u16::MAX, u16::MAX, 100..100),
         ] {
             let part = RowPart::Range { first, last };
-            let head = RowHead::new(part, &row, RowExposure::Off, &FAULT);
+            let head = RowHead::new(part, &row, RowExposure::Off, &FAULT, Region::ALL);
             assert_eq!(head.sent(), sent);
             let lines = RowPixels::lines(row.light(), head.sent());
             let pixels: usize = lines.map(|line| line.counts.len()).sum();

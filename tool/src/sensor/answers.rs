@@ -237,8 +237,8 @@ pub fn head(lines: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
     use slitrange::base::units::Units;
+    use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
     use slitrange_device::record::encoded::EncodedRecord;
 
     fn lines(text: &str) -> Vec<String> {
