@@ -97,7 +97,11 @@ fn lengths_follow_the_units_of_the_sensor() {
         let output = settings(&sensor, &format!("set limits {typed}"));
         begins(&output, &format!("limits {shown} (it was off)\n{remark}"));
         assert_eq!(settings(&sensor, "get limits").trim_end(), shown);
-        says(&settings(&sensor, ""), [format!("{} ", &shown[..7])]);
+        let number = shown.split(' ').next().expect("a number");
+        says(
+            &settings(&sensor, ""),
+            [format!("limits          {number} ")],
+        );
         settings(&sensor, "export @bench.toml");
         let text = std::fs::read_to_string(sensor.file("bench.toml")).expect("a file");
         let line = text.lines().find(|line| line.starts_with("limits = "));
