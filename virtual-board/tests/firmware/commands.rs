@@ -274,9 +274,10 @@ fn the_set_estimator_is_used() {
     }
     let info = ask_for_lines(&mut board, "info", 19).join("\n");
     assert!(info.contains("\ninfo estimator fraunhofer\n"), "{info}");
-    let error = "E6 unknown estimator, try help estimator";
+    let names = Estimator::ALL.map(Estimator::name).join(" ");
+    let error = format!("E6 unknown estimator, one of {names}; try help estimator");
     assert_eq!(ask(&mut board, "estimator guess"), error);
-    let error = "E2 expected estimator NAME, try help estimator";
+    let error = format!("E2 expected estimator NAME, one of {names}; try help estimator");
     assert_eq!(ask(&mut board, "estimator gauss newton"), error);
     assert_eq!(ask(&mut board, "estimator"), "estimator fraunhofer");
 }
