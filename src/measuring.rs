@@ -7,7 +7,7 @@ use core::task::Poll;
 use embassy_futures::yield_now;
 use embassy_sync::channel::TrySendError;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
-use slitrange::base::exposure::Exposure;
+use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::base::fault::Fault;
 use slitrange::frame::comb::Comb;
 use slitrange::light::ambient::AmbientMode;
@@ -186,7 +186,7 @@ async fn next_row_alone(measurement: &mut Measurement, map: Option<&PixelMap>) -
         let Ok(row) = with_timeout(LONGEST_WAIT, ROWS.full.receive()).await else {
             return (None, Err(measurement.silence()));
         };
-        if !is_dark_row(measurement, row.words, row.exposure) {
+        if !is_left_out(measurement, row.words, row.exposure) {
             break row;
         }
         ROWS.free.send(row.words).await;
@@ -210,18 +210,22 @@ fn order_light(measurement: &Measurement) {
     LASER.set(exposure, options.ambient);
 }
 
-/// Returns whether a row was exposed with the laser off although the setting `laser` is on. Such a row has no
-/// spot and must not be measured. With `ambient subtract` the row counts in the mean of the ambient light.
-/// With `ambient off` the row was exposed before the settings changed, and is dropped.
-fn is_dark_row(measurement: &mut Measurement, words: &[u16], exposure: Option<Exposure>) -> bool {
+/// Returns whether a row must not be measured: it was exposed with the laser off although the setting `laser`
+/// is on, or for another time than the setting `exposure` says. With `ambient subtract` a row without the
+/// laser counts in the mean of the ambient light. Any other such row was exposed before the settings changed.
+fn is_left_out(measurement: &mut Measurement, words: &[u16], exposure: Option<Exposure>) -> bool {
     let options = measurement.options();
-    if !options.laser || exposure.is_some() {
-        return false;
+    match (exposure, options.exposure) {
+        _ if !options.laser => false,
+        (Some(of_row), ExposureMode::Fixed(_)) => of_row != measurement.next_exposure(),
+        (Some(_), ExposureMode::Auto) => false,
+        (None, _) => {
+            if options.ambient == AmbientMode::Subtract {
+                measurement.ambient_row(words);
+            }
+            true
+        }
     }
-    if options.ambient == AmbientMode::Subtract {
-        measurement.ambient_row(words);
-    }
-    true
 }
 
 /// Frees the rows that wait: they may have been exposed before the command came.
@@ -264,7 +268,7 @@ fn measure_row(
     exposure: Option<Exposure>,
     map: Option<&PixelMap>,
 ) -> Option<Result<Measured, Fault>> {
-    if is_dark_row(measurement, words, exposure) {
+    if is_left_out(measurement, words, exposure) {
         return None;
     }
     measurement.row_with(words, exposure, map)

@@ -99,6 +99,7 @@ async fn gather_request(shell: &mut Shell, rx: &mut Receiver, bytes: &mut [u8; P
 async fn take_bytes(shell: &mut Shell, input: &mut Input, echo: &mut Echo, bytes: &[u8]) {
     for &byte in bytes {
         input.set_address(shell.address());
+        input.set_units(shell.units());
         let command = if shell.echoes() {
             let command = input.type_in(byte, echo);
             shell.show_typed(echo.as_str(), input.is_empty()).await;

@@ -4,6 +4,7 @@
 use core::fmt::{Display, Write as _};
 
 use embassy_time::{Duration, Instant, Timer};
+use slitrange::base::units::Units;
 use slitrange::row::pixels::flat_field::FlatField;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::info::Hardware;
@@ -164,6 +165,11 @@ impl Shell {
         self.tx.set_line(connection.baud, connection.bits).await;
     }
 
+    /// The unit of lengths that name none.
+    pub fn units(&self) -> Units {
+        self.session.settings().units
+    }
+
     /// Shows what a person types. Readings are left out until the line ends, so that they do not tear it.
     pub async fn show_typed(&mut self, echo: &str, is_empty: bool) {
         self.typing_until = if is_empty {
@@ -278,6 +284,7 @@ impl Shell {
     async fn send_row(&mut self, part: RowPart) {
         MEASURING.pause();
         let (exposed, measured) = MEASURING.measure_alone().await;
+        let region = self.session.settings().searched();
         let geometry = self.session.geometry();
         let (row, exposure) = match &exposed {
             Some(row) => (
@@ -287,7 +294,7 @@ impl Shell {
             None => (None, RowExposure::Unknown),
         };
         let row = row.unwrap_or_else(|| geometry.empty_row());
-        let head = RowHead::new(part, &row, exposure, &measured);
+        let head = RowHead::new(part, &row, exposure, &measured, region);
         self.send_line(&head).await;
         for line in RowPixels::lines(row.light(), head.sent()) {
             self.send_line(&line).await;

@@ -8,6 +8,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
+use slitrange::spot::region::Region;
 use slitrange::{
     Calibration, CalibrationErrors, Fault, Measurement, Reading, Surface, sensor_heads,
 };
@@ -40,7 +41,7 @@ fn reading(settings: Settings) -> Result<Reading, Fault> {
 fn say(result: &Result<Reading, Fault>) {
     match result {
         Ok(reading) => eprintln!("{}", ReadingLine(reading)),
-        Err(fault) => eprintln!("{}", FaultLine(fault)),
+        Err(fault) => eprintln!("{}", FaultLine(fault, Region::ALL)),
     }
 }
 

@@ -109,7 +109,7 @@ impl Spikes {
 }
 
 /// How far two distances are apart. Saturates.
-fn step(one: Micrometres, other: Micrometres) -> Micrometres {
+pub(crate) fn step(one: Micrometres, other: Micrometres) -> Micrometres {
     let bits = one.to_bits().saturating_sub(other.to_bits());
     Micrometres::from_bits(bits.saturating_abs())
 }

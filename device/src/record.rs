@@ -166,7 +166,7 @@ impl Record {
     pub fn nominal() -> Option<Self> {
         Some(Self {
             serial_number: 0,
-            date: Date::new(1, 1, 1)?,
+            date: Date::NEVER,
             geometry: sensor_heads::tcd1304dg(),
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,

@@ -263,6 +263,7 @@ impl Session {
                 started_by: self.started_by,
                 row_rate_tenths: row_rate_tenths(vitals),
                 front_end: self.front_end(),
+                region: self.settings.searched(),
                 row,
             }),
             Event::Flat(outcome) => {

@@ -31,6 +31,7 @@ macro_rules! names {
 }
 
 pub mod columns;
+pub mod lengths;
 pub mod serial_line;
 pub mod trigger;
 mod value_texts;
@@ -138,13 +139,14 @@ macro_rules! list {
             SpotChoice "peak" peak: SpotChoice = SpotChoice::Strongest,
                 Form::Words("strongest|first|last"), Affects::Measurement;
 
-            /// how far speckle moves a distance, in um
+            /// how far speckle moves a distance
             Surface "surface" surface: Surface = Surface::Auto,
-                Form::Words("auto|off|0..50000"), Affects::Measurement;
+                Form::Lengths { mm: "auto|off|0..50 mm", um: "auto|off|0..50000 um" },
+                Affects::Measurement;
 
-            /// a reading that jumps by more um is a fault until three agree
+            /// a reading that jumps by more is a fault until three agree
             SpikeFilter "spike-filter" spike_filter: SpikeFilter = SpikeFilter::Off,
-                Form::Words("off|1..100000"), Affects::Lines;
+                Form::Lengths { mm: "off|0.001..100 mm", um: "off|1..100000 um" }, Affects::Lines;
 
             /// what is made of the last N results
             Average "average" average: Average = Average::None,
@@ -153,14 +155,18 @@ macro_rules! list {
             /// after a fault, give the last reading for so many results, flagged h
             Hold "hold" hold: u16 = 0, Form::Number { least: 0, most: 1000, unit: "" }, Affects::Lines;
 
-            /// switch an output on from LOW to HIGH in um, -8000000..8000000
+            /// switch an output on from LOW to HIGH
             Limits "limits" limits: Limits = Limits::Off,
-                Form::Words("off|LOW HIGH [HYSTERESIS]"), Affects::Lines;
+                Form::Lengths {
+                    mm: "off|LOW HIGH [HYSTERESIS 0..1000] mm, -8000..8000, LOW first",
+                    um: "off|LOW HIGH [HYSTERESIS 0..1000000] um, -8000000..8000000, LOW first",
+                },
+                Affects::Lines;
 
             /// the most lines a second, whatever the frames are; 0 is a line for each
             Rate "rate" rate: u16 = 0, Form::Number { least: 0, most: 1000, unit: "Hz" }, Affects::Lines;
 
-            /// the unit of distance, u and r in lines
+            /// the unit of lengths, sent and typed; a typed value may end with its own
             Units "units" units: Units = Units::Millimetres, Form::Words("mm|um"), Affects::Lines;
 
             /// the columns of a line; `output ?` lists them
@@ -184,6 +190,13 @@ pub enum Form {
     },
     /// One of these words, separated by `|`.
     Words(&'static str),
+    /// Words and lengths, as [`Self::Words`] in either unit.
+    Lengths {
+        /// In millimetres.
+        mm: &'static str,
+        /// In micrometres.
+        um: &'static str,
+    },
     /// One of the names that `help` with the setting's name lists.
     Listed,
     /// Some of these words, separated by blanks.
@@ -218,17 +231,18 @@ pub enum ValueError {
 
 /// A type that a setting's value can have: how it is read and written.
 pub trait ValueText: Copy {
-    /// Reads a value from its words.
+    /// Reads a value from its words. Lengths without a unit are in `units`.
     ///
     /// # Errors
     /// [`ValueError`] says what is wrong with them.
-    fn read(words: &[&str], form: Form) -> Result<Self, ValueError>;
+    fn read(words: &[&str], form: Form, units: Units) -> Result<Self, ValueError>;
 
-    /// Writes it as [`ValueText::read`] reads it.
+    /// Writes it as [`ValueText::read`] reads it. Lengths have these units, with their name; without units
+    /// they are in micrometres that are not named, as flash and recordings hold them.
     ///
     /// # Errors
     /// The formatter's.
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result;
+    fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result;
 }
 
 macro_rules! declare {
@@ -255,7 +269,7 @@ macro_rules! declare {
             $($(#[doc = $help])+ $variant,)+
         }
 
-        /// A value, and of which setting. `Display` is the line that sets it.
+        /// A value, and of which setting. `Display` is the line that sets it, whatever `units` is.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Value {
             $($(#[doc = $help])+ $variant($type),)+
@@ -309,13 +323,13 @@ macro_rules! declare {
                 }
             }
 
-            /// Reads a value of this setting.
+            /// Reads a value of this setting. Lengths without a unit are in `units`.
             ///
             /// # Errors
             /// [`ValueError`] says what is wrong with the words.
-            pub fn read(self, words: &[&str]) -> Result<Value, ValueError> {
+            pub fn read_in(self, units: Units, words: &[&str]) -> Result<Value, ValueError> {
                 match self {
-                    $(Self::$variant => ValueText::read(words, $form).map(Value::$variant),)+
+                    $(Self::$variant => ValueText::read(words, $form, units).map(Value::$variant),)+
                 }
             }
         }
@@ -327,14 +341,12 @@ macro_rules! declare {
                     $(Self::$variant(_) => Setting::$variant,)+
                 }
             }
-        }
 
-        impl fmt::Display for Value {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                match *self {
+            fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result {
+                match self {
                     $(Self::$variant(value) => {
                         f.write_str(concat!($name, " "))?;
-                        value.write(f)
+                        value.write(f, units)
                     })+
                 }
             }
@@ -358,6 +370,14 @@ impl Settings {
         }
     }
 
+    /// Where the spot is searched: `region` counts with one slit only.
+    pub const fn searched(&self) -> Region {
+        match self.slits {
+            Slits::One => self.region,
+            Slits::Comb => Region::ALL,
+        }
+    }
+
     /// The settings that the core measures by.
     pub const fn options(&self) -> Options {
         Options {
@@ -377,6 +397,14 @@ impl Settings {
 }
 
 impl Setting {
+    /// Reads a value as flash and recordings hold it: lengths without a unit are in micrometres.
+    ///
+    /// # Errors
+    /// As [`Self::read_in`].
+    pub fn read(self, words: &[&str]) -> Result<Value, ValueError> {
+        self.read_in(Units::Micrometres, words)
+    }
+
     /// Finds a setting by the words of its [`name`](Self::name), at the front of a line. Returns it with the
     /// words that follow. A longer name goes first: `exposure limit` is not `exposure` with the value
     /// `limit`.
@@ -398,6 +426,33 @@ impl Value {
     pub fn is_saved(self) -> bool {
         self.setting().affects() != Affects::Session
     }
+
+    /// The line that sets it, with lengths in a unit that the line names.
+    pub fn in_units(self, units: Units) -> impl fmt::Display {
+        fmt::from_fn(move |f| self.write(f, Some(units)))
+    }
+
+    /// The line as flash and recordings hold it: with lengths in micrometres, without a unit.
+    pub fn stored(self) -> impl fmt::Display {
+        fmt::from_fn(move |f| self.write(f, None))
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, Some(Units::default()))
+    }
+}
+
+impl Form {
+    /// The form of lengths in this unit.
+    pub const fn in_units(self, units: Units) -> Self {
+        match (self, units) {
+            (Self::Lengths { mm, .. }, Units::Millimetres) => Self::Words(mm),
+            (Self::Lengths { um, .. }, Units::Micrometres) => Self::Words(um),
+            (form, _) => form,
+        }
+    }
 }
 
 impl fmt::Display for Form {
@@ -408,7 +463,7 @@ impl fmt::Display for Form {
                 let blank = if unit.is_empty() { "" } else { " " };
                 write!(f, "{least}..{most}{blank}{unit}")
             }
-            Self::Words(words) => f.write_str(words),
+            Self::Words(words) | Self::Lengths { mm: words, .. } => f.write_str(words),
             Self::Listed => f.write_str("NAME"),
             Self::Several(_) => f.write_str("NAMES"),
         }

@@ -10,6 +10,7 @@
 use libfuzzer_sys::fuzz_target;
 use slitrange::frame::comb::{Comb, FEWEST, Slits};
 use slitrange::frame::{FEWEST_INDEPENDENT, MAX_ROWS};
+use slitrange::spot::region::Region;
 use slitrange::{
     BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Fault, Geometry, Mean,
     Measurement, Micrometres, Options, Pixels, Polarity, Reading, Surface, sensor_heads,
@@ -277,7 +278,7 @@ impl Bench {
     }
 
     fn check_fault(&self, fault: Fault) {
-        let said = format!("{} {}", FaultLine(&fault), advice(&fault));
+        let said = format!("{} {}", FaultLine(&fault, Region::ALL), advice(&fault));
         assert!(said.starts_with("f ") && said.is_ascii(), "{said}");
         match fault {
             Fault::NotCalibrated {

@@ -5,7 +5,7 @@
 use crate::session::samples::HARDWARE;
 use crate::support::*;
 use rand::seq::IndexedRandom as _;
-use slitrange_device::filters::zero::MasterValue;
+use slitrange::base::units::Units;
 use slitrange_device::protocol::command::{Error, MAX_LINE};
 use slitrange_device::protocol::flat::Flat;
 use slitrange_device::session::flat::Job;
@@ -42,19 +42,21 @@ impl Lines {
                       calibration data 0|calibration begin 600|calibration commit|calibration abort|\
                       save|save nominal|defaults|flat|flat dark|flat lit|flat save|flat on|flat off|\
                       flat erase|calibration data 0 00 1d0f|measure|errors|uptime|selftest|reset|\
-                      master|master 500|master 0.5|master 4001";
+                      master|master 500|master 0.5|master 4001|master -1.5 um";
         let mut commands: Vec<String> = others.split('|').map(str::to_owned).collect();
         let others = commands.len();
         for &setting in Setting::ALL {
             let name = setting.name();
             commands.push(name.to_owned());
             commands.push(Settings::default().get(setting).to_string());
-            let values: Vec<String> = match setting.form() {
+            let values: Vec<String> = match setting.form().in_units(Units::Micrometres) {
                 Form::Number { least, most, .. } => {
                     let number = |i: u32| (least + (most - least) / 7 * i).to_string();
                     (0..8).map(number).collect()
                 }
-                Form::Words(words) => words.split('|').flat_map(of_form).collect(),
+                Form::Words(words) | Form::Lengths { um: words, .. } => {
+                    words.split('|').flat_map(of_form).collect()
+                }
                 Form::Several(names) => {
                     let some = |i| names.split(' ').skip(i).step_by(2).collect::<Vec<_>>();
                     (0..8).map(|i| some(i).join(" ")).collect()
@@ -211,8 +213,24 @@ fn words(line: &str) -> Vec<String> {
     words.map(word).collect()
 }
 
+/// Writes lengths in tenths of a micrometre, in place of those in the unit that the words end with, or in
+/// `units`.
+fn in_tenths(words: &mut Vec<String>, units: Units) {
+    let tenths = match (words.last().map(String::as_str), units) {
+        (Some("um"), _) => 10.0,
+        (Some("mm"), _) | (_, Units::Millimetres) => 10_000.0,
+        (_, Units::Micrometres) => 10.0,
+    };
+    words.retain(|word| word != "um" && word != "mm");
+    for word in words {
+        if let Ok(length) = word.parse::<f64>() {
+            *word = ((length * tenths).round() as i64).to_string();
+        }
+    }
+}
+
 /// Whether a line is a command word by word, and not only understood as one.
-fn is_exactly(line: &[u8], command: Command) -> bool {
+fn is_exactly(line: &[u8], command: Command, units: Units) -> bool {
     let mut found = words(&String::from_utf8_lossy(line));
     let mut exact = words(&command.to_string());
     match command {
@@ -226,9 +244,11 @@ fn is_exactly(line: &[u8], command: Command) -> bool {
         }
         // A checksum, and not a number.
         Command::Upload(Step::Piece(_)) => return true,
-        // A number with as many decimals as were typed.
-        Command::Master(Some(value)) => {
-            return found.get(1).and_then(|it| MasterValue::read(it)) == Some(value);
+        Command::Master(_)
+        | Command::Set(Value::Limits(_) | Value::SpikeFilter(_) | Value::Surface(_)) => {
+            for words in [&mut found, &mut exact] {
+                in_tenths(words, units);
+            }
         }
         _ => {}
     }
@@ -303,10 +323,12 @@ impl Sensor {
         if byte == b'@' && self.reference.0.is_empty() {
             return;
         }
+        let units = self.settings.units;
+        self.input.set_units(units);
         let taken = self.input.take(byte);
         let line = self.reference.take(byte);
         let expected = (line.as_ref()).map(|line| match line {
-            Ok(line) => checked(line).and_then(parse),
+            Ok(line) => checked(line).and_then(|line| parse_in(units, line)),
             Err(error) => Err(*error),
         });
         assert_eq!(taken, expected, "{line:?}");
@@ -336,7 +358,10 @@ impl Sensor {
             }
             Ok(command) => command,
         };
-        assert!(is_exactly(&line, command), "{shown} is taken for {command}");
+        assert!(
+            is_exactly(&line, command, units),
+            "{shown} is taken for {command}"
+        );
         self.count(["commands", "refused commands"][usize::from(is_error)]);
         match command {
             // The next frame answers, or something else than text.

@@ -541,8 +541,11 @@ fn python_reads_what_is_written() {
                     result: &result,
                     is_difference: is_odd,
                     held: counts[4],
-                    columns: if has_all { all } else { Columns::default() },
-                    units,
+                    settings: &Settings {
+                        output: if has_all { all } else { Columns::default() },
+                        units,
+                        ..Settings::default()
+                    },
                 };
                 text += &format!("{line}\n{}\n", CsvLine(&line));
             }
@@ -556,7 +559,7 @@ fn python_reads_what_is_written() {
         let comb = is_odd.then_some(counts[0].max(1));
         let result = Ok(frame_of(bits, counts, comb));
         let light = exposure.map_or(RowExposure::Unknown, RowExposure::On);
-        let head = row_lines::RowHead::new(place, &row, light, &result).to_string();
+        let head = row_lines::RowHead::new(place, &row, light, &result, Region::ALL).to_string();
         text += &(head.replace("\r\n", "\n") + "\n");
         text += &packet(Message::Row(RowHead {
             number: counter,

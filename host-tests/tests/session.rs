@@ -18,6 +18,7 @@
 
 use crate::support::*;
 use samples::{HARDWARE, fault, frame, map_summary, record, row_test};
+use slitrange::base::units::Units;
 use slitrange::row::pixels::flat_field::Kind;
 use slitrange_device::protocol::MAX_ANSWER;
 use slitrange_device::protocol::help;
@@ -177,7 +178,7 @@ impl Sensor {
     /// The answer to a line. A command is written as it is read, is the setting's value from then on, or
     /// is refused and changes nothing.
     fn ask(&mut self, line: &str) -> String {
-        let command = parse(line.as_bytes());
+        let command = parse_in(self.session.settings().units, line.as_bytes());
         let before = *self.session.settings();
         self.take(Event::Line(command));
         let answer = self.actions.text.as_str();
@@ -296,7 +297,8 @@ impl Sensor {
             ["upload", ref parts @ ..] => return self.upload(&record(parts)),
             ["modbus", ref bytes @ ..] => return self.modbus(bytes),
             ["for", "all", ref line @ ..] => {
-                let event = Event::LineForAll(parse(line.join(" ").as_bytes()));
+                let units = self.session.settings().units;
+                let event = Event::LineForAll(parse_in(units, line.join(" ").as_bytes()));
                 return self.take(event);
             }
             ["frame", ref parts @ ..] => return self.take(Event::Frame(Ok(frame(parts)))),
@@ -343,7 +345,7 @@ fn packet(packet: FrameResult) -> String {
     let what = ["packet", "difference"][usize::from(packet.is_difference)];
     let result = match packet.result {
         Ok(reading) => ReadingLine(&reading).to_string(),
-        Err(fault) => FaultLine(&fault).to_string(),
+        Err(fault) => FaultLine(&fault, Region::ALL).to_string(),
     };
     format!("{what} {} {} {result}", packet.counter, packet.time_us)
 }
@@ -422,10 +424,11 @@ fn values_are_named_by_their_forms_and_come_back_from_flash() {
                 false => Settings::default(),
             };
             assert_eq!(read, expected, "{line}");
-            let (name, form) = (value.setting().name(), value.setting().form());
+            let name = value.setting().name();
+            let form = value.setting().form().in_units(Units::Millimetres);
             let value = value.to_string();
             let word = split_words(&value[name.len()..])[0];
-            let is_number = word.parse::<i32>().is_ok();
+            let is_number = word.parse::<f64>().is_ok();
             let is_named = |known: &str| {
                 known.split(' ').next() == Some(word)
                     || is_number && (known.contains("..") || known.starts_with("LOW "))

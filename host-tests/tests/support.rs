@@ -46,7 +46,7 @@ pub use slitrange::{
     Measurement, Micrometres, Options, Pixels, Polarity, Reading, Row, RowCentre, Surface,
     sensor_heads,
 };
-pub use slitrange_device::protocol::command::{Command, parse};
+pub use slitrange_device::protocol::command::{Command, parse, parse_in};
 pub use slitrange_device::protocol::input::Input;
 pub use slitrange_device::protocol::line::ReadingLine;
 pub use slitrange_device::protocol::packet::FrameResult;

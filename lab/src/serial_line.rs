@@ -8,6 +8,7 @@ use slitrange::base::exposure::Exposure;
 use slitrange::base::fault::Fault;
 use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::Estimator;
+use slitrange::spot::region::Region;
 use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::help::{self, purpose};
 use slitrange_device::protocol::line::FaultLine;
@@ -132,7 +133,10 @@ pub fn reference() -> String {
     }
     text.push_str("\n| fault, an example | what to do |\n|---|---|\n");
     for fault in faults() {
-        row(&mut text, &[&FaultLine(&fault).to_string(), advice(&fault)]);
+        row(
+            &mut text,
+            &[&FaultLine(&fault, Region::ALL).to_string(), advice(&fault)],
+        );
     }
     text
 }

@@ -27,8 +27,12 @@ pub mod demo;
 pub mod fit;
 pub mod plot;
 
+use std::ffi::OsString;
 use std::io::{BufRead, Write};
 use std::process::ExitCode;
+
+use clap::Parser as _;
+use clap::error::{ContextKind, ContextValue};
 
 /// What the owner of a slitrange sensor does on a PC
 // The help of a command is that of its options.
@@ -77,6 +81,26 @@ pub enum Calibrate {
 }
 
 impl Command {
+    /// Reads the arguments of the program, its name first.
+    ///
+    /// # Errors
+    /// What clap says. To a number with a decimal comma it adds how to write it.
+    pub fn read<S: Into<OsString> + Clone>(
+        arguments: impl IntoIterator<Item = S>,
+    ) -> Result<Self, clap::Error> {
+        Self::try_parse_from(arguments).map_err(|mut error| {
+            if let Some(ContextValue::String(value)) = error.get(ContextKind::InvalidValue) {
+                let number = value.replacen(',', ".", 1);
+                if number != *value && number.parse::<f64>().is_ok() {
+                    let tip = format!("decimals follow a point: {number}");
+                    let tip = ContextValue::StyledStrs(vec![tip.into()]);
+                    error.insert(ContextKind::Suggested, tip);
+                }
+            }
+            error
+        })
+    }
+
     /// Does what the command says. `input` is what a person types.
     ///
     /// # Errors

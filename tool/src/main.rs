@@ -4,7 +4,6 @@
 use std::io;
 use std::process::ExitCode;
 
-use clap::Parser as _;
 use slitrange_tool::Command;
 use slitrange_tool::keyboard::Keyboard;
 use slitrange_tool::pc::RealPc;
@@ -14,7 +13,8 @@ const FAILED: u8 = 2;
 
 fn main() -> ExitCode {
     let (pc, mut keyboard) = (RealPc::default(), Keyboard::default());
-    let outcome = Command::parse().run(&pc, &mut keyboard, &mut io::stdout());
+    let command = Command::read(std::env::args_os()).unwrap_or_else(|error| error.exit());
+    let outcome = command.run(&pc, &mut keyboard, &mut io::stdout());
     outcome.unwrap_or_else(|error| {
         eprintln!("slitrange: {error:#}");
         ExitCode::from(FAILED)

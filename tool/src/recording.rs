@@ -17,11 +17,12 @@
 
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufRead as _, BufReader, Read};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use slitrange_device::protocol::command::{Command, parse};
+use slitrange::base::units::Units;
+use slitrange_device::protocol::command::{Command, parse, parse_in};
 use slitrange_device::protocol::packet::{
     Decoder, Message, Packets, RowHead, RowWords, parts_of_text, unpack,
 };
@@ -102,7 +103,7 @@ impl Writer {
         let mut text = format!("{FIRST_WORDS} {VERSION}\r\nhead {}\r\n", sensor.head);
         for &setting in slitrange_device::settings::Setting::ALL {
             // Writing to a String cannot fail.
-            let _ = write!(text, "{}\r\n", sensor.settings.get(setting));
+            let _ = write!(text, "{}\r\n", sensor.settings.get(setting).stored());
         }
         text += "record ";
         for byte in sensor.record.bytes() {
@@ -153,7 +154,13 @@ impl<R: Read> Reader<R> {
     /// The bytes cannot be read, or are no recording. A damaged packet ends the text, so what it had is
     /// missing.
     pub fn new(file: R) -> Result<Self> {
-        let mut bytes = BufReader::new(file).bytes();
+        let mut file = BufReader::new(file);
+        let is_empty = file.fill_buf()?.is_empty();
+        ensure!(
+            !is_empty,
+            "it is empty: take a recording with `slitrange record`"
+        );
+        let mut bytes = file.bytes();
         let (mut decoder, mut rows) = (Decoder::new(), Rows::default());
         let (mut text, mut damaged) = (Vec::new(), 0);
         for byte in &mut bytes {
@@ -229,7 +236,7 @@ fn sensor(text: &str) -> Result<Sensor> {
         } else if let Some(digits) = line.strip_prefix("record ") {
             written = Some(record_of(digits)?);
         } else {
-            match parse(line.as_bytes()) {
+            match parse_in(Units::Micrometres, line.as_bytes()) {
                 Ok(Command::Set(value)) => settings.set(value),
                 Ok(Command::Calibration(Some(is_on))) => on = Some(is_on),
                 _ => {}

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 
 /// The name of a file to write, as a person types it.
 ///
@@ -14,6 +14,21 @@ pub fn output(name: &str) -> Result<PathBuf, String> {
     match name {
         "-" => Err("name a file: this command does not write to standard output".into()),
         _ => Ok(name.into()),
+    }
+}
+
+/// Why a file cannot be made, and what to do.
+pub fn cannot_be_made(path: &Path, error: io::Error) -> anyhow::Error {
+    let file = path.display();
+    match (error.kind(), path.parent()) {
+        (io::ErrorKind::NotFound, Some(folder)) => {
+            let folder = folder.display();
+            anyhow!("{file} cannot be made: there is no folder {folder}; make it, or name another")
+        }
+        (io::ErrorKind::AlreadyExists, _) => {
+            anyhow!("{file} cannot be made: it exists; delete it, or take another name")
+        }
+        _ => anyhow::Error::new(error).context(format!("{file} cannot be written")),
     }
 }
 
@@ -37,8 +52,7 @@ impl NewFile {
         let mut other = name.to_owned();
         other.push(".new");
         let other = path.with_file_name(other);
-        let file = File::create(&other)
-            .with_context(|| format!("{} cannot be written", path.display()))?;
+        let file = File::create(&other).map_err(|error| cannot_be_made(path, error))?;
         Ok(Self {
             path: path.to_owned(),
             other,

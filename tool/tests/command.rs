@@ -59,3 +59,18 @@ pub fn begins(text: &str, words: &str) {
 pub fn ends(text: &str, words: &str) {
     assert!(text.ends_with(words), "no {words:?} ends {text}");
 }
+
+#[test]
+fn a_decimal_comma_is_named() {
+    for line in [
+        "calibrate run --from 730,5 --to 800 p.csv",
+        "monitor --seconds 1,5",
+    ] {
+        let error = Command::read(["slitrange"].into_iter().chain(line.split(' ')));
+        let error = error.err().expect("no number").to_string();
+        println!("{error}");
+        says(&error, ["decimals follow a point: "]);
+    }
+    let other = Command::read(["slitrange", "monitor", "--seconds", "some"]).err();
+    assert!(!other.expect("no number").to_string().contains("decimals"));
+}

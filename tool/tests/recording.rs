@@ -261,6 +261,7 @@ fn a_file_that_is_no_recording_is_refused() {
     for (bytes, words) in [
         (&b"distance,centre\n800,1770\n"[..], "this is no recording"),
         (later, version),
+        (b"", "it is empty: take a recording with `slitrange record`"),
     ] {
         std::fs::write(&file, bytes).expect("a file");
         let error = recording::open(&file).expect_err("no recording");

@@ -261,6 +261,7 @@ def test_um_are_read(sensor: Sensor) -> None:
     reading = sensor.read()
     assert isinstance(reading, Reading)
     assert (reading.distance_mm, reading.u_mm) == pytest.approx((800, 17.13), abs=0.02)
+    assert sensor.set("limits", "790 810.5 mm") == sensor.get("limits") == "790000 810500 um"
 
 
 def test_a_sensor_that_is_not_alone_is_found(virtual_board: str) -> None:

@@ -6,7 +6,7 @@ use super::command::Command;
 use crate::record::{self, Record};
 use crate::settings::Value;
 use crate::store::configuration::ConfigurationError;
-use slitrange::base::units::AsMillimetres;
+use slitrange::base::units::{InUnits, Units};
 use slitrange::distance::Calibration;
 
 /// The calibration that flash keeps over a power cycle.
@@ -48,6 +48,8 @@ pub struct CalibrationAnswer<'a> {
     pub is_on: bool,
     /// What flash holds.
     pub stored: FlashStatus,
+    /// The unit of lengths.
+    pub units: Units,
 }
 
 impl fmt::Display for CalibrationAnswer<'_> {
@@ -106,8 +108,13 @@ impl CalibrationAnswer<'_> {
         let (first, last) = record.calibration.valid();
         write!(f, "\r\ncalibration centres {first} {last} px")?;
         if let Ok(distances) = record.calibration.distances() {
-            let [least, most] = [*distances.start(), *distances.end()].map(AsMillimetres);
-            write!(f, "\r\ncalibration distances {least} {most} mm")?;
+            let [least, most] = [distances.start(), distances.end()];
+            let [least, most] = [least, most].map(|&length| InUnits(length, self.units));
+            write!(
+                f,
+                "\r\ncalibration distances {least} {most} {}",
+                self.units.name()
+            )?;
         }
         Ok(())
     }

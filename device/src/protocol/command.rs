@@ -11,9 +11,12 @@ use super::nearest::nearest;
 use super::piece::{Piece, PieceError};
 use super::row_lines::RowPart;
 use super::upload::Step;
-use crate::filters::zero::MasterValue;
+use crate::filters::zero::Zero;
 use crate::record::MAX_ENCODED;
+use crate::settings::lengths::{read_length, split_unit, write_lengths};
 use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
+use slitrange::base::units::{Micrometres, Units};
+use slitrange::centre::Estimator;
 use slitrange::row::pixels::flat_field::Kind;
 
 /// The longest line that is read, in bytes, without its end.
@@ -52,9 +55,8 @@ pub enum Command {
     Row(RowPart),
     /// Make the next reading the zero of distances, or give distances from the laser again.
     Zero(bool),
-    /// Show the distance that the zero has, or give the next reading's place this one, in the unit that
-    /// `units` sets.
-    Master(Option<MasterValue>),
+    /// Show the distance that the zero has, or give the next reading's place this one.
+    Master(Option<Micrometres>),
     /// Show a setting.
     Show(Setting),
     /// Set a setting.
@@ -102,7 +104,10 @@ pub enum Error {
     Form(&'static str),
     /// The value of a setting is not understood, out of range, or not in its list.
     #[error(fmt = write_value_error)]
-    Value(Setting, ValueError),
+    Value(Setting, ValueError, Units),
+    /// The value of `master` is too large.
+    #[error("E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 um")]
+    MasterRange,
     /// The pixels of a row that are asked for are not understood, or are no pixels of a row.
     #[error("{} {}", start(*.0), RowPart::FORM)]
     Row(ValueError),
@@ -166,17 +171,24 @@ const fn start(error: ValueError) -> &'static str {
 fn write_value_error(
     setting: &Setting,
     error: &ValueError,
+    units: &Units,
     f: &mut fmt::Formatter<'_>,
 ) -> fmt::Result {
-    let (name, form) = (setting.name(), setting.form());
+    let (name, form) = (setting.name(), setting.form().in_units(*units));
     write!(f, "{} {name}", start(*error))?;
     if *error != ValueError::Unlisted {
         write!(f, " {form}")?;
     }
     match form {
-        Form::Listed => write!(f, ", try help {name}"),
+        Form::Listed => {
+            f.write_str(", one of")?;
+            Estimator::ALL
+                .iter()
+                .try_for_each(|it| write!(f, " {}", it.name()))?;
+            write!(f, "; try help {name}")
+        }
         Form::Several(names) => write!(f, ", some of {names}"),
-        Form::Number { .. } | Form::Words(_) => Ok(()),
+        Form::Number { .. } | Form::Words(_) | Form::Lengths { .. } => Ok(()),
     }
 }
 
@@ -217,11 +229,19 @@ static WITHOUT_NUMBERS: [(&str, Command); 33] = [
     ("flat none", Command::Flat(Flat::Erase)),
 ];
 
-/// Reads a line (without its end).
+/// As [`parse_in`], with the factory's unit. A sensor's answers and what `Display` writes name their unit.
+///
+/// # Errors
+/// As [`parse_in`].
+pub fn parse(line: &[u8]) -> Result<Command, Error> {
+    parse_in(Units::default(), line)
+}
+
+/// Reads a line (without its end). Lengths without a unit are in `units`.
 ///
 /// # Errors
 /// The line is no command; [`Error`] says why.
-pub fn parse(line: &[u8]) -> Result<Command, Error> {
+pub fn parse_in(units: Units, line: &[u8]) -> Result<Command, Error> {
     if line.len() > MAX_LINE {
         return Err(Error::TooLong);
     }
@@ -241,9 +261,9 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     if let Some((setting, values)) = Setting::of_words(&words) {
         return match values {
             [] => Ok(Command::Show(setting)),
-            _ => match setting.read(values) {
+            _ => match setting.read_in(units, values) {
                 Ok(value) => Ok(Command::Set(value)),
-                Err(error) => Err(Error::Value(setting, error)),
+                Err(error) => Err(Error::Value(setting, error, units)),
             },
         };
     }
@@ -255,12 +275,19 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     }
     match name {
         "row" => RowPart::parse(values).map(Command::Row).map_err(Error::Row),
-        "master" => match values {
-            [value] if let Some(value) = MasterValue::read(value) => {
-                Ok(Command::Master(Some(value)))
-            }
-            _ => Err(Error::Form("master [VALUE], with four decimals at most")),
-        },
+        "master" => {
+            let most = Zero::MOST_UM;
+            let value = match split_unit(values, units) {
+                (&[word], units) => read_length(word, units, most.saturating_neg(), most),
+                _ => Err(ValueError::Form),
+            };
+            value
+                .map(|value| Command::Master(Some(value)))
+                .map_err(|error| match error {
+                    ValueError::Range => Error::MasterRange,
+                    _ => Error::Form("master [VALUE [mm|um]], to 0.1 um"),
+                })
+        }
         "calibration" => calibration(values),
         "help" | "?" => Err(Error::Form("help [estimator]")),
         "zero" => Err(Error::Form("zero [off]")),
@@ -305,7 +332,10 @@ impl fmt::Display for Command {
         match self {
             Self::Nothing => Ok(()),
             Self::Row(RowPart::Range { first, last }) => write!(f, "row {first} {last}"),
-            Self::Master(Some(value)) => write!(f, "master {value}"),
+            &Self::Master(Some(value)) => {
+                f.write_str("master ")?;
+                write_lengths(f, &[value], Some(Units::default()))
+            }
             Self::Show(setting) => f.write_str(setting.name()),
             Self::Set(value) => value.fmt(f),
             Self::Data(offset) => write!(f, "calibration data {offset}"),
@@ -327,18 +357,24 @@ mod tests {
     /// that no script can have.
     #[test]
     fn lines_are_commands_or_errors() {
+        const MM: Units = Units::Millimetres;
         for (line, command) in [
             (&b""[..], Ok("")),
             (b"  help ", Ok("help")),
             (b"STREAM\tOff", Ok("stream off")),
             (b"black fixed  300", Ok("black fixed 300")),
             (b"row 1700 1839", Ok("row 1700 1839")),
-            (b"master -512.0625", Ok("master -512.0625")),
+            (b"master -512.0625", Ok("master -512.0625 mm")),
+            (
+                b"limits 790.50 810 um",
+                Err(Error::Value(Setting::Limits, ValueError::Form, MM)),
+            ),
+            (b"limits 790000.5 810000 um", Ok("limits 790.0005 810 mm")),
             (b" calibration  commit", Ok("calibration commit")),
             (b"distanse", Err(Error::Unknown(Some("distance")))),
             (
                 b"rows 0",
-                Err(Error::Value(Setting::Rows, ValueError::Range)),
+                Err(Error::Value(Setting::Rows, ValueError::Range, MM)),
             ),
             (b"rows\0 1", Err(Error::NotText)),
             (b"rows \xff", Err(Error::NotText)),

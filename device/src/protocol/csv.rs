@@ -65,13 +65,13 @@ impl fmt::Display for CsvLine<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let line = self.0;
         for column in Column::ALL {
-            if !line.columns.has(column) {
+            if !line.settings.output.has(column) {
                 continue;
             }
             match (column, line.result) {
                 (Column::Counter, _) => write!(f, "{},", line.number)?,
                 (Column::Time, _) => write!(f, "{},", line.us)?,
-                (_, Ok(reading)) => write_value(f, column, reading, line.units)?,
+                (_, Ok(reading)) => write_value(f, column, reading, line.settings.units)?,
                 (_, Err(_)) => {
                     for _ in names(column).bytes().filter(|&byte| byte == b',') {
                         f.write_str(",")?;

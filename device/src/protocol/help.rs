@@ -4,6 +4,7 @@ use core::fmt::{self, Write as _};
 
 use crate::settings::{Setting, split_words};
 use crate::text::Text;
+use slitrange::base::units::Units;
 use slitrange::centre::Estimator;
 
 /// The commands that `help` shows before the settings. Each has its form, a tab, and its effect.
@@ -66,9 +67,9 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     (before.chain(settings).chain(after)).filter_map(|typed| split_words(typed).first().copied())
 }
 
-/// The answer to `help`: a line for each command, parted by CR LF.
+/// The answer to `help`: a line for each command, parted by CR LF. Lengths are in this unit.
 #[derive(Clone, Copy, Debug)]
-pub struct Help;
+pub struct Help(pub Units);
 
 impl fmt::Display for Help {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -76,9 +77,14 @@ impl fmt::Display for Help {
             write!(f, "{typed:COLUMN$} {help}\r\n")?;
         }
         for &setting in Setting::ALL {
-            let mut typed = Text::<64>::default();
+            let mut typed = Text::<96>::default();
             // A test checks that all fit.
-            let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
+            let _ = write!(
+                typed,
+                "{} [{}]",
+                setting.name(),
+                setting.form().in_units(self.0)
+            );
             write!(f, "{:COLUMN$} {}\r\n", typed.as_str(), setting.help())?;
         }
         for (typed, help) in AFTER_SETTINGS.map(parts) {

@@ -7,7 +7,7 @@ use super::status::StartCause;
 use crate::record::Record;
 use crate::settings::Settings;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::units::{AsMillimetres, Micrometres};
+use slitrange::base::units::{InUnits, Micrometres, Units};
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knots;
 use slitrange::frame::comb::Slits;
@@ -159,20 +159,23 @@ impl fmt::Display for Info<'_> {
         if !self.is_calibration_on {
             return f.write_str("\r\ninfo calibration off");
         }
-        let calibration = &record.calibration;
+        let (calibration, units) = (&record.calibration, self.settings.units);
         match calibration {
-            Calibration::Eq1(curve) => write_curve(curve, f)?,
+            Calibration::Eq1(curve) => write_curve(curve, units, f)?,
             Calibration::Table(table) => write_table("a table of distances", table.knots(), f)?,
             Calibration::Corrected(corrected) => {
-                write_curve(corrected.curve(), f)?;
+                write_curve(corrected.curve(), units, f)?;
                 write_table("plus a table of residuals", corrected.residuals(), f)?;
             }
         }
         let (first, last) = calibration.valid();
         write!(f, "\r\ninfo range x {first:.0} to {last:.0} px")?;
         if let Ok(distances) = calibration.distances() {
-            let [least, most] = [*distances.start(), *distances.end()].map(AsMillimetres);
-            write!(f, ", {least} to {most} mm")?;
+            write!(
+                f,
+                ", {}",
+                Range(&[*distances.start(), *distances.end()], units)
+            )?;
         }
         self.write_parts(record, f)
     }
@@ -191,14 +194,14 @@ impl Info<'_> {
             "left by the map of the pixels"
         };
         write!(f, "{PART} pixels: {}, {source}", Remaining(self.pixels))?;
-        let mut of_points = None;
+        let (mut of_points, units) = (None, self.settings.units);
         write!(f, "{PART} calibration: ")?;
         match &record.errors {
             CalibrationErrors::Fitted(fitted) => {
-                write!(f, "{}, from its fit", Range(&fitted.curve))?;
+                write!(f, "{}, from its fit", Range(&fitted.curve, units))?;
                 of_points = fitted.surface.as_ref();
             }
-            CalibrationErrors::Nominal => f.write_str("0 um, see geometry")?,
+            CalibrationErrors::Nominal => f.write_str("0, see geometry")?,
             CalibrationErrors::Unknown => {
                 f.write_str("unknown, so not in u: fit again from the points")?;
             }
@@ -212,10 +215,13 @@ impl Info<'_> {
             true => (", and ", " that they share"),
             false => ("", ""),
         };
-        let of_points = of_points.map(|surface| Range(&surface.deviation));
+        let of_points = of_points.map(|surface| Range(&surface.deviation, units));
         match (self.settings.surface, of_points) {
             (Surface::Off, _) => f.write_str("off")?,
-            (Surface::Fixed(um), _) => write!(f, "{and}{um} um{shared}, set by hand")?,
+            (Surface::Fixed(length), _) => {
+                let (length, unit) = (InUnits(length, units), units.name());
+                write!(f, "{and}{length} {unit}{shared}, set by hand")?;
+            }
             (Surface::Auto, Some(of_points)) if is_comb => write!(f, "{and}{of_points}{shared}")?,
             (Surface::Auto, None) if is_comb => {}
             (Surface::Auto, Some(of_points)) => {
@@ -228,7 +234,7 @@ impl Info<'_> {
         write!(f, "{PART} geometry: ")?;
         f.write_str(match &record.errors {
             CalibrationErrors::Nominal => "tolerances of a head that was never calibrated (flag g)",
-            _ => "0 um, the calibration holds it",
+            _ => "0, the calibration holds it",
         })?;
         write!(f, "{PART} motion: {of_each_frame}")
     }
@@ -249,25 +255,31 @@ fn write_front_end(front_end: &FrontEnd, f: &mut fmt::Formatter<'_>) -> fmt::Res
     }
 }
 
-/// The least and the largest of some uncertainties.
-struct Range<'a>(&'a [Micrometres]);
+/// The least and the largest of some lengths.
+pub(crate) struct Range<'a>(pub &'a [Micrometres], pub Units);
 
 impl fmt::Display for Range<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let least = self.0.iter().min().copied().unwrap_or_default();
         let largest = self.0.iter().max().copied().unwrap_or_default();
-        write!(f, "{least} to {largest} um")
+        let [least, largest] = [least, largest].map(|length| InUnits(length, self.1));
+        write!(f, "{least} to {largest} {}", self.1.name())
     }
 }
 
 /// Writes eq. (1) with its numbers, in two lines.
-fn write_curve(curve: &Eq1, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+fn write_curve(curve: &Eq1, units: Units, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let k_um_px = curve.k() >> 16;
     let (sign, size) = (if k_um_px < 0 { "-" } else { "" }, k_um_px.unsigned_abs());
     let (k_mm_px, decimals) = (size / 1000, size % 1000);
-    let (d, pole) = (AsMillimetres(curve.d()), curve.pole());
+    let (d, unit, pole) = (InUnits(curve.d(), units), units.name(), curve.pole());
     f.write_str("\r\ninfo calibration d = D + K/(x - xp)\r\ninfo calibration ")?;
-    write!(f, "D {d} mm, K {sign}{k_mm_px}.{decimals:03} mm px, ")?;
+    write!(f, "D {d} {unit}, K {sign}")?;
+    match units {
+        Units::Millimetres => write!(f, "{k_mm_px}.{decimals:03}")?,
+        Units::Micrometres => write!(f, "{size}")?,
+    }
+    write!(f, " {unit} px, ")?;
     write!(f, "xp {pole} px")
 }
 

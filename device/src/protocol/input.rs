@@ -7,9 +7,10 @@ use core::fmt::Write as _;
 
 use heapless::Vec;
 
-use super::command::{Command, Error, MAX_LINE, parse};
+use super::command::{Command, Error, MAX_LINE, parse_in};
 use crate::settings::read_number;
 use crate::text::Text;
+use slitrange::base::units::Units;
 
 /// The line that is under way.
 #[derive(Debug, Default)]
@@ -17,6 +18,7 @@ pub struct Input {
     line: Vec<u8, { MAX_LINE + MAX_ADDRESS }>,
     /// The sensor's address; 0 if it is alone on its line.
     address: u16,
+    units: Units,
     /// The latest command was for all sensors on the line.
     is_for_all: bool,
     /// Why the rest of the line is skipped.
@@ -69,6 +71,7 @@ impl Input {
         Self {
             line: Vec::new(),
             address: 0,
+            units: Units::Millimetres,
             is_for_all: false,
             skipping: Skipping::Nothing,
             keys: Keys::Between,
@@ -79,6 +82,11 @@ impl Input {
     /// address are ignored.
     pub const fn set_address(&mut self, address: u16) {
         self.address = address;
+    }
+
+    /// Sets the unit of lengths that name none.
+    pub const fn set_units(&mut self, units: Units) {
+        self.units = units;
     }
 
     /// Whether the latest command that was returned was for all sensors on the line, `@0 `. Nobody answers.
@@ -153,7 +161,7 @@ impl Input {
             let command = match checked {
                 Some(Ok(line)) => addressed(line, self.address).map(|(line, is_for_all)| {
                     self.is_for_all = is_for_all;
-                    parse(line)
+                    parse_in(self.units, line)
                 }),
                 // Another sensor on the line may be meant.
                 Some(Err(error)) if self.address == 0 => {

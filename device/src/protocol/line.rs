@@ -43,10 +43,12 @@
 
 use core::fmt;
 
+use crate::settings::Settings;
 use crate::settings::columns::{Column, Columns};
 use slitrange::base::exposure::Exposure;
 use slitrange::base::units::{InUnits, Micrometres, Units};
 use slitrange::reading::uncertainty::Parts;
+use slitrange::spot::region::Region;
 use slitrange::{Fault, Measured, Reading};
 
 /// The line of a reading by the factory's settings.
@@ -59,13 +61,20 @@ impl fmt::Display for ReadingLine<'_> {
     }
 }
 
-/// The line of a fault.
+/// The line of a fault, with the region in which the spot was searched.
 #[derive(Clone, Copy, Debug)]
-pub struct FaultLine<'a>(pub &'a Fault);
+pub struct FaultLine<'a>(pub &'a Fault, pub Region);
 
 impl fmt::Display for FaultLine<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "f {}", self.0)
+        let Self(fault, region) = self;
+        write!(f, "f {fault}")?;
+        match fault {
+            Fault::NoSpot { .. } if *region != Region::ALL => {
+                write!(f, " in region {} {}", region.first(), region.last())
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -82,31 +91,38 @@ pub struct ResultLine<'a> {
     pub is_difference: bool,
     /// The results for which the reading has been held after faults; 0 for the reading of this frame.
     pub held: u16,
-    /// The columns.
-    pub columns: Columns,
-    /// The unit of distance, u and r.
-    pub units: Units,
+    /// The columns, the unit of distance, u and r, and what else the line shows of the settings.
+    pub settings: &'a Settings,
 }
 
 impl fmt::Display for ResultLine<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.columns.has(Column::Counter) {
+        let Settings {
+            units,
+            output: columns,
+            ..
+        } = *self.settings;
+        if columns.has(Column::Counter) {
             write!(f, "# {} ", self.number)?;
         }
-        if self.columns.has(Column::Time) {
+        if columns.has(Column::Time) {
             write!(f, "@ {} ", self.us)?;
         }
         match self.result {
             Ok(reading) => {
                 let letter = if self.is_difference { "z" } else { "d" };
-                write_reading(f, letter, reading, self.columns, self.units)?;
+                write_reading(f, letter, reading, columns, units)?;
                 match self.held {
                     0 => Ok(()),
                     // Whatever the columns are: nobody may take it for a new reading.
                     results => write!(f, " h {results}"),
                 }
             }
-            Err(fault) => FaultLine(fault).fmt(f),
+            Err(Fault::Spike { step }) => {
+                let (step, unit) = (InUnits(*step, units), units.name());
+                write!(f, "f spike: {step} {unit} from the last good reading")
+            }
+            Err(fault) => FaultLine(fault, self.settings.searched()).fmt(f),
         }
     }
 }

@@ -97,9 +97,6 @@ pub enum Refusal {
         /// How many pixels see light.
         pixels: usize,
     },
-    /// The value of `master` is too large.
-    #[error("E23 out of range, expected master -4000..4000 mm, or -4000000..4000000 with units um")]
-    MasterRange,
     /// `measure`, and each frame starts at the end of the one before.
     #[error("E24 frames start by themselves: send distance, or trigger serial before measure")]
     NotTriggered,

@@ -34,6 +34,7 @@ use crate::text::Text;
 use slitrange::base::exposure::Exposure;
 use slitrange::light::black_level;
 use slitrange::row::{LARGEST_COUNT, Light, Row};
+use slitrange::spot::region::Region;
 use slitrange::{Counts, Fault, Measured, Pixels};
 
 /// The most pixels in a line.
@@ -153,6 +154,8 @@ pub struct RowHead<'a> {
     black: Option<Counts>,
     saturated_from: u16,
     measured: &'a Result<Measured, Fault>,
+    /// Where the spot was searched.
+    region: Region,
 }
 
 impl<'a> RowHead<'a> {
@@ -162,6 +165,7 @@ impl<'a> RowHead<'a> {
         row: &Row<'_>,
         exposure: RowExposure,
         measured: &'a Result<Measured, Fault>,
+        region: Region,
     ) -> Self {
         let pixels = row.light().len();
         let sent = match (part, measured) {
@@ -179,6 +183,7 @@ impl<'a> RowHead<'a> {
             black: black_level::of_shielded(row),
             saturated_from: row.saturated_from(),
             measured,
+            region,
         }
     }
 
@@ -199,7 +204,10 @@ impl<'a> RowHead<'a> {
         write!(to, " saturated {}\r\n", self.saturated_from)?;
         match self.measured {
             Ok(measured) => write!(to, "{}", CentreLine(measured)),
-            Err(fault) => write!(to, "{}\r\n({})", FaultLine(fault), advice(fault)),
+            Err(fault) => {
+                let line = FaultLine(fault, self.region);
+                write!(to, "{line}\r\n({})", advice(fault))
+            }
         }
     }
 }
@@ -391,7 +399,7 @@ mod tests {
         words[1] = 301;
         let row = geometry().row(&words).expect("a row");
         let exposure = RowExposure::of_laser(Exposure::from_us(187));
-        let head = RowHead::new(RowPart::Whole, &row, exposure, &FAULT).to_string();
+        let head = RowHead::new(RowPart::Whole, &row, exposure, &FAULT, Region::ALL).to_string();
         // Python: binascii.crc_hqx(b"row pixels ...\nf laser off\n(send `laser on`)", 0xffff).
         let lines = [
             "row pixels 100 first 0 count 100 exposure 187 black 300.25 saturated 3900",
@@ -411,7 +419,7 @@ mod tests {
     fn a_row_that_did_not_come_has_neither_pixels_nor_exposure() {
         let row = geometry().empty_row();
         for part in [RowPart::Whole, RowPart::Range { first: 3, last: 9 }] {
-            let head = RowHead::new(part, &row, RowExposure::Unknown, &FAULT);
+            let head = RowHead::new(part, &row, RowExposure::Unknown, &FAULT, Region::ALL);
             assert!(head.sent().is_empty());
             let first = "row pixels 0 first 0 count 0 exposure - black - saturated 3900\r\n";
             assert!(head.to_string().starts_with(first), "{head}");
@@ -431,7 +439,7 @@ mod tests {
             (u16::MAX, u16::MAX, 100..100),
         ] {
             let part = RowPart::Range { first, last };
-            let head = RowHead::new(part, &row, RowExposure::Off, &FAULT);
+            let head = RowHead::new(part, &row, RowExposure::Off, &FAULT, Region::ALL);
             assert_eq!(head.sent(), sent);
             let lines = RowPixels::lines(row.light(), head.sent());
             let pixels: usize = lines.map(|line| line.counts.len()).sum();

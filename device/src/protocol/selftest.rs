@@ -6,6 +6,7 @@ use crate::protocol::calibration::FlashStatus;
 use crate::protocol::line::FaultLine;
 use crate::protocol::status::StartCause;
 use slitrange::row::front_end::FrontEnd;
+use slitrange::spot::region::Region;
 use slitrange::{Counts, Fault, Measured, Row};
 
 /// What a row says of the sensor head, in counts.
@@ -55,6 +56,8 @@ pub struct Selftest<'a> {
     pub row_rate_tenths: u64,
     /// The front end, if it was measured.
     pub front_end: Option<&'a FrontEnd>,
+    /// Where the spot was searched.
+    pub region: Region,
     /// A row. `None` if none came.
     pub row: Option<RowTest>,
 }
@@ -94,7 +97,7 @@ impl fmt::Display for Selftest<'_> {
         let (hertz, tenth) = (self.row_rate_tenths / 10, self.row_rate_tenths % 10);
         match self.row {
             Some(_) => check("rows", true, &format_args!("{hertz}.{tenth} Hz"))?,
-            None => check("rows", false, &FaultLine(&Fault::SensorSilent))?,
+            None => check("rows", false, &FaultLine(&Fault::SensorSilent, self.region))?,
         }
         if let Some(RowTest {
             black,
@@ -121,7 +124,7 @@ impl fmt::Display for Selftest<'_> {
             }
             match light {
                 Ok(height) => check("light", true, &format_args!("{height:.0} counts"))?,
-                Err(fault) => check("light", false, &FaultLine(&fault))?,
+                Err(fault) => check("light", false, &FaultLine(&fault, self.region))?,
             }
         }
         let is_usual = match self.started_by {

@@ -11,6 +11,13 @@ pub struct Date {
 }
 
 impl Date {
+    /// The date of the nominal calibration, which nobody made.
+    pub const NEVER: Self = Self {
+        year: 1,
+        month: 1,
+        day: 1,
+    };
+
     /// The day of that year (1 to 9999), month (1 to 12) and day of the month, if there is one.
     pub const fn new(year: u16, month: u8, day: u8) -> Option<Self> {
         let leap = year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
@@ -35,7 +42,10 @@ impl Date {
 
 impl fmt::Display for Date {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:04}-{:02}-{:02}", self.year, self.month, self.day)
+        match *self {
+            Self::NEVER => f.write_str("never"),
+            Self { year, month, day } => write!(f, "{year:04}-{month:02}-{day:02}"),
+        }
     }
 }
 

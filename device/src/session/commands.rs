@@ -1,18 +1,23 @@
 //! What each command does.
 
+use core::fmt;
+use core::ops::RangeInclusive;
+
+use crate::filters::{Limits, SpikeFilter, step};
 use crate::protocol::calibration::CalibrationAnswer;
 use crate::protocol::command::Command;
 use crate::protocol::help::{Estimators, Help};
-use crate::protocol::info::Info;
+use crate::protocol::info::{Info, Range};
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::status::{Errors, Status, Uptime, Vitals};
 use crate::protocol::upload::Step;
 use crate::record;
 use crate::session::{Actions, Session, record_of_factory};
+use crate::settings::lengths::write_lengths;
 use crate::settings::trigger::Trigger;
 use crate::settings::{Affects, Setting, Settings, Value};
-use slitrange::base::units::{InUnits, Micrometres};
+use slitrange::base::units::Micrometres;
 use slitrange::spot::region::Region;
 
 impl Session {
@@ -24,7 +29,7 @@ impl Session {
     ) -> Result<(), Refusal> {
         match command {
             Command::Nothing => {}
-            Command::Help => actions.add_line(&Help),
+            Command::Help => actions.add_line(&Help(self.settings.units)),
             Command::HelpEstimator => actions.add_line(&Estimators),
             Command::Info => actions.add_line(&Info {
                 hardware: &self.hardware,
@@ -63,20 +68,21 @@ impl Session {
             Command::Zero(true) => self.wanted.zero = Some(Micrometres::default()),
             Command::Master(None) => match &self.zero {
                 Some(zero) => {
-                    let value = InUnits(zero.value, self.settings.units);
+                    let (value, units) = (zero.value, self.settings.units);
+                    let value = fmt::from_fn(|f| write_lengths(f, &[value], Some(units)));
                     actions.add_line(&format_args!("master {value}"));
                 }
                 None => actions.add_line(&Command::Zero(false)),
             },
-            Command::Master(Some(value)) => {
-                let value = value.in_units(self.settings.units);
-                self.wanted.zero = Some(value.ok_or(Refusal::MasterRange)?);
-            }
+            Command::Master(Some(value)) => self.wanted.zero = Some(value),
             Command::Zero(false) => {
                 (self.zero, self.wanted.zero) = (None, None);
                 actions.add_line(&command);
             }
-            Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
+            Command::Show(setting) => {
+                let value = self.settings.get(setting);
+                actions.add_line(&value.in_units(self.settings.units));
+            }
             Command::Set(value) => {
                 if let Value::Region(region) = value {
                     self.check_region(region)?;
@@ -98,7 +104,8 @@ impl Session {
                     self.filters.clear();
                     actions.apply = Some(self.applied());
                 }
-                actions.add_line(&value);
+                self.warn_beyond_range(value, actions);
+                actions.add_line(&value.in_units(self.settings.units));
                 if matches!(value, Value::Format(_) | Value::Output(_) | Value::Plain(_)) {
                     self.add_header(actions);
                 }
@@ -107,6 +114,7 @@ impl Session {
                 record: self.record(),
                 is_on: self.calibration_on,
                 stored: self.flash,
+                units: self.settings.units,
             }),
             Command::Calibration(Some(on)) => {
                 if on && self.record.is_none() {
@@ -136,6 +144,28 @@ impl Session {
             Command::Flat(flat) => self.flat.execute(flat, actions)?,
         }
         Ok(())
+    }
+
+    /// Names the range of the calibration where a length of a setting reaches beyond it. The line comes before
+    /// the answer, so that the answer is the last line.
+    fn warn_beyond_range(&self, value: Value, actions: &mut Actions) {
+        let record = self.record().filter(|_| self.calibration_on);
+        let distances = record.and_then(|record| record.calibration.distances().ok());
+        let Some((least, most)) = distances.map(RangeInclusive::into_inner) else {
+            return;
+        };
+        let [least, most] = [least, most].map(|it| self.zero.map_or(it, |zero| zero.distance(it)));
+        let is_beyond = match value {
+            Value::Limits(Limits::Within { low, high, .. }) => low < least || high > most,
+            Value::SpikeFilter(SpikeFilter::Beyond(jump)) => jump > step(least, most),
+            _ => false,
+        };
+        if is_beyond {
+            let range = Range(&[least, most], self.settings.units);
+            actions.add_line(&format_args!(
+                "(beyond what the calibration measures, {range})"
+            ));
+        }
     }
 
     /// Refuses a `save`, or a `save nominal`, that has nothing to save or would lose a calibration.

@@ -40,14 +40,14 @@ impl Session {
         let wanted = mem::take(&mut self.wanted);
         let filtered = self.filter(result, wanted.zero);
         self.latest = Some((vitals.results, filtered.result));
+        let settings = self.settings;
         let line = ResultLine {
             number: vitals.results,
             us: vitals.result_us,
             result: &filtered.result,
             is_difference: filtered.is_difference,
             held: 0,
-            columns: self.settings.output,
-            units: self.settings.units,
+            settings: &settings,
         };
         self.answer(&wanted, &measured, &line, actions);
         let is_due = wanted.result || self.is_due_in_stream(vitals);
@@ -94,7 +94,7 @@ impl Session {
         // The answer to `zero` shows the distance from the laser. The output takes the distance from the new
         // zero.
         let distance = held.ok().map(|held| match &self.zero {
-            Some(zero) => zero.distance(&held.reading),
+            Some(zero) => zero.distance(held.reading.distance),
             None => held.reading.distance,
         });
         self.filters.is_within = (settings.limits).is_on(self.filters.is_within, distance);
@@ -129,7 +129,7 @@ impl Session {
             match measured {
                 Ok(measured) => actions.add_line(&CentreLine(measured)),
                 Err(fault) => {
-                    actions.add_line(&FaultLine(fault));
+                    actions.add_line(&FaultLine(fault, self.settings.searched()));
                     advise(fault, actions);
                 }
             }

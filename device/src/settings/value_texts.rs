@@ -5,11 +5,12 @@ use core::fmt;
 use crate::filters::average::{self, Average};
 use crate::filters::{Limits, SpikeFilter};
 use crate::settings::columns::{Column, Columns};
+use crate::settings::lengths::{read_length, split_unit, write_lengths};
 use crate::settings::serial_line::{Baud, Bits, Format, PixelStream};
 use crate::settings::trigger::Trigger;
 use crate::settings::{Form, ValueError, ValueText, read_number};
 use slitrange::base::exposure::{Exposure, ExposureMode};
-use slitrange::base::units::{Counts, Micrometres, Units};
+use slitrange::base::units::{Counts, Units};
 use slitrange::frame::comb::Slits;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::spot::choice::SpotChoice;
@@ -17,20 +18,20 @@ use slitrange::spot::region::Region;
 use slitrange::{BlackLevel, Estimator, Mean, Surface};
 
 impl ValueText for u16 {
-    fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], form: Form, _: Units) -> Result<Self, ValueError> {
         match (words, form) {
             (&[word], Form::Number { least, most, .. }) => read_number(word, least, most),
             _ => Err(ValueError::Form),
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         fmt::Display::fmt(&self, f)
     }
 }
 
 impl ValueText for bool {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         match words {
             ["on"] => Ok(true),
             ["off"] => Ok(false),
@@ -38,13 +39,13 @@ impl ValueText for bool {
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         f.write_str(if self { "on" } else { "off" })
     }
 }
 
 impl ValueText for Units {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         match words {
             ["mm"] => Ok(Self::Millimetres),
             ["um"] => Ok(Self::Micrometres),
@@ -52,13 +53,13 @@ impl ValueText for Units {
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
 impl ValueText for Average {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         let (kind, length): (fn(u8) -> Self, _) = match *words {
             ["none"] => return Ok(Self::None),
             ["moving", length] => (Self::Moving, length),
@@ -69,7 +70,7 @@ impl ValueText for Average {
         Ok(kind(read_number(length, 2, average::LONGEST.into())?))
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         match self {
             Self::None => f.write_str("none"),
             Self::Moving(length) => write!(f, "moving {length}"),
@@ -80,7 +81,7 @@ impl ValueText for Average {
 }
 
 impl ValueText for Columns {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         if words.is_empty() || words.len() > Column::ALL.len() {
             return Err(ValueError::Form);
         }
@@ -89,7 +90,7 @@ impl ValueText for Columns {
         })
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         let mut blank = "";
         for column in Column::ALL {
             if self.has(column) {
@@ -102,87 +103,83 @@ impl ValueText for Columns {
 }
 
 impl ValueText for SpikeFilter {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match *words {
-            ["off"] => Ok(Self::Off),
-            [um] => {
-                let um = read_number(um, 1, Self::MOST_UM)?;
-                Ok(Self::Beyond(Micrometres::from_int(um)))
+    fn read(words: &[&str], _: Form, units: Units) -> Result<Self, ValueError> {
+        match (words, split_unit(words, units)) {
+            (["off"], _) => Ok(Self::Off),
+            (_, (&[word], units)) => {
+                read_length(word, units, 1, Self::MOST_UM.cast_signed()).map(Self::Beyond)
             }
             _ => Err(ValueError::Form),
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result {
         match self {
             Self::Off => f.write_str("off"),
-            Self::Beyond(um) => write!(f, "{um:.0}"),
+            Self::Beyond(length) => write_lengths(f, &[length], units),
         }
     }
 }
 
 impl ValueText for Limits {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        let (low, high, hysteresis) = match *words {
+    fn read(words: &[&str], _: Form, units: Units) -> Result<Self, ValueError> {
+        let (words, units) = match words {
             ["off"] => return Ok(Self::Off),
+            words => split_unit(words, units),
+        };
+        let (low, high, hysteresis) = match *words {
             [low, high] => (low, high, "0"),
             [low, high, hysteresis] => (low, high, hysteresis),
             _ => return Err(ValueError::Form),
         };
-        let limit = |word: &str| {
-            let size = word.strip_prefix('-').unwrap_or(word);
-            let um: i32 = read_number(size, 0, Self::MOST_UM)?;
-            let is_negative = size.len() < word.len();
-            Ok(Micrometres::from_int(if is_negative { -um } else { um }))
-        };
+        let most = Self::MOST_UM.cast_signed();
+        let limit = |word| read_length(word, units, most.saturating_neg(), most);
         let (low, high) = (limit(low)?, limit(high)?);
-        let hysteresis = read_number(hysteresis, 0, Self::MOST_HYSTERESIS_UM)?;
+        let most = Self::MOST_HYSTERESIS_UM.cast_signed();
+        let hysteresis = read_length(hysteresis, units, 0, most)?;
         if low > high {
             return Err(ValueError::Range);
         }
         Ok(Self::Within {
             low,
             high,
-            hysteresis: Micrometres::from_int(hysteresis),
+            hysteresis,
         })
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result {
         match self {
             Self::Off => f.write_str("off"),
             Self::Within {
                 low,
                 high,
                 hysteresis,
-            } => {
-                write!(f, "{low:.0} {high:.0}")?;
-                match hysteresis.to_bits() {
-                    0 => Ok(()),
-                    _ => write!(f, " {hysteresis:.0}"),
-                }
-            }
+            } => match hysteresis.to_bits() {
+                0 => write_lengths(f, &[low, high], units),
+                _ => write_lengths(f, &[low, high, hysteresis], units),
+            },
         }
     }
 }
 
 impl ValueText for ExposureMode {
-    fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], form: Form, units: Units) -> Result<Self, ValueError> {
         match words {
             ["auto"] => Ok(Self::Auto),
-            words => Exposure::read(words, form).map(Self::Fixed),
+            words => Exposure::read(words, form, units).map(Self::Fixed),
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result {
         match self {
             Self::Auto => f.write_str("auto"),
-            Self::Fixed(exposure) => exposure.write(f),
+            Self::Fixed(exposure) => exposure.write(f, units),
         }
     }
 }
 
 impl ValueText for Exposure {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         match *words {
             [us] => {
                 let us = read_number(us, 0, u16::MAX.into())?;
@@ -192,7 +189,7 @@ impl ValueText for Exposure {
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         fmt::Display::fmt(&self.us(), f)
     }
 }
@@ -202,14 +199,14 @@ impl ValueText for Exposure {
 macro_rules! one_word {
     ($($value:ty: $error:ident,)+) => {
         $(impl ValueText for $value {
-            fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+            fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
                 match words {
                     [name] => Self::named(name).ok_or(ValueError::$error),
                     _ => Err(ValueError::Form),
                 }
             }
 
-            fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
                 f.write_str(self.name())
             }
         })+
@@ -229,7 +226,7 @@ one_word! {
 }
 
 impl ValueText for Baud {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         let &[word] = words else {
             return Err(ValueError::Form);
         };
@@ -238,13 +235,13 @@ impl ValueText for Baud {
         found.ok_or(ValueError::Range)
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         fmt::Display::fmt(&self.bits_a_second(), f)
     }
 }
 
 impl ValueText for Region {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         let pixel = |word| read_number(word, 0, Self::ALL.last().into());
         match *words {
             ["all"] => Ok(Self::ALL),
@@ -253,7 +250,7 @@ impl ValueText for Region {
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         match self {
             Self::ALL => f.write_str("all"),
             _ => write!(f, "{} {}", self.first(), self.last()),
@@ -265,7 +262,7 @@ impl ValueText for Region {
 const MAX_BLACK: u32 = 4095;
 
 impl ValueText for BlackLevel {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         match words {
             ["shielded"] => Ok(Self::Shielded),
             ["frame"] => Ok(Self::Frame),
@@ -277,7 +274,7 @@ impl ValueText for BlackLevel {
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
         match self {
             Self::Shielded => f.write_str("shielded"),
             Self::Frame => f.write_str("frame"),
@@ -288,26 +285,23 @@ impl ValueText for BlackLevel {
 
 /// The largest displacement by a surface that can be set, in micrometres: that of a laser spot of some
 /// decimetres.
-const MAX_SURFACE: u32 = 50_000;
+const MAX_SURFACE: i32 = 50_000;
 
 impl ValueText for Surface {
-    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
-        match *words {
-            ["auto"] => Ok(Self::Auto),
-            ["off"] => Ok(Self::Off),
-            [deviation] => {
-                let deviation = read_number(deviation, 0, MAX_SURFACE)?;
-                Ok(Self::Fixed(Micrometres::from_int(deviation)))
-            }
+    fn read(words: &[&str], _: Form, units: Units) -> Result<Self, ValueError> {
+        match (words, split_unit(words, units)) {
+            (["auto"], _) => Ok(Self::Auto),
+            (["off"], _) => Ok(Self::Off),
+            (_, (&[word], units)) => read_length(word, units, 0, MAX_SURFACE).map(Self::Fixed),
             _ => Err(ValueError::Form),
         }
     }
 
-    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result {
         match self {
             Self::Auto => f.write_str("auto"),
             Self::Off => f.write_str("off"),
-            Self::Fixed(deviation) => write!(f, "{deviation:.0}"),
+            Self::Fixed(length) => write_lengths(f, &[length], units),
         }
     }
 }

@@ -90,7 +90,7 @@ fn lines(settings: &Settings) -> Option<Text<MAX_LINES>> {
     for &setting in Setting::ALL {
         let value = settings.get(setting);
         if value.is_saved() {
-            writeln!(lines, "{value}").ok()?;
+            writeln!(lines, "{}", value.stored()).ok()?;
         }
     }
     Some(lines)

@@ -68,6 +68,9 @@ pub fn frame(words: &[&str]) -> Measured {
 
 pub fn fault(words: &[&str]) -> Fault {
     match words {
+        ["no", "spot"] => Fault::NoSpot {
+            amplitude: Counts::from_int(9),
+        },
         ["too", "dim"] => {
             let [amplitude, needed] = [35, 60].map(Counts::from_int);
             Fault::TooDim { amplitude, needed }

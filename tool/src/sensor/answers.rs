@@ -237,6 +237,7 @@ pub fn head(lines: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slitrange::base::units::Units;
     use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
     use slitrange_device::record::encoded::EncodedRecord;
 
@@ -345,6 +346,7 @@ mod tests {
             record: Some(written.record()),
             is_on: true,
             stored: FlashStatus::Record(!written.sum()),
+            units: Units::default(),
         };
         let said = lines(&shown.to_string());
         let in_use = InUse {

@@ -387,7 +387,11 @@ fn calibration(said: &Said) -> Finding {
     } else if estimator != of("estimator") || said.distance.iter().any(is_flagged) {
         "estimator, black level or slits are not those of the calibration: set them, or calibrate"
     } else {
-        return Ok(format!("serial number {}, of {}", of("serial"), of("date")));
+        return Ok(format!(
+            "serial number {}, calibrated {}",
+            of("serial"),
+            of("date")
+        ));
     };
     Err(format!("{what} (calibration.md)"))
 }

@@ -134,7 +134,7 @@ fn step(text: &str) -> Result<f64, String> {
 /// A distance in millimetres that a person wrote.
 fn distance(word: &str) -> Result<f64> {
     let Ok(mm) = word.parse::<f64>() else {
-        bail!("`{word}` is no distance in millimetres");
+        bail!("`{word}` is no distance in millimetres: write digits, with a point before decimals");
     };
     check(mm, word)?;
     // No -0.

@@ -19,6 +19,7 @@ use super::session::Session;
 use super::transfer::record_in_use;
 use crate::pc::Pc;
 use crate::recording::{Row, Rows, Sensor, Writer};
+use crate::whole_file::cannot_be_made;
 
 /// The sensor has stopped after so long. A row takes 66 ms; an emulated board can be slower than the clock.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -69,8 +70,8 @@ pub fn record(options: &RecordOptions, pc: &dyn Pc, output: &mut dyn Write) -> R
     let mut session = options.port.open(pc)?;
     writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     let name = options.file.display();
-    let file = File::create_new(&options.file)
-        .with_context(|| format!("{name} cannot be written as a new file"))?;
+    let file =
+        File::create_new(&options.file).map_err(|error| cannot_be_made(&options.file, error))?;
     // A row is recorded as it was read, and both would need rows or a map that the file does not have.
     session.borrow_without_map()?;
     session.borrow(Value::Ambient(AmbientMode::Off))?;

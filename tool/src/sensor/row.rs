@@ -376,6 +376,14 @@ pub fn row(options: &RowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<
     let mut session = options.port.open(pc)?;
     writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     let answer = ask_row(&mut session, part)?;
+    if let RowPart::Range { first, last } = part {
+        let (count, end) = (answer.pixels, answer.pixels.saturating_sub(1));
+        let beyond = "is beyond the row, which has the pixels";
+        ensure!(
+            usize::from(first) < count,
+            "--pixels {first} {last} {beyond} 0 to {end}"
+        );
+    }
     write!(output, "{}", answer.summary())?;
     if let Some(path) = &options.csv {
         whole_file::write(path, answer.csv().as_bytes())?;

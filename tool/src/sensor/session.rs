@@ -210,8 +210,15 @@ impl<'a> Session<'a> {
 
     /// Sets a value.
     pub fn set(&mut self, command: Command) -> Result<(), LineError> {
+        self.ask_to_set(command).map(drop)
+    }
+
+    /// Sets a value. Gives what the sensor remarks on it.
+    fn ask_to_set(&mut self, command: Command) -> Result<Option<String>, LineError> {
         self.line.ask(&command.to_string(), ANSWER, |lines| {
-            (parse(lines.last()?.as_bytes()) == Ok(command)).then_some(())
+            let (last, before) = lines.split_last()?;
+            let remark = before.iter().find(|line| line.starts_with('('));
+            (parse(last.as_bytes()) == Ok(command)).then(|| remark.cloned())
         })
     }
 
@@ -225,19 +232,20 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Sets a value that stays after the session.
-    pub fn set_for_good(&mut self, value: Value) -> Result<(), LineError> {
+    /// Sets a value that stays after the session. Gives what the sensor remarks on it.
+    pub fn set_for_good(&mut self, value: Value) -> Result<Option<String>, LineError> {
+        let mut remark = None;
         match value {
             // The end of the session sets them.
             Value::Stream(on) => self.borrowed.before.streamed = on,
             Value::Echo(on) => self.borrowed.echo = on,
             Value::Plain(on) => self.borrowed.own_format = !on,
             _ => {
-                self.set(Command::Set(value))?;
+                remark = self.ask_to_set(Command::Set(value))?;
                 (self.borrowed.values).retain(|found| found.setting() != value.setting());
             }
         }
-        Ok(())
+        Ok(remark)
     }
 
     /// Sets a value for as long as the session lasts.

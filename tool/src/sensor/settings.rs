@@ -10,14 +10,16 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
 use calibration::points::words;
-use slitrange_device::protocol::command::{Command, Error, parse};
+use slitrange::base::units::Units;
+use slitrange_device::protocol::command::{Command, Error, parse_in};
 use slitrange_device::settings::serial_line::Format;
-use slitrange_device::settings::{Affects, Setting, Settings, Value};
+use slitrange_device::settings::{Affects, Form, Setting, Settings, Value};
 
 use super::line::SAVE;
 use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
+use crate::screen::wrap;
 use crate::whole_file;
 
 /// The table of all settings fits in so many columns of a terminal.
@@ -98,13 +100,25 @@ pub fn settings(
         None => show(&mut options.port.open(pc)?, output)?,
         Some(SettingsCommand::Get { name }) => {
             let setting = named(name)?;
-            let value = value(&mut options.port.open(pc)?, setting)?;
-            writeln!(output, "{}", words(value))?;
+            let mut session = options.port.open(pc)?;
+            let (value, units) = (value(&mut session, setting)?, units(&mut session)?);
+            writeln!(output, "{}", words_in(value, units))?;
         }
         Some(SettingsCommand::Set { words, save }) => {
-            let value = read(&words.join(" "))?;
+            let line = words.join(" ");
+            let mut session = None;
+            // Only where the unit matters, the sensor is asked for its own.
+            let value = match [Units::Millimetres, Units::Micrometres].map(|it| read(it, &line)) {
+                [Ok(mm), Ok(um)] if mm == um => mm,
+                [Err(mm), Err(um)] if mm.to_string() == um.to_string() => return Err(mm),
+                _ => {
+                    let session = session.insert(options.port.open(pc)?);
+                    read(units(session)?, &line)?
+                }
+            };
             ensure_alone(value)?;
-            set(&mut options.port.open(pc)?, value, *save, output)?;
+            let mut session = session.map_or_else(|| options.port.open(pc), Ok)?;
+            set(&mut session, value, *save, output)?;
         }
         Some(SettingsCommand::Export { file }) => {
             export(&mut options.port.open(pc)?, file, output)?
@@ -140,11 +154,14 @@ fn names() -> String {
     format!("The settings are: {}", names.join(", "))
 }
 
-/// Reads a line that sets a value.
-fn read(line: &str) -> Result<Value> {
-    match parse(line.as_bytes()) {
+/// Reads a line that sets a value. Lengths without a unit are in `units`.
+fn read(units: Units, line: &str) -> Result<Value> {
+    match parse_in(units, line.as_bytes()) {
         Ok(Command::Set(value)) => Ok(value),
-        Ok(Command::Show(it)) => bail!("`{line}` lacks the value: {} {}", it.name(), it.form()),
+        Ok(Command::Show(it)) => {
+            let form = it.form().in_units(units);
+            bail!("`{line}` lacks the value: {} {form}", it.name())
+        }
         Ok(_) | Err(Error::Unknown(_)) => bail!("`{line}` is no setting. {}", names()),
         Err(error) => {
             let error = error.to_string();
@@ -178,6 +195,20 @@ fn value(session: &mut Session<'_>, setting: Setting) -> Result<Value> {
     }
 }
 
+/// The unit in which the sensor's lines have lengths.
+fn units(session: &mut Session<'_>) -> Result<Units> {
+    match value(session, Setting::Units)? {
+        Value::Units(units) => Ok(units),
+        _ => Ok(Units::default()),
+    }
+}
+
+/// A value as the sensor's line has it, without the setting's name.
+fn words_in(value: Value, units: Units) -> String {
+    let line = value.in_units(units).to_string();
+    line[value.setting().name().len()..].trim_start().to_owned()
+}
+
 /// All settings that flash can hold but the sensor's address, which another sensor has otherwise.
 fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
     let is_held = |it: &&Setting| !matches!(it.affects(), Affects::Session | Affects::Connection);
@@ -188,7 +219,8 @@ fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
 fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
     writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     let mut rows = vec![["setting", "value", "what it sets: values"].map(str::to_owned)];
-    let factory = Settings::default();
+    let (factory, units) = (Settings::default(), units(session)?);
+    let words = |value| words_in(value, units);
     for &setting in Setting::ALL {
         let value = value(session, setting)?;
         let default = factory.get(setting);
@@ -199,7 +231,11 @@ fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
         rows.push([
             setting.name().to_owned(),
             format!("{}{mark}", words(value)),
-            format!("{}: {}{of_factory}", setting.help(), setting.form()),
+            format!(
+                "{}: {}{of_factory}",
+                setting.help(),
+                setting.form().in_units(units)
+            ),
         ]);
     }
     let names = rows.iter().map(|[name, ..]| name.len()).max();
@@ -221,29 +257,15 @@ fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
     Ok(writeln!(output, "* differs from the factory's")?)
 }
 
-/// Breaks a text into lines of at most so many characters, between words. A longer word is a line.
-fn wrap(text: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split(' ') {
-        match lines.last_mut() {
-            Some(line) if line.is_empty() => line.push_str(word),
-            Some(line) if line.len() + 1 + word.len() <= width => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
-    }
-    lines
-}
-
 fn set(session: &mut Session<'_>, new: Value, saves: bool, output: &mut dyn Write) -> Result<()> {
-    let before = value(session, new.setting())?;
+    let (before, units) = (value(session, new.setting())?, units(session)?);
+    let shown = new.in_units(units);
     if before == new {
-        writeln!(output, "{new} (as before)")?;
+        writeln!(output, "{shown} (as before)")?;
     } else {
-        session.set_for_good(new)?;
-        writeln!(output, "{new} (it was {})", words(before))?;
+        let remark = session.set_for_good(new)?;
+        writeln!(output, "{shown} (it was {})", words_in(before, units))?;
+        remark.map_or(Ok(()), |remark| writeln!(output, "{remark}"))?;
     }
     if saves {
         return save(session, output);
@@ -324,7 +346,14 @@ fn from_toml(text: &str) -> Result<Vec<Value>> {
 }
 
 fn read_value(setting: Setting, words: &str) -> Result<Value> {
-    let value = read(&format!("{} {words}", setting.name()))?;
+    let line = format!("{} {words}", setting.name());
+    let [mm, um] = [Units::Millimetres, Units::Micrometres].map(|units| read(units, &line));
+    let is_clear = matches!((&mm, &um), (Ok(mm), Ok(um)) if mm == um);
+    ensure!(
+        is_clear || !matches!(setting.form(), Form::Lengths { .. }),
+        "`{line}` has no unit, or no value: write `{words} mm`, or `{words} um` as older files mean"
+    );
+    let value = mm?;
     ensure!(
         value.setting() == setting,
         "`{words}` is no value of `{}`",
@@ -348,9 +377,11 @@ fn import(
     }
     for &(before, new) in &changes {
         let sent = session.set_for_good(new);
-        sent.context("some settings were sent, some were not: import the file again")?;
+        let remark =
+            sent.context("some settings were sent, some were not: import the file again")?;
         let (name, before, new) = (new.setting().name(), words(before), words(new));
         writeln!(output, "{name}: {before} -> {new}")?;
+        remark.map_or(Ok(()), |remark| writeln!(output, "{remark}"))?;
     }
     let (count, same) = (changes.len(), values.len() - changes.len());
     let what = if count == 1 { "setting" } else { "settings" };

@@ -359,7 +359,11 @@ impl Content {
             torn: (!rest.is_empty()).then(|| rest.escape_ascii().to_string()),
             ..Self::default()
         };
-        let text = std::str::from_utf8(whole).context("it is not text")?;
+        let text = std::str::from_utf8(whole).map_err(|error| {
+            let before = &whole[..error.valid_up_to()];
+            let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+            anyhow!("line {line} is not text: delete that line, and its point is taken again")
+        })?;
         ensure!(
             text.lines().next() == Some(TITLE),
             "it was not made by `calibrate run`, which goes on with its own files only: its first line is \
@@ -389,7 +393,10 @@ impl Content {
                 let point = PointLine::parse(line, content.slits).with_context(|| {
                     let line = line.escape_debug();
                     let header = header(content.slits);
-                    format!("line {number}, `{line}`, is no point: expected {header}")
+                    format!(
+                        "line {number}, `{line}`, is no point: delete that line, and its point is taken \
+                         again; expected {header}"
+                    )
                 })?;
                 content.points.push(point);
             }

@@ -127,7 +127,15 @@ fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
     assert!(lines.last().is_some_and(|line| line.time_s > 39.5));
     // A recording is not overwritten.
     let again = sensor.refused(command);
-    says(&again, ["run.csv cannot be made: if it exists, "]);
+    says(&again, ["run.csv cannot be made: it exists; "]);
+    let nowhere = sensor.refused("monitor --port PORT --csv @nowhere/run.csv");
+    says(
+        &nowhere,
+        [
+            "run.csv cannot be made: there is no folder ",
+            "; make it, or name another",
+        ],
+    );
     assert_eq!(recorded(&sensor, "run.csv"), lines);
 }
 

@@ -85,6 +85,11 @@ fn a_part_of_the_row_comes_and_a_reversed_range_is_refused() {
     }
     let error = sensor.refused("row --port PORT --pixels 1839 1700");
     says(&error, ["the first pixel lies beyond the last one"]);
+    let error = sensor.refused("row --port PORT --pixels 3648 9999");
+    says(
+        &error,
+        ["--pixels 3648 9999 is beyond the row, which has the pixels 0 to 3647"],
+    );
 }
 
 /// What the tool's reader first makes of lines that arrive in turn. `None` if it waits for more.

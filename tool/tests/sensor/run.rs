@@ -304,7 +304,8 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
     let region = other("region 1000 2000", "region all");
     let peak = other("peak first", "peak strongest");
     let foreign = "it was not made by `calibrate run`";
-    let no_point = ", is no point: expected x_px,d_mm,sigma_px,";
+    let no_point =
+        ", is no point: delete that line, and its point is taken again; expected x_px,d_mm,";
     for (from, to, reason) in [
         ("# serial 0", "# serial 7", serial),
         ("# head TCD1304DG", "# head X", head),
@@ -318,6 +319,11 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
     ] {
         says(&refused(&text.replace(from, to)), [reason]);
     }
+    let torn = [text.as_bytes(), b"\xff\n"].concat();
+    sensor.write("points.csv", torn);
+    let line = text.lines().count() + 1;
+    let advice = format!("line {line} is not text: delete that line");
+    says(&crate::command::refused(run()), [advice]);
     sensor.write("points.csv", &text);
     done(run());
 }

@@ -90,6 +90,8 @@ fn without_a_spot_the_whole_row_is_shown_with_the_fault() {
     sensor.state().spot_height = 0.0;
     let (seen, _) = scope(&sensor, &[(3, Key::Quit)]);
     says(&seen[0], ["no spot: ", "3648"]);
+    // The advice goes on in the next line, up to its end.
+    says(&seen[0], ["exposure is long", "enough)"]);
 }
 
 #[test]

@@ -77,6 +77,59 @@ fn a_value_is_changed_and_stays() {
     assert_eq!(sensor.state().saved_rows(), Some(32));
 }
 
+/// Whatever `units` the sensor has, an exported file names the unit, and a file without one is refused.
+#[test]
+fn lengths_follow_the_units_of_the_sensor() {
+    for (seed, units, typed, shown, remark) in [
+        (8, "mm", "790 810", "790 810 mm", ""),
+        (9, "um", "790000.5 810000", "790000.5 810000 um", ""),
+        (10, "um", "790 810 mm", "790000 810000 um", ""),
+        (
+            11,
+            "mm",
+            "100 810",
+            "100 810 mm",
+            "(beyond what the calibration measures, ",
+        ),
+    ] {
+        let sensor = StandIn::new(seed);
+        sensor.state().type_line(&format!("units {units}"));
+        let output = settings(&sensor, &format!("set limits {typed}"));
+        begins(&output, &format!("limits {shown} (it was off)\n{remark}"));
+        assert_eq!(settings(&sensor, "get limits").trim_end(), shown);
+        let number = shown.split(' ').next().expect("a number");
+        says(
+            &settings(&sensor, ""),
+            [format!("limits          {number} ")],
+        );
+        settings(&sensor, "export @bench.toml");
+        let text = std::fs::read_to_string(sensor.file("bench.toml")).expect("a file");
+        let line = text.lines().find(|line| line.starts_with("limits = "));
+        assert!(line.is_some_and(|line| line.ends_with(" mm\"")), "{line:?}");
+        let before = sensor.state().settings();
+        sensor.state().type_line("limits off");
+        begins(&settings(&sensor, "import @bench.toml"), "limits: off -> ");
+        assert_eq!(sensor.state().settings(), before);
+        let wrong = format!("set limits 10 9 {units}");
+        says(
+            &refused(&sensor, &wrong),
+            [format!("] {units}, -8000"), "LOW first".to_owned()],
+        );
+        sensor.write(
+            "old.toml",
+            "limits = \"790000 810000\"\nspike-filter = 500\n",
+        );
+        let error = refused(&sensor, "import @old.toml");
+        says(
+            &error,
+            [
+                "`limits 790000 810000` has no unit",
+                "or `500 um` as older files mean",
+            ],
+        );
+    }
+}
+
 #[test]
 fn a_wrong_value_is_an_error_that_names_the_right_ones() {
     let sensor = StandIn::new(3);

@@ -340,7 +340,13 @@ impl State {
         };
         let measured = measurement.measure_alone(&mut words, exposure, None);
         let row = geometry.row(&words).expect("a row");
-        let head = RowHead::new(part, &row, RowExposure::of_laser(exposure), &measured);
+        let head = RowHead::new(
+            part,
+            &row,
+            RowExposure::of_laser(exposure),
+            &measured,
+            settings.searched(),
+        );
         let lines = RowPixels::lines(row.light(), head.sent()).map(|line| format!("{line}\r\n"));
         format!("{head}\r\n{}{ROW_END}\r\n", lines.collect::<String>())
     }

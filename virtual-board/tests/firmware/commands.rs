@@ -2,7 +2,7 @@
 
 use simulator::scene::Scene;
 use slitrange::base::fault::Fault;
-use slitrange::base::units::Pixels;
+use slitrange::base::units::{Pixels, Units};
 use slitrange::centre::Estimator;
 use slitrange::distance::eq1;
 use slitrange::row::pixels::PixelErrors;
@@ -41,7 +41,7 @@ fn assert_answer(board: &mut VirtualBoard, command: &str, expected: &str) {
 #[test]
 fn help_and_info_match_the_core() {
     let mut board = measuring(16);
-    assert_answer(&mut board, "help", &Help.to_string());
+    assert_answer(&mut board, "help", &Help(Units::default()).to_string());
 
     for (on, command) in [(true, "calibration on"), (false, "calibration off")] {
         set(&mut board, command);
@@ -274,9 +274,10 @@ fn the_set_estimator_is_used() {
     }
     let info = ask_for_lines(&mut board, "info", 19).join("\n");
     assert!(info.contains("\ninfo estimator fraunhofer\n"), "{info}");
-    let error = "E6 unknown estimator, try help estimator";
+    let names = Estimator::ALL.map(Estimator::name).join(" ");
+    let error = format!("E6 unknown estimator, one of {names}; try help estimator");
     assert_eq!(ask(&mut board, "estimator guess"), error);
-    let error = "E2 expected estimator NAME, try help estimator";
+    let error = format!("E2 expected estimator NAME, one of {names}; try help estimator");
     assert_eq!(ask(&mut board, "estimator gauss newton"), error);
     assert_eq!(ask(&mut board, "estimator"), "estimator fraunhofer");
 }

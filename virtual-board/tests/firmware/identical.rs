@@ -17,6 +17,7 @@ use slitrange::light::ambient::AmbientMode;
 use slitrange::light::black_level::BlackLevel;
 use slitrange::measurement::{Measurement, Options};
 use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::spot::region::Region;
 use slitrange::{sensor_heads, spot};
 use slitrange_device::protocol::line::{FaultLine, ReadingLine};
 use virtual_board::{Exposure, LightSource, Row};
@@ -181,7 +182,7 @@ pub fn lines_of_pc(
         .map(|result| {
             match result.and_then(|measured| measured.reading(calibration, errors, Surface::Auto)) {
                 Ok(reading) => ReadingLine(&reading).to_string(),
-                Err(fault) => FaultLine(&fault).to_string(),
+                Err(fault) => FaultLine(&fault, Region::ALL).to_string(),
             }
         })
         .collect()

@@ -59,7 +59,7 @@ fn each_setting_of_the_lines_acts() {
 
     // The firmware switches the output before it sends the line.
     assert_eq!(switching_output(&mut board), Some(false));
-    tell(&mut board, "limits 799000 801000");
+    tell(&mut board, "limits 799000 801000 um");
     line(&mut board, "@ ");
     line(&mut board, "@ ");
     assert_eq!(switching_output(&mut board), Some(true));
@@ -96,7 +96,7 @@ fn each_setting_of_the_lines_acts() {
     tell(&mut board, "zero off");
 
     // A target that jumps by 200 mm: two spikes, then the new place.
-    for command in ["average none", "hold 0", "spike-filter 1000"] {
+    for command in ["average none", "hold 0", "spike-filter 1000 um"] {
         tell(&mut board, command);
     }
     line(&mut board, "@ ");

@@ -2,7 +2,7 @@
 
 use judges::longest;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
+use slitrange::base::units::{Counts, Micrometres, Pixels, Units};
 use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::check::own_spot::Profile;
@@ -186,6 +186,7 @@ pub fn assert_shown(
         record,
         is_on,
         stored,
+        units: Units::default(),
     };
     assert_eq!(shown(board).join("\r\n"), expected.to_string());
 }

@@ -100,7 +100,13 @@ impl Answer {
         let measured = Measurement::new(geometry.clone(), settings.options())
             .measure_alone(&mut words, exposure, None);
         let row = geometry.row(&words).expect("a row");
-        let head = RowHead::new(self.part, &row, self.exposure(), &measured);
+        let head = RowHead::new(
+            self.part,
+            &row,
+            self.exposure(),
+            &measured,
+            settings.searched(),
+        );
         head.to_string().split("\r\n").map(String::from).collect()
     }
 }

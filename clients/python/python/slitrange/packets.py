@@ -321,13 +321,13 @@ FIGURES: dict[str, tuple[str, str]] = {
     "slits unclear": ("n n", "{} images fit one place, {} another"),
     "too dim at the longest exposure": ("c1 n", "{} counts in {} us"),
     "saturated at the shortest exposure": ("n n", "{} pixels in {} us"),
-    "spike": ("d1", "{} um from the last good reading"),
+    "spike": ("d4", "{} mm from the last good reading"),
 }
-"""What follows the number of a fault (c: counts, x: pixels, d: micrometres, each with its decimals in a line;
+"""What follows the number of a fault (c: counts, x: pixels, d: millimetres, each with its decimals in a line;
 n: a number), and the words of its line."""
 
 
-def rounded(number: float, decimals: int = 0) -> Decimal:
+def rounded(number: float | Decimal, decimals: int = 0) -> Decimal:
     """Rounds as the sensor does for a line: a half goes away from zero, and zero has no sign."""
     # Adding 0 takes the sign.
     return Decimal(number).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP) + 0
@@ -338,10 +338,11 @@ def _fault(fields: _Fields, counter: int | None, time_us: int) -> Fault:
     # Later firmware may have other faults, whose figures are not known.
     name = FAULTS[number] if number < len(FAULTS) else f"fault {number}"
     kinds, words = FIGURES.get(name, ("", ""))
-    read: dict[str, Callable[[], float]] = {
+    read: dict[str, Callable[[], float | Decimal]] = {
         "c": fields.counts,
         "x": fields.pixels,
-        "d": lambda: fields.signed() * UM,
+        # Exact, because the sensor rounds a half away from zero.
+        "d": lambda: Decimal(fields.signed()) / 256_000,
         "n": fields.unsigned,
     }
     detail = words.format(*(rounded(read[kind[0]](), int(kind[1:] or 0)) for kind in kinds.split()))

@@ -13,6 +13,7 @@ use slitrange::row::Row;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::pixels::map::{Correction, Entry, PixelMap, window};
 use slitrange::spot;
+use slitrange::spot::region::Region;
 use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
@@ -283,6 +284,7 @@ pub fn talk() {
         say(&actions.text.as_str());
         say(&AddressPrefix(actions.address));
         input.set_address(session.settings().address);
+        input.set_units(session.settings().units);
         reached(input.is_for_all().into());
         send_packets(&actions, &mut packets, &mut decoder);
         if let Some(applied) = &actions.apply {
@@ -307,7 +309,7 @@ pub fn talk() {
     say(&ReadingLine(&any::reading()));
     say(&CentreLine(&any::measured()));
     let fault = any::fault();
-    say(&FaultLine(&fault));
+    say(&FaultLine(&fault, any(Region::ALL)));
     say(&advice(&fault));
     say(&AsMillimetres(any(Micrometres::MIN)));
     say(&any(Pixels::MIN));

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use crate::sensor::stream::FrameResult;
+use crate::whole_file::cannot_be_made;
 
 /// A file that grows.
 pub struct Recording {
@@ -23,9 +24,7 @@ impl Recording {
     /// It exists, or cannot be made: a recording is never overwritten.
     pub fn create(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
-        let file = File::create_new(path).with_context(|| {
-            format!("{name} cannot be made: if it exists, delete it or take another name")
-        })?;
+        let file = File::create_new(path).map_err(|error| cannot_be_made(path, error))?;
         Ok(Self {
             file: csv::Writer::from_writer(file),
             name,

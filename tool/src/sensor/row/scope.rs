@@ -20,7 +20,7 @@ use slitrange_device::settings::{Setting, Settings, Value};
 use super::RowAnswer;
 use super::figure::window;
 use crate::pc::Pc;
-use crate::screen::{Key, line};
+use crate::screen::{Key, line, wrap};
 use crate::sensor::line::LineError;
 use crate::sensor::port::PortOption;
 use crate::sensor::session::{Link, Session};
@@ -251,19 +251,24 @@ impl Scope {
         let block = block.title_bottom(keys);
         let area = block.inner(frame.area());
         frame.render_widget(block, frame.area());
-        let [words, charts] =
-            Layout::vertical([Constraint::Length(3), Constraint::Min(3)]).areas(area);
-        frame.render_widget(Paragraph::new(self.words(away)), words);
+        let lines = self.words(away, area.width.into());
+        let height = Constraint::Length(lines.len().max(3) as u16);
+        let [words, charts] = Layout::vertical([height, Constraint::Min(3)]).areas(area);
+        frame.render_widget(Paragraph::new(lines), words);
         if let Some(row) = &self.row {
             self.draw_row(frame, charts, row);
         }
     }
 
-    /// What the sensor found, how it looked, and how fast rows come.
-    fn words(&self, away: Option<&str>) -> Vec<Line<'static>> {
+    /// What the sensor found, how it looked, and how fast rows come, in lines of a width.
+    fn words(&self, away: Option<&str>, width: usize) -> Vec<Line<'static>> {
         let red = Style::new().fg(Color::Red);
+        let wrapped = |text: &str| -> Vec<Line<'static>> {
+            let lines = wrap(text, width).into_iter();
+            lines.map(|line| Line::styled(line, red)).collect()
+        };
         if let Some(away) = away {
-            return vec![Line::styled(away.to_owned(), red)];
+            return wrapped(away);
         }
         let Some(row) = &self.row else {
             return vec![Line::from("waiting for a row")];
@@ -275,12 +280,12 @@ impl Scope {
                     0 => "",
                     _ => ", does not look like a spot",
                 };
-                Line::from(format!(
+                vec![Line::from(format!(
                     "centre {:.3} px, u {:.3} px, height {:.0} counts, width {width_px:.2} px{misfit}",
                     centre.x_px, centre.claimed_px, centre.height_counts
-                ))
+                ))]
             }
-            Err(none) => Line::styled(format!("{} ({})", none.fault, none.advice), red),
+            Err(none) => wrapped(&format!("{} ({})", none.fault, none.advice)),
         };
         let exposure = row.exposure_words();
         let is_auto = self.settings.exposure == ExposureMode::Auto;
@@ -306,7 +311,7 @@ impl Scope {
             region => format!(", {}", Value::Region(region)),
         };
         let how = format!("estimator {}{region}{rate}{spoilt}", estimator.name());
-        vec![found, light, Line::from(how)]
+        [found, vec![light, Line::from(how)]].concat()
     }
 
     /// The pixels with the fit, and below what the fit leaves.
