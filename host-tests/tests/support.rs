@@ -110,17 +110,9 @@ pub fn shared_data(name: &str) -> Option<PathBuf> {
     folder
 }
 
-/// The scene with the effects of a text, written as in a scene's file: an effect a line.
+/// The scene with the effects of a text ([`Scene::listing`]).
 pub fn listing(scene: Scene, effects: &str) -> Scene {
-    let is_listed = |effect: &Effect| {
-        let mut names = effects
-            .lines()
-            .map(|line| line.trim().split([' ', '.']).next());
-        names.any(|name| name == Some(effect.name()))
-    };
-    let others = (Effect::ALL.into_iter().filter(is_listed)).fold(scene, Scene::without);
-    let text = format!("{effects}\n{}", others.to_toml().expect("text"));
-    Scene::from_toml(&text).expect("a scene")
+    scene.listing(effects).expect("a scene")
 }
 
 /// Read noise in counts, and electrons a count where there is shot noise.

@@ -9,12 +9,11 @@ use phase_tables::gaussian;
 use rayon::prelude::*;
 use simulator::bound;
 use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
-use slitrange::base::fault::Fault;
 use slitrange::centre::tables::TableSet;
-use slitrange::centre::{self, Estimator, RowCentre, phase_table};
+use slitrange::centre::{self, phase_table};
 use slitrange::measurement::centre_of_spot;
-use slitrange::row::{Geometry, Row};
 use slitrange::spot;
+use slitrange::{Estimator, Fault, Geometry, Row, RowCentre};
 
 /// Pixels of a test row: enough for the background of the widest spot.
 pub const PIXELS: usize = 2048;

@@ -7,13 +7,9 @@ pub mod range;
 
 use crate::frames::words;
 use simulator::scene::{Exposure as Times, Scene, Simulation};
-use slitrange::Calibration;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Measured;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::{Calibration, CalibrationErrors, Fault, Measured, Measurement, Options, Surface};
 use std::collections::VecDeque;
 
 /// Counts a second at the peak of the spot on the brightest target, with a reflectivity of 1: bright metal

@@ -14,10 +14,9 @@
 
 use anyhow::{Context as _, Result};
 use rayon::prelude::*;
-use slitrange::base::fault::Fault;
-use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::row::{Geometry, Row};
+use slitrange::centre;
 use slitrange::spot;
+use slitrange::{Estimator, Fault, Geometry, Row, RowCentre};
 
 use simulator::scene::{Effect, Scene, Sensor, Simulation, quantise};
 

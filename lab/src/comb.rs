@@ -5,11 +5,8 @@ use rayon::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::comb::{Comb, Slit};
 use simulator::scene::{LaserSpot, Scene, Simulation, Speckle};
-use slitrange::base::fault::Fault;
-use slitrange::distance::Calibration;
 use slitrange::frame::comb::{self, SlitMap, Slits};
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::{Calibration, CalibrationErrors, Fault, Measurement, Options, Surface};
 
 use judges::frames;
 

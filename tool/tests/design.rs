@@ -1,19 +1,16 @@
 //! The closed forms of `slitrange design` against the simulation, the core and the pages.
 
-use std::path::Path;
-
 use clap::Parser as _;
 use simulator::bound;
 use simulator::optics::{Aperture, Optics};
-use simulator::scene::{Diffraction, LaserSpot, Scene, Sensor as Kind, Simulation, Spot};
+use simulator::scene::{Diffraction, LaserSpot, Sensor as Kind};
 use slitrange::base::drawing::{DRAWING, T};
 use slitrange_tool::Command;
 use slitrange_tool::design::errors::At;
 use slitrange_tool::design::geometry::Geometry;
 use slitrange_tool::design::{DesignOptions, Surface};
-use slitrange_tool::pc::RealPc;
 
-use crate::command::{begins, done, says, slitrange};
+use crate::command::*;
 
 fn options(arguments: &str) -> DesignOptions {
     let words = arguments.split_whitespace();

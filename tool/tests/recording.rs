@@ -1,20 +1,11 @@
 //! Records rows of the firmware on the emulated board, and measures them once more on this PC.
 
-use std::process::ExitCode;
-use std::time::Duration;
-
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use simulator::scene::Scene;
 use slitrange::light::ambient::AmbientMode;
 use slitrange_device::protocol::packet::{Message, Packets};
-use slitrange_device::settings::Settings;
-use slitrange_tool::pc::Pc as _;
 use slitrange_tool::recording;
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, LightSource, VirtualBoard};
+use virtual_board::{Exposure, LightSource};
 
-use crate::command::{begins, refused, says, slitrange};
+use crate::command::*;
 use crate::desk::Desk;
 use crate::replay::{any_spot, scenes};
 

@@ -6,9 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 use simulator::scene::Scene;
-use slitrange::base::fault::Fault;
-use slitrange::measurement::Options;
-use slitrange::reading::Measured;
+use slitrange::{Fault, Measured, Options};
 
 /// The least reflectivity, in powers of ten: that of black tape. The highest is 1, bright metal.
 pub const LEAST_POWER: f64 = -4.0;

@@ -10,17 +10,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Exp1, StandardNormal};
 use simulator::optics::Optics;
 use simulator::scene::{LaserSpot, Motion, Scene, Sensor, Simulation, Speckle, Spot, quantise};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::frame::{MAX_ROWS, Mean};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Options;
-use slitrange::reading::Reading;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::row::Geometry;
+use slitrange::frame::MAX_ROWS;
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Estimator, Fault, Geometry, Mean, Micrometres,
+    Options, Pixels, Reading, Surface,
+};
 use statistics::mean;
 
 /// A frame that is hard in one way.

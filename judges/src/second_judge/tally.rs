@@ -3,14 +3,10 @@
 use crate::frames::measure_rows;
 use crate::second_judge::{Claim, Frame, Kind, frame, row};
 use rayon::prelude::*;
-use slitrange::base::fault::Fault;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
-use slitrange::measurement::Options;
-use slitrange::reading::Measured;
+use slitrange::{Estimator, Fault, Measured, Options, Pixels};
 
 /// A sensor that is judged.
 #[derive(Clone, Copy, Debug)]

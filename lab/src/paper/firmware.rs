@@ -10,11 +10,8 @@ use simulator::field::{Image, Surface, View, slit_image};
 use simulator::optics::Optics;
 use simulator::scene::Sensor;
 use simulator::scene::comb::Comb;
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::Options;
-use slitrange::row::{Geometry, sensor_heads};
+use slitrange::{Estimator, Geometry, Mean, Options, sensor_heads};
 
 use crate::paper::apparatus::{Aperture, CAPTURES, LASER, SLIT, TABLE, WANDER};
 use crate::paper::camera::SHOT_VARIANCE_PER_COUNT_Q16;

@@ -9,9 +9,8 @@ use calibration::fit::eq1;
 use judges::frames;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation};
-use slitrange::centre::Estimator;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::Options;
+use slitrange::{Estimator, Options};
 use statistics::rms;
 
 use crate::surfaces::{MATERIALS, ROWS, TABLE, distance_within};

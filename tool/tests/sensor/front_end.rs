@@ -1,24 +1,15 @@
 //! `slitrange head measure`, on simulated heads whose numbers nobody knows.
 
 use judges::frames::words;
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use simulator::scene::{
-    Ambient, FixedPattern, FrontEnd as Simulated, Motion, ReadNoise, Response, Saturation, Scene,
-    ShotNoise, Simulation, Spot,
+    Ambient, FixedPattern, FrontEnd as Simulated, Motion, ReadNoise, Response, Saturation,
+    ShotNoise,
 };
-use slitrange::base::units::Counts;
-use slitrange::distance::Calibration;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::Geometry;
 use slitrange::row::front_end::{Estimate, FrontEnd};
-use slitrange::row::{Geometry, Polarity};
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
-
-use crate::command::{begins, says};
 
 use super::stand_in::{SimulatedHead, StandIn, Trouble};
+use crate::command::*;
 
 /// How the pixels of the heads that are not clean differ in the dark, in counts.
 const PATTERN: f64 = 5.0;

@@ -1,24 +1,12 @@
 //! `calibrate run` takes all points and loses none, whatever goes wrong.
 
 use std::collections::BTreeSet;
-use std::path::Path;
-use std::time::Duration;
 
-use calibration::points::{Point, Points};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
-use slitrange::frame::comb::{Comb, Slits};
 use slitrange::spot::choice::SpotChoice;
-use slitrange::spot::region::Region;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_tool::pc::Pc as _;
 use slitrange_tool::sensor::line::RECONNECT;
 
-use crate::command::{Ended, begins, done, ends, refused, says, slitrange};
-
 use super::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};
+use crate::command::*;
 
 /// `slitrange calibrate run` with further arguments, and what a person types.
 fn run(sensor: &StandIn, more: &str, typed: &str) -> Ended {

@@ -1,13 +1,7 @@
 //! Settings are shown, changed, saved, written to a file, taken from it, and compared.
 
-use std::process::ExitCode;
-
-use slitrange_device::settings::{Setting, Settings};
-use slitrange_tool::pc::Pc;
-
-use crate::command::{begins, ends, says};
-
 use super::stand_in::StandIn;
+use crate::command::*;
 
 fn settings(sensor: &StandIn, line: &str) -> String {
     sensor.done(&format!("settings --port PORT {line}"))

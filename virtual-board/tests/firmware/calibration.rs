@@ -1,16 +1,8 @@
 //! Tests of calibrations over the serial line: the firmware uses the uploaded calibration as the core does,
 //! or nothing changes.
 
-use simulator::scene::Scene;
 use slitrange::frame::comb::Comb;
-use slitrange::measurement::Options;
-use slitrange_device::protocol::calibration::FlashStatus;
-use slitrange_device::protocol::piece::Piece;
-use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::RecordError;
-use slitrange_device::record::encoded::EncodedRecord;
-use virtual_board::VirtualBoard;
-use virtual_board::light::{Target, of_scene};
 
 use super::common::*;
 use super::identical::lines_of_pc;

@@ -1,13 +1,7 @@
 //! Tests of `flat`: the map of the pixels lowers the error of a sensor whose pixels differ, and survives
 //! power cycles and power cuts.
 
-use std::time::Duration;
-
-use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
-use slitrange_device::store::pixel_map::StoredMap;
-use virtual_board::flash::{Contents, SECTOR_BYTES, SharedFlash};
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{LightSource, VirtualBoard};
+use simulator::scene::{Ambient, FixedPattern, Response};
 
 use super::common::*;
 use super::kept;

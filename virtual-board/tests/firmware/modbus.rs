@@ -1,10 +1,6 @@
 //! Tests of `format modbus`: requests and answers on the serial line. clients/python/tests/test_modbus.py
 //! does the same with a stock master.
 
-use std::time::Duration;
-
-use virtual_board::VirtualBoard;
-
 use super::common::*;
 
 const NOTHING: [u8; 0] = [];

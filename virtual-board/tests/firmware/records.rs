@@ -2,25 +2,18 @@
 
 use judges::longest;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::frame::comb::{Comb, SlitMap};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::{Geometry, Polarity, sensor_heads};
-use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
-use slitrange_device::protocol::piece::Piece;
-use slitrange_device::record::Record;
+use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
+use slitrange::{Geometry, Polarity};
+use slitrange_device::protocol::calibration::CalibrationAnswer;
 use slitrange_device::record::date::Date;
-use slitrange_device::record::encoded::EncodedRecord;
-use virtual_board::{VirtualBoard, upload};
+use virtual_board::upload;
 
 use super::common::*;
 

@@ -1,11 +1,7 @@
 //! Tests of the sensor head as the firmware drives it, at the highest rate of readings.
 
-use std::time::Duration;
-
 use rigless::soc::stm32f427::generated::spi1::{Register as Spi1, sr};
 use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
-use virtual_board::Row;
-use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
 
 use super::common::*;

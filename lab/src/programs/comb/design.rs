@@ -14,9 +14,8 @@ use rand_distr::{Distribution as _, StandardNormal};
 use rayon::prelude::*;
 use simulator::optics::Optics;
 use simulator::scene::Scene;
-use slitrange::base::units::{Counts, Pixels};
 use slitrange::frame::comb::{self, Maximum, NOMINAL_PLACES_UM, SLIT_WIDTH_UM, SlitMap, assign};
-use slitrange::row::sensor_heads;
+use slitrange::{Counts, Pixels, sensor_heads};
 use statistics::least_and_most;
 
 use crate::comb::{Mask, with_speckle, with_width};

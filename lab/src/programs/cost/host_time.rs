@@ -6,11 +6,10 @@ use std::time::Instant;
 use cost_on_chip::methods::{self, Method};
 use judges::accuracy::{Cell, PIXELS};
 use simulator::scene::{Scene, quantise};
-use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::row::{LARGEST_COUNT, Row, sensor_heads};
+use slitrange::row::LARGEST_COUNT;
 use slitrange::spot;
+use slitrange::{Estimator, Measurement, Options, Row, sensor_heads};
 use statistics::upper_median;
 
 const ROWS: u64 = 256;

@@ -17,11 +17,8 @@ use rayon::prelude::*;
 use simulator::bound;
 use simulator::scene::comb::Comb;
 use simulator::scene::{Effect, Scene, Simulation};
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::{Calibration, CalibrationErrors, Estimator, Measurement, Options, Surface};
 use slitrange_device::record;
 use statistics::{rms, upper_median};
 

@@ -6,9 +6,8 @@ use judges::frames::{measure_rows, words};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::centre::Estimator;
-use slitrange::measurement::Options;
 use slitrange::sensor_heads::tcd1304dg;
+use slitrange::{Estimator, Options};
 
 /// The table's tool.
 pub const TOOL: &str = "cargo hard-cases, lopsided spots";

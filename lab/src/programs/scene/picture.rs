@@ -11,8 +11,7 @@ use phase_tables::gaussian;
 use plotters::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{Scene, Simulation, quantise};
-use slitrange::base::fault::Fault;
-use slitrange::centre::{Estimator, RowCentre};
+use slitrange::{Estimator, Fault, RowCentre};
 use statistics::{least_and_most, upper_median};
 
 use crate::budget::row_centre;

@@ -4,10 +4,9 @@ use anyhow::{Context as _, anyhow};
 use judges::accuracy::Cell;
 use rayon::prelude::*;
 use simulator::scene::{BlackLevel, Scene, quantise};
-use slitrange::base::units::Pixels;
-use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::row::{Geometry, Row};
+use slitrange::centre;
 use slitrange::spot::{self, Spot};
+use slitrange::{Estimator, Geometry, Pixels, Row, RowCentre};
 
 use super::gaussian::{Parameters, WINDOW};
 
