@@ -12,13 +12,12 @@
 //! and the target up to half a pixel nearer or farther, and gives a few readings that lie apart in time. With
 //! an effect and without, all else is the same, down to the noise.
 
-use anyhow::{Context as _, Result};
-use rayon::prelude::*;
 use slitrange::centre;
 use slitrange::spot;
-use slitrange::{Estimator, Fault, Geometry, Row, RowCentre};
 
-use simulator::scene::{Effect, Scene, Sensor, Simulation, quantise};
+use simulator::scene::{Effect, Sensor};
+
+use crate::prelude::*;
 
 /// Seconds in which a sensor warms up.
 const WARM_UP: f64 = 600.0;

@@ -1,15 +1,13 @@
 //! What a comb of slits does to the error by speckle, and how true its u is.
 
-use anyhow::{Context as _, Result};
-use rayon::prelude::*;
-use simulator::optics::Aperture;
 use simulator::scene::comb::{Comb, Slit};
-use simulator::scene::{LaserSpot, Scene, Simulation, Speckle};
-use slitrange::frame::comb::{self, SlitMap, Slits};
-use slitrange::{Calibration, CalibrationErrors, Fault, Measurement, Options, Surface};
+use simulator::scene::{LaserSpot, Speckle};
+use slitrange::Options;
+use slitrange::frame::comb::{self, SlitMap};
 
 use judges::frames;
 
+use crate::prelude::*;
 use crate::surfaces::{Judged, POINTS, calibrate, distance_within};
 
 /// A mask, and how the core brings its images together.

@@ -4,21 +4,17 @@
 pub mod estimators;
 pub mod steps;
 
-use anyhow::{Context as _, Result};
 use calibration::fit::comb;
 use calibration::fit::solve::solve;
 use calibration::points::{KnownShape, Point, Setup, Shape, slit_images};
 use calibration::positions::{STAGE_MM, even_pixels};
 use calibration::record::{self, form};
 use judges::frames;
-use rayon::prelude::*;
-use simulator::scene::{Scene, Simulation};
-use slitrange::frame::comb::Slits;
-use slitrange::{CalibrationErrors, Estimator, Fault, Measured, Options, Pixels, Reading, Surface};
+use slitrange::{Options, Reading};
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
-use statistics::{rms, upper_median};
 
+use crate::prelude::*;
 use crate::table;
 
 /// The materials, by the scenes that show them. The first is white paper in the light of a laser with a

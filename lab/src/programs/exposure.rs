@@ -2,11 +2,10 @@
 
 mod figure;
 
-use anyhow::Result;
-use clap::Args;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, Frames, Target, is_in_middle};
 
+use crate::prelude::*;
 use crate::{docs, progress, table};
 
 /// Compares auto exposure with the best fixed exposure for targets from bright metal to black tape, and lets

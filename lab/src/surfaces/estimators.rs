@@ -4,15 +4,11 @@
 //! Eq. (1) is fitted to each estimator's own centres, as the paper does. So the errors are those of the
 //! surface's light and of the noise. A calibration adds none.
 
-use anyhow::{Context as _, Result};
 use calibration::fit::eq1;
 use judges::frames;
-use rayon::prelude::*;
-use simulator::scene::{Scene, Simulation};
-use slitrange::frame::comb::Slits;
-use slitrange::{Estimator, Options};
-use statistics::rms;
+use slitrange::Options;
 
+use crate::prelude::*;
 use crate::surfaces::{MATERIALS, ROWS, TABLE, distance_within};
 use crate::table;
 

@@ -41,14 +41,10 @@
 //!
 //! The target moves along the beam here. One that also slides sideways sees new speckle sooner.
 
-use anyhow::{Context as _, Result};
-use rayon::prelude::*;
-use simulator::optics::Optics;
-use simulator::scene::{Effect, LaserSpot, Scene, Simulation, Speckle, quantise};
-use slitrange::centre::Estimator;
-use statistics::{mean, rms};
+use simulator::scene::{Effect, LaserSpot, Speckle};
 
 use crate::budget::row_centre;
+use crate::prelude::*;
 use crate::surfaces::MATERIALS;
 use crate::table;
 

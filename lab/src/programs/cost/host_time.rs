@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use cost_on_chip::methods::{self, Method};
 use judges::accuracy::{Cell, PIXELS};
-use simulator::scene::{Scene, quantise};
+use slitrange::Options;
 use slitrange::frame::MAX_ROWS;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::spot;
-use slitrange::{Estimator, Measurement, Options, Row, sensor_heads};
-use statistics::upper_median;
+
+use crate::prelude::*;
 
 const ROWS: u64 = 256;
 const REPETITIONS: usize = 101;

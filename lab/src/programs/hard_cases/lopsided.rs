@@ -3,11 +3,10 @@
 use std::fmt::Write as _;
 
 use judges::frames::{measure_rows, words};
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
+use slitrange::Options;
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::{Estimator, Options};
+
+use crate::prelude::*;
 
 /// The table's tool.
 pub const TOOL: &str = "cargo hard-cases, lopsided spots";

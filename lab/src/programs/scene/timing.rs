@@ -1,12 +1,10 @@
 //! What the rows of a scene cost to simulate on one core, and how much of it each effect.
 
 use std::hint::black_box;
-use std::time::{Duration, Instant};
-
-use simulator::scene::{Scene, Simulation, quantise};
-use statistics::upper_median;
+use std::time::Instant;
 
 use crate::budget;
+use crate::prelude::*;
 
 /// What a scene costs. The first row is the one in which all is computed that stays for as long as the target
 /// does.

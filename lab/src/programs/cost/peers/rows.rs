@@ -1,14 +1,13 @@
 //! The rows that everyone is given, and what the row before tells of each.
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use judges::accuracy::Cell;
-use rayon::prelude::*;
-use simulator::scene::{BlackLevel, Scene, quantise};
+use simulator::scene::BlackLevel;
 use slitrange::centre;
 use slitrange::spot::{self, Spot};
-use slitrange::{Estimator, Geometry, Pixels, Row, RowCentre};
 
 use super::gaussian::{Parameters, WINDOW};
+use crate::prelude::*;
 
 /// Pixels of the row in which the spot is found. The search is in nobody's time.
 const PIXELS: usize = 512;
