@@ -19,6 +19,7 @@ pub use simulator::least_squares;
 pub use simulator::optics::{Aperture, Optics};
 pub use simulator::profiles::{self, Curve, Slit};
 pub use simulator::scene::{Effect, Scene, SecondReflection, Sensor, Simulation, quantise};
+pub use simulator::with;
 pub use slitrange::base::exposure::Exposure;
 pub use slitrange::base::places::PLACES;
 pub use slitrange::base::units::Electrons;
@@ -68,11 +69,6 @@ use std::path::PathBuf;
 
 pub fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
-}
-
-pub fn with<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
-    change(&mut value);
-    value
 }
 
 pub fn options(change: impl FnOnce(&mut Options)) -> Options {

@@ -451,6 +451,7 @@ pub fn largest_bias<M: Copy + Sync>(method: M, find: impl Find<M>, width: f64) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use simulator::with;
 
     fn rows() -> Rows {
         Rows::of(Cell {
@@ -500,10 +501,7 @@ mod tests {
     /// matched fit by about 0.3 pixel. The bound is 0.023 pixel.
     #[test]
     fn a_hot_pixel_increases_the_error_of_a_matched_fit() {
-        let spoiled = Rows {
-            hot_pixel: Some(1000.0),
-            ..rows()
-        };
+        let spoiled = with(rows(), |it| it.hot_pixel = Some(1000.0));
         let [clean, hot] = [rows(), spoiled].map(|rows| rows.run(&[Estimator::PhaseTable])[0]);
         println!("clean {} hot {}", clean.ratio(), hot.ratio());
         assert!(hot.ratio() > 3.0 * clean.ratio());

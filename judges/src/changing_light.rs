@@ -7,6 +7,7 @@ pub mod range;
 
 use crate::frames::words;
 use simulator::scene::{Exposure as Times, Scene, Simulation};
+use simulator::with;
 use slitrange::base::exposure::Exposure;
 use slitrange::light::ambient::AmbientMode;
 use slitrange::{Calibration, CalibrationErrors, Fault, Measured, Measurement, Options, Surface};
@@ -170,8 +171,5 @@ impl Comparison {
 /// beyond flows over (`scenes/saturated.toml`).
 pub fn scene() -> Scene {
     let saturation = Scene::load("saturated").expect("a scene").saturation;
-    Scene {
-        saturation,
-        ..Scene::white_paper()
-    }
+    with(Scene::white_paper(), |it| it.saturation = saturation)
 }

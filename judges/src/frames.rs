@@ -1,6 +1,7 @@
 //! Frames of simulated rows, a frame that is made up, and each kind of fault.
 
 use simulator::scene::{Simulation, quantise};
+use simulator::with;
 use slitrange::base::exposure::Exposure;
 use slitrange::centre::spot_shape::SpotShape;
 use slitrange::check::own_spot::Profile;
@@ -55,10 +56,7 @@ pub fn measure_rows(
     options: Options,
     profile: Option<Profile>,
 ) -> Result<Measured, Fault> {
-    let options = Options {
-        rows: rows.len() as u16,
-        ..options
-    };
+    let options = with(options, |it| it.rows = rows.len() as u16);
     let mut measurement = Measurement::new(geometry.clone(), options);
     measurement.set(options, profile);
     let frames = rows.iter().map(|row| measurement.row(&mut row.clone()));

@@ -364,11 +364,9 @@ mod tests {
             noise: 4.0,
             electrons_per_count: None,
         };
-        let of_light = bound::Spot {
-            noise: 0.0,
-            electrons_per_count: Some(10.0),
-            ..spot
-        };
+        let of_light = with(spot, |it| {
+            (it.noise, it.electrons_per_count) = (0.0, Some(10.0))
+        });
         for (left_out, left) in [(Effect::ShotNoise, spot), (Effect::ReadNoise, of_light)] {
             let ratio = rms_without(&budget, left_out) / left.bound();
             println!("without {}: {ratio} of the bound", left_out.name());

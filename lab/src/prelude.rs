@@ -8,6 +8,7 @@ pub use rand_distr::{Distribution, StandardNormal};
 pub use rayon::prelude::*;
 pub use simulator::optics::{Aperture, Optics};
 pub use simulator::scene::{Scene, Simulation, quantise};
+pub use simulator::with;
 pub use slitrange::frame::comb::Slits;
 pub use slitrange::{
     Calibration, CalibrationErrors, Counts, Estimator, Fault, Geometry, Measured, Measurement,

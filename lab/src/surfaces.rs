@@ -50,11 +50,7 @@ pub fn frame_from(
         Some(_) => Slits::Comb,
         None => Slits::One,
     };
-    let options = Options {
-        rows: ROWS,
-        slits,
-        ..Options::default()
-    };
+    let options = with(Options::default(), |it| (it.rows, it.slits) = (ROWS, slits));
     frames::measure(&simulation, options, distance, first, None)
 }
 

@@ -5,6 +5,7 @@ use clap::Parser as _;
 pub use rand::{Rng, SeedableRng};
 pub use rand_chacha::ChaCha8Rng;
 pub use simulator::scene::{Scene, Simulation, Spot};
+pub use simulator::with;
 pub use slitrange::check::own_spot::Profile;
 pub use slitrange::frame::comb::{Comb, Slits};
 pub use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};

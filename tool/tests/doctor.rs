@@ -167,19 +167,15 @@ fn doctor(firmware: &Firmware, calibrated: &Contents, (fault, check, _): Fault) 
 
 /// What flash holds of a sensor that was calibrated.
 fn calibrated(firmware: &Firmware) -> Contents {
-    let record = Record {
-        serial_number: 7,
-        ..Record::nominal().expect("a record")
-    };
+    let record = with(Record::nominal().expect("a record"), |it| {
+        it.serial_number = 7
+    });
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.record");
     let record = EncodedRecord::new(record).expect("a record");
     record_file::write(&path, &record, false).expect("a file");
     let flash = SharedFlash::default();
-    let conditions = Conditions {
-        flash: flash.clone(),
-        ..Conditions::default()
-    };
+    let conditions = with(Conditions::default(), |it| it.flash = flash.clone());
     let light = of_scene(Scene::white_paper(), Target::at(0.8));
     let board = VirtualBoard::power_on_under(firmware, light, conditions).expect("a board");
     let desk = Desk::new(board, None);

@@ -32,10 +32,7 @@ struct Bench {
 impl Bench {
     fn power_on(&self) -> VirtualBoard {
         let light = of_scene_through(self.optics, self.scene.clone(), self.target.clone());
-        let conditions = Conditions {
-            flash: self.flash.clone(),
-            ..Conditions::default()
-        };
+        let conditions = with(Conditions::default(), |it| it.flash = self.flash.clone());
         VirtualBoard::power_on_under(&self.firmware, light, conditions).expect("the board starts")
     }
 

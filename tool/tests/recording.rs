@@ -60,14 +60,8 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     let is_as_before = || {
         // A command that was sent twice has a second answer on its way.
         desk.sleep(Duration::from_millis(100));
-        for line in [
-            "format text",
-            "baud 115200",
-            "pixels rows",
-            "rows 4",
-            "ambient subtract",
-            "stream on",
-        ] {
+        let lines = "format text; baud 115200; pixels rows; rows 4; ambient subtract; stream on";
+        for line in lines.split("; ") {
             assert_eq!(ask(&desk, line.split(' ').next().expect("a name")), line);
         }
     };
@@ -92,11 +86,9 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     let replay = format!("replay {path}");
     says(&done(&replay), ["40 distances", "all rows give the bits"]);
     let recorded = recording::open(&file).expect("a recording");
-    let settings = Settings {
-        rows: 4,
-        ambient: AmbientMode::Off,
-        ..Settings::default()
-    };
+    let settings = with(Settings::default(), |it| {
+        (it.rows, it.ambient) = (4, AmbientMode::Off)
+    });
     let of_recording = Settings {
         stream: true,
         pixels: Default::default(),
@@ -192,10 +184,7 @@ fn show(desk: &Desk, turn: usize) -> String {
         return "random spots".to_owned();
     }
     let name = names[turn / 2 % names.len()].clone();
-    let scene = Scene {
-        seed,
-        ..Scene::load(&name).expect("a scene")
-    };
+    let scene = with(Scene::load(&name).expect("a scene"), |it| it.seed = seed);
     let target = Target::at(scene.distance);
     board.set_light(of_scene(scene, target));
     name

@@ -115,10 +115,9 @@ fn recorded(
     profile: Option<Profile>,
     rows: impl IntoIterator<Item = (Option<Exposure>, Vec<u16>)>,
 ) -> (Sensor, Vec<Row>) {
-    let record = Record {
-        profile,
-        ..Record::nominal().expect("a record")
-    };
+    let record = with(Record::nominal().expect("a record"), |it| {
+        it.profile = profile
+    });
     let mut measurement = Measurement::new(tcd1304dg(), settings.options());
     measurement.set(settings.options(), profile);
     measurement.set_comb(Comb::nominal());

@@ -171,6 +171,7 @@ mod tests {
     use simulator::least_squares;
     use simulator::optics::Optics;
     use simulator::scene::{FixedPattern, Motion, Sensor};
+    use simulator::with;
 
     fn exposure(row: Nanos) -> Exposure {
         let (start, end) = (row * 5_700_000, (row + 1) * 5_700_000);
@@ -188,18 +189,13 @@ mod tests {
     #[test]
     fn the_other_geometry_decides_where_the_spot_is() {
         let optics = DistortedOptics {
-            optics: Optics {
-                offset: 0.003,
-                ..Optics::nominal()
-            },
+            optics: with(Optics::nominal(), |it| it.offset = 0.003),
             third: 2.0,
             fifth: 0.2,
         };
-        let scene = Scene {
-            shot_noise: None,
-            read_noise: None,
-            ..Scene::white_paper()
-        };
+        let scene = with(Scene::white_paper(), |it| {
+            (it.shot_noise, it.read_noise) = (None, None)
+        });
         let own = scene.optics;
         let target = Target::at(0.6);
         let mut light = of_scene_through(optics, scene, target.clone());

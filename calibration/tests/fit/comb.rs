@@ -9,6 +9,7 @@ use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use simulator::distorted_optics::DistortedOptics;
+use simulator::with;
 use slitrange::frame::comb::{MAX_SLITS, NOMINAL_PLACES_UM, Slits};
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange::{CalibrationErrors, Measurement, Options, Pixels, Surface};
@@ -342,10 +343,10 @@ fn row(sensor: &Sensor, distance: f64, mut noise: Option<&mut ChaCha8Rng>) -> Ve
 /// measures exact rows with the record, and gives distances.
 #[test]
 fn whole_rows_are_calibrated() {
-    let options = |rows| Options {
-        rows,
-        slits: Slits::Comb,
-        ..Options::default()
+    let options = |rows| {
+        with(Options::default(), |it| {
+            (it.rows, it.slits) = (rows, Slits::Comb)
+        })
     };
     let mut all = vec![];
     for seed in 0..3 {

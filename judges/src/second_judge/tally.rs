@@ -3,6 +3,7 @@
 use crate::frames::measure_rows;
 use crate::second_judge::{Claim, Frame, Kind, frame, row};
 use rayon::prelude::*;
+use simulator::with;
 use slitrange::base::places::PLACES;
 use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
@@ -117,10 +118,7 @@ impl Frame {
 }
 
 fn options(estimator: Estimator) -> Options {
-    Options {
-        estimator,
-        ..Options::default()
-    }
+    with(Options::default(), |it| it.estimator = estimator)
 }
 
 /// Whether a reading of this centre says that it is not to be trusted: most of its rows do not look like

@@ -100,10 +100,7 @@ fn kinds(base: &Scene) -> Result<Vec<Kind>> {
         if scene.texture.is_none() {
             continue;
         }
-        let mut scene = Scene {
-            texture: None,
-            ..scene
-        };
+        let mut scene = with(scene, |it| it.texture = None);
         add(format!("{name}, no texture"), scene.clone());
         if name == SINGLE_WAVELENGTH
             && let Some(speckle) = &mut scene.speckle

@@ -167,11 +167,7 @@ mod tests {
         };
         Target {
             reflectivity,
-            auto: Frames {
-                rms_um,
-                beyond_2: 9,
-                ..best
-            },
+            auto: with(best, |it| (it.rms_um, it.beyond_2) = (rms_um, 9)),
             auto_lowest: best,
             best,
             longest: (reflectivity < 1e-3).then_some(best),
@@ -204,10 +200,7 @@ mod tests {
 
     #[test]
     fn faults_after_jumps_have_names() {
-        let mut jumps = Jumps {
-            jumps: 7,
-            ..Jumps::default()
-        };
+        let mut jumps = with(Jumps::default(), |it| it.jumps = 7);
         jumps.first_faults[3] = 2;
         let words = jumps_in_words(&jumps);
         let first = "frame of the jump | 2 `saturated` |";

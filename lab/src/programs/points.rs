@@ -134,11 +134,7 @@ fn sensor(departure: f64, seed: u64) -> DistortedOptics {
     if departure > 0.0 {
         return optics;
     }
-    DistortedOptics {
-        third: 0.0,
-        fifth: 0.0,
-        ..optics
-    }
+    with(optics, |it| (it.third, it.fifth) = (0.0, 0.0))
 }
 
 fn table(cells: &[Vec<Vec<Cell>>]) -> String {

@@ -81,11 +81,9 @@ fn centres(scene: &Scene, slits: Slits, surface: u64, distance: f64) -> Centres 
         })
         .collect();
     Estimator::ALL.map(|estimator| {
-        let options = Options {
-            estimator,
-            slits,
-            ..Options::default()
-        };
+        let options = with(Options::default(), |it| {
+            (it.estimator, it.slits) = (estimator, slits)
+        });
         [&rows[..1], &rows].map(|rows| {
             let measured = frames::measure_rows(rows, &geometry, options, None);
             Some(measured.ok()?.frame.centre.to_f64())

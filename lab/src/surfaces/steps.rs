@@ -41,7 +41,7 @@
 //!
 //! The target moves along the beam here. One that also slides sideways sees new speckle sooner.
 
-use simulator::scene::{Effect, LaserSpot, Speckle};
+use simulator::scene::{Effect, LaserSpot};
 
 use crate::budget::row_centre;
 use crate::prelude::*;
@@ -313,10 +313,9 @@ pub fn measure(count: u64) -> Result<Measured> {
     let (name, file) = SINGLE_MODE;
     let metal = scene(file)?;
     let metal = Scene {
-        speckle: metal.speckle.map(|speckle| Speckle {
-            linewidth: 0.0,
-            ..speckle
-        }),
+        speckle: metal
+            .speckle
+            .map(|speckle| with(speckle, |it| it.linewidth = 0.0)),
         ..metal
     };
     Ok(Measured {
@@ -441,11 +440,7 @@ mod tests {
     /// At 0.8 m, R = 0.8544 m, with a spot of 1 mm: 0.5 * 650e-9 * 0.8544^3 / (1e-3 * 0.3 * 0.8) = 0.8446 mm.
     #[test]
     fn the_memory_of_a_spot_of_1_mm_is_0_84_mm() {
-        let spot = LaserSpot {
-            waist: 1e-3,
-            waist_distance: 0.8,
-            wander: 0.0,
-        };
+        let spot = LaserSpot::new(1e-3, 0.8);
         let memory = memory(0.5, &Optics::nominal(), &spot, 0.8);
         assert!((memory - 0.8446e-3).abs() < 1e-7, "{memory}");
     }

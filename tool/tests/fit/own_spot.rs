@@ -61,11 +61,9 @@ impl Sensor {
     }
 
     fn options(&self, rows: u16) -> Options {
-        Options {
-            rows,
-            estimator: self.estimator,
-            ..Options::default()
-        }
+        with(Options::default(), |it| {
+            (it.rows, it.estimator) = (rows, self.estimator)
+        })
     }
 
     fn frame(

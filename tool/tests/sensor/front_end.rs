@@ -1,10 +1,7 @@
 //! `slitrange head measure`, on simulated heads whose numbers nobody knows.
 
 use judges::frames::words;
-use simulator::scene::{
-    Ambient, FixedPattern, FrontEnd as Simulated, Motion, ReadNoise, Response, Saturation,
-    ShotNoise,
-};
+use simulator::scene::Motion;
 use slitrange::Geometry;
 use slitrange::row::front_end::{Estimate, FrontEnd};
 
@@ -37,33 +34,25 @@ fn head(number: u64) -> (Scene, Truth) {
     let offset = random.random_range(-100.0..150.0);
     let rail = random.random_range(2000.0..3900.0);
     let is_clean = number.is_multiple_of(2);
-    let scene = Scene {
-        seed: number,
-        spot: Some(Spot {
-            width: 8.6,
-            counts_per_second: BRIGHT,
-        }),
-        shot_noise: Some(ShotNoise {
-            electrons_per_count: electrons,
-        }),
-        read_noise: Some(ReadNoise { counts: read_noise }),
-        front_end: Some(Simulated {
-            gain: amplification,
-            offset,
-            saturation: Some(rail),
-        }),
-        ambient: (!is_clean).then_some(Ambient {
-            counts_per_second: 10e3,
-            slope: 2.0,
-        }),
-        response: (!is_clean).then_some(Response { deviation: 0.028 }),
-        fixed_pattern: (!is_clean).then_some(FixedPattern { counts: PATTERN }),
-        saturation: (!is_clean).then_some(Saturation {
-            full_well: 6000.0,
-            blooming: 0.1,
-        }),
-        ..Scene::white_paper()
+    let flaws = match is_clean {
+        true => String::new(),
+        false => format!(
+            "ambient = {{ counts_per_second = 10e3, slope = 2.0 }}
+            response.deviation = 0.028
+            fixed_pattern.counts = {PATTERN:?}
+            saturation = {{ full_well = 6000.0, blooming = 0.1 }}"
+        ),
     };
+    let effects = format!(
+        "shot_noise.electrons_per_count = {electrons}
+        read_noise.counts = {read_noise}
+        front_end = {{ gain = {amplification}, offset = {offset}, saturation = {rail} }}
+        {flaws}"
+    );
+    let scene = Scene::white_paper().listing(&effects).expect("a scene");
+    let scene = with(scene, |it| {
+        (it.seed, it.spot) = (number, Some(Spot::new(8.6, BRIGHT)));
+    });
     let truth = Truth {
         polarity: match number % 3 {
             0 => Polarity::Rising,
@@ -103,10 +92,7 @@ fn with_number(sensor: &StandIn, serial_number: u32) -> EncodedRecord {
 }
 
 fn without_front_end(record: &EncodedRecord) -> Record {
-    Record {
-        front_end: None,
-        ..record.record().clone()
-    }
+    with(record.record().clone(), |it| it.front_end = None)
 }
 
 /// Errors in percent of the value, and over the claimed uncertainty.
@@ -146,10 +132,7 @@ fn unknown_heads_are_measured_to_five_percent() {
 /// Errors over r, root mean square of many readings. The exposure gives the spot half of its room.
 fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -> f64 {
     const FRAMES: u64 = 1500;
-    let options = Options {
-        rows: 4,
-        ..Options::default()
-    };
+    let options = with(Options::default(), |it| it.rows = 4);
     let mut measurement = Measurement::new(geometry.clone(), options);
     let simulation = Simulation::new(scene.clone());
     let spot = scene.spot.expect("a spot");
@@ -268,10 +251,9 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
 
 fn with_light(scene: &Scene, counts_per_second: f64) -> Scene {
     Scene {
-        spot: scene.spot.map(|spot| Spot {
-            counts_per_second,
-            ..spot
-        }),
+        spot: scene
+            .spot
+            .map(|spot| with(spot, |it| it.counts_per_second = counts_per_second)),
         ..scene.clone()
     }
 }

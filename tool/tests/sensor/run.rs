@@ -469,10 +469,7 @@ fn a_run_with_a_region_goes_on_with_this_region() {
 #[test]
 fn a_comb_is_calibrated_from_the_images_of_its_slits() {
     let positions: Vec<f64> = (0..30).map(|i| 560.0 + 18.0 * f64::from(i)).collect();
-    let bad = Trouble {
-        restart: 0.01,
-        ..Trouble::of_line(0.01, 0.02)
-    };
+    let bad = with(Trouble::of_line(0.01, 0.02), |it| it.restart = 0.01);
     for (seed, trouble) in [(20, Trouble::default()), (21, bad)] {
         let sensor = StandIn::new(seed);
         sensor.state().type_line("slits comb");

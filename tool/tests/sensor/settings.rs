@@ -75,14 +75,9 @@ fn a_value_is_changed_and_stays() {
 fn a_wrong_value_is_an_error_that_names_the_right_ones() {
     let sensor = StandIn::new(3);
     let mut errors = String::new();
-    for words in [
-        "set rows 65",
-        "set rows",
-        "set rose 3",
-        "set black fixed",
-        "set save",
-        "get exposure limits",
-    ] {
+    let commands =
+        "set rows 65; set rows; set rose 3; set black fixed; set save; get exposure limits";
+    for words in commands.split("; ") {
         let error = refused(&sensor, words);
         // The list of all settings, which grows, follows.
         let error = error.split(" The settings are: ").next();

@@ -96,11 +96,9 @@ pub struct Trouble {
 
 impl Trouble {
     pub fn of_line(lost: f64, garbled: f64) -> Self {
-        Self {
-            lost,
-            garbled,
-            ..Self::default()
-        }
+        with(Self::default(), |it| {
+            (it.lost, it.garbled) = (lost, garbled)
+        })
     }
 }
 

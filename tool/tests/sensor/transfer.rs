@@ -257,10 +257,7 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let mut done = 0;
     for seed in 40..44 {
         let sensor = StandIn::new(seed);
-        sensor.state().trouble = Trouble {
-            restart: 0.005,
-            ..Trouble::of_line(0.01, 0.02)
-        };
+        sensor.state().trouble = with(Trouble::of_line(0.01, 0.02), |it| it.restart = 0.005);
         let (mut used, mut saved) = (EncodedRecord::nominal(), None);
         for written in &kinds[..5] {
             file(&sensor, written);

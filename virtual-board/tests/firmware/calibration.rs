@@ -79,10 +79,9 @@ fn readings_use_the_slits_of_a_saved_comb() {
     let rows: Vec<_> = kept_rows(&mut board);
     assert!(agree(&lines, &rows, &written), "{lines:#?}");
     // With the mask's drawing, the distances are others.
-    let drawn = slitrange_device::record::Record {
-        comb: Some(Comb::nominal()),
-        ..written.record().clone()
-    };
+    let drawn = with(written.record().clone(), |it| {
+        it.comb = Some(Comb::nominal())
+    });
     assert!(!agree(&lines, &rows, &super::records::written(drawn)));
 
     // The centre of each slit, in a second line.

@@ -16,10 +16,7 @@ use super::records;
 const ROWS_PER_SECOND: f64 = 1.0 / 5.7e-3;
 
 fn behind(comb: Comb) -> Scene {
-    Scene {
-        comb: Some(comb),
-        ..Scene::white_paper()
-    }
+    with(Scene::white_paper(), |it| it.comb = Some(comb))
 }
 
 pub fn paper_behind_a_comb() -> LightSource {

@@ -5,6 +5,7 @@ pub use rand_chacha::ChaCha8Rng;
 use rigless::soc::stm32f427::generated::spi1;
 pub use rigless::soc::stm32f427::generated::usart6::Register as Usart;
 pub use simulator::scene::{Scene, Simulation, Spot};
+pub use simulator::with;
 pub use slitrange::base::exposure::ExposureMode;
 pub use slitrange::frame::comb::Slits;
 pub use slitrange::{
@@ -52,9 +53,7 @@ pub fn slower_sampling() -> f64 {
 }
 
 pub fn conditions(change: impl FnOnce(&mut Conditions)) -> Conditions {
-    let mut conditions = Conditions::default();
-    change(&mut conditions);
-    conditions
+    with(Conditions::default(), change)
 }
 
 /// A board with one instruction a cycle, whatever `SLITRANGE_MIPS` says: for tests of figures that hold at

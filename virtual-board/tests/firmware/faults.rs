@@ -64,10 +64,7 @@ fn noise() -> f64 {
 
 #[test]
 fn without_a_laser_there_is_no_spot() {
-    let scene = Scene {
-        spot: None,
-        ..Scene::white_paper()
-    };
+    let scene = with(Scene::white_paper(), |it| it.spot = None);
     let line = only_fault(&[], "no spot", of_scene(scene, Target::at(DISTANCE)));
     let highest = number(&line, ": ", " counts at most") / noise();
     assert!((0.0..5.0).contains(&highest), "{line}");

@@ -77,22 +77,14 @@ pub fn of_comb() -> EncodedRecord {
             slit.corrected([of_drawing, 0.3, -0.2, 0.1].map(Pixels::from_f32))
         })
         .collect();
-    written(Record {
-        comb: Comb::new(&slits),
-        profile: None,
-        ..eq1().record().clone()
-    })
+    written(with(eq1().record().clone(), |it| {
+        (it.comb, it.profile) = (Comb::new(&slits), None)
+    }))
 }
 
 /// A record with other light-sensitive pixels than this sensor's.
 pub fn of_another_head() -> Record {
-    Record {
-        geometry: Geometry {
-            light: 36..3683,
-            ..sensor_heads::tcd1304dg()
-        },
-        ..eq1().record().clone()
-    }
+    with(eq1().record().clone(), |it| it.geometry.light = 36..3683)
 }
 
 /// The longest record with the longest comb and the longest front end.

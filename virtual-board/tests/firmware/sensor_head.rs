@@ -91,10 +91,7 @@ fn a_violated_limit_is_an_error_of_the_run() {
 fn words_in_batches_are_the_same_as_words_one_by_one() {
     let run = |word_by_word: bool| {
         // rigless's DMA counts a word when it ends.
-        let conditions = Conditions {
-            most_dma_latency: 0,
-            ..full_speed()
-        };
+        let conditions = with(full_speed(), |it| it.most_dma_latency = 0);
         let mut board = CleanBoard::power_on(spot_at(CENTRE, 1500.0), conditions);
         if word_by_word {
             with_processor(&mut board, |it| it.word_by_word = true);

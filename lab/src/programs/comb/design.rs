@@ -45,18 +45,14 @@ impl Design {
     /// The nominal gaps times a factor, from the middle of the mask.
     fn stretched(factor: f64) -> Self {
         let places = NOMINAL_PLACES_UM.map(|um| (factor * f64::from(um)).round() as i32);
-        Self {
-            places_um: places.to_vec(),
-            ..Self::nominal()
-        }
+        with(Self::nominal(), |it| it.places_um = places.to_vec())
     }
 
     fn fewer(count: usize) -> Self {
         let first = (NOMINAL_PLACES_UM.len() - count) / 2;
-        Self {
-            places_um: NOMINAL_PLACES_UM[first..first + count].to_vec(),
-            ..Self::nominal()
-        }
+        with(Self::nominal(), |it| {
+            it.places_um = NOMINAL_PLACES_UM[first..first + count].to_vec()
+        })
     }
 
     /// In millimetres.

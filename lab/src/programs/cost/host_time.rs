@@ -54,11 +54,9 @@ pub fn row_nanoseconds(estimator: Estimator) -> Option<f64> {
             words
         })
         .collect();
-    let options = Options {
-        estimator,
-        rows: MOST as u16,
-        ..Options::default()
-    };
+    let options = with(Options::default(), |it| {
+        (it.estimator, it.rows) = (estimator, MOST as u16)
+    });
     let mut times = vec![];
     for _ in 0..REPETITIONS / 8 {
         for rows in rows.chunks(MOST) {

@@ -81,10 +81,7 @@ fn found(light: Light, estimator: Estimator) -> [f64; 2] {
             words(&row.collect::<Vec<_>>(), &geometry)
         };
         let rows: Vec<_> = (0..ROWS).map(|_| row()).collect();
-        let options = Options {
-            estimator,
-            ..Options::default()
-        };
+        let options = with(Options::default(), |it| it.estimator = estimator);
         let measured = measure_rows(&rows, &geometry, options, None).expect("a reading");
         let frame = measured.frame;
         let by_shape = estimator.by_shape(&frame.shape, None).to_f64();

@@ -45,11 +45,9 @@ fn whole_row() -> Scene {
 }
 
 pub fn geometry() -> Geometry {
-    Geometry {
-        words: WINDOW,
-        light: 0..WINDOW,
-        ..whole_row().geometry()
-    }
+    with(whole_row().geometry(), |it| {
+        (it.words, it.light) = (WINDOW, 0..WINDOW)
+    })
 }
 
 /// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to
