@@ -177,10 +177,8 @@ impl Study {
     pub fn run(name: &'static str, scene: &str, sensors: u64, surfaces: u64) -> Result<Self> {
         let scene = Scene::load(scene)?;
         let nominal_record = Record::nominal().context("the nominal calibration")?;
-        let physical_record = Record {
-            errors: CalibrationErrors::Unknown,
-            ..nominal_record.clone()
-        };
+        let errors = CalibrationErrors::Unknown;
+        let physical_record = with(nominal_record.clone(), |it| it.errors = errors);
         let (mut own, mut nominal, mut physical) = (vec![], vec![], vec![]);
         for sensor in 1..=sensors {
             // Surfaces that no other sensor sees: first those of its calibration.

@@ -238,10 +238,8 @@ mod tests {
     /// away. Of 20 rows, the last four are 17.5 rows after the first on average.
     #[test]
     fn a_frame_sees_the_target_where_it_was_on_average() {
-        let scene = Scene {
-            motion: Some(Motion { speed: 0.1 }),
-            ..Scene::dark(Sensor::Tcd1304dg)
-        };
+        let dark = Scene::dark(Sensor::Tcd1304dg);
+        let scene = with(dark, |it| it.motion = Some(Motion { speed: 0.1 }));
         let target = Target::at(0.7);
         let mut light = of_scene(scene, target.clone());
         for row in 1..=20 {

@@ -239,10 +239,8 @@ impl Study {
 }
 
 fn surface(scene: &Scene, steps: &[f64], number: u64) -> Surface {
-    let simulation = Simulation::new(Scene {
-        seed: scene.seed.wrapping_add(number),
-        ..scene.clone()
-    });
+    let seed = scene.seed.wrapping_add(number);
+    let simulation = Simulation::new(with(scene.clone(), |it| it.seed = seed));
     // Additive recurrence with the golden ratio: even over the range for any number of surfaces.
     let share = (number as f64 * 0.618_033_988_749_895 + 0.5).fract();
     let (near, far) = RANGE;
@@ -312,12 +310,11 @@ pub fn measure(count: u64) -> Result<Measured> {
     let run = |&(name, file): &_| Study::run(name, scene(file)?, &STEPS, count);
     let (name, file) = SINGLE_MODE;
     let metal = scene(file)?;
-    let metal = Scene {
-        speckle: metal
-            .speckle
-            .map(|speckle| with(speckle, |it| it.linewidth = 0.0)),
-        ..metal
-    };
+    let metal = with(metal, |it| {
+        it.speckle
+            .iter_mut()
+            .for_each(|speckle| speckle.linewidth = 0.0);
+    });
     Ok(Measured {
         materials: MATERIALS.iter().map(run).collect::<Result<_>>()?,
         single_mode: Study::run(name, metal, &STEPS, count)?,

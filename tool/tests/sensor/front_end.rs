@@ -249,28 +249,19 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     assert_eq!(saved().record().serial_number, 7);
 }
 
-fn with_light(scene: &Scene, counts_per_second: f64) -> Scene {
-    Scene {
-        spot: scene
-            .spot
-            .map(|spot| with(spot, |it| it.counts_per_second = counts_per_second)),
-        ..scene.clone()
-    }
-}
-
 #[test]
 fn what_cannot_be_measured_is_said_and_changes_nothing() {
     let (bright, truth) = head(2);
-    let moving = Scene {
-        motion: Some(Motion { speed: 0.05 }),
-        ..bright.clone()
-    };
+    let moving = with(bright.clone(), |it| {
+        it.motion = Some(Motion { speed: 0.05 })
+    });
+    let lit = |counts| bright.clone().with_height(counts);
     let limit = "exposure limit 10";
     for (scene, line, expected) in [
-        (with_light(&bright, 5e3), "", "put a brighter target"),
-        (with_light(&bright, 5e6), limit, "put a brighter target"),
-        (with_light(&bright, 3e9), "", "put a darker target"),
-        (with_light(&bright, 3e8), "", "put a darker target"),
+        (lit(5e3), "", "put a brighter target"),
+        (lit(5e6), limit, "put a brighter target"),
+        (lit(3e9), "", "put a darker target"),
+        (lit(3e8), "", "put a darker target"),
         (bright.clone(), "laser off", "type `laser on`"),
         (moving, "", "check that the target is at rest"),
     ] {
@@ -285,7 +276,7 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
         assert_eq!(held(), before);
     }
     // A dimmer target: the gain is measured, the saturation is not.
-    let sensor = sensor(with_light(&bright, 150e3), truth.polarity);
+    let sensor = sensor(lit(150e3), truth.polarity);
     says(&sensor.done(MEASURE), ["saturation   not measured"]);
     let found = recorded(&sensor);
     assert_eq!(found.saturation, None);
@@ -300,7 +291,7 @@ fn a_spot_that_just_saturates_gives_the_right_gain() {
     let amplification = scene.front_end.expect("a front end").gain;
     for times in [0.9, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4, 1.6, 2.0] {
         let counts_per_second = times * room / (amplification * 5.6e-3);
-        let sensor = sensor(with_light(&scene, counts_per_second), truth.polarity);
+        let sensor = sensor(scene.clone().with_height(counts_per_second), truth.polarity);
         sensor.done(MEASURE);
         let found = recorded(&sensor);
         let error = found.gain.value.to_f64() - truth.gain;

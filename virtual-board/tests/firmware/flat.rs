@@ -1,7 +1,7 @@
 //! Tests of `flat`: the map of the pixels lowers the error of a sensor whose pixels differ, and survives
 //! power cycles and power cuts.
 
-use simulator::scene::{Ambient, FixedPattern, Response};
+use simulator::scene::{FixedPattern, Response};
 
 use super::common::*;
 use super::kept;
@@ -22,14 +22,9 @@ fn paper(distance: f64) -> LightSource {
 }
 
 fn even(counts: f64) -> LightSource {
-    let scene = Scene {
-        spot: None,
-        ambient: Some(Ambient {
-            counts_per_second: counts / scene().exposure,
-            slope: 0.0,
-        }),
-        ..scene()
-    };
+    let ambient = format!("ambient.counts_per_second = {}", counts / scene().exposure);
+    let lit = scene().listing(&ambient).expect("a scene");
+    let scene = with(lit, |it| it.spot = None);
     of_scene(scene, Target::at(0.8))
 }
 

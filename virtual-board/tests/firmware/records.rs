@@ -10,7 +10,7 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::frame::comb::{Comb, SlitMap};
 use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
-use slitrange::{Geometry, Polarity};
+use slitrange::Polarity;
 use slitrange_device::protocol::calibration::CalibrationAnswer;
 use slitrange_device::record::date::Date;
 use virtual_board::upload;

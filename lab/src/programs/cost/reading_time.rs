@@ -183,10 +183,7 @@ struct Found {
 /// A reading on a surface of its own, by each estimator at each number of rows: the first ones of the same
 /// 64.
 fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Found>> {
-    let simulation = Simulation::new(Scene {
-        seed: scene.seed + reading,
-        ..scene.clone()
-    });
+    let simulation = Simulation::new(with(scene.clone(), |it| it.seed = scene.seed + reading));
     let slits = match scene.comb {
         Some(_) => Slits::Comb,
         None => Slits::One,
