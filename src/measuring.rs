@@ -8,14 +8,11 @@ use embassy_futures::yield_now;
 use embassy_sync::channel::TrySendError;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use slitrange::base::exposure::{Exposure, ExposureMode};
-use slitrange::base::fault::Fault;
 use slitrange::frame::comb::Comb;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Measured;
-use slitrange::row::Geometry;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::row::pixels::map::PixelMap;
+use slitrange::{Fault, Geometry, Measured, Measurement, Options};
 use slitrange_device::protocol::packet::Window;
 use static_cell::StaticCell;
 

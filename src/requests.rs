@@ -5,9 +5,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
-use slitrange::base::fault::Fault;
-use slitrange::reading::Measured;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
+use slitrange::{Fault, Measured};
 use slitrange_device::session::Applied;
 
 use crate::rows::ExposedRow;

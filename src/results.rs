@@ -4,8 +4,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
-use slitrange::base::fault::Fault;
-use slitrange::reading::Measured;
+use slitrange::{Fault, Measured};
 use slitrange_device::protocol::packet::Window;
 
 /// Results for the serial line. All bytes are zero at first, as `.ccm` wants it: no DMA reaches them, and the

@@ -27,15 +27,13 @@ use std::path::Path;
 
 use anyhow::{Context as _, anyhow, bail, ensure};
 use slitrange::base::exposure::Exposure;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::frame::comb::{MAX_SLITS, SlitCentre, SlitCentres, Slits};
-use slitrange::light::black_level::BlackLevel;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
+use slitrange::{BlackLevel, Estimator, Micrometres, Pixels};
 use slitrange_device::settings::{Setting, Value};
 use statistics::least_and_most;
 

@@ -7,6 +7,12 @@ use crate::spot::Spot;
 
 pub use crate::row::sensor_heads::tcd1304dg;
 
+/// A value with a change.
+pub fn with<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
+    change(&mut value);
+    value
+}
+
 /// A centre of 1000 counts with an uncertainty of a quarter of a pixel.
 pub fn found_at(centre: f32, width: f32) -> RowCentre {
     RowCentre {

@@ -49,47 +49,7 @@ prop_compose! {
 
 fn fault() -> impl Strategy<Value = Fault> {
     let numbers = (any::<[i32; 2]>(), any::<[u16; 2]>(), 0..Fault::KINDS);
-    numbers.prop_map(|(bits, counts, kind)| faults(bits, counts)[kind])
-}
-
-/// Each kind of fault, with these numbers.
-fn faults(bits: [i32; 2], [pixels, other_pixels]: [u16; 2]) -> [Fault; Fault::KINDS] {
-    let [centre, other] = bits.map(Pixels::from_bits);
-    let [amplitude, needed] = bits.map(Counts::from_bits);
-    let (scatter, uncertainty, step) = (centre, other, Micrometres::from_bits(bits[0]));
-    let (found, images) = (pixels, pixels);
-    [
-        Fault::SensorSilent,
-        Fault::NoSpot { amplitude },
-        Fault::TooDim { amplitude, needed },
-        Fault::Saturated { pixels },
-        Fault::SpotAtEdge { centre },
-        Fault::TwoSpots { centre, other },
-        Fault::Unsteady { scatter },
-        Fault::OutOfRange { centre },
-        Fault::NotCalibrated {
-            centre,
-            uncertainty,
-        },
-        Fault::FewSlits {
-            found,
-            needed: other_pixels,
-        },
-        Fault::SlitsUnclear {
-            images,
-            other: other_pixels,
-        },
-        Fault::DimAtLongest {
-            amplitude,
-            exposure: Exposure::LONGEST,
-        },
-        Fault::SaturatedAtShortest {
-            pixels,
-            exposure: Exposure::SHORTEST,
-        },
-        Fault::LaserOff,
-        Fault::Spike { step },
-    ]
+    numbers.prop_map(|(bits, counts, kind)| frames::faults(bits, counts)[kind])
 }
 
 prop_compose! {
@@ -529,7 +489,7 @@ fn python_reads_what_is_written() {
         };
         let mut results = vec![Ok(reading)];
         if (2..5).contains(&i) {
-            results.extend(faults([bits[0], bits[1]], [counts[0], counts[1]]).map(Err));
+            results.extend(frames::faults([bits[0], bits[1]], [counts[0], counts[1]]).map(Err));
         }
         text += &format!("{numbers:?}\n");
         for result in results {

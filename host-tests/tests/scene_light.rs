@@ -146,11 +146,7 @@ fn a_row_through_a_slit_agrees_with_the_profile() {
 #[test]
 fn a_laser_spot_widens_a_gaussian_in_quadrature() {
     let waist = 0.5e-3;
-    let spot = LaserSpot {
-        waist,
-        waist_distance: 0.75,
-        wander: 0.0,
-    };
+    let spot = LaserSpot::new(waist, 0.75);
     // A Rayleigh length from the waist, 0.302 m, a beam is sqrt 2 as wide.
     let rayleigh = PI * waist * waist / (4.0 * 650e-9);
     let diameter = spot.diameter(0.75 + rayleigh, 650e-9);
@@ -572,11 +568,7 @@ fn a_warmer_sensor_moves_the_centre_as_eq_1_says() {
 }
 
 /// Speckle of a surface that keeps no polarisation, in light of one wavelength.
-const PAPER: Speckle = Speckle {
-    polarisations: 2,
-    linewidth: 0.0,
-    path_spread: 0.0,
-};
+const PAPER: Speckle = Speckle::of_one_wavelength(2);
 
 fn camera(aperture: Aperture) -> Scene {
     let camera = with(Scene::dark(Sensor::Camera), |it| {

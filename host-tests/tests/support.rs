@@ -19,6 +19,7 @@ pub use simulator::least_squares;
 pub use simulator::optics::{Aperture, Optics};
 pub use simulator::profiles::{self, Curve, Slit};
 pub use simulator::scene::{Effect, Scene, SecondReflection, Sensor, Simulation, quantise};
+pub use simulator::with;
 pub use slitrange::base::exposure::Exposure;
 pub use slitrange::base::places::PLACES;
 pub use slitrange::base::units::Electrons;
@@ -70,11 +71,6 @@ pub fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-pub fn with<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
-    change(&mut value);
-    value
-}
-
 pub fn options(change: impl FnOnce(&mut Options)) -> Options {
     with(Options::default(), change)
 }
@@ -110,17 +106,9 @@ pub fn shared_data(name: &str) -> Option<PathBuf> {
     folder
 }
 
-/// The scene with the effects of a text, written as in a scene's file: an effect a line.
+/// The scene with the effects of a text ([`Scene::listing`]).
 pub fn listing(scene: Scene, effects: &str) -> Scene {
-    let is_listed = |effect: &Effect| {
-        let mut names = effects
-            .lines()
-            .map(|line| line.trim().split([' ', '.']).next());
-        names.any(|name| name == Some(effect.name()))
-    };
-    let others = (Effect::ALL.into_iter().filter(is_listed)).fold(scene, Scene::without);
-    let text = format!("{effects}\n{}", others.to_toml().expect("text"));
-    Scene::from_toml(&text).expect("a scene")
+    scene.listing(effects).expect("a scene")
 }
 
 /// Read noise in counts, and electrons a count where there is shot noise.

@@ -9,12 +9,11 @@ use phase_tables::gaussian;
 use rayon::prelude::*;
 use simulator::bound;
 use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
-use slitrange::base::fault::Fault;
 use slitrange::centre::tables::TableSet;
-use slitrange::centre::{self, Estimator, RowCentre, phase_table};
+use slitrange::centre::{self, phase_table};
 use slitrange::measurement::centre_of_spot;
-use slitrange::row::{Geometry, Row};
 use slitrange::spot;
+use slitrange::{Estimator, Fault, Geometry, Row, RowCentre};
 
 /// Pixels of a test row: enough for the background of the widest spot.
 pub const PIXELS: usize = 2048;
@@ -452,6 +451,7 @@ pub fn largest_bias<M: Copy + Sync>(method: M, find: impl Find<M>, width: f64) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use simulator::with;
 
     fn rows() -> Rows {
         Rows::of(Cell {
@@ -501,10 +501,7 @@ mod tests {
     /// matched fit by about 0.3 pixel. The bound is 0.023 pixel.
     #[test]
     fn a_hot_pixel_increases_the_error_of_a_matched_fit() {
-        let spoiled = Rows {
-            hot_pixel: Some(1000.0),
-            ..rows()
-        };
+        let spoiled = with(rows(), |it| it.hot_pixel = Some(1000.0));
         let [clean, hot] = [rows(), spoiled].map(|rows| rows.run(&[Estimator::PhaseTable])[0]);
         println!("clean {} hot {}", clean.ratio(), hot.ratio());
         assert!(hot.ratio() > 3.0 * clean.ratio());

@@ -7,13 +7,10 @@ pub mod range;
 
 use crate::frames::words;
 use simulator::scene::{Exposure as Times, Scene, Simulation};
-use slitrange::Calibration;
+use simulator::with;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Measured;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::{Calibration, CalibrationErrors, Fault, Measured, Measurement, Options, Surface};
 use std::collections::VecDeque;
 
 /// Counts a second at the peak of the spot on the brightest target, with a reflectivity of 1: bright metal
@@ -174,8 +171,5 @@ impl Comparison {
 /// beyond flows over (`scenes/saturated.toml`).
 pub fn scene() -> Scene {
     let saturation = Scene::load("saturated").expect("a scene").saturation;
-    Scene {
-        saturation,
-        ..Scene::white_paper()
-    }
+    with(Scene::white_paper(), |it| it.saturation = saturation)
 }

@@ -6,9 +6,8 @@
 
 use crate::accuracy::{Cell, centre_of};
 use nalgebra::{Matrix4, Vector4};
-use slitrange::centre::Estimator;
-use slitrange::row::{Geometry, Row};
 use slitrange::spot;
+use slitrange::{Estimator, Geometry, Row};
 use statistics::rms;
 
 /// Samples on either side of the spot: half of the window of `gauss-newton`.

@@ -1,18 +1,17 @@
-//! Frames of simulated rows, and a frame that is made up.
+//! Frames of simulated rows, a frame that is made up, and each kind of fault.
 
 use simulator::scene::{Simulation, quantise};
-use slitrange::Polarity;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
-use slitrange::centre::Estimator;
+use simulator::with;
+use slitrange::base::exposure::Exposure;
 use slitrange::centre::spot_shape::SpotShape;
 use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Measured;
-use slitrange::row::Geometry;
 use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::map::PixelMap;
+use slitrange::{
+    Counts, Estimator, Fault, Geometry, Measured, Measurement, Micrometres, Options, Pixels,
+    Polarity,
+};
 
 /// The words that a sensor's converter gives for light in counts.
 pub fn words(light: &[f32], geometry: &Geometry) -> Vec<u16> {
@@ -57,10 +56,7 @@ pub fn measure_rows(
     options: Options,
     profile: Option<Profile>,
 ) -> Result<Measured, Fault> {
-    let options = Options {
-        rows: rows.len() as u16,
-        ..options
-    };
+    let options = with(options, |it| it.rows = rows.len() as u16);
     let mut measurement = Measurement::new(geometry.clone(), options);
     measurement.set(options, profile);
     let frames = rows.iter().map(|row| measurement.row(&mut row.clone()));
@@ -94,4 +90,44 @@ pub fn at_centre(centre: f64) -> Measured {
         },
         comb: None,
     }
+}
+
+/// Each kind of fault, with these numbers.
+pub fn faults(bits: [i32; 2], [pixels, other_pixels]: [u16; 2]) -> [Fault; Fault::KINDS] {
+    let [centre, other] = bits.map(Pixels::from_bits);
+    let [amplitude, needed] = bits.map(Counts::from_bits);
+    let (scatter, uncertainty, step) = (centre, other, Micrometres::from_bits(bits[0]));
+    let (found, images) = (pixels, pixels);
+    [
+        Fault::SensorSilent,
+        Fault::NoSpot { amplitude },
+        Fault::TooDim { amplitude, needed },
+        Fault::Saturated { pixels },
+        Fault::SpotAtEdge { centre },
+        Fault::TwoSpots { centre, other },
+        Fault::Unsteady { scatter },
+        Fault::OutOfRange { centre },
+        Fault::NotCalibrated {
+            centre,
+            uncertainty,
+        },
+        Fault::FewSlits {
+            found,
+            needed: other_pixels,
+        },
+        Fault::SlitsUnclear {
+            images,
+            other: other_pixels,
+        },
+        Fault::DimAtLongest {
+            amplitude,
+            exposure: Exposure::LONGEST,
+        },
+        Fault::SaturatedAtShortest {
+            pixels,
+            exposure: Exposure::SHORTEST,
+        },
+        Fault::LaserOff,
+        Fault::Spike { step },
+    ]
 }

@@ -12,14 +12,12 @@
 //! and the target up to half a pixel nearer or farther, and gives a few readings that lie apart in time. With
 //! an effect and without, all else is the same, down to the noise.
 
-use anyhow::{Context as _, Result};
-use rayon::prelude::*;
-use slitrange::base::fault::Fault;
-use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::row::{Geometry, Row};
+use slitrange::centre;
 use slitrange::spot;
 
-use simulator::scene::{Effect, Scene, Sensor, Simulation, quantise};
+use simulator::scene::{Effect, Sensor};
+
+use crate::prelude::*;
 
 /// Seconds in which a sensor warms up.
 const WARM_UP: f64 = 600.0;
@@ -187,10 +185,8 @@ fn realisation(
     let optics = &scene.optics;
     let phase = even(0.618_033_988_749_895) - 0.5;
     let distance = optics.distance(optics.centre(scene.distance) + phase);
-    let simulation = Simulation::new(Scene {
-        seed: scene.seed.wrapping_add(k),
-        ..scene.clone()
-    });
+    let seed = scene.seed.wrapping_add(k);
+    let simulation = Simulation::new(with(scene.clone(), |it| it.seed = seed));
     (0..plan.readings)
         .map(|reading| {
             let share = (reading as f64 + even(std::f64::consts::SQRT_2)) / plan.readings as f64;
@@ -366,11 +362,9 @@ mod tests {
             noise: 4.0,
             electrons_per_count: None,
         };
-        let of_light = bound::Spot {
-            noise: 0.0,
-            electrons_per_count: Some(10.0),
-            ..spot
-        };
+        let of_light = with(spot, |it| {
+            (it.noise, it.electrons_per_count) = (0.0, Some(10.0))
+        });
         for (left_out, left) in [(Effect::ShotNoise, spot), (Effect::ReadNoise, of_light)] {
             let ratio = rms_without(&budget, left_out) / left.bound();
             println!("without {}: {ratio} of the bound", left_out.name());
@@ -387,15 +381,15 @@ mod tests {
     #[test]
     fn coarse_steps_cost_the_same_as_read_noise_of_their_size() {
         let paper = Scene::white_paper();
-        let noisy = |counts: f64| Scene {
-            read_noise: Some(ReadNoise { counts }),
-            ..paper.clone()
+        let noisy = |counts: f64| {
+            with(paper.clone(), |it| {
+                it.read_noise = Some(ReadNoise { counts })
+            })
         };
         let step: f64 = 60.0;
-        let stepped = Scene {
-            quantisation: Some(Quantisation { step }),
-            ..noisy(40.0)
-        };
+        let stepped = with(noisy(40.0), |it| {
+            it.quantisation = Some(Quantisation { step })
+        });
         let share = share_of(&budget(&stepped), Effect::Quantisation);
         // The square of the error is a of shot noise and b for each count squared of read noise.
         let [a, with_noise] = [0.0, 40.0].map(|counts| rms(&budget(&noisy(counts))).powi(2));
@@ -439,10 +433,8 @@ mod tests {
     /// The truth moves with the target. Faults are counted with and without the effect.
     #[test]
     fn faults_are_counted_with_and_without_each_effect() {
-        let budget = budget(&Scene {
-            motion: Some(Motion { speed: 0.02 }),
-            ..Scene::white_paper()
-        });
+        let motion = Some(Motion { speed: 0.02 });
+        let budget = budget(&with(Scene::white_paper(), |it| it.motion = motion));
         // Smear by 0.4 pixel of a width of 8.6 costs nothing.
         assert!(rms(&budget) < 0.02);
         // A second spot three times as high is beyond full scale, whatever else is left out.

@@ -1,18 +1,13 @@
 //! What a comb of slits does to the error by speckle, and how true its u is.
 
-use anyhow::{Context as _, Result};
-use rayon::prelude::*;
-use simulator::optics::Aperture;
 use simulator::scene::comb::{Comb, Slit};
-use simulator::scene::{LaserSpot, Scene, Simulation, Speckle};
-use slitrange::base::fault::Fault;
-use slitrange::distance::Calibration;
-use slitrange::frame::comb::{self, SlitMap, Slits};
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use simulator::scene::{LaserSpot, Speckle};
+use slitrange::Options;
+use slitrange::frame::comb::{self, SlitMap};
 
 use judges::frames;
 
+use crate::prelude::*;
 use crate::surfaces::{Judged, POINTS, calibrate, distance_within};
 
 /// A mask, and how the core brings its images together.
@@ -49,21 +44,10 @@ impl Mask {
 
 /// A scene with another laser spot and speckle of a single wavelength.
 pub fn with_speckle(scene: &Scene, waist: f64, polarisations: u8) -> Scene {
-    let laser_spot = LaserSpot {
-        waist,
-        waist_distance: 0.8,
-        wander: 0.0,
-    };
-    let speckle = Speckle {
-        polarisations,
-        linewidth: 0.0,
-        path_spread: 0.0,
-    };
-    Scene {
-        laser_spot: Some(laser_spot),
-        speckle: Some(speckle),
-        ..scene.clone()
-    }
+    with(scene.clone(), |it| {
+        it.laser_spot = Some(LaserSpot::new(waist, 0.8));
+        it.speckle = Some(Speckle::of_one_wavelength(polarisations));
+    })
 }
 
 #[derive(Clone, Debug)]
@@ -89,10 +73,7 @@ impl Sensor {
     /// first surface that it sees.
     pub fn calibrated(scene: &Scene, first: u64) -> Result<Self> {
         let comb = Comb::nominal();
-        let scene = Scene {
-            comb: Some(comb.clone()),
-            ..scene.clone()
-        };
+        let scene = with(scene.clone(), |it| it.comb = Some(comb.clone()));
         let record = calibrate(&scene, POINTS, first)?;
         let maps = record.comb.context("the calibration found no slits")?;
         Ok(Self {
@@ -121,11 +102,7 @@ impl Sensor {
             Some(_) => Slits::Comb,
             None => Slits::One,
         };
-        let options = Options {
-            rows,
-            slits,
-            ..Options::default()
-        };
+        let options = with(Options::default(), |it| (it.rows, it.slits) = (rows, slits));
         let judged = |surface| -> Result<Judged, Fault> {
             let distance = distance_within(range, surface);
             let simulation = Simulation::on_surface(scene.clone(), surface);

@@ -1,8 +1,6 @@
 //! The blocks of Markdown files that our tools write: what stands between two marks.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::Context as _;
+use crate::prelude::*;
 
 const TO: &str = "<!-- end -->";
 

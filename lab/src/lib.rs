@@ -4,6 +4,8 @@
 #![forbid(unsafe_code)]
 
 // A module uses those before it (host-tests/tests/floors.rs). The blank lines keep rustfmt from sorting them.
+mod prelude;
+
 mod docs;
 
 mod progress;

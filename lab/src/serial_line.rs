@@ -1,24 +1,17 @@
 //! `cargo serial-line`: the reference in docs/serial-line.md: commands, settings, estimators and faults, from
 //! the core's own declarations. And a session, for that page and README.md.
 
-use anyhow::Context as _;
-use clap::Args;
-use simulator::scene::Scene;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
 use slitrange::spot::region::Region;
 use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::help::{self, purpose};
 use slitrange_device::protocol::line::FaultLine;
 use slitrange_device::settings::{Affects, Setting, Settings};
 use std::fmt::Write as _;
-use std::time::Duration;
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Firmware, VirtualBoard};
 
 use crate::docs;
+use crate::prelude::*;
 
 /// Prints the reference of commands, settings, estimators and faults, and a session.
 #[derive(Args)]

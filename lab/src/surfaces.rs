@@ -4,26 +4,17 @@
 pub mod estimators;
 pub mod steps;
 
-use anyhow::{Context as _, Result};
 use calibration::fit::comb;
 use calibration::fit::solve::solve;
 use calibration::points::{KnownShape, Point, Setup, Shape, slit_images};
 use calibration::positions::{STAGE_MM, even_pixels};
 use calibration::record::{self, form};
 use judges::frames;
-use rayon::prelude::*;
-use simulator::scene::{Scene, Simulation};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
-use slitrange::frame::comb::Slits;
-use slitrange::measurement::Options;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::reading::{Measured, Reading};
+use slitrange::{Options, Reading};
 use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
-use statistics::{rms, upper_median};
 
+use crate::prelude::*;
 use crate::table;
 
 /// The materials, by the scenes that show them. The first is white paper in the light of a laser with a
@@ -59,11 +50,7 @@ pub fn frame_from(
         Some(_) => Slits::Comb,
         None => Slits::One,
     };
-    let options = Options {
-        rows: ROWS,
-        slits,
-        ..Options::default()
-    };
+    let options = with(Options::default(), |it| (it.rows, it.slits) = (ROWS, slits));
     frames::measure(&simulation, options, distance, first, None)
 }
 
@@ -190,10 +177,8 @@ impl Study {
     pub fn run(name: &'static str, scene: &str, sensors: u64, surfaces: u64) -> Result<Self> {
         let scene = Scene::load(scene)?;
         let nominal_record = Record::nominal().context("the nominal calibration")?;
-        let physical_record = Record {
-            errors: CalibrationErrors::Unknown,
-            ..nominal_record.clone()
-        };
+        let errors = CalibrationErrors::Unknown;
+        let physical_record = with(nominal_record.clone(), |it| it.errors = errors);
         let (mut own, mut nominal, mut physical) = (vec![], vec![], vec![]);
         for sensor in 1..=sensors {
             // Surfaces that no other sensor sees: first those of its calibration.

@@ -1,13 +1,10 @@
 //! `cargo timing`: the pulses of a row, as the firmware gives them on the virtual board, and their drawing.
 
-use std::time::Duration;
-
-use anyhow::{Context, Result};
-use clap::Args;
 use virtual_board::sensor_head::{Edge, Level, limits};
-use virtual_board::{Firmware, Nanos, PIXELS, VirtualBoard};
+use virtual_board::{Nanos, PIXELS};
 
 use crate::docs;
+use crate::prelude::*;
 use crate::svg::Svg;
 
 pub const FIGURE: &str = "docs/hardware/timing.svg";

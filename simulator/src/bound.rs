@@ -115,6 +115,7 @@ mod tests {
 
     use super::*;
     use crate::scene::{Ambient, LaserSpot, Saturation, Scene};
+    use crate::with;
 
     /// White paper has the bound of its gaussian; a laser spot of 1 mm widens it by its image, 0.25 mm
     /// cos(theta) z / R (0.854 m, cos 0.936): 13.7 um or 1.71 pixels in quadrature. What the bound does not
@@ -127,15 +128,8 @@ mod tests {
             noise: 4.0,
             electrons_per_count: Some(10.0),
         };
-        let wide = Spot {
-            width: 8.6f64.hypot(1.71),
-            ..plain
-        };
-        let laser_spot = LaserSpot {
-            waist: 1e-3,
-            waist_distance: 0.8,
-            wander: 0.0,
-        };
+        let wide = with(plain, |it| it.width = 8.6f64.hypot(1.71));
+        let laser_spot = LaserSpot::new(1e-3, 0.8);
         let daylight = Ambient {
             counts_per_second: 10_000.0,
             slope: 0.0,

@@ -150,6 +150,7 @@ fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::with;
 
     /// What a calibration has to get below.
     const DEPARTURE: f64 = 300e-6;
@@ -174,11 +175,7 @@ mod tests {
             third: 0.0,
             fifth: 0.0,
         };
-        let bent = DistortedOptics {
-            third: 3.0,
-            fifth: -0.5,
-            ..straight
-        };
+        let bent = with(straight, |it| (it.third, it.fifth) = (3.0, -0.5));
         for distance in distances(0.3, 3.0) {
             assert_eq!(straight.centre(distance), nominal.centre(distance));
         }

@@ -26,3 +26,9 @@ pub mod bound;
 pub mod profiles;
 
 pub mod photograph;
+
+/// A value with a change: `with(Scene::white_paper(), |it| it.seed = 2)`.
+pub fn with<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
+    change(&mut value);
+    value
+}

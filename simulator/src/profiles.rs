@@ -257,6 +257,7 @@ pub fn bound(curve: &Curve, spot: &bound::Spot, reach: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::with;
 
     #[test]
     fn pixels_of_a_curve_are_those_of_the_closed_forms() {
@@ -279,10 +280,7 @@ mod tests {
     /// Where the slit is so narrow that u^2 does not matter, Fresnel's pattern is Fraunhofer's.
     #[test]
     fn a_narrow_slit_has_the_pattern_of_fraunhofer() {
-        let slit = Slit {
-            width: 10e-6,
-            ..Slit::nominal(0.0)
-        };
+        let slit = with(Slit::nominal(0.0), |it| it.width = 10e-6);
         for step in -300..300 {
             let place = f64::from(step) * 30e-6;
             let fraunhofer = sinc(PI * slit.width * place / (slit.wavelength * 0.05)).powi(2);

@@ -10,8 +10,7 @@ use calibration::fit::comb;
 use calibration::fit::solve::{Form, solve};
 use calibration::points::{self, Points, Setup};
 use calibration::record::{self, form};
-use slitrange::centre::Estimator;
-use slitrange::light::black_level::BlackLevel;
+use slitrange::{BlackLevel, Estimator};
 use slitrange_device::record::date::Date;
 use slitrange_device::record::encoded::EncodedRecord;
 

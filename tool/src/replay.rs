@@ -5,11 +5,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, ensure};
-use slitrange::base::fault::Fault;
 use slitrange::frame::comb::Comb;
-use slitrange::measurement::Measurement;
-use slitrange::reading::{Measured, Reading};
-use slitrange::row::sensor_heads;
+use slitrange::{Fault, Measured, Measurement, Reading, sensor_heads};
 use slitrange_device::filters::average::Average;
 use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};

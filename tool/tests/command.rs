@@ -1,10 +1,34 @@
-//! Commands of the tool as a person types them, and what they say.
+//! Commands of the tool as a person types them, and what they say. Also the names that most topics use.
 
-use std::process::ExitCode;
-
+pub use calibration::points::{Point, Points};
 use clap::Parser as _;
+pub use rand::{Rng, SeedableRng};
+pub use rand_chacha::ChaCha8Rng;
+pub use simulator::scene::{Scene, Simulation, Spot};
+pub use simulator::with;
+pub use slitrange::check::own_spot::Profile;
+pub use slitrange::frame::comb::{Comb, Slits};
+pub use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
+pub use slitrange::spot::region::Region;
+pub use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Measured, Measurement, Options,
+    Pixels, Polarity, Surface,
+};
+pub use slitrange_device::record::Record;
+pub use slitrange_device::record::encoded::EncodedRecord;
+pub use slitrange_device::settings::{Setting, Settings};
 use slitrange_tool::Command;
-use slitrange_tool::pc::Pc;
+pub use slitrange_tool::pc::{Pc, Port, RealPc};
+pub use slitrange_tool::record_file;
+pub use slitrange_tool::screen::Key;
+pub use std::cell::{Cell, RefCell};
+pub use std::collections::VecDeque;
+pub use std::io;
+pub use std::path::{Path, PathBuf};
+pub use std::process::ExitCode;
+pub use std::time::Duration;
+pub use virtual_board::light::{Target, of_scene};
+pub use virtual_board::{Firmware, VirtualBoard};
 
 /// How a command ended, by its exit code or its error, and its output.
 pub type Ended = (Result<ExitCode, String>, String);

@@ -1,19 +1,16 @@
 //! The closed forms of `slitrange design` against the simulation, the core and the pages.
 
-use std::path::Path;
-
 use clap::Parser as _;
 use simulator::bound;
 use simulator::optics::{Aperture, Optics};
-use simulator::scene::{Diffraction, LaserSpot, Scene, Sensor as Kind, Simulation, Spot};
+use simulator::scene::{Diffraction, LaserSpot, Sensor as Kind};
 use slitrange::base::drawing::{DRAWING, T};
 use slitrange_tool::Command;
 use slitrange_tool::design::errors::At;
 use slitrange_tool::design::geometry::Geometry;
 use slitrange_tool::design::{DesignOptions, Surface};
-use slitrange_tool::pc::RealPc;
 
-use crate::command::{begins, done, says, slitrange};
+use crate::command::*;
 
 fn options(arguments: &str) -> DesignOptions {
     let words = arguments.split_whitespace();
@@ -142,16 +139,9 @@ fn the_width_is_that_of_the_simulated_spot() {
         let at = options.design().expect("a design").at(distance);
         let simulation = Simulation::new(Scene {
             optics: optics(&options),
-            spot: Some(Spot {
-                width: 8.6,
-                counts_per_second: 350_000.0,
-            }),
+            spot: Some(Spot::new(8.6, 350_000.0)),
             diffraction: Some(Diffraction::Fresnel),
-            laser_spot: Some(LaserSpot {
-                waist: 1e-3 * spot,
-                waist_distance: 1e-3 * distance,
-                wander: 0.0,
-            }),
+            laser_spot: Some(LaserSpot::new(1e-3 * spot, 1e-3 * distance)),
             ..Scene::dark(Kind::Tcd1304dg)
         });
         let simulated = simulation.spot_width(1e-3 * distance);
@@ -337,29 +327,11 @@ fn numbers_at_the_edges_are_taken_and_those_beyond_are_refused() {
             assert_clean(&format!("{name}={taken}"));
         }
     }
-    for refused in [
-        "--rows 4294967295",
-        "--points 2000000000",
-        "--spot 1e9",
-        "--wavelength 1e-9",
-        "--slit-to-sensor 1e9",
-        "--slit 5000 --wavelength 201",
-        "--far 1e300",
-        "--baseline 1e300",
-        "--height 1e300",
-        "--baseline 0",
-        "--far 900 --near 900",
-        "--far NaN",
-        "--spot NaN",
-        "--spot inf",
-        "--slit 1",
-        "--slit 9000",
-        "--angle 90",
-        "--angle NaN",
-        "--points 2",
-        "--rows 0",
-        "--stage=-1",
-    ] {
+    let refusals = "--rows 4294967295; --points 2000000000; --spot 1e9; --wavelength 1e-9; \
+                    --slit-to-sensor 1e9; --slit 5000 --wavelength 201; --far 1e300; --baseline 1e300; \
+                    --height 1e300; --baseline 0; --far 900 --near 900; --far NaN; --spot NaN; --spot inf; \
+                    --slit 1; --slit 9000; --angle 90; --angle NaN; --points 2; --rows 0; --stage=-1";
+    for refused in refusals.split("; ") {
         let error = options(refused).design().expect_err(refused).to_string();
         begins(&error, refused.split([' ', '=']).next().expect("a name"));
     }

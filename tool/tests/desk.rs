@@ -1,15 +1,8 @@
 //! A PC whose clock is that of the emulated board, with the board at its only serial port.
 
-use std::cell::{Cell, RefCell};
-use std::collections::VecDeque;
-use std::io;
-use std::time::Duration;
-
-use slitrange_tool::pc::{Pc, Port};
-use virtual_board::VirtualBoard;
 use virtual_board::stage::Stage;
 
-use crate::command::{Ended, slitrange};
+use crate::command::*;
 
 /// The board runs for so long at a time.
 const STEP: Duration = Duration::from_millis(5);

@@ -1,41 +1,113 @@
 //! `slitrange doctor` on the virtual board: a good sensor is all right, and of each fault the first line that
 //! is not ok names it.
 
-use std::time::Duration;
-
-use simulator::scene::{Ambient, BlackLevel, FrontEnd, HotPixels, ReadNoise, Scene};
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_tool::record_file;
 use virtual_board::board::Conditions;
 use virtual_board::flash::Contents;
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, LightSource, OpenLine, SharedFlash, VirtualBoard};
+use virtual_board::{Exposure, LightSource, OpenLine, SharedFlash};
 
-use crate::command::done;
+use crate::command::*;
 use crate::desk::Desk;
 
-/// A fault. `found` is the check that must name it, and words of that line. What follows puts the fault in.
-struct Fault {
-    name: &'static str,
-    found: (&'static str, &'static str),
-    scene: fn(&mut Scene),
-    light: fn(LightSource) -> LightSource,
-    conditions: fn(&mut Conditions),
-    board: fn(&mut VirtualBoard),
-    /// A command of the tool that comes before.
-    before: &'static str,
+/// A fault, the check that must name it, and words of that line. [`scene`], [`light_of`], [`conditions`],
+/// [`board_with`] and [`ANOTHER_ESTIMATOR`] put faults in by their names.
+type Fault = (&'static str, &'static str, &'static str);
+
+const FAULTS: &[Fault] = &[
+    ("no converter", "rows", "converter"),
+    ("MISO and SCLK exchanged", "rows", "wires"),
+    ("ICG and SH exchanged", "laser", "ICG and SH"),
+    ("no laser", "laser", "adds no light"),
+    ("covered", "laser", "uncover"),
+    ("inverted laser", "laser", "inverted"),
+    ("dim spot", "light", "dim"),
+    ("saturated", "light", "saturated"),
+    ("lamp", "light", "lamp"),
+    ("gain of 1", "gain", "amplifier"),
+    ("trimmer at one end", "black", "too high"),
+    ("trimmer at the other end", "black", "too low"),
+    ("noise", "noise", "ripple"),
+    ("dead pixels", "pixels", "stand out"),
+    ("no external clock", "clock", "ST-LINK"),
+    ("SCLK with gaps", "timing", "late"),
+    ("out of focus", "width", "focus"),
+    ("laser off", "laser", "`laser off` is set"),
+    (
+        "distances off, and other columns",
+        "calibration",
+        "calibration on",
+    ),
+    ("noisy line", "line", "spoilt"),
+    ("nobody calibrated it", "calibration", "nobody"),
+    (ANOTHER_ESTIMATOR, "calibration", "estimator"),
+];
+
+const ANOTHER_ESTIMATOR: &str = "another estimator";
+
+fn scene(fault: &str) -> Scene {
+    let (width, factor, effects) = match fault {
+        "no laser" => (
+            8.6,
+            0.0,
+            "ambient = { counts_per_second = 10e3, slope = 0.0 }",
+        ),
+        "covered" => (8.6, 0.0, ""),
+        "dim spot" => (8.6, 0.026, ""),
+        "saturated" => (8.6, 3e4, ""),
+        "out of focus" => (12.0, 1.0, ""),
+        "gain of 1" => (8.6, 1.0, "front_end = { gain = 0.2, offset = 0.0 }"),
+        "trimmer at one end" => (8.6, 1.0, "black_level.counts = 2.0"),
+        "trimmer at the other end" => (8.6, 1.0, "black_level.counts = 1900.0"),
+        "noise" => (8.6, 1.0, "read_noise.counts = 60.0"),
+        "dead pixels" => (
+            8.6,
+            1.0,
+            "hot_pixels = { share = 0.01, counts_per_second = 60e3 }",
+        ),
+        _ => (8.6, 1.0, ""),
+    };
+    let mut scene = Scene::white_paper().listing(effects).expect("a scene");
+    let height = scene.spot.expect("a spot").counts_per_second * factor;
+    scene.spot = (factor > 0.0).then_some(Spot::new(width, height));
+    scene
 }
 
-const NONE: Fault = Fault {
-    name: "none",
-    found: ("", ""),
-    scene: |_| {},
-    light: |light| light,
-    conditions: |_| {},
-    board: |_| {},
-    before: "",
-};
+fn light_of(fault: &str) -> LightSource {
+    let light = of_scene(scene(fault), Target::at(0.8));
+    match fault {
+        "ICG and SH exchanged" => without_shift(light),
+        "inverted laser" => inverted(light),
+        "lamp" => with_lamp(light),
+        _ => light,
+    }
+}
+
+fn conditions(fault: &str, calibrated: &Contents) -> Conditions {
+    let flash = match fault {
+        "out of focus" | "nobody calibrated it" | "bare" => SharedFlash::default(),
+        _ => SharedFlash::holding(calibrated.clone()),
+    };
+    Conditions {
+        flash,
+        has_brown_out_reset: fault != "bare",
+        has_clock: fault != "no external clock",
+        ..Conditions::default()
+    }
+}
+
+fn board_with(fault: &str, board: &mut VirtualBoard) -> anyhow::Result<()> {
+    match fault {
+        "no converter" | "bare" => board.open_line(Some(OpenLine::Ones)),
+        "MISO and SCLK exchanged" => board.open_line(Some(OpenLine::Zeros)),
+        "SCLK with gaps" => board.pause_words(Some((3600, Duration::from_micros(2))))?,
+        "laser off" => board.send("laser off\r\n"),
+        "distances off, and other columns" => {
+            board.send("calibration off\r\noutput counter time\r\n")
+        }
+        "noisy line" => board.garble_serial_line(20_000, 20_000, 3)?,
+        _ => {}
+    }
+    Ok(())
+}
 
 /// The laser is on when it should be off.
 fn inverted(mut light: LightSource) -> LightSource {
@@ -70,224 +142,40 @@ fn without_shift(mut light: LightSource) -> LightSource {
     })
 }
 
-fn spot_of(scene: &mut Scene, factor: f64) {
-    scene.spot.as_mut().expect("a spot").counts_per_second *= factor;
-}
-
-const FAULTS: &[Fault] = &[
-    Fault {
-        name: "no converter",
-        found: ("rows", "converter"),
-        board: |it| it.open_line(Some(OpenLine::Ones)),
-        ..NONE
-    },
-    Fault {
-        name: "MISO and SCLK exchanged",
-        found: ("rows", "wires"),
-        board: |it| it.open_line(Some(OpenLine::Zeros)),
-        ..NONE
-    },
-    Fault {
-        name: "ICG and SH exchanged",
-        found: ("laser", "ICG and SH"),
-        light: without_shift,
-        ..NONE
-    },
-    Fault {
-        name: "no laser",
-        found: ("laser", "adds no light"),
-        scene: |it| {
-            it.spot = None;
-            it.ambient = Some(Ambient {
-                counts_per_second: 10e3,
-                slope: 0.0,
-            });
-        },
-        ..NONE
-    },
-    Fault {
-        name: "covered",
-        found: ("laser", "uncover"),
-        scene: |it| it.spot = None,
-        ..NONE
-    },
-    Fault {
-        name: "inverted laser",
-        found: ("laser", "inverted"),
-        light: inverted,
-        ..NONE
-    },
-    Fault {
-        name: "dim spot",
-        found: ("light", "dim"),
-        scene: |it| spot_of(it, 0.026),
-        ..NONE
-    },
-    Fault {
-        name: "saturated",
-        found: ("light", "saturated"),
-        scene: |it| spot_of(it, 3e4),
-        ..NONE
-    },
-    Fault {
-        name: "lamp",
-        found: ("light", "lamp"),
-        light: with_lamp,
-        ..NONE
-    },
-    Fault {
-        name: "gain of 1",
-        found: ("gain", "amplifier"),
-        scene: |it| {
-            it.front_end = Some(FrontEnd {
-                gain: 0.2,
-                offset: 0.0,
-                saturation: None,
-            })
-        },
-        ..NONE
-    },
-    Fault {
-        name: "trimmer at one end",
-        found: ("black", "too high"),
-        scene: |it| {
-            it.black_level = Some(BlackLevel {
-                counts: 2.0,
-                drift: 0.0,
-            })
-        },
-        ..NONE
-    },
-    Fault {
-        name: "trimmer at the other end",
-        found: ("black", "too low"),
-        scene: |it| {
-            it.black_level = Some(BlackLevel {
-                counts: 1900.0,
-                drift: 0.0,
-            })
-        },
-        ..NONE
-    },
-    Fault {
-        name: "noise",
-        found: ("noise", "ripple"),
-        scene: |it| it.read_noise = Some(ReadNoise { counts: 60.0 }),
-        ..NONE
-    },
-    Fault {
-        name: "dead pixels",
-        found: ("pixels", "stand out"),
-        scene: |it| {
-            it.hot_pixels = Some(HotPixels {
-                share: 0.01,
-                counts_per_second: 60e3,
-            })
-        },
-        ..NONE
-    },
-    Fault {
-        name: "no external clock",
-        found: ("clock", "ST-LINK"),
-        conditions: |it| it.has_clock = false,
-        ..NONE
-    },
-    Fault {
-        name: "SCLK with gaps",
-        found: ("timing", "late"),
-        board: |it| {
-            it.pause_words(Some((3600, Duration::from_micros(2))))
-                .expect("a gap")
-        },
-        ..NONE
-    },
-    Fault {
-        name: "out of focus",
-        found: ("width", "focus"),
-        scene: |it| it.spot.as_mut().expect("a spot").width = 12.0,
-        conditions: |it| it.flash = SharedFlash::default(),
-        ..NONE
-    },
-    Fault {
-        name: "laser off",
-        found: ("laser", "`laser off` is set"),
-        board: |it| it.send("laser off\r\n"),
-        ..NONE
-    },
-    Fault {
-        name: "distances off, and other columns",
-        found: ("calibration", "calibration on"),
-        board: |it| it.send("calibration off\r\noutput counter time\r\n"),
-        ..NONE
-    },
-    Fault {
-        name: "noisy line",
-        found: ("line", "spoilt"),
-        board: |it| it.garble_serial_line(20_000, 20_000, 3).expect("a line"),
-        ..NONE
-    },
-    Fault {
-        name: "nobody calibrated it",
-        found: ("calibration", "nobody"),
-        conditions: |it| it.flash = SharedFlash::default(),
-        ..NONE
-    },
-    Fault {
-        name: "another estimator",
-        found: ("calibration", "estimator"),
-        before: "settings set estimator centroid --port board",
-        ..NONE
-    },
-];
-
 /// The output of the doctor for a sensor that was calibrated, with a fault.
-fn doctor(firmware: &Firmware, calibrated: &Contents, fault: &Fault) -> String {
-    let mut scene = Scene::white_paper();
-    (fault.scene)(&mut scene);
-    let flash = SharedFlash::default();
-    flash.put(calibrated.clone());
-    let mut conditions = Conditions {
-        flash,
-        has_brown_out_reset: true,
-        ..Conditions::default()
-    };
-    (fault.conditions)(&mut conditions);
-    let light = (fault.light)(of_scene(scene, Target::at(0.8)));
+fn doctor(firmware: &Firmware, calibrated: &Contents, (fault, check, _): Fault) -> String {
+    let (light, conditions) = (light_of(fault), conditions(fault, calibrated));
     let board = VirtualBoard::power_on_under(firmware, light, conditions);
     let mut board = board.expect("the board starts");
     board.expect_violations();
     let banner = board.run_until_line(|line| line.contains("slitrange "), Duration::from_secs(6));
     banner.expect("a banner");
-    (fault.board)(&mut board);
+    board_with(fault, &mut board).expect("the fault");
     board.run_for(Duration::from_millis(500)).expect("a run");
     let desk = Desk::new(board, None);
-    if !fault.before.is_empty() {
-        done(desk.run(fault.before));
+    if fault == ANOTHER_ESTIMATOR {
+        done(desk.run("settings set estimator centroid --port board"));
     }
     // Over a noisy line so many questions may find no answer.
-    let is_noisy = fault.found.0 == "line";
+    let is_noisy = check == "line";
     let settings = || (!is_noisy).then(|| done(desk.run("settings --port board")));
     let before = settings();
     let said = done(desk.run("doctor --port P"));
-    assert_eq!(settings(), before, "{}", fault.name);
+    assert_eq!(settings(), before, "{fault}");
     said
 }
 
 /// What flash holds of a sensor that was calibrated.
 fn calibrated(firmware: &Firmware) -> Contents {
-    let record = Record {
-        serial_number: 7,
-        ..Record::nominal().expect("a record")
-    };
+    let record = with(Record::nominal().expect("a record"), |it| {
+        it.serial_number = 7
+    });
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.record");
     let record = EncodedRecord::new(record).expect("a record");
     record_file::write(&path, &record, false).expect("a file");
     let flash = SharedFlash::default();
-    let conditions = Conditions {
-        flash: flash.clone(),
-        ..Conditions::default()
-    };
+    let conditions = with(Conditions::default(), |it| it.flash = flash.clone());
     let light = of_scene(Scene::white_paper(), Target::at(0.8));
     let board = VirtualBoard::power_on_under(firmware, light, conditions).expect("a board");
     let desk = Desk::new(board, None);
@@ -308,20 +196,18 @@ fn assert_shown(page: &str, output: &str) {
 fn check(faults: &[Fault]) {
     let firmware = Firmware::build().expect("the firmware builds");
     let calibrated = calibrated(&firmware);
-    let good = doctor(&firmware, &calibrated, &NONE);
+    let good = doctor(&firmware, &calibrated, ("none", "", ""));
     assert_eq!(good.matches("ok    ").count(), 16, "{good}");
     assert_shown(include_str!("../../docs/tool.md"), &good);
     let mut wrong = vec![];
-    for fault in faults {
-        println!("{}:", fault.name);
+    for &fault in faults {
+        let (name, check, words) = fault;
+        println!("{name}:");
         let said = doctor(&firmware, &calibrated, fault);
-        let first = said
-            .lines()
-            .find(|line| line.starts_with("WRONG "))
-            .unwrap_or("all is ok");
-        let (check, words) = fault.found;
+        let first = said.lines().find(|line| line.starts_with("WRONG "));
+        let first = first.unwrap_or("all is ok");
         if !first.starts_with(&format!("WRONG {check}: ")) || !first.contains(words) {
-            wrong.push(format!("{}: {first}", fault.name));
+            wrong.push(format!("{name}: {first}"));
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
@@ -336,12 +222,8 @@ fn a_good_sensor_is_ok_and_a_missing_laser_is_named() {
 #[ignore = "two minutes of the virtual board; .ci/run runs it"]
 fn each_fault_is_named_by_the_first_line_that_is_not_ok() {
     check(FAULTS);
-    let bare = Fault {
-        conditions: |it| (it.flash, it.has_brown_out_reset) = (SharedFlash::default(), false),
-        board: |it| it.open_line(Some(OpenLine::Ones)),
-        ..NONE
-    };
+    let bare = ("bare", "", "");
     let firmware = Firmware::build().expect("the firmware builds");
-    let said = doctor(&firmware, &SharedFlash::default().contents(), &bare);
+    let said = doctor(&firmware, &SharedFlash::default().contents(), bare);
     assert_shown(include_str!("../../docs/first-hour.md"), &said);
 }

@@ -2,21 +2,16 @@
 //! that the sensor's user gives, against the firmware on the emulated board, with a power cycle in between.
 #![cfg(unix)]
 
-use std::path::Path;
-use std::time::Duration;
-
 use simulator::bound;
 use simulator::distorted_optics::DistortedOptics;
 use simulator::optics::Optics;
-use simulator::scene::{Scene, Simulation};
-use slitrange_tool::pc::Pc as _;
 use statistics::rms;
+use virtual_board::SharedFlash;
 use virtual_board::board::Conditions;
-use virtual_board::light::{Target, of_scene_through};
+use virtual_board::light::of_scene_through;
 use virtual_board::stage::Stage;
-use virtual_board::{Firmware, SharedFlash, VirtualBoard};
 
-use crate::command::{done, slitrange};
+use crate::command::*;
 use crate::desk::Desk;
 
 /// Where it is used, in metres.
@@ -37,10 +32,7 @@ struct Bench {
 impl Bench {
     fn power_on(&self) -> VirtualBoard {
         let light = of_scene_through(self.optics, self.scene.clone(), self.target.clone());
-        let conditions = Conditions {
-            flash: self.flash.clone(),
-            ..Conditions::default()
-        };
+        let conditions = with(Conditions::default(), |it| it.flash = self.flash.clone());
         VirtualBoard::power_on_under(&self.firmware, light, conditions).expect("the board starts")
     }
 

@@ -1,20 +1,11 @@
 //! Records rows of the firmware on the emulated board, and measures them once more on this PC.
 
-use std::process::ExitCode;
-use std::time::Duration;
-
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use simulator::scene::Scene;
 use slitrange::light::ambient::AmbientMode;
 use slitrange_device::protocol::packet::{Message, Packets};
-use slitrange_device::settings::Settings;
-use slitrange_tool::pc::Pc as _;
 use slitrange_tool::recording;
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, LightSource, VirtualBoard};
+use virtual_board::{Exposure, LightSource};
 
-use crate::command::{begins, refused, says, slitrange};
+use crate::command::*;
 use crate::desk::Desk;
 use crate::replay::{any_spot, scenes};
 
@@ -105,11 +96,9 @@ fn recorded_rows_give_the_same_bits_on_a_pc() {
     let replay = format!("replay {path}");
     says(&done(&replay), ["40 distances", "all rows give the bits"]);
     let recorded = recording::open(&file).expect("a recording");
-    let settings = Settings {
-        rows: 4,
-        ambient: AmbientMode::Off,
-        ..Settings::default()
-    };
+    let settings = with(Settings::default(), |it| {
+        (it.rows, it.ambient) = (4, AmbientMode::Off)
+    });
     let of_recording = Settings {
         stream: true,
         pixels: Default::default(),
@@ -205,10 +194,7 @@ fn show(desk: &Desk, turn: usize) -> String {
         return "random spots".to_owned();
     }
     let name = names[turn / 2 % names.len()].clone();
-    let scene = Scene {
-        seed,
-        ..Scene::load(&name).expect("a scene")
-    };
+    let scene = with(Scene::load(&name).expect("a scene"), |it| it.seed = seed);
     let target = Target::at(scene.distance);
     board.set_light(of_scene(scene, target));
     name

@@ -2,35 +2,18 @@
 //! file.
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-use std::io::{self, BufRead as _, Cursor, Read};
-use std::path::Path;
-use std::process::ExitCode;
+use std::io::{BufRead as _, Cursor, Read};
 
 use judges::frames::words;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use simulator::scene::{Exposure as Light, Scene, Sensor as Kind, Simulation, Spot, file};
+use simulator::scene::{Exposure as Light, Sensor as Kind, file};
 use slitrange::base::exposure::Exposure;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
 use slitrange::centre::spot_shape::COMPONENTS;
-use slitrange::check::own_spot::Profile;
-use slitrange::frame::comb::{Comb, Slits};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Measurement;
-use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange::spot::choice::SpotChoice;
-use slitrange::spot::region::Region;
 use slitrange_device::protocol::packet::RowHead;
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_device::settings::Settings;
-use slitrange_tool::pc::RealPc;
 use slitrange_tool::recording::{Reader, Row, Sensor, Writer};
 
-use crate::command::{begins, ends, slitrange};
+use crate::command::*;
 
 /// Counts the bytes that this thread has allocated, and the most of them at a time.
 struct Counted;
@@ -132,10 +115,9 @@ fn recorded(
     profile: Option<Profile>,
     rows: impl IntoIterator<Item = (Option<Exposure>, Vec<u16>)>,
 ) -> (Sensor, Vec<Row>) {
-    let record = Record {
-        profile,
-        ..Record::nominal().expect("a record")
-    };
+    let record = with(Record::nominal().expect("a record"), |it| {
+        it.profile = profile
+    });
     let mut measurement = Measurement::new(tcd1304dg(), settings.options());
     measurement.set(settings.options(), profile);
     measurement.set_comb(Comb::nominal());

@@ -182,6 +182,7 @@ mod tests {
     use simulator::least_squares;
     use simulator::optics::Optics;
     use simulator::scene::{FixedPattern, Motion, Sensor};
+    use simulator::with;
 
     fn exposure(row: Nanos) -> Exposure {
         let (start, end) = (row * 5_700_000, (row + 1) * 5_700_000);
@@ -199,18 +200,13 @@ mod tests {
     #[test]
     fn the_other_geometry_decides_where_the_spot_is() {
         let optics = DistortedOptics {
-            optics: Optics {
-                offset: 0.003,
-                ..Optics::nominal()
-            },
+            optics: with(Optics::nominal(), |it| it.offset = 0.003),
             third: 2.0,
             fifth: 0.2,
         };
-        let scene = Scene {
-            shot_noise: None,
-            read_noise: None,
-            ..Scene::white_paper()
-        };
+        let scene = with(Scene::white_paper(), |it| {
+            (it.shot_noise, it.read_noise) = (None, None)
+        });
         let own = scene.optics;
         let target = Target::at(0.6);
         let mut light = of_scene_through(optics, scene, target.clone());
@@ -253,10 +249,8 @@ mod tests {
     /// away. Of 20 rows, the last four are 17.5 rows after the first on average.
     #[test]
     fn a_frame_sees_the_target_where_it_was_on_average() {
-        let scene = Scene {
-            motion: Some(Motion { speed: 0.1 }),
-            ..Scene::dark(Sensor::Tcd1304dg)
-        };
+        let dark = Scene::dark(Sensor::Tcd1304dg);
+        let scene = with(dark, |it| it.motion = Some(Motion { speed: 0.1 }));
         let target = Target::at(0.7);
         let mut light = of_scene(scene, target.clone());
         for row in 1..=20 {

@@ -7,6 +7,7 @@ use std::time::Duration;
 use rigless::mcu::{Mcu as _, Operate as _};
 use rigless::soc::Width;
 use rigless::soc::stm32f427::generated::{dbg, flash, gpioa};
+use simulator::with;
 use virtual_board::board::Conditions;
 use virtual_board::flash::{BASE, BYTES, Operation};
 use virtual_board::jumpers::{Jumpers, Miso};
@@ -34,10 +35,7 @@ fn program() -> &'static Firmware {
 
 /// A board with these jumper wires, before its first instruction.
 fn board(jumpers: Jumpers, conditions: Conditions, rows: u32) -> VirtualBoard {
-    let conditions = Conditions {
-        jumpers: Some(jumpers),
-        ..conditions
-    };
+    let conditions = with(conditions, |it| it.jumpers = Some(jumpers));
     let dark = Box::new(|_: &Exposure| vec![200.0; PIXELS]);
     let mut board = VirtualBoard::power_on_under(program(), dark, conditions).expect("a board");
     let kept = program().address_of("KEPT").expect("the symbol");
@@ -66,12 +64,12 @@ fn named<'a>(word: &str, lines: &'a [String]) -> Vec<&'a str> {
         .collect()
 }
 
-/// Runs up to the watchdog. Exactly `failing` must fail, and exactly `skipped` be skipped.
+/// Runs up to the watchdog. Exactly these checks must fail and be skipped; commas divide them.
 #[track_caller]
-fn fails(mut board: VirtualBoard, failing: &[&str], skipped: &[&str]) {
+fn fails(mut board: VirtualBoard, failing: &str, skipped: &str) {
     let lines = lines_up_to(&mut board, BEFORE_WATCHDOG, Duration::from_secs(10));
-    assert_eq!(named("FAIL", &lines), failing, "{}", lines.join("\n"));
-    assert_eq!(named("skip", &lines), skipped, "{}", lines.join("\n"));
+    let named = ["FAIL", "skip"].map(|word| named(word, &lines).join(", "));
+    assert_eq!(named, [failing, skipped], "{}", lines.join("\n"));
 }
 
 /// Runs all checks, and none must fail. The lines are those in the documentation.
@@ -138,8 +136,8 @@ fn missing_wires_and_a_missing_clock_fail() {
         (jumpers.lacks_fm, jumpers.lacks_sclk, jumpers.miso) = (true, true, Miso::Missing);
         conditions.has_clock = false;
     });
-    let failing = ["clock", "fM", "SCLK edges", "MISO low", "MISO fM"];
-    fails(board, &failing, &["t4", "SCLK time"]);
+    let failing = "clock, fM, SCLK edges, MISO low, MISO fM";
+    fails(board, failing, "t4, SCLK time");
 }
 
 #[test]
@@ -153,8 +151,7 @@ fn a_late_fall_of_sh_and_an_sclk_with_gaps_fail() {
     // One period of SCLK after word 1000.
     let pause = (1000, Duration::from_nanos(96));
     board.pause_words(Some(pause)).expect("the emulator");
-    let failing = ["t1", "SCLK time", "MISO high", "MISO open", "MISO fM"];
-    fails(board, &failing, &[]);
+    fails(board, "t1, SCLK time, MISO high, MISO open, MISO fM", "");
 }
 
 #[test]
@@ -165,7 +162,7 @@ fn a_late_fall_of_icg_and_lost_edges_fail() {
         (jumpers.late.icg_falls, jumpers.lost_edges) = (75, 1);
         jumpers.miso = Miso::NoPullUp;
     });
-    fails(board, &["t2", "SCLK edges", "MISO open"], &["SCLK time"]);
+    fails(board, "t2, SCLK edges, MISO open", "SCLK time");
 }
 
 #[test]
@@ -177,8 +174,7 @@ fn a_short_pulse_of_sh_and_a_missing_chip_select_fail() {
         jumpers.late.sh_rises = 168 * 8 / 10;
         (jumpers.lacks_chip_select, jumpers.miso) = (true, Miso::StuckHigh);
     });
-    let failing = ["t3", "SCLK edges", "MISO low", "MISO fM"];
-    fails(board, &failing, &["SCLK time"]);
+    fails(board, "t3, SCLK edges, MISO low, MISO fM", "SCLK time");
 }
 
 #[test]
@@ -189,20 +185,19 @@ fn a_late_rise_of_icg_and_a_slow_flash_fail() {
         jumpers.late.icg_rises = 32;
         (conditions.flash_erase, conditions.flash_word) = (850_000_000, 120_000);
     });
-    fails(board, &["t4", "erase", "program"], &[]);
+    fails(board, "t4, erase, program", "");
 }
 
 #[test]
 #[ignore = "its program is a build of its own, 30 CPU s; .ci/run runs it"]
 fn missing_pulses_and_bits_of_miso_fail() {
-    let all = ["t1", "t2", "t3", "t4"];
     // And a bit that SPI1 loses, or reads too early.
     for change in [
         |wires: &mut Jumpers| (wires.lacks_icg, wires.miso) = (true, Miso::Slips),
         |wires: &mut Jumpers| (wires.lacks_sh, wires.miso) = (true, Miso::Stale),
     ] {
         let board = board_with(|_, wires| change(wires));
-        fails(board, &["pulses", "MISO fM"], &all);
+        fails(board, "pulses, MISO fM", "t1, t2, t3, t4");
     }
 }
 
@@ -230,15 +225,8 @@ fn another_chip_and_faults_of_its_own_pins_fail() {
             registers.set(gpioa::Register::Moder, modes & !(0b11 << 24));
         })
         .expect("the emulator");
-    let failing = [
-        "chip",
-        "RS-485",
-        "trigger",
-        "reception",
-        "laser",
-        "laser off",
-    ];
-    fails(board, &failing, &[]);
+    let failing = "chip, RS-485, trigger, reception, laser, laser off";
+    fails(board, failing, "");
 }
 
 #[test]
@@ -248,25 +236,10 @@ fn a_slow_core_fails() {
     let mut board = board_with(|it, _| it.instructions_per_second = 32_000_000);
     // The sensor head sees the late edges too.
     board.expect_violations();
-    let names = [
-        "centroid",
-        "phase-table",
-        "adaptive",
-        "gauss-newton",
-        "fraunhofer",
-    ];
-    let cycles = names.map(|name| format!("cycles {name}"));
-    let mut failing = vec!["rows", "t4"];
-    failing.extend(cycles.iter().map(String::as_str));
-    let skipped = [
-        "MISO low",
-        "MISO high",
-        "MISO open",
-        "MISO fM",
-        "erase",
-        "program",
-    ];
-    fails(board, &failing, &skipped);
+    let failing = "rows, t4, cycles centroid, cycles phase-table, cycles adaptive, cycles gauss-newton, \
+                   cycles fraunhofer";
+    let skipped = "MISO low, MISO high, MISO open, MISO fM, erase, program";
+    fails(board, failing, skipped);
 }
 
 #[test]
@@ -292,7 +265,7 @@ fn a_protected_and_a_worn_sector_fail() {
     contents.apply(LAST_WORD);
     board.flash().put(contents);
     board.expect_violations();
-    fails(board, &["erase", "program"], &[]);
+    fails(board, "erase, program", "");
 }
 
 #[test]

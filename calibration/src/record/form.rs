@@ -1,11 +1,10 @@
 //! From a fitted curve to the calibration that the sensor holds.
 
 use anyhow::{Context as _, ensure};
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::Table;
+use slitrange::{Calibration, Micrometres, Pixels};
 
 use super::tabulate::tabulate;
 use crate::fit::curve::Curve;

@@ -6,10 +6,9 @@
 
 use nalgebra::{DMatrix, DVector};
 use slitrange::base::places::PLACES;
-use slitrange::base::units::Pixels;
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
+use slitrange::{Calibration, Pixels};
 use statistics::{least_and_most, mean};
 
 use crate::fit::solve::Solved;

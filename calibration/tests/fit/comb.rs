@@ -9,11 +9,10 @@ use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use simulator::distorted_optics::DistortedOptics;
-use slitrange::base::units::Pixels;
+use simulator::with;
 use slitrange::frame::comb::{MAX_SLITS, NOMINAL_PLACES_UM, Slits};
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
 use slitrange::row::sensor_heads::tcd1304dg;
+use slitrange::{CalibrationErrors, Measurement, Options, Pixels, Surface};
 use slitrange_device::record::date::Date;
 use slitrange_device::record::{MAX_ENCODED, Record, decode, encode};
 use statistics::rms;
@@ -344,10 +343,10 @@ fn row(sensor: &Sensor, distance: f64, mut noise: Option<&mut ChaCha8Rng>) -> Ve
 /// measures exact rows with the record, and gives distances.
 #[test]
 fn whole_rows_are_calibrated() {
-    let options = |rows| Options {
-        rows,
-        slits: Slits::Comb,
-        ..Options::default()
+    let options = |rows| {
+        with(Options::default(), |it| {
+            (it.rows, it.slits) = (rows, Slits::Comb)
+        })
     };
     let mut all = vec![];
     for seed in 0..3 {

@@ -6,6 +6,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use simulator::optics::Optics;
+use simulator::with;
 use statistics::rms;
 
 /// The nominal geometry on the pixels of a TCD1304DG, with a lens-like distortion of the row.
@@ -29,11 +30,9 @@ impl Truth {
     /// That of the paper, on the pixels of its camera: 5.86 um.
     pub fn paper() -> Self {
         Self {
-            optics: Optics {
-                pitch: 5.86e-6,
-                axis: 959.5,
-                ..Optics::nominal()
-            },
+            optics: with(Optics::nominal(), |it| {
+                (it.pitch, it.axis) = (5.86e-6, 959.5)
+            }),
             distortion: 0.0,
         }
     }

@@ -1,6 +1,5 @@
 use super::*;
-use crate::centre::WidthClass;
-use crate::tests::{found_at, gaussian, hash, normal, row, spot_at, tcd1304dg};
+use crate::tests::{found_at, gaussian, hash, normal, row, spot_at, tcd1304dg, with};
 
 #[test]
 fn a_spot_is_whole_if_five_widths_fit_on_both_sides_and_nothing_is_saturated() {
@@ -234,17 +233,8 @@ fn the_slope_of_a_tilted_row_leaves_no_tilt() {
         (slope + height * gaussian(i, centre, width) + 0.5) as u16
     });
     let spot = spot_at(450, 0, height, (2600.0 - 2.5 * centre, 0.31));
-    let found = RowCentre {
-        amplitude: spot.height,
-        ..found_at(centre, width)
-    };
-    let tilted = RowCentre {
-        class: WidthClass {
-            set: TILTED.number,
-            ..found.class
-        },
-        ..found
-    };
+    let found = with(found_at(centre, width), |it| it.amplitude = spot.height);
+    let tilted = with(found, |it| it.class.set = TILTED.number);
     let nothing = MaskedPixels::default();
     let [with, without] = [found, tilted].map(|found| {
         let symmetry = Symmetry::of(&row(&light), &spot, &found, &tcd1304dg(), &nothing, false);
@@ -309,13 +299,7 @@ fn lopsided(width: f32, skewness: f32, flaw: u16) -> (Symmetry, RowCentre) {
     light[(centre + 2.0 * width) as usize] += flaw;
     let (symmetry, found) = symmetry_of(&light, (centre, width, height), (level, 1.0));
     let uncertainty = Pixels::from_f32(0.25);
-    (
-        symmetry,
-        RowCentre {
-            uncertainty,
-            ..found
-        },
-    )
+    (symmetry, with(found, |it| it.uncertainty = uncertainty))
 }
 
 /// An own spot without deviations.

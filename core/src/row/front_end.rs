@@ -111,6 +111,7 @@ impl FrontEnd {
 mod tests {
     use super::*;
     use crate::row::sensor_heads::tcd1304dg;
+    use crate::tests::with;
 
     fn counts(value: f32, u: f32) -> Estimate<Counts> {
         let [value, u] = [value, u].map(Counts::from_f32);
@@ -139,10 +140,7 @@ mod tests {
                 saturation: 2678,
                 ..tcd1304dg()
             };
-            let front_end = FrontEnd {
-                polarity,
-                ..front_end()
-            };
+            let front_end = with(front_end(), |it| it.polarity = polarity);
             assert_eq!(front_end.geometry(&tcd1304dg()), expected);
         }
     }
@@ -157,10 +155,7 @@ mod tests {
             (Some(counts(4094.0, 0.5)), 4072),
             (Some(counts(0.0, 0.0)), 0),
         ] {
-            let front_end = FrontEnd {
-                saturation,
-                ..front_end()
-            };
+            let front_end = with(front_end(), |it| it.saturation = saturation);
             assert_eq!(front_end.geometry(&driver).saturated_from(), expected);
         }
     }

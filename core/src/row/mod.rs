@@ -394,13 +394,12 @@ pub(crate) fn level_bits(level: Counts) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::with;
 
     fn geometry() -> Geometry {
-        Geometry {
-            shielded: 1..3,
-            light: 3..7,
-            ..crate::tests::bare(8, Polarity::Falling)
-        }
+        with(crate::tests::bare(8, Polarity::Falling), |it| {
+            (it.shielded, it.light) = (1..3, 3..7)
+        })
     }
 
     /// Words at the ends of every range, for every number of bits.
@@ -490,10 +489,7 @@ mod tests {
         assert_eq!(light.slice(1..3).map(Light::len), Some(2));
         assert_eq!(light.slice(1..5), None);
         assert!(row.shielded().iter().eq([95, 94]));
-        let rising = Geometry {
-            polarity: Polarity::Rising,
-            ..geometry
-        };
+        let rising = with(geometry, |it| it.polarity = Polarity::Rising);
         let row = rising.row(&[0, 1, 2, 3, 4, 5, 6, 7]).expect("a row");
         assert!(row.light().iter().eq([3, 4, 5, 6]));
     }
@@ -521,10 +517,7 @@ mod tests {
 
     #[test]
     fn malformed_rows_are_rejected() {
-        let beyond = Geometry {
-            light: 3..9,
-            ..geometry()
-        };
+        let beyond = with(geometry(), |it| it.light = 3..9);
         let words = [0, 1, 2, 3, 4, 5, 6, 7];
         let impossible = [0, 1, 2, 3, 4, 5, 6, 0x8007];
         for (geometry, words, error) in [

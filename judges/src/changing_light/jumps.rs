@@ -5,10 +5,8 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
-use simulator::scene::Scene;
-use slitrange::base::fault::Fault;
-use slitrange::measurement::Options;
-use slitrange::reading::Measured;
+use simulator::with;
+use slitrange::{Fault, Measured, Options};
 
 /// The least reflectivity, in powers of ten: that of black tape. The highest is 1, bright metal.
 pub const LEAST_POWER: f64 = -4.0;
@@ -79,10 +77,7 @@ impl Jumps {
     /// anywhere in a frame. The next change comes after one more whole frame.
     pub fn of_sensor(number: u64, jumps: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(number);
-        let scene = Scene {
-            seed: random.random(),
-            ..scene()
-        };
+        let scene = with(scene(), |it| it.seed = random.random());
         let mut sensor = Sensor::new(scene, Options::default());
         let mut found = Self::default();
         let mut before = 1.0;

@@ -5,6 +5,7 @@ use super::{BRIGHTEST, Comparison, Sensor, scene};
 use rayon::prelude::*;
 use serde::Serialize;
 use simulator::scene::Scene;
+use simulator::with;
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::light::auto_exposure::{LEAST_PERCENT, TARGET_PERCENT};
 use slitrange::measurement::Options;
@@ -97,10 +98,7 @@ impl Target {
     /// and each `seed` has other noise.
     pub fn measure(reflectivity: f64, frames: usize, seed: u64) -> Self {
         let sensor = |exposure| {
-            let options = Options {
-                exposure,
-                ..Options::default()
-            };
+            let options = with(Options::default(), |it| it.exposure = exposure);
             Sensor::new(Scene { seed, ..scene() }, options)
         };
         let auto = Frames::measure(&mut sensor(ExposureMode::Auto), reflectivity, frames);

@@ -1,12 +1,10 @@
 //! Calibrations that are hard: eq. (1) at its pole and beyond what integers hold, tables that are none.
 
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::{Calibration, Fault, Micrometres, Pixels};
 use std::fmt;
 
 /// A calibration that is hard in one way. No estimator has to do with it.

@@ -10,17 +10,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Exp1, StandardNormal};
 use simulator::optics::Optics;
 use simulator::scene::{LaserSpot, Motion, Scene, Sensor, Simulation, Speckle, Spot, quantise};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
+use simulator::with;
 use slitrange::distance::eq1::Eq1;
-use slitrange::frame::{MAX_ROWS, Mean};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::Options;
-use slitrange::reading::Reading;
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::row::Geometry;
+use slitrange::frame::MAX_ROWS;
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Estimator, Fault, Geometry, Mean, Micrometres,
+    Options, Pixels, Reading, Surface,
+};
 use statistics::mean;
 
 /// A frame that is hard in one way.
@@ -327,11 +323,7 @@ fn changing() -> Vec<FrameCase> {
             Due::Honest, |number| {
                 full(number, |row, recipe| match row {
                     0..30 => recipe,
-                    _ => Recipe {
-                        black_level: 1100.0,
-                        read_noise: 13.0,
-                        ..recipe
-                    },
+                    _ => with(recipe, |it| (it.black_level, it.read_noise) = (1100.0, 13.0)),
                 })
             }),
         case("the shielded pixels read 50 counts too little", "the black level is wrong by 50 counts",
@@ -438,16 +430,8 @@ fn speckled(number: u64, speed: f64, wander: f64) -> HardFrame {
         optics: Optics::nominal_on(sensor),
         sensor,
         spot: Some(Spot::new(8.6, 175e3)),
-        laser_spot: Some(LaserSpot {
-            waist: 1e-3,
-            waist_distance: 0.8,
-            wander,
-        }),
-        speckle: Some(Speckle {
-            polarisations: 2,
-            linewidth: 0.0,
-            path_spread: 0.0,
-        }),
+        laser_spot: Some(with(LaserSpot::new(1e-3, 0.8), |it| it.wander = wander)),
+        speckle: Some(Speckle::of_one_wavelength(2)),
         motion: Some(Motion { speed }),
         ..Scene::white_paper()
     };

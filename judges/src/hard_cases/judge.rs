@@ -4,13 +4,10 @@ pub use crate::accuracy::Answer;
 use crate::hard_cases::frames::is_flagged;
 use crate::hard_cases::truth::is_beyond_claim;
 use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Micrometres;
-use slitrange::centre::{self, Estimator};
+use slitrange::centre;
 use slitrange::measurement::{centre_of_spot, robust_centre};
-use slitrange::reading::Reading;
-use slitrange::row::Row;
 use slitrange::spot;
+use slitrange::{Estimator, Fault, Micrometres, Reading, Row};
 
 /// An estimator's answers to a row.
 #[derive(Clone, Copy, Debug)]

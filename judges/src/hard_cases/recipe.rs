@@ -6,6 +6,7 @@ use crate::hard_cases::truth::Truth;
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{Effect, ReadNoise, Sensor, ShotNoise, quantise, random};
+use simulator::with;
 use slitrange::row::Geometry;
 
 /// A row, and what a perfect reader would say of it.
@@ -88,10 +89,7 @@ impl Recipe {
 
     /// Noise on a black level.
     pub fn dark() -> Self {
-        Self {
-            spot: None,
-            ..Self::clean(1.0)
-        }
+        with(Self::clean(1.0), |it| it.spot = None)
     }
 
     /// With one flaw more.
@@ -102,10 +100,7 @@ impl Recipe {
 
     /// With unlit pixels of so many counts.
     pub fn on_level(self, black_level: f64) -> Self {
-        Self {
-            black_level,
-            ..self
-        }
+        with(self, |it| it.black_level = black_level)
     }
 
     /// With pixels that are full at this count of a row, black level included. `is_known` says whether the

@@ -7,8 +7,7 @@ use crate::hard_cases::mixtures::Kind;
 use crate::hard_cases::tally::Tally;
 use crate::hard_cases::{Due, ROWS, RowCase, rows};
 use rayon::prelude::*;
-use slitrange::base::fault::Fault;
-use slitrange::centre::Estimator;
+use slitrange::{Estimator, Fault};
 use statistics::rms;
 use std::fmt::Write as _;
 

@@ -4,6 +4,7 @@ use crate::hard_cases::Truth;
 use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
 use rayon::prelude::*;
+use simulator::with;
 use slitrange::centre::Estimator;
 
 const ESTIMATORS: usize = Estimator::ALL.len();
@@ -72,10 +73,7 @@ const SEEDS: usize = 24;
 impl Tally {
     fn of(random_row: &RandomRow) -> Self {
         let row = random_row.row();
-        let mut tally = Self {
-            rows: 1,
-            ..Self::default()
-        };
+        let mut tally = with(Self::default(), |it| it.rows = 1);
         for (i, answers) in answers(&row).iter().enumerate() {
             tally.checked[i] = Counts::of(row.truth, &answers.checked);
             tally.alone[i] = Counts::of(row.truth, &answers.alone);

@@ -8,6 +8,7 @@ use crate::second_judge::sensor::{Sensor, convert};
 use crate::second_judge::spot::Spot;
 use crate::second_judge::{ROWS_OF_FRAME, Rng, log_even};
 use rand::Rng as _;
+use simulator::with;
 use slitrange::row::Geometry;
 
 /// When a row is taken, and where its spot is then.
@@ -199,10 +200,9 @@ impl Plan {
     /// Takes the rows that a calibration sees. A fault that changes the sensor, or the shape or the width of
     /// the spot without the fault, calls this again before it adds its changes.
     pub fn calibrate(&mut self, random: &mut Rng) {
-        let spot = Spot {
-            height: self.spot.height.max(CALIBRATED_HEIGHT),
-            ..self.spot
-        };
+        let spot = with(self.spot, |it| {
+            it.height = self.spot.height.max(CALIBRATED_HEIGHT)
+        });
         self.calibration = (0..ROWS_OF_FRAME)
             .map(|row| {
                 let mut light = vec![0.0; self.sensor.pixels];

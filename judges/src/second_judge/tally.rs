@@ -3,14 +3,11 @@
 use crate::frames::measure_rows;
 use crate::second_judge::{Claim, Frame, Kind, frame, row};
 use rayon::prelude::*;
-use slitrange::base::fault::Fault;
+use simulator::with;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
 use slitrange::check::own_spot::Profile;
 use slitrange::frame::FrameCentre;
-use slitrange::measurement::Options;
-use slitrange::reading::Measured;
+use slitrange::{Estimator, Fault, Measured, Options, Pixels};
 
 /// A sensor that is judged.
 #[derive(Clone, Copy, Debug)]
@@ -121,10 +118,7 @@ impl Frame {
 }
 
 fn options(estimator: Estimator) -> Options {
-    Options {
-        estimator,
-        ..Options::default()
-    }
+    with(Options::default(), |it| it.estimator = estimator)
 }
 
 /// Whether a reading of this centre says that it is not to be trusted: most of its rows do not look like

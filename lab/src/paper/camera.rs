@@ -1,9 +1,7 @@
 //! The paper's camera, as far as a spot of light is concerned: a Sentech STC-MBS231U3V with Sony's sensor
 //! IMX249.
 
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
+use crate::prelude::*;
 
 /// Pitch of the pixels in metres: 1920 of them on 11.3 mm.
 pub const PITCH: f64 = 5.86e-6;

@@ -2,19 +2,10 @@
 //! line sensor with one slit or a comb, and before the paper's camera.
 
 use judges::frames;
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
-use rayon::prelude::*;
 use simulator::field::{Image, Surface, View, slit_image};
-use simulator::optics::Optics;
 use simulator::scene::Sensor;
 use simulator::scene::comb::Comb;
-use slitrange::centre::Estimator;
-use slitrange::frame::Mean;
-use slitrange::frame::comb::Slits;
-use slitrange::measurement::Options;
-use slitrange::row::{Geometry, sensor_heads};
+use slitrange::{Mean, Options};
 
 use crate::paper::apparatus::{Aperture, CAPTURES, LASER, SLIT, TABLE, WANDER};
 use crate::paper::camera::SHOT_VARIANCE_PER_COUNT_Q16;
@@ -22,6 +13,7 @@ use crate::paper::data_set::{self, DataSet, exposed, positions};
 use crate::paper::errors::{self, Judged};
 use crate::paper::materials::MATERIALS;
 use crate::paper::slit_path;
+use crate::prelude::*;
 
 /// What looks at the material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -104,6 +104,7 @@ pub struct Place {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use simulator::with;
 
     /// If the ghost and the veil are wholly on the image, they have their shares of the light. The ghost is
     /// on the other side of the axis.
@@ -134,10 +135,7 @@ mod tests {
             share,
             width: 0.2e-3,
         };
-        let (ghost, at) = of(Flare {
-            veil: none(0.0),
-            ..chosen
-        });
+        let (ghost, at) = of(with(chosen, |it| it.veil = none(0.0)));
         println!("ghost {ghost:.2} at {at:.2}");
         assert!((ghost - 1000.0 * chosen.ghost.share).abs() < 0.2);
         // The axis is at 300, the spot at 370.

@@ -134,20 +134,15 @@ pub fn centroid_without_speckle(distance: f64, flare: &Flare) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::paper::lens_effects::{Ghost, Veil};
+    use crate::paper::lens_effects::Ghost;
     use rayon::prelude::*;
+    use simulator::with;
 
     /// A ghost that is wholly in the region moves the centroid towards the ghost by share / (1 + share) of
     /// the way. A ghost outside the region does nothing.
     #[test]
     fn a_ghost_in_the_region_moves_the_centroid() {
-        let flare = Flare {
-            veil: Veil {
-                share: 0.0,
-                ..Flare::CHOSEN.veil
-            },
-            ..Flare::CHOSEN
-        };
+        let flare = with(Flare::CHOSEN, |it| it.veil.share = 0.0);
         let Ghost {
             share,
             radius,

@@ -198,6 +198,7 @@ mod tests {
     use rand::SeedableRng as _;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution as _, StandardNormal};
+    use simulator::with;
     use std::time::Instant;
 
     const COLUMNS: usize = 64;
@@ -250,10 +251,7 @@ mod tests {
     /// The spot is on a slope, so its moments are mostly those of the slope. The fit still finds the spot.
     #[test]
     fn a_start_that_is_far_off_is_enough() {
-        let truth = PlaneGaussian {
-            form: [0.12, 0.0, 0.12],
-            ..turned()
-        };
+        let truth = with(turned(), |it| it.form = [0.12, 0.0, 0.12]);
         let found = fitted(&image(|x, y| value(&truth, x, y) + 0.2 * x + 0.1 * y));
         println!("{found:?}");
         assert!((found.x - truth.x).abs() < 0.1 && (found.y - truth.y).abs() < 0.1);

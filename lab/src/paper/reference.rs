@@ -1,12 +1,10 @@
 //! The paper's fits in f64 beside the core's, on the same rows: whether what the core makes of a frame is
 //! what the paper's method makes.
 
-use anyhow::Context as _;
-use rayon::prelude::*;
-
 use crate::paper::data_set::{DataSet, Target};
 use crate::paper::row_mean::{self, RowFit};
 use crate::paper::slit_path::{self, COLUMNS};
+use crate::prelude::*;
 use simulator::least_squares::{self, Spot};
 use simulator::sinc_fit;
 

@@ -1,13 +1,11 @@
 //! What `ambient subtract` takes away, and the noise that it costs: `cargo ambient`.
 
-use anyhow::Result;
-use clap::Args;
 use judges::changing_light::ambient::{CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, noise_of_mean};
 use judges::changing_light::range::Frames;
-use rayon::prelude::*;
 use slitrange::light::ambient::AmbientMode::{Off, Subtract};
 
 use crate::docs;
+use crate::prelude::*;
 use crate::table;
 
 /// Measures white paper in ambient light, with and without `ambient subtract`. Takes a minute.

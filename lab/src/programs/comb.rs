@@ -9,15 +9,11 @@ mod tolerances;
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context as _, Result};
-use clap::Args;
 use indicatif::ProgressBar;
-use simulator::scene::Scene;
-use slitrange::base::fault::Fault;
-use statistics::mean;
 
 use self::tolerances::Tolerances;
 use crate::comb::{Mask, Sensor, with_speckle};
+use crate::prelude::*;
 use crate::surfaces::{Judged, MATERIALS, POINTS, Summary, TABLE};
 use crate::{docs, progress, table};
 
@@ -104,10 +100,7 @@ fn kinds(base: &Scene) -> Result<Vec<Kind>> {
         if scene.texture.is_none() {
             continue;
         }
-        let mut scene = Scene {
-            texture: None,
-            ..scene
-        };
+        let mut scene = with(scene, |it| it.texture = None);
         add(format!("{name}, no texture"), scene.clone());
         if name == SINGLE_WAVELENGTH
             && let Some(speckle) = &mut scene.speckle

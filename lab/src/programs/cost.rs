@@ -18,12 +18,11 @@ mod report;
 mod sample_measurements;
 pub(crate) mod without_fpu;
 
-use anyhow::Context as _;
-use clap::Args;
 use cost_on_chip::methods::Method;
 
 use self::report::Measured;
 use crate::docs;
+use crate::prelude::*;
 
 /// Rows in a cell that give a ratio to 0.5 %.
 const FULL: u64 = 20_000;

@@ -2,11 +2,10 @@
 
 mod figure;
 
-use anyhow::Result;
-use clap::Args;
 use judges::changing_light::jumps::{Jumps, named};
 use judges::changing_light::range::{self, Frames, Target, is_in_middle};
 
+use crate::prelude::*;
 use crate::{docs, progress, table};
 
 /// Compares auto exposure with the best fixed exposure for targets from bright metal to black tape, and lets
@@ -168,11 +167,7 @@ mod tests {
         };
         Target {
             reflectivity,
-            auto: Frames {
-                rms_um,
-                beyond_2: 9,
-                ..best
-            },
+            auto: with(best, |it| (it.rms_um, it.beyond_2) = (rms_um, 9)),
             auto_lowest: best,
             best,
             longest: (reflectivity < 1e-3).then_some(best),
@@ -205,10 +200,7 @@ mod tests {
 
     #[test]
     fn faults_after_jumps_have_names() {
-        let mut jumps = Jumps {
-            jumps: 7,
-            ..Jumps::default()
-        };
+        let mut jumps = with(Jumps::default(), |it| it.jumps = 7);
         jumps.first_faults[3] = 2;
         let words = jumps_in_words(&jumps);
         let first = "frame of the jump | 2 `saturated` |";

@@ -8,13 +8,12 @@ mod story;
 
 use std::time::Instant;
 
-use clap::Args;
 use judges::hard_cases::mixtures::{self, RandomRow};
 use judges::hard_cases::report::{self, Catalogue};
 use judges::hard_cases::tally::Tally;
 use judges::second_judge::{self, Kind, Report};
-use slitrange::centre::Estimator;
 
+use crate::prelude::*;
 use crate::{docs, progress};
 
 /// The random rows of each kind that docs/hard-cases.md shows.

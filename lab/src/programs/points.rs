@@ -2,20 +2,14 @@
 
 mod figure;
 
-use anyhow::{Context as _, Result};
 use calibration::fit::solve::{Form, Solved, solve};
 use calibration::points::Point;
 use calibration::positions::{STAGE_MM, even_pixels};
-use clap::Args;
 use figures::fit::draw as draw_fit;
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
-use rayon::prelude::*;
 use simulator::distorted_optics::{DistortedOptics, RANGE};
-use statistics::mean;
 
 use crate::docs;
+use crate::prelude::*;
 
 /// Calibrates simulated sensors with few points and many, and says how far the curves are from the truth.
 #[derive(Args)]
@@ -140,11 +134,7 @@ fn sensor(departure: f64, seed: u64) -> DistortedOptics {
     if departure > 0.0 {
         return optics;
     }
-    DistortedOptics {
-        third: 0.0,
-        fifth: 0.0,
-        ..optics
-    }
+    with(optics, |it| (it.third, it.fifth) = (0.0, 0.0))
 }
 
 fn table(cells: &[Vec<Vec<Cell>>]) -> String {

@@ -1,9 +1,8 @@
 //! `cargo slowest`: searches the row that takes the chip the most instructions.
 
-use clap::Args;
-use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
 
+use crate::prelude::*;
 use crate::slowest::{self, Chip, Chips, LIMIT, Search, Slow};
 use crate::{docs, progress};
 

@@ -1,13 +1,11 @@
 //! How true u is on rough surfaces: `cargo surfaces`.
 
-use anyhow::{Context as _, Result, bail};
-use clap::Args;
-use simulator::scene::Scene;
 use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors};
 use slitrange_device::record::Record;
 use slitrange_device::record::encoded::EncodedRecord;
 
 use crate::docs;
+use crate::prelude::*;
 use crate::surfaces::{MATERIALS, Study, calibrate, report};
 use crate::surfaces::{estimators, steps};
 

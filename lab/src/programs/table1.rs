@@ -3,17 +3,13 @@
 mod figures;
 mod report;
 
-use clap::Args;
-
-use slitrange::centre::Estimator;
-use slitrange::frame::comb::Slits;
-
 use self::report::Report;
 use crate::paper::apparatus::Aperture;
 use crate::paper::data_set::positions;
 use crate::paper::experiment::Experiment;
 use crate::paper::firmware::{self, Fit, Head};
 use crate::paper::materials::MATERIALS;
+use crate::prelude::*;
 use crate::{docs, progress, table};
 
 const SEED: u64 = 1;

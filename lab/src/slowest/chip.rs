@@ -1,12 +1,11 @@
 //! The emulated chip with the program of `slowest-on-chip`.
 
-use std::time::Duration;
-
-use anyhow::{Result, bail, ensure};
 use slowest_on_chip::mailbox::{QUESTIONS, Question, READY};
+use virtual_board::PIXELS;
 use virtual_board::board::Conditions;
 use virtual_board::trace::Call;
-use virtual_board::{Firmware, PIXELS, VirtualBoard};
+
+use crate::prelude::*;
 
 /// The chip's clock after a reset, which the program leaves as it is: with one instruction a cycle, the
 /// program's cycle counter counts instructions.

@@ -1,15 +1,12 @@
 //! The evolution of slow rows.
 
-use anyhow::Result;
 use rand::seq::IndexedRandom as _;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use slitrange::centre::Estimator;
 use slowest_on_chip::description::{Description, Kind, SHAPES, Shape};
 use slowest_on_chip::mailbox::{ESTIMATORS, QUESTIONS, Question};
 use slowest_on_chip::words::PIXELS;
 
 use super::chips::Chips;
+use crate::prelude::*;
 
 /// The slow rows that are kept for an estimator, first or following ones.
 const KEPT: usize = 24;

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Result;
 use object::{Object as _, ObjectSymbol as _, SymbolKind};
 use slowest_on_chip::mailbox::Question;
 use slowest_on_chip::words::{Maker, Turn, WORDS};
-use virtual_board::Firmware;
 use virtual_board::trace::Call;
 
 use super::Slow;
+use crate::prelude::*;
 
 pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
     let mut maker = Box::new(Maker::default());

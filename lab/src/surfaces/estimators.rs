@@ -4,16 +4,11 @@
 //! Eq. (1) is fitted to each estimator's own centres, as the paper does. So the errors are those of the
 //! surface's light and of the noise. A calibration adds none.
 
-use anyhow::{Context as _, Result};
 use calibration::fit::eq1;
 use judges::frames;
-use rayon::prelude::*;
-use simulator::scene::{Scene, Simulation};
-use slitrange::centre::Estimator;
-use slitrange::frame::comb::Slits;
-use slitrange::measurement::Options;
-use statistics::rms;
+use slitrange::Options;
 
+use crate::prelude::*;
 use crate::surfaces::{MATERIALS, ROWS, TABLE, distance_within};
 use crate::table;
 
@@ -86,11 +81,9 @@ fn centres(scene: &Scene, slits: Slits, surface: u64, distance: f64) -> Centres 
         })
         .collect();
     Estimator::ALL.map(|estimator| {
-        let options = Options {
-            estimator,
-            slits,
-            ..Options::default()
-        };
+        let options = with(Options::default(), |it| {
+            (it.estimator, it.slits) = (estimator, slits)
+        });
         [&rows[..1], &rows].map(|rows| {
             let measured = frames::measure_rows(rows, &geometry, options, None);
             Some(measured.ok()?.frame.centre.to_f64())

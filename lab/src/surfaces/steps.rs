@@ -41,14 +41,10 @@
 //!
 //! The target moves along the beam here. One that also slides sideways sees new speckle sooner.
 
-use anyhow::{Context as _, Result};
-use rayon::prelude::*;
-use simulator::optics::Optics;
-use simulator::scene::{Effect, LaserSpot, Scene, Simulation, Speckle, quantise};
-use slitrange::centre::Estimator;
-use statistics::{mean, rms};
+use simulator::scene::{Effect, LaserSpot};
 
 use crate::budget::row_centre;
+use crate::prelude::*;
 use crate::surfaces::MATERIALS;
 use crate::table;
 
@@ -243,10 +239,8 @@ impl Study {
 }
 
 fn surface(scene: &Scene, steps: &[f64], number: u64) -> Surface {
-    let simulation = Simulation::new(Scene {
-        seed: scene.seed.wrapping_add(number),
-        ..scene.clone()
-    });
+    let seed = scene.seed.wrapping_add(number);
+    let simulation = Simulation::new(with(scene.clone(), |it| it.seed = seed));
     // Additive recurrence with the golden ratio: even over the range for any number of surfaces.
     let share = (number as f64 * 0.618_033_988_749_895 + 0.5).fract();
     let (near, far) = RANGE;
@@ -316,13 +310,11 @@ pub fn measure(count: u64) -> Result<Measured> {
     let run = |&(name, file): &_| Study::run(name, scene(file)?, &STEPS, count);
     let (name, file) = SINGLE_MODE;
     let metal = scene(file)?;
-    let metal = Scene {
-        speckle: metal.speckle.map(|speckle| Speckle {
-            linewidth: 0.0,
-            ..speckle
-        }),
-        ..metal
-    };
+    let metal = with(metal, |it| {
+        it.speckle
+            .iter_mut()
+            .for_each(|speckle| speckle.linewidth = 0.0);
+    });
     Ok(Measured {
         materials: MATERIALS.iter().map(run).collect::<Result<_>>()?,
         single_mode: Study::run(name, metal, &STEPS, count)?,
@@ -445,11 +437,7 @@ mod tests {
     /// At 0.8 m, R = 0.8544 m, with a spot of 1 mm: 0.5 * 650e-9 * 0.8544^3 / (1e-3 * 0.3 * 0.8) = 0.8446 mm.
     #[test]
     fn the_memory_of_a_spot_of_1_mm_is_0_84_mm() {
-        let spot = LaserSpot {
-            waist: 1e-3,
-            waist_distance: 0.8,
-            wander: 0.0,
-        };
+        let spot = LaserSpot::new(1e-3, 0.8);
         let memory = memory(0.5, &Optics::nominal(), &spot, 0.8);
         assert!((memory - 0.8446e-3).abs() < 1e-7, "{memory}");
     }

@@ -1,6 +1,7 @@
 //! The scenes in the folder, as far as the paper's experiment and the error budget go by them.
 
 use simulator::scene::{LaserSpot, Scene, Sensor};
+use simulator::with;
 
 use crate::budget::Plan;
 use crate::paper::apparatus::{LASER, WANDER};
@@ -32,10 +33,7 @@ fn the_laser_is_that_of_the_experiment() {
 fn plans_beyond_the_surface_are_refused() {
     let scene = Scene::load("speckle-receding").expect("a scene");
     // 0.01 m/s from 0.8 m: to 1.2 m in 40 s.
-    let plan = |seconds| Plan {
-        seconds,
-        ..Plan::of(&scene)
-    };
+    let plan = |seconds| with(Plan::of(&scene), |it| it.seconds = seconds);
     assert!(plan(39.0).check(&scene).is_ok());
     let error = format!("{:#}", plan(41.0).check(&scene).expect_err("too far"));
     println!("{error}");

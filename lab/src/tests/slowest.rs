@@ -1,10 +1,8 @@
 //! The slowest rows that are known, on the emulated chip.
 
-use std::collections::BTreeSet;
-
-use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
 
+use crate::prelude::*;
 use crate::programs::cost::chip::program::disassembly;
 use crate::programs::cost::without_fpu::floats;
 use crate::slowest::{self, Chip};

@@ -1,10 +1,9 @@
 //! Whether u is true on rough surfaces.
 
-use rayon::prelude::*;
-use simulator::scene::Scene;
 use slitrange::reading::uncertainty::Surface;
 use slitrange_device::record::Record;
 
+use crate::prelude::*;
 use crate::surfaces::{
     Judged, MATERIALS, ROWS, Study, Summary, TABLE, calibrate, distance_within, frame_from, known,
     report,

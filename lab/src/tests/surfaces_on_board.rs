@@ -1,17 +1,14 @@
 //! Whether u is true through the firmware: on the virtual board, with the serial line's own numbers.
 
-use std::time::Duration;
-
 use judges::accuracy::largest;
-use rayon::prelude::*;
-use simulator::scene::{Scene, Sensor, file};
+use simulator::scene::{Sensor, file};
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::record;
 use slitrange_device::record::encoded::EncodedRecord;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
-use virtual_board::{Firmware, VirtualBoard};
 
+use crate::prelude::*;
 use crate::surfaces::{MATERIALS, TABLE, calibrate, distance_within};
 
 /// Longer than any frame and any answer.

@@ -1,11 +1,8 @@
 //! The paper's Table 1, on few positions: what `cargo table1` shows on all of them.
 
-use rayon::prelude::*;
 use simulator::field::{Laser, Scattering, SlitAperture, Surface, View, slit_image};
-use simulator::scene::{Sensor, quantise};
-use slitrange::centre::{self, Estimator};
-use slitrange::frame::comb::Slits;
-use slitrange::row::Row;
+use simulator::scene::Sensor;
+use slitrange::centre;
 use slitrange::spot;
 
 use crate::paper::apparatus::Aperture;
@@ -14,6 +11,7 @@ use crate::paper::firmware::{self, Fit, Head};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
 use crate::paper::published::TABLE_1;
+use crate::prelude::*;
 
 /// For each material, the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
 /// fit. The two fits differ by less than 15 %. Weights of the rows that suit speckle give smaller errors than

@@ -1,19 +1,16 @@
 //! Every estimator is asked for a row's centre: alone, with the check that follows, and as the whole
 //! measurement that turns rows into readings.
 
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange::centre::spot_shape::SpotShape;
-use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
-use slitrange::distance::Calibration;
+use slitrange::centre::{self, WidthClass};
 use slitrange::distance::eq1::Eq1;
-use slitrange::frame::Mean;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::{Measurement, Options, centre_of_spot};
-use slitrange::reading::Reading;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
-use slitrange::row::{Geometry, Polarity};
+use slitrange::measurement::centre_of_spot;
+use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
 use slitrange::spot;
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Fault, Geometry, Mean,
+    Measurement, Micrometres, Options, Pixels, Polarity, Reading, RowCentre, Surface,
+};
 
 /// Rows that make a reading.
 pub const ROWS: u16 = 2;

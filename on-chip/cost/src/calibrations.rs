@@ -1,11 +1,10 @@
 //! The forms of a calibration, each of the paper's geometry.
 
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::{Calibration, Micrometres, Pixels};
 
 /// Knots of a form with a table.
 const KNOTS: usize = 33;

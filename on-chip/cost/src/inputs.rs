@@ -1,9 +1,8 @@
 //! What a method is given: a row whose spot is known, and what it found in the row before.
 
-use slitrange::base::fault::Fault;
-use slitrange::centre::RowCentre;
-use slitrange::row::{Geometry, LARGEST_COUNT, Row};
+use slitrange::row::LARGEST_COUNT;
 use slitrange::spot::{self, Spot};
+use slitrange::{Fault, Geometry, Row, RowCentre};
 
 use crate::methods::{self, Method};
 

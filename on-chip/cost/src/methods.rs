@@ -1,11 +1,10 @@
 //! The ways to find a row's centre that are measured: the firmware's estimators, and the check's repair.
 
-use slitrange::base::fault::Fault;
 use slitrange::base::work_budget::WorkBudget;
-use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::centre;
 use slitrange::measurement::robust_centre;
-use slitrange::row::{Geometry, Row};
 use slitrange::spot::Spot;
+use slitrange::{Estimator, Fault, Geometry, Row, RowCentre};
 
 /// A way to find a row's centre.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,10 +5,8 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
-use slitrange::base::units::Pixels;
 use slitrange::frame::comb::{Comb, MAX_SLITS};
-use slitrange::row::Geometry;
-use slitrange::row::sensor_heads;
+use slitrange::{Geometry, Pixels, sensor_heads};
 
 /// Pixels of a row that see light: those of the TCD1304DG.
 pub const PIXELS: usize = 3648;

@@ -4,8 +4,7 @@ use core::sync::atomic::{Ordering, compiler_fence};
 
 use cost_on_chip::rows::{self, PIXELS, Turn, WORDS};
 use cost_on_chip::whole_rows::{FRAME, WIDTH};
-use slitrange::centre::Estimator;
-use slitrange::measurement::{Measurement, Options};
+use slitrange::{Estimator, Measurement, Options};
 use static_cell::ConstStaticCell;
 
 use crate::board;

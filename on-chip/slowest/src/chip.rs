@@ -2,10 +2,7 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use slitrange::base::fault::Fault;
-use slitrange::centre::Estimator;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::Measured;
+use slitrange::{Estimator, Fault, Measured, Measurement, Options};
 use slowest_on_chip::mailbox::{QUESTION, QUESTIONS, Question, READY};
 use slowest_on_chip::words::{Maker, Turn, WORDS, geometry};
 

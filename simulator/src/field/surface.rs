@@ -181,6 +181,7 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::with;
 
     /// Circular complex gaussian: mean |a|^2 1, mean |a|^4 2, no mean, no mean square; within five standard
     /// errors of 200,000.
@@ -209,10 +210,7 @@ mod tests {
     #[test]
     fn a_reflectance_along_x_is_one_that_ignores_y() {
         let laser = Laser::focused(1e-3, 0.8);
-        let scattering = Scattering {
-            size: [1e-3, 1e-3],
-            ..Scattering::surface()
-        };
+        let scattering = with(Scattering::surface(), |it| it.size = [1e-3, 1e-3]);
         let surface = || Surface::new(&laser, &scattering, 5).unwrap();
         let reflectance = |x: f64| 1.0 + 1e3 * x;
         let along = surface().with_reflectance_along(reflectance);

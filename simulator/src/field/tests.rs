@@ -7,6 +7,7 @@ use statistics::{mean, rms};
 use super::source::{Lit, RowSums};
 use super::*;
 use crate::profiles::Slit;
+use crate::with;
 
 const PIXEL: f64 = 5.86e-6;
 
@@ -26,10 +27,7 @@ fn pixels(count: usize, step: usize) -> Vec<f64> {
 /// A surface just large enough for a beam of a 1/e^2 diameter, at the table's middle.
 fn small_surface(laser: &Laser, scattering: &Scattering, seed: u64) -> Surface {
     let size = 2.4 * laser.waist_diameter + 0.2e-3;
-    let scattering = Scattering {
-        size: [size, size],
-        ..*scattering
-    };
+    let scattering = with(*scattering, |it| it.size = [size, size]);
     Surface::new(laser, &scattering, seed).unwrap()
 }
 
@@ -40,10 +38,9 @@ fn through_slit(surface: &Surface, view: &View, columns: &[f64], rows: &[f64]) -
 
 /// The nominal lens, in focus on the target of `View::at(0.8)`, with one sample a pixel.
 fn sharp_lens() -> LensAperture {
-    LensAperture {
-        samples: 1,
-        ..LensAperture::nominal(View::at(0.8).range())
-    }
+    with(LensAperture::nominal(View::at(0.8).range()), |it| {
+        it.samples = 1
+    })
 }
 
 /// The largest difference from the slit's incoherent pattern, whose middle has the light `unit` in the image.
@@ -191,11 +188,7 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     let exact = slit_mean(&laser, &scattering, &view, &slit, &columns, &rows);
     let seeds = 0..u64::from(SURFACES);
     check("slit", &mut seeds.clone().map(images), &exact);
-    let lens = LensAperture {
-        coma: 1.5,
-        focus_distance: 0.8,
-        ..sharp_lens()
-    };
+    let lens = with(sharp_lens(), |it| (it.coma, it.focus_distance) = (1.5, 0.8));
     let places = pixels(24, 3);
     let images = |seed| {
         let surface = small_surface(&laser, &scattering, seed);
@@ -229,10 +222,7 @@ fn speckle_is_fully_developed() {
         // A gamma distribution of order two: (1 + 2) exp(-2).
         (2, 0.5f64.sqrt(), 3.0 * (-2.0f64).exp()),
     ] {
-        let scattering = Scattering {
-            polarisations,
-            ..Scattering::surface()
-        };
+        let scattering = with(Scattering::surface(), |it| it.polarisations = polarisations);
         let light = speckle(&laser, &scattering, 1000);
         let found = contrast(&light);
         let mean = mean(&light);
@@ -271,10 +261,7 @@ fn contrast_falls_with_linewidth_and_path_spread() {
             wavelengths,
             ..Laser::focused(0.5e-3, 0.8)
         };
-        let scattering = Scattering {
-            path_spread,
-            ..Scattering::surface()
-        };
+        let scattering = with(Scattering::surface(), |it| it.path_spread = path_spread);
         let found = contrast(&speckle(&laser, &scattering, 1500));
         let s = laser.wavenumber_deviation();
         let g = 0.5 * 0.25e-3 * View::at(0.8).sin_angle();
@@ -452,10 +439,9 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
     assert!(worst < 5e-3 && (density - 1.0).abs() < 5e-3);
     let waves = 0.7;
     let defocus = 2.0 * waves * laser.wavelength / (0.5 * lens.diameter).powi(2);
-    let blurred = LensAperture {
-        focus_distance: 1.0 / (1.0 / view.range() - defocus),
-        ..lens
-    };
+    let blurred = with(lens, |it| {
+        it.focus_distance = 1.0 / (1.0 / view.range() - defocus)
+    });
     let image = lens_image(&surface, &view, &blurred, 0.0, &[0.0], &[0.0]).unwrap();
     let found = image.density * (laser.wavelength * blurred.to_sensor()).powi(2) / area;
     let expected = ((PI * waves).sin() / (PI * waves)).powi(2);
@@ -469,10 +455,7 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
 fn coma_moves_the_centroid() {
     let (laser, view, surface) = point();
     let places = pixels(96, 1);
-    let lens = LensAperture {
-        coma: 2.0,
-        ..sharp_lens()
-    };
+    let lens = with(sharp_lens(), |it| it.coma = 2.0);
     let of_field = |field: f64| {
         let image = lens_image(&surface, &view, &lens, field, &places, &places).unwrap();
         centroid(&image, &places)
@@ -581,11 +564,9 @@ fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
 /// away.
 #[test]
 fn diffraction_hardly_depends_on_the_wavelength() {
-    let laser = Laser {
-        linewidth: 1e-9,
-        wavelengths: 3,
-        ..Laser::focused(1e-3, 0.8)
-    };
+    let laser = with(Laser::focused(1e-3, 0.8), |it| {
+        (it.linewidth, it.wavelengths) = (1e-9, 3)
+    });
     let mut surface = small_surface(&laser, &Scattering::surface(), 3);
     let far = Laser {
         linewidth: 0.0,

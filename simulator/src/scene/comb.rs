@@ -215,6 +215,7 @@ mod tests {
     use super::*;
     use crate::least_squares;
     use crate::scene::{LaserSpot, Sensor, Simulation, file};
+    use crate::with;
 
     const DISTANCES: [f64; 6] = [0.55, 0.65, 0.8, 0.9, 1.0, 1.10];
 
@@ -247,10 +248,7 @@ mod tests {
     /// A straight line from a point on the beam through the slit to the sensor's plane, as the casing has it.
     #[test]
     fn a_slit_sees_where_a_straight_ray_falls() {
-        let optics = Optics {
-            offset: 0.013,
-            ..Optics::nominal()
-        };
+        let optics = with(Optics::nominal(), |it| it.offset = 0.013);
         let (sin, cos) = optics.angle.sin_cos();
         // The slit on the axis, the axis from there to the beam, and the row, which the axis is square to.
         let slit = [optics.baseline, optics.offset];
@@ -289,10 +287,7 @@ mod tests {
             if plain.comb.is_some() || matches!(plain.optics.aperture, Aperture::Lens { .. }) {
                 continue;
             }
-            let combed = Scene {
-                comb: one(0.0),
-                ..plain.clone()
-            };
+            let combed = with(plain.clone(), |it| it.comb = one(0.0));
             combed.check().expect("a scene");
             let middle = plain.sensor.rows() / 2;
             let (plain, combed) = (Simulation::new(plain), Simulation::new(combed));
@@ -423,11 +418,7 @@ mod tests {
         assert!((found / expected - 1.0).abs() < 2e-3);
         // A laser spot blurs the narrower pattern more. Fraunhofer's light is conserved, so the peak is that
         // of the blurred pattern: compared with sinc^2 and a gaussian, by sums.
-        let spot = Some(LaserSpot {
-            waist: 2e-3,
-            waist_distance: 0.8,
-            wander: 0.0,
-        });
+        let spot = Some(LaserSpot::new(2e-3, 0.8));
         let fraunhofer = Some(Diffraction::Fraunhofer);
         let found = height(fraunhofer, spot, 300e-6).0 / height(fraunhofer, spot, 200e-6).0;
         let blur = 0.5e-3 * image_scale(&optics, 0.8);
@@ -472,10 +463,7 @@ mod tests {
             assert!(error.contains(words), "{error:?} lacks {words:?}");
         };
         let optics = Optics::nominal();
-        let lens = Optics {
-            aperture: Aperture::PAPER_LENS,
-            ..optics
-        };
+        let lens = with(optics, |it| it.aperture = Aperture::PAPER_LENS);
         refused(Comb::nominal(), &lens, "make optics.aperture a slit");
         let none = "comb.slits has 0 slits: give it 1 to 16";
         refused(comb(&[]), &optics, none);

@@ -71,6 +71,19 @@ impl Scene {
         Ok(toml::to_string(self)?)
     }
 
+    /// The scene with the effects of a text, written as in a scene's file: an effect a line.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn listing(self, effects: &str) -> Result<Self> {
+        let is_listed = |effect: &Effect| {
+            let mut names = (effects.lines()).map(|line| line.trim().split([' ', '.']).next());
+            names.any(|name| name == Some(effect.name()))
+        };
+        let others = (Effect::ALL.into_iter().filter(is_listed)).fold(self, Self::without);
+        Self::from_toml(&format!("{effects}\n{}", others.to_toml()?))
+    }
+
     /// That the scene can be simulated.
     ///
     /// # Errors

@@ -30,6 +30,15 @@ pub struct LaserSpot {
 }
 
 impl LaserSpot {
+    /// The spot of a beam along which the target travels: it does not wander.
+    pub const fn new(waist: f64, waist_distance: f64) -> Self {
+        Self {
+            waist,
+            waist_distance,
+            wander: 0.0,
+        }
+    }
+
     /// 1/e^2 diameter of the beam in metres, at a distance in metres from the laser: D0 sqrt(1 + (z/zR)^2),
     /// zR = pi D0^2 / (4 lambda), z from the waist (A. E. Siegman, Lasers, 1986, section 17.1).
     pub fn diameter(&self, distance: f64, wavelength: f64) -> f64 {

@@ -69,6 +69,15 @@ const DETAILS: f64 = 24.0;
 const COLUMNS: f64 = 16.0;
 
 impl Speckle {
+    /// Speckle of a surface in light of one wavelength.
+    pub const fn of_one_wavelength(polarisations: u8) -> Self {
+        Self {
+            polarisations,
+            linewidth: 0.0,
+            path_spread: 0.0,
+        }
+    }
+
     /// The surface that a seed makes, with a texture.
     ///
     /// # Panics

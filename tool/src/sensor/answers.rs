@@ -237,6 +237,7 @@ pub fn head(lines: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use simulator::with;
     use slitrange::base::units::Units;
     use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
     use slitrange_device::record::encoded::EncodedRecord;
@@ -362,11 +363,9 @@ mod tests {
             assert_eq!(super::in_use(&said[..count]), None);
         }
         assert_eq!(super::in_use(&said), Some(in_use));
-        let none = CalibrationAnswer {
-            record: None,
-            stored: FlashStatus::Damaged,
-            ..shown
-        };
+        let none = with(shown, |it| {
+            (it.record, it.stored) = (None, FlashStatus::Damaged)
+        });
         let (record, stored) = (None, "unusable".to_owned());
         let none = super::in_use(&lines(&none.to_string()));
         assert_eq!(none, Some(InUse { record, stored }));

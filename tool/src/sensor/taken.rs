@@ -465,6 +465,7 @@ mod tests {
     use calibration::points::{KnownShape, Point, Points, SlitImage};
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
+    use simulator::with;
     use slitrange::base::units::Counts;
     use slitrange::centre::Estimator;
     use slitrange::light::black_level::BlackLevel;
@@ -668,28 +669,19 @@ mod tests {
     fn a_file_of_a_comb_has_a_column_for_each_slit() {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("points.csv");
-        let comb = Setup {
-            slits: Slits::Comb,
-            ..setup()
-        };
+        let comb = with(setup(), |it| it.slits = Slits::Comb);
         let images: SlitImages = std::array::from_fn(|slit| {
             let x_px = (900_000_001 + 100_000_000 * slit) as f64 / 1e6;
             (slit != 3).then_some(SlitImage::new(x_px, 1830.5))
         });
-        let point = Taken {
-            height_counts: Some(1011.0),
-            slits: Some(images),
-            ..PLAIN
-        };
+        let point = with(PLAIN, |it| {
+            (it.height_counts, it.slits) = (Some(1011.0), Some(images))
+        });
         let open = || PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
         open().add(point).expect("added");
         let mut again = open();
         assert_eq!(again.points(), lines(&[point]));
-        let nearer = Taken {
-            x_px: 1800.0,
-            d_mm: 790.0,
-            ..point
-        };
+        let nearer = with(point, |it| (it.x_px, it.d_mm) = (1800.0, 790.0));
         again.add(nearer).expect("added");
         again.put_in_order().expect("in order");
         assert_eq!(open().points(), lines(&[nearer, point]));

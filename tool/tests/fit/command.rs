@@ -1,20 +1,10 @@
 //! The command `calibrate fit`, as a user runs it.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 use std::process::Command;
 
-use calibration::points::Point;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange_device::record::Record;
-use slitrange_tool::record_file;
-
-use crate::command::{begins, ends, says};
-
 use super::truth::{Truth, seeded, throw_off};
+use crate::command::*;
 
 struct Folder(tempfile::TempDir);
 

@@ -2,21 +2,11 @@
 //! with a symmetric beam.
 
 use calibration::fit::solve::solve;
-use calibration::points::{Points, Setup};
+use calibration::points::Setup;
 use calibration::record::{errors, form, profile};
-use rand::Rng as _;
-use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::Calibration;
-use slitrange::base::units::Counts;
-use slitrange::centre::Estimator;
-use slitrange::check::own_spot::Profile;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::reading::{Measured, Reading};
+use slitrange::Reading;
 use slitrange::row::pixels::PixelErrors;
-use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::line::CentreLine;
 use slitrange_tool::sensor::answers;
 use slitrange_tool::sensor::run::taken;
@@ -25,6 +15,7 @@ use slitrange_tool::sensor::taken::PointsFile;
 use statistics::{rms, upper_median};
 
 use super::truth::{FAR, NEAR, Truth, seeded};
+use crate::command::*;
 
 /// A sensor in front of a smooth target.
 struct Sensor {
@@ -70,11 +61,9 @@ impl Sensor {
     }
 
     fn options(&self, rows: u16) -> Options {
-        Options {
-            rows,
-            estimator: self.estimator,
-            ..Options::default()
-        }
+        with(Options::default(), |it| {
+            (it.rows, it.estimator) = (rows, self.estimator)
+        })
     }
 
     fn frame(

@@ -1,15 +1,13 @@
 //! Properties that hold for every file of points.
 
 use calibration::fit::solve::{Form, solve};
-use calibration::points::Points;
 use calibration::record::form::make;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use slitrange::base::units::Pixels;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_device::record::{Record, decode};
+use slitrange_device::record::decode;
 use slitrange_tool::fit::report::Report;
+
+use crate::command::*;
 
 /// The same cases in every run.
 fn cases(cases: u32) -> ProptestConfig {

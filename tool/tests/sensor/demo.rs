@@ -1,19 +1,16 @@
 //! `demo` with a script in place of the virtual board: its port is that of the simulated sensor.
 
 use std::fs;
-use std::io::{self, Write};
+use std::io::Write;
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use slitrange_tool::demo::{DemoOptions, serve};
-use slitrange_tool::screen::Key;
-
-use crate::command::{begins, says};
 
 use super::screen::Person;
 use super::stand_in::StandIn;
+use crate::command::*;
 
 /// A program that notes its process and its options, says a few lines, and goes on as `rest` says.
 fn board(sensor: &StandIn, rest: &str) -> PathBuf {

@@ -1,11 +1,9 @@
 //! `slitrange head flat` takes a map of the pixels and saves it.
 
-use simulator::scene::Scene;
 use statistics::rms;
 
-use crate::command::{begins, done, refused, says};
-
 use super::stand_in::{StandIn, Trouble};
+use crate::command::*;
 
 #[test]
 fn a_person_darkens_and_lights_the_sensor() {

@@ -1,24 +1,12 @@
 //! `slitrange head measure`, on simulated heads whose numbers nobody knows.
 
 use judges::frames::words;
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use simulator::scene::{
-    Ambient, FixedPattern, FrontEnd as Simulated, Motion, ReadNoise, Response, Saturation, Scene,
-    ShotNoise, Simulation, Spot,
-};
-use slitrange::base::units::Counts;
-use slitrange::distance::Calibration;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use simulator::scene::Motion;
+use slitrange::Geometry;
 use slitrange::row::front_end::{Estimate, FrontEnd};
-use slitrange::row::{Geometry, Polarity};
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
-
-use crate::command::{begins, says};
 
 use super::stand_in::{SimulatedHead, StandIn, Trouble};
+use crate::command::*;
 
 /// How the pixels of the heads that are not clean differ in the dark, in counts.
 const PATTERN: f64 = 5.0;
@@ -46,33 +34,25 @@ fn head(number: u64) -> (Scene, Truth) {
     let offset = random.random_range(-100.0..150.0);
     let rail = random.random_range(2000.0..3900.0);
     let is_clean = number.is_multiple_of(2);
-    let scene = Scene {
-        seed: number,
-        spot: Some(Spot {
-            width: 8.6,
-            counts_per_second: BRIGHT,
-        }),
-        shot_noise: Some(ShotNoise {
-            electrons_per_count: electrons,
-        }),
-        read_noise: Some(ReadNoise { counts: read_noise }),
-        front_end: Some(Simulated {
-            gain: amplification,
-            offset,
-            saturation: Some(rail),
-        }),
-        ambient: (!is_clean).then_some(Ambient {
-            counts_per_second: 10e3,
-            slope: 2.0,
-        }),
-        response: (!is_clean).then_some(Response { deviation: 0.028 }),
-        fixed_pattern: (!is_clean).then_some(FixedPattern { counts: PATTERN }),
-        saturation: (!is_clean).then_some(Saturation {
-            full_well: 6000.0,
-            blooming: 0.1,
-        }),
-        ..Scene::white_paper()
+    let flaws = match is_clean {
+        true => String::new(),
+        false => format!(
+            "ambient = {{ counts_per_second = 10e3, slope = 2.0 }}
+            response.deviation = 0.028
+            fixed_pattern.counts = {PATTERN:?}
+            saturation = {{ full_well = 6000.0, blooming = 0.1 }}"
+        ),
     };
+    let effects = format!(
+        "shot_noise.electrons_per_count = {electrons}
+        read_noise.counts = {read_noise}
+        front_end = {{ gain = {amplification}, offset = {offset}, saturation = {rail} }}
+        {flaws}"
+    );
+    let scene = Scene::white_paper().listing(&effects).expect("a scene");
+    let scene = with(scene, |it| {
+        (it.seed, it.spot) = (number, Some(Spot::new(8.6, BRIGHT)));
+    });
     let truth = Truth {
         polarity: match number % 3 {
             0 => Polarity::Rising,
@@ -112,10 +92,7 @@ fn with_number(sensor: &StandIn, serial_number: u32) -> EncodedRecord {
 }
 
 fn without_front_end(record: &EncodedRecord) -> Record {
-    Record {
-        front_end: None,
-        ..record.record().clone()
-    }
+    with(record.record().clone(), |it| it.front_end = None)
 }
 
 /// Errors in percent of the value, and over the claimed uncertainty.
@@ -155,10 +132,7 @@ fn unknown_heads_are_measured_to_five_percent() {
 /// Errors over r, root mean square of many readings. The exposure gives the spot half of its room.
 fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -> f64 {
     const FRAMES: u64 = 1500;
-    let options = Options {
-        rows: 4,
-        ..Options::default()
-    };
+    let options = with(Options::default(), |it| it.rows = 4);
     let mut measurement = Measurement::new(geometry.clone(), options);
     let simulation = Simulation::new(scene.clone());
     let spot = scene.spot.expect("a spot");
@@ -275,29 +249,19 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     assert_eq!(saved().record().serial_number, 7);
 }
 
-fn with_light(scene: &Scene, counts_per_second: f64) -> Scene {
-    Scene {
-        spot: scene.spot.map(|spot| Spot {
-            counts_per_second,
-            ..spot
-        }),
-        ..scene.clone()
-    }
-}
-
 #[test]
 fn what_cannot_be_measured_is_said_and_changes_nothing() {
     let (bright, truth) = head(2);
-    let moving = Scene {
-        motion: Some(Motion { speed: 0.05 }),
-        ..bright.clone()
-    };
+    let moving = with(bright.clone(), |it| {
+        it.motion = Some(Motion { speed: 0.05 })
+    });
+    let lit = |counts| bright.clone().with_height(counts);
     let limit = "exposure limit 10";
     for (scene, line, expected) in [
-        (with_light(&bright, 5e3), "", "put a brighter target"),
-        (with_light(&bright, 5e6), limit, "put a brighter target"),
-        (with_light(&bright, 3e9), "", "put a darker target"),
-        (with_light(&bright, 3e8), "", "put a darker target"),
+        (lit(5e3), "", "put a brighter target"),
+        (lit(5e6), limit, "put a brighter target"),
+        (lit(3e9), "", "put a darker target"),
+        (lit(3e8), "", "put a darker target"),
         (bright.clone(), "laser off", "type `laser on`"),
         (moving, "", "check that the target is at rest"),
     ] {
@@ -312,7 +276,7 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
         assert_eq!(held(), before);
     }
     // A dimmer target: the gain is measured, the saturation is not.
-    let sensor = sensor(with_light(&bright, 150e3), truth.polarity);
+    let sensor = sensor(lit(150e3), truth.polarity);
     says(&sensor.done(MEASURE), ["saturation   not measured"]);
     let found = recorded(&sensor);
     assert_eq!(found.saturation, None);
@@ -327,7 +291,7 @@ fn a_spot_that_just_saturates_gives_the_right_gain() {
     let amplification = scene.front_end.expect("a front end").gain;
     for times in [0.9, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4, 1.6, 2.0] {
         let counts_per_second = times * room / (amplification * 5.6e-3);
-        let sensor = sensor(with_light(&scene, counts_per_second), truth.polarity);
+        let sensor = sensor(scene.clone().with_height(counts_per_second), truth.polarity);
         sensor.done(MEASURE);
         let found = recorded(&sensor);
         let error = found.gain.value.to_f64() - truth.gain;

@@ -1,22 +1,18 @@
 //! Opens a port and sends commands. Errors say what went wrong.
 
-use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, Read as _, Write as _};
-use std::time::Duration;
+use std::io::{Read as _, Write as _};
 
 use nix::pty::openpty;
 use nix::unistd::ttyname;
 use slitrange_device::protocol::command::Command;
+use slitrange_device::settings::Value;
 use slitrange_device::settings::trigger::Trigger;
-use slitrange_device::settings::{Setting, Value};
-use slitrange_tool::pc::{Pc, Port, RealPc};
 use slitrange_tool::sensor::line::{ANSWER, LineError};
 use slitrange_tool::sensor::session::Session;
 
-use crate::command::begins;
-
 use super::stand_in::{StandIn, Trouble};
+use crate::command::*;
 
 /// The PC's own ports, with a clock that stands still while they are read: an answer may take any time.
 #[derive(Default)]

@@ -1,15 +1,10 @@
 //! Readings as a live view, as lines and as a file, from a sensor that goes away and starts anew.
 
-use std::time::Duration;
-
-use slitrange_tool::pc::Pc;
-use slitrange_tool::screen::Key;
 use slitrange_tool::sensor::stream::{FrameResult, Kind};
-
-use crate::command::says;
 
 use super::screen::Person;
 use super::stand_in::StandIn;
+use crate::command::*;
 
 fn recorded(sensor: &StandIn, name: &str) -> Vec<FrameResult> {
     let file = csv::Reader::from_path(sensor.path(name)).expect("the file");

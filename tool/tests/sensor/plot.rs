@@ -3,9 +3,8 @@
 use slitrange_tool::plot::Series;
 use slitrange_tool::sensor::stream::{FrameResult, Kind};
 
-use crate::command::{ends, says};
-
 use super::stand_in::{NOISE_PX, StandIn};
+use crate::command::*;
 
 #[test]
 fn a_recording_is_drawn() {

@@ -1,13 +1,9 @@
 //! Without `--port`, the only port is taken where a sensor answers.
 
-use std::time::Duration;
-
-use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::sensor::port::PortOption;
 
-use crate::command::{begins, says};
-
 use super::stand_in::StandIn;
+use crate::command::*;
 
 /// A PC with a sensor at each of its ports.
 struct Ports(Vec<StandIn>);

@@ -4,9 +4,8 @@ use slitrange_device::protocol::row_lines::{ROW_END, RowPart};
 use slitrange_tool::sensor::line::TRIES;
 use slitrange_tool::sensor::row::RowAnswer;
 
-use crate::command::says;
-
 use super::stand_in::{StandIn, Trouble};
+use crate::command::*;
 
 #[test]
 fn a_row_is_summarised_tabulated_and_drawn() {

@@ -1,24 +1,12 @@
 //! `calibrate run` takes all points and loses none, whatever goes wrong.
 
 use std::collections::BTreeSet;
-use std::path::Path;
-use std::time::Duration;
 
-use calibration::points::{Point, Points};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
-use slitrange::frame::comb::{Comb, Slits};
 use slitrange::spot::choice::SpotChoice;
-use slitrange::spot::region::Region;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_tool::pc::Pc as _;
 use slitrange_tool::sensor::line::RECONNECT;
 
-use crate::command::{Ended, begins, done, ends, refused, says, slitrange};
-
 use super::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};
+use crate::command::*;
 
 /// `slitrange calibrate run` with further arguments, and what a person types.
 fn run(sensor: &StandIn, more: &str, typed: &str) -> Ended {
@@ -487,10 +475,7 @@ fn a_run_with_a_region_goes_on_with_this_region() {
 #[test]
 fn a_comb_is_calibrated_from_the_images_of_its_slits() {
     let positions: Vec<f64> = (0..30).map(|i| 560.0 + 18.0 * f64::from(i)).collect();
-    let bad = Trouble {
-        restart: 0.01,
-        ..Trouble::of_line(0.01, 0.02)
-    };
+    let bad = with(Trouble::of_line(0.01, 0.02), |it| it.restart = 0.01);
     for (seed, trouble) in [(20, Trouble::default()), (21, bad)] {
         let sensor = StandIn::new(seed);
         sensor.state().type_line("slits comb");

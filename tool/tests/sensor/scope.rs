@@ -1,16 +1,11 @@
 //! The row live: what the screen shows, and what keys change.
 
-use std::time::Duration;
-
 use slitrange::base::exposure::{Exposure, ExposureMode};
 use slitrange::centre::Estimator;
-use slitrange::spot::region::Region;
-use slitrange_tool::screen::Key;
-
-use crate::command::says;
 
 use super::screen::Person;
 use super::stand_in::StandIn;
+use crate::command::*;
 
 /// What is seen at each key, without the port's name.
 fn scope(sensor: &StandIn, keys: &[(usize, Key)]) -> (Vec<String>, String) {

@@ -1,18 +1,11 @@
 //! A sensor at a PC with a terminal: what is drawn stays in memory, and keys are pressed as a test says.
 
-use std::cell::RefCell;
-use std::collections::VecDeque;
-use std::io;
-use std::time::Duration;
-
 use ratatui::backend::TestBackend;
 use ratatui::{Frame, Terminal};
-use slitrange_tool::pc::{Pc, Port};
-use slitrange_tool::screen::{Key, Screen};
-
-use crate::command::{done, slitrange};
+use slitrange_tool::screen::Screen;
 
 use super::stand_in::StandIn;
+use crate::command::*;
 
 /// A person at a terminal of 80 columns and 24 lines, with a sensor.
 pub struct Person<'a> {

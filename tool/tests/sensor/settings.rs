@@ -1,13 +1,7 @@
 //! Settings are shown, changed, saved, written to a file, taken from it, and compared.
 
-use std::process::ExitCode;
-
-use slitrange_device::settings::{Setting, Settings};
-use slitrange_tool::pc::Pc;
-
-use crate::command::{begins, ends, says};
-
 use super::stand_in::StandIn;
+use crate::command::*;
 
 fn settings(sensor: &StandIn, line: &str) -> String {
     sensor.done(&format!("settings --port PORT {line}"))
@@ -134,14 +128,9 @@ fn lengths_follow_the_units_of_the_sensor() {
 fn a_wrong_value_is_an_error_that_names_the_right_ones() {
     let sensor = StandIn::new(3);
     let mut errors = String::new();
-    for words in [
-        "set rows 65",
-        "set rows",
-        "set rose 3",
-        "set black fixed",
-        "set save",
-        "get exposure limits",
-    ] {
+    let commands =
+        "set rows 65; set rows; set rose 3; set black fixed; set save; get exposure limits";
+    for words in commands.split("; ") {
         let error = refused(&sensor, words);
         // The list of all settings, which grows, follows.
         let error = error.split(" The settings are: ").next();

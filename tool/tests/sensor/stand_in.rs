@@ -2,50 +2,35 @@
 //! says, and has whatever trouble it is given. It is the tool's PC as well: time goes on only while the tool
 //! waits.
 
-use std::cell::{RefCell, RefMut};
-use std::collections::VecDeque;
-use std::io;
+use std::cell::RefMut;
 use std::num::NonZeroU16;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::PathBuf;
-use std::time::Duration;
 
 use judges::frames::{self, at_centre};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use simulator::scene::{Exposure as Times, Scene, Simulation};
+use simulator::scene::Exposure as Times;
+use slitrange::Fault;
 use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Pixels};
 use slitrange::centre::spot_shape::SpotShape;
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::frame::FrameCentre;
-use slitrange::frame::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
-use slitrange::measurement::Measurement;
-use slitrange::reading::Measured;
-use slitrange::row::Polarity;
+use slitrange::frame::comb::{Combined, SlitCentre, SlitCentres};
 use slitrange::row::pixels::PixelErrors;
 use slitrange::row::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
-use slitrange::row::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange_device::protocol::command::{Command, parse};
 use slitrange_device::protocol::info::{BrownOut, Clock, Hardware};
 use slitrange_device::protocol::input::{Echo, Input};
 use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange_device::protocol::status::{StartCause, Vitals};
 use slitrange_device::protocol::upload::Step;
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::session::flat::{Job, Outcome};
 use slitrange_device::session::{Actions, Event, Session};
-use slitrange_device::settings::Settings;
 use slitrange_device::store::configuration::Configuration;
 use slitrange_device::store::pixel_map::StoredMap;
 use slitrange_device::store::{StoreError, Stored};
-use slitrange_tool::pc::{Pc, Port};
 use slitrange_tool::sensor::line::FRAME;
 
-use crate::command::{Ended, done, refused, slitrange};
+use crate::command::*;
 
 const HARDWARE: Hardware = Hardware {
     board: "stand-in",
@@ -110,11 +95,9 @@ pub struct Trouble {
 
 impl Trouble {
     pub fn of_line(lost: f64, garbled: f64) -> Self {
-        Self {
-            lost,
-            garbled,
-            ..Self::default()
-        }
+        with(Self::default(), |it| {
+            (it.lost, it.garbled) = (lost, garbled)
+        })
     }
 }
 

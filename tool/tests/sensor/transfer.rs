@@ -1,29 +1,16 @@
 //! Writes, reads and compares records. The sensor always has the old record or the new one, never a mixture.
 
-use std::process::ExitCode;
-use std::time::Duration;
-
+use slitrange::Micrometres;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
-use slitrange::centre::Estimator;
-use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::CalibrationErrors;
 use slitrange_device::protocol::piece::PIECE;
-use slitrange_device::record::Record;
 use slitrange_device::record::date::Date;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_tool::pc::Pc as _;
-use slitrange_tool::record_file;
-
-use crate::command::{begins, ends, says};
 
 use super::stand_in::{StandIn, Trouble};
+use crate::command::*;
 
 /// The spot of a laser with the skewness 0.1.
 const PROFILE: Profile = Profile {
@@ -270,10 +257,7 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let mut done = 0;
     for seed in 40..44 {
         let sensor = StandIn::new(seed);
-        sensor.state().trouble = Trouble {
-            restart: 0.005,
-            ..Trouble::of_line(0.01, 0.02)
-        };
+        sensor.state().trouble = with(Trouble::of_line(0.01, 0.02), |it| it.restart = 0.005);
         let (mut used, mut saved) = (EncodedRecord::nominal(), None);
         for written in &kinds[..5] {
             file(&sensor, written);

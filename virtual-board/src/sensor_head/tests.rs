@@ -1,6 +1,7 @@
 //! Drives the sensor head edge by edge.
 
 use super::*;
+use simulator::with;
 
 const CLOCKS: Clocks = Clocks {
     master_hz: 2.625e6,
@@ -158,11 +159,7 @@ fn the_lead_in_says_which_word_shows_pixel_0() {
     assert_eq!(row.counts[PIXELS - 2..], [10, 10]);
 
     let mut late = head();
-    Sequence {
-        burst_after: 500.0 + 16e9 / 10.5e6,
-        ..GOOD
-    }
-    .run(&mut late);
+    with(GOOD, |it| it.burst_after = 500.0 + 16e9 / 10.5e6).run(&mut late);
     assert_eq!(late.violations.first, []);
     let row = late.last_row().unwrap();
     assert_eq!(row.lead_in, -1);

@@ -1,8 +1,6 @@
 //! Tests of a sensor on a line with others: the setting `address`, and the pin that enables the line's
 //! driver.
 
-use virtual_board::VirtualBoard;
-
 use super::common;
 use super::common::*;
 

@@ -1,13 +1,8 @@
 //! Tests of `ambient subtract`: every second row is taken with the laser off, and subtracted from the others.
 
 use std::collections::BTreeSet;
-use std::time::Duration;
 
-use simulator::scene::Scene;
 use slitrange::light::ambient::AmbientMode;
-use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{LightSource, VirtualBoard};
 
 use super::common::*;
 use super::identical::{options, run_as_on_this_pc};

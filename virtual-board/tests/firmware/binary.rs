@@ -1,12 +1,10 @@
 //! Tests of `format binary`: packets from the firmware as it is flashed.
 
-use slitrange::measurement::{Measurement, Options};
 use slitrange::row::sensor_heads::tcd1304dg;
 use slitrange_device::protocol::packet::{
     Decoder, FrameResult, Message, PacketError, RowHead, unpack,
 };
 use slitrange_device::settings::serial_line::Baud;
-use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::*;
 

@@ -1,16 +1,8 @@
 //! Tests of calibrations over the serial line: the firmware uses the uploaded calibration as the core does,
 //! or nothing changes.
 
-use simulator::scene::Scene;
 use slitrange::frame::comb::Comb;
-use slitrange::measurement::Options;
-use slitrange_device::protocol::calibration::FlashStatus;
-use slitrange_device::protocol::piece::Piece;
-use slitrange_device::protocol::refusal::Refusal;
 use slitrange_device::record::RecordError;
-use slitrange_device::record::encoded::EncodedRecord;
-use virtual_board::VirtualBoard;
-use virtual_board::light::{Target, of_scene};
 
 use super::common::*;
 use super::identical::lines_of_pc;
@@ -87,10 +79,9 @@ fn readings_use_the_slits_of_a_saved_comb() {
     let rows: Vec<_> = kept_rows(&mut board);
     assert!(agree(&lines, &rows, &written), "{lines:#?}");
     // With the mask's drawing, the distances are others.
-    let drawn = slitrange_device::record::Record {
-        comb: Some(Comb::nominal()),
-        ..written.record().clone()
-    };
+    let drawn = with(written.record().clone(), |it| {
+        it.comb = Some(Comb::nominal())
+    });
     assert!(!agree(&lines, &rows, &super::records::written(drawn)));
 
     // The centre of each slit, in a second line.

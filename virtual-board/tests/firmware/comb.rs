@@ -1,20 +1,9 @@
 //! The firmware behind a comb of slits: faults, the sensor's rate, the same lines as on a PC, and readings on
 //! white paper with speckle.
 
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
 use simulator::scene::comb::{Comb, Slit};
-use simulator::scene::{Scene, Simulation, Spot};
-use slitrange::distance::Calibration;
-use slitrange::frame::comb::Slits;
-use slitrange::measurement::Options;
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
 use std::collections::BTreeMap;
-use virtual_board::board::Conditions;
-use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::upload::upload;
-use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::common::*;
 use super::faults::{assert_all_are, assert_distance_gives_advice};
@@ -27,10 +16,7 @@ use super::records;
 const ROWS_PER_SECOND: f64 = 1.0 / 5.7e-3;
 
 fn behind(comb: Comb) -> Scene {
-    Scene {
-        comb: Some(comb),
-        ..Scene::white_paper()
-    }
+    with(Scene::white_paper(), |it| it.comb = Some(comb))
 }
 
 pub fn paper_behind_a_comb() -> LightSource {

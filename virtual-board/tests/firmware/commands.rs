@@ -1,19 +1,11 @@
 //! Tests of the commands: each has the documented answer and the documented effect.
 
-use simulator::scene::Scene;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Pixels, Units};
-use slitrange::centre::Estimator;
+use slitrange::base::units::Units;
 use slitrange::distance::eq1;
 use slitrange::row::pixels::PixelErrors;
-use slitrange::row::sensor_heads;
 use slitrange_device::protocol::help::{Estimators, Help};
 use slitrange_device::protocol::info::{Banner, BrownOut, Clock, Hardware, Info};
 use slitrange_device::protocol::status::StartCause;
-use slitrange_device::record::Record;
-use slitrange_device::settings::Settings;
-use virtual_board::light::{LIGHT, Target, of_scene};
-use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::common::*;
 

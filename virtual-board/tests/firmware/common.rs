@@ -1,19 +1,39 @@
-//! Functions that the tests share: they boot a board and ask it.
+//! Functions that the tests share: they boot a board and ask it. Also the names that most tests use.
 
-use std::ops::{Deref, DerefMut};
-use std::sync::OnceLock;
-use std::time::Duration;
-
+pub use rand::{Rng, SeedableRng};
+pub use rand_chacha::ChaCha8Rng;
 use rigless::soc::stm32f427::generated::spi1;
 pub use rigless::soc::stm32f427::generated::usart6::Register as Usart;
-use simulator::scene::Scene;
-use slitrange::base::fault::Fault;
-use virtual_board::board::{Conditions, INSTRUCTIONS_PER_SECOND};
-use virtual_board::light::{Target, of_scene};
+pub use simulator::scene::{Scene, Simulation, Spot};
+pub use simulator::with;
+pub use slitrange::base::exposure::ExposureMode;
+pub use slitrange::frame::comb::Slits;
+pub use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Fault, Mean, Measurement,
+    Micrometres, Options, Pixels, sensor_heads,
+};
+pub use slitrange_device::protocol::calibration::FlashStatus;
+pub use slitrange_device::protocol::piece::Piece;
+pub use slitrange_device::protocol::refusal::Refusal;
+pub use slitrange_device::protocol::row_lines::{ROW_END, RowPixels};
+pub use slitrange_device::record::Record;
+pub use slitrange_device::record::encoded::EncodedRecord;
+pub use slitrange_device::settings::Settings;
+pub use slitrange_device::store::Stored;
+pub use slitrange_device::store::configuration::Configuration;
+pub use slitrange_device::store::pixel_map::StoredMap;
+use std::ops::{Deref, DerefMut};
+pub use std::sync::OnceLock;
+pub use std::time::Duration;
+use virtual_board::Statistics;
+pub use virtual_board::board::Conditions;
+use virtual_board::board::INSTRUCTIONS_PER_SECOND;
+pub use virtual_board::flash::{BASE, BYTES, Contents, Operation, SECTOR_BYTES};
+pub use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::port_pin::{OUTPUT, Pin};
 use virtual_board::stm32f429::Stm32f429;
-use virtual_board::{
-    Exposure, Firmware, LightSource, Line, Row, SharedFlash, Statistics, VirtualBoard,
+pub use virtual_board::{
+    Exposure, Firmware, LightSource, Line, Nanos, OpenLine, PIXELS, Row, SharedFlash, VirtualBoard,
 };
 
 /// The longest wait in virtual time: longer than any frame and any answer.
@@ -33,9 +53,7 @@ pub fn slower_sampling() -> f64 {
 }
 
 pub fn conditions(change: impl FnOnce(&mut Conditions)) -> Conditions {
-    let mut conditions = Conditions::default();
-    change(&mut conditions);
-    conditions
+    with(Conditions::default(), change)
 }
 
 /// A board with one instruction a cycle, whatever `SLITRANGE_MIPS` says: for tests of figures that hold at

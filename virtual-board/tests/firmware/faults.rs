@@ -1,13 +1,9 @@
 //! Provokes every fault. The firmware reports the fault by its name and never gives a distance.
 
+use judges::frames;
 use simulator::optics::Optics;
-use simulator::scene::{Scene, Spot};
-use slitrange::base::exposure::Exposure;
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Counts, Micrometres, Pixels};
 use slitrange_device::protocol::advice::advice;
-use virtual_board::light::{LIGHT, Target, of_scene};
-use virtual_board::{FULL_SCALE, LightSource, OpenLine, VirtualBoard};
+use virtual_board::FULL_SCALE;
 
 use super::common::*;
 
@@ -57,39 +53,7 @@ pub fn assert_all_are(lines: &[String], name: &str) {
 }
 
 fn advice_for(name: &str) -> &'static str {
-    let (amplitude, needed) = <(Counts, Counts)>::default();
-    let (centre, other, scatter, uncertainty) = <(Pixels, Pixels, Pixels, Pixels)>::default();
-    let (step, exposure) = (Micrometres::default(), Exposure::LONGEST);
-    let pixels = 0;
-    let faults = [
-        Fault::SensorSilent,
-        Fault::NoSpot { amplitude },
-        Fault::TooDim { amplitude, needed },
-        Fault::Saturated { pixels },
-        Fault::SpotAtEdge { centre },
-        Fault::TwoSpots { centre, other },
-        Fault::Unsteady { scatter },
-        Fault::OutOfRange { centre },
-        Fault::NotCalibrated {
-            centre,
-            uncertainty,
-        },
-        Fault::FewSlits {
-            found: 0,
-            needed: 0,
-        },
-        Fault::SlitsUnclear {
-            images: 0,
-            other: 0,
-        },
-        Fault::DimAtLongest {
-            amplitude,
-            exposure,
-        },
-        Fault::SaturatedAtShortest { pixels, exposure },
-        Fault::LaserOff,
-        Fault::Spike { step },
-    ];
+    let faults = frames::faults([0; 2], [0; 2]);
     let fault = faults.iter().find(|fault| fault.name() == name);
     advice(fault.expect("the name of a fault"))
 }
@@ -100,10 +64,7 @@ fn noise() -> f64 {
 
 #[test]
 fn without_a_laser_there_is_no_spot() {
-    let scene = Scene {
-        spot: None,
-        ..Scene::white_paper()
-    };
+    let scene = with(Scene::white_paper(), |it| it.spot = None);
     let line = only_fault(&[], "no spot", of_scene(scene, Target::at(DISTANCE)));
     let highest = number(&line, ": ", " counts at most") / noise();
     assert!((0.0..5.0).contains(&highest), "{line}");

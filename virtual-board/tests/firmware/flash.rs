@@ -1,15 +1,6 @@
 //! Tests that saved configurations survive power cuts, resets and flipped bits.
 
-use std::sync::OnceLock;
-use std::time::Duration;
-
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use slitrange::frame::Mean;
-use slitrange_device::store::Stored;
-use slitrange_device::store::configuration::Configuration;
-use virtual_board::flash::{BASE, Contents, Done, History, Operation};
-use virtual_board::{SharedFlash, VirtualBoard};
+use virtual_board::flash::{Done, History};
 
 use super::common::*;
 use super::kept;

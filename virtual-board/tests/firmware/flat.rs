@@ -1,13 +1,7 @@
 //! Tests of `flat`: the map of the pixels lowers the error of a sensor whose pixels differ, and survives
 //! power cycles and power cuts.
 
-use std::time::Duration;
-
-use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
-use slitrange_device::store::pixel_map::StoredMap;
-use virtual_board::flash::{Contents, SECTOR_BYTES, SharedFlash};
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{LightSource, VirtualBoard};
+use simulator::scene::{FixedPattern, Response};
 
 use super::common::*;
 use super::kept;
@@ -28,14 +22,9 @@ fn paper(distance: f64) -> LightSource {
 }
 
 fn even(counts: f64) -> LightSource {
-    let scene = Scene {
-        spot: None,
-        ambient: Some(Ambient {
-            counts_per_second: counts / scene().exposure,
-            slope: 0.0,
-        }),
-        ..scene()
-    };
+    let ambient = format!("ambient.counts_per_second = {}", counts / scene().exposure);
+    let lit = scene().listing(&ambient).expect("a scene");
+    let scene = with(lit, |it| it.spot = None);
     of_scene(scene, Target::at(0.8))
 }
 

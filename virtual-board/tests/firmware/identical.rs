@@ -2,25 +2,16 @@
 //! Every line must be the same text.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use simulator::scene::{self, Scene, SecondReflection, Spot};
-use slitrange::base::exposure::{self, ExposureMode};
-use slitrange::base::fault::Fault;
-use slitrange::centre::{self, Estimator};
-use slitrange::distance::Calibration;
-use slitrange::frame::Mean;
+use simulator::scene::{self, SecondReflection};
+use slitrange::Surface;
+use slitrange::base::exposure;
+use slitrange::centre;
 use slitrange::frame::comb::Comb;
 use slitrange::light::ambient::AmbientMode;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::spot;
 use slitrange::spot::region::Region;
-use slitrange::{sensor_heads, spot};
 use slitrange_device::protocol::line::{FaultLine, ReadingLine};
-use virtual_board::{Exposure, LightSource, Row};
 
 use super::common::*;
 

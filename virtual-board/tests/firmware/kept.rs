@@ -5,17 +5,10 @@ use std::convert::Infallible;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use slitrange::frame::Mean;
 use slitrange::row::pixels::map::{MAX_MAP_PIXELS, PixelMap};
-use slitrange_device::protocol::calibration::FlashStatus;
-use slitrange_device::record::Record;
-use slitrange_device::record::encoded::EncodedRecord;
-use slitrange_device::settings::Settings;
-use slitrange_device::store::configuration::Configuration;
-use slitrange_device::store::pixel_map::{self, StoredMap};
-use slitrange_device::store::{Store, Stored};
-use virtual_board::VirtualBoard;
-use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
+use slitrange_device::store::Store;
+use slitrange_device::store::pixel_map;
+use virtual_board::flash::FIRST_SECTOR;
 
 use super::common::*;
 use super::records::{assert_shown, written};

@@ -3,11 +3,7 @@
 use std::process::Command;
 
 use judges::changing_light::{self, BRIGHTEST};
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use simulator::scene::{Exposure as Times, Scene, Simulation};
-use slitrange::measurement::Options;
-use virtual_board::{Exposure, LightSource};
+use simulator::scene::Exposure as Times;
 
 use super::common::*;
 use super::identical::{logarithmic, run_as_on_this_pc};

@@ -1,10 +1,8 @@
 //! Tests of `format modbus`: requests and answers on the serial line. clients/python/tests/test_modbus.py
 //! does the same with a stock master.
 
-use std::time::Duration;
-
 use rigless::soc::stm32f427::generated::usart6::{cr1, cr2};
-use virtual_board::{Nanos, VirtualBoard};
+use virtual_board::Nanos;
 
 use super::common::*;
 

@@ -1,9 +1,6 @@
 //! Tests of the settings that act between a frame's reading and its line.
 
 use super::common::*;
-use simulator::scene::Scene;
-use virtual_board::VirtualBoard;
-use virtual_board::light::{Target, of_scene};
 
 /// The next line that begins as asked.
 fn line(board: &mut VirtualBoard, start: &str) -> String {

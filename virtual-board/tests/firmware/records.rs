@@ -2,25 +2,19 @@
 
 use judges::longest;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Micrometres, Pixels, Units};
-use slitrange::centre::Estimator;
+use slitrange::base::units::Units;
 use slitrange::centre::spot_shape::COMPONENTS;
 use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::frame::comb::{Comb, SlitMap};
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface};
-use slitrange::row::{Geometry, Polarity, sensor_heads};
-use slitrange_device::protocol::calibration::{CalibrationAnswer, FlashStatus};
-use slitrange_device::protocol::piece::Piece;
-use slitrange_device::record::Record;
+use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
+use slitrange::Polarity;
+use slitrange_device::protocol::calibration::CalibrationAnswer;
 use slitrange_device::record::date::Date;
-use slitrange_device::record::encoded::EncodedRecord;
-use virtual_board::{VirtualBoard, upload};
+use virtual_board::upload;
 
 use super::common::*;
 
@@ -84,22 +78,14 @@ pub fn of_comb() -> EncodedRecord {
             slit.corrected([of_drawing, 0.3, -0.2, 0.1].map(Pixels::from_f32))
         })
         .collect();
-    written(Record {
-        comb: Comb::new(&slits),
-        profile: None,
-        ..eq1().record().clone()
-    })
+    written(with(eq1().record().clone(), |it| {
+        (it.comb, it.profile) = (Comb::new(&slits), None)
+    }))
 }
 
 /// A record with other light-sensitive pixels than this sensor's.
 pub fn of_another_head() -> Record {
-    Record {
-        geometry: Geometry {
-            light: 36..3683,
-            ..sensor_heads::tcd1304dg()
-        },
-        ..eq1().record().clone()
-    }
+    with(eq1().record().clone(), |it| it.geometry.light = 36..3683)
 }
 
 /// The longest record with the longest comb and the longest front end.

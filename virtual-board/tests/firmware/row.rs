@@ -2,15 +2,10 @@
 //! words of this row, the core on the PC gives the same centre or fault.
 
 use std::ops::Range;
-use std::time::Duration;
 
-use slitrange::base::exposure::{Exposure, ExposureMode};
-use slitrange::frame::comb::Slits;
-use slitrange::measurement::Measurement;
-use slitrange::row::sensor_heads;
-use slitrange_device::protocol::row_lines::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
-use slitrange_device::settings::Settings;
-use virtual_board::{Exposure as Light, LightSource, OpenLine, PIXELS, VirtualBoard};
+use slitrange::base::exposure::Exposure;
+use slitrange_device::protocol::row_lines::{RowExposure, RowHead, RowPart};
+use virtual_board::Exposure as Light;
 
 use super::comb::paper_behind_a_comb;
 use super::common::*;

@@ -1,9 +1,6 @@
 //! The rate of rows that the firmware sustains with nothing lost. The sensor head here has no rate limit of
 //! its own: the words of a row are in memory about 10 us after the row is due.
 
-use slitrange::distance::Calibration;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use virtual_board::Row;
 use virtual_board::row_rate::{lost_rows, start};
 
 use super::common::*;

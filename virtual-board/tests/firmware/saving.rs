@@ -1,15 +1,7 @@
 //! Tests of `save`: saved settings and calibrations survive a power cycle. If flash is unusable, the sensor
 //! does not use a calibration that might be wrong.
 
-use std::time::Duration;
-
-use slitrange::frame::Mean;
-use slitrange_device::protocol::calibration::FlashStatus;
-use slitrange_device::protocol::refusal::Refusal;
-use slitrange_device::record::encoded::EncodedRecord;
 use slitrange_device::store::StoreError;
-use virtual_board::flash::{BYTES, Contents, SharedFlash};
-use virtual_board::{Nanos, VirtualBoard};
 
 use super::common::*;
 use super::faults::assert_all_are;

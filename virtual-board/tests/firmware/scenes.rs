@@ -1,9 +1,7 @@
 //! Shows the firmware every scene that the board's sensor can see. It must give readings, or the fault that
 //! the scene is made for.
 
-use simulator::scene::{Scene, Sensor, file};
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{Line, VirtualBoard};
+use simulator::scene::{Sensor, file};
 
 use super::common::*;
 

@@ -1,7 +1,5 @@
 //! Tests of `selftest`.
 
-use virtual_board::{OpenLine, VirtualBoard};
-
 use super::common::*;
 
 /// The answer, without the first word of its lines.

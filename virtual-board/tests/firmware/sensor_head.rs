@@ -1,11 +1,7 @@
 //! Tests of the sensor head as the firmware drives it, at the highest rate of readings.
 
-use std::time::Duration;
-
 use rigless::soc::stm32f427::generated::spi1::{Register as Spi1, sr};
 use slitrange::row::sensor_heads::TCD1304DG_LEAD_IN;
-use virtual_board::Row;
-use virtual_board::board::Conditions;
 use virtual_board::sensor_head::limits;
 
 use super::common::*;
@@ -95,10 +91,7 @@ fn a_violated_limit_is_an_error_of_the_run() {
 fn words_in_batches_are_the_same_as_words_one_by_one() {
     let run = |word_by_word: bool| {
         // rigless's DMA counts a word when it ends.
-        let conditions = Conditions {
-            most_dma_latency: 0,
-            ..full_speed()
-        };
+        let conditions = with(full_speed(), |it| it.most_dma_latency = 0);
         let mut board = CleanBoard::power_on(spot_at(CENTRE, 1500.0), conditions);
         if word_by_word {
             with_processor(&mut board, |it| it.word_by_word = true);

@@ -1,14 +1,10 @@
 //! Tests of noise and random bytes on the serial line: the firmware continues to measure and answers only
 //! with errors.
 
-use std::time::Duration;
-
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
 use rigless::soc::stm32f427::generated::usart6::{cr1, cr3};
 use slitrange_device::protocol::command::Command;
 use slitrange_device::protocol::input::Input;
-use virtual_board::{Arrival, Line, Nanos, VirtualBoard};
+use virtual_board::Arrival;
 
 use super::common::*;
 use super::records::CENTRE;

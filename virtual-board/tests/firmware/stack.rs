@@ -1,10 +1,7 @@
 //! Measures the deepest stack of the firmware.
 
 use rigless::soc::Width;
-use slitrange::centre::Estimator;
 use std::ops::Range;
-use virtual_board::board::Conditions;
-use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use super::comb::{any_combs, paper_behind_a_comb};
 use super::common::*;

@@ -1,10 +1,6 @@
 //! Tests of streams at the highest rates: nothing is lost or out of order, and the counters agree at both
 //! ends.
 
-use std::time::Duration;
-
-use virtual_board::{Line, Nanos, VirtualBoard};
-
 use super::binary::Reader;
 use super::common::*;
 

@@ -2,9 +2,6 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
-
-use virtual_board::{Exposure, LightSource, OpenLine, VirtualBoard};
 
 use super::common::*;
 

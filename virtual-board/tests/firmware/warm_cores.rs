@@ -1,7 +1,5 @@
 //! A board continues in a core that has run the firmware before, and does the same as in a new core.
 
-use virtual_board::{Firmware, VirtualBoard};
-
 use super::common::*;
 
 /// The lines with their times, the log, and the statistics of a run with commands, a hang and a reset.

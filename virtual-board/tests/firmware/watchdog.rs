@@ -1,9 +1,6 @@
 //! Tests of the watchdog, and of the cause that the banner names after a start.
 
-use std::time::Duration;
-
 use rigless::soc::stm32f427::generated::usart6::cr1;
-use virtual_board::{Nanos, OpenLine, VirtualBoard};
 
 use super::common::*;
 

@@ -1,25 +1,15 @@
 //! Other masks and laser spots beside the default: what number, gaps and width of the slits and the laser's
 //! spot trade against each other.
 
-use std::path::Path;
-
-use anyhow::{Context as _, Result};
 use figures::axes::{self, Axis, Scale, panel};
 use figures::dark::BLUE;
 use plotters::prelude::*;
 use rand::seq::SliceRandom as _;
-use rand::{Rng as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
-use rayon::prelude::*;
-use simulator::optics::Optics;
-use simulator::scene::Scene;
-use slitrange::base::units::{Counts, Pixels};
 use slitrange::frame::comb::{self, Maximum, NOMINAL_PLACES_UM, SLIT_WIDTH_UM, SlitMap, assign};
-use slitrange::row::sensor_heads;
 use statistics::least_and_most;
 
 use crate::comb::{Mask, with_speckle, with_width};
+use crate::prelude::*;
 use crate::programs::comb::tolerances::DISTANCE;
 use crate::programs::comb::{Outcome, bar, theory};
 use crate::table;
@@ -55,18 +45,14 @@ impl Design {
     /// The nominal gaps times a factor, from the middle of the mask.
     fn stretched(factor: f64) -> Self {
         let places = NOMINAL_PLACES_UM.map(|um| (factor * f64::from(um)).round() as i32);
-        Self {
-            places_um: places.to_vec(),
-            ..Self::nominal()
-        }
+        with(Self::nominal(), |it| it.places_um = places.to_vec())
     }
 
     fn fewer(count: usize) -> Self {
         let first = (NOMINAL_PLACES_UM.len() - count) / 2;
-        Self {
-            places_um: NOMINAL_PLACES_UM[first..first + count].to_vec(),
-            ..Self::nominal()
-        }
+        with(Self::nominal(), |it| {
+            it.places_um = NOMINAL_PLACES_UM[first..first + count].to_vec()
+        })
     }
 
     /// In millimetres.

@@ -2,6 +2,7 @@
 
 use simulator::scene::comb::Comb;
 use simulator::scene::{Scene, Simulation};
+use simulator::with;
 use slitrange::frame::comb::NOMINAL_PLACES_UM;
 
 use crate::comb::with_speckle;
@@ -16,10 +17,9 @@ struct RowOfMetal {
 
 impl RowOfMetal {
     fn new(base: &Scene) -> Self {
-        let scene = Scene {
-            comb: Some(Comb::nominal()),
-            ..with_speckle(base, 1e-3, 1)
-        };
+        let scene = with(with_speckle(base, 1e-3, 1), |it| {
+            it.comb = Some(Comb::nominal())
+        });
         let simulation = Simulation::on_surface(scene.clone(), 8);
         let row = simulation.row(0, 0.8, scene.exposure);
         Self {

@@ -21,13 +21,9 @@ pub mod steps;
 mod tests;
 pub mod whole_rows;
 
-use std::collections::BTreeSet;
-use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, Result, ensure};
 use cost_on_chip::methods::Method;
-use slitrange::centre::Estimator;
 use slitrange::centre::tables::{self, TableSet};
 
 use virtual_board::trace::Call;
@@ -36,6 +32,8 @@ use lines::Line;
 use program::Program;
 use run::Run;
 use whole_rows::WholeRows;
+
+use crate::prelude::*;
 
 const PACKAGE: &str = "cost-on-chip";
 

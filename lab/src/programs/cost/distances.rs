@@ -2,14 +2,9 @@
 
 use anyhow::Context as _;
 use cost_on_chip::calibrations::Form;
-use slitrange::base::units::Pixels;
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::Knot;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::CalibrationErrors;
-use slitrange::row::sensor_heads;
+use slitrange::{BlackLevel, Calibration, CalibrationErrors, Estimator, Pixels, sensor_heads};
 use slitrange_device::record::date::Date;
 use slitrange_device::record::{MAX_ENCODED, Record, encode};
 

@@ -5,13 +5,12 @@ use std::time::Instant;
 
 use cost_on_chip::methods::{self, Method};
 use judges::accuracy::{Cell, PIXELS};
-use simulator::scene::{Scene, quantise};
-use slitrange::centre::Estimator;
+use slitrange::Options;
 use slitrange::frame::MAX_ROWS;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::row::{LARGEST_COUNT, Row, sensor_heads};
+use slitrange::row::LARGEST_COUNT;
 use slitrange::spot;
-use statistics::upper_median;
+
+use crate::prelude::*;
 
 const ROWS: u64 = 256;
 const REPETITIONS: usize = 101;
@@ -55,11 +54,9 @@ pub fn row_nanoseconds(estimator: Estimator) -> Option<f64> {
             words
         })
         .collect();
-    let options = Options {
-        estimator,
-        rows: MOST as u16,
-        ..Options::default()
-    };
+    let options = with(Options::default(), |it| {
+        (it.estimator, it.rows) = (estimator, MOST as u16)
+    });
     let mut times = vec![];
     for _ in 0..REPETITIONS / 8 {
         for rows in rows.chunks(MOST) {

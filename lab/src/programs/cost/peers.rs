@@ -11,13 +11,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use anyhow::Context as _;
 use cost_on_chip::methods::Method as CostMethod;
-use rayon::prelude::*;
 use serde::Serialize;
-use slitrange::centre::{self, Estimator};
-use slitrange::row::{Geometry, Row};
-use statistics::{rms, upper_median};
+use slitrange::centre;
 
 mod gaussian;
 mod levenberg_marquardt;
@@ -28,6 +24,7 @@ mod varpro;
 
 use rows::Window;
 
+use crate::prelude::*;
 use crate::programs::cost::chip::Chip;
 use crate::programs::cost::chip::whole_rows::FOLLOWING;
 use crate::programs::cost::host_time;

@@ -10,21 +10,15 @@
 //! They are the scenes `speckle-*` of `scenes/`; speckle is summed as a field ([`simulator::field`]). Each
 //! reading sees a surface of its own. Its truth is the target's mean distance over its rows.
 
-use anyhow::{Context as _, Result, ensure};
 use cost_on_chip::whole_rows::COMB;
 use judges::frames::words;
-use rayon::prelude::*;
 use simulator::bound;
+use simulator::scene::Effect;
 use simulator::scene::comb::Comb;
-use simulator::scene::{Effect, Scene, Simulation};
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
-use slitrange::frame::comb::Slits;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
+use slitrange::Options;
 use slitrange_device::record;
-use statistics::{rms, upper_median};
 
+use crate::prelude::*;
 use crate::programs::cost::chip::whole_rows::WholeRows;
 
 /// Rows a second that the sensor is read out with.
@@ -189,10 +183,7 @@ struct Found {
 /// A reading on a surface of its own, by each estimator at each number of rows: the first ones of the same
 /// 64.
 fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Found>> {
-    let simulation = Simulation::new(Scene {
-        seed: scene.seed + reading,
-        ..scene.clone()
-    });
+    let simulation = Simulation::new(with(scene.clone(), |it| it.seed = scene.seed + reading));
     let slits = match scene.comb {
         Some(_) => Slits::Comb,
         None => Slits::One,
@@ -247,7 +238,6 @@ fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Fou
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::{Rng as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 

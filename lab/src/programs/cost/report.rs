@@ -2,15 +2,12 @@
 
 mod whole_rows;
 
-use std::path::Path;
-
-use anyhow::Context as _;
 use cost_on_chip::methods::Method;
 use cost_on_chip::rows::WORDS;
 use cost_on_chip::whole_rows::WIDTH;
 use serde::Serialize;
-use slitrange::centre::Estimator;
 
+use crate::prelude::*;
 use crate::programs::cost::accuracy::Accuracy;
 use crate::programs::cost::chip::{Chip, MethodOnChip};
 use crate::programs::cost::peers::Peer;

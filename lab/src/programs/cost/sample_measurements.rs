@@ -1,11 +1,9 @@
 //! Made-up measurements for tests of the report and of the figures.
 
-use std::collections::BTreeSet;
-
 use cost_on_chip::methods::Method;
 use judges::accuracy::Outcome;
-use slitrange::centre::Estimator;
 
+use crate::prelude::*;
 use crate::programs::cost::accuracy::{
     Accuracy, Bias, InSituation, MethodOnCell, NOISES, SITUATIONS, WIDTHS,
 };

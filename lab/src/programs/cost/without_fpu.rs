@@ -1,8 +1,6 @@
 //! What a plain row takes on a chip without an FPU: ARMv6-M, as of a Cortex-M0+.
 
-use anyhow::Result;
-use slitrange::centre::Estimator;
-
+use crate::prelude::*;
 use crate::slowest::{self, Chip};
 use crate::table;
 

@@ -1,14 +1,12 @@
 //! Error and exposure over the target's reflectivity.
 
-use std::path::Path;
-
-use anyhow::Result;
 use figures::axes::{self, Area, Axis, Panel, TEXT, panel, text};
 use figures::dark::{BLUE as AUTO, GREEN as BEST, GREY, ORANGE as LONGEST};
 use judges::changing_light::range::{Frames, Target};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use crate::prelude::*;
 use crate::programs::exposure::NAMED;
 
 /// Room for the lines' names beside the panels, in pixels.

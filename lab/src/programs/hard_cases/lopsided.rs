@@ -3,12 +3,10 @@
 use std::fmt::Write as _;
 
 use judges::frames::{measure_rows, words};
-use rand::SeedableRng as _;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::centre::Estimator;
-use slitrange::measurement::Options;
+use slitrange::Options;
 use slitrange::sensor_heads::tcd1304dg;
+
+use crate::prelude::*;
 
 /// The table's tool.
 pub const TOOL: &str = "cargo hard-cases, lopsided spots";
@@ -83,10 +81,7 @@ fn found(light: Light, estimator: Estimator) -> [f64; 2] {
             words(&row.collect::<Vec<_>>(), &geometry)
         };
         let rows: Vec<_> = (0..ROWS).map(|_| row()).collect();
-        let options = Options {
-            estimator,
-            ..Options::default()
-        };
+        let options = with(Options::default(), |it| it.estimator = estimator);
         let measured = measure_rows(&rows, &geometry, options, None).expect("a reading");
         let frame = measured.frame;
         let by_shape = estimator.by_shape(&frame.shape, None).to_f64();

@@ -1,12 +1,10 @@
 //! Error over the number of points.
 
-use std::path::Path;
-
-use anyhow::Result;
 use figures::axes::{self, Axis, TEXT, panel, text};
 use figures::dark::{BLUE, GREEN, ORANGE, PURPLE};
 use plotters::prelude::*;
 
+use crate::prelude::*;
 use crate::programs::points::{COUNTS, Cell, MEANS};
 
 /// One for each of [`MEANS`].

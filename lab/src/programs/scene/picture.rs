@@ -2,20 +2,15 @@
 //! leaves.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
 use figures::axes::{self, Area, Axis, Scale};
 use figures::dark::{BLUE as COUNTS, RED as FIT};
 use phase_tables::gaussian;
 use plotters::prelude::*;
-use simulator::optics::Aperture;
-use simulator::scene::{Scene, Simulation, quantise};
-use slitrange::base::fault::Fault;
-use slitrange::centre::{Estimator, RowCentre};
-use statistics::{least_and_most, upper_median};
+use statistics::least_and_most;
 
 use crate::budget::row_centre;
+use crate::prelude::*;
 use crate::programs::scene::embedded::{Grey, Place};
 use crate::programs::scene::words;
 

@@ -3,10 +3,10 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use simulator::scene::{Scene, Simulation, quantise};
-use statistics::{rms, upper_median};
+use statistics::rms;
 
 use crate::budget;
+use crate::prelude::*;
 
 /// What a scene costs. The first row is the one in which all is computed that stays for as long as the target
 /// does.

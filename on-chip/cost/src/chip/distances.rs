@@ -1,9 +1,7 @@
 //! From a centre to a distance, by every form of a calibration.
 
 use cost_on_chip::calibrations::{self, CENTRES, Form};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::{Micrometres, Pixels};
-use slitrange::distance::Calibration;
+use slitrange::{Calibration, Fault, Micrometres, Pixels};
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost};

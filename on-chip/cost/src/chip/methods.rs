@@ -3,8 +3,7 @@
 use cost_on_chip::inputs::{self, Input, Searched};
 use cost_on_chip::methods::{self, Method};
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS};
-use slitrange::base::fault::Fault;
-use slitrange::centre::{Estimator, RowCentre};
+use slitrange::{Estimator, Fault, RowCentre};
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost};

@@ -1,10 +1,8 @@
 //! The search for the spot, and turning words into a row.
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WORDS};
-use slitrange::base::fault::Fault;
-use slitrange::base::units::Pixels;
-use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
+use slitrange::{Fault, Geometry, Pixels, Row};
 
 use super::counter::{self, Cost};
 

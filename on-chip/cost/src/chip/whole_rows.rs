@@ -6,13 +6,11 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS, WORDS};
 use cost_on_chip::whole_rows::{COMB, FRAME, Order, WIDTH};
-use slitrange::base::fault::Fault;
-use slitrange::centre::Estimator;
-use slitrange::distance::Calibration;
 use slitrange::frame::comb::Slits;
-use slitrange::measurement::{Measurement, Options};
-use slitrange::reading::uncertainty::{CalibrationErrors, Surface};
-use slitrange::reading::{Measured, Reading};
+use slitrange::{
+    Calibration, CalibrationErrors, Estimator, Fault, Measured, Measurement, Options, Reading,
+    Surface,
+};
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost};

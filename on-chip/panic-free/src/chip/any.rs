@@ -1,33 +1,29 @@
 //! Values that the optimiser knows nothing about.
 
 use slitrange::base::exposure::{Exposure, ExposureMode};
-use slitrange::base::fault::Fault;
 use slitrange::base::places::PLACES;
-use slitrange::base::units::{Counts, Electrons, Micrometres, Pixels, Units};
+use slitrange::base::units::{Electrons, Units};
+use slitrange::centre::WidthClass;
 use slitrange::centre::spot_shape::COMPONENTS;
-use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::check::own_spot::Profile;
-use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::frame::FrameCentre;
 use slitrange::frame::comb::{CORRECTIONS, Comb, Combined, MAX_SLITS, SlitMap, Slits};
-use slitrange::frame::{FrameCentre, Mean};
 use slitrange::light::ambient::AmbientMode;
-use slitrange::light::black_level::BlackLevel;
-use slitrange::reading::uncertainty::{
-    CalibrationErrors, FittedErrors, FittedSurface, Parts, Surface,
-};
-use slitrange::reading::{Measured, Reading};
+use slitrange::reading::uncertainty::{FittedErrors, FittedSurface, Parts};
 use slitrange::row::Background;
 use slitrange::row::front_end::{Estimate, FrontEnd};
 use slitrange::row::pixels::PixelErrors;
-use slitrange::row::sensor_heads;
-use slitrange::row::{Geometry, Polarity};
 use slitrange::spot::Spot;
 use slitrange::spot::choice::SpotChoice;
 use slitrange::spot::region::Region;
+use slitrange::{
+    BlackLevel, Calibration, CalibrationErrors, Counts, Estimator, Fault, Geometry, Mean, Measured,
+    Micrometres, Pixels, Polarity, Reading, RowCentre, Surface, sensor_heads,
+};
 use slitrange_device::filters::average::Average;
 use slitrange_device::filters::{Limits, SpikeFilter};
 use slitrange_device::record::Record;

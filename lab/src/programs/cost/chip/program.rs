@@ -1,15 +1,13 @@
 //! The program's machine code: its functions, and its instructions as `llvm-objdump` shows them.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
 use std::process::Command;
 
-use anyhow::{Context, Result, ensure};
 use cost_on_chip::methods::Method;
 use object::{Object as _, ObjectSymbol as _, SymbolKind};
-use virtual_board::Firmware;
 
 use super::steps;
+use crate::prelude::*;
 
 #[derive(Clone, Debug)]
 struct Function {

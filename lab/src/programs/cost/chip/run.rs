@@ -1,16 +1,13 @@
 //! Running the program on the emulated board.
 
-use std::time::Duration;
-
-use anyhow::{Context as _, Result, bail};
 use cost_on_chip::whole_rows::Order;
-use slitrange::centre::Estimator;
+use virtual_board::PIXELS;
 use virtual_board::trace::Call;
-use virtual_board::{Firmware, PIXELS, VirtualBoard};
 
 use super::lines::Line;
 use super::program::Program;
 use super::steps;
+use crate::prelude::*;
 use crate::slowest;
 
 /// The program is done in less than half of this virtual time.

@@ -6,16 +6,16 @@
 //! for the step that needed it.
 
 use std::cell::RefCell;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::rc::Rc;
 
 use addr2line::gimli::{EndianSlice, LittleEndian};
 use addr2line::{Context, LookupResult, gimli};
-use anyhow::{Context as _, Result, bail};
 use object::{Object as _, ObjectSection as _};
 use rustc_demangle::demangle;
-use virtual_board::Firmware;
 use virtual_board::trace::Call;
+
+use crate::prelude::*;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {

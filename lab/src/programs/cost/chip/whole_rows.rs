@@ -1,10 +1,6 @@
 //! Whole rows on the chip: the instructions from a row's words to its centre with its check, by step.
 
-use std::collections::BTreeSet;
-
-use anyhow::{Context as _, Result, ensure};
 use cost_on_chip::whole_rows::{COMB, FRAME, WIDTH};
-use slitrange::centre::Estimator;
 use virtual_board::trace::Call;
 
 use super::lines::Line;
@@ -12,6 +8,7 @@ use super::program::Program;
 use super::run::Run;
 use super::steps::{self, Functions, Steps};
 use super::{CLOCK_ROUNDS, pairs, sorted};
+use crate::prelude::*;
 
 /// The kinds of rows, and what makes a reading of a frame, as `whole-rows.csv` names them.
 pub const FOLLOWING: &str = "following";

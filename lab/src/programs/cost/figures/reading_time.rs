@@ -1,17 +1,15 @@
 //! What a user decides by: the time for a reading against the error of its distance, by each estimator and
 //! number of rows, on a surface without speckle and on a rough one.
 
-use std::path::Path;
-
 use figures::axes::{self, Area, Axis, TEXT, TITLE, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange::centre::Estimator;
 
 use cost_on_chip::methods::Method;
 
 use super::curves::{Curve, Kind, draw_curves};
 use super::style::{self, bold};
+use crate::prelude::*;
 use crate::programs::cost::reading_time::{self, Light, Point, ROWS_PER_SECOND};
 use crate::programs::cost::report::Measured;
 

@@ -1,14 +1,12 @@
 //! The steps of whole rows: a bar an estimator, in a panel each for following, first and slowest rows.
 
-use std::path::Path;
-
 use cost_on_chip::methods::Method;
 use figures::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange::centre::Estimator;
 
 use super::style::{CHARACTER, bold, is_default};
+use crate::prelude::*;
 use crate::programs::cost::chip::steps::{NAMES, Steps};
 use crate::programs::cost::report::Measured;
 

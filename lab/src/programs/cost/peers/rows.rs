@@ -1,15 +1,13 @@
 //! The rows that everyone is given, and what the row before tells of each.
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use judges::accuracy::Cell;
-use rayon::prelude::*;
-use simulator::scene::{BlackLevel, Scene, quantise};
-use slitrange::base::units::Pixels;
-use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::row::{Geometry, Row};
+use simulator::scene::BlackLevel;
+use slitrange::centre;
 use slitrange::spot::{self, Spot};
 
 use super::gaussian::{Parameters, WINDOW};
+use crate::prelude::*;
 
 /// Pixels of the row in which the spot is found. The search is in nobody's time.
 const PIXELS: usize = 512;
@@ -47,11 +45,9 @@ fn whole_row() -> Scene {
 }
 
 pub fn geometry() -> Geometry {
-    Geometry {
-        words: WINDOW,
-        light: 0..WINDOW,
-        ..whole_row().geometry()
-    }
+    with(whole_row().geometry(), |it| {
+        (it.words, it.light) = (WINDOW, 0..WINDOW)
+    })
 }
 
 /// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to

@@ -3,13 +3,12 @@
 
 use std::collections::HashMap;
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use anyhow::{Context as _, bail, ensure};
 use serde::Deserialize;
 
 use super::rows::Window;
+use crate::prelude::*;
 
 const SCRIPT: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),

@@ -1,12 +1,9 @@
 //! The paper's fig. 10: errors along the table through the lens and through the slit, of brushed metal. And
 //! the lens's with neither speckle nor noise: what its aberrations and its flare are to blame for.
 
-use std::path::Path;
-
 use calibration::fit::eq1;
 use figures::axes::{self, Area, Axis, Panel, panel};
 use plotters::prelude::*;
-use rayon::prelude::*;
 
 use super::style::{RIGHT, colour, draw_zero};
 use crate::paper::apparatus::TABLE;
@@ -14,6 +11,7 @@ use crate::paper::lens_effects::Flare;
 use crate::paper::lens_path::{centre_without_speckle, centroid_without_speckle};
 use crate::paper::materials::MATERIALS;
 use crate::paper::methods::Method;
+use crate::prelude::*;
 use crate::programs::table1::report::Report;
 
 /// Index of brushed metal in the table of materials.
