@@ -1,6 +1,7 @@
 //! Calibrations of every kind, with functions that upload and read them.
 
 use judges::longest;
+use slitrange::Polarity;
 use slitrange::base::places::PLACES;
 use slitrange::base::units::Units;
 use slitrange::centre::spot_shape::COMPONENTS;
@@ -11,7 +12,6 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::frame::comb::{Comb, SlitMap};
 use slitrange::reading::uncertainty::{FittedErrors, FittedSurface};
-use slitrange::Polarity;
 use slitrange_device::protocol::calibration::CalibrationAnswer;
 use slitrange_device::record::date::Date;
 use virtual_board::upload;
