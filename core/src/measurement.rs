@@ -586,9 +586,15 @@ pub fn centre_of_spot(
     let mut found = verdict.of(&estimate.found);
     if verdict.may_be_repaired && estimator != Estimator::GaussNewton {
         let row = estimate.row(row);
-        found = repair_or_keep(
-            estimator, row, spot, before, geometry, profile, found, budget,
+        // The repair starts from the estimator's height: where the check failed, its own may be a flaw's.
+        let start = RowCentre {
+            amplitude: estimate.found.amplitude,
+            ..found
+        };
+        let repaired = repair(
+            estimator, row, spot, before, geometry, profile, &start, budget,
         );
+        found = repaired.unwrap_or(found);
     }
     Ok(RowCentre {
         misfit: found.misfit || check::may_be_bad_pixels(&found),
@@ -651,40 +657,39 @@ pub fn robust_centre(
     }))
 }
 
-/// The repaired centre if the row is symmetric about it, otherwise the one that was found. The table class
-/// stays that of the estimator, but for the weights of a lopsided spot.
+/// The repaired centre, if the row is symmetric about it. The table class stays that of the estimator, but for
+/// the weights of a lopsided spot.
 #[cold]
 #[inline(never)]
 #[expect(
     clippy::too_many_arguments,
     reason = "a step's inputs, each of its own"
 )]
-fn repair_or_keep(
+fn repair(
     estimator: Estimator,
     row: &Row<'_>,
     spot: &Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
     profile: Option<&Profile>,
-    found: RowCentre,
+    found: &RowCentre,
     budget: &mut WorkBudget,
-) -> RowCentre {
+) -> Option<RowCentre> {
     let repaired = match estimator {
         // Its centre is the one from which a repair starts, and has failed the check.
-        Estimator::Adaptive => repair::repair(row, spot, geometry, profile, &found, budget),
+        Estimator::Adaptive => repair::repair(row, spot, geometry, profile, found, budget),
         _ => robust_centre(row, spot, before, geometry, profile, budget).ok(),
     };
-    match repaired {
-        Some(other) if !other.misfit || other.width < repair::NARROWEST_SURE_REFIT => RowCentre {
-            // What made the spot lopsided is repaired.
-            class: match found.class.set == LOPSIDED.number {
-                true => centre::WidthClass::default(),
-                false => found.class,
-            },
-            ..other
+    let other = repaired?;
+    let counts = !other.misfit || other.width < repair::NARROWEST_SURE_REFIT;
+    counts.then_some(RowCentre {
+        // What made the spot lopsided is repaired.
+        class: match found.class.set == LOPSIDED.number {
+            true => centre::WidthClass::default(),
+            false => found.class,
         },
-        _ => found,
-    }
+        ..other
+    })
 }
 
 #[cfg(test)]

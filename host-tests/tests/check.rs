@@ -6,9 +6,11 @@ use judges::hard_cases::recipe::Place;
 
 /// Whether the check flagged or repaired a centre. It always measures the shape.
 fn is_doubted([alone, checked]: &[Answer; 2]) -> bool {
-    let without_shape =
-        |answer: &Answer| answer.map(|it| with(it, |it| it.shape = SpotShape::default()));
-    without_shape(alone) != without_shape(checked)
+    // The check measures the height and the shape of every spot.
+    let others = |answer: &Answer| {
+        answer.map(|it| with(it, |it| (it.amplitude, it.shape) = Default::default()))
+    };
+    others(alone) != others(checked)
 }
 
 /// Whether an answer is a centre without a flag, further off than it claims.

@@ -254,3 +254,13 @@ fn a_file_that_is_no_recording_is_refused() {
         assert!(format!("{error:#}").contains(words), "{error:#}");
     }
 }
+
+#[test]
+fn a_sensor_that_speaks_modbus_is_named() {
+    let desk = desk();
+    assert_eq!(ask(&desk, "format modbus"), "format modbus");
+    let (ended, _) = desk.run("settings --port A");
+    let named = "a sensor speaks Modbus at A as station 1: read it by a Modbus master, or let one write 0 to its \
+                 holding register 4, for text";
+    assert_eq!(ended, Err(named.to_owned()));
+}

@@ -731,7 +731,7 @@ impl Symmetry {
             squares,
             leverage: ((pitch >> 10) * LEVERAGE_A_PITCH) >> 8,
             width: Pixels::from_bits(numeric::saturated(wider.saturating_add(width.into()))),
-            height: Counts::from_bits(numeric::add_i32(of_sample, more)),
+            height: Counts::from_bits(of_sample.saturating_add(more)),
             even: Even::of(&shape, height, unlit, noise.shot, fraction),
         }
     }

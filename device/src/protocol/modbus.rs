@@ -208,7 +208,7 @@ fn add(to: &mut Vec<u8, MAX_BYTES>, bytes: &[u8]) -> Option<()> {
 /// The checksum at the end of a request and of an answer, the low byte first (Modbus over serial line V1.02,
 /// section 6.2.2). The crate crc has it too, but with two of its CRC-16 in a program the compiler cannot
 /// exclude an overflow in either.
-fn checksum(bytes: &[u8]) -> u16 {
+pub fn checksum(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xFFFF, |sum, &byte| {
         (0..8).fold(sum ^ u16::from(byte), |sum, _| match sum & 1 {
             0 => sum >> 1,

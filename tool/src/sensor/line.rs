@@ -9,6 +9,7 @@ use std::io;
 use std::time::Duration;
 
 use slitrange_device::protocol::command::{Command, parse};
+use slitrange_device::protocol::modbus;
 use slitrange_device::settings::serial_line::{Baud, Bits};
 use slitrange_device::settings::{Setting, Value};
 
@@ -43,6 +44,9 @@ pub const SAVE: Duration = Duration::from_secs(20);
 /// How long a rate is kept for a command that a sensor may take at that rate: ten times what the command
 /// takes at 115200 baud.
 const WAKE: Duration = Duration::from_millis(50);
+
+/// How long to wait for the answer of a sensor that shares its line: it comes within 10 ms.
+const SHARING: Duration = Duration::from_millis(20);
 
 /// How long to wait for a sensor to come back that does not answer any more.
 pub const RECONNECT: Duration = Duration::from_secs(20);
@@ -316,6 +320,47 @@ impl<'a> Line<'a> {
             }
             answers => answers.map(drop),
         }
+    }
+
+    /// Looks for a sensor that shares its line, by an address or by Modbus, and gives how to talk to it. Takes
+    /// ten seconds if there is none.
+    pub fn find_sharing(&mut self) -> Result<Option<String>, LineError> {
+        let name = self.name.clone();
+        let mut heard = Vec::new();
+        for number in 1..=247 {
+            // Of Modbus: read the holding register 5, the address.
+            let request = [number, 3, 0, 5, 0, 1];
+            let request = [&request[..], &modbus::checksum(&request).to_le_bytes()].concat();
+            // The CR ends what a sensor without Modbus took for the start of a line.
+            for question in [request, format!("\r@{number} address\r").into()] {
+                self.say(&question, "address")?;
+                let mut bytes = [0; LONGEST];
+                let count = self.bytes(&mut bytes, SHARING)?;
+                heard.extend_from_slice(bytes.get(..count).unwrap_or_default());
+            }
+            // An adapter may keep bytes for a while, so an answer is told by the number in it.
+            let text = String::from_utf8_lossy(&heard);
+            let is_said = |it: &u8| text.contains(&format!("@{it} address {it}\r"));
+            if let Some(address) = (1..=number).find(is_said) {
+                return Ok(Some(format!(
+                    "a sensor with the address {address} answers at {name}, and the tool talks to a sensor \
+                     that is alone on its line: send it the line `@{address} address 0` from a terminal"
+                )));
+            }
+            let station = heard.windows(7).find_map(|it| match it {
+                &[station, 3, 2, .., low, high] => (it.get(..5))
+                    .is_some_and(|it| modbus::checksum(it) == u16::from_le_bytes([low, high]))
+                    .then_some(station),
+                _ => None,
+            });
+            if let Some(station) = station {
+                return Ok(Some(format!(
+                    "a sensor speaks Modbus at {name} as station {station}: read it by a Modbus master, or let \
+                     one write 0 to its holding register 4, for text"
+                )));
+            }
+        }
+        Ok(None)
     }
 
     /// Leaves behind whatever was said before, and gives whether readings stream.

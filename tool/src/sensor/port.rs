@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use anyhow::{Result, bail};
+use anyhow::{Error, Result, bail};
 
 use super::line::{Line, LineError};
 use super::session::Session;
@@ -27,8 +27,19 @@ impl PortOption {
     }
 
     /// Opens a session with the sensor at the port.
+    ///
+    /// # Errors
+    /// See [`Self::find`] and [`Session::open`]. If nobody answers, the error names a sensor there that shares
+    /// its line.
     pub fn open<'a>(&self, pc: &'a dyn Pc) -> Result<Session<'a>> {
-        Ok(Session::open(pc, &self.find(pc)?)?)
+        let port = self.find(pc)?;
+        match Session::open(pc, &port) {
+            Err(silent @ LineError::Silent { .. }) => {
+                let sharing = Line::open(pc, &port)?.find_sharing()?;
+                Err(sharing.map_or(silent.into(), Error::msg))
+            }
+            opened => Ok(opened?),
+        }
     }
 }
 
