@@ -343,11 +343,9 @@ macro_rules! declare {
             }
 
             fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result {
+                write!(f, "{} ", self.setting().name())?;
                 match self {
-                    $(Self::$variant(value) => {
-                        f.write_str(concat!($name, " "))?;
-                        value.write(f, units)
-                    })+
+                    $(Self::$variant(value) => value.write(f, units),)+
                 }
             }
         }
