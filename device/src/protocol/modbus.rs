@@ -325,8 +325,8 @@ fn value(setting: Setting, registers: &[u16], has_others: bool) -> Result<Value,
     // The longest words are three numbers of 32 bits, each with a blank.
     let _ = match setting {
         Setting::Laser => words.write_str(name(&["off", "on"], number)?),
-        Setting::Format => words.write_str(name(&Format::ALL.map(Format::name), number)?),
-        Setting::Trigger => words.write_str(name(&Trigger::ALL.map(Trigger::name), number)?),
+        Setting::Format => words.write_str(name(Format::NAMES, number)?),
+        Setting::Trigger => words.write_str(name(Trigger::NAMES, number)?),
         Setting::Exposure if number == 0 => words.write_str("auto"),
         Setting::Average if number == 0 => words.write_str("none"),
         Setting::Average => {

@@ -8,11 +8,8 @@ use slitrange::base::units::{Micrometres, Units};
 
 /// The unit that the words end with, or else `units`, and the words before the unit.
 pub fn split_unit<'a, 'b>(words: &'a [&'b str], units: Units) -> (&'a [&'b str], Units) {
-    match words {
-        [words @ .., "mm"] => (words, Units::Millimetres),
-        [words @ .., "um"] => (words, Units::Micrometres),
-        words => (words, units),
-    }
+    let named = |(unit, words): (&&str, _)| Some((words, Units::named(unit)?));
+    words.split_last().and_then(named).unwrap_or((words, units))
 }
 
 /// Reads a length from `least` to `most` micrometres: `500`, `-0.25`.
