@@ -283,7 +283,7 @@ macro_rules! declare {
             /// What the setting does, in a few words.
             pub const fn help(self) -> &'static str {
                 match self {
-                    $(Self::$variant => concat!($($help),+).trim_ascii(),)+
+                    $(Self::$variant => const { concat!($($help),+).trim_ascii() },)+
                 }
             }
 
