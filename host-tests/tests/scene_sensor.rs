@@ -609,7 +609,6 @@ fn ambient_light_and_dark_current_do_not_depend_on_the_laser() {
     assert_eq!(of(&scene, 0.0), of(&dark, 0.002));
 }
 
-/// Each effect that a scene can list.
 const EVERY_EFFECT: &str = include_str!("scene_sensor/every-effect.toml");
 
 /// The effects whose parameters can make them do nothing, with such parameters.
