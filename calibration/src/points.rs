@@ -678,37 +678,11 @@ mod tests {
 
     #[test]
     fn malformed_points_are_refused_with_a_reason() {
-        let refusals: Vec<String> = [
-            "",
-            "# black 12\n",
-            "# black fixed 4096\n",
-            "# estimator best\n",
-            "# serial -1\n",
-            "# head MLX75306\n",
-            "1500,600\n",
-            "x_px d_mm\n",
-            "x_px,d_mm,d_mm\n",
-            "x\0_\0p\0x\0",
-            "x_px,d_mm\n2426,600,5\n",
-            "x_px,d_mm,\n2426,600,5\n",
-            "x_px,d_mm\n2428,3047,600,5\n",
-            "x_px,d_mm\n2426,\"600,5\"\n",
-            "x_px;d_mm\n2426;1.020,5\n",
-            "x_px,d_mm\n2428.3,0.6\n1315.4,1.02\n",
-            "x_px,d_mm\n1500\n",
-            "x_px,d_mm\n1500,600\n1501,\n",
-            "x_px,d_mm\n1500,NaN\n",
-            "x_px,d_mm\ninf,600\n",
-            "x_px,d_mm\n1500,600 mm\n",
-            "x_px,d_mm\n3648,600\n",
-            "x_px,d_mm\n1500,8400\n",
-            "x_px,d_mm,sigma_px\n1500,600,0\n",
-            "x_px,d_mm,sigma_px\n1500,600,0.02\n1501,601\n",
-            "x_px,d_mm,frames,claimed_px,width_px,shape_0_px,shape_1_px,shape_2_px,shape_3_px,shape_4_px\n\
-             1500,600,8,0.002,0,0,0,0,0,0\n",
-        ]
-        .map(|text| format!("{:#}", Points::parse(text).expect_err("refused")))
-        .to_vec();
-        insta::assert_snapshot!(refusals.join("\n"));
+        // A file a line.
+        let refusals = include_str!("points/malformed.txt").lines().map(|line| {
+            let text = line.replace(r"\n", "\n").replace(r"\0", "\0");
+            format!("{:#}", Points::parse(&text).expect_err("refused"))
+        });
+        insta::assert_snapshot!(refusals.collect::<Vec<_>>().join("\n"));
     }
 }

@@ -8,28 +8,6 @@
 //! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they
 //! know no ranges, units or help, so they would not make this file smaller.
 
-/// Names the values of enums, in their order, as a person types them.
-macro_rules! names {
-    ($($type:ident: $($value:ident $name:literal),+;)+) => {
-        $(impl $type {
-            /// All.
-            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$value),+];
-
-            /// The name that a person types.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$value => $name,)+
-                }
-            }
-
-            /// Finds a value by its [`name`](Self::name).
-            pub fn named(name: &str) -> Option<Self> {
-                Self::ALL.into_iter().find(|it| it.name() == name)
-            }
-        })+
-    };
-}
-
 pub mod columns;
 pub mod lengths;
 pub mod serial_line;
@@ -305,7 +283,7 @@ macro_rules! declare {
             /// What the setting does, in a few words.
             pub const fn help(self) -> &'static str {
                 match self {
-                    $(Self::$variant => concat!($($help),+).trim_ascii(),)+
+                    $(Self::$variant => const { concat!($($help),+).trim_ascii() },)+
                 }
             }
 
@@ -343,11 +321,9 @@ macro_rules! declare {
             }
 
             fn write(self, f: &mut fmt::Formatter<'_>, units: Option<Units>) -> fmt::Result {
+                write!(f, "{} ", self.setting().name())?;
                 match self {
-                    $(Self::$variant(value) => {
-                        f.write_str(concat!($name, " "))?;
-                        value.write(f, units)
-                    })+
+                    $(Self::$variant(value) => value.write(f, units),)+
                 }
             }
         }

@@ -40,6 +40,15 @@ impl<const N: usize> fmt::Write for Text<N> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         add(&mut self.bytes, &mut self.length, text)
     }
+
+    fn write_char(&mut self, character: char) -> fmt::Result {
+        add_character(&mut self.bytes, &mut self.length, character)
+    }
+}
+
+#[inline(never)]
+fn add_character(bytes: &mut [u8], length: &mut usize, character: char) -> fmt::Result {
+    add(bytes, length, character.encode_utf8(&mut [0; 4]))
 }
 
 /// Not inlined, so that flash does not hold a copy for each `N`.

@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use judges::hard_cases::Shape;
+use judges::hard_cases::mixtures::log_even;
 use judges::hard_cases::recipe::Place;
 
 /// Whether the check flagged or repaired a centre. It always measures the shape.
@@ -16,10 +17,6 @@ fn is_doubted([alone, checked]: &[Answer; 2]) -> bool {
 /// Whether an answer is a centre without a flag, further off than it claims.
 fn is_confident_error(row: &HardRow, answer: &Answer) -> bool {
     Said::of_row(row.truth, answer).is_confident_error()
-}
-
-fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
-    from * (to / from).powf(random.random())
 }
 
 /// Takes rows of symmetric spots of every profile. The check flags or repairs at most one row in 200, and

@@ -170,39 +170,22 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
     };
     let second = |s, offset, widths| Flaw::Second(spot(1.2 * s, offset, widths));
     let ghost = |share| Flaw::Ghost(spot(share, 3.0, 6.0));
+    #[rustfmt::skip] // A flaw a line.
     let flaws: [(&str, &dyn Fn(f64) -> Flaw); 14] = [
-        ("one hot pixel at 1 sigma, to 3000 counts", &|s| {
-            hot(s, 1, 1.0)
-        }),
-        ("two hot pixels at 4 sigma, to 3000 counts", &|s| {
-            hot(s, 2, 4.0)
-        }),
+        ("one hot pixel at 1 sigma, to 3000 counts", &|s| hot(s, 1, 1.0)),
+        ("two hot pixels at 4 sigma, to 3000 counts", &|s| hot(s, 2, 4.0)),
         ("a dead pixel at 0.5 sigma, from 4000 counts", &dead),
         ("a second spot at 2 sigma, to 1.2", &|s| second(s, 2.0, 1.0)),
         ("a second spot at 3 sigma, to 1.2", &|s| second(s, 3.0, 1.0)),
-        ("a second spot at 5.5 sigma, to 1.2", &|s| {
-            second(s, 5.5, 1.0)
-        }),
-        ("a narrow second spot at 12 sigma, to 1.2", &|s| {
-            second(s, 12.0, 0.7)
-        }),
-        ("a wide second spot at -15 sigma, to 1.2", &|s| {
-            second(s, -15.0, 1.5)
-        }),
+        ("a second spot at 5.5 sigma, to 1.2", &|s| second(s, 5.5, 1.0)),
+        ("a narrow second spot at 12 sigma, to 1.2", &|s| second(s, 12.0, 0.7)),
+        ("a wide second spot at -15 sigma, to 1.2", &|s| second(s, -15.0, 1.5)),
         ("a wide ghost at 3 sigma, to 0.2", &|s| ghost(0.2 * s)),
         ("a slope, to 20 counts a pixel", &|s| Flaw::Slope(20.0 * s)),
-        ("a step at 1 sigma, to 800 counts", &|s| {
-            Flaw::Step(800.0 * s, 1.0)
-        }),
-        ("a ripple of 30 px, to 400 counts", &|s| {
-            Flaw::Ripple(400.0 * s, 30.0)
-        }),
-        ("responses that differ, to 0.2", &|s| {
-            Flaw::Response(0.2 * s)
-        }),
-        ("steps of the converter, to 512 counts", &|s| {
-            Flaw::Steps(1.0 + 511.0 * s)
-        }),
+        ("a step at 1 sigma, to 800 counts", &|s| Flaw::Step(800.0 * s, 1.0)),
+        ("a ripple of 30 px, to 400 counts", &|s| Flaw::Ripple(400.0 * s, 30.0)),
+        ("responses that differ, to 0.2", &|s| Flaw::Response(0.2 * s)),
+        ("steps of the converter, to 512 counts", &|s| Flaw::Steps(1.0 + 511.0 * s)),
     ];
     let shapes: [(&str, Shape); 2] = [("gaussian", Shape::Gaussian), ("Fresnel", Shape::Fresnel)];
     let mut text = String::new();

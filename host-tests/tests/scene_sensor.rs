@@ -609,60 +609,10 @@ fn ambient_light_and_dark_current_do_not_depend_on_the_laser() {
     assert_eq!(of(&scene, 0.0), of(&dark, 0.002));
 }
 
-const EVERY_EFFECT: &str = r#"
-diffraction = "fresnel"
-laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 }
-obliquity = {}
-speckle = { polarisations = 2, linewidth = 1e-9, path_spread = 0.0 }
-texture = { contrast = 0.2, length = 0.5e-3 }
-specular_lobe = { strength = 1.0, width = 0.3, tilt = 0.0 }
-reflectivity = { darkest = 0.1, steps = 2, seconds = 0.02 }
-defocus = { focus_distance = 0.7 }
-coma = { waves = 1.0, field = 5e-3 }
-distortion = { share = 0.01, field = 5e-3 }
-flare = { magnification = 1.0, width = 20.0, strength = 0.01, veil = 0.001 }
-second_reflection = { offset = 50.0, width = 8.0, strength = 0.1 }
-ambient = { counts_per_second = 20_000.0, slope = 3.0 }
-mains_light = { counts_per_second = 10_000.0, modulation = 0.5, frequency = 100.0 }
-motion = { speed = 0.5 }
-temperature = { kelvin_per_second = 100.0, expansion = 23e-6 }
-response = { deviation = 0.02 }
-lag = { counts = 100.0, share = 0.5 }
-shot_noise = { electrons_per_count = 10.0 }
-saturation = { full_well = 1000.0, blooming = 0.5 }
-black_level = { counts = 300.0, drift = 10.0 }
-fixed_pattern = { counts = 3.0 }
-hot_pixels = { share = 0.01, counts_per_second = 30_000.0 }
-settling = { time_constant = 0.4e-6 }
-front_end = { gain = 0.8, offset = 20.0, saturation = 900.0 }
-read_noise = { counts = 4.0 }
-quantisation = { step = 4.0 }
-"#;
+const EVERY_EFFECT: &str = include_str!("scene_sensor/every-effect.toml");
 
 /// The effects whose parameters can make them do nothing, with such parameters.
-const EFFECTS_IN_VAIN: [&str; 20] = [
-    "texture = { contrast = 0.0, length = 0.5e-3 }",
-    "specular_lobe = { strength = 0.0, width = 0.3, tilt = 0.0 }",
-    "reflectivity = { darkest = 1.0, steps = 2, seconds = 0.02 }",
-    "coma = { waves = 0.0, field = 5e-3 }",
-    "distortion = { share = 0.0, field = 5e-3 }",
-    "flare = { magnification = 1.0, width = 20.0, strength = 0.0, veil = 0.0 }",
-    "second_reflection = { offset = 50.0, width = 8.0, strength = 0.0 }",
-    "ambient = { counts_per_second = 0.0, slope = 0.0 }",
-    "mains_light = { counts_per_second = 0.0, modulation = 0.5, frequency = 100.0 }",
-    "motion = { speed = 0.0 }",
-    "temperature = { kelvin_per_second = 100.0, expansion = 0.0 }",
-    "response = { deviation = 0.0 }",
-    "lag = { counts = 100.0, share = 0.0 }",
-    "saturation = { full_well = 1e9, blooming = 0.5 }",
-    "black_level = { counts = 0.0 }",
-    "fixed_pattern = { counts = 0.0 }",
-    "hot_pixels = { share = 0.0, counts_per_second = 30_000.0 }",
-    // The output settles within a pixel, so this changes no count.
-    "settling = { time_constant = 1e-9 }",
-    "front_end = { gain = 1.0, offset = 0.0 }",
-    "read_noise = { counts = 0.0 }",
-];
+const EFFECTS_IN_VAIN: &str = include_str!("scene_sensor/in-vain.toml");
 
 /// A scene that lists an effect of [`EVERY_EFFECT`] besides what it lists.
 fn with_effect(scene: Scene, effect: Effect) -> Scene {
@@ -807,7 +757,7 @@ fn no_effect_changes_the_random_numbers_of_another() {
 #[test]
 fn an_effect_that_does_nothing_changes_nothing() {
     let every = listing(spot_behind_a_lens(), EVERY_EFFECT);
-    for in_vain in EFFECTS_IN_VAIN {
+    for in_vain in EFFECTS_IN_VAIN.lines().filter(|it| !it.starts_with('#')) {
         let name = in_vain.split(' ').next().unwrap_or_default();
         let effect = (Effect::ALL.into_iter()).find(|it| it.name() == name);
         let without = every.clone().without(effect.expect(name));
@@ -950,36 +900,7 @@ fn scenes_give_a_centre_or_the_fault_that_their_file_names() {
 }
 
 /// What is replaced in a scene with every effect, by what, and words of the error. `|` is the end of a line.
-const MEANINGLESS: &str = r#"
-exposure = 0.005 => exposure = 0.0 => exposure is 0 s: it must be above 0
-|distance = 0.8 => |distance = nan => distance is NaN m: it must be above 0
-width = 8.6 => width = -8.6 => spot.width is -8.6 pixels: it must be above 0
-{ counts = 4.0 => { counts = -1.0 => read_noise.counts is -1 counts: it must be 0 or more
-_count = 10.0 => _count = 0.0 => electrons_per_count is 0 electrons: it must be above 1
-blooming = 0.5 => blooming = 1.5 => saturation.blooming is 1.5 of the charge: it must be 0 to 1
-{ share = 0.01, c => { share = -0.1, c => hot_pixels.share is -0.1 of the pixels: it must be 0 to 1
-modulation = 0.5 => modulation = 1.5 => mains_light.modulation is 1.5 of the mean: it must be 0 to 1
-frequency = 100.0 => frequency = 0.0 => mains_light.frequency is 0 Hz: it must be above 0
-frequency = 100.0 => phase = nan, frequency = 100.0 => mains_light.phase is NaN radians
-{ counts = 100.0, share = 0.5 => { counts = 0.0, share = 0.5 => lag.counts is 0 counts: it must be above 0
-100.0, share = 0.5 => 100.0, share = 1.1 => lag.share is 1.1 of the charge: it must be 0 to 1
-time_constant = 0.4e-6 => time_constant = 0.0 => settling.time_constant is 0 s: it must be above 0
-gain = 0.8 => gain = 0.0 => front_end.gain is 0 times: it must be above 0
-offset = 20.0, saturation = 900.0 => saturation = -1.0 => front_end.saturation is -1 counts: it must be above 0
-step = 4.0 => step = 0.0 => quantisation.step is 0 counts
-|laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 } =>  => add [laser_spot]
-polarisations = 2 => polarisations = 3 => speckle.polarisations is 3 (1: metal, gloss; 2: paper, wood): it must be 1 to 2
-waist = 0.42e-3 => waist = 9e-6 => laser_spot.waist is 0.000009 m: it must be 0.00001
-length = 0.5e-3 => length = 0.9e-6 => texture.length is 0.0000009 m
-focal_length = 0.05 => focal_length = 0.9e-3 => optics.focal_length is 0.0009 m
-diameter = 0.00 => diameter = -0.00 => optics.aperture.lens.diameter is -0.00
-diameter = 0.004 => diameter = 0.005 => optics.aperture.lens.diameter is 0.005
-"tcd1304dg" => "camera" => optics.pitch is 0.000008 m
-"tcd1304dg" => "tcd1305" => unknown variant `tcd1305`
-{ counts = 4.0 => { volume = 3 => unknown field `volume`
-read_noise => noise => unknown field `noise`
-exposure = 0.005| =>  => missing field `exposure`
-"#;
+const MEANINGLESS: &str = include_str!("scene_sensor/meaningless.txt");
 
 fn assert_error(error: impl Display, words: &str) {
     let error = format!("{error:#}");

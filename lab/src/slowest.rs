@@ -30,21 +30,18 @@ pub const WITHOUT_FPU: &str = "thumbv6m-none-eabi";
 /// The slowest rows that the repository knows: for each estimator a first and a following row, with the
 /// instructions that the search counted.
 pub fn known() -> impl Iterator<Item = Slow> {
-    let slow = |follows| {
-        move |(words, estimator): (&corpus::Slow, Estimator)| {
-            let question = Question {
-                description: Description::from_words(&words.1),
+    let both = [false, true].into_iter().zip(corpus::SLOWEST);
+    both.flat_map(|(follows, rows)| {
+        let slow = move |((instructions, words), estimator)| Slow {
+            question: Question {
+                description: Description::from_words(&words),
                 estimator,
                 follows,
-            };
-            Slow {
-                question,
-                instructions: words.0,
-            }
-        }
-    };
-    let first = corpus::FIRST.iter().zip(Estimator::ALL).map(slow(false));
-    first.chain(corpus::FOLLOWING.iter().zip(Estimator::ALL).map(slow(true)))
+            },
+            instructions,
+        };
+        rows.into_iter().zip(Estimator::ALL).map(slow)
+    })
 }
 
 /// A spot of 10.5 pixels on a dark row, as the first row of a frame or as a following one.

@@ -28,11 +28,7 @@ const TICK: Duration = Duration::from_millis(50);
 /// line is a pseudo-terminal, whose name is printed: give it to the other commands with --port. Ctrl-C ends
 /// the board. The first start compiles the firmware, which takes minutes.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_help = "\
-Examples:
-  slitrange demo
-  slitrange demo quiet-paper --monitor
-  slitrange demo -- --unknown-geometry 7 --stage stage.txt")]
+#[command(after_help = include_str!("demo.help.txt").trim_ascii_end())]
 pub struct DemoOptions {
     /// What the sensor sees: a name that `cargo scene` lists, or the path of a .toml file. Without it, white
     /// paper that moves from 600 to 1020 mm and back

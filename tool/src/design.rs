@@ -21,10 +21,7 @@ use geometry::{COMB_SLITS, Geometry};
 /// It prints the parts of the error at five distances, and which part is the largest. It needs no sensor.
 /// Speckle and pixels are estimates by closed forms that agree with the simulation to a quarter.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_help = "\
-Example: the nominal sensor with a laser spot of half the diameter, and with a comb of 16 slits
-  slitrange design --angle 68.9624 --spot 0.5
-  slitrange design --angle 68.9624 --comb")]
+#[command(after_help = include_str!("design.help.txt").trim_ascii_end())]
 pub struct DesignOptions {
     /// From the laser's beam to the slit
     #[arg(long, value_name = "MM", default_value_t = 300.0)]

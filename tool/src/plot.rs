@@ -28,10 +28,7 @@ const FEWEST: usize = 16;
 /// Allan deviation and spectrum need readings at an even rate. They are those of the longest run without a
 /// fault and without a pause.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_help = "\
-Example:
-  slitrange monitor --csv run.csv --seconds 600
-  slitrange plot run.csv")]
+#[command(after_help = include_str!("plot.help.txt").trim_ascii_end())]
 pub struct PlotOptions {
     /// A recording of `monitor --csv` or `replay --csv`, or lines of a sensor with `format csv`, in mm
     file: PathBuf,

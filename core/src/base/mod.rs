@@ -1,11 +1,15 @@
 //! What all steps share: units, faults, exposures, arithmetic, and the work that a row may cost.
 
 /// Gives an enum the list of its values, their names, and the value of a name.
+#[macro_export]
 macro_rules! named {
     ($type:ident { $($value:ident: $name:literal),* }) => {
         impl $type {
             /// All values.
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$value),*];
+
+            /// Their names.
+            pub const NAMES: &[&str] = &[$($name),*];
 
             /// Its name in texts.
             pub const fn name(self) -> &'static str {
@@ -16,10 +20,17 @@ macro_rules! named {
 
             /// The value with this [`name`](Self::name).
             pub fn named(name: &str) -> Option<Self> {
-                Self::ALL.into_iter().find(|it| it.name() == name)
+                let place = $crate::base::place_of(name, Self::NAMES)?;
+                Self::ALL.get(place).copied()
             }
         }
     };
+}
+
+/// The place of a name in a list. Not inlined, so that flash does not hold a search for each enum.
+#[inline(never)]
+pub fn place_of(name: &str, names: &[&str]) -> Option<usize> {
+    names.iter().position(|&it| it == name)
 }
 
 pub mod drawing;

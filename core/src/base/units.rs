@@ -139,15 +139,7 @@ pub enum Units {
     Micrometres,
 }
 
-impl Units {
-    /// Its name in texts.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Millimetres => "mm",
-            Self::Micrometres => "um",
-        }
-    }
-}
+named! { Units { Millimetres: "mm", Micrometres: "um" } }
 
 /// A distance in a unit, to a tenth of a micrometre.
 pub struct InUnits(pub Micrometres, pub Units);

@@ -357,7 +357,8 @@ mod tests {
     /// that no script can have.
     #[test]
     fn lines_are_commands_or_errors() {
-        const MM: Units = Units::Millimetres;
+        use ValueError::{Form, Range};
+        let wrong = |setting, error| Err(Error::Value(setting, error, Units::Millimetres));
         for (line, command) in [
             (&b""[..], Ok("")),
             (b"  help ", Ok("help")),
@@ -365,17 +366,11 @@ mod tests {
             (b"black fixed  300", Ok("black fixed 300")),
             (b"row 1700 1839", Ok("row 1700 1839")),
             (b"master -512.0625", Ok("master -512.0625 mm")),
-            (
-                b"limits 790.50 810 um",
-                Err(Error::Value(Setting::Limits, ValueError::Form, MM)),
-            ),
+            (b"limits 790.50 810 um", wrong(Setting::Limits, Form)),
             (b"limits 790000.5 810000 um", Ok("limits 790.0005 810 mm")),
             (b" calibration  commit", Ok("calibration commit")),
             (b"distanse", Err(Error::Unknown(Some("distance")))),
-            (
-                b"rows 0",
-                Err(Error::Value(Setting::Rows, ValueError::Range, MM)),
-            ),
+            (b"rows 0", wrong(Setting::Rows, Range)),
             (b"rows\0 1", Err(Error::NotText)),
             (b"rows \xff", Err(Error::NotText)),
             (&[b'a'; MAX_LINE + 1], Err(Error::TooLong)),

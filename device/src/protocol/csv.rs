@@ -3,20 +3,7 @@
 //! `800.1234,0.4372,0.0035,1770.1234,1011,16,16,1,5600,0,,0,0,0,0,`
 //!
 //! A line has the columns of the setting `output`, always in the same order, and then `z`, `h` and `fault`.
-//! A column without a value is empty. [`Header`] names the columns:
-//!
-//! | `output` | columns | values |
-//! |---|---|---|
-//! | `counter` | `number` | the number of the result since the start |
-//! | `time` | `us` | the time of the result since the start, in microseconds |
-//! | `distance`, `u`, `r` | the same | in the unit of the setting `units` |
-//! | `centre`, `height`, `width` | the same | in pixels, counts, pixels |
-//! | `rows` | `used`, `rows`, `slits` | rows used, rows of the frame, slits used (1 without a comb) |
-//! | `exposure` | `exposure` | in microseconds, also the longest one; empty if it is not known |
-//! | `flags` | `m`, `c`, `g`, `s` | the flags: `m` a number, `c` a number or empty, `g` and `s` 0 or 1 |
-//! | | `z` | 1 if the distance is relative to `zero`, otherwise 0 |
-//! | | `h` | the number of results for which `hold` has held the reading, otherwise 0 |
-//! | | `fault` | the name of the fault. Only `number` and `us` have values beside it |
+//! A column without a value is empty. [`Header`] names the columns, and docs/serial-line.md their values.
 
 use core::fmt;
 

@@ -67,28 +67,28 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     (before.chain(settings).chain(after)).filter_map(|typed| split_words(typed).first().copied())
 }
 
+fn write_line(f: &mut fmt::Formatter<'_>, (typed, help): (&str, &str)) -> fmt::Result {
+    write!(f, "{typed:COLUMN$} {help}\r\n")
+}
+
 /// The answer to `help`: a line for each command, parted by CR LF. Lengths are in this unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Help(pub Units);
 
 impl fmt::Display for Help {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (typed, help) in BEFORE_SETTINGS.map(parts) {
-            write!(f, "{typed:COLUMN$} {help}\r\n")?;
+        for line in &BEFORE_SETTINGS {
+            write_line(f, parts(line))?;
         }
         for &setting in Setting::ALL {
             let mut typed = Text::<96>::default();
             // A test checks that all fit.
-            let _ = write!(
-                typed,
-                "{} [{}]",
-                setting.name(),
-                setting.form().in_units(self.0)
-            );
-            write!(f, "{:COLUMN$} {}\r\n", typed.as_str(), setting.help())?;
+            let form = setting.form().in_units(self.0);
+            let _ = write!(typed, "{} [{form}]", setting.name());
+            write_line(f, (typed.as_str(), setting.help()))?;
         }
-        for (typed, help) in AFTER_SETTINGS.map(parts) {
-            write!(f, "{typed:COLUMN$} {help}\r\n")?;
+        for line in &AFTER_SETTINGS {
+            write_line(f, parts(line))?;
         }
         f.write_str(LAST)
     }

@@ -1,37 +1,9 @@
 //! Readings and faults as lines, without their line ends.
 //!
-//! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`: distance, its combined standard
-//! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows
-//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. ` t 187` is the mean
-//! exposure of the rows used, in microseconds; without it they had the longest exposure, 5600 us. A comb adds
-//! ` k 16`: the slits used. Flags may follow:
-//!
-//! * `m 3`: three of the rows used did not fit their spot.
-//! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent
-//!   ones. This flag comes only below eight ([`Reading::correlated`]).
-//! * `g`: the geometry is the nominal one, because the head was never calibrated.
-//! * `s`: estimator, black level or slits are not those of the calibration.
-//!
-//! A fault is `f too dim: 35.2 counts, needs 60.1`. The centre of a frame, calibrated or not, is
-//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t w 7.62131 o 0.00012 -0.00310 0.01203 0.00010 -0.00020`:
-//! centre and its repeatability in pixels, to all their digits, then the black level in counts, the
-//! estimator's [`letter`](slitrange::centre::Estimator::letter), and the spot's shape
-//! ([`SpotShape`](slitrange::centre::spot_shape::SpotShape)). `w` is the width, `o` the five components of
-//! the antisymmetric light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the
-//! check too little of the spot. The exposure and the flags of a reading may follow.
-//!
-//! With a comb, `x` is the centre that a slit on the optical axis would show. ` k 16` follows the shape: the
-//! slits used. A second line has the images, in the order of the slits: `slits 912.12345/1830 - ...`. Each is
-//! the centre of the slit's image in pixels and its height in counts. `-` is a slit without an image in at
-//! least half of the frame's rows.
-//!
-//! This is the line of the factory's settings. `output` chooses the columns
-//! ([`Columns`]): all that follow the unit may be left out, and the number
-//! of the distance, too. Three more may come: ` w 7.62131` after `n`, the spot's width in pixels (its width
-//! at half of the height, as a gaussian's sigma), and in front of readings and faults `# 1234 `, the number
-//! of the result, and `@ 12345678 `, its time in microseconds, both since the start. The number also counts
-//! the results whose lines were dropped. `units um` writes distance, u and r in micrometres. The last flag is
-//! ` h 3`: `hold` gives a reading of three results ago in place of a fault.
+//! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`, a fault
+//! `f too dim: 35.2 counts, needs 60.1`, and the centre of a frame, calibrated or not,
+//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t w 7.62131 o 0.00012 -0.00310 0.01203 0.00010 -0.00020`.
+//! docs/serial-line.md says what each part means, and which of them `output`, `units` and a comb change.
 //!
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
 //! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are

@@ -2,48 +2,10 @@
 //! them by the silence between requests.
 //!
 //! The sensor answers the functions 3 (read holding registers), 4 (read input registers), 6 (write a
-//! register) and 16 (write registers). A register has 16 bits. A number of 32 bits takes two registers, the
-//! high half first. All registers of one answer are of the same result.
+//! register) and 16 (write registers). docs/serial-line.md lists the registers, and says what they hold. All
+//! registers of one answer are of the same result.
 //!
-//! | input register | what it holds |
-//! |---|---|
-//! | 0 | 0 for a reading; for a fault its number, [`Fault::kind`] + 1; 65535 before the first result |
-//! | 1 | flags, a bit for each from the lowest: `m`, `c`, `g`, `s` |
-//! | 2, 3 | the number of results since the start |
-//! | 4, 5 | distance, signed, in 0.1 um |
-//! | 6, 7 | u, in 0.1 um |
-//! | 8, 9 | r, in 0.1 um |
-//! | 10, 11 | centre, signed, in 0.0001 px |
-//! | 12 | height in counts |
-//! | 13, 14 | rows used, rows of the frame |
-//! | 15 | exposure in us; 0 if it is not known |
-//! | 16, 17 | distance in mm, as a float (IEEE 754, binary32) |
-//! | 18, 19 | u in mm, as a float |
-//! | 20, 21 | r in mm, as a float |
-//! | 22, 23 | centre in px, as a float |
-//!
-//! Without a reading, each pair of the registers 4 to 11 holds 0x8000_0000, which is no distance, the
-//! registers 1 and 12 to 15 hold zero, and the floats are not numbers. The functions 3 and 4 both read these
-//! registers from 1000 on, too: a master without function 4 reads register 4 as holding register 1004.
-//!
-//! | holding register | setting | values |
-//! |---|---|---|
-//! | 0 | `rows` | as on the serial line |
-//! | 1 | `exposure` | as on the serial line; 0 is `auto` |
-//! | 2 | `exposure limit` | as on the serial line |
-//! | 3 | `laser` | 0 is `off`, 1 is `on` |
-//! | 4 | `format` | 0 is `text`, 1 is `binary`, 2 is `modbus`, 3 is `csv`: the way back to lines |
-//! | 5 | `address` | as on the serial line; the answer comes from the old one |
-//! | 6 | none | 1 does what the command `save` does, after the answer; reads 0 |
-//! | 7 | `average` | 0 is `none`, 100 + N is `moving N`, 200 + N is `median N`, 300 + N is `recursive N` |
-//! | 8 | none | 1 does what the command `zero` does, 0 is `zero off`; reads 1 if distances are relative |
-//! | 9 | `trigger` | 0 is `continuous`, 1 is `serial`, 2 is `pin` |
-//! | 10 | none | 1 does what the command `measure` does; reads 0 |
-//! | 11 | `limits` | 0 is `off`, 1 is on with the limits of registers 12 to 17 |
-//! | 12 to 17 | `limits` | low, high, hysteresis in um, signed, two registers each; 0 while it is off |
-//!
-//! A request that writes several registers changes all of them or none. To switch `limits` on, write its
-//! seven registers by one request. A request with a wrong checksum, or
+//! A request that writes several registers changes all of them or none. A request with a wrong checksum, or
 //! for another station, changes nothing and has no answer. Bytes before a request, as an answer of another
 //! station, are skipped: a computation may hide the silence between the two. A request for all stations, or
 //! of another function, needs the silence. One for station 0 is for all stations: it is carried out without
@@ -325,8 +287,8 @@ fn value(setting: Setting, registers: &[u16], has_others: bool) -> Result<Value,
     // The longest words are three numbers of 32 bits, each with a blank.
     let _ = match setting {
         Setting::Laser => words.write_str(name(&["off", "on"], number)?),
-        Setting::Format => words.write_str(name(&Format::ALL.map(Format::name), number)?),
-        Setting::Trigger => words.write_str(name(&Trigger::ALL.map(Trigger::name), number)?),
+        Setting::Format => words.write_str(name(Format::NAMES, number)?),
+        Setting::Trigger => words.write_str(name(Trigger::NAMES, number)?),
         Setting::Exposure if number == 0 => words.write_str("auto"),
         Setting::Average if number == 0 => words.write_str("none"),
         Setting::Average => {

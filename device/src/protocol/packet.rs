@@ -4,13 +4,9 @@
 //! 0 | COBS of (sequence number, message, CRC-32 of both) | 0
 //! ```
 //!
-//! A packet is a [`Packet`] by postcard, then the CRC-32 (ISO-HDLC, as in zip) of those bytes, little endian.
-//! COBS (consistent overhead byte stuffing, Cheshire and Baker 1999) writes all this without a zero. So a
-//! zero is never inside a packet: a reader that joins in the middle is in step from the next zero on. A
-//! packet begins and ends with a zero. If noise changes one of the two zeros, the packet beside it is not
-//! lost too.
-//!
-//! The commands to the sensor are lines of text all the same.
+//! A packet is a [`Packet`] by postcard, then the CRC-32 of those bytes, little endian: docs/serial-line.md
+//! explains each. A packet begins and ends with a zero. If noise changes one of the two zeros, the packet
+//! beside it is not lost too.
 //!
 //! [`Packets`] writes packets, and [`Decoder`] reads them. A damaged packet passes the CRC with a probability
 //! of 2^-32.

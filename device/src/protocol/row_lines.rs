@@ -1,21 +1,6 @@
-//! The command `row`, which sends one row as the sensor sees it, and its answer.
-//!
-//! ```text
-//! row pixels 3648 first 1719 count 104 exposure 187 black 300.31 saturated 4095
-//! x 1770.97691 u 0.01601 a 1947 n 1/1 b 301 e a w 8.60011 o ... t 187
-//! row check 1a2b
-//! row 1719 12c12d12a12f12c12b... 7f3a
-//! row 1751 ...
-//! row end
-//! ```
-//!
-//! The first line has the pixels of the row, which of them follow, for how many microseconds the laser was
-//! on, the mean of the shielded pixels, and the count from which a pixel is saturated. The second line is the
-//! answer to `centre` for a frame of this row alone. A comb has a line more, and so has a fault. `row check`
-//! ends the head: a CRC-16 (IBM-3740) of the lines before it, joined by LF.
-//!
-//! Each of the lines that follow has the place of its first pixel, and up to [`PIXELS_A_LINE`] counts of
-//! three hexadecimal digits. Last comes a CRC-16 of all characters before the line's last blank.
+//! The command `row`, which sends one row as the sensor sees it, and its answer: a head with a CRC-16
+//! (IBM-3740) of its lines, joined by LF, then lines of up to [`PIXELS_A_LINE`] counts with a CRC-16 each.
+//! docs/serial-line.md shows an answer, and says what its words mean.
 //!
 //! The answer is complete with its last pixel, or with `row check` if no pixel follows.
 

@@ -1,5 +1,7 @@
 //! The columns of a line: the setting `output`.
 
+use slitrange::named;
+
 /// A part of a reading's line, in the order in which a line has them. Only `k` follows `t`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Column {
@@ -27,9 +29,11 @@ pub enum Column {
     Flags,
 }
 
-names! {
-    Column: Counter "counter", Time "time", Distance "distance", Uncertainty "u", Repeatability "r",
-        Centre "centre", Height "height", Rows "rows", Width "width", Exposure "exposure", Flags "flags";
+named! {
+    Column {
+        Counter: "counter", Time: "time", Distance: "distance", Uncertainty: "u", Repeatability: "r",
+        Centre: "centre", Height: "height", Rows: "rows", Width: "width", Exposure: "exposure", Flags: "flags"
+    }
 }
 
 impl Column {

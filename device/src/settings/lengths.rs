@@ -8,11 +8,8 @@ use slitrange::base::units::{Micrometres, Units};
 
 /// The unit that the words end with, or else `units`, and the words before the unit.
 pub fn split_unit<'a, 'b>(words: &'a [&'b str], units: Units) -> (&'a [&'b str], Units) {
-    match words {
-        [words @ .., "mm"] => (words, Units::Millimetres),
-        [words @ .., "um"] => (words, Units::Micrometres),
-        words => (words, units),
-    }
+    let named = |(unit, words): (&&str, _)| Some((words, Units::named(unit)?));
+    words.split_last().and_then(named).unwrap_or((words, units))
 }
 
 /// Reads a length from `least` to `most` micrometres: `500`, `-0.25`.
@@ -98,6 +95,7 @@ mod tests {
         const MOST: i32 = 4_000_000;
         let wrong = || Err(ValueError::Form);
         let beyond = || Err(ValueError::Range);
+        let ends = |um, text| Ok((um * 256, text));
         for (word, mm, um) in [
             ("500.000", Ok((500_000 * 256, "500 mm")), wrong()),
             ("-0.5", Ok((-500 * 256, "-0.5 mm")), Ok((-128, "-0.5 um"))),
@@ -109,16 +107,8 @@ mod tests {
             ("0", Ok((0, "0 mm")), Ok((0, "0 um"))),
             ("-0", Ok((0, "0 mm")), Ok((0, "0 um"))),
             ("007", Ok((7_000 * 256, "7 mm")), Ok((7 * 256, "7 um"))),
-            (
-                "4000",
-                Ok((MOST * 256, "4000 mm")),
-                Ok((4_000 * 256, "4000 um")),
-            ),
-            (
-                "-4000",
-                Ok((-MOST * 256, "-4000 mm")),
-                Ok((-4_000 * 256, "-4000 um")),
-            ),
+            ("4000", ends(MOST, "4000 mm"), ends(4000, "4000 um")),
+            ("-4000", ends(-MOST, "-4000 mm"), ends(-4000, "-4000 um")),
             ("4000.0001", beyond(), wrong()),
             ("4000000", beyond(), Ok((MOST * 256, "4000000 um"))),
             ("4000000.1", beyond(), beyond()),
@@ -127,11 +117,8 @@ mod tests {
         ] {
             for (units, expected) in [(Units::Millimetres, mm), (Units::Micrometres, um)] {
                 let found = read_length(word, units, -MOST, MOST);
-                assert_eq!(
-                    found.map(Micrometres::to_bits),
-                    expected.map(|(bits, _)| bits),
-                    "{word}"
-                );
+                let bits = expected.map(|(bits, _)| Micrometres::from_bits(bits));
+                assert_eq!(found, bits, "{word}");
                 if let (Ok(length), Ok((_, text))) = (found, expected) {
                     let written = fmt::from_fn(|f| write_lengths(f, &[length], Some(units)));
                     assert_eq!(written.to_string(), text);
@@ -140,9 +127,7 @@ mod tests {
                 }
             }
         }
-        for word in [
-            "", "-", ".", "1.", ".5", "+1", "--1", "1e3", "1,5", "1.00000", "1.-5", "off",
-        ] {
+        for word in " - . 1. .5 +1 --1 1e3 1,5 1.00000 1.-5 off".split(' ') {
             let found = read_length(word, Units::Millimetres, -MOST, MOST);
             assert_eq!(found, Err(ValueError::Form), "{word}");
         }

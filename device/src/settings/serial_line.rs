@@ -1,5 +1,7 @@
 //! How the sensor sends: in which format, with which pixels, at which rate, in which characters.
 
+use slitrange::named;
+
 /// How the sensor writes what it sends: the setting `format`. The order is that of the
 /// numbers in a holding register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,11 +17,9 @@ pub enum Format {
     Csv,
 }
 
-names! {
-    Format: Text "text", Binary "binary", Modbus "modbus", Csv "csv";
-    PixelStream: None "none", Window "window", Rows "rows";
-    Bits: N1 "8n1", E1 "8e1", N2 "8n2";
-}
+named! { Format { Text: "text", Binary: "binary", Modbus: "modbus", Csv: "csv" } }
+named! { PixelStream { None: "none", Window: "window", Rows: "rows" } }
+named! { Bits { N1: "8n1", E1: "8e1", N2: "8n2" } }
 
 /// Which pixels the sensor sends beside its results: the setting `pixels`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

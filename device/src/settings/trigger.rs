@@ -1,5 +1,7 @@
 //! What starts a frame: the setting `trigger`.
 
+use slitrange::named;
+
 /// What starts a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trigger {
@@ -12,6 +14,4 @@ pub enum Trigger {
     Pin,
 }
 
-names! {
-    Trigger: Continuous "continuous", Serial "serial", Pin "pin";
-}
+named! { Trigger { Continuous: "continuous", Serial: "serial", Pin: "pin" } }

@@ -44,20 +44,6 @@ impl ValueText for bool {
     }
 }
 
-impl ValueText for Units {
-    fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
-        match words {
-            ["mm"] => Ok(Self::Millimetres),
-            ["um"] => Ok(Self::Micrometres),
-            _ => Err(ValueError::Form),
-        }
-    }
-
-    fn write(self, f: &mut fmt::Formatter<'_>, _: Option<Units>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 impl ValueText for Average {
     fn read(words: &[&str], _: Form, _: Units) -> Result<Self, ValueError> {
         let (kind, length): (fn(u8) -> Self, _) = match *words {
@@ -215,6 +201,7 @@ macro_rules! one_word {
 
 one_word! {
     Mean: Form,
+    Units: Form,
     AmbientMode: Form,
     Format: Form,
     PixelStream: Form,

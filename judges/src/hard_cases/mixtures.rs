@@ -178,7 +178,8 @@ fn dimmest(width: f64, noise: f64, electrons_per_count: Option<f64>) -> f64 {
     in_white.max(in_shot)
 }
 
-fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
+/// A number that is even over its logarithm.
+pub fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
     from * (to / from).powf(random.random())
 }
 

@@ -10,7 +10,7 @@ const ROWS: u64 = 1_000_000;
 
 /// The page of the table, and the file of the rows.
 const PAGE: &str = "docs/hard-cases.md";
-const CORPUS: &str = "on-chip/slowest/src/corpus.rs";
+const CORPUS: &str = "on-chip/slowest/src/corpus.in";
 
 /// Searches the slowest row by evolution: rows are made from shapes, counted on the emulated chip, and the
 /// slowest of them changed again.
@@ -25,7 +25,7 @@ pub struct Options {
     /// Start from nothing, not from the rows that are known
     #[arg(long)]
     fresh: bool,
-    /// Also write the rows to on-chip/slowest/src/corpus.rs, and the table to docs/hard-cases.md
+    /// Also write the rows to on-chip/slowest/src/corpus.in, and the table to docs/hard-cases.md
     #[arg(long)]
     write: bool,
 }
@@ -71,19 +71,9 @@ pub fn main(options: &Options) -> anyhow::Result<()> {
 }
 
 fn corpus(found: &[Slow]) -> String {
-    // In words of its own: host-tests/tests/floors.rs takes both together for a use of this crate.
-    let of_crate = ["use crate", "::"].concat();
-    let mut text = format!(
-        "//! The slowest rows that `cargo slowest` found. `cargo slowest --write` writes this file.\n\n\
-         {of_crate}description::WORDS;\n{of_crate}mailbox::ESTIMATORS;\n\n\
-         /// A slow row: instructions on the chip, and the description's words.\n\
-         pub type Slow = (u32, [u32; WORDS]);\n",
-    );
-    for (name, of, follows) in [("FIRST", "first", false), ("FOLLOWING", "following", true)] {
-        text += &format!(
-            "\n/// The slowest {of} row of each estimator.\n#[rustfmt::skip]\n\
-             pub const {name}: [Slow; ESTIMATORS] = [\n"
-        );
+    let mut text = String::from("[\n");
+    for follows in [false, true] {
+        text += "[\n";
         for slow in found.iter().filter(|slow| slow.question.follows == follows) {
             text += &format!("    ({}, [", slow.instructions);
             for (i, word) in slow.question.description.to_words().iter().enumerate() {
@@ -92,7 +82,8 @@ fn corpus(found: &[Slow]) -> String {
             }
             text += "\n    ]),\n";
         }
-        text += "];\n";
+        text += "],\n";
     }
+    text += "]\n";
     text
 }

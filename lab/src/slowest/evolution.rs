@@ -1,5 +1,6 @@
 //! The evolution of slow rows.
 
+use judges::hard_cases::mixtures::log_even;
 use rand::seq::IndexedRandom as _;
 use slowest_on_chip::description::{Description, Kind, SHAPES, Shape};
 use slowest_on_chip::mailbox::{ESTIMATORS, QUESTIONS, Question};
@@ -96,11 +97,6 @@ impl Search {
             follows,
         }
     }
-}
-
-/// A number that is even over its logarithm.
-fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
-    from * (to / from).powf(random.random())
 }
 
 fn new(random: &mut ChaCha8Rng) -> Description {

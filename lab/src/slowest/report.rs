@@ -98,26 +98,17 @@ mod tests {
 
     #[test]
     fn closures_count_for_the_function_around_them() {
-        for (symbol, function) in [
+        #[rustfmt::skip] // A case a line or two.
+        let cases = [
             ("slitrange::spot::noise", "spot::noise"),
-            (
-                "<slitrange::spot::candidates::Peaks>::search_scale",
-                "spot::candidates::Peaks::search_scale",
-            ),
-            (
-                "slitrange::spot::list_spots::{closure#7}",
-                "spot::list_spots",
-            ),
-            (
-                "core::iter::fold::<u32, slitrange::spot::search::{closure#1}>",
-                "spot::search",
-            ),
-            (
-                "core::iter::fold::<slitrange::centre::gauss_newton::Sample>",
-                "core::iter::fold::slitrange::centre::gauss_newton::Sample",
-            ),
+            ("<slitrange::spot::candidates::Peaks>::search_scale", "spot::candidates::Peaks::search_scale"),
+            ("slitrange::spot::list_spots::{closure#7}", "spot::list_spots"),
+            ("core::iter::fold::<u32, slitrange::spot::search::{closure#1}>", "spot::search"),
+            ("core::iter::fold::<slitrange::centre::gauss_newton::Sample>",
+                "core::iter::fold::slitrange::centre::gauss_newton::Sample"),
             ("__aeabi_memcpy4", "__aeabi_memcpy4"),
-        ] {
+        ];
+        for (symbol, function) in cases {
             assert_eq!(function_of(symbol), function);
         }
     }

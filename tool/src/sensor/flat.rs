@@ -25,12 +25,7 @@ const UNDER_WAY: Duration = Duration::from_millis(100);
 /// rows. The laser is off meanwhile, and as it was afterwards. Take the map before the calibration, because
 /// it moves centres by hundredths of a pixel.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_help = "\
-For a script, in two runs:
-  slitrange head flat --port /dev/ttyACM0 --only dark
-  slitrange head flat --port /dev/ttyACM0 --only lit
-To try it without a sensor, start `slitrange demo even-light -- --stage stage.txt`. To cover the sensor, type
-`echo covered > stage.txt` in another terminal, and to uncover it `echo 800 > stage.txt`.")]
+#[command(after_help = include_str!("flat.help.txt").trim_ascii_end())]
 pub struct FlatOptions {
     #[command(flatten)]
     port: PortOption,

@@ -44,17 +44,7 @@ const PROGRESS: Duration = Duration::from_secs(10);
 /// no distance, `monitor` adds it until its end; with --csv, also the columns `counter` and
 /// `time`, unless a frame is one row.
 #[derive(Clone, Debug, Default, clap::Args)]
-#[command(after_help = "\
-The columns of FILE are: time_s (since the start, by the PC's clock), utc (date and time), kind (reading,
-difference: a distance relative to `zero`, fault, held: a fault with an earlier distance in its place, gap:
-the sensor went away), number and sensor_us (of the result, since the sensor's start), distance_mm, u_mm,
-r_mm, centre_px, height_counts, width_px, rows_used, rows, exposure_us, slits, flags, fault. What the sensor
-does not send is empty.
-
-Examples:
-  slitrange monitor
-  slitrange monitor --csv night.csv --seconds 36000
-  slitrange monitor --plain --count 10")]
+#[command(after_help = include_str!("monitor.help.txt").trim_ascii_end())]
 pub struct MonitorOptions {
     #[command(flatten)]
     pub(crate) port: PortOption,

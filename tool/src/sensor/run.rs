@@ -55,13 +55,7 @@ const FINEST_PX: f64 = 1e-5;
     override_usage = "\
 slitrange calibrate run [--port PORT] --from MM --to MM [OPTIONS] FILE
        slitrange calibrate run [--port PORT] --positions LIST [OPTIONS] FILE",
-    after_help = "\
-Examples:
-  slitrange calibrate run --port /dev/ttyACM0 --from 600 --to 1020 --points 30 points.csv
-  slitrange calibrate run --port /dev/ttyACM0 --positions table.txt --stage-command 'stage --to {}' \
---settle 0.5 points.csv
-
-Then: slitrange calibrate fit points.csv"
+    after_help = include_str!("run.help.txt").trim_ascii_end()
 )]
 pub struct RunOptions {
     /// The points: a CSV file, begun or gone on with

@@ -34,13 +34,7 @@ const GAP: &str = "  ";
 /// Without a command: all settings, with the factory's values and what may be set. A change is in RAM only,
 /// until --save, or `save` on the sensor's line, writes it to flash.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_help = "\
-Examples:
-  slitrange settings
-  slitrange settings set exposure limit 2000 --save
-  slitrange settings export bench.toml
-  slitrange settings import bench.toml --save
-  slitrange settings compare bench.toml")]
+#[command(after_help = include_str!("settings.help.txt").trim_ascii_end())]
 pub struct SettingsOptions {
     #[command(subcommand)]
     command: Option<SettingsCommand>,

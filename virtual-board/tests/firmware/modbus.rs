@@ -138,11 +138,8 @@ fn rates_and_characters_of_plcs_are_saved_and_time_the_requests() {
             run_ms(&mut board, 60);
             let answer = board.take_bytes();
             let bytes: Vec<u8> = answer.iter().map(|&(_, byte)| byte).collect();
-            let expected = if is_one {
-                frame(&[1, 3, 2, 0, 2])
-            } else {
-                vec![]
-            };
+            let expected = is_one.then(|| frame(&[1, 3, 2, 0, 2]));
+            let expected = expected.unwrap_or_default();
             assert_eq!(bytes, expected, "{baud} {bits}, a pause of {pause} ns");
             let Some(&[(first, _), (second, _)]) = answer.first_chunk() else {
                 continue;
@@ -153,10 +150,8 @@ fn rates_and_characters_of_plcs_are_saved_and_time_the_requests() {
             println!("{baud} {bits}: a character of {length:.3}, answered after {silence:.2}");
             assert!((length - 1.0).abs() < 0.01, "{length}");
             // The receiver notices a silence after a character. A row may be computed meanwhile.
-            assert!(
-                (3.5..5.5 + 0.02 / character).contains(&silence),
-                "{silence}"
-            );
+            let due = 3.5..5.5 + 0.02 / character;
+            assert!(due.contains(&silence), "{silence}");
         }
         // The way back, whatever is saved: the button, held while the board starts.
         board.reset_pin().expect("the emulator");
@@ -222,9 +217,8 @@ fn all_requests_are_answered(requests: usize) {
         for number in 0..requests {
             let station = [1, 2][number % 2];
             let answer = bus.ask(&frame(&[station, 4, 0, 0, 0, 16]), 37, silence);
-            let is_whole = answer
-                .split_last_chunk::<2>()
-                .is_some_and(|(body, _)| frame(body) == answer);
+            let parts = answer.split_last_chunk::<2>();
+            let is_whole = parts.is_some_and(|(body, _)| frame(body) == answer);
             unanswered += usize::from(!(is_whole && answer[..3] == [station, 4, 32]));
         }
         println!("{silence:?}: {unanswered} of {requests} unanswered");

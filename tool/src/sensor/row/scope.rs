@@ -40,16 +40,7 @@ const STEP: f64 = 1.25;
 /// picture one aligns the optics. At 115,200 baud the line carries one whole row a second, or some windows.
 /// The stream of readings pauses meanwhile.
 #[derive(Clone, Debug, clap::Args)]
-#[command(after_help = "\
-Keys:
-  z             the window around the spot, or the whole row
-  up, down      a longer or shorter exposure
-  a             auto exposure
-  e             the next estimator
-  r             search the spot only in twice the window around it; again: in twice as many pixels
-  R             search it in all pixels
-  q             the end
-Exposure, estimator and region stay as they were set, in RAM only.")]
+#[command(after_help = include_str!("scope.help.txt").trim_ascii_end())]
 pub struct ScopeOptions {
     #[command(flatten)]
     port: PortOption,
