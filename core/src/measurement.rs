@@ -583,7 +583,7 @@ pub fn centre_of_spot(
     let budget = &mut budget;
     let estimate = estimate(estimator, row, spot, before, geometry, budget)?;
     let verdict = judge(&estimate, row, spot, geometry, profile, budget);
-    let mut found = verdict.of(&estimate.found);
+    let mut found = verdict.of(estimator, &estimate.found);
     if verdict.may_be_repaired && estimator != Estimator::GaussNewton {
         let row = estimate.row(row);
         // The repair starts from the estimator's height: where the check failed, its own may be a flaw's.
@@ -619,7 +619,8 @@ pub fn centre_of_image(
 ) -> Result<RowCentre, Fault> {
     let found = centre::centre(estimator, row, spot, before, geometry)?;
     let estimate = Estimate::of(estimator, found, false, row, spot, geometry, budget)?;
-    let found = judge(&estimate, row, spot, geometry, None, budget).of(&estimate.found);
+    let verdict = judge(&estimate, row, spot, geometry, None, budget);
+    let found = verdict.of(estimator, &estimate.found);
     Ok(RowCentre {
         misfit: found.misfit || check::may_be_bad_pixels(&found),
         ..found

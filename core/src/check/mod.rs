@@ -63,7 +63,7 @@ use crate::base::{Counts, Pixels, WorkBudget, numeric};
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::spot_shape::{COMPONENTS, OwnSpot, SpotShape};
 use crate::centre::tables::TILTED;
-use crate::centre::{Estimate, RowCentre};
+use crate::centre::{Estimate, Estimator, RowCentre};
 use crate::check::own_spot::Profile;
 use crate::row::{Extremes, Geometry, Light, Row};
 use crate::spot::Spot;
@@ -143,11 +143,15 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// The centre with its height, its shape and its flag.
+    /// The centre with its height, its shape and its flag. The centroid keeps its height, which is above the
+    /// black level.
     #[inline(always)]
-    pub fn of(&self, found: &RowCentre) -> RowCentre {
+    pub fn of(&self, estimator: Estimator, found: &RowCentre) -> RowCentre {
         RowCentre {
-            amplitude: self.height,
+            amplitude: match estimator {
+                Estimator::Centroid => found.amplitude,
+                _ => self.height,
+            },
             shape: self.shape,
             misfit: self.misfit,
             ..*found

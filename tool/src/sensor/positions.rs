@@ -368,7 +368,10 @@ mod tests {
 
     #[test]
     fn malformed_lists_are_refused() {
-        let word = "line 2: `610,5` is no distance in millimetres".to_owned();
+        let word =
+            "line 2: `610,5` is no distance in millimetres: write digits, with a point before \
+                    decimals"
+                .to_owned();
         let none = "there are none: write one distance in millimetres a line".to_owned();
         let far = |at| format!("line {at} is no distance of a target: it is -8380 to 8380 mm");
         for (text, says) in [
@@ -427,7 +430,7 @@ mod tests {
         println!("{output}");
         assert!(output.starts_with("move the target to 610 mm, then Enter;"));
         assert_eq!(output.matches("61 mm is far from the positions").count(), 1);
-        assert!(output.contains("`sixhundred` is no distance in millimetres\n"));
+        assert!(output.contains("`sixhundred` is no distance in millimetres: "));
     }
 
     #[test]
