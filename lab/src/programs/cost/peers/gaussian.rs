@@ -22,6 +22,15 @@ impl Parameters {
     pub fn to_array(self) -> [f64; 4] {
         [self.amplitude, self.centre, self.scale, self.level]
     }
+
+    pub fn from_array([amplitude, centre, scale, level]: [f64; 4]) -> Self {
+        Self {
+            amplitude,
+            centre,
+            scale,
+            level,
+        }
+    }
 }
 
 /// exp(-(s (x - x0))^2) for the window's pixels.

@@ -11,13 +11,10 @@ pub fn fit<T: RealField + Float>(pixels: &[T; WINDOW], start: Parameters) -> Opt
     let parameters = Vector4::from(start.to_array()).map(convert);
     let (problem, report) = LevenbergMarquardt::new().minimize(Problem::new(pixels, parameters));
     let found = problem.parameters.map(|value| value.to_f64());
-    let [amplitude, centre, scale, level] = found.data.0[0];
-    let found = Parameters {
-        amplitude: amplitude?,
-        centre: centre?,
-        scale: scale?,
-        level: level?,
+    let [Some(amplitude), Some(centre), Some(scale), Some(level)] = found.data.0[0] else {
+        return None;
     };
+    let found = Parameters::from_array([amplitude, centre, scale, level]);
     report.termination.was_successful().then_some(found)
 }
 
