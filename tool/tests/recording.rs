@@ -256,11 +256,21 @@ fn a_file_that_is_no_recording_is_refused() {
 }
 
 #[test]
-fn a_sensor_that_speaks_modbus_is_named() {
+fn a_sensor_that_shares_its_line_is_named() {
     let desk = desk();
-    assert_eq!(ask(&desk, "format modbus"), "format modbus");
-    let (ended, _) = desk.run("settings --port A");
-    let named = "a sensor speaks Modbus at A as station 1: read it by a Modbus master, or let one write 0 to its \
-                 holding register 4, for text";
-    assert_eq!(ended, Err(named.to_owned()));
+    for (line, named) in [
+        (
+            "address 5",
+            "a sensor with the address 5 answers at A, and the tool talks to a sensor that is alone on its line: \
+             send it the line `@5 address 0` from a terminal",
+        ),
+        (
+            "@5 format modbus",
+            "a sensor speaks Modbus at A as station 5: read it by a Modbus master, or let one write 0 to its \
+             holding register 4, for text",
+        ),
+    ] {
+        assert!(ask(&desk, line).ends_with(line.trim_start_matches("@5 ")));
+        assert_eq!(desk.run("settings --port A").0, Err(named.to_owned()));
+    }
 }

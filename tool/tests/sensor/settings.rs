@@ -160,20 +160,6 @@ fn a_sensor_stays_alone_on_its_line() {
 }
 
 #[test]
-fn a_sensor_with_an_address_is_named() {
-    let sensor = StandIn::new(7);
-    sensor.state().type_lines("address 5");
-    let port = sensor.port();
-    assert_eq!(
-        refused(&sensor, ""),
-        format!(
-            "a sensor with the address 5 answers at {port}, and the tool talks to a sensor that is alone on its \
-             line: send it the line `@5 address 0` from a terminal"
-        )
-    );
-}
-
-#[test]
 fn a_file_moves_settings_from_one_sensor_to_another() {
     let [first, second] = [4, 5].map(StandIn::new);
     let lines = "rows 32; estimator phase-table";
