@@ -70,6 +70,7 @@ impl Core {
         // Each row is a result of its own.
         (settings.rate, settings.hold, settings.average) = (0, 0, Average::None);
         (settings.stream, settings.format) = (true, Format::Binary);
+        (settings.plain, settings.address) = (false, 0);
         settings.pixels = PixelStream::None;
         let mut core = Self {
             measurement: Measurement::new(geometry.clone(), settings.options()),

@@ -49,11 +49,11 @@ fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
     }
     println!("instructions of rows with the laser off and on: {cycles:?}");
     // docs/ambient-light.md states 70,000 and 96,000. The limits leave little for another compiler. The first
-    // row of a frame is searched in full, for 129,000.
+    // row of a frame is searched in full, for 139,000; whether it is among the samples is chance.
     let (off, on): (Vec<u64>, Vec<u64>) = cycles.iter().partition(|&&cycles| cycles < 80_000);
     assert!(off.last().is_some_and(|&most| most < 72_000), "{off:?}");
     assert!(on.first().is_some_and(|&least| least < 99_500), "{on:?}");
-    assert!(on.last().is_some_and(|&most| most < 135_000), "{on:?}");
+    assert!(on.last().is_some_and(|&most| most < 145_000), "{on:?}");
 }
 
 fn row_window(board: &mut VirtualBoard, command: &str) -> Vec<String> {
