@@ -658,8 +658,8 @@ pub fn robust_centre(
     }))
 }
 
-/// The repaired centre, if the row is symmetric about it. The table class stays that of the estimator, but for
-/// the weights of a lopsided spot.
+/// The repaired centre, if the row is symmetric about it. The table class stays that of the estimator, but
+/// for the weights of a lopsided spot.
 #[cold]
 #[inline(never)]
 #[expect(

@@ -85,8 +85,8 @@ pub struct RowCentre {
     pub centre: Pixels,
     /// The standard uncertainty of the centre that follows from the row's noise and the spot's shot noise.
     pub uncertainty: Pixels,
-    /// The spot's height above the background. The [`check`](crate::check) replaces the estimator's by that of
-    /// the gaussian that fits the light best. The centroid's is above the black level.
+    /// The spot's height above the background. The [`check`](crate::check) replaces the estimator's by that
+    /// of the gaussian that fits the light best. The centroid's is above the black level.
     pub amplitude: Counts,
     /// The spot's width (a gaussian's sigma), as the estimator needs it: see also [`SpotShape::width`].
     pub width: Pixels,

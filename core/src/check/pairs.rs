@@ -935,8 +935,9 @@ impl Even {
             .wrapping_add(shift2)
             .wrapping_sub(shift1);
         let unit = shift_p.wrapping_sub(2).wrapping_sub(fewer);
-        // `first` is the coefficient of the columns times the two norms, and below 2^29 without sign: here the
-        // coefficient has 16 bits after the point. The column of e has 12 and those by which it was enlarged.
+        // `first` is the coefficient of the columns times the two norms, and below 2^29 without sign: here
+        // the coefficient has 16 bits after the point. The column of e has 12 and those by which it was
+        // enlarged.
         let norms = upper_product(l11, l22) >> 14;
         let peak = if norms > 0 {
             first.wrapping_mul(4) / norms

@@ -146,8 +146,8 @@ impl Session {
         Ok(())
     }
 
-    /// Names the range of the calibration where a length of a setting reaches beyond it. The line comes before
-    /// the answer, so that the answer is the last line.
+    /// Names the range of the calibration where a length of a setting reaches beyond it. The line comes
+    /// before the answer, so that the answer is the last line.
     fn warn_beyond_range(&self, value: Value, actions: &mut Actions) {
         let record = self.record().filter(|_| self.calibration_on);
         let distances = record.and_then(|record| record.calibration.distances().ok());

@@ -322,8 +322,8 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Looks for a sensor that shares its line, by an address or by Modbus, and gives how to talk to it. Takes
-    /// ten seconds if there is none.
+    /// Looks for a sensor that shares its line, by an address or by Modbus, and gives how to talk to it.
+    /// Takes ten seconds if there is none.
     pub fn find_sharing(&mut self) -> Result<Option<String>, LineError> {
         let name = self.name.clone();
         let mut heard = Vec::new();

@@ -29,8 +29,8 @@ impl PortOption {
     /// Opens a session with the sensor at the port.
     ///
     /// # Errors
-    /// See [`Self::find`] and [`Session::open`]. If nobody answers, the error names a sensor there that shares
-    /// its line.
+    /// See [`Self::find`] and [`Session::open`]. If nobody answers, the error names a sensor there that
+    /// shares its line.
     pub fn open<'a>(&self, pc: &'a dyn Pc) -> Result<Session<'a>> {
         let port = self.find(pc)?;
         match Session::open(pc, &port) {
