@@ -388,7 +388,8 @@ fn send_row() {
         true => RowExposure::of_laser(any::exposure()),
         false => RowExposure::Unknown,
     };
-    let head = RowHead::new(any(RowPart::Whole), &row, exposure, &measured);
+    let region = any::settings().searched();
+    let head = RowHead::new(any(RowPart::Whole), &row, exposure, &measured, region);
     say(&head);
     for line in RowPixels::lines(row.light(), head.sent()) {
         say(&line);
