@@ -2,10 +2,9 @@
 //! the core's own declarations. And a session, for that page and README.md.
 
 use slitrange::base::exposure::Exposure;
-use slitrange::spot::region::Region;
 use slitrange_device::protocol::advice::advice;
 use slitrange_device::protocol::help::{self, purpose};
-use slitrange_device::protocol::line::FaultLine;
+use slitrange_device::protocol::line::ResultLine;
 use slitrange_device::settings::{Affects, Setting, Settings};
 use std::fmt::Write as _;
 use virtual_board::light::{Target, of_scene};
@@ -126,10 +125,15 @@ pub fn reference() -> String {
     }
     text.push_str("\n| fault, an example | what to do |\n|---|---|\n");
     for fault in faults() {
-        row(
-            &mut text,
-            &[&FaultLine(&fault, Region::ALL).to_string(), advice(&fault)],
-        );
+        let line = ResultLine {
+            number: 0,
+            us: 0,
+            result: &Err(fault),
+            is_difference: false,
+            held: 0,
+            settings: &Settings::default(),
+        };
+        row(&mut text, &[&line.to_string(), advice(&fault)]);
     }
     text
 }
