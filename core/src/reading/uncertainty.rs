@@ -372,7 +372,7 @@ const fn weights(estimator: Estimator) -> (f32, f32) {
         Estimator::PhaseTable => (0.49, 1.17),
         Estimator::Adaptive => (0.55, 1.1),
         Estimator::GaussNewton => (0.52, 1.1),
-        Estimator::Fraunhofer => (0.45, 1.17),
+        Estimator::Fraunhofer => (0.48, 1.17),
     }
 }
 
