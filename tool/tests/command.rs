@@ -1,4 +1,4 @@
-//! Commands of the tool as a person types them, and what they say. Also the names that most topics use.
+//! Runs the tool's commands as a person types them, and checks what they print. Most test files import this.
 
 pub use calibration::points::{Point, Points};
 use clap::Parser as _;

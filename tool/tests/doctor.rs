@@ -8,8 +8,9 @@ use virtual_board::{Exposure, LightSource, OpenLine, SharedFlash};
 use crate::command::*;
 use crate::desk::Desk;
 
-/// A fault, the check that must name it, and words of that line. [`scene`], [`light_of`], [`conditions`],
-/// [`board_with`] and [`ANOTHER_ESTIMATOR`] put faults in by their names.
+/// The name of a fault, the check of `doctor` that must find it, and words that the check's line must have.
+/// [`scene`], [`light_of`], [`conditions`], [`board_with`] and [`ANOTHER_ESTIMATOR`] look for these names and
+/// cause the faults.
 type Fault = (&'static str, &'static str, &'static str);
 
 const FAULTS: &[Fault] = &[

@@ -19,7 +19,7 @@ pub struct Repeats {
     /// In millimetres.
     pub scatter_mm: Option<f64>,
     /// By how much the centres say that a distance is larger on the way up than on the way down, in
-    /// millimetres. And the standard uncertainty of that difference, which its scatter tells.
+    /// millimetres. The second number is its standard uncertainty, from the scatter of the points.
     pub backlash_mm: Option<(f64, f64)>,
 }
 

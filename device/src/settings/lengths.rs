@@ -15,7 +15,8 @@ pub fn split_unit<'a, 'b>(words: &'a [&'b str], units: Units) -> (&'a [&'b str],
 /// Reads a length from `least` to `most` micrometres: `500`, `-0.25`.
 ///
 /// # Errors
-/// [`ValueError::Form`] for what is no number or finer than 0.1 um, [`ValueError::Range`] beyond the range.
+/// [`ValueError::Form`] if the word is no number, or has decimals beyond 0.1 um. [`ValueError::Range`] if the
+/// length is outside the range.
 pub fn read_length(
     word: &str,
     units: Units,

@@ -338,7 +338,8 @@ impl<'a> Line<'a> {
                 let count = self.bytes(&mut bytes, SHARING)?;
                 heard.extend_from_slice(bytes.get(..count).unwrap_or_default());
             }
-            // An adapter may keep bytes for a while, so an answer is told by the number in it.
+            // An adapter may keep bytes for a while, so this may be the answer to an earlier question. The
+            // number in the answer tells whose it is.
             let text = String::from_utf8_lossy(&heard);
             let is_said = |it: &u8| text.contains(&format!("@{it} address {it}\r"));
             if let Some(address) = (1..=number).find(is_said) {

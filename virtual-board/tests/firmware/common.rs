@@ -1,4 +1,4 @@
-//! Functions that the tests share: they boot a board and ask it. Also the names that most tests use.
+//! Functions that the tests share: they boot a board and ask it. Also the imports that most tests need.
 
 pub use rand::{Rng, SeedableRng};
 pub use rand_chacha::ChaCha8Rng;

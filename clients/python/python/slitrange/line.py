@@ -181,7 +181,8 @@ class Line:
                 for question in (request + modbus_crc(request), f"\r@{number} address\r".encode("ascii")):
                     self.send(question)
                     heard += self._serial.read(LONGEST)
-                # An adapter may keep bytes for a while, so an answer is told by the number in it.
+                # An adapter may keep bytes for a while, so this may be the answer to an earlier question.
+                # The number in the answer tells whose it is.
                 if found := re.search(rb"@(\d+) address \1\b", heard):
                     address = found[1].decode("ascii")
                     return (
